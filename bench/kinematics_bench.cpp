@@ -1,0 +1,169 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Kinematics of LOLA 50 beside Orocos KDL: the same arm, the same joints, in the same run.
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <kdl/chain.hpp>
+#include <kdl/chainfksolverpos_recursive.hpp>
+#include <kdl/chainiksolverpos_lma.hpp>
+#include <kdl/chainjnttojacsolver.hpp>
+#include <vector>
+
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/machine/any_machine.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace {
+
+using namespace polypod;
+
+const machine::SerialArm& lola() {
+  static const machine::AnyMachine m = *machine::load("lola50");
+  return std::get<machine::SerialArm>(m);
+}
+
+std::vector<machine::JointVector> joints() {
+  std::vector<machine::JointVector> out;
+  for (int k = 0; k < 1024; ++k) {
+    machine::JointVector q(5);
+    for (int i = 0; i < 5; ++i) q[i] = 0.4 * std::sin(0.37 * k + 1.3 * i) + (i == 4 ? 0.3 : 0.0);
+    out.push_back(q);
+  }
+  return out;
+}
+
+/// LOLA 50 as a KDL chain. KDL joints turn about the z axis before the link's transform, as the standard table does;
+/// the sign of joint 4 goes into KDL's joint scale.
+KDL::Chain kdl_chain() {
+  KDL::Chain chain;
+  const machine::SerialArm& arm = lola();
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
+    const machine::DhRow& row = arm.dh[i];
+    KDL::Frame tip = KDL::Frame::DH(row.a, row.alpha, row.d, row.theta_offset);
+    if (i + 1 == arm.dh.size()) {
+      const Mat3& R = arm.X_FT.R;
+      tip = tip *
+            KDL::Frame(KDL::Rotation(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2)));
+    }
+    chain.addSegment(KDL::Segment(KDL::Joint(KDL::Joint::RotZ, row.sign), tip));
+  }
+  return chain;
+}
+
+KDL::JntArray kdl_joints(const machine::JointVector& q) {
+  KDL::JntArray out(5);
+  for (unsigned i = 0; i < 5; ++i) out(i) = q[i];
+  return out;
+}
+
+/// A benchmark of two different machines would mean nothing: stop if the tips differ.
+void must_agree() {
+  const KDL::Chain chain = kdl_chain();
+  KDL::ChainFkSolverPos_recursive fk(chain);
+  for (const auto& q : joints()) {
+    KDL::Frame frame;
+    fk.JntToCart(kdl_joints(q), frame);
+    const Pose X = machine::forward(lola(), q);
+    const Vec3 p(frame.p.x(), frame.p.y(), frame.p.z());
+    if ((p - X.p).norm() > 1e-9) std::abort();
+  }
+}
+
+void polypod_forward(benchmark::State& state) {
+  const auto q = joints();
+  std::size_t i = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(machine::forward(lola(), q[i++ & 1023]));
+}
+BENCHMARK(polypod_forward);
+
+void kdl_forward(benchmark::State& state) {
+  must_agree();
+  const KDL::Chain chain = kdl_chain();
+  KDL::ChainFkSolverPos_recursive fk(chain);
+  std::vector<KDL::JntArray> q;
+  for (const auto& v : joints()) q.push_back(kdl_joints(v));
+  std::size_t i = 0;
+  for (auto _ : state) {
+    KDL::Frame frame;
+    fk.JntToCart(q[i++ & 1023], frame);
+    benchmark::DoNotOptimize(frame);
+  }
+}
+BENCHMARK(kdl_forward);
+
+void polypod_forward_and_jacobian(benchmark::State& state) {
+  const auto q = joints();
+  std::size_t i = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(machine::forward_jacobian(lola(), q[i++ & 1023]));
+}
+BENCHMARK(polypod_forward_and_jacobian);
+
+void kdl_jacobian(benchmark::State& state) {
+  const KDL::Chain chain = kdl_chain();
+  KDL::ChainJntToJacSolver solver(chain);
+  std::vector<KDL::JntArray> q;
+  for (const auto& v : joints()) q.push_back(kdl_joints(v));
+  KDL::Jacobian J(5);
+  std::size_t i = 0;
+  for (auto _ : state) {
+    solver.JntToJac(q[i++ & 1023], J);
+    benchmark::DoNotOptimize(J.data.data());
+  }
+}
+BENCHMARK(kdl_jacobian);
+
+/// All eight branches.
+void polypod_inverse(benchmark::State& state) {
+  const auto inverse = *machine::WristInverse::of(lola());
+  std::vector<Pose> poses;
+  for (const auto& q : joints()) poses.push_back(machine::forward(lola(), q));
+  machine::WristInverse::Branches branches;
+  std::size_t i = 0;
+  for (auto _ : state) {
+    const Pose& X = poses[i++ & 1023];
+    inverse.solve(X.p, X.R.col(2), branches);
+    benchmark::DoNotOptimize(inverse.first_within_limits(branches));
+  }
+}
+BENCHMARK(polypod_inverse);
+
+/// KDL's numeric inverse finds one branch of the full pose; it starts from a neighbour.
+void kdl_inverse(benchmark::State& state) {
+  const KDL::Chain chain = kdl_chain();
+  KDL::ChainFkSolverPos_recursive fk(chain);
+  KDL::ChainIkSolverPos_LMA solver(chain);
+  std::vector<KDL::JntArray> seeds;
+  std::vector<KDL::Frame> frames;
+  for (const auto& v : joints()) {
+    seeds.push_back(kdl_joints(v));
+    KDL::Frame frame;
+    fk.JntToCart(seeds.back(), frame);
+    frames.push_back(frame);
+    for (unsigned j = 0; j < 5; ++j) seeds.back()(j) += 0.02;
+  }
+  KDL::JntArray q(5);
+  std::size_t i = 0;
+  for (auto _ : state) {
+    solver.CartToJnt(seeds[i & 1023], frames[i & 1023], q);
+    ++i;
+    benchmark::DoNotOptimize(q.data.data());
+  }
+}
+BENCHMARK(kdl_inverse);
+
+/// What a point of a program asks of the machine: inverse, Jacobian and the 3 x 3 compliance.
+void polypod_compliance_probe(benchmark::State& state) {
+  const machine::AnyMachine m = *machine::load("lola50");
+  statics::Probe probe(m, Mat3::Identity());
+  Mat3 C;
+  int i = 0;
+  for (auto _ : state) {
+    probe.at(Vec3(-0.5 + 0.001 * (i & 1023), -1.3, -0.1), C);
+    ++i;
+    benchmark::DoNotOptimize(C);
+  }
+}
+BENCHMARK(polypod_compliance_probe);
+
+}  // namespace

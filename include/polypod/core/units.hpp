@@ -1,0 +1,69 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The one place where units are converted. Inside: SI (m, rad, N, s). At every user surface: mm, deg, um, N, with the
+// unit in the name of the key.
+#pragma once
+
+#include <numbers>
+
+namespace polypod::units {
+
+inline constexpr double kMetrePerMm = 1e-3;
+inline constexpr double kMetrePerInch = 25.4e-3;
+inline constexpr double kRadPerDeg = std::numbers::pi / 180.0;
+
+constexpr double from_mm(double mm) {
+  return mm * kMetrePerMm;
+}
+constexpr double to_mm(double m) {
+  return m * 1e3;
+}
+constexpr double from_um(double um) {
+  return um * 1e-6;
+}
+constexpr double to_um(double m) {
+  return m * 1e6;
+}
+constexpr double from_inch(double inch) {
+  return inch * kMetrePerInch;
+}
+constexpr double to_inch(double m) {
+  return m / kMetrePerInch;
+}
+constexpr double from_deg(double deg) {
+  return deg * kRadPerDeg;
+}
+constexpr double to_deg(double rad) {
+  return rad / kRadPerDeg;
+}
+constexpr double from_mm_per_min(double v) {
+  return v * (kMetrePerMm / 60.0);
+}
+constexpr double to_mm_per_min(double v) {
+  return v * 60e3;
+}
+constexpr double from_per_min(double n) {
+  return n / 60.0;
+}  ///< rev/min to rev/s
+constexpr double to_per_min(double n) {
+  return n * 60.0;
+}  ///< rev/s to rev/min
+constexpr double from_N_per_mm2(double k) {
+  return k * 1e6;
+}  ///< N/mm^2 to N/m^2
+constexpr double to_N_per_mm2(double k) {
+  return k * 1e-6;
+}
+constexpr double from_N_per_mm(double k) {
+  return k * 1e3;
+}  ///< N/mm to N/m
+constexpr double to_N_per_mm(double k) {
+  return k * 1e-3;
+}
+constexpr double to_um_per_N(double c) {
+  return c * 1e6;
+}  ///< m/N to um/N
+constexpr double to_mm3(double v) {
+  return v * 1e9;
+}
+
+}  // namespace polypod::units

@@ -1,0 +1,31 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Canonical moves as text, line by line as LinuxCNC's `rs274 -g` prints them.
+#pragma once
+
+#include <string>
+
+#include "polypod/core/error.hpp"
+#include "polypod/gcode/program.hpp"
+
+namespace polypod::gcode {
+
+struct CanonOptions {
+  /// A LinuxCNC tool table (`T1 P1 Z0.511 D0.125 ; remark`), lengths in inches, as rs274 takes them when it runs alone.
+  /// Without one, the table of LinuxCNC's sample configuration, as rs274 does: T1 0.511, T2 0.1, T3 1.273, T99999 0.1.
+  std::string tool_table;
+  /// A LinuxCNC parameter file (`5221 10.0`): offsets of G54 ... G59.3 and G92, lengths in inches, and the active
+  /// system (5220). Only read, never written. Without one, all offsets are 0 and G54 is active.
+  std::string parameters;
+  bool block_delete = false;  ///< whether blocks that begin with `/` are skipped
+};
+
+/// The canonical calls of a program, one a line, in program units and in coordinates of the active offsets: what
+/// `rs274 -t TABLE -v PARAMETERS -g PROGRAM` (LinuxCNC 2.9) writes to its standard output, byte for byte. Words that
+/// rs274 itself refuses but Polypod passes through (checksums, G9, G50, G69, M codes of a machine's builder) print
+/// nothing. Comments `(print, ...)`, `(debug, ...)` and `(log, ...)` are printed without expansion of parameters.
+/// Errors: those of `interpret`; GC150 no M2, M30 or closing % (rs274 refuses that too), GC151 a tool that the table
+/// does not hold, GC152 a malformed tool table or parameter file, or parameters that turn the coordinates; FI100. Cost:
+/// linear.
+Result<std::string> canonical_text(const Program& program, const CanonOptions& options = {});
+
+}  // namespace polypod::gcode

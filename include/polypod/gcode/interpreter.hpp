@@ -1,0 +1,107 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a program does: its moves, in order, each with the block that asked for it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/gcode/program.hpp"
+#include "polypod/geometry/pose.hpp"
+
+namespace polypod::gcode {
+
+enum class MoveKind : std::uint8_t {
+  rapid,  ///< G0: no cut is allowed
+  line,   ///< G1
+  arc     ///< G2 or G3, also helices and full turns
+};
+
+enum class Plane : std::uint8_t { xy, zx, yz };              ///< G17, G18, G19
+enum class FeedMode : std::uint8_t { per_minute, inverse };  ///< G94, G93
+enum class Spindle : std::uint8_t { off, clockwise, counterclockwise };
+
+/// The modal words in force; ten bytes, one a block, for whoever rewrites blocks.
+struct ModalState {
+  std::int16_t motion = -1;      ///< 0 to 3 for G0 to G3; -1 for none (before the first, after G80)
+  std::uint8_t work_offset = 0;  ///< 0 for G54 ... 5 for G59
+  Plane plane = Plane::xy;
+  FeedMode feed_mode = FeedMode::per_minute;
+  bool inches = false;        ///< G20
+  bool incremental = false;   ///< G91
+  bool arc_absolute = false;  ///< G90.1
+  bool executed = false;      ///< false for blocks that are skipped or stand after the end
+
+  friend bool operator==(const ModalState&, const ModalState&) = default;
+};
+
+/// One motion of the tool tip in the workpiece frame W (the frame of G54; G55 to G59 are moved into it).
+struct Move {
+  MoveKind kind = MoveKind::rapid;
+  Plane plane = Plane::xy;
+  FeedMode feed_mode = FeedMode::per_minute;
+  Spindle spindle = Spindle::off;
+  bool clockwise = false;  ///< arcs: G2, seen against the plane's normal axis
+  /// False until the program has said where all of X, Y and Z are: the start depends on where the machine stood. What
+  /// is not known is taken as 0. A new tool length offset (G43, G49) makes Z unknown again, until Z is commanded.
+  bool start_known = true;
+  bool inches = false;             ///< G20: the block's numbers are inches
+  bool incremental = false;        ///< G91: the block's numbers are steps from `start`
+  int block = 0;                   ///< index into Program::blocks
+  int tool = 0;                    ///< T number of the tool in the spindle (0: none was changed in)
+  int work_offset = 0;             ///< 0 for G54 ... 5 for G59
+  Vec3 start = Vec3::Zero();       ///< p_W, m
+  Vec3 end = Vec3::Zero();         ///< p_W, m
+  Vec3 centre = Vec3::Zero();      ///< arcs: a point on the axis, at the height of the start, p_W, m
+  double sweep = 0;                ///< arcs: angle turned, rad, > 0, more than 2 pi with P
+  Vec3 axes_start = Vec3::Zero();  ///< A, B, C before, rad
+  Vec3 axes_end = Vec3::Zero();    ///< A, B, C after, rad
+  double feed = 0;                 ///< m/s along the path (G93: length over time); 0 for rapids
+  double spindle_speed = 0;        ///< rev/s
+
+  /// m, of the tip's path. An arc whose radius differs at its ends (rounded numbers; `interpret` says how much is
+  /// allowed) is a spiral with the radius linear in the angle, whose length is taken with the mean radius.
+  [[nodiscard]] double length() const;
+  [[nodiscard]] Vec3 point(double s) const;      ///< p_W at arc length s, cut to 0 <= s <= length()
+  [[nodiscard]] Vec3 direction(double s) const;  ///< unit tangent at s; zero for a move of no length
+  /// The point of the move closest to p, as arc length; the distance is |p - point(nearest(p))|. Exact for lines, arcs
+  /// and helices in every plane: all zeros of the derivative that can be the smallest are bracketed in closed form,
+  /// then found by a safeguarded Newton iteration. Where several points are equally close, one of them. Constant cost.
+  [[nodiscard]] double nearest(const Vec3& p) const;
+};
+
+/// A word or block that Polypod reads but that moves nothing (M8, comments with a meaning, M6, ...): passed through.
+struct PassedThrough {
+  int block = 0;
+  std::string what;
+};
+
+struct InterpretOptions {
+  /// p_W of the origins of G54 ... G59, m. The first is usually zero: W is the frame of G54.
+  std::array<Vec3, 6> work_offsets{Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
+  bool block_delete = false;  ///< whether blocks that begin with `/` are skipped (the switch of the machine)
+};
+
+struct Interpretation {
+  std::vector<Move> moves;
+  std::vector<PassedThrough> passed_through;
+  std::vector<std::string> notes;  ///< what a reader should know, e.g. that the start of the first move is not known
+  std::vector<ModalState> states;  ///< the modal state after each block of the program
+  bool ended = false;              ///< M2, M30 or the closing % was seen
+};
+
+/// Runs the program without a machine: modal state, units, planes, arcs.
+///
+/// Understood: G0 to G3 (IJK with G90.1/G91.1, R, helices, full turns, P), G4, G17 to G19, G20/G21, G40, G43/G43.1
+/// (the tip stays the controlled point), G49, G54 to G59, G61/G64, G80, G90/G91, G93/G94, F, S, T, M.
+/// Whatever else changes motion (cutter compensation, cycles, O-words, parameters, G10, G28, G30, G52, G53, G68, G92,
+/// ...) is refused with its place, never skipped; docs/gcode.md lists the ids. Words act in the order of RS-274, not in
+/// the order in which they stand in the block. G94 forgets the feed, as in LinuxCNC. An arc may have radii at its start
+/// and end that differ by 28.3 um (under G20 by 71.8 um) or by 0.1 % of the larger one; the half chord of an R arc may
+/// exceed R by 1.27 um (LinuxCNC's tolerances). Before the program says otherwise: mm, G17, G90, G91.1, G94, G54, no
+/// motion mode, spindle off, no tool, X = Y = Z = 0. Cost: linear; one Move a motion block, one ModalState a block.
+Result<Interpretation> interpret(const Program& program, const InterpretOptions& options = {});
+
+}  // namespace polypod::gcode

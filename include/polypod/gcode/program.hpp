@@ -1,0 +1,69 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Program text without loss: printing an unchanged program gives it back byte for byte.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+
+namespace polypod::gcode {
+
+/// A letter and its number as it stands in the text: `X-1.50`.
+struct Word {
+  char letter = 0;   ///< upper case; `*` for a checksum, `@` and `^` for polar coordinates
+  double value = 0;  ///< as written: mm or inch, deg, mm/min, ...; finite
+  int column = 0;    ///< 1-based, of the letter, in Block::text
+  int length = 0;    ///< characters from the letter to the end of the number
+};
+
+/// What a block holds beyond words. Such blocks are kept as text, and `interpret` refuses them.
+enum class Construct : std::uint8_t {
+  none,
+  parameter,   ///< `#5`, `#<name>`
+  expression,  ///< `[1 + 2]`
+  o_word       ///< `o100 sub`, `o<name> call`, `o1 if [...]`
+};
+
+/// One line of the file.
+struct Block {
+  std::string text;                       ///< the line without its ending
+  std::string ending;                     ///< "\n", "\r\n" or "" (a last line without one)
+  int line = 0;                           ///< 1-based
+  bool optional = false;                  ///< begins with `/` (block delete)
+  bool percent = false;                   ///< a `%` line
+  bool after_end = false;                 ///< stands after the closing `%`, M2 or M30: kept as text only
+  Construct construct = Construct::none;  ///< words stop before it
+  int construct_column = 0;               ///< 1-based
+  std::vector<Word> words;                ///< in the order of the text, N and checksum (*) words included
+};
+
+struct Program {
+  std::string path;  ///< for error messages
+  std::vector<Block> blocks;
+};
+
+/// Splits text into blocks and words.
+///
+/// A number is `[+-] digits [. digits]` with at least one digit and no exponent; blanks and tabs may stand anywhere
+/// outside comments, also inside numbers, as in RS-274 (`X 1 0.5` is X10.5). Letters may be lower case. Comments are
+/// `(...)`, closed on their line, or `;` to the end of the line. Lines after a `%` that closes the program, or after M2
+/// or M30, are kept as text and not looked at.
+/// Errors (docs/gcode.md): GC100 a byte that no dialect uses, GC101 a letter without a number, GC102 a number that is
+/// malformed or not finite, GC103 a comment that is not closed, or nested, GC105 a misplaced `%`, GC106 a misplaced
+/// `/`, GC107 a malformed checksum. Each names file, line and column. Cost: linear; constant memory per line beyond the
+/// text.
+Result<Program> parse(std::string_view text, const std::string& path);
+
+/// `parse` of the file `path`. Errors: those of `parse`, FI100.
+Result<Program> read(const std::string& path);
+
+/// The text again, byte for byte where nothing was changed.
+std::string to_text(const Program& program);
+
+/// The texts of the comments of a block, with their brackets or semicolon, in order.
+std::vector<std::string_view> comments(const Block& block);
+
+}  // namespace polypod::gcode

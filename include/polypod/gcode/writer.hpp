@@ -1,0 +1,85 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Changing a program: moves get new paths, everything else keeps its text.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/gcode/interpreter.hpp"
+#include "polypod/gcode/program.hpp"
+
+namespace polypod::gcode {
+
+/// A point of a commanded path.
+struct PathPoint {
+  Vec3 p = Vec3::Zero();     ///< p_W, m
+  Vec3 axes = Vec3::Zero();  ///< A, B, C, rad; written only where the move's block holds A, B or C
+};
+
+/// A new path for one move: straight pieces from wherever the written program stands to each point in turn.
+struct Replacement {
+  int move = 0;                   ///< index into Interpretation::moves
+  std::vector<PathPoint> points;  ///< at least one; the last one is the new end
+};
+
+struct RewriteOptions {
+  InterpretOptions interpret;  ///< as given to `interpret`
+  /// Decimals of written coordinates: at least these (0.1 um, 0.25 um, 0.2 urad), and as many as the program itself
+  /// uses, so that a coordinate that is to stay is written as it was.
+  int decimals_mm = 4;
+  int decimals_inch = 5;
+  int decimals_degree = 5;
+};
+
+struct Rewritten {
+  Program program;          ///< parsed again from the text that was written
+  std::vector<int> source;  ///< for each of its blocks, the block of the old program that it stands for
+  int blocks_changed = 0;   ///< old blocks whose text is no longer the same
+  int blocks_added = 0;
+};
+
+/// Writes `program` with new paths for some moves.
+///
+/// A replaced motion block becomes G1 blocks (G0 for a rapid), one a point; a point that rounds onto the one before it
+/// needs none. The first block keeps N, F, S, T, G and M words and comments; X, Y, Z are replaced, I, J, K, R and P are
+/// dropped. M0, M1, M2, M30, M60 and G9, which act at the end of a move, go to the last block. Each keeps the `/` and
+/// the line ending. Where the block was numbered, new blocks get numbers in between if the gap to the next number
+/// permits, else none. Under G91 steps are written, each from the position that the numbers before it add up to, so
+/// rounding never accumulates. Under G93 each block gets F so that the time of the whole move stays. Checksums are
+/// renewed.
+///
+/// Other blocks keep their text, except that
+/// - a block that relied on a modal motion word which a rewritten block changed gets that word;
+/// - a step under G91 is changed so that its axis comes to the programmed place, as it does under G90;
+/// - a checksum follows its block.
+/// An axis without a word stays where it is: a pure Z retract stays one, at the corrected X and Y.
+/// Coordinates are printed in full decimals, correctly rounded, without exponent and without a negative zero.
+///
+/// Errors: GC140 replacements that are unordered, empty, not finite or of no move; GC141 an arc that was not replaced
+/// though the end of the move before it was moved, which would change its circle: replace it as well.
+/// Cost: linear in blocks and points.
+Result<Rewritten> rewrite(const Program& program, const Interpretation& interpretation,
+                          std::span<const Replacement> replacements, const RewriteOptions& options = {});
+
+/// The decimals that written coordinates have in a program (the larger of the options' and the program's own).
+struct Decimals {
+  int mm = 4;
+  int inch = 5;
+  int degree = 5;
+};
+Decimals decimals_of(const Program& program, const RewriteOptions& options = {});
+
+/// A number in fixed notation, correctly rounded, without a negative zero. Range: finite, 0 <= decimals <= 15.
+std::string format_number(double value, int decimals);
+
+/// The block with the motion word `G<motion>` (0 to 3) before its first axis word if it has no motion word; its
+/// checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
+Block ensure_motion_word(const Block& block, int motion);
+
+/// The program with comment lines after the leading `%` and O number, in the program's own comment style; characters
+/// that cannot stand in a comment are replaced.
+Program with_header(const Program& program, std::span<const std::string> lines);
+
+}  // namespace polypod::gcode

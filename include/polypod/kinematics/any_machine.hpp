@@ -1,0 +1,59 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The questions of the concept, asked of a machine of any family.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/kinematics/concept.hpp"
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::kinematics {
+
+using machine::AnyMachine;
+
+int joint_count(const AnyMachine& machine);
+JointKind joint_kind(const AnyMachine& machine, int joint);
+machine::JointRange joint_range(const AnyMachine& machine, int joint);
+Task task(const AnyMachine& machine);
+/// 6, 5 or 3 for a task of pose, axis or point, or the number of joints if that is less.
+int degrees_of_freedom(const AnyMachine& machine);
+std::vector<Parameter> parameters(const AnyMachine& machine);
+std::string limit_name(const AnyMachine& machine, int limit);
+/// The names of the set bits.
+std::vector<std::string> limit_names(const AnyMachine& machine, LimitBits bits);
+
+/// Poses of the joints q (all assembly modes that are known), best first.
+struct ForwardResult {
+  std::vector<Pose> poses;
+  std::vector<double> residuals;  ///< largest |F_i| of each, m (or the closure's unit)
+  bool complete = true;           ///< the list is proven to hold every real solution
+};
+ForwardResult forward(const AnyMachine& machine, const JointVector& q);
+InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
+/// 6 x joints, twist in M per joint speed.
+JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
+
+/// A pose from what a person writes: x, y, z (m) and the angles of the task (A, B or A, B, C, rad).
+Pose pose_of(Task task, const std::vector<double>& coordinates);
+/// The same backwards: 6, 5 or 3 numbers.
+std::vector<double> coordinates_of(Task task, const Pose& X);
+inline int coordinate_count(Task task) {
+  return task == Task::pose ? 6 : task == Task::axis ? 5 : 3;
+}
+
+/// The square part of a Jacobian that a task sees: rows v_x, v_y, v_z, w_x, w_y, w_z; without w_z for Task::axis
+/// (SLAV (2.36)); the three of v for Task::point.
+Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J);
+
+struct Dexterity {
+  double determinant = 0;  ///< of the square task Jacobian in SI (SLAV (2.38)); 0 if it is not square
+  double condition = 0;  ///< sigma_max / sigma_min of the task Jacobian with angular rows times L, infinite if singular
+  double sigma_min = 0;  ///< m
+  double characteristic_length = 0;  ///< L, m: mean distance of the joint axes from the tool tip, or given
+};
+/// Conditioning of the tool motion at a pose. Because lengths and angles have no common measure, the angular rows are
+/// multiplied by the characteristic length L.
+Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0);
+
+}  // namespace polypod::kinematics

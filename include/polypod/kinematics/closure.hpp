@@ -1,0 +1,265 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What follows from a machine's closure F(X, q, p) = 0 alone, for every family.
+#pragma once
+
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "polypod/kinematics/concept.hpp"
+
+namespace polypod::kinematics {
+
+using ClosureMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, machine::kMaxEquations, machine::kMaxJoints>;
+
+/// The nominal values of the parameters p, SI.
+template <Machine M>
+std::vector<double> nominal_parameters(const M& m) {
+  std::vector<double> p;
+  for (const Parameter& parameter : parameters(m)) p.push_back(parameter.value);
+  return p;
+}
+
+/// X moved by a small twist in its first order: p + v, (1 + [w]x) R, on dual numbers (dual parts of v and w: unit).
+inline PoseT<Dual> dual_pose(const Pose& X) {
+  PoseT<Dual> out = X.cast<Dual>();
+  Vector3<Dual> w;
+  for (int i = 0; i < 3; ++i) {
+    out.p[i].v[i] = 1;
+    w[i] = Dual(0.0);
+    w[i].v[3 + i] = 1;
+  }
+  const Matrix3<Dual> turned = skew(w) * out.R;
+  out.R += turned;
+  return out;
+}
+
+/// A = F_X: the closure against [translation; rotation vector] of X, both in M (k x 6).
+/// Singular of kind 2 (the tool moves though the joints stand) where A loses rank.
+template <Machine M>
+ClosureMatrix closure_by_pose(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
+  const std::vector<Dual> q_dual(q.begin(), q.end()), p_dual(p.begin(), p.end());
+  const ClosureVectorT<Dual> F = closure(m, dual_pose(X), std::span<const Dual>(q_dual), std::span<const Dual>(p_dual));
+  ClosureMatrix A(F.size(), 6);
+  for (int i = 0; i < F.size(); ++i) A.row(i) = F[i].v;
+  return A;
+}
+
+namespace closure_detail {
+/// Derivatives of the closure against one of its arguments, six columns a pass; `write(columns, k)` takes the results.
+template <Machine M, class Write>
+void by_argument(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p, bool by_parameter,
+                 Write&& write) {
+  const PoseT<Dual> X_dual = X.cast<Dual>();
+  std::vector<Dual> q_dual(q.begin(), q.end()), p_dual(p.begin(), p.end());
+  std::vector<Dual>& varied = by_parameter ? p_dual : q_dual;
+  for (std::size_t first = 0; first < varied.size(); first += 6) {
+    const std::size_t count = std::min<std::size_t>(6, varied.size() - first);
+    for (std::size_t j = 0; j < count; ++j) varied[first + j].v[static_cast<int>(j)] = 1;
+    write(closure(m, X_dual, std::span<const Dual>(q_dual), std::span<const Dual>(p_dual)), first, count);
+    for (std::size_t j = 0; j < count; ++j) varied[first + j].v.setZero();
+  }
+}
+}  // namespace closure_detail
+
+/// B = F_q (k x joints). Singular of kind 1 (the joints move though the tool stands) where B loses rank.
+template <Machine M>
+ClosureMatrix closure_by_joints(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
+  ClosureMatrix B;
+  closure_detail::by_argument(m, X, q, p, false, [&](const auto& F, std::size_t first, std::size_t count) {
+    if (first == 0) B.resize(F.size(), static_cast<Eigen::Index>(q.size()));
+    for (int i = 0; i < F.size(); ++i)
+      for (std::size_t j = 0; j < count; ++j) B(i, first + j) = F[i].v[static_cast<int>(j)];
+  });
+  return B;
+}
+
+/// F_p (k x parameters): the first-order effect of an error of a parameter; dX = -A^-1 F_p dp.
+template <Machine M>
+Eigen::MatrixXd closure_by_parameters(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
+  Eigen::MatrixXd F_p;
+  closure_detail::by_argument(m, X, q, p, true, [&](const auto& F, std::size_t first, std::size_t count) {
+    if (first == 0) F_p.resize(F.size(), static_cast<Eigen::Index>(p.size()));
+    for (int i = 0; i < F.size(); ++i)
+      for (std::size_t j = 0; j < count; ++j) F_p(i, first + j) = F[i].v[static_cast<int>(j)];
+  });
+  return F_p;
+}
+
+/// J = -A^-1 B: the twist of the tool in M, [linear; angular], per joint speed (6 x joints), at a solution of the
+/// closure. Where A is singular the least-squares solution of least norm is returned (the uncontrolled motion is left
+/// out). Cost: three closures on dual numbers and a 6 x 6 factorisation.
+template <Machine M>
+JacobianMatrix jacobian_by_closure(const M& m, const Pose& X, std::span<const double> q) {
+  const std::vector<double> p = nominal_parameters(m);
+  const ClosureMatrix A = closure_by_pose(m, X, q, p);
+  const ClosureMatrix B = closure_by_joints(m, X, q, p);
+  JacobianMatrix J(6, B.cols());
+  J = -(A.completeOrthogonalDecomposition().solve(B));
+  return J;
+}
+
+struct NewtonOptions {
+  int max_iterations = 100;
+  double tolerance = 1e-13;  ///< of the last step: m, and rad times the length below
+  double length = 1.0;       ///< m, what an angle of one radian counts for
+};
+
+struct NewtonResult {
+  Pose X_MT;
+  double residual = 0;  ///< largest |F_i|
+  int iterations = 0;
+  bool converged = false;
+};
+
+/// Forward kinematics of any machine: Newton on F(X, q) = 0 with the update on the rotation group,
+///   [v; w] = -A^-1 F, p <- p + v, R <- exp([w]x) R,
+/// from the seed pose. Converges quadratically to the assembly mode round the seed; `converged` is false near a
+/// singularity of kind 2 or where no mode exists.
+template <Machine M>
+NewtonResult forward_by_closure(const M& m, std::span<const double> q, const Pose& seed,
+                                const NewtonOptions& options = {}) {
+  const std::vector<double> p = nominal_parameters(m);
+  NewtonResult out{seed, 0, 0, false};
+  for (; out.iterations < options.max_iterations && !out.converged; ++out.iterations) {
+    const ClosureVector F = closure(m, out.X_MT, q, std::span<const double>(p));
+    const ClosureMatrix A = closure_by_pose(m, out.X_MT, q, p);
+    Vec6 step = -(A.completeOrthogonalDecomposition().solve(F));
+    if (!step.allFinite()) break;
+    const double turn = step.tail<3>().norm();
+    if (turn > 0.5) step *= 0.5 / turn;  // stay where the rotation vector is a good chart
+    out.X_MT.p += step.head<3>();
+    out.X_MT.R = rotation_of(step.tail<3>()) * out.X_MT.R;
+    out.converged = std::max(step.head<3>().norm(), options.length * step.tail<3>().norm()) <= options.tolerance;
+  }
+  const ClosureVector F = closure(m, out.X_MT, q, std::span<const double>(p));
+  out.residual = F.cwiseAbs().maxCoeff();
+  out.converged = out.converged && out.residual < 1e-9 * (1 + out.X_MT.p.norm());
+  return out;
+}
+
+struct DampedOptions {
+  int max_iterations = 200;
+  int seeds = 24;            ///< starts: the middle of the ranges, then a fixed low-discrepancy sequence inside them
+  double tolerance = 1e-11;  ///< m, and rad times `length`
+  double length = 1.0;       ///< m, what an angle of one radian counts for
+};
+
+namespace closure_detail {
+/// The pose error that the task sees, at most 6 rows: rotation about the tool axis is left out for Task::axis, all
+/// rotation for Task::point. Rows of `basis` select them from a twist [linear; angular] in M.
+inline Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 6, 6> task_rows(Task task, const Pose& target, double length) {
+  Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 6, 6> S;
+  S.setZero(task == Task::pose ? 6 : task == Task::axis ? 5 : 3, 6);
+  S.topLeftCorner<3, 3>().setIdentity();
+  if (task == Task::pose) S.bottomRightCorner<3, 3>() = length * Mat3::Identity();
+  if (task == Task::axis) {
+    S.block<1, 3>(3, 3) = length * target.R.col(0).transpose();
+    S.block<1, 3>(4, 3) = length * target.R.col(1).transpose();
+  }
+  return S;
+}
+
+/// Error of `actual` against `target` as a twist in M: the motion that would bring actual onto target. For Task::axis
+/// the smallest turn that brings the tool axes together.
+inline Vec6 pose_error(Task task, const Pose& target, const Pose& actual) {
+  Vec6 e = Vec6::Zero();
+  e.head<3>() = target.p - actual.p;
+  if (task == Task::pose) e.tail<3>() = rotation_vector(target.R * actual.R.transpose());
+  if (task == Task::axis) {
+    const Vec3 from = actual.R.col(2), to = target.R.col(2);
+    const Vec3 cross = from.cross(to);
+    const double sine = cross.norm(), angle = std::atan2(sine, from.dot(to));
+    // Opposite axes have no smallest turn: turn about the target's x axis.
+    e.tail<3>() = sine > 1e-15 ? Vec3(cross * (angle / sine)) : Vec3(angle * target.R.col(0));
+  }
+  return e;
+}
+
+inline double halton(int index, int base) {
+  double f = 1, r = 0;
+  for (int i = index; i > 0; i /= base) {
+    f /= base;
+    r += f * (i % base);
+  }
+  return r;
+}
+}  // namespace closure_detail
+
+/// Inverse kinematics of any machine whose forward kinematics `forward_of(q) -> Pose` and Jacobian `jacobian_of(X, q)`
+/// are at hand: Levenberg-Marquardt from several starts inside the joint ranges, solutions that agree to 1e-6 are one.
+/// The result is not proven complete. `converged` is false if no start reached the target: then the pose is either out
+/// of reach or the search failed, and `reason` gives the smallest remaining error.
+template <Machine M, class Forward, class JacobianOf>
+InverseResult inverse_damped(const M& m, const Pose& target, Forward&& forward_of, JacobianOf&& jacobian_of,
+                             const DampedOptions& options = {}) {
+  static constexpr int kPrimes[machine::kMaxJoints] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
+  const int n = joint_count(m);
+  const Task what = task(m);
+  const auto S = closure_detail::task_rows(what, target, options.length);
+  InverseResult out;
+  double best = std::numeric_limits<double>::infinity();
+  for (int seed = 0; seed < options.seeds; ++seed) {
+    JointVector q(n);
+    for (int i = 0; i < n; ++i) {
+      const machine::JointRange range = joint_range(m, i);
+      const double share = seed == 0 ? 0.5 : closure_detail::halton(seed, kPrimes[i]);
+      q[i] = range.min + share * (range.max - range.min);
+    }
+    double damping = 1e-3;
+    Pose X = forward_of(q);
+    auto error = [&](const Pose& at) { return (S * closure_detail::pose_error(what, target, at)).eval(); };
+    auto e = error(X);
+    for (int k = 0; k < options.max_iterations && e.norm() > options.tolerance; ++k) {
+      const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, machine::kMaxJoints> J = S * jacobian_of(X, q);
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> H = J * J.transpose();
+      H.diagonal().array() += damping * damping;
+      const JointVector step = J.transpose() * H.ldlt().solve(e);
+      const JointVector q_new = q + step;
+      const Pose X_new = forward_of(q_new);
+      const auto e_new = error(X_new);
+      if (e_new.norm() < e.norm()) {
+        q = q_new;
+        X = X_new;
+        e = e_new;
+        damping = std::max(1e-9, 0.3 * damping);
+      } else {
+        damping *= 4;
+        if (damping > 1e6) break;
+      }
+    }
+    best = std::min(best, e.norm());
+    if (e.norm() > options.tolerance * 100) continue;
+    for (int i = 0; i < n; ++i) {  // the turn of a joint that lies in its range, if there is one
+      if (joint_kind(m, i) != JointKind::revolute) continue;
+      const machine::JointRange range = joint_range(m, i);
+      const double turn = 2 * std::numbers::pi;
+      q[i] -= turn * std::floor((q[i] + std::numbers::pi) / turn);
+      if (q[i] > range.max && q[i] - turn >= range.min) q[i] -= turn;
+      if (q[i] < range.min && q[i] + turn <= range.max) q[i] += turn;
+    }
+    const bool known = std::any_of(out.solutions.begin(), out.solutions.end(),
+                                   [&](const Solution& s) { return (s.joints - q).cwiseAbs().maxCoeff() < 1e-6; });
+    if (known) continue;
+    Solution solution;
+    solution.joints = q;
+    solution.branch = "numeric-" + std::to_string(out.solutions.size() + 1);
+    const std::vector<double> p = nominal_parameters(m);
+    solution.violations =
+        violated(limits(m, target, std::span<const double>(q.data(), q.size()), std::span<const double>(p)));
+    out.solutions.push_back(std::move(solution));
+  }
+  out.converged = !out.solutions.empty();
+  if (!out.converged) {
+    out.reason = "the numeric search did not converge from " + std::to_string(options.seeds) +
+                 " starts; the closest came within " + std::to_string(best * 1e3) + " mm of the target";
+  }
+  return out;
+}
+
+}  // namespace polypod::kinematics

@@ -1,0 +1,51 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// A machine of any family, machine files and the catalogue.
+#pragma once
+
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/machine/serial_arm.hpp"
+#include "polypod/machine/slider_hexapod.hpp"
+#include "polypod/machine/strut_hexapod.hpp"
+
+namespace polypod::machine {
+
+/// A machine of any family. Analyses are templates on a family; std::visit picks the instance once, outside the loops.
+using AnyMachine = std::variant<SerialArm, StrutHexapod, SliderHexapod>;
+
+/// `key = value` of `--set`, as text: `tool.length_mm=120`.
+struct Override {
+  std::string key;
+  std::string value;
+};
+
+/// A catalogue entry: its name and its file's text, compiled into the library.
+struct CatalogueEntry {
+  std::string_view name;
+  std::string_view toml;
+};
+const std::vector<CatalogueEntry>& catalogue();
+
+/// A machine from a file or, if there is no such file, from the catalogue, with overrides applied before it is checked:
+/// each override replaces the value of a key of the file (dots go into tables, [i] into arrays from 1).
+/// Errors: MA100 (no such machine), MA101 (unknown family), MA102 (unknown key of an override), MA103 (not a number),
+/// and those of the family's reader.
+Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides = {});
+
+/// The same from text.
+Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name,
+                             const std::vector<Override>& overrides = {});
+
+/// What a designer changes, as keys of the machine file without their unit; empty for families without such keys.
+std::vector<Parameter> settings(const AnyMachine& machine);
+
+std::string to_toml(const AnyMachine& machine);
+std::string name_of(const AnyMachine& machine);
+std::string family_of(const AnyMachine& machine);
+std::string description_of(const AnyMachine& machine);
+const Provenance& provenance_of(const AnyMachine& machine);
+
+}  // namespace polypod::machine

@@ -1,0 +1,52 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What every family of machines is described with.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "polypod/geometry/pose.hpp"
+
+namespace polypod::machine {
+
+/// Joints, closure equations and limits live on the stack: no machine has more than this many of each.
+inline constexpr int kMaxJoints = 12;
+inline constexpr int kMaxEquations = 12;
+
+template <class T>
+using JointVectorT = Eigen::Matrix<T, Eigen::Dynamic, 1, 0, kMaxJoints, 1>;
+/// Joint coordinates: rad for revolute joints, m for prismatic ones.
+using JointVector = JointVectorT<double>;
+template <class T>
+using ClosureVectorT = Eigen::Matrix<T, Eigen::Dynamic, 1, 0, kMaxEquations, 1>;
+using ClosureVector = ClosureVectorT<double>;
+/// 6 x joints: twist [linear; angular] in M per joint speed.
+using JacobianMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxJoints>;
+
+enum class JointKind { revolute, prismatic };
+
+/// What a pose of the machine prescribes.
+enum class Task {
+  pose,   ///< position and orientation: x, y, z, A, B, C
+  axis,   ///< position and the direction of the tool axis: x, y, z, A, B (a 5-axis machine)
+  point,  ///< position only: x, y, z
+};
+
+/// A named number of a machine, in SI; `unit` says what a person sees ("mm", "deg", "rad/Nm", "").
+struct Parameter {
+  std::string key;
+  double value = 0;
+  std::string unit;
+};
+
+/// Where the numbers of a machine come from: key of the file -> source.
+using Provenance = std::map<std::string, std::string>;
+
+/// The range of a joint, rad or m.
+struct JointRange {
+  double min = 0;
+  double max = 0;
+};
+
+}  // namespace polypod::machine

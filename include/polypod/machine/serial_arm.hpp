@@ -1,0 +1,58 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Serial arms: a Denavit-Hartenberg table and what stands round it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "polypod/core/config.hpp"
+#include "polypod/machine/common.hpp"
+
+namespace polypod::machine {
+
+/// standard: A_i = Rot(z, theta) Trans(z, d) Trans(x, a) Rot(x, alpha) (SLAV (2.13));
+/// modified (Craig): A_i = Rot(x, alpha) Trans(x, a) Rot(z, theta) Trans(z, d).
+enum class DhConvention { standard, modified };
+
+/// One row of the table. The angle is theta = sign q + theta_offset (revolute) or the distance d + sign q (prismatic).
+struct DhRow {
+  double a = 0;             ///< m
+  double alpha = 0;         ///< rad
+  double d = 0;             ///< m
+  double theta_offset = 0;  ///< rad
+  double sign = 1;          ///< +1 or -1: the direction in which the joint counts
+  JointKind kind = JointKind::revolute;
+  std::optional<double> locked;  ///< the value of a joint that does not move, rad or m
+  JointRange range{};            ///< of q; unused where locked
+  double compliance = 0;         ///< rad/Nm (revolute) or m/N (prismatic); also of a locked joint: its brake gives way
+};
+
+/// A serial arm: X_MT(q) = X_MB A_1(q_1) ... A_n(q_n) X_FT.
+struct SerialArm {
+  static constexpr std::string_view kFamily = "serial";
+
+  std::string name;
+  std::string description;
+  DhConvention convention = DhConvention::standard;
+  std::vector<DhRow> dh;
+  Pose X_MB;  ///< base in the machine's reference frame M
+  Pose X_FT;  ///< tool tip in the last frame of the table; z_T is the tool axis, from the tip to the spindle
+  Task task = Task::pose;
+  Provenance provenance;
+
+  /// Number of joints that move.
+  [[nodiscard]] int free_joints() const;
+};
+
+/// Reads the keys of a serial arm (docs/machine-files.md) and finishes the table.
+Result<SerialArm> serial_arm_from(const config::Table& table);
+
+/// The parameters of the kinematics, 4 a row: dh[i].a, dh[i].alpha, dh[i].d, dh[i].theta_offset (i from 1).
+std::vector<Parameter> parameters(const SerialArm& arm);
+
+/// Writes the arm as a machine file that reads back to the same arm.
+std::string to_toml(const SerialArm& arm);
+
+}  // namespace polypod::machine

@@ -1,0 +1,65 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Hexapods whose six legs of constant length stand on sliders on straight rails (JEL 3.2).
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "polypod/core/config.hpp"
+#include "polypod/machine/hexapod.hpp"
+
+namespace polypod::machine {
+
+/// Three pairs of parallel rails at 120 deg (JEL Figure 8.14).
+struct PairedRails {
+  double outer_radius = 0;  ///< m, of the outer ends, which lie at z = 0
+  double inner_radius = 0;  ///< m, of the inner ends
+  double inner_height = 0;  ///< m, of the inner ends; negative: rails that fall inwards
+  double spacing = 0;       ///< m, between the two rails of a pair
+};
+
+/// A hexapod on rails: |t + R b_i - (a_i + q_i u_i)| = l, 0 <= q_i <= rail length (JEL (3.11) to (3.13)). Joint
+/// coordinates: q_i, the way of slider i from the outer end of its rail, m. T as for StrutHexapod.
+struct SliderHexapod {
+  static constexpr std::string_view kFamily = "slider-hexapod";
+
+  std::string name;
+  std::string description;
+  SixPoints rail_outer{};                       ///< a_i, outer ends in M, m
+  SixPoints rail_inner{};                       ///< inner ends in M, m
+  SixPoints platform_joint{};                   ///< b_i in P, m
+  std::optional<PairedRails> rail_pairs;        ///< how the rails were given, if not point by point
+  std::optional<PairedCircle> platform_circle;  ///< the same for the platform
+  double leg_length = 0;                        ///< l, m
+  double leg_diameter = 0;                      ///< m, 0: thin legs that may cross
+  bool base_check = false;  ///< legs may not go behind the planes of neighbouring rails (JEL (4.17))
+  double tool_length = 0;   ///< m, along z_P
+  JointLimit joint;
+  /// Without a given height: where the sliders stand at `home_slider` of the rail from its outer end.
+  HexapodHome home;
+  double home_slider = kHomeSlider;
+  double compliance = 0;  ///< m/N of a slider along its rail
+  Provenance provenance;
+
+  /// The home of JEL's tables (found from them; the source does not print it).
+  static constexpr double kHomeSlider = 0.58;
+
+  SixPoints rail_direction{};                      ///< u_i, unit, from the outer to the inner end
+  std::array<double, kLegs> rail_length{};         ///< m
+  std::array<std::array<Vec3, 2>, kLegs> guard{};  ///< unit normals of the two planes of each rail (4.17), or zero
+};
+
+/// Reads the keys of a slider hexapod (docs/machine-files.md). Errors: MA120 to MA139 and those of config.
+Result<SliderHexapod> slider_hexapod_from(const config::Table& table);
+
+/// The parameters of the kinematics: leg.length[i], base.joint[i].x, .y, .z (the outer end; moves the whole rail),
+/// rail.direction[i].x, .y, .z (of the unit vector u_i), platform.joint[i].x, .y, .z and tool.length: 61, leg by leg.
+std::vector<Parameter> parameters(const SliderHexapod& m);
+
+/// What a designer changes: the keys of the machine file with their values.
+std::vector<Parameter> settings(const SliderHexapod& m);
+
+std::string to_toml(const SliderHexapod& m);
+
+}  // namespace polypod::machine

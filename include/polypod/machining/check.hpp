@@ -1,0 +1,44 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Does a program fit a machine? Reach and joint limits along every move, time and length.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/gcode/interpreter.hpp"
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::machining {
+
+struct CheckProblem {
+  int line = 0;
+  std::string kind;  ///< "reach", "limit", "singular", "branch", "start"
+  std::string detail;
+};
+
+struct CheckResult {
+  bool ok = false;
+  std::vector<CheckProblem> problems;  ///< the first of each kind of each move
+  double time = 0;                     ///< s, of the feed moves and, at `rapid_speed`, the rapids; without acceleration
+  double length = 0;                   ///< m
+  std::vector<machine::JointRange>
+      joints;  ///< smallest and largest value that each joint takes; empty if none was reached
+  std::vector<std::string> notes;
+};
+
+struct CheckOptions {
+  double step = 1e-3;         ///< m, between checked points
+  double turn_step = 0.0175;  ///< rad, the same for A, B and C
+  double rapid_speed = 0.1;   ///< m/s, that G0 is counted with
+  std::function<bool(double)> progress;
+};
+
+/// Sends the tool along every move without cutting: position and tool axis (A, B, C of the program) through the inverse
+/// kinematics, at both ends of each move and between them. The joints follow the branch they are on; a way on which
+/// they would have to change branch is a problem of kind "branch". Cost: about 1 us a point for a closed inverse.
+Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
+                          const gcode::Interpretation& interpretation, const CheckOptions& options = {});
+
+}  // namespace polypod::machining

@@ -1,0 +1,73 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the program will do on the soft machine, before anything is corrected.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "polypod/machining/simulate.hpp"
+
+namespace polypod::machining {
+
+/// Smallest, mean and largest of a number; `count` 0 means that there was none.
+struct Spread {
+  double min = 0, mean = 0, max = 0;
+  std::size_t count = 0;
+
+  void add(double x) {
+    min = count == 0 ? x : std::min(min, x);
+    max = count == 0 ? x : std::max(max, x);
+    ++count;
+    mean += (x - mean) / static_cast<double>(count);
+  }
+};
+
+/// How a bent tool lies to the move that was programmed.
+struct PathError {
+  double normal = 0;    ///< m, across the path in the plane; > 0 leaves material, < 0 gouges
+  double vertical = 0;  ///< m, along the tool axis
+  double distance = 0;  ///< m, to the move as a curve with its ends (the tube and its spheres)
+};
+/// `away` is the direction of Sample::away. Distance and normal are taken at the nearest point of the move.
+PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away);
+/// The sample with its judgement.
+Sample judged(const Sample& sample, const PathError& error);
+
+struct MovePrediction {
+  int block = 0;
+  int line = 0;
+  double length = 0;               ///< m
+  std::size_t points = 0;          ///< evaluated points that cut
+  Spread deflection;               ///< m, |delta|
+  Spread normal;                   ///< m
+  Spread vertical;                 ///< m
+  double largest_distance = 0;     ///< m
+  Vec3 mean_force = Vec3::Zero();  ///< N, in W
+  double largest_depth = 0;        ///< m
+};
+
+struct Prediction {
+  std::vector<MovePrediction> moves;    ///< those that cut, in order
+  std::vector<Sample> samples;          ///< every evaluated point, if they were asked for
+  Spread deflection, normal, vertical;  ///< over all points that cut, m
+  double largest_distance = 0;          ///< m
+  PassResult pass;
+  std::vector<std::string> notes;
+};
+
+struct PredictOptions {
+  Bend bend = Bend::equilibrium;
+  double step = 0;  ///< m; 0 takes the job's
+  bool keep_samples = false;
+  std::function<bool(double)> progress;
+};
+
+/// Deflection along a program: at rest under the mean force, or in equilibrium (default). Errors as run_pass.
+Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                           const PredictOptions& options = {});
+
+/// A line for each incident and for points whose equilibrium did not settle.
+std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass);
+
+}  // namespace polypod::machining

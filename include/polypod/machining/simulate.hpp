@@ -1,0 +1,94 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// One pass of a cutter that bends through the stock, point by point.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "polypod/cutting/stock.hpp"
+#include "polypod/gcode/interpreter.hpp"
+#include "polypod/machining/job.hpp"
+
+namespace polypod::machining {
+
+/// How the force at a point and the bend of the machine are brought together.
+enum class Bend {
+  /// The tool stands where it is commanded; its force there bends the machine (SLAV 5.3).
+  at_rest,
+  /// delta = C(command) F(engagement at command + delta): the bent cutter takes less or more material, and leaves what
+  /// it did not take to later moves.
+  equilibrium,
+  /// The command is such that the bent tool stands on the programmed point: x = p - delta, delta = C(x) F(p). This is
+  /// the ideal correction; the fixed point is in C alone.
+  corrected,
+};
+
+/// A point of a pass. All vectors in W, m and N.
+struct Sample {
+  int move = 0;  ///< index into the moves of the pass
+  double s = 0;  ///< arc length along the move, m
+  Vec3 command = Vec3::Zero();
+  Vec3 deflection = Vec3::Zero();  ///< delta; the bent tip is command + deflection
+  Vec3 force = Vec3::Zero();       ///< mean force on the tool
+  Vec3 away = Vec3::Zero();        ///< unit normal of the path in the plane, away from the wall that is being cut
+  float depth = 0;                 ///< largest axial depth of engagement, m
+  float entry = 0, exit = 0;       ///< first and last engaged tooth angle, rad
+  bool cutting = false;
+  /// How the bent tip was judged against the programmed move, m: filled by predict and correct (see PathError).
+  float normal = 0, vertical = 0, distance = 0;
+
+  [[nodiscard]] Vec3 bent() const { return command + deflection; }
+};
+
+/// A move of a pass.
+struct PassMove {
+  gcode::Move move;
+  /// A joint that the correction put in: shorter than a revolution's feed, its deflection goes straight from that
+  /// before it to that after it.
+  bool transition = false;
+  /// The move that the bent tool follows, if that is not the commanded one: a corrected command may lean by some
+  /// degrees where the bend changes fast, but chips are cut in the direction in which the bent tool moves. Must outlive
+  /// the pass.
+  const gcode::Move* followed = nullptr;
+};
+
+struct PassOptions {
+  Bend bend = Bend::equilibrium;
+  double step = 0.5e-3;     ///< m
+  int max_iterations = 12;  ///< halvings of the bracket where the equilibrium at a point does not contract
+  /// m, of the deflection between two iterations; an iteration leaves about a tenth of the change before it.
+  double tolerance = 1e-6;
+  /// A move that goes on from the one before within this angle starts where that ended: one point less, rad.
+  double smooth_angle = 0.1;
+  std::function<bool(double)> progress;  ///< called with the share done; false cancels
+};
+
+/// A rapid or unmodelled way through material, to be shown to the user.
+struct Incident {
+  enum class Kind { rapid_through_stock, plunge } kind = Kind::rapid_through_stock;
+  int block = 0;
+  double volume = 0;  ///< m^3
+};
+
+struct PassResult {
+  std::vector<Incident> incidents;
+  double removed = 0;             ///< m^3
+  std::size_t points = 0;         ///< evaluated
+  std::size_t not_converged = 0;  ///< points whose equilibrium still moved by more than the tolerance
+  double largest_rest = 0;        ///< m, by how much
+};
+
+/// Sends the cutter along the moves and calls `visit` with every evaluated point of moves that are not rapid: both ends
+/// and between them steps of at most `options.step`. `stock` is changed. Errors, with the line of the program:
+/// MC200 spindle still in a cut, MC201 feed zero in a cut, MC202 deeper than the edges of the cutter, MC203 the spindle
+/// turns backwards, MC204 a tilted tool in a cut, MC210 a commanded pose is out of reach or breaks a limit, MC299
+/// cancelled.
+/// Cost: about 5 us a point.
+Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves,
+                            cutting::Stock& stock, const PassOptions& options,
+                            const std::function<void(const Sample&)>& visit);
+
+}  // namespace polypod::machining

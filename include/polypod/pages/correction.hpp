@@ -1,0 +1,29 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The page that a process engineer reads before she runs a corrected program.
+#pragma once
+
+#include <string>
+
+#include "polypod/machining/correct.hpp"
+
+namespace polypod::pages {
+
+struct CorrectionPageOptions {
+  std::string version;  ///< of Polypod; default: not named
+  std::string command;  ///< the command line that makes this page again; default: left out
+  std::string output;   ///< where the corrected program was written; empty: it was not
+  machining::CorrectMethod method = machining::CorrectMethod::tube;
+};
+
+/// One self-contained HTML file about a correction: verdict, key figures, paths from above with the bend enlarged, a
+/// corner at its true proportions, errors along the path against the tube, forces and engagement, the compliance round
+/// the part and each joint's share, the moves, what the model leaves out, every input. Long programs are thinned out
+/// for the pictures so that peaks survive (20 000 lines stay below 3 MB).
+///
+/// `program` is the original, `correction` what `machining::correct` made of it with `keep_samples`; without samples
+/// the pictures along the path are left out. Lengths are mm, deflections um, forces N, angles deg. The same input gives
+/// the same bytes. Cost: about 0.1 s, of which the compliance map takes most.
+std::string correction_page(const machining::Job& job, const gcode::Program& program,
+                            const machining::Correction& correction, const CorrectionPageOptions& options = {});
+
+}  // namespace polypod::pages

@@ -1,0 +1,108 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The workspace of any machine, with proof: which tool points are reachable from every required direction.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/kinematics/concept.hpp"
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::workspace {
+
+using kinematics::LimitBits;
+using machine::AnyMachine;
+
+/// The orientations in which a point must be reachable, all of them (JEL (4.1), SLAV 2.4.4).
+struct Directions {
+  /// Cone: every tilt up to this angle from the machine's z axis at every azimuth, rad; the tool turns by the smallest
+  /// rotation that tilts it (no twist). 0 is the one orientation R = 1.
+  double tilt = 0;
+  /// Ranges of A and B instead of a cone, rad: R = R_y(B) R_x(A). An absent range is [0, 0] if the other is given.
+  std::optional<std::array<double, 2>> a_range, b_range;
+
+  [[nodiscard]] bool is_ranges() const { return a_range || b_range; }
+};
+
+/// What a long run reports while it works.
+struct Progress {
+  double lower = 0;  ///< m^3
+  double upper = 0;  ///< m^3
+  std::int64_t cells = 0;
+};
+
+struct Options {
+  Directions directions;
+  /// Stop when (upper - lower) <= relative_tolerance * volume. 1e-6 to 1.
+  double relative_tolerance = 0.01;
+  /// Leg against leg counts too (machines with a leg diameter).
+  bool interference = false;
+  /// Limits to heed, by bit (kinematics::limit_name); a cleared bit switches a limit off. Bits of leg pairs also need
+  /// `interference`.
+  LimitBits limits = ~LimitBits{0};
+  /// Gives up refining beyond this many cells; `converged` is false then. Memory: about 200 bytes a cell of the border.
+  std::int64_t max_cells = 40'000'000;
+  /// Fills Volume::cells, for sections, surfaces and fields.
+  bool keep_cells = false;
+  int threads = 0;                                ///< 0: as many as the machine has. The result does not depend on it.
+  std::function<void(const Progress&)> progress;  ///< called from the calling thread between rounds
+  std::function<bool()> cancelled;                ///< asked between rounds; true ends the run with WS110
+};
+
+enum class CellState : std::uint8_t { inside, border };
+/// A box of tool positions that is certainly inside, or holds a piece of the border.
+struct Cell {
+  Vec3 center = Vec3::Zero();
+  Vec3 half = Vec3::Zero();
+  double lower = 0;  ///< m^3 of the box that is certainly inside
+  double upper = 0;  ///< m^3 beyond which the workspace cannot fill the box
+  CellState state = CellState::inside;
+};
+
+/// A workspace's volume between proven bounds.
+struct Volume {
+  double volume = 0;        ///< m^3, the middle of the bounds
+  double lower = 0;         ///< m^3
+  double upper = 0;         ///< m^3
+  Vec3 min = Vec3::Zero();  ///< a box in M that certainly holds the workspace and is tight to about a border cell, m;
+  Vec3 max = Vec3::Zero();  ///< both 0 where it is empty
+  std::int64_t points = 0;  ///< boxes that were examined
+  bool converged = true;    ///< the gap is within the tolerance
+  bool empty = false;       ///< proven: no point is reachable from every direction
+  double seconds = 0;
+  std::vector<Cell> cells;
+};
+
+/// The volume of W = { p : for all R in the directions the machine keeps every limit with the tool at p in R } by
+/// adaptive subdivision. A box of positions and a patch of directions are judged together: each limit is a smooth
+/// function of both, bounded by its first order at the middle and a bound on the rest. Boxes that are certainly inside
+/// or outside are done; in the others the border is enclosed between two planes per limit, so that the gap shrinks
+/// with the square of the box (10^4 border boxes for 0.1 %). Directions need no samples: patches that keep a limit over
+/// a whole box are dropped, the others are split with the box.
+///
+/// Hexapods: exact formulas per limit. Of the two roots of a slider the one nearer the outer end counts where both are
+/// on the rail, direction by direction. Serial arms: the closed wrist inverse on interval derivatives; a point counts
+/// where for each direction some branch keeps the limits.
+///
+/// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
+/// Errors: WS100 (directions out of range), WS101 (tolerance), WS102 (a machine without a closed inverse), WS110
+/// (cancelled). Cost: JEL Table 8.2 at 20 deg to 1 % about a second, at tilt 0 to 0.1 % a tenth of that.
+Result<Volume> volume(const AnyMachine& machine, const Options& options);
+
+/// The bits of a comma-separated list of limits. Hexapods: `length` (struts or rails), `base-joint`, `platform-joint`,
+/// `joint` (both), `legs`, `base` (leg against base). Serial arms: numbers of free joints. Error: WS103.
+Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names);
+
+/// The bits of the limits between legs.
+LimitBits interference_bits(const AnyMachine& machine);
+
+/// A plain scan for comparison: the share of points of a regular grid of steps^3 in `min`..`max` at which a fixed
+/// set of directions (4 tilts, 12 azimuths a tilt, as the source samples them) keeps the limits, times the volume. Has
+/// no bounds.
+double scan_volume(const AnyMachine& machine, const Options& options, const Vec3& min, const Vec3& max, int steps);
+
+}  // namespace polypod::workspace

@@ -1,0 +1,78 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a command of the program is. One file a command; no mathematics here.
+#pragma once
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::app {
+
+using Json = nlohmann::ordered_json;
+
+inline constexpr int kDone = 0;
+inline constexpr int kAnswerIsNo = 1;
+inline constexpr int kBadInput = 2;
+inline constexpr int kBug = 3;
+
+/// Where a command declares its arguments. Names as CLI11 takes them: "-o,--output".
+class Arguments {
+ public:
+  virtual ~Arguments() = default;
+  virtual void positional(const char* name, std::string& value, const char* help, bool required = true) = 0;
+  virtual void positional(const char* name, std::vector<std::string>& values, const char* help) = 0;
+  virtual void option(const char* names, std::string& value, const char* help, bool required = false) = 0;
+  virtual void option(const char* names, double& value, const char* help, bool required = false) = 0;
+  virtual void option(const char* names, int& value, const char* help, bool required = false) = 0;
+  /// May be given several times.
+  virtual void option(const char* names, std::vector<std::string>& values, const char* help, bool required = false) = 0;
+  virtual void flag(const char* names, bool& value, const char* help) = 0;
+};
+
+/// How a command speaks: results to stdout, as one JSON document or as text; everything else to stderr.
+struct Context {
+  bool json = false;
+  bool progress = false;  ///< stderr is a terminal
+};
+
+struct Command {
+  std::string name;
+  std::string summary;
+  std::string example;  ///< shown by --help
+  std::function<void(Arguments&)> declare;
+  std::function<Result<int>(const Context&)> run;
+};
+
+/// All commands, in the order of `polypod --help`. A new command adds its maker here and in commands.cpp.
+std::vector<Command> all_commands();
+
+// Helpers that several commands share -------------------------------------------------------------------------------
+
+/// "1,2.5,-3" as numbers. Errors: AP100 with the text and the option's name.
+Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option);
+
+/// A machine by name or path with `--set key=value` applied.
+Result<machine::AnyMachine> machine_of(const std::string& name, const std::vector<std::string>& sets);
+
+/// Declares MACHINE and --set.
+void declare_machine(Arguments& arguments, std::string& name, std::vector<std::string>& sets);
+
+/// The pose that `--pose x,y,z[,A,B[,C]]` gives for this machine (mm, deg). Errors: AP101.
+Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string& text);
+/// x, y, z in mm and the angles of the machine's task in deg.
+std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X);
+/// Joint values in mm or deg.
+std::vector<double> joints_for_user(const machine::AnyMachine& machine, const machine::JointVector& q);
+
+Json matrix_json(const Eigen::MatrixXd& M);
+Json vector_json(const Vec3& v);
+/// Prints the document and a newline.
+void print_json(const Json& document);
+/// A progress line on stderr, if it is a terminal; false if the user pressed Ctrl-C.
+std::function<bool(double)> progress_line(const Context& context, std::string what);
+
+}  // namespace polypod::app

@@ -1,0 +1,20 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "commands.hpp"
+
+namespace polypod::app {
+
+// clang-format off
+std::vector<Command> all_commands() {
+  return {
+      machines_command(), info_command(),                       // the catalogue
+      ik_command(), fk_command(), jacobian_command(),           // a pose
+      workspace_command(),                                      // all poses
+      compliance_command(), identify_compliance_command(),      // statics
+      force_command(),                                          // cutting
+      predict_command(), correct_command(), check_command(),    // programs
+      canon_command(),
+  };
+}
+// clang-format on
+
+}  // namespace polypod::app

@@ -1,0 +1,23 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "command.hpp"
+
+namespace polypod::app {
+
+Command machines_command();
+Command info_command();
+Command ik_command();
+Command fk_command();
+Command jacobian_command();
+Command workspace_command();
+Command sweep_command();
+Command compliance_command();
+Command identify_compliance_command();
+Command force_command();
+Command predict_command();
+Command correct_command();
+Command check_command();
+Command canon_command();
+
+}  // namespace polypod::app

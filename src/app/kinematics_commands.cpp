@@ -1,0 +1,241 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// machines, info, ik, fk, jacobian
+#include <fmt/format.h>
+
+#include <bit>
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::app {
+namespace {
+
+struct MachineOptions {
+  std::string machine;
+  std::vector<std::string> sets;
+  std::string pose;
+  std::string joints;
+  double length_mm = 0;
+  bool all = false;
+};
+
+std::string joined(const std::vector<double>& values, const char* format = "{:.4f}") {
+  std::string out;
+  for (const double v : values) out += (out.empty() ? "" : ", ") + fmt::format(fmt::runtime(format), v);
+  return out;
+}
+
+const char* unit_of(const machine::AnyMachine& m, int joint) {
+  return kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? "deg" : "mm";
+}
+
+double for_user(double si, const std::string& unit) {
+  if (unit == "mm") return units::to_mm(si);
+  if (unit == "deg") return units::to_deg(si);
+  return si;
+}
+
+Json joint_ranges_json(const machine::AnyMachine& m) {
+  Json out = Json::array();
+  for (int i = 0; i < kinematics::joint_count(m); ++i) {
+    const auto range = kinematics::joint_range(m, i);
+    const std::string unit = unit_of(m, i);
+    out.push_back(
+        {{"joint", i + 1}, {"unit", unit}, {"min", for_user(range.min, unit)}, {"max", for_user(range.max, unit)}});
+  }
+  return out;
+}
+
+}  // namespace
+
+Command machines_command() {
+  return {
+      "machines", "List the catalogue of machines", "polypod machines", [](Arguments&) {},
+      [](const Context& context) -> Result<int> {
+        Json list = Json::array();
+        for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+          POLYPOD_ASSIGN(m, machine::load(std::string(entry.name)));
+          list.push_back(
+              {{"name", entry.name}, {"family", machine::family_of(m)}, {"description", machine::description_of(m)}});
+        }
+        if (context.json) {
+          print_json({{"machines", list}});
+        } else {
+          for (const Json& m : list) {
+            fmt::print("{:<18} {:<16} {}\n", m["name"].get<std::string>(), m["family"].get<std::string>(),
+                       m["description"].get<std::string>());
+          }
+        }
+        return kDone;
+      }};
+}
+
+Command info_command() {
+  auto o = std::make_shared<MachineOptions>();
+  return {"info", "Show a machine: family, joints, parameters, where its numbers come from", "polypod info lola50",
+          [o](Arguments& a) { declare_machine(a, o->machine, o->sets); },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            Json parameters = Json::object();
+            for (const machine::Parameter& p : machine::settings(m)) {
+              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = for_user(p.value, p.unit);
+            }
+            for (const machine::Parameter& p : kinematics::parameters(m)) {
+              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = for_user(p.value, p.unit);
+            }
+            Json document{{"name", machine::name_of(m)},
+                          {"family", machine::family_of(m)},
+                          {"description", machine::description_of(m)},
+                          {"degrees_of_freedom", kinematics::degrees_of_freedom(m)},
+                          {"joints", joint_ranges_json(m)},
+                          {"parameters", parameters},
+                          {"provenance", machine::provenance_of(m)}};
+            if (context.json) {
+              print_json(document);
+              return kDone;
+            }
+            fmt::print("{} ({}): {}\n{} degrees of freedom\n\njoints\n", machine::name_of(m), machine::family_of(m),
+                       machine::description_of(m), kinematics::degrees_of_freedom(m));
+            for (const Json& j : document["joints"]) {
+              fmt::print("  {:>2}  {:>10.3f} .. {:<10.3f} {}\n", j["joint"].get<int>(), j["min"].get<double>(),
+                         j["max"].get<double>(), j["unit"].get<std::string>());
+            }
+            fmt::print("\nparameters\n");
+            for (const auto& [key, value] : parameters.items())
+              fmt::print("  {:<26} {:>14.6g}\n", key, value.get<double>());
+            fmt::print("\nsources\n");
+            for (const auto& [key, text] : machine::provenance_of(m)) fmt::print("  {}: {}\n", key, text);
+            return kDone;
+          }};
+}
+
+Command ik_command() {
+  auto o = std::make_shared<MachineOptions>();
+  return {"ik", "Inverse kinematics: joints of a pose, all branches, violated limits",
+          "polypod ik lola50 --pose 0,-1300,0,10,-5",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            const kinematics::InverseResult result = kinematics::inverse(m, X);
+            const bool reachable = result.reachable() != nullptr;
+            Json solutions = Json::array();
+            const kinematics::Solution* best = nullptr;
+            for (const kinematics::Solution& s : result.solutions) {
+              if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
+              Json entry{{"joints", joints_for_user(m, s.joints)},
+                         {"branch", s.branch},
+                         {"violations", kinematics::limit_names(m, s.violations)}};
+              if (s.singular) entry["singular"] = true;
+              solutions.push_back(entry);
+            }
+            std::vector<std::string> violations;
+            if (best != nullptr) violations = kinematics::limit_names(m, best->violations);
+            if (best == nullptr) violations.push_back(result.reason);
+            if (context.json) {
+              print_json({{"reachable", reachable},
+                          {"converged", result.converged},
+                          {"violations", violations},
+                          {"solutions", solutions}});
+            } else if (result.solutions.empty()) {
+              fmt::print("no solution: {}\n", result.reason);
+            } else {
+              for (const kinematics::Solution& s : result.solutions) {
+                std::string limits;
+                for (const std::string& name : kinematics::limit_names(m, s.violations)) {
+                  limits += (limits.empty() ? "" : ", ") + name;
+                }
+                fmt::print("{:<32} {}{}\n  {}\n", s.branch, s.violations == 0 ? "within all limits" : limits,
+                           s.singular ? " (singular)" : "", joined(joints_for_user(m, s.joints)));
+              }
+            }
+            return reachable ? kDone : kAnswerIsNo;
+          }};
+}
+
+Command fk_command() {
+  auto o = std::make_shared<MachineOptions>();
+  return {
+      "fk", "Forward kinematics: the pose of given joints", "polypod fk lola50 --joints 0,-18.8,-2.4,0,21.2",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--joints", o->joints, "q1,q2,... in mm or deg", true);
+        a.flag("--all", o->all, "Every assembly mode");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_ASSIGN(values, numbers_of(o->joints, "--joints"));
+        const int n = kinematics::joint_count(m);
+        if (static_cast<int>(values.size()) != n) {
+          return fail("AP103", fmt::format("--joints has {} numbers, but the machine has {} joints", values.size(), n));
+        }
+        machine::JointVector q(n);
+        for (int i = 0; i < n; ++i) {
+          const double v = values[static_cast<std::size_t>(i)];
+          q[i] = kinematics::joint_kind(m, i) == machine::JointKind::revolute ? units::from_deg(v) : units::from_mm(v);
+        }
+        const kinematics::ForwardResult result = kinematics::forward(m, q);
+        Json poses = Json::array();
+        for (std::size_t i = 0; i < result.poses.size(); ++i) {
+          poses.push_back({{"pose", pose_for_user(m, result.poses[i])}, {"residual", result.residuals[i]}});
+        }
+        if (context.json) {
+          print_json({{"poses", poses}, {"complete", result.complete}});
+        } else {
+          for (const Json& p : poses) fmt::print("{}\n", joined(p["pose"].get<std::vector<double>>()));
+        }
+        return poses.empty() ? kAnswerIsNo : kDone;
+      }};
+}
+
+Command jacobian_command() {
+  auto o = std::make_shared<MachineOptions>();
+  return {"jacobian", "Jacobian of the tool tip at a pose, its determinant and conditioning",
+          "polypod jacobian lola50 --pose 0,-1300,0",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+            a.option("--length", o->length_mm, "Characteristic length, mm (default: mean distance of the joint axes)");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            const kinematics::InverseResult inverse = kinematics::inverse(m, X);
+            const kinematics::Solution* s = inverse.reachable();
+            if (s == nullptr && !inverse.solutions.empty()) s = &inverse.solutions.front();
+            if (s == nullptr) {
+              fmt::print(stderr, "polypod: the pose is out of reach: {}\n", inverse.reason);
+              return kAnswerIsNo;
+            }
+            const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
+            const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
+            const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
+            if (context.json) {
+              print_json({{"jacobian", matrix_json(square)},
+                          {"rows", std::vector<std::string>{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"}},
+                          {"jacobian_full", matrix_json(J)},
+                          {"joints", joints_for_user(m, s->joints)},
+                          {"determinant", d.determinant},
+                          {"condition", d.condition},
+                          {"sigma_min", d.sigma_min},
+                          {"characteristic_length_mm", units::to_mm(d.characteristic_length)}});
+              return kDone;
+            }
+            fmt::print("Jacobian (m and rad per rad or m; rows v_x v_y v_z w_x w_y w_z in M)\n");
+            for (int i = 0; i < square.rows(); ++i) {
+              for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));
+              fmt::print("\n");
+            }
+            fmt::print(
+                "determinant {:.6g}\ncondition {:.4f}, smallest singular value {:.6f} m (angles times {:.1f} mm)\n",
+                d.determinant, d.condition, d.sigma_min, units::to_mm(d.characteristic_length));
+            return kDone;
+          }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,312 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// predict, correct, check
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/check.hpp"
+#include "polypod/machining/correct.hpp"
+#include "polypod/pages/correction.hpp"
+
+namespace polypod::app {
+namespace {
+
+using units::to_mm;
+using units::to_um;
+
+Json spread_json(const machining::Spread& s, double scale) {
+  if (s.count == 0) return {{"min", 0.0}, {"mean", 0.0}, {"max", 0.0}};
+  return {{"min", s.min * scale}, {"mean", s.mean * scale}, {"max", s.max * scale}};
+}
+
+std::string spread_text(const machining::Spread& s) {
+  if (s.count == 0) return "no point cuts";
+  return fmt::format("{:.1f} .. {:.1f} um, mean {:.1f} um", to_um(s.min), to_um(s.max), to_um(s.mean));
+}
+
+struct Input {
+  machining::Job job;
+  gcode::Program program;
+  gcode::Interpretation interpretation;
+};
+
+Result<Input> read_input(const std::string& program_path, const std::string& job_path) {
+  POLYPOD_ASSIGN(job, machining::read_job(job_path));
+  POLYPOD_ASSIGN(program, gcode::read(program_path));
+  POLYPOD_ASSIGN(interpretation, gcode::interpret(program, job.interpret_options()));
+  return Input{std::move(job), std::move(program), std::move(interpretation)};
+}
+
+/// An argument as a shell reads it back.
+std::string for_shell(const std::string& argument) {
+  const auto plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("_-./=:,+", c) != nullptr;
+  };
+  if (!argument.empty() && std::all_of(argument.begin(), argument.end(), plain)) return argument;
+  std::string out = "'";
+  for (const char c : argument) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+}  // namespace
+
+Command predict_command() {
+  struct Options {
+    std::string program, job;
+    double step_mm = 0;
+    bool at_rest = false;
+  };
+  auto o = std::make_shared<Options>();
+  return {
+      "predict", "Deflection of the tool along a program", "polypod predict program.ngc --job job.toml",
+      [o](Arguments& a) {
+        a.positional("PROGRAM", o->program, "The G-code program");
+        a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+        a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
+        a.flag("--at-rest", o->at_rest, "Force at the commanded point, without the feedback of the bend on the cut");
+      },
+      [o](const Context& context) -> Result<int> {
+        if (o->step_mm < 0) return fail("AP120", fmt::format("--step {:g} must be above 0 mm", o->step_mm));
+        POLYPOD_ASSIGN(in, read_input(o->program, o->job));
+        machining::PredictOptions options;
+        options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
+        options.step = units::from_mm(o->step_mm);
+        options.progress = progress_line(context, "predicting");
+        POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
+        options.progress(1);
+        if (context.json) {
+          Json moves = Json::array();
+          for (const machining::MovePrediction& m : p.moves) {
+            moves.push_back({{"line", m.line},
+                             {"length_mm", to_mm(m.length)},
+                             {"points", m.points},
+                             {"deflection_um", {{"max", to_um(m.deflection.max)}, {"mean", to_um(m.deflection.mean)}}},
+                             {"normal_error_um", spread_json(m.normal, 1e6)},
+                             {"vertical_error_um", spread_json(m.vertical, 1e6)},
+                             {"distance_max_um", to_um(m.largest_distance)},
+                             {"mean_force_N", vector_json(m.mean_force)},
+                             {"depth_max_mm", to_mm(m.largest_depth)}});
+          }
+          print_json({{"origin_mm", vector_json(in.job.X_MW.p * 1e3)},
+                      {"machine", in.job.machine_name},
+                      {"model", o->at_rest ? "at rest" : "equilibrium"},
+                      {"points", p.deflection.count},
+                      {"deflection_um", {{"max", to_um(p.deflection.max)}, {"mean", to_um(p.deflection.mean)}}},
+                      {"normal_error_um", spread_json(p.normal, 1e6)},
+                      {"vertical_error_um", spread_json(p.vertical, 1e6)},
+                      {"removed_mm3", units::to_mm3(p.pass.removed)},
+                      {"moves", moves},
+                      {"notes", p.notes}});
+          return kDone;
+        }
+        const Vec3 origin = in.job.X_MW.p * 1e3;
+        fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", o->program, in.job.machine_name, origin.x(),
+                   origin.y(), origin.z());
+        fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
+                   units::to_mm3(p.pass.removed));
+        fmt::print("deflection     up to {:.1f} um, mean {:.1f} um\n", to_um(p.deflection.max),
+                   to_um(p.deflection.mean));
+        fmt::print("normal error   {}  (+ leaves material, - gouges)\n", spread_text(p.normal));
+        fmt::print("vertical error {}\n", spread_text(p.vertical));
+        if (!p.moves.empty()) fmt::print("\n  line   length    normal error um        force N\n");
+        constexpr std::size_t kMost = 40;
+        for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {
+          const machining::MovePrediction& m = p.moves[i];
+          fmt::print("  {:>4} {:>8.2f}   {:>7.1f} .. {:<7.1f} {:>7.1f}\n", m.line, to_mm(m.length), to_um(m.normal.min),
+                     to_um(m.normal.max), m.mean_force.norm());
+        }
+        if (p.moves.size() > kMost) fmt::print("  ... {} more, see --json\n", p.moves.size() - kMost);
+        for (const std::string& note : p.notes) fmt::print("note: {}\n", note);
+        return kDone;
+      }};
+}
+
+Command correct_command() {
+  struct Options {
+    std::string program, job, output, report, method = "tube";
+    int points = 10;
+    double tolerance_um = 0;
+  };
+  auto o = std::make_shared<Options>();
+  return {"correct", "Correct a program so that the bent tool stays in a tube round the programmed path",
+          "polypod correct program.ngc --job job.toml -o corrected.ngc --report report.html",
+          [o](Arguments& a) {
+            a.positional("PROGRAM", o->program, "The G-code program");
+            a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+            a.option("-o,--output", o->output, "The corrected program", true);
+            a.option("--report", o->report, "An HTML report of what will happen and why");
+            a.option("--tolerance", o->tolerance_um, "Radius of the tube, um (default: the job's)");
+            a.option("--method", o->method, "tube, or mirror: one step at --points points a move, for comparison");
+            a.option("--points", o->points, "Pieces a move for --method mirror");
+          },
+          [o](const Context& context) -> Result<int> {
+            machining::CorrectOptions options;
+            if (o->method == "mirror") {
+              options.method = machining::CorrectMethod::mirror;
+            } else if (o->method != "tube") {
+              return fail("AP121", fmt::format("--method {}: not tube or mirror", o->method));
+            }
+            if (o->points < 1 || o->points > 100000) return fail("AP122", "--points must be 1 to 100000");
+            options.mirror_points = o->points;
+            if (o->tolerance_um < 0) return fail("AP122", "--tolerance must be above 0 um");
+            POLYPOD_TRY(files::may_write(o->output));
+            if (!o->report.empty()) POLYPOD_TRY(files::may_write(o->report));
+            POLYPOD_ASSIGN(in, read_input(o->program, o->job));
+            if (o->tolerance_um > 0) in.job.tolerance = units::from_um(o->tolerance_um);
+            options.keep_samples = !o->report.empty();
+            const char* current = "";
+            std::function<bool(double)> line;
+            options.progress = [&](const char* what, double share) {
+              if (what != current) line = progress_line(context, what);
+              current = what;
+              return line(share);
+            };
+            POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
+            if (line) line(1);
+            const bool writes = c.within_tolerance || options.method == machining::CorrectMethod::mirror;
+            if (writes) POLYPOD_TRY(files::write_whole(o->output, c.text));
+            if (!o->report.empty()) {
+              pages::CorrectionPageOptions page;
+              page.version = POLYPOD_VERSION;
+              page.output = writes ? o->output : "";
+              page.method = options.method;
+              page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
+                                         for_shell(o->job), for_shell(o->output), for_shell(o->report));
+              if (o->tolerance_um > 0) page.command += fmt::format(" --tolerance {}", o->tolerance_um);
+              if (o->method == "mirror") page.command += fmt::format(" --method mirror --points {}", o->points);
+              POLYPOD_TRY(files::write_whole(o->report, pages::correction_page(in.job, in.program, c, page)));
+            }
+            if (context.json) {
+              Json moves = Json::array();
+              for (const machining::MoveOutcome& m : c.moves) {
+                moves.push_back({{"line", m.line},
+                                 {"rewritten", m.rewritten},
+                                 {"segments", m.pieces},
+                                 {"transitions", m.transitions},
+                                 {"length_mm", to_mm(m.length)},
+                                 {"before_um", spread_json(m.normal_before, 1e6)},
+                                 {"after_um", spread_json(m.normal_after, 1e6)},
+                                 {"distance_before_um", to_um(m.distance_before)},
+                                 {"distance_after_um", to_um(m.distance_after)}});
+              }
+              std::vector<std::string> notes = c.before.notes;
+              for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
+              print_json({{"origin_mm", vector_json(in.job.X_MW.p * 1e3)},
+                          {"machine", in.job.machine_name},
+                          {"method", o->method},
+                          {"before_um", spread_json(c.before.normal, 1e6)},
+                          {"after_um", spread_json(c.after.normal, 1e6)},
+                          {"distance_before_um", to_um(c.before.largest_distance)},
+                          {"distance_after_um", to_um(c.largest_distance)},
+                          {"lines_in", c.lines_in},
+                          {"lines_out", c.lines_out},
+                          {"moves_rewritten", c.rewritten_moves},
+                          {"segments", c.pieces},
+                          {"transitions", c.transitions},
+                          {"rounds", c.rounds},
+                          {"points_checked", c.after.pass.points},
+                          {"tolerance_um", to_um(c.tolerance)},
+                          {"within_tolerance", c.within_tolerance},
+                          {"reason", c.reason},
+                          {"moves", moves},
+                          {"notes", notes},
+                          {"report", o->report}});
+            } else {
+              fmt::print("normal error before  {}\n", spread_text(c.before.normal));
+              fmt::print("normal error after   {}\n", spread_text(c.after.normal));
+              fmt::print("largest distance from the programmed path {:.1f} um, after {:.1f} um (tube {:g} um)\n",
+                         to_um(c.before.largest_distance), to_um(c.largest_distance), to_um(c.tolerance));
+              fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
+                         c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
+              fmt::print("checked at {} points after reading the new program back\n", c.after.pass.points);
+              for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
+              for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
+              if (writes) fmt::print("wrote {}\n", o->output);
+              if (!o->report.empty()) fmt::print("report: {}\n", o->report);
+            }
+            if (!c.within_tolerance) {
+              fmt::print(stderr, "polypod: not within the tolerance: {}\n", c.reason);
+              return kAnswerIsNo;
+            }
+            return kDone;
+          }};
+}
+
+Command check_command() {
+  struct Options {
+    std::string program, machine, origin;
+    std::vector<std::string> sets;
+    double rapid = 6000;
+  };
+  auto o = std::make_shared<Options>();
+  return {"check", "Does a program fit a machine: reach, limits, branches, time",
+          "polypod check program.ngc --machine lola50 --origin 0,-1300,0",
+          [o](Arguments& a) {
+            a.positional("PROGRAM", o->program, "The G-code program");
+            a.option("--machine", o->machine, "A machine file or a name of `polypod machines`", true);
+            a.option("--set", o->sets, "key=value: override a parameter of the machine (repeatable)");
+            a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm", true);
+            a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(origin, numbers_of(o->origin, "--origin"));
+            if (origin.size() != 3) return fail("AP123", fmt::format("--origin {}: not three numbers", o->origin));
+            if (!(o->rapid > 0)) return fail("AP123", "--rapid must be above 0 mm/min");
+            POLYPOD_ASSIGN(program, gcode::read(o->program));
+            POLYPOD_ASSIGN(interpretation, gcode::interpret(program));
+            machining::CheckOptions options;
+            options.rapid_speed = units::from_mm_per_min(o->rapid);
+            options.progress = progress_line(context, "checking");
+            const Pose X_MW{Mat3::Identity(), units::from_mm(1) * Vec3(origin[0], origin[1], origin[2])};
+            POLYPOD_ASSIGN(result, machining::check(m, X_MW, program, interpretation, options));
+            options.progress(1);
+            Json problems = Json::array(), ranges = Json::array();
+            for (const machining::CheckProblem& p : result.problems) {
+              problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
+            }
+            for (std::size_t i = 0; i < result.joints.size(); ++i) {
+              const int joint = static_cast<int>(i);
+              const bool turns = kinematics::joint_kind(m, joint) == machine::JointKind::revolute;
+              const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+              const auto limits = kinematics::joint_range(m, joint);
+              ranges.push_back({{"joint", joint + 1},
+                                {"unit", turns ? "deg" : "mm"},
+                                {"min", user(result.joints[i].min)},
+                                {"max", user(result.joints[i].max)},
+                                {"limit_min", user(limits.min)},
+                                {"limit_max", user(limits.max)}});
+            }
+            if (context.json) {
+              print_json({{"ok", result.ok},
+                          {"problems", problems},
+                          {"time_s", result.time},
+                          {"length_mm", to_mm(result.length)},
+                          {"joint_ranges", ranges},
+                          {"notes", result.notes}});
+            } else {
+              fmt::print("{}\n", result.ok ? "the program fits the machine" : "the program does not fit the machine");
+              for (const machining::CheckProblem& p : result.problems) {
+                fmt::print("  {}:{}: {}: {}\n", o->program, p.line, p.kind, p.detail);
+              }
+              fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), way {:.1f} mm\n", result.time, o->rapid,
+                         to_mm(result.length));
+              for (const Json& r : ranges) {
+                fmt::print("  joint {:>2}  {:>9.3f} .. {:<9.3f} {} of {:.3f} .. {:.3f}\n", r["joint"].get<int>(),
+                           r["min"].get<double>(), r["max"].get<double>(), r["unit"].get<std::string>(),
+                           r["limit_min"].get<double>(), r["limit_max"].get<double>());
+              }
+              for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
+            }
+            return result.ok ? kDone : kAnswerIsNo;
+          }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,115 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The only source file that sees CLI11: it compiles slowly.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+
+#include "command.hpp"
+#include "interrupt.hpp"
+
+namespace polypod::app {
+namespace {
+
+class CliArguments : public Arguments {
+ public:
+  explicit CliArguments(CLI::App& app) : app_(app) {}
+  void positional(const char* name, std::string& value, const char* help, bool required) override {
+    app_.add_option(name, value, help)->required(required);
+  }
+  void positional(const char* name, std::vector<std::string>& values, const char* help) override {
+    app_.add_option(name, values, help)->required();
+  }
+  void option(const char* names, std::string& value, const char* help, bool required) override {
+    app_.add_option(names, value, help)->required(required);
+  }
+  void option(const char* names, double& value, const char* help, bool required) override {
+    app_.add_option(names, value, help)->required(required);
+  }
+  void option(const char* names, int& value, const char* help, bool required) override {
+    app_.add_option(names, value, help)->required(required);
+  }
+  void option(const char* names, std::vector<std::string>& values, const char* help, bool required) override {
+    app_.add_option(names, values, help)->required(required)->allow_extra_args(false);
+  }
+  void flag(const char* names, bool& value, const char* help) override { app_.add_flag(names, value, help); }
+
+ private:
+  CLI::App& app_;
+};
+
+/// "The answer is no" has its ids: out of reach, out of tolerance.
+int exit_status(const Error& error) {
+  return error.id.rfind("MC21", 0) == 0 || error.id.rfind("MC3", 0) == 0 ? kAnswerIsNo : kBadInput;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{
+      "Polypod: machines that cut and handle with arms and legs.\n"
+      "Lengths are mm, angles deg, forces N, deflections um, unless a name says otherwise.",
+      "polypod"};
+  app.set_version_flag("--version", POLYPOD_VERSION);
+  app.require_subcommand(1);
+  app.failure_message(CLI::FailureMessage::simple);
+  // `polypod identify compliance ...` is a command of two words: its first word is a command with commands of its own.
+  std::vector<Command> commands = all_commands();
+  std::map<std::string, CLI::App*> groups;
+  Context context;
+  context.progress = ::isatty(STDERR_FILENO) != 0;
+  std::function<Result<int>(const Context&)> chosen;
+  for (Command& command : commands) {
+    CLI::App* parent = &app;
+    std::string name = command.name;
+    if (const std::size_t space = name.find(' '); space != std::string::npos) {
+      const std::string group = name.substr(0, space);
+      name = name.substr(space + 1);
+      if (!groups.contains(group)) {
+        groups[group] = app.add_subcommand(group, "");
+        groups[group]->require_subcommand(1);
+      }
+      parent = groups[group];
+      const std::string before = parent->get_description();
+      parent->description(before.empty() ? command.summary : before + "; " + command.summary);
+    }
+    CLI::App* sub = parent->add_subcommand(name, command.summary);
+    CliArguments arguments(*sub);
+    command.declare(arguments);
+    sub->add_flag("--json", context.json, "Print one JSON document to stdout");
+    sub->footer("Example:\n  " + command.example);
+    sub->callback([&chosen, &command] { chosen = command.run; });
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", e.what());
+    return kBadInput;
+  }
+  const Result<int> status = chosen(context);
+  if (!status) {
+    fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
+    return exit_status(status.error());
+  }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    fmt::print(stderr, "polypod: cannot write to stdout\n");
+    return kBadInput;
+  }
+  return *status;
+}
+
+}  // namespace
+}  // namespace polypod::app
+
+int main(int argc, char** argv) {
+  try {
+    std::signal(SIGPIPE, SIG_IGN);
+    polypod::app::catch_interrupts();
+    return polypod::app::run(argc, argv);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "polypod: this is a bug: %s\n", e.what());
+    return polypod::app::kBug;
+  }
+}

@@ -1,0 +1,145 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "interrupt.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/workspace/shape.hpp"
+#include "workspace_options.hpp"
+
+namespace polypod::app {
+
+void WorkspaceOptions::declare(Arguments& a) {
+  a.option("--tilt", tilt_deg, "Reachable with every tilt up to this angle from z, deg");
+  a.option("--a-range", a_range, "lo,hi: reachable with every A of this range, deg");
+  a.option("--b-range", b_range, "lo,hi: reachable with every B of this range, deg");
+  a.option("--rel-tol", rel_tol, "Gap between the bounds as a share of the volume (default 0.01)");
+  a.flag("--interference", interference, "Legs may not touch each other");
+  a.option("--without", without,
+           "Switch limits off: length, base-joint, platform-joint, joint, base, or joint numbers");
+  a.option("--threads", threads, "How many threads (default: all; the result is the same)");
+}
+
+Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& m, const Context& context) const {
+  workspace::Options out;
+  out.directions.tilt = units::from_deg(tilt_deg);
+  for (const auto& [text, range, name] : {std::tuple{&a_range, &out.directions.a_range, "--a-range"},
+                                          std::tuple{&b_range, &out.directions.b_range, "--b-range"}}) {
+    if (text->empty()) continue;
+    POLYPOD_ASSIGN(values, numbers_of(*text, name));
+    if (values.size() != 2) return fail("AP110", fmt::format("{} {}: not two numbers lo,hi", name, *text));
+    *range = std::array<double, 2>{units::from_deg(values[0]), units::from_deg(values[1])};
+  }
+  if (threads < 0 || threads > 1024) return fail("AP111", fmt::format("--threads {}: must be 0 to 1024", threads));
+  out.relative_tolerance = rel_tol;
+  out.interference = interference;
+  out.threads = threads;
+  POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));
+  out.limits &= ~off;
+  out.cancelled = [] { return interrupted(); };
+  if (context.progress) {
+    out.progress = [](const workspace::Progress& p) {
+      fmt::print(stderr, "\rworkspace {:.0f} .. {:.0f} mm3, {} boxes\x1b[K", units::to_mm3(p.lower),
+                 units::to_mm3(p.upper), p.cells);
+      std::fflush(stderr);
+    };
+  }
+  return out;
+}
+
+Json volume_json(const workspace::Volume& v) {
+  const auto mm = [](const Vec3& p) {
+    return Json::array({units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z())});
+  };
+  return {{"volume_mm3", units::to_mm3(v.volume)},
+          {"volume_lower_mm3", units::to_mm3(v.lower)},
+          {"volume_upper_mm3", units::to_mm3(v.upper)},
+          {"bounds_mm", {{"min", mm(v.min)}, {"max", mm(v.max)}}},
+          {"points", v.points},
+          {"converged", v.converged},
+          {"empty", v.empty},
+          {"seconds", v.seconds}};
+}
+
+namespace {
+
+Result<int> contains(const machine::AnyMachine& m, const workspace::Options& options, const std::string& text,
+                     const Context& context) {
+  POLYPOD_ASSIGN(n, numbers_of(text, "--contains"));
+  if (n.size() != 6) return fail("AP112", fmt::format("--contains {}: not six numbers", text));
+  for (double& x : n) x = units::from_mm(x);
+  const Vec3 low(n[0], n[1], n[2]), high(n[3], n[4], n[5]);
+  if (!((high - low).minCoeff() > 0)) {
+    return fail("AP112", fmt::format("--contains {}: the first corner must lie below the second", text));
+  }
+  const workspace::Shape box{workspace::ShapeKind::box, 0.5 * (low + high), 0.5 * (high - low)};
+  POLYPOD_ASSIGN(held, workspace::certainly_holds(m, options, box));
+  if (context.json) {
+    print_json({{"certainly_inside", held}});
+  } else {
+    fmt::print("{}\n", held ? "certainly inside" : "not wholly inside, or not proven");
+  }
+  return held ? kDone : kAnswerIsNo;
+}
+
+}  // namespace
+
+Command workspace_command() {
+  struct Options {
+    std::string machine;
+    std::vector<std::string> sets;
+    WorkspaceOptions workspace;
+    std::string largest, contains;
+  };
+  auto o = std::make_shared<Options>();
+  return {"workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
+          "polypod workspace hexapod-strut --tilt 20",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            o->workspace.declare(a);
+            a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
+            a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(options, o->workspace.options(m, context));
+            if (!o->contains.empty()) return contains(m, options, o->contains, context);
+            POLYPOD_ASSIGN(v, workspace::volume(m, options));
+            Json document = volume_json(v);
+            workspace::Shape shape;
+            if (!o->largest.empty()) {
+              POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
+              POLYPOD_ASSIGN(found, workspace::largest_inside(m, options, kind));
+              shape = found;
+              document["largest"] = {{"shape", o->largest},
+                                     {"center_mm", vector_json(shape.center * 1e3)},
+                                     {"half_mm", vector_json(shape.half * 1e3)},
+                                     {"volume_mm3", units::to_mm3(shape.volume())}};
+            }
+            if (context.progress) fmt::print(stderr, "\r\x1b[K");
+            if (context.json) {
+              print_json(document);
+            } else if (v.empty) {
+              fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
+            } else {
+              fmt::print("volume   {:.0f} mm3, certainly between {:.0f} and {:.0f}\n", units::to_mm3(v.volume),
+                         units::to_mm3(v.lower), units::to_mm3(v.upper));
+              for (int k = 0; k < 3; ++k) {
+                fmt::print("{}        {:.2f} .. {:.2f} mm\n", "xyz"[k], units::to_mm(v.min[k]), units::to_mm(v.max[k]));
+              }
+              fmt::print("boxes    {}\nseconds  {:.2f}\n", v.points, v.seconds);
+              if (!o->largest.empty()) {
+                const Vec3 c = shape.center * 1e3, h = shape.half * 1e3;
+                fmt::print(
+                    "certainly inside: {} of {:.1f} x {:.1f} x {:.1f} mm about {:.1f}, {:.1f}, {:.1f} mm, {:.0f} mm3\n",
+                    o->largest, 2 * h.x(), 2 * h.y(), 2 * h.z(), c.x(), c.y(), c.z(), units::to_mm3(shape.volume()));
+              }
+            }
+            if (!v.converged) fmt::print(stderr, "polypod: the bounds did not come within the tolerance\n");
+            return v.converged ? kDone : kAnswerIsNo;
+          }};
+}
+
+}  // namespace polypod::app

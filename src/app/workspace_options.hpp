@@ -1,0 +1,24 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The options that `workspace` and `sweep` share.
+#pragma once
+
+#include "command.hpp"
+#include "polypod/workspace/volume.hpp"
+
+namespace polypod::app {
+
+struct WorkspaceOptions {
+  double tilt_deg = 0;
+  std::string a_range, b_range;
+  double rel_tol = 0.01;
+  bool interference = false;
+  std::string without;
+  int threads = 0;
+
+  void declare(Arguments& arguments);
+  [[nodiscard]] Result<workspace::Options> options(const machine::AnyMachine& m, const Context& context) const;
+};
+
+Json volume_json(const workspace::Volume& v);
+
+}  // namespace polypod::app

@@ -1,0 +1,61 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cutting/cutter.hpp"
+
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+
+namespace polypod::cutting {
+namespace {
+
+constexpr int kMaxTeeth = 100;
+constexpr config::Range kHelixRange{0, 90, false, true};
+constexpr config::Range kExponentRange{0, 1, true, false};
+
+}  // namespace
+
+Result<Cutter> cutter_from(const config::Table& table) {
+  POLYPOD_ASSIGN(name, table.optional_text("name", ""));
+  POLYPOD_ASSIGN(diameter, table.number("diameter_mm", config::kPositive));
+  POLYPOD_ASSIGN(teeth, table.integer("teeth", 1, kMaxTeeth));
+  POLYPOD_ASSIGN(helix, table.number("helix_deg", kHelixRange));
+  POLYPOD_ASSIGN(length, table.number("length_mm", config::kPositive));
+  POLYPOD_TRY(table.finish());
+  return Cutter{std::move(name), units::from_mm(diameter), teeth, units::from_deg(helix), units::from_mm(length)};
+}
+
+Result<Material> material_from(const config::Table& table) {
+  Material material;
+  POLYPOD_ASSIGN(name, table.optional_text("name", ""));
+  POLYPOD_ASSIGN(exponent, table.optional_number("exponent", 1, kExponentRange));
+  POLYPOD_ASSIGN(ktc, table.number("Ktc_N_per_mm2", config::kNotNegative));
+  POLYPOD_ASSIGN(krc, table.number("Krc_N_per_mm2", config::kNotNegative));
+  POLYPOD_ASSIGN(kac, table.number("Kac_N_per_mm2"));
+  POLYPOD_ASSIGN(kte, table.number("Kte_N_per_mm", config::kNotNegative));
+  POLYPOD_ASSIGN(kre, table.number("Kre_N_per_mm", config::kNotNegative));
+  POLYPOD_ASSIGN(kae, table.number("Kae_N_per_mm"));
+  POLYPOD_TRY(table.finish());
+  // K h^x dz: N/mm^(1+x) to N/m^(1+x), which is N/mm^2 to N/m^2 for x = 1.
+  const double chip_unit = exponent == 1 ? 1 / units::kMetrePerMm : std::pow(1 / units::kMetrePerMm, exponent);
+  material.name = std::move(name);
+  material.exponent = exponent;
+  material.ktc = units::from_N_per_mm(ktc) * chip_unit;
+  material.krc = units::from_N_per_mm(krc) * chip_unit;
+  material.kac = units::from_N_per_mm(kac) * chip_unit;
+  material.kte = units::from_N_per_mm(kte);
+  material.kre = units::from_N_per_mm(kre);
+  material.kae = units::from_N_per_mm(kae);
+  return material;
+}
+
+Result<Cutter> read_cutter(const std::string& path) {
+  POLYPOD_ASSIGN(table, config::read_file(path));
+  return cutter_from(table);
+}
+
+Result<Material> read_material(const std::string& path) {
+  POLYPOD_ASSIGN(table, config::read_file(path));
+  return material_from(table);
+}
+
+}  // namespace polypod::cutting

@@ -1,0 +1,539 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cutting/stock.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numbers>
+
+#include "history.hpp"
+#include "integrals.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::cutting {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
+
+// Four floats that the processor handles at once; a cell's layers are two of them.
+typedef float Quad __attribute__((vector_size(16)));
+static_assert(Stock::kLayers == 8);
+
+Quad load(const float* p) {
+  Quad q;
+  std::memcpy(&q, p, sizeof q);
+  return q;
+}
+void store(float* p, Quad q) {
+  std::memcpy(p, &q, sizeof q);
+}
+Quad all(float x) {
+  return Quad{x, x, x, x};
+}
+Quad smaller(Quad a, Quad b) {
+  return a < b ? a : b;
+}
+Quad larger(Quad a, Quad b) {
+  return a > b ? a : b;
+}
+float sum(Quad q) {
+  return (q[0] + q[1]) + (q[2] + q[3]);
+}
+
+// kLayer[k] = k, to compare with a number of layers.
+constexpr Quad kLayerLow{0, 1, 2, 3}, kLayerHigh{4, 5, 6, 7};
+
+struct Span {
+  double lo = kInfinity;
+  double hi = -kInfinity;
+  [[nodiscard]] bool empty() const { return !(lo <= hi); }
+  void join(double a, double b) {
+    lo = std::min(lo, a);
+    hi = std::max(hi, b);
+  }
+  void meet(double a, double b) {
+    lo = std::max(lo, a);
+    hi = std::min(hi, b);
+  }
+};
+
+// The points with f . (x, y) >= s, cut row by row.
+class HalfPlane {
+ public:
+  explicit HalfPlane(const Eigen::Vector2d& f) : fx_(f.x()), fy_(f.y()), inverse_(fx_ != 0 ? 1 / fx_ : 0) {}
+  void meet(Span& span, double y, double s) const {
+    const double rest = s - fy_ * y;
+    if (fx_ > 0) {
+      span.lo = std::max(span.lo, rest * inverse_);
+    } else if (fx_ < 0) {
+      span.hi = std::min(span.hi, rest * inverse_);
+    } else if (rest > 0) {
+      span.hi = -kInfinity;
+    }
+  }
+
+ private:
+  double fx_, fy_, inverse_;
+};
+
+// The smallest index whose centre is not left of `x`, and the largest whose centre is not right of it; x counts in
+// cells from the first centre.
+int first_index(double x) {
+  if (!(x > 0)) return 0;
+  if (x > std::numeric_limits<int>::max() - 1) return std::numeric_limits<int>::max() - 1;
+  const int i = static_cast<int>(x);
+  return i + (i < x ? 1 : 0);
+}
+int last_index(double x, int count) {
+  if (!(x >= 0)) return -1;
+  return x >= count - 1 ? count - 1 : static_cast<int>(x);
+}
+
+// How many layers of a cell a disc cuts, by the square of the distance of the cell's centre from the disc's axis. The
+// share of the cell that the disc covers is taken as
+//   1/2 + (R^2 - d^2) / (2 R cell), kept within 0 .. 1:
+// it is 1/2 on the edge and falls from 1 to 0 within one cell across it, without a square root. Layer k is cut where
+// the share is above (k + 1/2) / kLayers, or a little less: kBias keeps cells of paths along the grid, whose shares are
+// round numbers, away from the threshold, where rounding would decide.
+class Cover {
+ public:
+  static constexpr int kLayers = Stock::kLayers;
+  static constexpr double kBias = 0.0137;
+
+  Cover(double radius, double cell)
+      : at_axis_(kLayers * (0.5 + 0.5 * radius / cell) + 0.5 + kBias),
+        fall_(kLayers * 0.5 / (radius * cell)),
+        outer2_(radius * (radius + cell)),
+        inner2_(radius * (radius - cell)) {}
+
+  [[nodiscard]] int layers(double d2, double slack = 0) const {
+    const double v = at_axis_ - fall_ * d2 + slack;
+    return static_cast<int>(std::min(std::max(v, 0.0), static_cast<double>(kLayers)));
+  }
+  /// The square of the distance within which layer k is cut (negative if never).
+  [[nodiscard]] double reach2(int k) const { return (at_axis_ - (k + 1)) / fall_; }
+  [[nodiscard]] double outer2() const { return outer2_; }  ///< beyond, no layer is cut
+  [[nodiscard]] double inner2() const { return inner2_; }  ///< within, all are (negative if never)
+
+ private:
+  double at_axis_, fall_, outer2_, inner2_;
+};
+
+}  // namespace
+
+float Stock::empty() {
+  return -std::numeric_limits<float>::infinity();
+}
+
+Result<Stock> Stock::block(const Vec3& min, const Vec3& max, double cell, std::size_t max_cells) {
+  const Vec3 size = max - min;
+  if (!min.allFinite() || !max.allFinite() || !(size.minCoeff() > 0) || !(cell > 0) || !std::isfinite(cell)) {
+    return fail("CT110",
+                fmt::format("the stock from ({:g}, {:g}, {:g}) to ({:g}, {:g}, {:g}) mm with cells of {:g} mm "
+                            "holds nothing",
+                            units::to_mm(min.x()), units::to_mm(min.y()), units::to_mm(min.z()), units::to_mm(max.x()),
+                            units::to_mm(max.y()), units::to_mm(max.z()), units::to_mm(cell)),
+                {}, "each size and the cell must be above 0");
+  }
+  const double columns = std::max(1.0, std::round(size.x() / cell)), rows = std::max(1.0, std::round(size.y() / cell));
+  if (columns * rows > static_cast<double>(max_cells) || columns > 1e9 || rows > 1e9) {
+    return fail(
+        "CT111",
+        fmt::format("a stock of {:g} mm by {:g} mm in cells of {:g} mm has {:.3g} cells; {} are allowed",
+                    units::to_mm(size.x()), units::to_mm(size.y()), units::to_mm(cell), columns * rows, max_cells),
+        {}, "make the stock smaller or the cells larger (0.025 of the cutter's diameter at most)");
+  }
+  Stock stock;
+  stock.cell_ = cell;
+  stock.columns_ = static_cast<int>(columns);
+  stock.rows_ = static_cast<int>(rows);
+  stock.x_min_ = 0.5 * (min.x() + max.x() - columns * cell);
+  stock.y_min_ = 0.5 * (min.y() + max.y() - rows * cell);
+  stock.bottom_ = min.z();
+  stock.top_ = static_cast<float>(max.z());
+  stock.layers_.assign(static_cast<std::size_t>(stock.columns_) * stock.rows_ * kLayers, stock.top_);
+  return stock;
+}
+
+Result<Stock> Stock::from_layers(double x_min, double y_min, double cell, int columns, int rows, double bottom,
+                                 double top, std::vector<float> layers) {
+  const auto bad = [](std::string what) { return fail("CT123", "the stock is damaged: " + std::move(what)); };
+  if (!std::isfinite(x_min) || !std::isfinite(y_min) || !std::isfinite(cell) || !(cell > 0) || columns < 1 ||
+      rows < 1) {
+    return bad("its grid is not finite");
+  }
+  if (!std::isfinite(bottom) || !std::isfinite(top) || !(bottom < top) || !std::isfinite(static_cast<float>(top))) {
+    return bad(fmt::format("its bottom is {:g} mm and its top {:g} mm", units::to_mm(bottom), units::to_mm(top)));
+  }
+  if (layers.size() != static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) * kLayers) {
+    return bad(fmt::format("{} heights for {} by {} cells of {} layers", layers.size(), columns, rows, kLayers));
+  }
+  const float highest = static_cast<float>(top);
+  for (const float h : layers) {
+    if (!(h <= highest) || (std::isinf(h) && h != empty())) return bad(fmt::format("a height of {:g} m", h));
+  }
+  Stock stock;
+  stock.cell_ = cell;
+  stock.columns_ = columns;
+  stock.rows_ = rows;
+  stock.x_min_ = x_min;
+  stock.y_min_ = y_min;
+  stock.bottom_ = bottom;
+  stock.top_ = highest;
+  stock.layers_ = std::move(layers);
+  return stock;
+}
+
+float Stock::height(int column, int row) const {
+  const float* layers = cell_layers(column, row);
+  double sum = 0;
+  bool any = false;
+  for (int k = 0; k < kLayers; ++k) {
+    any = any || layers[k] > bottom_;
+    sum += std::max<double>(layers[k], bottom_);
+  }
+  return any ? static_cast<float>(sum / kLayers) : empty();
+}
+
+void Stock::set_height(int column, int row, float h) {
+  std::fill_n(layers_.begin() + index(column, row), kLayers, h);
+  if (h > top_) top_ = h;
+}
+
+void Stock::keep_share(int column, int row, double share) {
+  const auto first = layers_.begin() + index(column, row);
+  const int kept = static_cast<int>(std::lround(std::clamp(share, 0.0, 1.0) * kLayers));
+  std::fill_n(first, kLayers - kept, empty());
+}
+
+double Stock::volume() const {
+  double sum = 0;
+  for (int j = 0; j < rows_; ++j) {
+    double row = 0;
+    const float* layers = cell_layers(0, j);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(columns_) * kLayers; ++i)
+      row += std::max(0.0, layers[i] - bottom_);
+    sum += row;
+  }
+  return sum * cell_ * cell_ / kLayers;
+}
+
+double Stock::cut_disc(const Vec3& tip, double radius) {
+  return sweep(tip, tip, radius, false);
+}
+
+double Stock::cut_line(const Vec3& a, const Vec3& b, double radius, bool a_done) {
+  if (b.z() == a.z()) return sweep(a, b, radius, a_done);
+  // The part above the material takes nothing, and the part below the bottom takes all there is: cut the way there.
+  double removed = 0;
+  const double rise = b.z() - a.z();
+  double t[4] = {0, std::clamp((bottom_ - a.z()) / rise, 0.0, 1.0), std::clamp((top_ - a.z()) / rise, 0.0, 1.0), 1};
+  std::sort(t, t + 4);
+  for (int i = 0; i < 3; ++i) {
+    if (!(t[i + 1] > t[i])) continue;
+    Vec3 from = a + t[i] * (b - a), to = t[i + 1] == 1 ? b : Vec3(a + t[i + 1] * (b - a));
+    from.z() = std::max(from.z(), bottom_);
+    to.z() = std::max(to.z(), bottom_);
+    removed += sweep(from, to, radius, a_done && t[i] == 0 && rise > 0);
+  }
+  return removed;
+}
+
+double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done) {
+  if (!a.allFinite() || !b.allFinite() || !(radius > 0) || columns_ == 0) return 0;
+  if (std::min(a.z(), b.z()) >= top_) return 0;
+  Eigen::Vector2d f = (b - a).head<2>();
+  const double length = f.norm();
+  f = length > 0 ? Eigen::Vector2d(f / length) : Eigen::Vector2d(1, 0);
+  const bool sloped = a.z() != b.z() && length > 0;
+  const double slope = sloped ? (b.z() - a.z()) / length : 0;
+
+  // A level at the bottom leaves nothing: the cell is kept as empty, and what is removed ends at the bottom.
+  const double bottom = bottom_, at_bottom = bottom + 1e-12;
+  const auto kept_as = [at_bottom](double level) { return level <= at_bottom ? empty() : static_cast<float>(level); };
+  const double level = std::max(bottom, std::min(a.z(), b.z()));  // of a level way, or of the lower end
+  const float level_kept = kept_as(level), level_float = static_cast<float>(level);
+
+  const Cover cover(radius, cell_);
+  double reach2[kLayers];
+  for (int k = 0; k < kLayers; ++k) reach2[k] = cover.reach2(k);
+  const double outer = std::sqrt(cover.outer2());
+  const double bx = f.x() * length, by = f.y() * length;
+  // Cell centres in the frame of a.
+  const double x0 = x_min_ + 0.5 * cell_ - a.x(), y0 = y_min_ + 0.5 * cell_ - a.y();
+  const int j0 = first_index((std::min(0.0, by) - outer - y0) / cell_);
+  const int j1 = last_index((std::max(0.0, by) + outer - y0) / cell_, rows_);
+  double removed = 0;
+
+  Quad removed_in_row{};
+  const auto cut_quad = [&removed_in_row](float* h, Quad cut, Quad level_here, Quad kept_here) {
+    // A layer that is not cut has its level out of reach.
+    const Quad height = load(h), never = all(kFloatInfinity);
+    removed_in_row += larger(height - (cut != 0 ? level_here : never), all(0));
+    store(h, smaller(height, cut != 0 ? kept_here : never));
+  };
+  const auto cut_level = [&](float* h, int layers, float to, float kept) {
+    const Quad count = all(static_cast<float>(layers));
+    cut_quad(h, kLayerLow < count ? all(1) : all(0), all(to), all(kept));
+    cut_quad(h + 4, kLayerHigh < count ? all(1) : all(0), all(to), all(kept));
+  };
+  const double inverse_cell = 1 / cell_;
+  const double low_x = slope < 0 ? bx : 0, low_y = slope < 0 ? by : 0;  // the lower end of a sloped way
+  const auto cut_row = [&](int j, double y, double lo, double hi) {
+    const int i0 = first_index((lo - x0) * inverse_cell), i1 = last_index((hi - x0) * inverse_cell, columns_);
+    float* row = layers_.data() + index(0, j);
+    removed_in_row = Quad{};
+    for (int i = i0; i <= i1; ++i) {
+      const double x = x0 + i * cell_;
+      float* h = row + static_cast<std::size_t>(i) * kLayers;
+      const double s = f.x() * x + f.y() * y, n = f.x() * y - f.y() * x;
+      if (!sloped) {
+        const double beyond = s - std::min(std::max(s, 0.0), length);
+        cut_level(h, cover.layers(beyond * beyond + n * n), level_float, level_kept);
+        continue;
+      }
+      if ((x - low_x) * (x - low_x) + (y - low_y) * (y - low_y) <= cover.inner2()) {
+        cut_level(h, kLayers, level_float, level_kept);
+        continue;
+      }
+      // Layer k is cut while the axis is within sqrt(reach2 - n^2) of the foot of the cell: the lower end counts.
+      const double beyond = s - std::min(std::max(s, 0.0), length);
+      const int layers = cover.layers(beyond * beyond + n * n);
+      for (int k = 0; k < layers; ++k) {
+        const double t = std::copysign(std::sqrt(std::max(0.0, reach2[k] - n * n)), -slope);
+        const double z = a.z() + slope * std::clamp(s + t, 0.0, length);
+        removed += std::max(0.0, h[k] - z);
+        h[k] = std::min(h[k], kept_as(z));
+      }
+    }
+    removed += sum(removed_in_row);
+  };
+  const HalfPlane after_a(f), before_b(-f), right_of_left({-f.y(), f.x()}), left_of_right({f.y(), -f.x()});
+
+  for (int j = j0; j <= j1; ++j) {
+    const double y = y0 + j * cell_;
+    Span span;
+    if (const double w2 = cover.outer2() - y * y; w2 > 0) {
+      const double w = std::sqrt(w2);
+      span.join(-w, w);
+    }
+    if (length > 0) {
+      if (const double w2 = cover.outer2() - (y - by) * (y - by); w2 > 0) {
+        const double w = std::sqrt(w2);
+        span.join(bx - w, bx + w);
+      }
+      Span middle{-kInfinity, kInfinity};  // the rectangle between the discs
+      after_a.meet(middle, y, 0);
+      before_b.meet(middle, y, -length);
+      right_of_left.meet(middle, y, -outer);
+      left_of_right.meet(middle, y, -outer);
+      if (!middle.empty()) span.join(middle.lo, middle.hi);
+    }
+    if (a_done) after_a.meet(span, y, 0);
+    if (span.empty()) continue;
+    const double hole2 = a_done ? cover.inner2() - y * y : -1;
+    if (hole2 > 0) {
+      const double w = std::sqrt(hole2);
+      if (span.lo < -w) cut_row(j, y, span.lo, std::min(span.hi, -w));
+      if (span.hi > w) cut_row(j, y, std::max(span.lo, w), span.hi);
+    } else {
+      cut_row(j, y, span.lo, span.hi);
+    }
+  }
+  return removed * cell_ * cell_ / kLayers;
+}
+
+void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
+                EngagementProfile& profile) {
+  constexpr int kBins = EngagementProfile::kBins;
+  profile.max_depth = 0;
+  profile.any = false;
+  std::fill(profile.depth, profile.depth + kBins, 0.0f);
+  const double cell = stock.cell(), z = std::max(tip.z(), stock.bottom());
+  if (!tip.allFinite() || !(radius > 0) || !(stock.top() > z) || !(ahead > 0) || !(feed.squaredNorm() > 0.5)) return;
+
+  // Heights are kept as floats: what differs by their rounding is no material. Likewise a layer counts as met only if
+  // it is met by more than rounding, so that what was cut on the same way is never met again.
+  constexpr double kNothing = 1e-9;
+  constexpr double kFloatRounding = 4 * std::numeric_limits<float>::epsilon();
+  constexpr double kSlack = 1e-6;  // layers
+  const double nothing = kNothing + kFloatRounding * std::max(std::abs(stock.top()), std::abs(z));
+
+  const Cover cover(radius, cell);
+  const double outer = std::sqrt(cover.outer2());
+  const Eigen::Vector2d& f = feed;
+  const double ax = f.x() * ahead, ay = f.y() * ahead;
+  const double x0 = stock.x_min() + 0.5 * cell - tip.x(), y0 = stock.y_min() + 0.5 * cell - tip.y();
+  const int columns = stock.columns(), rows = stock.rows();
+  // Indices of cells, also beyond the grid, where there is nothing; the disc is known to reach the grid.
+  if (ax + outer < x0 - cell || ax - outer > x0 + columns * cell || ay + outer < y0 - cell ||
+      ay - outer > y0 + rows * cell) {
+    return;
+  }
+  const auto first = [](double v) { return static_cast<int>(std::ceil(v)); };
+  const auto last = [](double v) { return static_cast<int>(std::floor(v)); };
+
+  // What one cell adds to strip j is its share times the part of its width in the strip, G_j(v1) - G_j(v0) with
+  // G_j(v) = clamp(v - j, 0, 1) and v counted in strips from the left. A term G_j(v) is 1 for j < floor(v) and a
+  // fraction at floor(v): kept as `whole` (summed from the right at the end) and `part`. Each holds what is taken and
+  // what is offered, the number of layers that the step would cut.
+  typedef double Pair __attribute__((vector_size(16)));
+  Pair whole[kBins + 1]{}, part[kBins + 1]{};
+  const double per_width = kBins / (2 * radius), half_width = 0.5 * cell * per_width;
+  const auto add = [&](double v, Pair amount) {
+    v = std::min(std::max(v, 0.0), static_cast<double>(kBins));
+    const int i = static_cast<int>(v);
+    whole[i] += amount;
+    part[i] += amount * (v - i);
+  };
+
+  const Quad tip_z = all(static_cast<float>(z)), least = all(static_cast<float>(nothing));
+  Quad deepest{};
+  const double inverse_cell = 1 / cell;
+  const auto look_row = [&](int j, double y, double lo, double hi) {
+    const int i0 = first((lo - x0) * inverse_cell), i1 = last((hi - x0) * inverse_cell);
+    const bool row_in = j >= 0 && j < rows;
+    for (int i = i0; i <= i1; ++i) {
+      const double x = x0 + i * cell;
+      // The tip itself is taken to have cut already; only what the step adds counts.
+      const int now = cover.layers(x * x + y * y, kSlack);
+      const int then = cover.layers((x - ax) * (x - ax) + (y - ay) * (y - ay), -kSlack);
+      if (then <= now) continue;
+      double amount = 0;
+      if (row_in && i >= 0 && i < columns) {
+        const float* h = stock.cell_layers(i, j);
+        const Quad from = all(static_cast<float>(now)), to = all(static_cast<float>(then)), zero{};
+        Quad low = load(h) - tip_z, high = load(h + 4) - tip_z;
+        low = low > least ? low : zero;
+        high = high > least ? high : zero;
+        low = kLayerLow < from ? zero : (kLayerLow < to ? low : zero);
+        high = kLayerHigh < from ? zero : (kLayerHigh < to ? high : zero);
+        deepest = larger(deepest, larger(low, high));
+        amount = sum(low + high);
+      }
+      const Pair both{amount, static_cast<double>(then - now)};
+      const double v = (radius - (f.x() * y - f.y() * x)) * per_width;  // u is to the left of the tip
+      add(v + half_width, both);
+      add(v - half_width, -both);
+    }
+  };
+  const HalfPlane ahead_of_tip(f);
+  const int j1 = last((ay + outer - y0) / cell);
+  for (int j = first((ay - outer - y0) / cell); j <= j1; ++j) {
+    const double y = y0 + j * cell;
+    const double w2 = cover.outer2() - (y - ay) * (y - ay);
+    if (!(w2 > 0)) continue;
+    const double w = std::sqrt(w2);
+    Span span{ax - w, ax + w};
+    ahead_of_tip.meet(span, y, 0.5 * ahead);  // only there the step covers more than the tip does
+    if (span.empty()) continue;
+    const double hole2 = cover.inner2() - y * y;
+    if (hole2 > 0) {
+      const double h = std::sqrt(hole2);
+      if (span.lo < -h) look_row(j, y, span.lo, std::min(span.hi, -h));
+      if (span.hi > h) look_row(j, y, std::max(span.lo, h), span.hi);
+    } else {
+      look_row(j, y, span.lo, span.hi);
+    }
+  }
+  const double max_depth = std::max({deepest[0], deepest[1], deepest[2], deepest[3]});
+  if (!(max_depth > 0)) return;
+  profile.any = true;
+  profile.max_depth = max_depth;
+
+  constexpr double kCovered = 1e-6;  // offered weight below which no cell speaks for a strip; one layer counts 1
+  bool covered[kBins];
+  Pair to_the_right = whole[kBins];
+  bool all_covered = true;
+  for (int j = kBins - 1; j >= 0; --j) {
+    const Pair here = to_the_right + part[j];
+    covered[j] = here[1] > kCovered;
+    all_covered = all_covered && covered[j];
+    const double depth = covered[j] ? here[0] / here[1] : 0;
+    profile.depth[j] = depth > nothing ? static_cast<float>(std::min(depth, max_depth)) : 0.0f;
+    to_the_right += whole[j];
+  }
+  if (all_covered) return;
+  const int reach = static_cast<int>(std::ceil(2 * half_width));  // one cell, in strips
+  for (int j = 0; j < kBins; ++j) {
+    if (covered[j]) continue;
+    for (int step = 1; step <= reach; ++step) {
+      if (j - step >= 0 && covered[j - step]) {
+        profile.depth[j] = profile.depth[j - step];
+        break;
+      }
+      if (j + step < kBins && covered[j + step]) {
+        profile.depth[j] = profile.depth[j + step];
+        break;
+      }
+    }
+  }
+}
+
+std::vector<DiscEngagement> by_disc(const EngagementProfile& profile, double dz) {
+  std::vector<DiscEngagement> discs;
+  if (!profile.any || !(profile.max_depth > 0) || !(dz > 0)) return discs;
+  constexpr int kBins = EngagementProfile::kBins;
+  constexpr int kMaxDiscs = 100'000;
+  const int count = static_cast<int>(std::clamp(std::round(profile.max_depth / dz), 1.0, double{kMaxDiscs}));  // (5.12)
+  const double thickness = profile.max_depth / count;
+  discs.resize(count);
+  const auto angle = [](int strip) { return std::acos(1 - 2.0 * strip / kBins); };
+  for (int k = 0; k < count; ++k) {
+    discs[k].z = (k + 0.5) * thickness;
+    for (int j = 0; j < kBins; ++j) {
+      if (!(profile.depth[j] >= discs[k].z)) continue;
+      const int first = j;
+      while (j < kBins && profile.depth[j] >= discs[k].z) ++j;
+      discs[k].spans.push_back({angle(first), angle(j), thickness});
+    }
+  }
+  return discs;
+}
+
+ForceHistory force_history(const Cutter& cutter, const Material& material, const std::vector<DiscEngagement>& discs,
+                           double feed_per_tooth, int steps) {
+  ForceHistory history = start_history(steps);
+  for (const DiscEngagement& disc : discs) {
+    for (const Engagement& span : disc.spans) {
+      add_disc(cutter, material, span.entry, span.exit, disc.z, span.depth, feed_per_tooth, history);
+    }
+  }
+  finish_history(history);
+  return history;
+}
+
+ProfileForce::ProfileForce(const Cutter& cutter, const Material& material) : exponent_(material.exponent) {
+  constexpr int kBins = EngagementProfile::kBins;
+  edge_.resize(kBins);
+  cut_.resize(kBins);
+  const double per_turn = cutter.teeth / (2 * std::numbers::pi);
+  for (int j = 0; j < kBins; ++j) {
+    const SpanIntegral span =
+        integrate_span(material, std::acos(1 - 2.0 * j / kBins), std::acos(1 - 2.0 * (j + 1) / kBins));
+    edge_[j] = per_turn * span.edge;
+    cut_[j] = per_turn * span.cut;
+  }
+}
+
+Vec3 ProfileForce::mean_force(const EngagementProfile& profile, double feed_per_tooth, Spindle spindle) const {
+  constexpr int kBins = EngagementProfile::kBins;
+  if (!profile.any) return Vec3::Zero();
+  const double chip = exponent_ == 1 ? feed_per_tooth : std::pow(std::max(0.0, feed_per_tooth), exponent_);
+  Vec3 edge = Vec3::Zero(), cut = Vec3::Zero();
+  const bool mirrored = spindle == Spindle::counterclockwise;
+  for (int j = 0; j < kBins; ++j) {
+    const double depth = profile.depth[mirrored ? kBins - 1 - j : j];
+    edge += depth * edge_[j];
+    cut += depth * cut_[j];
+  }
+  Vec3 force = edge + chip * cut;
+  if (mirrored) force.y() = -force.y();
+  return force;
+}
+
+}  // namespace polypod::cutting

@@ -1,0 +1,360 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/gcode/program.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include "polypod/core/files.hpp"
+
+namespace polypod::gcode {
+namespace {
+
+bool is_blank(char c) {
+  return c == ' ' || c == '\t';
+}
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+char upper(char c) {
+  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+}
+bool is_letter(char c) {
+  const char u = upper(c);
+  return u >= 'A' && u <= 'Z';
+}
+
+/// How an error message shows a character.
+std::string show(char c) {
+  const auto byte = static_cast<unsigned char>(c);
+  if (byte > 0x20 && byte < 0x7f) return fmt::format("'{}'", c);
+  return fmt::format("the byte 0x{:02x}", byte);
+}
+
+/// A number inside a line; blanks are skipped.
+struct Number {
+  double value = 0;
+  std::size_t end = 0;      ///< just after its last character
+  std::size_t problem = 0;  ///< where it goes wrong
+  enum class Outcome { good, missing, malformed, too_large } outcome = Outcome::missing;
+};
+
+Number read_number(std::string_view text, std::size_t at) {
+  Number number;
+  std::array<char, 400> digits{};
+  std::size_t count = 0;
+  bool point = false;
+  bool any_digit = false;
+  std::size_t i = at;
+  const auto next = [&] {
+    while (i < text.size() && is_blank(text[i])) ++i;
+    return i < text.size();
+  };
+  number.problem = at;
+  if (next() && (text[i] == '+' || text[i] == '-')) {
+    if (text[i] == '-') digits[count++] = '-';
+    number.end = ++i;
+    number.outcome = Number::Outcome::malformed;
+  }
+  while (next()) {
+    const char c = text[i];
+    number.problem = i;
+    if (c == '.') {
+      if (point) {
+        number.outcome = Number::Outcome::malformed;
+        return number;
+      }
+      point = true;
+    } else if (is_digit(c)) {
+      any_digit = true;
+    } else {
+      break;
+    }
+    if (count < digits.size()) digits[count++] = c;
+    number.end = ++i;
+  }
+  if (!any_digit) {
+    if (point) number.outcome = Number::Outcome::malformed;
+    return number;
+  }
+  if (i < text.size() && (text[i] == '+' || text[i] == '-')) {
+    number.problem = i;
+    number.outcome = Number::Outcome::malformed;
+    return number;
+  }
+  const auto [rest, code] = std::from_chars(digits.data(), digits.data() + count, number.value);
+  const bool whole = rest == digits.data() + count && count < digits.size();
+  if (code != std::errc() || !whole || !std::isfinite(number.value)) {
+    number.problem = at;
+    number.outcome = Number::Outcome::too_large;
+    return number;
+  }
+  number.outcome = Number::Outcome::good;
+  return number;
+}
+
+/// The keywords that make an O number flow control.
+constexpr std::array<std::string_view, 14> kKeywords{"SUB",      "ENDSUB",   "CALL",   "DO",    "WHILE",
+                                                     "ENDWHILE", "IF",       "ELSEIF", "ELSE",  "ENDIF",
+                                                     "BREAK",    "CONTINUE", "RETURN", "REPEAT"};
+
+bool starts_with_keyword(std::string_view text, std::size_t at) {
+  std::array<char, 12> letters{};
+  std::size_t count = 0;
+  for (std::size_t i = at; i < text.size() && count < letters.size(); ++i) {
+    if (is_blank(text[i])) continue;
+    if (!is_letter(text[i])) break;
+    letters[count++] = upper(text[i]);
+  }
+  const std::string_view name(letters.data(), count);
+  return name.starts_with("ENDREPEAT") ||
+         std::ranges::any_of(kKeywords, [&](std::string_view word) { return name.starts_with(word); });
+}
+
+/// Whether a value other than a number begins at `at`: `#5`, `-#5`, `[1 + 2]`, `sin[30]`.
+Construct construct_at(std::string_view text, std::size_t at) {
+  const auto skip_blanks = [&] {
+    while (at < text.size() && is_blank(text[at])) ++at;
+  };
+  while (at < text.size() && (is_blank(text[at]) || text[at] == '+' || text[at] == '-')) ++at;
+  if (at >= text.size()) return Construct::none;
+  if (text[at] == '#') return Construct::parameter;
+  std::size_t letters = 0;
+  for (; at < text.size() && is_letter(text[at]); ++letters) {
+    ++at;
+    skip_blanks();
+  }
+  // A function has at least two letters; a single one is a word of its own.
+  return at < text.size() && text[at] == '[' && letters != 1 ? Construct::expression : Construct::none;
+}
+
+class Reader {
+ public:
+  Reader(std::string_view text, const std::string& path) : text_(text) { program_.path = path; }
+
+  Result<Program> run() {
+    program_.blocks.reserve(static_cast<std::size_t>(std::ranges::count(text_, '\n')) + 1);
+    std::size_t at = 0;
+    int line = 0;
+    while (at < text_.size()) {
+      std::size_t newline = text_.find('\n', at);
+      const std::size_t next = newline == std::string_view::npos ? text_.size() : newline + 1;
+      std::size_t end = newline == std::string_view::npos ? text_.size() : newline;
+      while (end > at && text_[end - 1] == '\r') --end;
+      Block block;
+      block.text = text_.substr(at, end - at);
+      block.ending = text_.substr(end, next - end);
+      block.line = ++line;
+      block.after_end = ended_;
+      if (!ended_) POLYPOD_TRY(read_block(block));
+      program_.blocks.push_back(std::move(block));
+      at = next;
+    }
+    return std::move(program_);
+  }
+
+ private:
+  [[nodiscard]] tl::unexpected<Error> error(const Block& block, std::size_t at, std::string id, std::string message,
+                                            std::string hint) const {
+    return fail(std::move(id), std::move(message), Place{program_.path, block.line, static_cast<int>(at) + 1},
+                std::move(hint));
+  }
+
+  Status read_block(Block& block) {
+    const std::string& text = block.text;
+    std::array<Word, 64> words;
+    std::size_t count = 0;
+    bool first = true;  // nothing but blanks and comments so far
+    bool checksum = false;
+    for (std::size_t i = 0; i < text.size();) {
+      const char c = text[i];
+      if (is_blank(c)) {
+        ++i;
+        continue;
+      }
+      if (c == '(' || c == ';') {
+        POLYPOD_ASSIGN(end, skip_comment(block, i));
+        i = end;
+        continue;
+      }
+      if (checksum) {
+        return error(block, i, "GC107", fmt::format("{} after a checksum; a checksum ends its block", show(c)),
+                     "remove what follows the number after '*', or the checksum");
+      }
+      if (c == '%') {
+        POLYPOD_TRY(read_percent(block, i, first));
+        first = false;
+        ++i;
+        continue;
+      }
+      if (block.percent) {
+        return error(block, i, "GC105", fmt::format("{} on a line with '%'; '%' stands alone on its line", show(c)),
+                     "move it to a line of its own");
+      }
+      if (c == '/') {
+        if (!first) {
+          return error(block, i, "GC106", "'/' within a block; block delete stands at the start of its line",
+                       "move '/' to the start of the line, or remove it");
+        }
+        block.optional = true;
+        first = false;
+        ++i;
+        continue;
+      }
+      if (c == '#' || c == '[') {
+        block.construct = c == '#' ? Construct::parameter : Construct::expression;
+        block.construct_column = static_cast<int>(i) + 1;
+        break;
+      }
+      if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
+        return error(block, i, "GC100", fmt::format("{} does not belong into a block", show(c)),
+                     c == '\r'                          ? "end lines with LF or CR LF"
+                     : text.starts_with("\xef\xbb\xbf") ? "save the file without a byte order mark"
+                                                        : "remove it, or put it into a comment");
+      }
+      first = false;
+      const char letter = upper(c);
+      std::size_t after = i + 1;
+      while (after < text.size() && is_blank(text[after])) ++after;
+      if (const Construct value = construct_at(text, after); value != Construct::none) {
+        block.construct = value;
+        block.construct_column = static_cast<int>(after) + 1;
+        break;
+      }
+      if (letter == 'O' && after < text.size() && text[after] == '<') {
+        block.construct = Construct::o_word;
+        block.construct_column = static_cast<int>(i) + 1;
+        break;
+      }
+      const Number number = read_number(text, i + 1);
+      switch (number.outcome) {
+        case Number::Outcome::good:
+          break;
+        case Number::Outcome::missing:
+          return error(block, i, "GC101", fmt::format("{} without a number", letter),
+                       "is the file complete? every letter outside comments needs a number");
+        case Number::Outcome::malformed:
+          return error(block, number.problem, "GC102", fmt::format("{} with a malformed number", letter),
+                       "write [+-] digits, with at most one point and no exponent");
+        case Number::Outcome::too_large:
+          return error(block, i, "GC102", fmt::format("{} with a number that is too large", letter),
+                       "the number does not fit a double");
+      }
+      if (letter == '*') {
+        if (number.value < 0 || number.value > 255 || number.value != std::floor(number.value)) {
+          return error(block, i, "GC107",
+                       fmt::format("checksum {}; a checksum is an integer from 0 to 255", number.value),
+                       "remove or renew the checksum");
+        }
+        checksum = true;
+      }
+      if (count == words.size()) {
+        return error(block, i, "GC108", fmt::format("more than {} words in one block", words.size()),
+                     "split the block");
+      }
+      words[count++] = Word{letter, number.value, static_cast<int>(i) + 1, static_cast<int>(number.end - i)};
+      i = number.end;
+      if (letter == 'O' && starts_with_keyword(text, i)) {
+        block.construct = Construct::o_word;
+        block.construct_column = words[count - 1].column;
+        break;
+      }
+    }
+    block.words.assign(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(count));
+    if (count > 0 || block.construct != Construct::none) content_ = true;
+    if (!block.optional && block.construct == Construct::none) {
+      ended_ = ended_ || std::ranges::any_of(block.words, [](const Word& word) {
+                 return word.letter == 'M' && (word.value == 2 || word.value == 30);
+               });
+    }
+    return {};
+  }
+
+  Status read_percent(Block& block, std::size_t at, bool first) {
+    if (!first || block.percent) {
+      return error(block, at, "GC105", "'%' within a block; '%' stands alone on its line", "move it to its own line");
+    }
+    if (!opened_ && content_) {
+      return error(block, at, "GC105", "'%' in a program that did not begin with '%'",
+                   "begin the program with a '%' line, or remove this one");
+    }
+    block.percent = true;
+    if (opened_) ended_ = true;
+    opened_ = true;
+    return {};
+  }
+
+  /// The position after the comment that begins at `at`.
+  Result<std::size_t> skip_comment(const Block& block, std::size_t at) const {
+    const std::string& text = block.text;
+    // A lone CR would hide the rest of the line from a reader who sees two lines.
+    const std::size_t cr = text.find('\r', at);
+    const std::size_t close = text[at] == ';' ? text.size() : text.find(')', at);
+    if (cr != std::string::npos && (close == std::string::npos || cr < close)) {
+      return error(block, cr, "GC100", "the byte 0x0d within a line", "end lines with LF or CR LF");
+    }
+    if (text[at] == ';') return text.size();
+    const std::size_t nested = text.find('(', at + 1);
+    if (close == std::string::npos) {
+      return error(block, at, "GC103", "a comment that is not closed on its line", "add ')'");
+    }
+    if (nested != std::string::npos && nested < close) {
+      return error(block, nested, "GC103", "'(' within a comment; comments do not nest", "use other brackets inside");
+    }
+    return close + 1;
+  }
+
+  std::string_view text_;
+  Program program_;
+  bool opened_ = false;   // a `%` was seen
+  bool content_ = false;  // a block with words was seen
+  bool ended_ = false;    // closing `%`, M2 or M30
+};
+
+}  // namespace
+
+Result<Program> parse(std::string_view text, const std::string& path) {
+  return Reader(text, path).run();
+}
+
+Result<Program> read(const std::string& path) {
+  POLYPOD_ASSIGN(text, files::read(path));
+  return parse(text, path);
+}
+
+std::string to_text(const Program& program) {
+  std::size_t size = 0;
+  for (const Block& block : program.blocks) size += block.text.size() + block.ending.size();
+  std::string text;
+  text.reserve(size);
+  for (const Block& block : program.blocks) {
+    text += block.text;
+    text += block.ending;
+  }
+  return text;
+}
+
+std::vector<std::string_view> comments(const Block& block) {
+  std::vector<std::string_view> found;
+  const std::string_view text = block.text;
+  for (std::size_t i = 0; i < text.size();) {
+    if (text[i] == ';') {
+      found.push_back(text.substr(i));
+      break;
+    }
+    if (text[i] != '(') {
+      ++i;
+      continue;
+    }
+    const std::size_t close = text.find(')', i);
+    const std::size_t end = close == std::string_view::npos ? text.size() : close + 1;
+    found.push_back(text.substr(i, end - i));
+    i = end;
+  }
+  return found;
+}
+
+}  // namespace polypod::gcode

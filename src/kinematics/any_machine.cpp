@@ -1,0 +1,122 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/kinematics/any_machine.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/kinematics/slider_hexapod.hpp"
+#include "polypod/kinematics/strut_hexapod.hpp"
+
+namespace polypod::kinematics {
+
+int joint_count(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return joint_count(m); }, machine);
+}
+JointKind joint_kind(const AnyMachine& machine, int joint) {
+  return std::visit([&](const auto& m) { return joint_kind(m, joint); }, machine);
+}
+machine::JointRange joint_range(const AnyMachine& machine, int joint) {
+  return std::visit([&](const auto& m) { return joint_range(m, joint); }, machine);
+}
+Task task(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return task(m); }, machine);
+}
+int degrees_of_freedom(const AnyMachine& machine) {
+  return std::min(joint_count(machine), coordinate_count(task(machine)));
+}
+std::vector<Parameter> parameters(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return parameters(m); }, machine);
+}
+std::string limit_name(const AnyMachine& machine, int limit) {
+  return std::visit([&](const auto& m) { return limit_name(m, limit); }, machine);
+}
+std::vector<std::string> limit_names(const AnyMachine& machine, LimitBits bits) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 64; ++i)
+    if ((bits >> i & 1) != 0) names.push_back(limit_name(machine, i));
+  return names;
+}
+
+ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
+  return std::visit(
+      [&](const auto& m) {
+        ForwardResult out;
+        if constexpr (requires { six_legs(m, q); }) {
+          // A parallel machine may have further assembly modes, or none that is real.
+          const NewtonResult mode = newton_on_legs(six_legs(m, q), forward(m, q));
+          out.complete = false;
+          if (mode.converged) {
+            out.poses.push_back(mode.X_MT);
+            out.residuals.push_back(mode.residual);
+          }
+          return out;
+        }
+        out.poses.push_back(forward(m, q));
+        const std::vector<double> p = nominal_parameters(m);
+        const ClosureVector F =
+            closure(m, out.poses.back(), std::span<const double>(q.data(), q.size()), std::span<const double>(p));
+        out.residuals.push_back(F.cwiseAbs().maxCoeff());
+        return out;
+      },
+      machine);
+}
+
+InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
+  return std::visit([&](const auto& m) { return inverse(m, X_MT); }, machine);
+}
+
+JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  return std::visit([&](const auto& m) { return jacobian(m, X_MT, q); }, machine);
+}
+
+Pose pose_of(Task task, const std::vector<double>& c) {
+  const auto at = [&](std::size_t i) { return i < c.size() ? c[i] : 0.0; };
+  Pose X;
+  X.p = Vec3(at(0), at(1), at(2));
+  if (task != Task::point) X.R = rotation_abc(at(3), at(4), task == Task::pose ? at(5) : 0.0);
+  return X;
+}
+
+std::vector<double> coordinates_of(Task task, const Pose& X) {
+  std::vector<double> c{X.p.x(), X.p.y(), X.p.z()};
+  if (task == Task::pose) {
+    const Vec3 abc = angles_abc(X.R);
+    c.insert(c.end(), {abc.x(), abc.y(), abc.z()});
+  } else if (task == Task::axis) {
+    const Eigen::Vector2d ab = angles_ab(X.R.col(2));
+    c.insert(c.end(), {ab.x(), ab.y()});
+  }
+  return c;
+}
+
+Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J) {
+  return J.topRows(coordinate_count(task));
+}
+
+Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
+  Dexterity out;
+  const JacobianMatrix J = jacobian(machine, X_MT, q);
+  Eigen::MatrixXd S = task_jacobian(task(machine), J);
+  if (S.rows() == S.cols()) out.determinant = S.determinant();
+  if (length <= 0) {
+    // Distance of a joint's axis from the tip: |v| / |w| of its column. Prismatic joints have none.
+    int turning = 0;
+    for (int i = 0; i < J.cols(); ++i) {
+      const double w = J.col(i).tail<3>().norm();
+      if (w < 1e-12) continue;
+      length += J.col(i).head<3>().norm() / w;
+      ++turning;
+    }
+    length = turning > 0 && length > 0 ? length / turning : 1.0;
+  }
+  out.characteristic_length = length;
+  if (S.rows() > 3) S.bottomRows(S.rows() - 3) *= length;
+  const Eigen::VectorXd sigma = Eigen::JacobiSVD<Eigen::MatrixXd>(S).singularValues();
+  out.sigma_min = S.rows() > S.cols() ? 0.0 : sigma.tail<1>()[0];
+  out.condition = out.sigma_min > 0 ? sigma[0] / out.sigma_min : std::numeric_limits<double>::infinity();
+  return out;
+}
+
+}  // namespace polypod::kinematics

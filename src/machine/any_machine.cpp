@@ -1,0 +1,180 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machine/any_machine.hpp"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+
+#include "machine_file.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::machine {
+
+Status read_common(const config::Table& table, std::string& name, std::string& description, Provenance& provenance) {
+  POLYPOD_ASSIGN(family, table.text("family"));
+  POLYPOD_ASSIGN(n, table.optional_text("name", family));
+  POLYPOD_ASSIGN(d, table.optional_text("description", ""));
+  POLYPOD_ASSIGN(sources, table.optional_table("provenance"));
+  name = n;
+  description = d;
+  if (!sources) return {};
+  for (const std::string& key : sources->keys()) {
+    POLYPOD_ASSIGN(text, sources->text(key));
+    provenance[key] = text;
+  }
+  return sources->finish();
+}
+
+Result<Pose> read_frame(const config::Table& table, const std::string& key) {
+  POLYPOD_ASSIGN(frame, table.optional_table(key));
+  if (!frame) return Pose{};
+  POLYPOD_ASSIGN(x, frame->optional_number("x_mm", 0));
+  POLYPOD_ASSIGN(y, frame->optional_number("y_mm", 0));
+  POLYPOD_ASSIGN(z, frame->optional_number("z_mm", 0));
+  POLYPOD_ASSIGN(a, frame->optional_number("a_deg", 0));
+  POLYPOD_ASSIGN(b, frame->optional_number("b_deg", 0));
+  POLYPOD_ASSIGN(c, frame->optional_number("c_deg", 0));
+  POLYPOD_TRY(frame->finish());
+  return Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)),
+              {units::from_mm(x), units::from_mm(y), units::from_mm(z)}};
+}
+
+std::string number_toml(double value) {
+  const std::string rounded = fmt::format("{:.12g}", value);
+  const std::string text =
+      std::abs(std::stod(rounded) - value) <= 1e-12 * std::abs(value) ? rounded : fmt::format("{}", value);
+  return text == "-0" ? "0" : text;
+}
+
+std::string quoted_toml(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      out += fmt::format("\\u{:04X}", static_cast<unsigned char>(c));
+    } else {
+      out += c;
+    }
+  }
+  return out + '"';
+}
+
+std::string common_toml(const std::string& name, const std::string& family, const std::string& description) {
+  std::string out = fmt::format("name = {}\nfamily = \"{}\"\n", quoted_toml(name), family);
+  if (!description.empty()) out += fmt::format("description = {}\n", quoted_toml(description));
+  return out;
+}
+
+std::string frame_toml(const std::string& key, const Pose& X) {
+  const Vec3 abc = angles_abc(X.R);
+  if (X.p.isZero(0) && abc.norm() < 1e-15) return "";
+  return fmt::format("{} = {{ x_mm = {}, y_mm = {}, z_mm = {}, a_deg = {}, b_deg = {}, c_deg = {} }}\n", key,
+                     number_toml(units::to_mm(X.p.x())), number_toml(units::to_mm(X.p.y())),
+                     number_toml(units::to_mm(X.p.z())), number_toml(units::to_deg(abc.x())),
+                     number_toml(units::to_deg(abc.y())), number_toml(units::to_deg(abc.z())));
+}
+
+std::string provenance_toml(const Provenance& provenance) {
+  if (provenance.empty()) return "";
+  std::string out = "\n[provenance]\n";
+  for (const auto& [key, text] : provenance) out += fmt::format("{} = {}\n", quoted_toml(key), quoted_toml(text));
+  return out;
+}
+
+namespace {
+
+/// Replaces the value at a dotted path of a table; the path must exist in the file or be one that the reader knows,
+/// which its own finish() checks.
+Status apply(config::Table& table, const Override& override_) {
+  const auto number = [&]() -> Result<double> {
+    double value = 0;
+    const char* begin = override_.value.data();
+    const char* end = begin + override_.value.size();
+    if (begin != end && *begin == '+') ++begin;
+    const auto [rest, code] = std::from_chars(begin, end, value);
+    if (code != std::errc{} || rest != end || !std::isfinite(value)) {
+      return fail("MA103", fmt::format("{}={}: the value is not a finite number", override_.key, override_.value),
+                  Place{"--set", 0, 0}, "write --set key=number");
+    }
+    return value;
+  };
+  POLYPOD_ASSIGN(value, number());
+  if (!table.replace(override_.key, value)) {
+    return fail("MA102", fmt::format("unknown parameter {}", override_.key), Place{"--set", 0, 0},
+                "`polypod info MACHINE` lists the parameters");
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name,
+                             const std::vector<Override>& overrides) {
+  POLYPOD_ASSIGN(table, config::parse(toml, file_name));
+  for (const Override& override_ : overrides) POLYPOD_TRY(apply(table, override_));
+  POLYPOD_ASSIGN(family, table.text("family"));
+  if (family == SerialArm::kFamily) {
+    POLYPOD_ASSIGN(arm, serial_arm_from(table));
+    return AnyMachine(std::move(arm));
+  }
+  if (family == StrutHexapod::kFamily) {
+    POLYPOD_ASSIGN(m, strut_hexapod_from(table));
+    return AnyMachine(std::move(m));
+  }
+  if (family == SliderHexapod::kFamily) {
+    POLYPOD_ASSIGN(m, slider_hexapod_from(table));
+    return AnyMachine(std::move(m));
+  }
+  return fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
+              "known: serial, strut-hexapod, slider-hexapod");
+}
+
+Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides) {
+  std::error_code ec;
+  if (!std::filesystem::exists(name_or_path, ec)) {
+    std::string names;
+    for (const CatalogueEntry& entry : catalogue()) {
+      if (entry.name == name_or_path) return from_text(entry.toml, name_or_path + ".toml", overrides);
+      names += (names.empty() ? "" : ", ") + std::string(entry.name);
+    }
+    return fail("MA100", fmt::format("no machine file or catalogue machine \"{}\"", name_or_path), {},
+                "the catalogue has " + names);
+  }
+  POLYPOD_ASSIGN(text, files::read(name_or_path));
+  return from_text(text, name_or_path, overrides);
+}
+
+std::vector<Parameter> settings(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        if constexpr (requires { settings(m); }) {
+          return settings(m);
+        } else {
+          return std::vector<Parameter>{};
+        }
+      },
+      machine);
+}
+
+std::string to_toml(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return to_toml(m); }, machine);
+}
+std::string name_of(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return m.name; }, machine);
+}
+std::string family_of(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return std::string(m.kFamily); }, machine);
+}
+const Provenance& provenance_of(const AnyMachine& machine) {
+  return std::visit([](const auto& m) -> const Provenance& { return m.provenance; }, machine);
+}
+std::string description_of(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return m.description; }, machine);
+}
+
+}  // namespace polypod::machine

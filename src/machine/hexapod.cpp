@@ -1,0 +1,192 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machine/hexapod.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "hexapod_file.hpp"
+#include "machine_file.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::machine {
+namespace {
+
+constexpr double kThird = 2 * std::numbers::pi / 3;
+// Joints closer than this share of the platform's size are one joint: far above rounding, far below any workshop.
+constexpr double kSameShare = 1e-9;
+
+Vec3 on_circle(double radius, double angle) {
+  return {radius * std::cos(angle), radius * std::sin(angle), 0};
+}
+
+/// The size of a set of points and whether they span a plane (three of them not on a line).
+struct Span {
+  double size = 0;
+  bool plane = false;
+};
+Span span_of(const SixPoints& points) {
+  Span out;
+  for (const Vec3& a : points)
+    for (const Vec3& b : points) out.size = std::max(out.size, (a - b).norm());
+  for (const Vec3& a : points)
+    for (const Vec3& b : points)
+      for (const Vec3& c : points)
+        if ((b - a).cross(c - a).norm() > kSameShare * out.size * out.size) out.plane = true;
+  return out;
+}
+
+}  // namespace
+
+SixPoints base_pairs(const PairedCircle& circle) {
+  SixPoints out;
+  for (int i = 1; i <= kLegs; ++i) {
+    out[i - 1] = on_circle(circle.radius, kThird * (i / 2) + circle.pair_angle * (i % 2 - 0.5));
+  }
+  return out;
+}
+
+SixPoints platform_pairs(const PairedCircle& circle) {
+  SixPoints out;
+  for (int i = 1; i <= kLegs; ++i) {
+    out[i - 1] = on_circle(circle.radius, kThird / 2 + kThird * ((i - 1) / 2) - circle.pair_angle * (i % 2 - 0.5));
+  }
+  return out;
+}
+
+std::array<Vec3, 4> pyramid_normals(const Vec3& s, const JointLimit& limit) {
+  Vec3 tangential = Vec3::UnitZ().cross(s);
+  tangential = tangential.norm() > 1e-9 ? Vec3(tangential.normalized()) : Vec3::UnitY();
+  const Vec3 across = s.cross(tangential).normalized();
+  const Vec3 u = std::cos(limit.angle) * tangential, v = std::cos(limit.angle_across) * across;
+  const Vec3 su = std::sin(limit.angle) * s, sv = std::sin(limit.angle_across) * s;
+  return {su + u, su - u, sv + v, sv - v};
+}
+
+Result<SixPoints> read_six(const config::Table& table, const std::string& key) {
+  POLYPOD_ASSIGN(rows, table.points(key, 3));
+  if (rows.size() != kLegs) {
+    return fail("MA120", fmt::format("{}.{} has {} points, but a hexapod has six", table.name(), key, rows.size()),
+                table.place_of(key));
+  }
+  SixPoints out;
+  for (int i = 0; i < kLegs; ++i) {
+    const auto& row = rows[static_cast<std::size_t>(i)];
+    out[i] = Vec3(units::from_mm(row[0]), units::from_mm(row[1]), units::from_mm(row[2]));
+  }
+  return out;
+}
+
+std::string six_toml(const SixPoints& points) {
+  std::string out = "[";
+  for (int i = 0; i < kLegs; ++i) {
+    out += fmt::format("{}[{}, {}, {}]", i == 0 ? "" : ", ", number_toml(units::to_mm(points[i].x())),
+                       number_toml(units::to_mm(points[i].y())), number_toml(units::to_mm(points[i].z())));
+  }
+  return out + "]";
+}
+
+Result<JointsOfFile> read_joints(const config::Table& table, const std::string& key, bool base) {
+  POLYPOD_ASSIGN(part, table.table(key));
+  JointsOfFile out;
+  if (part.has("joints_mm")) {
+    POLYPOD_ASSIGN(points, read_six(part, "joints_mm"));
+    out.points = points;
+  } else {
+    POLYPOD_ASSIGN(radius, part.number("radius_mm", config::kPositive));
+    POLYPOD_ASSIGN(angle, part.number("pair_angle_deg", {0, 120}));
+    out.circle = PairedCircle{units::from_mm(radius), units::from_deg(angle)};
+    out.points = base ? base_pairs(*out.circle) : platform_pairs(*out.circle);
+  }
+  POLYPOD_TRY(part.finish());
+  return out;
+}
+
+std::string joints_toml(const std::string& key, const SixPoints& points, const std::optional<PairedCircle>& circle) {
+  if (!circle) return fmt::format("{} = {{ joints_mm = {} }}\n", key, six_toml(points));
+  return fmt::format("{} = {{ radius_mm = {}, pair_angle_deg = {} }}\n", key, number_toml(units::to_mm(circle->radius)),
+                     number_toml(units::to_deg(circle->pair_angle)));
+}
+
+Result<JointLimit> read_joint_limit(const config::Table& table) {
+  JointLimit out;
+  POLYPOD_ASSIGN(part, table.optional_table("joint"));
+  if (!part) return out;
+  POLYPOD_ASSIGN(kind, part->optional_text("limit", part->has("pyramid_deg") ? "pyramid" : "cone"));
+  if (kind == "cone" || kind == "elevation") {
+    out.kind = kind == "cone" ? JointLimitKind::cone : JointLimitKind::elevation;
+    POLYPOD_ASSIGN(angle, part->number("cone_deg", {0, 180, true, true}));
+    out.angle = units::from_deg(angle);
+  } else if (kind == "pyramid") {
+    out.kind = JointLimitKind::pyramid;
+    POLYPOD_ASSIGN(angles, part->numbers("pyramid_deg", 2, {0, 90, true, true}));
+    out.angle = units::from_deg(angles[0]);
+    out.angle_across = units::from_deg(angles[1]);
+  } else if (kind != "none") {
+    return fail("MA122",
+                fmt::format("joint.limit = \"{}\" must be \"cone\", \"elevation\", \"pyramid\" or \"none\"", kind),
+                part->place_of("limit"));
+  }
+  POLYPOD_TRY(part->finish());
+  return out;
+}
+
+std::string joint_limit_toml(const JointLimit& limit) {
+  switch (limit.kind) {
+    case JointLimitKind::none:
+      return "";
+    case JointLimitKind::pyramid:
+      return fmt::format("joint = {{ limit = \"pyramid\", pyramid_deg = [{}, {}] }}\n",
+                         number_toml(units::to_deg(limit.angle)), number_toml(units::to_deg(limit.angle_across)));
+    case JointLimitKind::cone:
+    case JointLimitKind::elevation:
+      break;
+  }
+  return fmt::format("joint = {{ limit = \"{}\", cone_deg = {} }}\n",
+                     limit.kind == JointLimitKind::cone ? "cone" : "elevation",
+                     number_toml(units::to_deg(limit.angle)));
+}
+
+void push_circle(std::vector<Parameter>& out, const std::string& key, const std::optional<PairedCircle>& circle) {
+  if (!circle) return;
+  out.push_back({key + ".radius", circle->radius, "mm"});
+  out.push_back({key + ".pair_angle", circle->pair_angle, "deg"});
+}
+
+void push_joint_limit(std::vector<Parameter>& out, const JointLimit& limit) {
+  if (limit.kind == JointLimitKind::cone || limit.kind == JointLimitKind::elevation) {
+    out.push_back({"joint.cone", limit.angle, "deg"});
+  } else if (limit.kind == JointLimitKind::pyramid) {
+    out.push_back({"joint.pyramid[1]", limit.angle, "deg"});
+    out.push_back({"joint.pyramid[2]", limit.angle_across, "deg"});
+  }
+}
+
+Result<double> read_tool_length(const config::Table& table) {
+  POLYPOD_ASSIGN(part, table.optional_table("tool"));
+  if (!part) return 0.0;
+  POLYPOD_ASSIGN(length, part->optional_number("length_mm", 0));
+  POLYPOD_TRY(part->finish());
+  return units::from_mm(length);
+}
+
+Status check_legs(const config::Table& table, const SixPoints& base, const SixPoints& platform) {
+  const Span at_base = span_of(base), at_platform = span_of(platform);
+  for (const auto& [span, end] : {std::pair{at_base, "base"}, std::pair{at_platform, "platform"}}) {
+    if (span.plane) continue;
+    return fail("MA121", fmt::format("the joints of the {} lie in one point or on one line", end), table.place(),
+                "a platform on such joints turns freely about them; give at least three that span a triangle");
+  }
+  for (int i = 0; i < kLegs; ++i) {
+    for (int j = i + 1; j < kLegs; ++j) {
+      if ((base[i] - base[j]).norm() > kSameShare * at_base.size) continue;
+      if ((platform[i] - platform[j]).norm() > kSameShare * at_platform.size) continue;
+      return fail("MA121", fmt::format("legs {} and {} coincide at both ends", i + 1, j + 1), table.place(),
+                  "two legs may share a joint (a double joint), but not both of theirs");
+    }
+  }
+  return {};
+}
+
+}  // namespace polypod::machine

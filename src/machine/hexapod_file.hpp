@@ -1,0 +1,39 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The parts of a machine file that both families of hexapods have.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/core/config.hpp"
+#include "polypod/machine/hexapod.hpp"
+
+namespace polypod::machine {
+
+/// `key = { radius_mm, pair_angle_deg }` or `key = { joints_mm = [[x, y, z], ...] }`.
+struct JointsOfFile {
+  SixPoints points{};
+  std::optional<PairedCircle> circle;
+};
+Result<JointsOfFile> read_joints(const config::Table& table, const std::string& key, bool base);
+std::string joints_toml(const std::string& key, const SixPoints& points, const std::optional<PairedCircle>& circle);
+
+/// Six points, `key = [[x, y, z], ...]` in mm.
+Result<SixPoints> read_six(const config::Table& table, const std::string& key);
+std::string six_toml(const SixPoints& points);
+
+/// `joint = { limit = "cone" | "elevation" | "pyramid" | "none", cone_deg, pyramid_deg = [u, v] }`.
+Result<JointLimit> read_joint_limit(const config::Table& table);
+std::string joint_limit_toml(const JointLimit& limit);
+
+/// The settings of a circle and of a joint limit.
+void push_circle(std::vector<Parameter>& out, const std::string& key, const std::optional<PairedCircle>& circle);
+void push_joint_limit(std::vector<Parameter>& out, const JointLimit& limit);
+
+/// `tool = { length_mm }`.
+Result<double> read_tool_length(const config::Table& table);
+
+/// MA121 if the points of one end span no plane or two legs are one and the same.
+Status check_legs(const config::Table& table, const SixPoints& base, const SixPoints& platform);
+
+}  // namespace polypod::machine

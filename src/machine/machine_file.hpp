@@ -1,0 +1,26 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the machine files of all families have in common.
+#pragma once
+
+#include <string>
+
+#include "polypod/core/config.hpp"
+#include "polypod/machine/common.hpp"
+
+namespace polypod::machine {
+
+/// Reads `name`, `description`, `family` (already checked) and the table `provenance`.
+Status read_common(const config::Table& table, std::string& name, std::string& description, Provenance& provenance);
+
+/// A frame `{x_mm, y_mm, z_mm, a_deg, b_deg, c_deg}` with R = R_z(C) R_y(B) R_x(A); missing numbers are 0.
+Result<Pose> read_frame(const config::Table& table, const std::string& key);
+
+std::string common_toml(const std::string& name, const std::string& family, const std::string& description);
+std::string frame_toml(const std::string& key, const Pose& X);
+std::string provenance_toml(const Provenance& provenance);
+/// The shortest decimal text that reads back to the same double, after dropping noise below 1e-12 of the value that the
+/// conversion of units leaves.
+std::string number_toml(double value);
+std::string quoted_toml(const std::string& text);
+
+}  // namespace polypod::machine

@@ -1,0 +1,142 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machine/strut_hexapod.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "hexapod_file.hpp"
+#include "machine_file.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::machine {
+namespace {
+
+double mean_length(const StrutHexapod& m, double height) {
+  double sum = 0;
+  for (int i = 0; i < kLegs; ++i) {
+    sum += (m.platform_joint[i] + Vec3(0, 0, height) - m.base_joint[i]).norm();
+  }
+  return sum / kLegs;
+}
+
+/// The height over the base at which the mean length of the struts is `wanted`: the mean is a convex function of the
+/// height, so it is bisected above its lowest point.
+std::optional<double> height_of_mean_length(const StrutHexapod& m, double wanted) {
+  double low = 0, high = 0;
+  for (int i = 0; i < kLegs; ++i) {
+    low += (m.base_joint[i].z() - m.platform_joint[i].z()) / kLegs;  // close to the lowest mean
+    high = std::max(high, m.base_joint[i].z() - m.platform_joint[i].z() + wanted);
+  }
+  if (!(mean_length(m, low) < wanted)) return std::nullopt;
+  while (mean_length(m, high) < wanted) high += wanted;
+  for (int k = 0; k < 200 && high - low > 0; ++k) {
+    const double middle = 0.5 * (low + high);
+    if (middle <= low || middle >= high) break;
+    (mean_length(m, middle) < wanted ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+}  // namespace
+
+Result<StrutHexapod> strut_hexapod_from(const config::Table& table) {
+  StrutHexapod m;
+  POLYPOD_TRY(read_common(table, m.name, m.description, m.provenance));
+  POLYPOD_ASSIGN(base, read_joints(table, "base", true));
+  POLYPOD_ASSIGN(platform, read_joints(table, "platform", false));
+  m.base_joint = base.points;
+  m.base_circle = base.circle;
+  m.platform_joint = platform.points;
+  m.platform_circle = platform.circle;
+  POLYPOD_TRY(check_legs(table, m.base_joint, m.platform_joint));
+
+  POLYPOD_ASSIGN(leg, table.table("leg"));
+  POLYPOD_ASSIGN(length_min, leg.number("length_min_mm", config::kNotNegative));
+  POLYPOD_ASSIGN(length_max, leg.number("length_max_mm", config::kPositive));
+  POLYPOD_ASSIGN(diameter, leg.optional_number("diameter_mm", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(compliance, leg.optional_number("compliance_um_per_N", 0, config::kNotNegative));
+  POLYPOD_TRY(leg.finish());
+  if (length_min > length_max) {
+    return fail("MA123", fmt::format("leg: length_min_mm = {:g} is above length_max_mm = {:g}", length_min, length_max),
+                leg.place_of("length_min_mm"));
+  }
+  m.length_min = units::from_mm(length_min);
+  m.length_max = units::from_mm(length_max);
+  m.leg_diameter = units::from_mm(diameter);
+  m.compliance = units::from_um(compliance);
+  POLYPOD_ASSIGN(tool_length, read_tool_length(table));
+  m.tool_length = tool_length;
+  POLYPOD_ASSIGN(joint, read_joint_limit(table));
+  m.joint = joint;
+
+  POLYPOD_ASSIGN(home, table.optional_table("home"));
+  if (home && home->has("height_mm")) {
+    POLYPOD_ASSIGN(height, home->number("height_mm"));
+    m.home.height_given = units::from_mm(height);
+  }
+  if (home) POLYPOD_TRY(home->finish());
+  POLYPOD_TRY(table.finish());
+
+  if (m.home.height_given) {
+    m.home.height = *m.home.height_given;
+  } else if (const auto height = height_of_mean_length(m, 0.5 * (m.length_min + m.length_max))) {
+    m.home.height = *height;
+  } else {
+    return fail("MA124", "at no height over the base do the struts have their mean length", table.place(),
+                "the struts are too short for these joints; change them or give home.height_mm");
+  }
+  for (int i = 0; i < kLegs; ++i) {
+    const Vec3 leg_at_home = m.platform_joint[i] + Vec3(0, 0, m.home.height) - m.base_joint[i];
+    if (!(leg_at_home.norm() > 1e-9 * m.length_max)) {
+      return fail("MA125",
+                  fmt::format("leg {} has no length at the home height of {:g} mm", i + 1, units::to_mm(m.home.height)),
+                  home ? home->place() : table.place(), "change home.height_mm");
+    }
+    m.home.direction[i] = leg_at_home.normalized();
+  }
+  return m;
+}
+
+std::vector<Parameter> parameters(const StrutHexapod& m) {
+  std::vector<Parameter> out;
+  for (int i = 0; i < kLegs; ++i) {
+    out.push_back({fmt::format("leg.length[{}]", i + 1), 0.0, "mm"});
+    for (int k = 0; k < 3; ++k)
+      out.push_back({fmt::format("base.joint[{}].{}", i + 1, "xyz"[k]), m.base_joint[i][k], "mm"});
+    for (int k = 0; k < 3; ++k)
+      out.push_back({fmt::format("platform.joint[{}].{}", i + 1, "xyz"[k]), m.platform_joint[i][k], "mm"});
+  }
+  out.push_back({"tool.length", m.tool_length, "mm"});
+  return out;
+}
+
+std::vector<Parameter> settings(const StrutHexapod& m) {
+  std::vector<Parameter> out;
+  push_circle(out, "base", m.base_circle);
+  push_circle(out, "platform", m.platform_circle);
+  out.push_back({"leg.length_min", m.length_min, "mm"});
+  out.push_back({"leg.length_max", m.length_max, "mm"});
+  out.push_back({"leg.diameter", m.leg_diameter, "mm"});
+  out.push_back({"tool.length", m.tool_length, "mm"});
+  push_joint_limit(out, m.joint);
+  out.push_back({"home.height", m.home.height, "mm"});
+  return out;
+}
+
+std::string to_toml(const StrutHexapod& m) {
+  std::string out = common_toml(m.name, std::string(StrutHexapod::kFamily), m.description);
+  out += joints_toml("base", m.base_joint, m.base_circle);
+  out += joints_toml("platform", m.platform_joint, m.platform_circle);
+  out += fmt::format("leg = {{ length_min_mm = {}, length_max_mm = {}, diameter_mm = {}, compliance_um_per_N = {} }}\n",
+                     number_toml(units::to_mm(m.length_min)), number_toml(units::to_mm(m.length_max)),
+                     number_toml(units::to_mm(m.leg_diameter)), number_toml(units::to_um(m.compliance)));
+  out += fmt::format("tool = {{ length_mm = {} }}\n", number_toml(units::to_mm(m.tool_length)));
+  out += joint_limit_toml(m.joint);
+  if (m.home.height_given) {
+    out += fmt::format("home = {{ height_mm = {} }}\n", number_toml(units::to_mm(*m.home.height_given)));
+  }
+  return out + provenance_toml(m.provenance);
+}
+
+}  // namespace polypod::machine

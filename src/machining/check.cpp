@@ -1,0 +1,109 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/check.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::machining {
+namespace {
+
+// A joint that moves by more than this between two points a millimetre or a degree apart has changed branch, rad.
+constexpr double kJump = 0.5;
+
+}  // namespace
+
+Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
+                          const gcode::Interpretation& interpretation, const CheckOptions& options) {
+  CheckResult out;
+  out.notes = interpretation.notes;
+  const machine::Task task = kinematics::task(machine);
+  const int n = kinematics::joint_count(machine);
+  machine::JointVector last;
+  std::size_t index = 0;
+  for (const gcode::Move& move : interpretation.moves) {
+    if (options.progress && index % 256 == 0 &&
+        !options.progress(double(index) / double(interpretation.moves.size()))) {
+      return fail("MC299", "cancelled");
+    }
+    ++index;
+    const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
+    bool reach = false, limit = false, singular = false, branch = false;
+    const auto problem = [&](bool& seen, const char* kind, std::string detail) {
+      if (!seen) out.problems.push_back({line, kind, std::move(detail)});
+      seen = true;
+    };
+    const double length = move.length();
+    const double turn = (move.axes_end - move.axes_start).cwiseAbs().maxCoeff();
+    out.length += move.start_known ? length : 0;
+    if (move.kind == gcode::MoveKind::rapid) {
+      out.time += move.start_known ? length / options.rapid_speed : 0;
+    } else if (move.feed > 0) {
+      out.time += length / move.feed;
+    }
+    const int steps = std::max(
+        {1, static_cast<int>(std::ceil(length / options.step)), static_cast<int>(std::ceil(turn / options.turn_step))});
+    for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
+      const double share = double(k) / steps;
+      const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
+      Pose X{rotation_abc(axes.x(), axes.y(), task == machine::Task::pose ? axes.z() : 0.0),
+             move.point(length * share)};
+      X = X_MW * X;
+      if (task == machine::Task::axis) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
+      const kinematics::InverseResult inverse = kinematics::inverse(machine, X);
+      const auto where = [&] {
+        return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),
+                           units::to_mm(X.p.z()));
+      };
+      if (inverse.solutions.empty()) {
+        problem(reach, "reach", fmt::format("{}: {}", where(), inverse.reason));
+        last.resize(0);
+        continue;
+      }
+      const kinematics::Solution* best = nullptr;
+      double nearest = 0;
+      for (const kinematics::Solution& s : inverse.solutions) {
+        if (s.violations != 0) continue;
+        const double away = last.size() == s.joints.size() ? (s.joints - last).cwiseAbs().maxCoeff() : 0.0;
+        if (best == nullptr || away < nearest) {
+          best = &s;
+          nearest = away;
+        }
+      }
+      if (best == nullptr) {
+        const auto fewest = std::min_element(inverse.solutions.begin(), inverse.solutions.end(), [](auto& a, auto& b) {
+          return std::popcount(a.violations) < std::popcount(b.violations);
+        });
+        std::string names;
+        for (const std::string& name : kinematics::limit_names(machine, fewest->violations)) {
+          names += (names.empty() ? "" : ", ") + name;
+        }
+        problem(limit, "limit", fmt::format("{}: {}", where(), names));
+        last.resize(0);
+        continue;
+      }
+      if (best->singular) problem(singular, "singular", where());
+      if (nearest > kJump && k > 0) {
+        problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
+      }
+      last = best->joints;
+      if (out.joints.empty()) {
+        for (int i = 0; i < n; ++i) out.joints.push_back({last[i], last[i]});
+      }
+      for (int i = 0; i < n; ++i) {
+        machine::JointRange& r = out.joints[static_cast<std::size_t>(i)];
+        r.min = std::min(r.min, last[i]);
+        r.max = std::max(r.max, last[i]);
+      }
+    }
+  }
+  out.ok = out.problems.empty();
+  return out;
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,93 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/job.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "polypod/core/config.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::machining {
+namespace {
+
+/// A table under `key`, or the file that `key` names.
+Result<config::Table> table_or_file(const config::Table& table, const std::string& key, const std::string& job_path) {
+  if (table.holds_text(key)) {
+    POLYPOD_ASSIGN(file, table.text(key));
+    return config::read_file(config::beside(job_path, file));
+  }
+  return table.table(key);
+}
+
+Status read_workpiece(const config::Table& table, Job& job) {
+  POLYPOD_ASSIGN(workpiece, table.table("workpiece"));
+  POLYPOD_ASSIGN(origin, workpiece.numbers("origin_mm", 3));
+  POLYPOD_ASSIGN(turn, workpiece.optional_number("rotation_deg", 0, {-360, 360}));
+  job.X_MW.p = units::from_mm(1) * Vec3(origin[0], origin[1], origin[2]);
+  job.X_MW.R = rotation_z(units::from_deg(turn));
+  POLYPOD_ASSIGN(offsets, workpiece.optional_table("work_offsets_mm"));
+  if (offsets) {
+    for (int i = 0; i < 6; ++i) {
+      const std::string key = fmt::format("G{}", 54 + i);
+      if (!offsets->has(key)) continue;
+      POLYPOD_ASSIGN(p, offsets->numbers(key, 3));
+      job.work_offsets[static_cast<std::size_t>(i)] = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
+    }
+    POLYPOD_TRY(offsets->finish());
+  }
+  return workpiece.finish();
+}
+
+Status read_tools(const config::Table& table, Job& job) {
+  POLYPOD_ASSIGN(cutter_table, table_or_file(table, "cutter", job.path));
+  POLYPOD_ASSIGN(cutter, cutting::cutter_from(cutter_table));
+  job.cutter = std::move(cutter);
+  POLYPOD_ASSIGN(tools, table.tables("tool"));
+  for (const config::Table& tool : tools) {
+    POLYPOD_ASSIGN(number, tool.integer("number", 0, 100000));
+    POLYPOD_ASSIGN(its_table, table_or_file(tool, "cutter", job.path));
+    POLYPOD_ASSIGN(its_cutter, cutting::cutter_from(its_table));
+    if (!job.cutters.emplace(number, std::move(its_cutter)).second) {
+      return fail("MC101", fmt::format("tool number {} stands twice", number), tool.place_of("number"));
+    }
+    POLYPOD_TRY(tool.finish());
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Job> read_job(const std::string& path) {
+  POLYPOD_ASSIGN(table, config::read_file(path));
+  Job job;
+  job.path = path;
+  POLYPOD_ASSIGN(machine_name, table.text("machine"));
+  // A file beside the job, else a name of the catalogue.
+  const std::string beside = config::beside(path, machine_name);
+  std::error_code ec;
+  POLYPOD_ASSIGN(machine, machine::load(std::filesystem::exists(beside, ec) ? beside : machine_name));
+  job.machine = std::move(machine);
+  job.machine_name = machine_name;
+  POLYPOD_ASSIGN(tolerance, table.number("tolerance_um", {0, 1e5, true, false}));
+  job.tolerance = units::from_um(tolerance);
+  POLYPOD_TRY(read_workpiece(table, job));
+  POLYPOD_TRY(read_tools(table, job));
+  POLYPOD_ASSIGN(material_table, table_or_file(table, "material", path));
+  POLYPOD_ASSIGN(material, cutting::material_from(material_table));
+  job.material = std::move(material);
+  const cutting::Cutter* smallest = &job.cutter;
+  for (const auto& [number, cutter] : job.cutters)
+    if (cutter.diameter < smallest->diameter) smallest = &cutter;
+  POLYPOD_ASSIGN(stock_table, table.table("stock"));
+  POLYPOD_ASSIGN(stock, cutting::stock_from(stock_table, *smallest));
+  job.stock = std::move(stock);
+  POLYPOD_ASSIGN(step, table.optional_number("step_mm", 0.5, {0.01, 10}));
+  job.step = units::from_mm(step);
+  POLYPOD_ASSIGN(block_delete, table.optional_boolean("block_delete", false));
+  job.block_delete = block_delete;
+  POLYPOD_TRY(table.finish());
+  return job;
+}
+
+}  // namespace polypod::machining

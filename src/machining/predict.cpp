@@ -1,0 +1,98 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/predict.hpp"
+
+#include <fmt/format.h>
+
+#include "polypod/core/units.hpp"
+
+namespace polypod::machining {
+
+PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away) {
+  const Vec3 off = bent - programmed.point(programmed.nearest(bent));
+  return {off.dot(away), off.z(), off.norm()};
+}
+
+Sample judged(const Sample& sample, const PathError& error) {
+  Sample out = sample;
+  out.normal = static_cast<float>(error.normal);
+  out.vertical = static_cast<float>(error.vertical);
+  out.distance = static_cast<float>(error.distance);
+  return out;
+}
+
+std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass) {
+  std::vector<std::string> notes;
+  int plunges = 0, first_plunge = 0;
+  double plunged = 0;
+  for (const Incident& incident : pass.incidents) {
+    const int line = program.blocks[static_cast<std::size_t>(incident.block)].line;
+    if (incident.kind == Incident::Kind::rapid_through_stock) {
+      notes.push_back(fmt::format("{}:{}: G0 goes through {:.1f} mm3 of material", program.path, line,
+                                  units::to_mm3(incident.volume)));
+    } else {
+      if (plunges++ == 0) first_plunge = line;
+      plunged += incident.volume;
+    }
+  }
+  if (plunges > 0) {
+    notes.push_back(
+        fmt::format("{} plunging moves (first in line {}) take {:.1f} mm3 with the end of the cutter: the "
+                    "force model knows only its sides, so they are predicted without bend",
+                    plunges, first_plunge, units::to_mm3(plunged)));
+  }
+  if (pass.not_converged > 0) {
+    notes.push_back(fmt::format("the equilibrium of {} of {} points still moved by up to {:.2f} um", pass.not_converged,
+                                pass.points, units::to_um(pass.largest_rest)));
+  }
+  return notes;
+}
+
+Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                           const PredictOptions& options) {
+  std::vector<PassMove> moves;
+  moves.reserve(interpretation.moves.size());
+  for (const gcode::Move& move : interpretation.moves) moves.push_back({move});
+  Prediction out;
+  cutting::Stock stock = job.stock;
+  PassOptions pass_options;
+  pass_options.bend = options.bend;
+  pass_options.step = options.step > 0 ? options.step : job.step;
+  pass_options.progress = options.progress;
+  int current = -1;
+  const auto visit = [&](const Sample& sample) {
+    if (!sample.cutting) {
+      if (options.keep_samples) out.samples.push_back(sample);
+      return;
+    }
+    const gcode::Move& move = moves[static_cast<std::size_t>(sample.move)].move;
+    if (sample.move != current) {
+      current = sample.move;
+      MovePrediction m;
+      m.block = move.block;
+      m.line = program.blocks[static_cast<std::size_t>(move.block)].line;
+      m.length = move.length();
+      out.moves.push_back(m);
+    }
+    MovePrediction& m = out.moves.back();
+    const PathError e = path_error(move, sample.bent(), sample.away);
+    if (options.keep_samples) out.samples.push_back(judged(sample, e));
+    ++m.points;
+    m.deflection.add(sample.deflection.norm());
+    m.normal.add(e.normal);
+    m.vertical.add(e.vertical);
+    m.largest_distance = std::max(m.largest_distance, e.distance);
+    m.mean_force += (sample.force - m.mean_force) / static_cast<double>(m.points);
+    m.largest_depth = std::max<double>(m.largest_depth, sample.depth);
+    out.deflection.add(sample.deflection.norm());
+    out.normal.add(e.normal);
+    out.vertical.add(e.vertical);
+    out.largest_distance = std::max(out.largest_distance, e.distance);
+  };
+  POLYPOD_ASSIGN(pass, run_pass(job, program, moves, stock, pass_options, visit));
+  out.pass = std::move(pass);
+  out.notes = interpretation.notes;
+  for (std::string& note : pass_notes(program, out.pass)) out.notes.push_back(std::move(note));
+  return out;
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,374 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/simulate.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace polypod::machining {
+namespace {
+
+// A way counts as vertical if its horizontal part is below this share of its length: no side of the cutter cuts.
+constexpr double kVertical = 1e-6;
+// A bend that differs by less than this from the last one changes the compliance by less than 1e-4, m.
+constexpr double kNearBend = 50e-6;
+// Steps of the equilibrium before it is bracketed; a wide cut needs three or four.
+constexpr int kPlainIterations = 6;
+// What an unsettled equilibrium may still move without being reported, m.
+constexpr double kSettled = 1e-6;
+// A layer thinner than this is no cut, m: cells hold heights in single precision, and no robot is that good.
+constexpr double kNoCut = 1e-6;
+// Strips shallower than this share of the deepest do not make a wall.
+constexpr double kWallShare = 0.1;
+
+/// The cutter on its way: stock, machine and the state between two points.
+class Pass {
+ public:
+  Pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves, cutting::Stock& stock,
+       const PassOptions& options, const std::function<void(const Sample&)>& visit)
+      : job_(job),
+        program_(program),
+        moves_(moves),
+        stock_(stock),
+        options_(options),
+        visit_(visit),
+        probe_(job.machine, Mat3::Identity()) {}
+
+  Result<PassResult> run() {
+    const std::size_t report_every = std::max<std::size_t>(1, moves_.size() / 200);
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      if (options_.progress && i % report_every == 0 && !options_.progress(double(i) / double(moves_.size()))) {
+        return fail("MC299", "cancelled");
+      }
+      POLYPOD_TRY(step_to(i));
+    }
+    return result_;
+  }
+
+ private:
+  struct ToolModel {
+    const cutting::Cutter* cutter;
+    cutting::ProfileForce force;
+  };
+
+  ToolModel& tool_model(int number) {
+    const auto it = models_.find(number);
+    if (it != models_.end()) return it->second;
+    const cutting::Cutter& cutter = job_.cutter_of(number);
+    return models_.emplace(number, ToolModel{&cutter, cutting::ProfileForce(cutter, job_.material)}).first->second;
+  }
+
+  [[nodiscard]] Place place(const gcode::Move& move) const {
+    return {program_.path, program_.blocks[static_cast<std::size_t>(move.block)].line, 1};
+  }
+
+  Status step_to(std::size_t index) {
+    const gcode::Move& move = moves_[index].move;
+    ToolModel& tool = tool_model(move.tool);
+    if (!move.start_known) {  // where it comes from is not known: nothing can be said of the way
+      last_bent_ = move.end;
+      deflection_.setZero();
+      return {};
+    }
+    if (move.kind == gcode::MoveKind::rapid) return rapid(move, tool);
+    if (moves_[index].transition) return transition(index, tool);
+    return feed_move(static_cast<int>(index), tool);
+  }
+
+  Status rapid(const gcode::Move& move, const ToolModel& tool) {
+    const double radius = tool.cutter->radius();
+    const double volume = stock_.cut_line(move.start, move.end, radius);
+    // Cells at the rim that a bent pass has left stand in the way of the straight one: less than a cell deep round the
+    // cutter, a cell high, is no collision.
+    if (volume > 2 * radius * stock_.cell() * stock_.cell() * 4) {
+      result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
+    }
+    result_.removed += volume;
+    last_bent_ = move.end;
+    deflection_.setZero();
+    last_ = Sample{};
+    last_.move = -1;
+    return {};
+  }
+
+  Status feed_move(int index, ToolModel& tool) {
+    const gcode::Move& move = moves_[static_cast<std::size_t>(index)].move;
+    const double length = move.length();
+    if (!(length > 0)) return {};
+    const int steps = std::max(1, static_cast<int>(std::ceil(length / options_.step - 1e-9)));
+    const double radius = tool.cutter->radius();
+    double volume = 0;
+    bool vertical = false;
+    for (int k = 0; k <= steps; ++k) {
+      const double s = length * k / steps;
+      Sample sample;
+      if (k == 0 && goes_on(index)) {
+        sample = last_;
+        sample.move = index;
+        sample.s = 0;
+        visit_(sample);
+        continue;
+      }
+      sample.move = index;
+      sample.s = s;
+      POLYPOD_TRY(evaluate(moves_[static_cast<std::size_t>(index)], s, length, tool, sample));
+      vertical = vertical || vertical_;
+      // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
+      // at the end looks at is cut last.
+      if (k == 0 || k == steps || s <= length - 2 * stock_.cell()) {
+        const Vec3 at = sweeps_bent() ? sample.bent() : move.point(s);
+        volume += sweep(at, radius, k > 0);
+      }
+      deflection_ = sample.deflection;
+      ++result_.points;
+      visit_(sample);
+      if (k == steps) last_ = sample;
+    }
+    result_.removed += volume;
+    if (vertical && volume > stock_.cell() * radius * radius) {
+      result_.incidents.push_back({Incident::Kind::plunge, move.block, volume});
+    }
+    return {};
+  }
+
+  /// The bent cutter goes straight on to `to`; the removed volume. A step that is level but for less than what counts
+  /// as a cut is swept level, which costs a fifth.
+  double sweep(const Vec3& to, double radius, bool start_done) {
+    Vec3 from = last_bent_, at = to;
+    if (std::abs(to.z() - from.z()) < kNoCut) from.z() = at.z() = 0.5 * (to.z() + from.z());
+    last_bent_ = to;
+    return stock_.cut_line(from, at, radius, start_done);
+  }
+
+  /// Whether this move goes on smoothly from the one before, under the same conditions: then its first point is the
+  /// last one of that.
+  [[nodiscard]] bool goes_on(int index) const {
+    if (index == 0 || last_.move != index - 1 || !last_.cutting) return false;
+    const PassMove& before = moves_[static_cast<std::size_t>(index - 1)];
+    const PassMove& now = moves_[static_cast<std::size_t>(index)];
+    if (before.transition || before.move.kind == gcode::MoveKind::rapid || before.move.feed != now.move.feed ||
+        before.move.tool != now.move.tool || before.move.spindle_speed != now.move.spindle_speed ||
+        before.move.spindle != now.move.spindle) {
+      return false;
+    }
+    const gcode::Move& a = before.followed != nullptr ? *before.followed : before.move;
+    const gcode::Move& b = now.followed != nullptr ? *now.followed : now.move;
+    if (&a == &b) return true;
+    return a.direction(a.length()).dot(b.direction(0)) > std::cos(options_.smooth_angle);
+  }
+
+  /// A joint of the correction: deflection and force go straight from those before it to those after it, because the
+  /// mean over the last revolution does.
+  Status transition(std::size_t index, ToolModel& tool) {
+    const gcode::Move& move = moves_[index].move;
+    const double length = move.length();
+    Sample after;
+    const Vec3 before = deflection_;
+    if (index + 1 < moves_.size() && moves_[index + 1].move.kind != gcode::MoveKind::rapid &&
+        !moves_[index + 1].transition) {
+      const PassMove& next = moves_[index + 1];
+      POLYPOD_TRY(evaluate(next, 0, next.move.length(), tool, after));
+    }
+    const int steps = std::max(1, static_cast<int>(std::ceil(length / options_.step - 1e-9)));
+    for (int k = 0; k <= steps; ++k) {
+      const double share = double(k) / steps;
+      Sample sample = after;
+      sample.move = static_cast<int>(index);
+      sample.s = length * share;
+      sample.command = move.point(sample.s);
+      sample.deflection = before + share * (after.deflection - before);
+      sample.force = after.force * share;
+      const Vec3 at = sample.bent();
+      result_.removed += sweep(at, tool.cutter->radius(), true);
+      deflection_ = sample.deflection;
+      ++result_.points;
+      visit_(sample);
+    }
+    return {};
+  }
+
+  [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
+
+  /// Fills deflection, force and engagement of the point at s.
+  Status evaluate(const PassMove& pass_move, double s, double length, ToolModel& tool, Sample& sample) {
+    const gcode::Move& move = pass_move.move;
+    const gcode::Move& followed = pass_move.followed != nullptr ? *pass_move.followed : move;
+    const Vec3 p = move.point(s);
+    const Vec3 d = followed.direction(pass_move.followed != nullptr ? followed.nearest(p) : s);
+    sample.command = p;
+    const double horizontal = std::hypot(d.x(), d.y());
+    vertical_ = horizontal < kVertical;
+    if (vertical_) return {};
+    const Eigen::Vector2d feed(d.x() / horizontal, d.y() / horizontal);
+    const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
+    const double radius = tool.cutter->radius(), ahead = 2 * stock_.cell();
+    sample.away = left;
+    // What counts is what the cutter takes on its way, never what stands beyond the end: near the end the window that
+    // is looked at stays behind it.
+    const double beyond = std::clamp(s + ahead - length, 0.0, s);
+    const Vec3 window = p - d * beyond;
+
+    cutting::look_ahead(stock_, options_.bend == Bend::equilibrium ? Vec3(window + deflection_) : window, radius, feed,
+                        ahead, profile_);
+    if (!profile_.any && options_.bend == Bend::equilibrium && !deflection_.isZero(0)) {
+      deflection_.setZero();  // the last bend may have lifted it out altogether
+      cutting::look_ahead(stock_, window, radius, feed, ahead, profile_);
+    }
+    if (!(profile_.max_depth > kNoCut)) return {};
+    POLYPOD_TRY(may_cut(move));
+    const double feed_per_tooth = move.feed * horizontal / (move.spindle_speed * tool.cutter->teeth);
+
+    const auto force_here = [&] {
+      const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
+      return Vec3(along * f.x() + left * f.y() + Vec3::UnitZ() * f.z());
+    };
+    // The ideal command stands off the path by about the last bend.
+    Mat3 C;
+    POLYPOD_TRY(compliance(move, options_.bend == Bend::corrected ? Vec3(p - deflection_) : p, C));
+    sample.cutting = true;
+    if (options_.bend == Bend::at_rest) {
+      sample.force = force_here();
+      sample.deflection = C * sample.force;
+    } else if (options_.bend == Bend::corrected) {
+      sample.force = force_here();
+      // x = p - C(x) F: the compliance changes by less than a thousandth over a bend, so one step from the last bend,
+      // or two from afar, reach a tenth of a micrometre.
+      sample.deflection = C * sample.force;
+      if ((sample.deflection - deflection_).norm() > kNearBend) {
+        POLYPOD_TRY(compliance(move, p - sample.deflection, C));
+        sample.deflection = C * sample.force;
+      }
+      sample.command = p - sample.deflection;
+    } else {
+      const Vec3 bend = equilibrium(window, radius, feed, ahead, C, force_here, sample.force);
+      sample.deflection = bend;
+      sample.cutting = profile_.max_depth > kNoCut;
+    }
+    if (profile_.max_depth > tool.cutter->length * (1 + 1e-9)) {
+      return fail("MC202",
+                  fmt::format("the cut is {:.3f} mm deep, but the edges of the cutter are {:.3f} mm long",
+                              units::to_mm(profile_.max_depth), units::to_mm(tool.cutter->length)),
+                  place(move), "check the stock's top, the depth of the program and the cutter's length_mm");
+    }
+    describe(left, sample);
+    return {};
+  }
+
+  /// The deflection with delta = C F(p + delta), from the last one on.
+  ///
+  /// Plain iteration contracts where the cut is wide, since a millimetre of width changes the force by much less than a
+  /// millimetre of bend. Where a thin layer is left, one row of cells more or less changes the force by a step and no
+  /// cell-wise engagement balances it: then the balance is bracketed on the line between two iterates and bisected; the
+  /// tool stands where it takes part of that row.
+  template <class Force>
+  Vec3 equilibrium(const Vec3& window, double radius, const Eigen::Vector2d& feed, double ahead, const Mat3& C,
+                   Force&& force_here, Vec3& force) {
+    const auto bend_at = [&](const Vec3& delta) {
+      cutting::look_ahead(stock_, window + delta, radius, feed, ahead, profile_);
+      force = force_here();
+      return Vec3(C * force);
+    };
+    Vec3 bend = deflection_, next = bend;
+    for (int i = 0; i < kPlainIterations; ++i) {
+      if (i == 0) {
+        force = force_here();  // the profile at the last bend is at hand
+        next = C * force;
+      } else {
+        next = bend_at(bend);
+      }
+      if ((next - bend).norm() < options_.tolerance) return next;
+      std::swap(bend, next);
+    }
+    // Between the last two iterates the residual changes its sense, if the cut pushes the tool out of itself.
+    Vec3 low = next, high = bend;
+    const Vec3 along = high - low;
+    for (int i = 0; i < options_.max_iterations; ++i) {
+      const Vec3 middle = 0.5 * (low + high);
+      next = bend_at(middle);
+      if ((next - middle).norm() < options_.tolerance) return next;
+      ((next - middle).dot(along) > 0 ? low : high) = middle;
+    }
+    const double rest = (high - low).norm();
+    if (rest > kSettled) {
+      ++result_.not_converged;
+      result_.largest_rest = std::max(result_.largest_rest, rest);
+    }
+    return 0.5 * (low + high);
+  }
+
+  /// Depth, angles and the side of the wall, from the last profile.
+  void describe(const Vec3& left, Sample& sample) const {
+    constexpr int kBins = cutting::EngagementProfile::kBins;
+    constexpr int kRim = 3;  // strips at each rim that say whether there is a wall
+    int first = kBins, last = -1;
+    for (int j = 0; j < kBins; ++j) {
+      if (profile_.depth[j] <= kWallShare * profile_.max_depth) continue;
+      first = std::min(first, j);
+      last = j;
+    }
+    if (last < 0) return;
+    const auto angle = [](int strip) { return std::acos(1.0 - 2.0 * strip / kBins); };
+    sample.depth = static_cast<float>(profile_.max_depth);
+    sample.entry = static_cast<float>(angle(first));
+    sample.exit = static_cast<float>(angle(last + 1));
+    const bool wall_left = first < kRim, wall_right = last >= kBins - kRim;
+    sample.away = wall_left && !wall_right ? Vec3(-left) : left;
+  }
+
+  Status may_cut(const gcode::Move& move) const {
+    if (move.spindle == gcode::Spindle::off || !(move.spindle_speed > 0)) {
+      return fail("MC200", "the spindle stands still in a cut", place(move), "start it with S and M3 before");
+    }
+    if (move.spindle == gcode::Spindle::counterclockwise) {
+      return fail("MC203", "the spindle turns backwards (M4) in a cut", place(move), "use M3");
+    }
+    if (!(move.feed > 0)) return fail("MC201", "the feed is 0 in a cut", place(move), "give an F word before");
+    if (!move.axes_start.isZero(1e-9) || !move.axes_end.isZero(1e-9)) {
+      return fail("MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
+                  place(move), "predict programs of three axes");
+    }
+    return {};
+  }
+
+  /// Compliance of the tip in W at the command point x_W.
+  Status compliance(const gcode::Move& move, const Vec3& x_W, Mat3& C) {
+    Mat3 C_M;
+    if (!probe_.at(job_.X_MW * x_W, C_M)) {
+      const Vec3 p = job_.X_MW * x_W;
+      return fail("MC210",
+                  fmt::format("the machine cannot stand at x {:.3f} y {:.3f} z {:.3f} mm in M: {}", units::to_mm(p.x()),
+                              units::to_mm(p.y()), units::to_mm(p.z()), probe_.why()),
+                  place(move), "move the workpiece origin");
+    }
+    C.noalias() = job_.X_MW.R.transpose() * C_M * job_.X_MW.R;
+    return {};
+  }
+
+  const Job& job_;
+  const gcode::Program& program_;
+  const std::vector<PassMove>& moves_;
+  cutting::Stock& stock_;
+  const PassOptions& options_;
+  const std::function<void(const Sample&)>& visit_;
+  statics::Probe probe_;
+  std::map<int, ToolModel> models_;
+  cutting::EngagementProfile profile_;
+  PassResult result_;
+  Sample last_;  ///< the end of the last feed move
+  Vec3 last_bent_ = Vec3::Zero();
+  Vec3 deflection_ = Vec3::Zero();
+  bool vertical_ = false;
+};
+
+}  // namespace
+
+Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves,
+                            cutting::Stock& stock, const PassOptions& options,
+                            const std::function<void(const Sample&)>& visit) {
+  return Pass(job, program, moves, stock, options, visit).run();
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,501 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/correction.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "correction_figures.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/report/html.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machining::Correction;
+using machining::CorrectMethod;
+using machining::Job;
+using machining::MoveOutcome;
+using machining::Spread;
+using report::Cell;
+using report::fixed;
+using report::KeyFigure;
+using report::number;
+using report::Report;
+using report::Table;
+using report::Verdict;
+using units::to_mm;
+using units::to_um;
+
+constexpr std::size_t kWholeTable = 60;     // moves up to which the table holds all
+constexpr std::size_t kWorst = 30;          // and how many of more
+constexpr std::size_t kWholeProgram = 400;  // lines up to which the corrected program is shown in full
+constexpr std::size_t kHeaderLines = 12;
+constexpr const char* kUm = "µm";
+
+using Entries = std::vector<std::pair<std::string, std::string>>;
+
+std::string um(double metres) {
+  return fixed(to_um(metres), 1) + " " + kUm;
+}
+
+std::string range_of(const Spread& s) {
+  if (s.count == 0) return "–";
+  // No-break spaces keep a range on one line of its cell.
+  return fmt::format("{}\u00a0…\u00a0{}", fixed(to_um(s.min), 0), fixed(to_um(s.max), 0));
+}
+
+/// An input as it was given: no digits that say nothing.
+std::string given(double value) {
+  const std::string text = fmt::format("{:.6g}", value == 0 ? 0.0 : value);
+  return text[0] == '-' ? "−" + text.substr(1) : text;
+}
+
+std::string name_of_file(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+std::string vector_mm(const Vec3& v) {
+  return fmt::format("x {}, y {}, z {} mm", given(to_mm(v.x())), given(to_mm(v.y())), given(to_mm(v.z())));
+}
+
+std::string count(std::size_t n) {
+  return fixed(static_cast<double>(n), 0);
+}
+std::string plural(std::size_t n, const char* one, const char* many) {
+  return fmt::format("{} {}", count(n), n == 1 ? one : many);
+}
+
+class Page {
+ public:
+  Page(const Job& job, const gcode::Program& program, const Correction& c, const CorrectionPageOptions& options)
+      : job_(job),
+        program_(program),
+        c_(c),
+        options_(options),
+        tracks_(program, c),
+        report_(title(), subtitle(), facts()) {}
+
+  std::string html() {
+    answer();
+    if (!tracks_.stretches.empty()) {
+      paths();
+      errors();
+      forces();
+      machine_round_the_part();
+    }
+    moves();
+    limits();
+    inputs();
+    new_program();
+    return report_.to_html();
+  }
+
+ private:
+  [[nodiscard]] std::string title() const { return fmt::format("Correction of {}", name_of_file(program_.path)); }
+  [[nodiscard]] std::string subtitle() const {
+    return fmt::format("What {} will do when it runs this program, before and after the correction of its static bend",
+                       machine::name_of(job_.machine));
+  }
+  [[nodiscard]] Entries facts() const {
+    Entries out{{"program", program_.path},
+                {"job", job_.path},
+                {"machine", job_.machine_name},
+                {"tolerance", fmt::format("tube of {} {} radius", given(to_um(c_.tolerance)), kUm)},
+                {"corrected program", options_.output.empty() ? "not written" : options_.output}};
+    if (!options_.version.empty()) out.emplace_back("made with", "Polypod " + options_.version);
+    return out;
+  }
+
+  [[nodiscard]] bool mirror() const { return options_.method == CorrectMethod::mirror; }
+
+  void answer() {
+    report_.add_section("May the corrected program run?");
+    const std::string checked = fmt::format("{} of the program that was written were checked, at most 0.5 mm apart",
+                                            plural(c_.after.pass.points, "point", "points"));
+    if (c_.moves.empty() && c_.within_tolerance) {
+      report_.add_verdict(Verdict::neutral, "No move of this program cuts: there is nothing to correct.");
+    } else if (c_.within_tolerance) {
+      report_.add_verdict(
+          Verdict::good,
+          fmt::format("The tool stays within {} {} of the programmed path along every cutting move: the largest "
+                      "distance is {}. {}.",
+                      given(to_um(c_.tolerance)), kUm, um(c_.largest_distance), checked));
+    } else {
+      report_.add_verdict(
+          Verdict::bad,
+          fmt::format("The tool leaves the tube of {} {}: {}. {}.{}", given(to_um(c_.tolerance)), kUm, c_.reason,
+                      checked, options_.output.empty() ? " No corrected program was written." : ""));
+    }
+    if (mirror()) {
+      report_.add_verdict(Verdict::neutral,
+                          "Made with the one-step mirror at equally spaced points, for comparison; the default method "
+                          "finds the command as a fixed point and keeps to the tube.");
+    }
+    const Verdict good = c_.within_tolerance ? Verdict::good : Verdict::bad;
+    std::vector<KeyFigure> figures;
+    figures.push_back({fixed(to_um(c_.before.largest_distance), 1), kUm, "largest distance from the path, as it is",
+                       c_.before.largest_distance <= c_.tolerance ? Verdict::good : Verdict::bad});
+    figures.push_back({fixed(to_um(c_.largest_distance), 1), kUm,
+                       fmt::format("largest distance, corrected (tube {} {})", given(to_um(c_.tolerance)), kUm), good});
+    if (c_.before.normal.count > 0) {
+      figures.push_back({fixed(to_um(c_.before.normal.mean), 1), kUm,
+                         fmt::format("mean normal error as it is ({})", range_of(c_.before.normal)), Verdict::neutral});
+    }
+    if (c_.after.normal.count > 0) {
+      figures.push_back({fixed(to_um(c_.after.normal.mean), 1), kUm,
+                         fmt::format("mean normal error, corrected ({})", range_of(c_.after.normal)),
+                         Verdict::neutral});
+    }
+    figures.push_back({count(index(c_.rewritten_moves)), "",
+                       fmt::format("of {} rewritten", plural(c_.moves.size(), "cutting move", "cutting moves")),
+                       Verdict::neutral});
+    figures.push_back(
+        {fmt::format("{} → {}", count(c_.lines_in), count(c_.lines_out)), "",
+         fmt::format("lines of program: {}, {}", plural(index(c_.pieces), "straight piece", "straight pieces"),
+                     plural(index(c_.transitions), "transition", "transitions")),
+         Verdict::neutral});
+    report_.add_key_figures(figures);
+    report_.add_text(
+        "The normal error lies across the path in the plane: above zero the cutter leaves material on the wall that it "
+        "cuts, below zero it gouges. The distance is taken in space, to the programmed move with both its ends; it "
+        "alone decides whether the tube is kept.");
+    std::vector<std::string> all = c_.before.notes;
+    for (const std::string& note : c_.after.notes) all.push_back("corrected program: " + note);
+    if (!all.empty()) {
+      report_.add_heading("Look at these before you run it");
+      report_.add_list(all);
+    }
+  }
+
+  void paths() {
+    report_.add_section("Paths");
+    const Overview view = overview(job_, c_, tracks_);
+    report_.add_figure(
+        view.plot,
+        fmt::format("From above, in the workpiece frame. The cutter's bend and its correction are drawn {:g} times "
+                    "larger than they are. The command goes to one side so that the bent tool comes back to the "
+                    "programmed path.",
+                    view.factor));
+    if (const std::optional<Corner> near = corner(c_, tracks_)) {
+      report_.add_heading(near->title);
+      report_.add_figure(
+          near->plot,
+          "Nothing is enlarged here: the green tube is the tolerance, with a sphere at each end. Dots are "
+          "the end points of the blocks of the new program.");
+    }
+  }
+
+  void errors() {
+    report_.add_section("Errors along the path");
+    report_.add_figure(error_plot(c_, tracks_, &machining::Sample::distance, "distance from the programmed path"),
+                       "What the answer rests on: the distance of the bent tool from the programmed move in space, its "
+                       "ends included. Moves that cut are laid end to end; gaps are ways through air.");
+    report_.add_figure(error_plot(c_, tracks_, &machining::Sample::normal, "normal error"),
+                       "Across the path in the plane; above zero material is left, below zero the cutter gouges.");
+    report_.add_figure(error_plot(c_, tracks_, &machining::Sample::vertical, "vertical error"),
+                       "Along the tool axis; above zero the tool stands too high.");
+    report_.add_figure(error_histogram(c_, tracks_), "Share of the checked points in bins of normal error.");
+  }
+
+  void forces() {
+    report_.add_section("Forces and engagement");
+    report_.add_figure(force_plot(c_, tracks_),
+                       "Mean force per revolution that the material puts on the tool. Normal: across the path, away "
+                       "from the wall that is being cut. Along the feed: below zero it holds the tool back. Along the "
+                       "axis: above zero it lifts the tool.");
+    report_.add_figure(
+        depth_plot(tracks_),
+        "Largest axial depth at which the cutter meets material. A sliver that a higher pass left on the "
+        "wall counts with its full height, however thin it is.");
+    report_.add_figure(angle_plot(tracks_),
+                       "Tooth angles between which the cutter meets material: 0 deg is the left side of the feed, 90 "
+                       "deg the front, 180 deg the right side.");
+  }
+
+  void machine_round_the_part() {
+    report_.add_section("The machine round the part");
+    const PartMap map = part_map(job_, c_, tracks_);
+    report_.add_figure_grid(
+        3, compliance_panels(job_, map),
+        fmt::format("Compliance of the tool tip in the workpiece frame at z = {} mm, µm per N: Cxy is the displacement "
+                    "along x under 1 N along y. Each picture has colours of its own; the lines are the moves that cut.",
+                    number(map.z, 4)));
+    const JointShares shares = joint_shares(job_, tracks_);
+    if (shares.joints.empty()) return;
+    report::BarChart bars;
+    bars.title = "Each joint's share of the normal bend";
+    bars.unit = kUm;
+    bars.parts = shares.joints;
+    for (const auto& [k, mean] : shares.by_stretch) {
+      bars.rows.push_back({fmt::format("line {}", tracks_.stretches[index(k)].line), mean});
+    }
+    bars.rows.push_back({"all moves", shares.all});
+    report_.add_heading("Which joint bends");
+    report_.add_figure(
+        bars,
+        "Mean bend across the path of the program as it is, by the joint that gives way. A stiffer joint "
+        "or another place of the part helps most where its bar is longest.");
+    double total = 0;
+    for (const double v : shares.all) total += v;
+    Table table;
+    table.columns = {{"joint", ""}, {"mean normal bend", kUm, 1}, {"share", "%", 1}};
+    for (std::size_t j = 0; j < shares.joints.size(); ++j) {
+      table.rows.push_back({shares.joints[j], shares.all[j], total != 0 ? 100 * shares.all[j] / total : 0.0});
+    }
+    report_.add_table(table);
+  }
+
+  [[nodiscard]] std::vector<Cell> row_of(const MoveOutcome& m) const {
+    const auto mean = [](const Spread& s) { return s.count == 0 ? Cell("–") : Cell(to_um(s.mean)); };
+    return {fmt::format("{}", m.line),
+            to_mm(m.length),
+            mean(m.normal_before),
+            range_of(m.normal_before),
+            to_um(m.distance_before),
+            mean(m.normal_after),
+            range_of(m.normal_after),
+            to_um(m.distance_after),
+            m.rewritten ? fmt::format("{}{}", m.pieces, m.transitions > 0 ? fmt::format(" + {}", m.transitions) : "")
+                        : "kept",
+            m.distance_after <= c_.tolerance ? "yes" : "no"};
+  }
+
+  void moves() {
+    if (c_.moves.empty()) return;
+    report_.add_section("Moves");
+    Table table;
+    table.columns = {{"line", ""},          {"length", "mm", 2},        {"as it is", "mean, µm", 1},
+                     {"", "range"},         {"distance", "largest", 1}, {"corrected", "mean, µm", 1},
+                     {"", "range"},         {"distance", "largest", 1}, {"pieces", "+ transitions"},
+                     {"within", "the tube"}};
+    std::vector<const MoveOutcome*> chosen;
+    for (const MoveOutcome& m : c_.moves) chosen.push_back(&m);
+    if (chosen.size() > kWholeTable) {
+      std::stable_sort(chosen.begin(), chosen.end(), [](const MoveOutcome* a, const MoveOutcome* b) {
+        return a->distance_after > b->distance_after;
+      });
+      table.caption = fmt::format(
+          "The {} of {} cutting moves that come closest to the tube's wall, worst first: normal error, and largest "
+          "distance from the move",
+          kWorst, count(c_.moves.size()));
+      summary_of_moves();
+      chosen.resize(kWorst);
+    } else {
+      table.caption =
+          "Every cutting move by its line in the original program: normal error, and largest distance from it";
+    }
+    for (const MoveOutcome* m : chosen) table.rows.push_back(row_of(*m));
+    report_.add_table(table);
+  }
+
+  void summary_of_moves() {
+    double length = 0;
+    std::size_t kept = 0, outside_before = 0, outside_after = 0;
+    for (const MoveOutcome& m : c_.moves) {
+      length += m.length;
+      kept += m.rewritten ? 0 : 1;
+      outside_before += m.distance_before > c_.tolerance ? 1 : 0;
+      outside_after += m.distance_after > c_.tolerance ? 1 : 0;
+    }
+    const auto some = [](std::size_t n) { return n == 0 ? std::string("none") : count(n); };
+    report_.add_text(
+        fmt::format("{} cut along {} mm. As the program is, {} of them leave the tube; corrected, {}. The correction "
+                    "keeps the text of {}.",
+                    plural(c_.moves.size(), "move", "moves"), fixed(to_mm(length), 0), some(outside_before),
+                    some(outside_after), some(kept)));
+  }
+
+  void limits() {
+    report_.add_section("What the model leaves out");
+    std::vector<std::string> items;
+    int plunges = 0, rapids = 0;
+    double plunged = 0, rammed = 0;
+    for (const machining::Incident& incident : c_.after.pass.incidents) {
+      if (incident.kind == machining::Incident::Kind::plunge) {
+        ++plunges;
+        plunged += incident.volume;
+      } else {
+        ++rapids;
+        rammed += incident.volume;
+      }
+    }
+    if (rapids > 0) {
+      items.push_back(
+          fmt::format("{} of the corrected program take {} mm³ of material: a collision, or a stock that is "
+                      "not what the job says. No force is computed for them.",
+                      plural(index(rapids), "rapid move", "rapid moves"), number(units::to_mm3(rammed))));
+    }
+    if (plunges > 0) {
+      items.push_back(
+          fmt::format("{} take {} mm³ with the end of the cutter. The force model knows only its sides, so "
+                      "they are predicted without bend and not corrected.",
+                      plural(index(plunges), "plunging move", "plunging moves"), number(units::to_mm3(plunged))));
+    }
+    const auto settle = [&](const machining::PassResult& pass, const char* which) {
+      if (pass.not_converged == 0) return;
+      items.push_back(
+          fmt::format("At {} of {} points of the {} force and bend did not settle; what is shown there may "
+                      "be off by up to {}.",
+                      count(pass.not_converged), count(pass.points), which, um(pass.largest_rest)));
+    };
+    settle(c_.before.pass, "program as it is");
+    settle(c_.after.pass, "corrected program");
+    if (c_.before.pass.not_converged + c_.after.pass.not_converged == 0) {
+      items.push_back("Nothing is left out by the iteration: force and bend came into balance at every point.");
+    }
+    if (c_.transitions > 0) {
+      items.push_back(
+          fmt::format("On {} (short blocks that take the load on or off) force and bend are taken to change "
+                      "evenly from one end to the other, not computed.",
+                      plural(index(c_.transitions), "transition", "transitions")));
+    }
+    items.push_back(
+        "Forces are means over a revolution, in balance at every point: no vibration, no chatter, no run-out, no "
+        "ripple "
+        "from tooth to tooth.");
+    items.push_back(
+        "Only the joints (or legs) give way, in proportion to their load. Cutter, spindle, workpiece and clamping are "
+        "taken as rigid; play, friction, weight, heat, geometric errors and the controller's own path errors are left "
+        "out.");
+    items.push_back(
+        fmt::format("The stock is a height map of {} mm squares; the engagement is known to a fraction of "
+                    "one. Between checked points, at most 0.5 mm apart, nothing is said.",
+                    given(to_mm(job_.stock.cell()))));
+    report_.add_list(items);
+  }
+
+  void cutter_entries(Entries& out, const std::string& name, const cutting::Cutter& cutter) const {
+    out.emplace_back(name, fmt::format("{}{} mm, {} teeth, helix {} deg, edges {} mm long",
+                                       cutter.name.empty() ? "" : cutter.name + ": ", given(to_mm(cutter.diameter)),
+                                       cutter.teeth, given(units::to_deg(cutter.helix)), given(to_mm(cutter.length))));
+  }
+
+  void inputs() {
+    report_.add_section("Inputs");
+    report_.add_heading("Job");
+    Entries job{{"file", job_.path},
+                {"origin of W in M", vector_mm(job_.X_MW.p)},
+                {"turn of W in M", given(units::to_deg(angles_abc(job_.X_MW.R).z())) + " deg"}};
+    for (std::size_t i = 0; i < job_.work_offsets.size(); ++i) {
+      if (job_.work_offsets[i].isZero(0)) continue;
+      job.emplace_back(fmt::format("origin of G{} in W", 54 + i), vector_mm(job_.work_offsets[i]));
+    }
+    job.emplace_back("tolerance (tube radius)", fmt::format("{} {}", given(to_um(c_.tolerance)), kUm));
+    job.emplace_back("step between evaluated points", given(to_mm(job_.step)) + " mm");
+    job.emplace_back("step of the check", given(to_mm(std::min(job_.step, 0.5e-3))) + " mm");
+    job.emplace_back("blocks with /", job_.block_delete ? "skipped" : "run");
+    report_.add_definitions(job);
+    tools_and_material();
+    stock();
+    machine();
+    if (!options_.command.empty()) report_.add_code("To make this report again", options_.command, false);
+  }
+
+  void tools_and_material() {
+    Entries tools;
+    cutter_entries(tools, "cutter", job_.cutter);
+    for (const auto& [tool, cutter] : job_.cutters) cutter_entries(tools, fmt::format("cutter T{}", tool), cutter);
+    std::set<std::string> used;
+    for (const Stretch& s : tracks_.stretches) {
+      const gcode::Move& move = c_.programmed[index(s.move)];
+      if (used.size() >= 8 || !(move.spindle_speed > 0)) continue;
+      const double per_tooth = move.feed / (move.spindle_speed * job_.cutter_of(move.tool).teeth);
+      used.insert(fmt::format("{} mm/min at {} rev/min, {} mm a tooth", given(units::to_mm_per_min(move.feed)),
+                              given(units::to_per_min(move.spindle_speed)), given(to_mm(per_tooth))));
+    }
+    for (const std::string& cut : used) tools.emplace_back("feed in the cut", cut);
+    report_.add_heading("Cutter and feed");
+    report_.add_definitions(tools);
+    const cutting::Material& m = job_.material;
+    report_.add_heading(m.name.empty() ? "Material" : "Material: " + m.name);
+    const bool linear = m.exponent == 1;
+    const std::string unit = linear ? " N/mm²" : fmt::format(" N/mm^{:g}", 1 + m.exponent);
+    // K h^x: the chip thickness counts in mm, so 1 N/m^(1+x) is 1e-3 N/mm / 1000^x.
+    const double per_chip = std::pow(1 / units::kMetrePerMm, m.exponent);
+    const auto cut = [&](double k) { return given(units::to_N_per_mm(k) / per_chip) + unit; };
+    const auto edge = [&](double k) { return given(units::to_N_per_mm(k)) + " N/mm"; };
+    report_.add_definitions({{"Ktc (tangential, cutting)", cut(m.ktc)},
+                             {"Krc (radial, cutting)", cut(m.krc)},
+                             {"Kac (axial, cutting)", cut(m.kac)},
+                             {"Kte (tangential, edge)", edge(m.kte)},
+                             {"Kre (radial, edge)", edge(m.kre)},
+                             {"Kae (axial, edge)", edge(m.kae)},
+                             {"exponent of the chip thickness", given(m.exponent)}});
+  }
+
+  void stock() {
+    const cutting::Stock& s = job_.stock;
+    const double x1 = s.x_min() + s.columns() * s.cell(), y1 = s.y_min() + s.rows() * s.cell();
+    report_.add_heading("Stock");
+    report_.add_definitions(
+        {{"x", fmt::format("{} … {} mm", given(to_mm(s.x_min())), given(to_mm(x1)))},
+         {"y", fmt::format("{} … {} mm", given(to_mm(s.y_min())), given(to_mm(y1)))},
+         {"z", fmt::format("{} … {} mm", given(to_mm(s.bottom())), given(to_mm(s.top())))},
+         {"cells", fmt::format("{} × {} of {} mm", s.columns(), s.rows(), given(to_mm(s.cell())))},
+         {"volume", fmt::format("{} mm³", given(units::to_mm3(s.volume())))},
+         {"removed, as it is", fmt::format("{} mm³", given(units::to_mm3(c_.before.pass.removed)))},
+         {"removed, corrected", fmt::format("{} mm³", given(units::to_mm3(c_.after.pass.removed)))}});
+  }
+
+  void machine() {
+    report_.add_heading("Machine: " + machine::name_of(job_.machine));
+    report_.add_text(machine::description_of(job_.machine));
+    Entries compliances;
+    std::visit(
+        [&](const auto& m) {
+          if constexpr (requires { m.dh; }) {
+            for (std::size_t i = 0; i < m.dh.size(); ++i) {
+              const bool turns = m.dh[i].kind == machine::JointKind::revolute;
+              compliances.emplace_back(fmt::format("compliance of joint {}", i + 1),
+                                       turns ? fmt::format("{:.4g} rad/Nm", m.dh[i].compliance)
+                                             : fmt::format("{:.4g} µm/N", units::to_um_per_N(m.dh[i].compliance)));
+            }
+          } else if constexpr (requires { m.compliance; }) {
+            compliances.emplace_back("compliance of a leg",
+                                     fmt::format("{:.4g} µm/N", units::to_um_per_N(m.compliance)));
+          }
+        },
+        job_.machine);
+    report_.add_definitions(compliances);
+    Table sources;
+    sources.caption = "Where the machine's numbers come from";
+    sources.columns = {{"key", ""}, {"source", ""}};
+    for (const auto& [key, source] : machine::provenance_of(job_.machine)) sources.rows.push_back({key, source});
+    if (!sources.rows.empty()) report_.add_table(sources);
+    report_.add_code("The machine as a file", machine::to_toml(job_.machine));
+  }
+
+  void new_program() {
+    report_.add_section("The corrected program");
+    const std::vector<gcode::Block>& blocks = c_.program.blocks;
+    std::string text;
+    for (std::size_t i = 0; i < std::min(blocks.size(), kHeaderLines); ++i) text += blocks[i].text + "\n";
+    if (blocks.size() > kHeaderLines) text += "...\n";
+    report_.add_code("Its first lines", text, false);
+    if (blocks.size() <= kWholeProgram) {
+      report_.add_code(fmt::format("All {} lines", blocks.size()), c_.text);
+    }
+  }
+
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  const Job& job_;
+  const gcode::Program& program_;
+  const Correction& c_;
+  const CorrectionPageOptions& options_;
+  Tracks tracks_;
+  Report report_;
+};
+
+}  // namespace
+
+std::string correction_page(const Job& job, const gcode::Program& program, const Correction& correction,
+                            const CorrectionPageOptions& options) {
+  return Page(job, program, correction, options).html();
+}
+
+}  // namespace polypod::pages

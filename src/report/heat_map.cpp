@@ -1,0 +1,295 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Colour maps and filled contours.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "polypod/report/plot.hpp"
+#include "svg.hpp"
+
+namespace polypod::report {
+namespace {
+
+using svg::Picture;
+using svg::px;
+using svg::Scale;
+
+/// Linear sRGB of a colour of OKLab (B. Ottosson, 2020), a space in which equal steps look equal.
+std::array<double, 3> linear_rgb(double L, double a, double b) {
+  const auto cube = [](double v) { return v * v * v; };
+  const double l = cube(L + 0.3963377774 * a + 0.2158037573 * b);
+  const double m = cube(L - 0.1055613458 * a - 0.0638541728 * b);
+  const double s = cube(L - 0.0894841775 * a - 1.2914855480 * b);
+  return {4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s,
+          -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s,
+          -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s};
+}
+
+bool on_screen(const std::array<double, 3>& rgb) {
+  return std::all_of(rgb.begin(), rgb.end(), [](double v) { return v >= 0 && v <= 1; });
+}
+
+/// `#rrggbb` of lightness, chroma and hue (deg); the chroma is lowered as far as a screen needs.
+std::string hex_of(double L, double chroma, double hue_deg) {
+  const double hue = hue_deg * std::numbers::pi / 180;
+  const auto at = [&](double c) { return linear_rgb(L, c * std::cos(hue), c * std::sin(hue)); };
+  if (!on_screen(at(chroma))) {
+    double inside = 0, outside = chroma;
+    for (int i = 0; i < 20; ++i) {
+      const double middle = (inside + outside) / 2;
+      (on_screen(at(middle)) ? inside : outside) = middle;
+    }
+    chroma = inside;
+  }
+  std::string out = "#";
+  for (const double v : at(chroma)) {
+    const double clamped = std::clamp(v, 0.0, 1.0);
+    const double gamma = clamped <= 0.0031308 ? 12.92 * clamped : 1.055 * std::pow(clamped, 1 / 2.4) - 0.055;
+    out += fmt::format("{:02x}", static_cast<int>(std::lround(255 * gamma)));
+  }
+  return out;
+}
+
+/// One cell of the grid: its corners in pixels and their values, in order round it.
+struct Quad {
+  std::array<Point, 4> corner;
+  std::array<double, 4> value;
+};
+
+/// The part of the cell where the value, linear along each side, is at least `level`; `cut` receives the sides of that
+/// part that run through the cell (pieces of the contour line).
+std::vector<Point> at_least(const Quad& quad, double level, std::vector<std::pair<Point, Point>>* cut) {
+  std::vector<Point> part;
+  std::vector<char> crossing;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t j = (i + 1) % 4;
+    const double a = quad.value[i], b = quad.value[j];
+    if (a >= level) {
+      part.push_back(quad.corner[i]);
+      crossing.push_back(0);
+    }
+    if ((a >= level) != (b >= level)) {
+      const double t = (level - a) / (b - a);
+      part.push_back({quad.corner[i].x + t * (quad.corner[j].x - quad.corner[i].x),
+                      quad.corner[i].y + t * (quad.corner[j].y - quad.corner[i].y)});
+      crossing.push_back(a >= level ? 1 : 2);  // 1: the contour leaves the side here, 2: it comes back
+    }
+  }
+  if (cut != nullptr) {
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const std::size_t j = (i + 1) % part.size();
+      if (crossing[i] == 1 && crossing[j] == 2) cut->emplace_back(part[i], part[j]);
+    }
+  }
+  return part;
+}
+
+std::string label_of(double level, int decimals) {
+  return std::abs(level) >= 1e6 || (level != 0 && std::abs(level) < 1e-3) ? number(level, 3) : fixed(level, decimals);
+}
+
+}  // namespace
+
+std::string colour_at(ColourMap map, double t) {
+  t = std::isfinite(t) ? std::clamp(t, 0.0, 1.0) : 0;
+  if (map == ColourMap::sequential) return hex_of(0.30 + 0.62 * t, 0.15, 295 - 195 * t);
+  const double side = 2 * t - 1;
+  return hex_of(0.95 - 0.45 * std::abs(side), 0.16 * std::abs(side), side < 0 ? 250 : 40);
+}
+
+std::string HeatMap::operator()(const Canvas& canvas) const {
+  Picture picture(canvas, title);
+  const auto value_at = [&](int i, int j) {
+    const std::size_t index =
+        static_cast<std::size_t>(j) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(i);
+    return index < values.size() ? values[index] : std::numeric_limits<double>::quiet_NaN();
+  };
+  double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const double v = value_at(i, j);
+      if (!std::isfinite(v)) continue;
+      lo = std::min(lo, v);
+      hi = std::max(hi, v);
+    }
+  }
+  if (min && std::isfinite(*min)) lo = *min;
+  if (max && std::isfinite(*max)) hi = *max;
+  svg::widen(lo, hi);
+  if (map == ColourMap::diverging) {
+    hi = std::max(std::abs(lo), std::abs(hi));
+    lo = -hi;
+  }
+  const std::vector<double> edges = svg::ticks_in(lo, hi, std::clamp(levels, 2, 40));
+  const int decimals = svg::decimals_of(edges);
+  const auto colour = [&](double v) { return colour_at(map, (v - lo) / (hi - lo)); };
+
+  double x0 = x.min.value_or(0), x1 = x.max.value_or(std::max(1, columns - 1));
+  double y0 = y.min.value_or(0), y1 = y.max.value_or(std::max(1, rows - 1));
+  if (!(x0 < x1)) svg::widen(x0, x1);
+  if (!(y0 < y1)) svg::widen(y0, y1);
+
+  double widest_label = 30;  // so that maps side by side have one size
+  for (const double e : edges) {
+    widest_label = std::max(widest_label, svg::text_width(label_of(e, decimals), svg::kSmallFont));
+  }
+  double widest_tick = 0;
+  const std::vector<double> y_ticks = svg::ticks_in(y0, y1, 5);
+  for (const double t : y_ticks) {
+    widest_tick = std::max(widest_tick, svg::text_width(fixed(t, svg::decimals_of(y_ticks)), svg::kSmallFont));
+  }
+  const double left = std::clamp(widest_tick, 16.0, 90.0) + 12;
+  const double bar_width = 14, bar_gap = 14;
+  const double top = 30, room_x = std::max(60.0, picture.width - left - bar_gap - bar_width - widest_label - 14);
+  double plot_width = room_x, plot_height = room_x * 0.7;
+  if (equal_scales) {
+    plot_height = plot_width * (y1 - y0) / (x1 - x0);
+    const double most = std::max(80.0, 0.85 * picture.width);
+    if (plot_height > most) {
+      plot_width *= most / plot_height;
+      plot_height = most;
+    }
+    plot_height = std::max(plot_height, 40.0);
+  }
+  const double right = left + plot_width, bottom = top + plot_height;
+  const Scale X{x0, x1, left, right}, Y{y0, y1, bottom, top};
+  picture.text(2, 14, svg::with_unit(y.label, y.unit), "q");
+  const std::string value_label = svg::with_unit(label, unit);
+  picture.text(right + bar_gap + bar_width + widest_label + 7, 14, value_label, "q e");
+
+  // Painter's algorithm: the lowest band under everything, then the part above each level over it.
+  std::vector<Quad> quads;
+  for (int j = 0; j + 1 < rows; ++j) {
+    for (int i = 0; i + 1 < columns; ++i) {
+      const double dx = (x1 - x0) / (columns - 1), dy = (y1 - y0) / (rows - 1);
+      const double a = X(x0 + i * dx), b = X(x0 + (i + 1) * dx), c = Y(y0 + j * dy), d = Y(y0 + (j + 1) * dy);
+      Quad quad{{{{a, c}, {b, c}, {b, d}, {a, d}}},
+                {value_at(i, j), value_at(i + 1, j), value_at(i + 1, j + 1), value_at(i, j + 1)}};
+      if (std::all_of(quad.value.begin(), quad.value.end(), [](double v) { return std::isfinite(v); })) {
+        quads.push_back(quad);
+      }
+    }
+  }
+  const auto fill = [&](double level, double mid) {
+    std::string d;
+    // Whole cells in a row are one rectangle.
+    for (std::size_t k = 0; k < quads.size(); ++k) {
+      const auto whole = [&](const Quad& q) {
+        return std::all_of(q.value.begin(), q.value.end(), [&](double v) { return v >= level; });
+      };
+      if (whole(quads[k])) {
+        std::size_t last = k;
+        while (last + 1 < quads.size() && quads[last + 1].corner[0].y == quads[k].corner[0].y &&
+               quads[last + 1].corner[0].x == quads[last].corner[1].x && whole(quads[last + 1])) {
+          ++last;
+        }
+        d += fmt::format("M{} {}H{}V{}H{}Z", px(quads[k].corner[0].x), px(quads[k].corner[0].y),
+                         px(quads[last].corner[1].x), px(quads[k].corner[2].y), px(quads[k].corner[0].x));
+        k = last;
+        continue;
+      }
+      const std::vector<Point> part = at_least(quads[k], level, nullptr);
+      if (part.size() < 3) continue;
+      for (std::size_t i = 0; i < part.size(); ++i) {
+        d += fmt::format("{}{} {}", i == 0 ? 'M' : 'L', px(part[i].x), px(part[i].y));
+      }
+      d += 'Z';
+    }
+    if (!d.empty()) picture.body += fmt::format("<path d=\"{}\" fill=\"{}\"/>\n", d, colour(mid));
+  };
+  struct BandOf {
+    double from, to;
+  };
+  std::vector<BandOf> bands;
+  double from = lo;
+  for (const double e : edges) {
+    if (e > from) bands.push_back({from, e});
+    from = e;
+  }
+  if (hi > from) bands.push_back({from, hi});
+  for (std::size_t k = 0; k < bands.size(); ++k) {
+    const double level = k == 0 ? -std::numeric_limits<double>::infinity() : bands[k].from;
+    fill(level, (bands[k].from + bands[k].to) / 2);
+  }
+
+  // Contour lines and their numbers: each number where it is farthest from those before it.
+  std::string contours;
+  std::vector<Point> placed;
+  struct LabelAt {
+    Point at;
+    double level;
+  };
+  std::vector<LabelAt> labels;
+  for (const double level : edges) {
+    std::vector<std::pair<Point, Point>> cut;
+    for (const Quad& quad : quads) at_least(quad, level, &cut);
+    double best = 40;  // px: closer together they would be in each other's way
+    Point best_at{};
+    bool found = false;
+    for (const auto& [a, b] : cut) {
+      contours += fmt::format("M{} {}L{} {}", px(a.x), px(a.y), px(b.x), px(b.y));
+      const Point middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
+      double distance = std::min({middle.x - left, right - middle.x}) * 2;
+      distance = std::min(distance, std::min(middle.y - top, bottom - middle.y) * 4);
+      for (const Point& p : placed) distance = std::min(distance, std::hypot(p.x - middle.x, 2 * (p.y - middle.y)));
+      if (distance > best) {
+        best = distance;
+        best_at = middle;
+        found = true;
+      }
+    }
+    if (found) {
+      placed.push_back(best_at);
+      labels.push_back({best_at, level});
+    }
+  }
+  if (!contours.empty()) picture.body += fmt::format("<path d=\"{}\" class=\"contour\"/>\n", contours);
+  picture.body += fmt::format("<g clip-path=\"{}\">\n", picture.clip("box", left, top, plot_width, plot_height));
+  for (const Polyline& l : lines) {
+    std::vector<Point> points;
+    points.reserve(l.points.size());
+    for (const Point& p : l.points) points.push_back({X(p.x), Y(p.y)});
+    picture.body += fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\"/>\n", svg::path(points),
+                                svg::class_of(l.colour), svg::class_of(l.style), px(l.stroke));
+  }
+  picture.body += "</g>\n";
+  if (contour_labels) {
+    for (const LabelAt& l : labels) {
+      picture.text(l.at.x, l.at.y + 4, label_of(l.level, decimals), "on", svg::kSmallFont);
+    }
+  }
+  for (const Marker& m : markers) {
+    picture.body += fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"3.5\" class=\"{} f\"/>\n", px(X(m.at.x)),
+                                px(Y(m.at.y)), svg::class_of(m.colour));
+    picture.text(X(m.at.x) + 7, Y(m.at.y) - 6, m.label, "t h");
+  }
+
+  picture.x_axis(X, top, bottom, svg::with_unit(x.label, x.unit), false);
+  picture.y_axis(Y, left, right, false);
+  picture.body += fmt::format("<path d=\"M{} {}H{}V{}H{}Z\" fill=\"none\" class=\"axis\"/>\n", px(left), px(top),
+                              px(right), px(bottom), px(left));
+
+  const Scale V{lo, hi, bottom, top};
+  const double bar = right + bar_gap;
+  for (const BandOf& band : bands) {
+    picture.body +=
+        fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\"/>\n", px(bar), px(V(band.to)),
+                    px(bar_width), px(V(band.from) - V(band.to)), colour((band.from + band.to) / 2));
+  }
+  double last_y = std::numeric_limits<double>::infinity();
+  for (const double e : edges) {
+    const double at = V(e);
+    picture.line(bar, at, bar + bar_width + 3, at, "axis");
+    if (last_y - at < 13) continue;
+    picture.text(bar + bar_width + 6, at + 4, label_of(e, decimals), "n", svg::kSmallFont);
+    last_y = at;
+  }
+  const bool has_label = !(x.label.empty() && x.unit.empty());
+  return picture.finish(bottom + (has_label ? 42 : 24));
+}
+
+}  // namespace polypod::report

@@ -1,0 +1,277 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/report/html.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "svg.hpp"
+
+namespace polypod::report {
+namespace {
+
+constexpr double kWide =
+    840;  // px: between the 960 of a screen (where text then shows a little larger) and the 690 of a printed page
+constexpr double kNarrow = 360;  // px: a telephone held upright
+
+constexpr std::string_view kPageCss = R"(*{box-sizing:border-box}
+html{-webkit-text-size-adjust:100%}
+body{margin:0;background:var(--ground);color:var(--ink);font:16px/1.55 system-ui,-apple-system,"Segoe UI",Roboto,"Noto Sans","Liberation Sans",sans-serif}
+main,header.top{max-width:992px;margin:0 auto;padding:0 16px}
+header.top{padding-top:36px}
+h1{font-size:2rem;line-height:1.2;margin:0 0 .3rem;letter-spacing:-.01em}
+.subtitle{font-size:1.1rem;color:var(--muted);margin:0 0 1rem;max-width:44em}
+h2{font-size:1.4rem;margin:2.6rem 0 .8rem;padding-top:.7rem;border-top:1px solid var(--rule)}
+h3{font-size:1.08rem;margin:1.7rem 0 .4rem}
+p{margin:.6rem 0;max-width:46em} ul{margin:.6rem 0;padding-left:1.2em;max-width:46em} li{margin:.2rem 0}
+a{color:var(--blue)}
+nav{margin:1.2rem 0 0;display:flex;flex-wrap:wrap;gap:.3rem 1.2rem;font-size:.95rem}
+dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(270px,1fr));gap:0 2rem;margin:.8rem 0;font-size:.94rem}
+dl>div{display:flex;justify-content:space-between;gap:1rem;padding:.28rem 0;border-bottom:1px solid var(--grid);break-inside:avoid}
+dt{color:var(--muted)} dd{margin:0;text-align:right;overflow-wrap:anywhere;font-variant-numeric:tabular-nums}
+.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin:1.1rem 0}
+.card{background:var(--panel);border-radius:8px;padding:14px 16px;border-left:4px solid var(--rule);break-inside:avoid}
+.card b{display:block;font-size:1.7rem;line-height:1.2;font-weight:650;font-variant-numeric:tabular-nums;white-space:nowrap}
+.card b small{font-size:1rem;font-weight:500;color:var(--muted)}
+.card span{font-size:.9rem;color:var(--muted)}
+.good{border-left-color:var(--green)!important} .bad{border-left-color:var(--vermillion)!important}
+.verdict{background:var(--panel);border-left:4px solid var(--rule);border-radius:8px;padding:.8rem 1rem;margin:1rem 0;font-size:1.05rem;max-width:none;break-inside:avoid}
+.verdict strong{margin-right:.4em} .good strong{color:var(--green)} .bad strong{color:var(--vermillion)}
+figure{margin:1.3rem 0;break-inside:avoid}
+figcaption{color:var(--muted);font-size:.92rem;margin-top:.35rem;max-width:52em}
+.narrow{display:none}
+.panels{display:grid;gap:14px 18px} .panels h4{margin:0 0 2px;font-size:.95rem;font-weight:600}
+.panels>div{break-inside:avoid}
+.scroll{overflow-x:auto;margin:.8rem 0}
+table{border-collapse:collapse;font-size:.92rem;font-variant-numeric:tabular-nums;min-width:50%}
+caption{text-align:left;color:var(--muted);font-size:.92rem;padding-bottom:.35rem}
+th{text-align:left;font-weight:600;border-bottom:2px solid var(--rule);padding:.3rem .8rem;vertical-align:bottom}
+th small{display:block;font-weight:400;color:var(--muted)}
+td{border-bottom:1px solid var(--grid);padding:.26rem .8rem;vertical-align:top}
+th:first-child,td:first-child{padding-left:0} th.r,td.r{text-align:right} td.r{white-space:nowrap} tr{break-inside:avoid}
+details{margin:.8rem 0} summary{cursor:pointer;color:var(--blue);font-weight:500}
+pre{background:var(--panel);border-radius:8px;padding:12px 14px;overflow-x:auto;font:13px/1.45 ui-monospace,"DejaVu Sans Mono","Liberation Mono",monospace}
+footer{max-width:992px;margin:3rem auto 2rem;padding:.8rem 16px 0;color:var(--muted);font-size:.88rem}
+#tip{position:fixed;pointer-events:none;background:var(--ink);color:var(--ground);border-radius:6px;padding:6px 9px;font-size:12px;line-height:1.4;white-space:nowrap;display:none;z-index:2}
+@media (max-width:640px){
+.wide{display:none} .narrow{display:block} h1{font-size:1.55rem} header.top{padding-top:20px}
+.panels{grid-template-columns:1fr!important} .cards{grid-template-columns:1fr 1fr} .card{padding:10px 12px} .card b{font-size:1.35rem}
+}
+@media print{
+@page{margin:15mm 14mm}
+body{font-size:10.5pt;background:#fff} main,header.top,footer{max-width:none;padding-left:0;padding-right:0}
+.wide{display:block!important} .narrow{display:none!important}
+h2,h3,h4,summary{break-after:avoid} nav,#tip{display:none!important} a{color:inherit;text-decoration:none}
+pre{white-space:pre-wrap;overflow-wrap:anywhere;font-size:8.5pt} .scroll{overflow:visible} summary{color:inherit;list-style:none}
+*{-webkit-print-color-adjust:exact;print-color-adjust:exact}
+}
+)";
+
+// Reading needs none of this. It shows values under the pointer, and opens what is folded before printing.
+constexpr std::string_view kScript = R"(<script>
+(function(){
+var tip=document.createElement('div');tip.id='tip';document.body.appendChild(tip);
+function four(s){return s.split(' ').map(Number);}
+function show(v,span){var d=Math.max(0,Math.min(6,2-Math.floor(Math.log10(span||1))));return v.toFixed(d);}
+document.querySelectorAll('svg[data-x]').forEach(function(svg){
+ var X=four(svg.dataset.x),Y=four(svg.dataset.y),curves=[];
+ svg.querySelectorAll('path[data-name]').forEach(function(p){
+  var runs=p.getAttribute('d').split('M').filter(Boolean).map(function(run){
+   return run.split('L').map(function(q){return q.split(' ').map(parseFloat);});});
+  curves.push({name:p.dataset.name,runs:runs});});
+ svg.addEventListener('pointermove',function(e){
+  var r=svg.getBoundingClientRect(),w=svg.viewBox.baseVal.width,x=(e.clientX-r.left)*w/r.width;
+  if(x<X[2]||x>X[3]){tip.style.display='none';return;}
+  var v=X[0]+(x-X[2])/(X[3]-X[2])*(X[1]-X[0]);
+  tip.textContent='';
+  function row(t){var d=document.createElement('div');d.textContent=t;tip.appendChild(d);}
+  row(svg.dataset.label+': '+show(v,X[1]-X[0]));
+  curves.forEach(function(c){c.runs.some(function(run){
+   for(var i=1;i<run.length;i++){var a=run[i-1],b=run[i];
+    if(a[0]<=x&&x<=b[0]){var t=b[0]>a[0]?(x-a[0])/(b[0]-a[0]):0,y=a[1]+t*(b[1]-a[1]);
+     row(c.name+': '+show(Y[0]+(y-Y[2])/(Y[3]-Y[2])*(Y[1]-Y[0]),Y[1]-Y[0])+' '+svg.dataset.unit);return true;}}
+   return false;});});
+  tip.style.display='block';
+  tip.style.left=Math.min(e.clientX+14,innerWidth-tip.offsetWidth-8)+'px';tip.style.top=(e.clientY+14)+'px';});
+ svg.addEventListener('pointerleave',function(){tip.style.display='none';});});
+addEventListener('beforeprint',function(){
+ document.querySelectorAll('details').forEach(function(d){d.open=true;});});
+})();
+</script>
+)";
+
+const char* class_of(Verdict verdict) {
+  return verdict == Verdict::good ? " good" : verdict == Verdict::bad ? " bad" : "";
+}
+
+/// Escaped, with leave to break a line after each slash: paths are long.
+std::string breakable(const std::string& text) {
+  std::string out;
+  for (const char c : escape(text)) {
+    out += c;
+    if (c == '/') out += "<wbr>";
+  }
+  return out;
+}
+
+std::string definitions(const std::vector<std::pair<std::string, std::string>>& entries) {
+  std::string out = "<dl>\n";
+  for (const auto& [name, value] : entries) {
+    out += fmt::format("<div><dt>{}</dt><dd>{}</dd></div>\n", escape(name), breakable(value));
+  }
+  return out + "</dl>\n";
+}
+
+}  // namespace
+
+Report::Report(std::string title, std::string subtitle, std::vector<std::pair<std::string, std::string>> facts)
+    : title_(std::move(title)), subtitle_(std::move(subtitle)), facts_(std::move(facts)) {}
+
+std::string Report::next_id() {
+  return fmt::format("p{}", ++pictures_);
+}
+
+void Report::add_section(const std::string& title) {
+  if (in_section_) body_ += "</section>\n";
+  in_section_ = true;
+  sections_.push_back(title);
+  body_ += fmt::format("<section id=\"s{}\">\n<h2>{}</h2>\n", sections_.size(), escape(title));
+}
+
+void Report::add_heading(const std::string& title) {
+  body_ += fmt::format("<h3>{}</h3>\n", escape(title));
+}
+
+void Report::add_text(const std::string& paragraph) {
+  body_ += fmt::format("<p>{}</p>\n", escape(paragraph));
+}
+
+void Report::add_verdict(Verdict verdict, const std::string& sentence) {
+  // Colour alone does not carry the meaning: a word stands before the sentence.
+  const char* word = verdict == Verdict::good  ? "<strong>Yes.</strong>"
+                     : verdict == Verdict::bad ? "<strong>No.</strong>"
+                                               : "";
+  body_ += fmt::format("<p class=\"verdict{}\">{}{}</p>\n", class_of(verdict), word, escape(sentence));
+}
+
+void Report::add_list(const std::vector<std::string>& items) {
+  if (items.empty()) return;
+  body_ += "<ul>\n";
+  for (const std::string& item : items) body_ += fmt::format("<li>{}</li>\n", escape(item));
+  body_ += "</ul>\n";
+}
+
+void Report::add_key_figures(const std::vector<KeyFigure>& figures) {
+  if (figures.empty()) return;
+  body_ += "<div class=\"cards\">\n";
+  for (const KeyFigure& f : figures) {
+    body_ +=
+        fmt::format("<div class=\"card{}\"><b>{}{}</b><span>{}</span></div>\n", class_of(f.verdict), escape(f.value),
+                    f.unit.empty() ? "" : " <small>" + escape(f.unit) + "</small>", escape(f.label));
+  }
+  body_ += "</div>\n";
+}
+
+void Report::add_definitions(const std::vector<std::pair<std::string, std::string>>& entries) {
+  if (!entries.empty()) body_ += definitions(entries);
+}
+
+void Report::add_table(const Table& table) {
+  // A column is set to the right if it holds numbers only.
+  std::vector<char> right(table.columns.size(), 0);
+  for (std::size_t k = 0; k < table.columns.size(); ++k) {
+    right[k] = std::any_of(table.rows.begin(), table.rows.end(),
+                           [&](const auto& row) { return k < row.size() && std::holds_alternative<double>(row[k]); });
+  }
+  std::string out = "<div class=\"scroll\"><table>\n";
+  if (!table.caption.empty() && !table.folded) out += fmt::format("<caption>{}</caption>\n", escape(table.caption));
+  out += "<thead><tr>";
+  for (std::size_t k = 0; k < table.columns.size(); ++k) {
+    const Column& c = table.columns[k];
+    out += fmt::format("<th{}>{}{}</th>", right[k] != 0 ? " class=\"r\"" : "", escape(c.title),
+                       c.unit.empty() ? "" : "<small>" + escape(c.unit) + "</small>");
+  }
+  out += "</tr></thead>\n<tbody>\n";
+  for (const auto& row : table.rows) {
+    out += "<tr>";
+    for (std::size_t k = 0; k < table.columns.size(); ++k) {
+      std::string text;
+      if (k < row.size()) {
+        const double* value = std::get_if<double>(&row[k]);
+        const int decimals = table.columns[k].decimals;
+        text = value == nullptr ? escape(std::get<std::string>(row[k]))
+               : decimals >= 0  ? fixed(*value, decimals)
+                                : number(*value);
+      }
+      out += fmt::format("<td{}>{}</td>", right[k] != 0 ? " class=\"r\"" : "", text);
+    }
+    out += "</tr>\n";
+  }
+  out += "</tbody></table></div>\n";
+  if (table.folded) {
+    out = fmt::format("<details><summary>{}</summary>\n{}</details>\n",
+                      escape(table.caption.empty() ? "Table" : table.caption), out);
+  }
+  body_ += out;
+}
+
+void Report::add_figure(const Figure& figure, const std::string& caption) {
+  const std::string id = next_id();
+  body_ += fmt::format(
+      "<figure><div class=\"wide\">{}</div><div class=\"narrow\">{}</div>\n<figcaption>{}</figcaption></figure>\n",
+      figure(Canvas{kWide, id}), figure(Canvas{kNarrow, id + "n"}), escape(caption));
+}
+
+void Report::add_figure_grid(int columns, const std::vector<std::pair<std::string, Figure>>& panels,
+                             const std::string& caption) {
+  columns = std::clamp(columns, 1, 6);
+  constexpr double kGap = 18;
+  // One drawing serves both: a panel is about as wide as a telephone's page.
+  const double width = std::max((kWide - kGap * (columns - 1)) / columns, 220.0);
+  body_ += fmt::format("<figure><div class=\"panels\" style=\"grid-template-columns:repeat({},1fr)\">\n", columns);
+  for (const auto& [title, figure] : panels) {
+    body_ += fmt::format("<div>{}{}</div>\n", title.empty() ? "" : "<h4>" + escape(title) + "</h4>\n",
+                         figure(Canvas{width, next_id()}));
+  }
+  body_ += fmt::format("</div>\n<figcaption>{}</figcaption></figure>\n", escape(caption));
+}
+
+void Report::add_code(const std::string& title, const std::string& text, bool folded) {
+  const std::string code = fmt::format("<pre>{}</pre>\n", escape(text));
+  if (folded) {
+    body_ += fmt::format("<details><summary>{}</summary>\n{}</details>\n", escape(title), code);
+  } else {
+    body_ += fmt::format("<h3>{}</h3>\n{}", escape(title), code);
+  }
+}
+
+std::string Report::to_html() const {
+  std::string contents;
+  if (sections_.size() > 1) {
+    contents = "<nav>";
+    for (std::size_t i = 0; i < sections_.size(); ++i) {
+      contents += fmt::format("<a href=\"#s{}\">{}</a>\n", i + 1, escape(sections_[i]));
+    }
+    contents += "</nav>\n";
+  }
+  std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
+  page += "<meta name=\"color-scheme\" content=\"light dark\">\n";
+  page += fmt::format("<title>{}</title>\n<style>\n:root{{{}}}\n", escape(title_), svg::light_colours());
+  page += fmt::format("@media screen and (prefers-color-scheme:dark){{:root{{{}}}}}\n", svg::dark_colours());
+  page += svg::css();
+  page += kPageCss;
+  page += "</style>\n</head>\n<body>\n";
+  page += fmt::format("<header class=\"top\">\n<h1>{}</h1>\n", escape(title_));
+  if (!subtitle_.empty()) page += fmt::format("<p class=\"subtitle\">{}</p>\n", escape(subtitle_));
+  if (!facts_.empty()) page += definitions(facts_);
+  page += contents + "</header>\n<main>\n" + body_;
+  if (in_section_) page += "</section>\n";
+  page += "</main>\n";
+  page += kScript;
+  page += "</body>\n</html>\n";
+  return page;
+}
+
+}  // namespace polypod::report

@@ -1,0 +1,94 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What all pictures share: an SVG under construction, scales, axes and legends.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "polypod/report/plot.hpp"
+
+namespace polypod::report::svg {
+
+inline constexpr double kFont = 12;       // px, of all text in pictures
+inline constexpr double kSmallFont = 11;  // px, of numbers at axes
+
+/// Style of all pictures; colours are variables, so that a page may set them for dark ground and paper.
+std::string_view css();
+/// The variables of css() for light and dark ground (a rule's body each).
+std::string_view light_colours();
+std::string_view dark_colours();
+
+const char* class_of(Colour colour);
+const char* class_of(LineStyle style);
+
+/// A coordinate: a tenth of a pixel, without trailing zeros.
+std::string px(double x);
+
+/// A guess of the width of a text, px.
+double text_width(std::string_view text, double font = kFont);
+
+/// Values to pixels, linear.
+struct Scale {
+  double from = 0, to = 1;  ///< values
+  double a = 0, b = 1;      ///< pixels
+  double operator()(double v) const { return a + (v - from) / (to - from) * (b - a); }
+};
+
+/// A range that holds lo..hi and has a width.
+void widen(double& lo, double& hi);
+
+/// The decimals that the step of ticks needs.
+int decimals_of(const std::vector<double>& ticks);
+
+struct LegendEntry {
+  std::string name;
+  Colour colour = Colour::ink;
+  LineStyle style = LineStyle::solid;
+  bool area = false;
+  double stroke = 1.5;
+  bool filled = false;  ///< areas: the full colour
+};
+
+/// An SVG picture that grows from the top.
+class Picture {
+ public:
+  Picture(const Canvas& canvas, std::string title);
+
+  std::string body;
+  double width;
+  const std::string& id() const { return id_; }
+
+  void text(double x, double y, std::string_view content, const char* classes, double font = kFont);
+  void line(double x1, double y1, double x2, double y2, const char* classes);
+  /// Rows of entries from x to the right edge; returns the height used.
+  double legend(const std::vector<LegendEntry>& entries, double x, double y);
+  /// Grid, numbers and label of an x axis below the box, and of a y axis left of it.
+  void x_axis(const Scale& scale, double top, double bottom, const std::string& label, bool grid = true);
+  void y_axis(const Scale& scale, double left, double right, bool grid = true, bool mark_zero = false);
+  /// A clip path of the box under the id `<id>-<name>`; returns its reference `url(#...)`.
+  std::string clip(const char* name, double left, double top, double width, double height);
+
+  [[nodiscard]] std::string finish(double height, const std::string& attributes = {}) const;
+
+ private:
+  std::string id_, title_;
+};
+
+/// "label, unit" (or the one that is not empty).
+std::string with_unit(const std::string& label, const std::string& unit);
+
+/// The `d` of a path through points in pixels, simplified to a quarter of a pixel. A point that is not finite
+/// interrupts it.
+std::string path(const std::vector<Point>& points, bool closed = false);
+
+/// Round values in lo..hi, about `count` and at least two if any step gives two.
+std::vector<double> ticks_in(double lo, double hi, int count);
+
+/// How many ticks fit.
+int tick_count(double pixels, double per_tick);
+
+/// Tick positions whose labels do not touch at this scale.
+std::vector<double> x_ticks(const Scale& scale);
+
+}  // namespace polypod::report::svg

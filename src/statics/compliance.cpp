@@ -1,0 +1,223 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/statics/compliance.hpp"
+
+#include <fmt/format.h>
+
+#include <optional>
+
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/kinematics/slider_hexapod.hpp"
+#include "polypod/kinematics/strut_hexapod.hpp"
+
+namespace polypod::statics {
+
+using machine::JacobianMatrix;
+using machine::JointVector;
+using machine::SerialArm;
+
+namespace {
+
+/// The columns whose compliances add up: those of every row of the table, since a brake gives way too.
+struct Columns {
+  Pose X_MT;
+  JacobianMatrix J;
+};
+
+/// `X_MT` is the pose of the joints where it is known; a parallel machine has several poses of the same joints.
+Columns columns_of(const SerialArm& arm, const JointVector& q, const Pose*) {
+  machine::ForwardJacobian fj = machine::forward_jacobian(arm, q, true);
+  return {fj.X_MT, std::move(fj.J)};
+}
+double column_compliance(const SerialArm& arm, int i) {
+  return arm.dh[static_cast<std::size_t>(i)].compliance;
+}
+std::string column_name(const SerialArm&, int i) {
+  return fmt::format("joint {}", i + 1);
+}
+int column_count(const SerialArm& arm) {
+  return static_cast<int>(arm.dh.size());
+}
+
+/// Hexapods: the forward Jacobian's columns, each with the compliance of its strut or slider.
+template <class Hexapod>
+Columns columns_of(const Hexapod& m, const JointVector& q, const Pose* X_MT) {
+  const Pose X = X_MT != nullptr ? *X_MT : machine::forward(m, q);
+  return {X, machine::jacobian(m, X, q)};
+}
+template <class Hexapod>
+double column_compliance(const Hexapod& m, int) {
+  return m.compliance;
+}
+template <class Hexapod>
+std::string column_name(const Hexapod&, int i) {
+  return fmt::format("leg {}", i + 1);
+}
+template <class Hexapod>
+int column_count(const Hexapod&) {
+  return machine::kLegs;
+}
+
+std::string reason_of(const AnyMachine& machine, const kinematics::InverseResult& result) {
+  if (result.solutions.empty()) return result.reason;
+  // Name the limits of the solution that breaks the fewest.
+  const kinematics::Solution* best = &result.solutions.front();
+  for (const auto& s : result.solutions)
+    if (std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
+  std::string out;
+  for (const std::string& name : kinematics::limit_names(machine, best->violations)) {
+    out += (out.empty() ? "" : ", ") + name;
+  }
+  return out;
+}
+
+Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {
+  Compliance out;
+  std::visit(
+      [&](const auto& m) {
+        const Columns columns = columns_of(m, q, X_MT);
+        out.X_MT = columns.X_MT;
+        for (int i = 0; i < columns.J.cols(); ++i) {
+          const Vec6 j = columns.J.col(i);
+          out.by_joint.push_back(column_compliance(m, i) * j * j.transpose());
+          out.joint.push_back(column_name(m, i));
+          out.C += out.by_joint.back();
+        }
+      },
+      machine);
+  out.joints = q;
+  out.reachable = true;
+  return out;
+}
+
+}  // namespace
+
+Compliance compliance_at_joints(const AnyMachine& machine, const JointVector& q) {
+  return compliance_of(machine, q, nullptr);
+}
+
+Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT) {
+  const kinematics::InverseResult result = kinematics::inverse(machine, X_MT);
+  if (const kinematics::Solution* s = result.reachable()) return compliance_of(machine, s->joints, &X_MT);
+  Compliance out;
+  out.X_MT = X_MT;
+  out.reason = reason_of(machine, result);
+  return out;
+}
+
+std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  return std::visit(
+      [&](const auto& m) {
+        const Columns columns = columns_of(m, q, &X_MT);
+        std::vector<Mat3> out;
+        for (int i = 0; i < columns.J.cols(); ++i) {
+          const Vec3 v = columns.J.col(i).template head<3>();
+          out.push_back(v * v.transpose());
+        }
+        return out;
+      },
+      machine);
+}
+
+std::vector<std::string> column_names(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        std::vector<std::string> out;
+        for (int i = 0; i < column_count(m); ++i) out.push_back(column_name(m, i));
+        return out;
+      },
+      machine);
+}
+
+bool has_compliance(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        for (int i = 0; i < column_count(m); ++i)
+          if (column_compliance(m, i) > 0) return true;
+        return false;
+      },
+      machine);
+}
+
+struct Probe::Impl {
+  const AnyMachine machine;
+  const SerialArm* arm = nullptr;
+  std::optional<machine::WristInverse> closed;
+  Mat3 R_MT;
+  JointVector joints;
+  machine::WristInverse::Branches branches;
+  Vec3 last = Vec3::Zero();
+
+  Impl(const AnyMachine& m, const Mat3& R) : machine(m), arm(std::get_if<SerialArm>(&machine)), R_MT(R) {
+    if (arm == nullptr) return;
+    if (auto wrist = machine::WristInverse::of(*arm)) closed = std::move(*wrist);
+  }
+};
+
+Probe::Probe(const AnyMachine& machine, const Mat3& R_MT) : impl_(std::make_unique<Impl>(machine, R_MT)) {}
+Probe::~Probe() = default;
+Probe::Probe(Probe&&) noexcept = default;
+Probe& Probe::operator=(Probe&&) noexcept = default;
+
+bool Probe::at(const Vec3& p_M, Mat3& C) {
+  Impl& s = *impl_;
+  s.last = p_M;
+  if (s.closed) {
+    s.closed->solve(p_M, s.R_MT.col(2), s.branches);
+    const int b = s.closed->first_within_limits(s.branches);
+    if (b < 0) return false;
+    s.joints = s.branches.joints[b];
+    const machine::ForwardJacobian fj = machine::forward_jacobian(*s.arm, s.joints, true);
+    C.setZero();
+    for (int i = 0; i < fj.J.cols(); ++i) {
+      const Vec3 v = fj.J.col(i).head<3>();
+      C.noalias() += (s.arm->dh[static_cast<std::size_t>(i)].compliance * v) * v.transpose();
+    }
+    return true;
+  }
+  const Compliance c = compliance_at(s.machine, Pose{s.R_MT, p_M});
+  if (!c.reachable) return false;
+  s.joints = c.joints;
+  C = c.linear();
+  return true;
+}
+
+std::string Probe::why() const {
+  return reason_of(impl_->machine, kinematics::inverse(impl_->machine, Pose{impl_->R_MT, impl_->last}));
+}
+
+const JointVector& Probe::joints() const {
+  return impl_->joints;
+}
+
+Map compliance_map(const AnyMachine& machine, const PlaneGrid& grid, const Mat3& R_MT) {
+  Map map{grid, {}};
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      MapPoint point;
+      point.p_M = grid.point(column, row);
+      point.compliance = compliance_at(machine, Pose{R_MT, point.p_M});
+      if (point.compliance.reachable) {
+        point.determinant = kinematics::dexterity(machine, point.compliance.X_MT, point.compliance.joints).determinant;
+      }
+      map.points.push_back(std::move(point));
+    }
+  }
+  return map;
+}
+
+std::vector<PathError> path_error(const AnyMachine& machine, const Vec3& from_M, const Vec3& to_M, int points,
+                                  const Mat3& R_MT, const Vec3& force_M) {
+  std::vector<PathError> out;
+  for (int i = 0; i < points; ++i) {
+    PathError e;
+    e.p_M = from_M + (to_M - from_M) * (points > 1 ? double(i) / (points - 1) : 0.0);
+    const Compliance c = compliance_at(machine, Pose{R_MT, e.p_M});
+    e.reachable = c.reachable;
+    if (c.reachable) e.total = c.displacement(force_M);
+    for (const Mat6& share : c.by_joint) e.by_joint.push_back(share.topLeftCorner<3, 3>() * force_M);
+    out.push_back(std::move(e));
+  }
+  return out;
+}
+
+}  // namespace polypod::statics

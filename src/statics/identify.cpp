@@ -1,0 +1,224 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/statics/identify.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::statics {
+namespace {
+
+// A robot tip that gives way by more than this under a workshop's force is a unit that was mistaken, m.
+constexpr double kUnbelievable = 0.05;
+// Columns whose scaled equations are worse conditioned than this cannot be told apart.
+constexpr double kNotApart = 1e8;
+constexpr double kOutlier = 3.5;          // robust standard deviations
+constexpr double kNormalPerMad = 1.4826;  // standard deviation over median absolute deviation of a normal distribution
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells;
+  std::string cell;
+  for (const char c : line) {
+    if (c == ',') {
+      cells.push_back(cell);
+      cell.clear();
+    } else if (c != '\r' && c != ' ' && c != '\t') {
+      cell += c;
+    }
+  }
+  cells.push_back(cell);
+  return cells;
+}
+
+/// Two-sided 95 % quantile of Student's t (Cornish-Fisher in 1/n to third order: within 0.2 % from 3 degrees of
+/// freedom).
+double student_95(double n) {
+  constexpr double z = 1.959963984540054;
+  const double z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
+  return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n) +
+         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * n * n * n);
+}
+
+/// Least squares with c >= 0 from the normal equations H c = g (H positive definite), by an active set: held at 0 is
+/// what would be negative, and let go again what would grow. `free` says which are not held.
+Eigen::VectorXd not_negative(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, std::vector<bool>& free) {
+  const int n = static_cast<int>(g.size());
+  free.assign(static_cast<std::size_t>(n), true);
+  Eigen::VectorXd c = Eigen::VectorXd::Zero(n);
+  for (int round = 0; round < 10 * n; ++round) {
+    Eigen::MatrixXd Hf = H;
+    Eigen::VectorXd gf = g;
+    for (int i = 0; i < n; ++i) {
+      if (free[static_cast<std::size_t>(i)]) continue;
+      Hf.row(i).setZero();
+      Hf.col(i).setZero();
+      Hf(i, i) = 1;
+      gf[i] = 0;
+    }
+    c = Hf.ldlt().solve(gf);
+    int worst = 0;
+    if (c.minCoeff(&worst) < 0) {
+      free[static_cast<std::size_t>(worst)] = false;
+      continue;
+    }
+    const Eigen::VectorXd pull = g - H * c;
+    int grows = -1;
+    for (int i = 0; i < n; ++i) {
+      if (!free[static_cast<std::size_t>(i)] && pull[i] > 1e-12 * g.norm() && (grows < 0 || pull[i] > pull[grows]))
+        grows = i;
+    }
+    if (grows < 0) break;
+    free[static_cast<std::size_t>(grows)] = true;
+  }
+  return c.cwiseMax(0.0);
+}
+
+}  // namespace
+
+Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
+  POLYPOD_ASSIGN(text, files::read(path));
+  static constexpr const char* kAxes = "xyz";
+  std::map<std::string, std::size_t> column;
+  std::vector<MeasuredPoint> points;
+  int line_number = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    const std::string line = text.substr(at, end - at);
+    at = end + 1;
+    ++line_number;
+    if (line.empty() || line[0] == '#' || line == "\r") continue;
+    const std::vector<std::string> cells = cells_of(line);
+    if (column.empty()) {
+      for (std::size_t i = 0; i < cells.size(); ++i) column[cells[i]] = i;
+      std::vector<std::string> needed{"x_mm", "y_mm", "z_mm", "force_N"};
+      for (int f = 0; f < 3; ++f)
+        for (int d = 0; d < 3; ++d) needed.push_back(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f]));
+      for (const std::string& name : needed) {
+        if (!column.contains(name)) {
+          return fail("ID100", fmt::format("the column {} is missing", name), Place{path, line_number, 1},
+                      "the first line names the columns");
+        }
+      }
+      continue;
+    }
+    Status bad;
+    const auto number = [&](const std::string& name, bool needed = true) {
+      const auto it = column.find(name);
+      if (it == column.end() && !needed) return 0.0;
+      double value = 0;
+      const std::string cell = it->second < cells.size() ? cells[it->second] : "";
+      const auto [rest, code] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+      if ((code != std::errc{} || rest != cell.data() + cell.size() || !std::isfinite(value)) && bad) {
+        bad = fail("ID101", fmt::format("{} = \"{}\" is not a finite number", name, cell), Place{path, line_number, 1});
+      }
+      return value;
+    };
+    MeasuredPoint p;
+    p.place = Place{path, line_number, 1};
+    p.X_MT.p = units::from_mm(1) * Vec3(number("x_mm"), number("y_mm"), number("z_mm"));
+    p.X_MT.R = rotation_abc(units::from_deg(number("a_deg", false)), units::from_deg(number("b_deg", false)), 0);
+    p.force = number("force_N");
+    for (int f = 0; f < 3; ++f)
+      for (int d = 0; d < 3; ++d)
+        p.displacement(d, f) = units::from_um(number(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f])));
+    POLYPOD_TRY(bad);
+    if (!(p.force > 0)) {
+      return fail("ID104", fmt::format("force_N = {:g} must be above 0", p.force), p.place);
+    }
+    if (p.displacement.cwiseAbs().maxCoeff() > kUnbelievable) {
+      return fail("ID105",
+                  fmt::format("a displacement of {:g} mm: no machine gives way that far",
+                              units::to_mm(p.displacement.cwiseAbs().maxCoeff())),
+                  p.place, "displacements are in um; are these nm, or the force in another unit?");
+    }
+    for (const MeasuredPoint& other : points) {
+      if (other.X_MT.p == p.X_MT.p && other.X_MT.R == p.X_MT.R && other.displacement == p.displacement) {
+        return fail("ID103", fmt::format("the row stands already in line {}", other.place.line), p.place,
+                    "a row that stands twice would count twice");
+      }
+    }
+    points.push_back(p);
+  }
+  if (points.empty()) return fail("ID102", "the file has no rows", Place{path, 0, 0});
+  return points;
+}
+
+Result<Identification> identify_compliance(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
+  Identification out;
+  std::vector<std::vector<Mat3>> shapes;  // per point and joint: J_k J_k^T F, columns by force axis
+  for (const MeasuredPoint& point : points) {
+    const kinematics::InverseResult inverse = kinematics::inverse(machine, point.X_MT);
+    const kinematics::Solution* s = inverse.reachable();
+    if (s == nullptr) {
+      return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
+    }
+    const std::vector<Mat3> unit = unit_compliances(machine, point.X_MT, s->joints);
+    shapes.emplace_back();
+    for (const Mat3& share : unit) shapes.back().push_back(share * point.force);
+  }
+  const int n = shapes.empty() ? 0 : static_cast<int>(shapes[0].size());
+  out.equations = 9 * points.size();
+  if (out.equations <= static_cast<std::size_t>(n)) {
+    return fail("ID110", fmt::format("{} equations for {} compliances", out.equations, n), {}, "measure more points");
+  }
+  Eigen::MatrixXd A(out.equations, n);
+  Eigen::VectorXd b(out.equations);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (int k = 0; k < n; ++k) A.block<9, 1>(9 * i, k) = shapes[i][k].reshaped();
+    b.segment<9>(9 * i) = points[i].displacement.reshaped();
+    const Mat3 cross = 0.5 * (points[i].displacement - points[i].displacement.transpose());
+    out.asymmetry_rms += cross.squaredNorm();
+  }
+  out.asymmetry_rms = std::sqrt(out.asymmetry_rms / (6.0 * double(points.size())));
+  // Columns scaled to unit length: the condition then says which joints these poses tell apart, whatever their size.
+  const Eigen::VectorXd scale = A.colwise().norm();
+  if (!(scale.minCoeff() > 0)) {
+    return fail("ID112", "these poses do not load every joint", {}, "measure at other poses");
+  }
+  const Eigen::MatrixXd S = A * scale.cwiseInverse().asDiagonal();
+  const Eigen::VectorXd sigma = S.bdcSvd().singularValues();
+  out.condition = sigma[0] / sigma[n - 1];
+  if (!(out.condition < kNotApart)) {
+    return fail("ID112", "these poses cannot tell the joints apart", {}, "measure at other poses");
+  }
+  std::vector<bool> free;
+  const Eigen::MatrixXd H = S.transpose() * S;
+  const Eigen::VectorXd c = not_negative(H, S.transpose() * b, free);
+  const Eigen::VectorXd r = b - S * c;
+  const double variance = r.squaredNorm() / double(out.equations - n);
+  const Eigen::MatrixXd inverse = H.inverse();
+  const double t = student_95(double(out.equations - n));
+  const std::vector<std::string> names = column_names(machine);
+  for (int k = 0; k < n; ++k) {
+    out.compliance.push_back(c[k] / scale[k]);
+    const double error = free[static_cast<std::size_t>(k)] ? std::sqrt(variance * inverse(k, k)) / scale[k] : 0.0;
+    out.standard_error.push_back(error);
+    out.half_interval.push_back(t * error);
+    out.joint.push_back(names[static_cast<std::size_t>(k)]);
+    out.correlation.emplace_back();
+    for (int j = 0; j < n; ++j) {
+      out.correlation.back().push_back(inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j)));
+    }
+  }
+  out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
+  std::vector<double> sizes;
+  for (const double x : r) sizes.push_back(std::abs(x));
+  std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
+  const double limit = kOutlier * kNormalPerMad * sizes[sizes.size() / 2];
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    out.residuals.push_back(r.segment<9>(9 * i).reshaped(3, 3));
+    for (int f = 0; f < 3; ++f)
+      for (int d = 0; d < 3; ++d)
+        if (std::abs(out.residuals.back()(d, f)) > limit) out.outliers.push_back({i, d, f, out.residuals.back()(d, f)});
+  }
+  return out;
+}
+
+}  // namespace polypod::statics

@@ -1,0 +1,138 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Functions over a cell and a patch as value, gradient and a bound on the rest: the arithmetic with which closed inverse
+// kinematics proves statements about whole boxes.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "patches.hpp"
+
+namespace polypod::workspace {
+
+/// The cell and patch that first-order numbers are about.
+struct Domain {
+  Vec3 half;
+  const Patch* patch = nullptr;
+
+  /// The most that a linear function with this gradient changes from the middle.
+  [[nodiscard]] double spread(const std::array<double, 5>& g) const {
+    const double position = std::abs(g[0]) * half[0] + std::abs(g[1]) * half[1] + std::abs(g[2]) * half[2];
+    const double direction = patch->sector ? std::hypot(g[3], g[4]) * patch->turn
+                                           : std::abs(g[3]) * std::abs(patch->corner[3][0]) +
+                                                 std::abs(g[4]) * std::abs(patch->corner[3][1]);
+    return position + direction;
+  }
+};
+
+/// f = value + gradient . (x, s, t) + [-rest, rest] everywhere in the domain. `rest` infinite: nothing is known.
+class FirstOrder {
+ public:
+  FirstOrder() = default;
+  FirstOrder(double constant) : value(constant) {}  // NOLINT(google-explicit-constructor): a number type
+  double value = 0;
+  std::array<double, 5> gradient{};
+  double rest = 0;
+
+  [[nodiscard]] double radius(const Domain& d) const { return d.spread(gradient) + rest; }
+
+  friend FirstOrder operator+(FirstOrder a, const FirstOrder& b) {
+    a.value += b.value;
+    for (std::size_t k = 0; k < 5; ++k) a.gradient[k] += b.gradient[k];
+    a.rest += b.rest;
+    return a;
+  }
+  friend FirstOrder operator*(double s, FirstOrder a) {
+    a.value *= s;
+    for (double& g : a.gradient) g *= s;
+    a.rest *= std::abs(s);
+    return a;
+  }
+  friend FirstOrder operator-(const FirstOrder& a, const FirstOrder& b) { return a + (-1.0) * b; }
+};
+
+/// (a + da) (b + db) = a b + a db + b da + da db.
+inline FirstOrder times(const FirstOrder& a, const FirstOrder& b, const Domain& d) {
+  FirstOrder out;
+  out.value = a.value * b.value;
+  for (std::size_t k = 0; k < 5; ++k) out.gradient[k] = a.value * b.gradient[k] + b.value * a.gradient[k];
+  out.rest = std::abs(a.value) * b.rest + std::abs(b.value) * a.rest + a.radius(d) * b.radius(d);
+  return out;
+}
+
+namespace first_order_detail {
+/// phi(f) from phi, phi' at the value and a bound on |phi''| over the range; or, if that is narrower or phi'' has no
+/// bound, the range of phi alone.
+inline FirstOrder compose(const FirstOrder& f, const Domain& d, double phi, double slope, double bend, double low,
+                          double high) {
+  const double r = f.radius(d);
+  FirstOrder out;
+  const double rest = std::abs(slope) * f.rest + 0.5 * bend * r * r;
+  if (std::isfinite(rest) && std::abs(slope) * (r - f.rest) + rest <= 2 * (high - low)) {
+    out.value = phi;
+    for (std::size_t k = 0; k < 5; ++k) out.gradient[k] = slope * f.gradient[k];
+    out.rest = rest;
+  } else {
+    out.value = 0.5 * (low + high);
+    out.rest = 0.5 * (high - low);
+  }
+  return out;
+}
+inline FirstOrder unknown() {
+  FirstOrder out;
+  out.rest = std::numeric_limits<double>::infinity();
+  return out;
+}
+}  // namespace first_order_detail
+
+/// The root of the part of f that is not negative.
+inline FirstOrder root(const FirstOrder& f, const Domain& d) {
+  const double r = f.radius(d), low = f.value - r, high = f.value + r;
+  if (!std::isfinite(r)) return first_order_detail::unknown();
+  const double root_low = std::sqrt(std::max(0.0, low)), root_high = std::sqrt(std::max(0.0, high));
+  const double at = std::sqrt(std::max(0.0, f.value));
+  const double bend = low > 0 ? 0.25 / (low * root_low) : std::numeric_limits<double>::infinity();
+  return first_order_detail::compose(f, d, at, at > 0 ? 0.5 / at : 0.0, bend, root_low, root_high);
+}
+
+/// 1 / f where f is positive throughout.
+inline FirstOrder inverse_of_positive(const FirstOrder& f, const Domain& d) {
+  const double r = f.radius(d), low = f.value - r;
+  if (!(low > 0) || !std::isfinite(r)) return first_order_detail::unknown();
+  return first_order_detail::compose(f, d, 1 / f.value, -1 / (f.value * f.value), 2 / (low * low * low),
+                                     1 / (f.value + r), 1 / low);
+}
+
+inline FirstOrder sine(const FirstOrder& f, const Domain& d) {
+  if (!std::isfinite(f.radius(d))) return first_order_detail::compose(0.0, d, 0, 0, 1e300, -1, 1);
+  return first_order_detail::compose(f, d, std::sin(f.value), std::cos(f.value), 1, -1, 1);
+}
+inline FirstOrder cosine(const FirstOrder& f, const Domain& d) {
+  FirstOrder shifted = f;
+  shifted.value += 0.5 * std::numbers::pi;
+  return sine(shifted, d);
+}
+
+/// The angle of (x, y), continuous over the domain, in the turn of its value at the middle; unknown where the domain
+/// holds the origin. With u along and w across the direction at the middle, angle = angle_0 + atan(w / u).
+inline FirstOrder angle(const FirstOrder& y, const FirstOrder& x, const Domain& d) {
+  const double norm = std::hypot(x.value, y.value);
+  if (!(norm > 0)) return first_order_detail::unknown();
+  const double c = x.value / norm, s = y.value / norm;
+  const FirstOrder u = c * x + s * y, w = c * y - s * x;
+  const FirstOrder ratio = times(w, inverse_of_positive(u, d), d);
+  const double r = ratio.radius(d);
+  if (!std::isfinite(r)) return first_order_detail::unknown();
+  // |atan''| = |2 q / (1 + q^2)^2| <= 0.65, and |2 q| for small q.
+  const double q = std::abs(ratio.value) + r;
+  FirstOrder out =
+      first_order_detail::compose(ratio, d, std::atan(ratio.value), 1 / (1 + ratio.value * ratio.value),
+                                  std::min(0.65, 2 * q), std::atan(ratio.value - r), std::atan(ratio.value + r));
+  out.value += std::atan2(y.value, x.value);
+  return out;
+}
+
+}  // namespace polypod::workspace

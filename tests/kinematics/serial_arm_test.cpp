@@ -1,0 +1,189 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/kinematics/serial_arm.hpp"
+
+#include <gmock/gmock.h>
+
+#include "kinematics/invariants.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod {
+namespace {
+
+using machine::SerialArm;
+using testing::check_invariants;
+
+SerialArm arm_of(const std::string& toml) {
+  const auto m = machine::from_text(toml, "test.toml");
+  EXPECT_TRUE(m) << (m ? "" : to_string(m.error()));
+  return std::get<SerialArm>(*m);
+}
+
+SerialArm lola() {
+  return std::get<SerialArm>(*machine::load("lola50"));
+}
+
+void check(const SerialArm& arm, const testing::InvariantOptions& options = {}) {
+  check_invariants(
+      arm, [&](const machine::JointVector& q) { return machine::forward(arm, q); },
+      [&](const Pose& X) { return machine::inverse(arm, X); },
+      [&](const Pose& X, const machine::JointVector& q) { return machine::jacobian(arm, X, q); }, options);
+}
+
+TEST(SerialArm, LolaKeepsTheInvariants) {
+  const SerialArm arm = lola();
+  EXPECT_TRUE(machine::has_closed_inverse(arm));
+  check(arm);
+}
+
+// The same robot with its sixth joint in the table and locked (SLAV 2.2), on a base that is turned and moved.
+constexpr const char* kLolaLocked = R"(
+family = "serial"
+task = "axis"
+dh = [ {alpha_deg=90, theta_offset_deg=-90}, {a_mm=850, theta_offset_deg=90}, {alpha_deg=90},
+       {alpha_deg=-90, d_mm=1100, sign=-1}, {alpha_deg=90, theta_offset_deg=90}, {d_mm=407, theta_offset_deg=0} ]
+locked = { 6 = 30 }
+base = { x_mm = 100, y_mm = -50, z_mm = 20, c_deg = 25 }
+tool = { a_deg = 180 }
+limits = [ {min_deg=-90,max_deg=90}, {min_deg=-61,max_deg=43}, {min_deg=-38,max_deg=89}, {min_deg=-170,max_deg=170},
+           {min_deg=-30,max_deg=89} ]
+)";
+
+TEST(SerialArm, SixJointsWithOneLockedHaveTheClosedInverse) {
+  const SerialArm arm = arm_of(kLolaLocked);
+  ASSERT_EQ(arm.free_joints(), 5);
+  ASSERT_TRUE(machine::has_closed_inverse(arm));
+  check(arm);
+}
+
+constexpr const char* kPumaModified = R"(
+family = "serial"
+convention = "modified"
+dh = [ {}, {alpha_deg=-90}, {a_mm=431.8, d_mm=149.09}, {a_mm=-20.32, alpha_deg=-90, d_mm=433.07}, {alpha_deg=90}, {alpha_deg=-90} ]
+tool = { z_mm = 100 }
+limits = [ {min_deg=-160,max_deg=160}, {min_deg=-225,max_deg=45}, {min_deg=-45,max_deg=225}, {min_deg=-110,max_deg=170},
+           {min_deg=-100,max_deg=-5}, {min_deg=-170,max_deg=170} ]
+)";
+
+TEST(SerialArm, ModifiedTableWithNumericInverse) {
+  const SerialArm arm = arm_of(kPumaModified);
+  EXPECT_FALSE(machine::has_closed_inverse(arm));
+  testing::InvariantOptions options;
+  options.samples = 25;
+  check_invariants(
+      arm, [&](const machine::JointVector& q) { return machine::forward(arm, q); },
+      [&](const Pose& X) {
+        kinematics::DampedOptions more;
+        more.seeds = 400;  // the generating branch must be among those found
+        return kinematics::inverse_damped(
+            arm, X, [&](const machine::JointVector& q) { return machine::forward(arm, q); },
+            [&](const Pose& at, const machine::JointVector& q) { return machine::jacobian(arm, at, q); }, more);
+      },
+      [&](const Pose& X, const machine::JointVector& q) { return machine::jacobian(arm, X, q); }, options);
+}
+
+// A SCARA: a prismatic joint, a task of position only would do; here x, y, z.
+TEST(SerialArm, PrismaticJoint) {
+  const SerialArm arm = arm_of(R"(
+family = "serial"
+task = "point"
+dh = [ {a_mm=300}, {a_mm=250, alpha_deg=180}, {joint="prismatic"} ]
+limits = [ {min_deg=-90,max_deg=90}, {min_deg=10,max_deg=150}, {min_mm=0,max_mm=200} ]
+)");
+  check(arm);
+}
+
+// SLAV (4.44): the Jacobian at x_M = (0, -1300, 0) mm, A = B = 0, to the digits printed.
+TEST(SerialArm, JacobianOfEquation4_44) {
+  const auto lola50 = *machine::load("lola50");
+  const auto result = kinematics::inverse(lola50, kinematics::pose_of(machine::Task::axis, {0, -1.3, 0}));
+  ASSERT_NE(result.reachable(), nullptr);
+  const machine::JointVector q = result.reachable()->joints;
+  EXPECT_EQ(result.reachable()->branch, "front elbow-up");
+  const double expected_deg[5] = {0, -18.80, -2.39, 0, 21.18};
+  // The lengths are known to half a millimetre only, which moves these joints by up to 0.05 deg.
+  for (int i = 0; i < 5; ++i) EXPECT_NEAR(units::to_deg(q[i]), expected_deg[i], 0.05) << i;
+  const Eigen::MatrixXd J = kinematics::task_jacobian(
+      machine::Task::axis, kinematics::jacobian(lola50, kinematics::pose_of(machine::Task::axis, {0, -1.3, 0}), q));
+  Eigen::Matrix<double, 5, 5> printed;
+  printed << 1.3, 0, 0, -0.38, 0, 0, 0, -0.805, 0, -0.407, 0, 1.3, 1.026, 0, 0, 0, -1, -1, 0, -1, 0, 0, 0, 0.932, 0;
+  // Half of the last printed digit: the third decimal, but the second for -0.38.
+  Eigen::Matrix<double, 5, 5> half_digit = Eigen::Matrix<double, 5, 5>::Constant(5e-4);
+  half_digit(0, 3) = 5e-3;
+  EXPECT_TRUE(((J - printed).cwiseAbs().array() <= half_digit.array()).all()) << J;
+}
+
+TEST(SerialArm, ForwardMatchesEquation2_17) {
+  const SerialArm arm = lola();
+  const double a2 = 0.85, d4 = 1.1, a5 = 0.407;
+  for (int k = 0; k < 50; ++k) {
+    machine::JointVector q(5);
+    for (int i = 0; i < 5; ++i) q[i] = 0.5 * std::sin(1.7 * k + 2.1 * i);
+    const double t1 = q[0], t2 = q[1], t23 = q[1] + q[2], t4 = q[3], t5 = q[4];
+    const double s1 = std::sin(t1), c1 = std::cos(t1), s23 = std::sin(t23), c23 = std::cos(t23), s4 = std::sin(t4),
+                 c4 = std::cos(t4), s5 = std::sin(t5), c5 = std::cos(t5);
+    const Vec3 axis(-s1 * s23 * c4 * c5 + c1 * s4 * c5 - s1 * c23 * s5,
+                    c1 * s23 * c4 * c5 + s1 * s4 * c5 + c1 * c23 * s5, c23 * c4 * c5 - s23 * s5);
+    const double out = d4 * c23 - a2 * std::sin(t2);
+    const Vec3 tip(-a5 * axis.x() + s1 * out, -a5 * axis.y() - c1 * out, -a5 * axis.z() + d4 * s23 + a2 * std::cos(t2));
+    const Pose X = machine::forward(arm, q);
+    EXPECT_LT((X.p - tip).norm(), 1e-12);
+    EXPECT_LT((X.R.col(2) - axis).norm(), 1e-12);
+  }
+}
+
+TEST(SerialArm, OutOfReachSaysWhy) {
+  const SerialArm arm = lola();
+  const auto result = machine::inverse(arm, kinematics::pose_of(machine::Task::axis, {0, -5, 0}));
+  EXPECT_TRUE(result.solutions.empty());
+  EXPECT_TRUE(result.converged);
+  EXPECT_THAT(result.reason, ::testing::HasSubstr("out of reach"));
+}
+
+TEST(SerialArm, NumericInverseReportsThatItDidNotConverge) {
+  const SerialArm arm = arm_of(kPumaModified);
+  const auto result = machine::inverse(arm, Pose{Mat3::Identity(), Vec3(3, 0, 0)});
+  EXPECT_TRUE(result.solutions.empty());
+  EXPECT_FALSE(result.converged);
+  EXPECT_THAT(result.reason, ::testing::HasSubstr("did not converge"));
+}
+
+TEST(SerialArm, LimitsAreNamed) {
+  const auto lola50 = *machine::load("lola50");
+  const auto result = kinematics::inverse(lola50, kinematics::pose_of(machine::Task::axis, {0, -1.0, -1.2}));
+  ASSERT_FALSE(result.solutions.empty());
+  EXPECT_EQ(result.reachable(), nullptr);
+  std::string all;
+  for (const auto& s : result.solutions)
+    for (const auto& name : kinematics::limit_names(lola50, s.violations)) all += name + ";";
+  EXPECT_THAT(all, ::testing::HasSubstr("joint"));
+}
+
+TEST(SerialArm, SingularWristIsMarked) {
+  // Joint 5 at 90 deg of the axis angle puts the tool along joint 4.
+  const SerialArm arm = lola();
+  machine::JointVector q(5);
+  q << 0.1, -0.2, 0.3, 0.4, units::from_deg(90);
+  const Pose X = machine::forward(arm, q);
+  const auto result = machine::inverse(arm, X);
+  ASSERT_FALSE(result.solutions.empty());
+  EXPECT_TRUE(result.solutions.front().singular);
+  EXPECT_LT(kinematics::closure_detail::pose_error(machine::Task::axis, X,
+                                                   machine::forward(arm, result.solutions.front().joints))
+                .norm(),
+            1e-9);
+}
+
+// SLAV 2.4.4 and FACTS: the box x -600..600, y -1600..-1000, z -400..100 mm at A = B = 0 is wholly inside.
+TEST(SerialArm, LolaReachesItsWorkingBox) {
+  const SerialArm arm = lola();
+  for (int i = 0; i <= 12; ++i)
+    for (int j = 0; j <= 6; ++j)
+      for (int k = 0; k <= 5; ++k) {
+        const Vec3 p(-0.6 + 0.1 * i, -1.6 + 0.1 * j, -0.4 + 0.1 * k);
+        EXPECT_NE(machine::inverse(arm, Pose{Mat3::Identity(), p}).reachable(), nullptr) << p.transpose();
+      }
+}
+
+}  // namespace
+}  // namespace polypod

@@ -1,0 +1,45 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/check.hpp"
+
+#include <gmock/gmock.h>
+
+#include "machining/examples.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod {
+namespace {
+
+machining::CheckResult check(const testing::Example& e, const Vec3& origin_mm) {
+  return testing::unwrap(
+      machining::check(e.job.machine, Pose{Mat3::Identity(), 1e-3 * origin_mm}, e.program, e.interpretation));
+}
+
+TEST(Check, SquareFitsInTheMiddle) {
+  const auto e = testing::load_example("slavkovic_square");
+  const auto r = check(e, Vec3(0, -1300, 0));
+  EXPECT_TRUE(r.ok);
+  // Closed form: the way in and four sides, at 1600 mm/min, the plunge of 4 mm at 400, rapids of 8 and 12 mm.
+  EXPECT_NEAR(units::to_mm(r.length), 260 + 250 + 250 + 260 + 4 + 8 + 12, 1e-9);
+  EXPECT_NEAR(r.time, 1020 / 1600.0 * 60 + 4 / 400.0 * 60 + 20 / 100.0, 1e-9);
+  ASSERT_EQ(r.joints.size(), 5u);
+  EXPECT_NEAR(r.joints[0].max, std::atan2(0.125, 1.175), 1e-3);  // joint 1 points at the tool, A = B = 0
+  EXPECT_NEAR(r.joints[3].max, 0, 1e-12);                        // the vertical tool lies in the arm's plane
+}
+
+TEST(Check, OutOfLimitsNamesLinesAndJoints) {
+  const auto e = testing::load_example("slavkovic_square");
+  const auto r = check(e, Vec3(0, -1850, 0));
+  EXPECT_FALSE(r.ok);
+  ASSERT_FALSE(r.problems.empty());
+  for (const auto& p : r.problems) EXPECT_GE(p.line, 9);
+}
+
+TEST(Check, TiltedToolGoesThroughTheInverse) {
+  const auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0 A0 B0\nG1 A20 B-15 F1000\nM2\n");
+  const auto r = check(e, Vec3(0, -1300, 0));
+  EXPECT_TRUE(r.ok);
+  EXPECT_GT(r.joints[4].max - r.joints[4].min, units::from_deg(10));
+}
+
+}  // namespace
+}  // namespace polypod

@@ -1,0 +1,205 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/predict.hpp"
+
+#include <gmock/gmock.h>
+
+#include "machining/examples.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace polypod {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::load_example;
+using testing::with_program;
+using units::to_um;
+
+machining::PredictOptions at_rest() {
+  machining::PredictOptions options;
+  options.bend = machining::Bend::at_rest;
+  return options;
+}
+
+// FACTS: down-milling at ae = 4, ap = 2 mm, 0.05 mm a tooth gives about (5.4, 110, 8.5) N, hence near (0, -1300, 0) mm
+// a normal deflection of about 273 um on sides parallel to x and 190 to 240 um on sides parallel to y. In the middle of
+// a side the point lies 125 mm off, where C_nn is up to 4 % larger; the height map's cells give 1 % in the force.
+TEST(Predict, SquareAtRestIsClosedFormAlongItsSides) {
+  const auto e = load_example("slavkovic_square");
+  machining::PredictOptions options = at_rest();
+  options.keep_samples = true;
+  const auto p = testing::predict(e, options);
+  ASSERT_EQ(p.moves.size(), 4u);
+  const cutting::Engagement engaged = cutting::straight_engagement(e.job.cutter, cutting::CutSide::down, 4e-3, 2e-3);
+  const Vec3 force = cutting::mean_force(e.job.cutter, e.job.material, engaged, 0.05e-3);
+  EXPECT_NEAR(force.y(), 110, 2);
+  int compared = 0;
+  for (const machining::Sample& s : p.samples) {
+    const gcode::Move& move = e.interpretation.moves[static_cast<std::size_t>(s.move)];
+    // Away from the corners, where the cutter is in full engagement.
+    if (move.length() < 0.2 || s.s < 0.02 || s.s > move.length() - 0.02) continue;
+    const Vec3 t = move.direction(s.s), left(-t.y(), t.x(), 0);
+    const Vec3 expected_force = t * force.x() + left * force.y() + Vec3(0, 0, force.z());
+    const auto c = statics::compliance_at(e.job.machine, Pose{Mat3::Identity(), e.job.X_MW * s.command});
+    ASSERT_TRUE(c.reachable);
+    EXPECT_LT((s.deflection - c.displacement(expected_force)).norm(), 0.02 * s.deflection.norm());
+    EXPECT_LT((s.away - left).norm(), 1e-12);  // down-milling round the outside: the wall is on the right
+    ++compared;
+  }
+  EXPECT_GT(compared, 1500);
+}
+
+// SLAV 6.3: the measured error falls by 255 um on average on the side of the 242 mm square, 180 um on that of the
+// turned one. Their axis u runs along the side: along x_M for the square, at 75 deg to it for the turned one, the first
+// side of each of our programs. Origin of W assumed at (0, -1300, 0) mm in M.
+TEST(Predict, MeasuredSidesOfTheContourTests) {
+  const auto square = testing::predict(load_example("slavkovic_square"));
+  ASSERT_EQ(square.moves.size(), 4u);
+  EXPECT_NEAR(to_um(square.moves[0].normal.mean), 255, 0.15 * 255);
+  const auto turned = testing::predict(load_example("slavkovic_turned_square"));
+  ASSERT_EQ(turned.moves.size(), 4u);
+  EXPECT_NEAR(to_um(turned.moves[0].normal.mean), 180, 0.20 * 180);
+}
+
+// SLAV 4.4 and FACTS: 103 N across the feed, 0.257 mm for 100 N.
+TEST(Predict, GrooveTest) {
+  const auto e = load_example("slavkovic_groove");
+  machining::PredictOptions options = at_rest();
+  options.keep_samples = true;
+  const auto p = testing::predict(e, options);
+  int compared = 0;
+  for (const machining::Sample& s : p.samples) {
+    if (std::abs(s.command.x()) > 20e-3 || !s.cutting) continue;
+    EXPECT_NEAR(s.force.y(), 103, 1.0);
+    ++compared;
+  }
+  EXPECT_GT(compared, 60);
+  const auto c = statics::compliance_at(e.job.machine, Pose{Mat3::Identity(), Vec3(0, -1.3, 0)});
+  EXPECT_NEAR(units::to_mm(c.displacement(Vec3(0, 100, 0)).y()), 0.257, 5e-4);
+}
+
+TEST(Predict, EquilibriumIsABalance) {
+  const auto e = load_example("slavkovic_square");
+  machining::PredictOptions options;
+  options.keep_samples = true;
+  const auto p = testing::predict(e, options);
+  std::size_t compared = 0;
+  for (const machining::Sample& s : p.samples) {
+    if (!s.cutting) continue;
+    const auto c = statics::compliance_at(e.job.machine, Pose{Mat3::Identity(), e.job.X_MW * s.command});
+    // delta = C F up to the step of a cell at the rim: one strip's share of the bend.
+    EXPECT_LT((s.deflection - c.displacement(s.force)).norm(), 8e-6);
+    ++compared;
+  }
+  EXPECT_EQ(compared, p.deflection.count);
+  // The bent cutter takes less than the rigid one on the outside of a contour.
+  const auto rest = testing::predict(e, at_rest());
+  EXPECT_LT(p.normal.mean, rest.normal.mean);
+  EXPECT_GT(p.normal.mean, 0.85 * rest.normal.mean);
+}
+
+TEST(Predict, AirMovesDoNotBend) {
+  const auto e =
+      with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X0 Y0 Z20\nG1 X50 Y50 F1000\nG2 X0 Y0 R60\nM2\n");
+  const auto p = testing::predict(e);
+  EXPECT_EQ(p.deflection.count, 0u);
+  EXPECT_TRUE(p.moves.empty());
+}
+
+TEST(Predict, SecondLapOfARigidToolMeetsNothing) {
+  const std::string lap = "G1 X-125 Y125\nX125\nY-125\nX-125\n";
+  const auto e =
+      with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X-125 Y-125 Z5\nG1 Z-2 F1600\n" + lap + lap + "M2\n");
+  const auto p = testing::predict(e, at_rest());
+  ASSERT_EQ(p.moves.size(), 4u) << "only the first lap cuts";
+  // The bent tool leaves a quarter of a millimetre to the second lap.
+  EXPECT_EQ(testing::predict(e).moves.size(), 8u);
+}
+
+// A part that is turned in M bends as its program turned in W does.
+TEST(Predict, WorkpieceTurnedInTheMachine) {
+  auto turned = load_example("slavkovic_square");
+  turned.job.X_MW.R = rotation_z(units::from_deg(75));
+  const auto a = testing::predict(turned, at_rest());
+  auto straight = load_example("slavkovic_square");
+  const Mat3 R = rotation_z(units::from_deg(75));
+  for (std::size_t i = 0; i < 4; ++i) {
+    const gcode::Move& side = straight.interpretation.moves[i + 3];
+    const Vec3 t = R * side.direction(0), n(-t.y(), t.x(), 0);
+    const Vec3 force = t * 5.4 + n * 110 + Vec3(0, 0, 8.5);  // FACTS
+    double expected = 0;
+    for (int k = 0; k <= 50; ++k) {
+      const Vec3 p = turned.job.X_MW * side.point(side.length() * k / 50);
+      const auto c = statics::compliance_at(turned.job.machine, Pose{Mat3::Identity(), p});
+      expected = std::max(expected, c.displacement(force).dot(n));
+    }
+    EXPECT_NEAR(a.moves[i].normal.max, expected, 0.02 * expected) << "side " << i;
+  }
+}
+
+struct BadCase {
+  const char* what;
+  const char* program;
+  const char* id;
+  int line;
+};
+
+TEST(Predict, BadInputIsNamedWithItsLine) {
+  const BadCase cases[] = {
+      {"spindle off", "G21 G90\nG0 X-125 Y-135 Z-2\nG1 Y125 F1600\nM2\n", "MC200", 3},
+      {"spindle 0", "G21 G90 S0 M3\nG0 X-125 Y-135 Z-2\nG1 Y125 F1600\nM2\n", "MC200", 3},
+      {"spindle backwards", "G21 G90 S8000 M4\nG0 X-125 Y-135 Z-2\nG1 Y125 F1600\nM2\n", "MC203", 3},
+      {"tilted tool", "G21 G90 S8000 M3\nG0 X-125 Y-135 Z-2 A10\nG1 Y125 F1600\nM2\n", "MC204", 3},
+  };
+  for (const BadCase& c : cases) {
+    SCOPED_TRACE(c.what);
+    const auto e = with_program("slavkovic_square", c.program);
+    const auto p = machining::predict(e.job, e.program, e.interpretation);
+    ASSERT_FALSE(p);
+    EXPECT_EQ(p.error().id, c.id);
+    EXPECT_EQ(p.error().place.line, c.line);
+    EXPECT_EQ(p.error().place.file, "test.ngc");
+    EXPECT_FALSE(machining::correct(e.job, e.program, e.interpretation));
+  }
+}
+
+TEST(Predict, CutDeeperThanTheEdges) {
+  auto e = load_example("slavkovic_square");
+  e.job.cutter.length = 1.5e-3;
+  const auto p = machining::predict(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(p);
+  EXPECT_EQ(p.error().id, "MC202");
+  EXPECT_EQ(p.error().place.line, 11);
+  EXPECT_THAT(p.error().message, HasSubstr("mm deep, but the edges of the cutter are 1.500 mm long"));
+}
+
+TEST(Predict, OutOfReachNamesLineAndReason) {
+  auto e = load_example("slavkovic_square");
+  e.job.X_MW.p = Vec3(0, -2.2, 0);
+  const auto p = machining::predict(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(p);
+  EXPECT_EQ(p.error().id, "MC210");
+  EXPECT_EQ(p.error().place.line, 11);
+  EXPECT_THAT(p.error().message, HasSubstr("out of reach"));
+}
+
+TEST(Predict, RapidThroughTheStockIsCalledOut) {
+  const auto e = with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X-160 Y0 Z-2\nG0 X0\nM2\n");
+  const auto p = testing::predict(e);
+  ASSERT_EQ(p.pass.incidents.size(), 1u);
+  std::string notes;
+  for (const auto& n : p.notes) notes += n;
+  EXPECT_THAT(notes, HasSubstr("test.ngc:3: G0 goes through"));
+}
+
+TEST(Predict, CancelStopsIt) {
+  const auto e = load_example("freecad_pocket");
+  machining::PredictOptions options;
+  options.progress = [](double) { return false; };
+  const auto p = machining::predict(e.job, e.program, e.interpretation, options);
+  ASSERT_FALSE(p);
+  EXPECT_EQ(p.error().id, "MC299");
+}
+
+}  // namespace
+}  // namespace polypod

@@ -1,0 +1,162 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/report/html.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "report/sample.hpp"
+
+namespace polypod::report {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+/// Walks the tags of a page: every tag that opens is closed in order, ids are unique, references within the page lead
+/// somewhere. Empty if so, else what is wrong.
+std::string what_is_wrong(const std::string& html) {
+  static const std::set<std::string> kVoid{"meta", "br", "hr", "link", "input", "wbr", "!DOCTYPE"};
+  std::vector<std::string> open;
+  std::set<std::string> ids, references;
+  std::size_t i = 0;
+  while ((i = html.find('<', i)) != std::string::npos) {
+    if (html.compare(i, 8, "<script>") == 0 || html.compare(i, 7, "<style>") == 0) {
+      const std::string end = html[i + 2] == 'c' ? "</script>" : "</style>";
+      const std::size_t at = html.find(end, i);
+      if (at == std::string::npos) return "no " + end;
+      i = at + end.size();
+      continue;
+    }
+    const std::size_t close = html.find('>', i);
+    if (close == std::string::npos) return "a tag does not end";
+    std::string tag = html.substr(i + 1, close - i - 1);
+    if (tag.find('<') != std::string::npos) return "a < inside a tag: " + tag;
+    i = close + 1;
+    for (const char* attribute : {" id=\"", " href=\"#", "url(#"}) {
+      const std::size_t at = tag.find(attribute);
+      if (at == std::string::npos) continue;
+      const std::size_t begin = at + std::string(attribute).size();
+      const std::string value = tag.substr(begin, tag.find_first_of("\")", begin) - begin);
+      if (attribute[1] == 'i') {
+        if (!ids.insert(value).second) return "id twice: " + value;
+      } else {
+        references.insert(value);
+      }
+    }
+    if (tag[0] == '/') {
+      if (open.empty() || open.back() != tag.substr(1)) return "closes what is not open: " + tag;
+      open.pop_back();
+      continue;
+    }
+    const std::string name = tag.substr(0, tag.find_first_of(" /"));
+    if (tag.back() != '/' && !kVoid.contains(name)) open.push_back(name);
+  }
+  if (!open.empty()) return "not closed: " + open.back();
+  for (const std::string& reference : references) {
+    if (!ids.contains(reference)) return "leads nowhere: #" + reference;
+  }
+  return "";
+}
+
+TEST(Report, IsOneFileThatAsksNothingFromOutside) {
+  const std::string html = sample_report().to_html();
+  for (const char* outside : {"http:", "https:", "src=", "@import", "url(\"", "url('", "<link", "fetch(", "XMLHttp"}) {
+    EXPECT_THAT(html, Not(HasSubstr(outside)));
+  }
+  EXPECT_LT(html.size(), 400'000u) << "curves of 20 000 points are thinned out";
+}
+
+TEST(Report, IsWellFormed) {
+  EXPECT_EQ(what_is_wrong(sample_report().to_html()), "");
+}
+
+TEST(Report, TheCheckSeesWhatIsWrong) {
+  EXPECT_EQ(what_is_wrong("<p>a<b>c</b></p>"), "");
+  EXPECT_EQ(what_is_wrong("<p>a<b>c</p></b>"), "closes what is not open: /p");
+  EXPECT_EQ(what_is_wrong("<p>"), "not closed: p");
+  EXPECT_EQ(what_is_wrong("<p id=\"a\"></p><p id=\"a\"></p>"), "id twice: a");
+  EXPECT_EQ(what_is_wrong("<a href=\"#b\"></a>"), "leads nowhere: #b");
+}
+
+TEST(Report, TheSameCallsGiveTheSameBytes) {
+  EXPECT_EQ(sample_report().to_html(), sample_report().to_html());
+}
+
+TEST(Report, EverythingFromOutsideIsEscaped) {
+  const std::string evil = "<script>alert('x')</script>\"&";
+  Report report(evil, evil, {{evil, evil}});
+  report.add_section(evil);
+  report.add_section(evil);
+  report.add_heading(evil);
+  report.add_text(evil);
+  report.add_verdict(Verdict::bad, evil);
+  report.add_list({evil});
+  report.add_key_figures({{evil, evil, evil}});
+  report.add_definitions({{evil, evil}});
+  report.add_table({evil, {{evil, evil}}, {{evil}}});
+  report.add_table({evil, {{evil, evil}}, {{evil}}, true});
+  report.add_code(evil, evil, true);
+  report.add_code(evil, evil, false);
+  LinePlot line;
+  line.title = evil;
+  line.x = line.y = {evil, evil, {}, {}};
+  line.series = {{evil, {0, 1}, {0, 1}}};
+  line.bands = {{evil, 0, 1}};
+  line.levels = line.x_levels = {{evil, 0.5}};
+  line.spans = {{evil, 0, 1}};
+  PathPlot path;
+  path.title = path.x_label = path.y_label = path.unit = path.note = evil;
+  path.areas = {{evil, {{0, 0}, {1, 0}, {1, 1}}}};
+  path.lines = {{evil, {{0, 0}, {1, 1}}}};
+  path.arrows = {{evil, {0, 0}, {1, 0}}};
+  path.markers = {{evil, {0, 0}}};
+  HeatMap map;
+  map.title = map.label = map.unit = evil;
+  map.x = map.y = {evil, evil, {}, {}};
+  map.columns = map.rows = 2;
+  map.values = {1, 2, 3, 4};
+  map.markers = {{evil, {0, 0}}};
+  Histogram histogram;
+  histogram.title = evil;
+  histogram.x = {evil, evil, {}, {}};
+  histogram.samples = {{evil, {1, 2}}};
+  histogram.levels = {{evil, 1.5}};
+  BarChart bars{evil, evil, {evil}, {{evil, {1}}}};
+  for (const Figure& figure : {Figure(line), Figure(path), Figure(map), Figure(histogram), Figure(bars)}) {
+    report.add_figure(figure, evil);
+    report.add_figure_grid(2, {{evil, figure}}, evil);
+  }
+  const std::string html = report.to_html();
+  EXPECT_THAT(html, Not(HasSubstr("<script>alert")));
+  EXPECT_THAT(html, Not(HasSubstr("\"<script")));
+  EXPECT_EQ(what_is_wrong(html), "");
+}
+
+TEST(Report, AnEmptyReportIsAPage) {
+  const std::string html = Report("t", "").to_html();
+  EXPECT_EQ(what_is_wrong(html), "");
+  EXPECT_THAT(html, HasSubstr("<title>t</title>"));
+}
+
+TEST(Report, NumbersInTablesAreSetToTheRightWithTheirDecimals) {
+  Report report("t", "");
+  report.add_table({"", {{"name", ""}, {"error", "um", 1}, {"any", ""}}, {{"a", -1.25, 1234567.0}, {"b", 2.0}}});
+  const std::string html = report.to_html();
+  EXPECT_THAT(html, HasSubstr("<th class=\"r\">error<small>um</small></th>"));
+  EXPECT_THAT(html, HasSubstr("<td>a</td><td class=\"r\">\xE2\x88\x92"
+                              "1.2</td><td class=\"r\">1.23e6</td>"));
+  EXPECT_THAT(html, HasSubstr("<td>b</td><td class=\"r\">2.0</td><td class=\"r\"></td>")) << "a short row";
+}
+
+TEST(Report, PaperNarrowScreensAndDarkGroundHaveRules) {
+  const std::string html = sample_report().to_html();
+  EXPECT_THAT(html, HasSubstr("@media print"));
+  EXPECT_THAT(html, HasSubstr("@media (max-width:640px)"));
+  EXPECT_THAT(html, HasSubstr("prefers-color-scheme:dark"));
+  EXPECT_THAT(html, HasSubstr("name=\"viewport\""));
+}
+
+}  // namespace
+}  // namespace polypod::report

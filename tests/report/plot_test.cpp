@@ -1,0 +1,393 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/report/plot.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <regex>
+#include <set>
+
+namespace polypod::report {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+const Canvas kCanvas{960, "t"};
+
+int count_of(const std::string& text, const std::string& part) {
+  int n = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
+  return n;
+}
+
+/// The points of the first curve of this name, in the units of the axes: what a reader of the picture reads off.
+std::vector<Point> read_off(const std::string& svg, const std::string& name) {
+  const auto four = [&](const char* key) {
+    std::vector<double> out;
+    const std::size_t at = svg.find(key);
+    const char* p = svg.c_str() + at + std::string(key).size();
+    for (int i = 0; i < 4; ++i) {
+      char* end = nullptr;
+      out.push_back(std::strtod(p, &end));
+      p = end;
+    }
+    return out;
+  };
+  const auto X = four(" data-x=\""), Y = four(" data-y=\"");
+  const std::regex wanted("<path d=\"([^\"]*)\"[^>]*data-name=\"" + name + "\"");
+  std::smatch match;
+  std::vector<Point> points;
+  if (!std::regex_search(svg, match, wanted)) return points;
+  const std::string d = match[1];
+  const std::regex pair("[ML](-?[0-9.]+) (-?[0-9.]+)");
+  for (auto it = std::sregex_iterator(d.begin(), d.end(), pair); it != std::sregex_iterator(); ++it) {
+    const double x = std::stod((*it)[1]), y = std::stod((*it)[2]);
+    points.push_back(
+        {X[0] + (x - X[2]) / (X[3] - X[2]) * (X[1] - X[0]), Y[0] + (y - Y[2]) / (Y[3] - Y[2]) * (Y[1] - Y[0])});
+  }
+  return points;
+}
+
+TEST(Number, SensibleDigits) {
+  EXPECT_EQ(number(0), "0");
+  EXPECT_EQ(number(273.4), "273");
+  EXPECT_EQ(number(0.25712), "0.257");
+  EXPECT_EQ(number(-4.2),
+            "\xE2\x88\x92"
+            "4.20");
+  EXPECT_EQ(number(999.96), "1000");
+  EXPECT_EQ(number(0.00123), "0.00123");
+  EXPECT_EQ(number(9.03e-7),
+            "9.03e\xE2\x88\x92"
+            "7");
+  EXPECT_EQ(number(12345.6, 6),
+            "12\xE2\x80\x89"
+            "345.6");
+  EXPECT_EQ(number(123456),
+            "123\xE2\x80\x89"
+            "456");
+  EXPECT_EQ(number(1e6), "1.00e6");
+  EXPECT_EQ(number(999999.9), "1.00e6") << "rounding may change the exponent";
+  EXPECT_EQ(number(kNaN), "n/a");
+  EXPECT_EQ(number(kInf), "n/a");
+}
+
+TEST(Number, FixedDecimals) {
+  EXPECT_EQ(fixed(1.005, 1), "1.0");
+  EXPECT_EQ(fixed(-0.04, 1), "0.0") << "no minus before zero";
+  EXPECT_EQ(fixed(1234, 0), "1234") << "four digits need no space";
+  EXPECT_EQ(fixed(kNaN, 1), "n/a");
+}
+
+TEST(Escape, MarkupAndControlCharacters) {
+  EXPECT_EQ(escape("<a href='x'>\"&\n"), "&lt;a href=&#39;x&#39;&gt;&quot;&amp;\n");
+  EXPECT_EQ(escape(std::string("a\0b\x1b", 4)),
+            "a\xEF\xBF\xBD"
+            "b\xEF\xBF\xBD");
+  EXPECT_EQ(escape("\xC2\xB5m"), "\xC2\xB5m");
+}
+
+TEST(Ticks, RoundStepsInsideTheRange) {
+  EXPECT_THAT(nice_ticks(0, 10, 5), ElementsAre(0, 2, 4, 6, 8, 10));
+  EXPECT_THAT(nice_ticks(-130, 310, 5), ElementsAre(-100, 0, 100, 200, 300));
+  EXPECT_THAT(nice_ticks(0.1, 0.35, 5),
+              ElementsAre(0.1, 0.15000000000000002, 0.2, 0.25, 0.30000000000000004, 0.35000000000000003));
+  EXPECT_THAT(nice_ticks(1, 1, 5), IsEmpty());
+  EXPECT_THAT(nice_ticks(2, 1, 5), IsEmpty());
+  EXPECT_THAT(nice_ticks(kNaN, 1, 5), IsEmpty());
+  EXPECT_THAT(nice_ticks(0, kInf, 5), IsEmpty());
+  for (double scale = 1e-9; scale < 1e9; scale *= 7) {
+    const auto ticks = nice_ticks(-scale, 1.7 * scale, 6);
+    EXPECT_GE(ticks.size(), 3u);
+    EXPECT_LE(ticks.size(), 14u);
+    EXPECT_GE(ticks.front(), -scale * (1 + 1e-9));
+    EXPECT_LE(ticks.back(), 1.7 * scale * (1 + 1e-9));
+  }
+}
+
+TEST(LinePlot, PointsCanBeReadOffThePicture) {
+  LinePlot plot;
+  plot.series = {{"s", {0, 1, 2, 3}, {10, -20, 30, 5}}};
+  const auto points = read_off(plot(kCanvas), "s");
+  constexpr double kTenthOfAPixel = 0.02;  // of 3 over 900 px, and of 56 over 300 px
+  ASSERT_EQ(points.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NEAR(points[i].x, plot.series[0].x[i], kTenthOfAPixel);
+    EXPECT_NEAR(points[i].y, plot.series[0].y[i], kTenthOfAPixel);
+  }
+}
+
+TEST(LinePlot, ThinningKeepsPeaksAndEnds) {
+  LinePlot plot;
+  Series s{"s", {}, {}};
+  constexpr int kMany = 200'000;
+  for (int i = 0; i < kMany; ++i) {
+    s.x.push_back(i);
+    s.y.push_back(std::sin(i * 1e-4));
+  }
+  s.y[123'456] = 9;  // one point in 200 000
+  s.y[54'321] = -7;
+  plot.series = {s};
+  const std::string svg = plot(kCanvas);
+  EXPECT_LT(svg.size(), 60'000u);
+  const auto points = read_off(svg, "s");
+  ASSERT_FALSE(points.empty());
+  double least = 0, greatest = 0, at = 0;
+  for (const Point& p : points) {
+    least = std::min(least, p.y);
+    if (p.y > greatest) {
+      greatest = p.y;
+      at = p.x;
+    }
+  }
+  constexpr double kPixel = 0.06;  // 16 over 300 px
+  EXPECT_NEAR(greatest, 9, kPixel);
+  EXPECT_NEAR(least, -7, kPixel);
+  EXPECT_NEAR(at, 123'456, 300) << "a pixel column is 215 points";
+  EXPECT_NEAR(points.front().x, 0, 30);
+  EXPECT_NEAR(points.back().x, kMany - 1, 30);
+}
+
+TEST(LinePlot, GapsInterruptTheLine) {
+  LinePlot plot;
+  plot.series = {{"s", {0, 1, 2, 3, 4}, {1, 2, kNaN, 2, 1}}};
+  const std::string svg = plot(kCanvas);
+  const std::regex path("<path d=\"(M[^\"]*)\"[^>]*data-name=\"s\"");
+  std::smatch match;
+  ASSERT_TRUE(std::regex_search(svg, match, path));
+  EXPECT_EQ(count_of(match[1], "M"), 2);
+  EXPECT_EQ(read_off(svg, "s").size(), 4u);
+}
+
+TEST(LinePlot, ReadsNothingBadFromBadData) {
+  for (const auto& y : std::vector<std::vector<double>>{{}, {1}, {kNaN, kNaN}, {kInf, 1}, {5, 5, 5}, {1e300, -1e300}}) {
+    LinePlot plot;
+    plot.series = {{"s", {0, 1, 2}, y}};
+    plot.bands = {{"b", kNaN, 1}};
+    plot.levels = {{"l", kInf}};
+    const std::string svg = plot(kCanvas);
+    EXPECT_THAT(svg, Not(HasSubstr("nan")));
+    EXPECT_THAT(svg, Not(HasSubstr("inf")));
+    EXPECT_THAT(svg, HasSubstr("</svg>"));
+  }
+}
+
+TEST(LinePlot, BandsLevelsAndSpansAreNamed) {
+  LinePlot plot;
+  plot.x = {"s", "mm", {}, {}};
+  plot.y = {"error", "um", {}, {}};
+  plot.series = {{"after", {0, 100}, {1, 2}}};
+  plot.bands = {{"tube", -100, 100}};
+  plot.levels = {{"mean", 1.5}};
+  plot.x_levels = {{"corner", 50}};
+  plot.spans = {{"side 1", 0, 50}, {"side 2", 50, 100}};
+  const std::string svg = plot(kCanvas);
+  for (const char* text :
+       {">after<", ">tube<", ">mean<", ">corner<", ">side 1<", ">side 2<", ">error, um<", ">s, mm<"}) {
+    EXPECT_THAT(svg, HasSubstr(text));
+  }
+}
+
+TEST(PathPlot, ScalesAreEqual) {
+  PathPlot plot;
+  plot.lines = {{"circle", {}, Colour::blue}};
+  for (int i = 0; i <= 360; ++i) {
+    plot.lines[0].points.push_back({100 + 50 * std::cos(i * 0.0174532925), 50 * std::sin(i * 0.0174532925)});
+  }
+  for (double width : {360.0, 960.0}) {
+    const std::string svg = plot(Canvas{width, "t"});
+    const std::regex curve("<path d=\"(M[^\"]*)\" class=\"c-blue l\" style=\"stroke-width:1.5\"/>\n</g>");
+    std::smatch match;
+    ASSERT_TRUE(std::regex_search(svg, match, curve));
+    const std::string d = match[1];
+    const std::regex pair("[ML](-?[0-9.]+) (-?[0-9.]+)");
+    double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
+    for (auto it = std::sregex_iterator(d.begin(), d.end(), pair); it != std::sregex_iterator(); ++it) {
+      const double x = std::stod((*it)[1]), y = std::stod((*it)[2]);
+      x0 = std::min(x0, x), x1 = std::max(x1, x), y0 = std::min(y0, y), y1 = std::max(y1, y);
+    }
+    EXPECT_NEAR(x1 - x0, y1 - y0, 0.5) << "a circle is a circle";
+    EXPECT_GT(x1 - x0, 150);
+    EXPECT_THAT(svg, HasSubstr("mm</text>")) << "the scale bar";
+  }
+}
+
+TEST(PathPlot, LongPathsAreSimplifiedWithinAQuarterOfAPixel) {
+  PathPlot plot;
+  plot.lines = {{"", {}, Colour::blue}};
+  for (int i = 0; i <= 100'000; ++i) plot.lines[0].points.push_back({i * 1e-3, std::sin(i * 1e-4)});
+  EXPECT_LT(plot(kCanvas).size(), 20'000u);
+}
+
+TEST(PathPlot, AnEmptyPlotAndBadPointsDraw) {
+  PathPlot plot;
+  EXPECT_THAT(plot(kCanvas), HasSubstr("</svg>"));
+  plot.lines = {{"", {{kNaN, 0}, {0, kInf}}}};
+  plot.areas = {{"", {}}};
+  EXPECT_THAT(plot(kCanvas), Not(HasSubstr("nan")));
+}
+
+TEST(ColourMap, LightnessGrowsEvenlyFromDarkToLight) {
+  // Relative luminance of the WCAG, whose cube root is close to lightness as it is seen.
+  const auto lightness = [](const std::string& hex) {
+    double sum = 0;
+    const double weight[] = {0.2126, 0.7152, 0.0722};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double v = std::stoi(hex.substr(1 + 2 * k, 2), nullptr, 16) / 255.0;
+      sum += weight[k] * (v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
+    }
+    return std::cbrt(sum);
+  };
+  constexpr int kSteps = 20;
+  double before = lightness(colour_at(ColourMap::sequential, 0));
+  const double whole = lightness(colour_at(ColourMap::sequential, 1)) - before;
+  EXPECT_GT(whole, 0.5);
+  for (int i = 1; i <= kSteps; ++i) {
+    const double now = lightness(colour_at(ColourMap::sequential, i / double(kSteps)));
+    EXPECT_GT(now - before, 0.4 * whole / kSteps) << i;
+    EXPECT_LT(now - before, 1.8 * whole / kSteps) << i;
+    before = now;
+  }
+}
+
+TEST(ColourMap, DivergingIsLightestInTheMiddleAndBoundsHold) {
+  EXPECT_EQ(colour_at(ColourMap::diverging, -1), colour_at(ColourMap::diverging, 0));
+  EXPECT_EQ(colour_at(ColourMap::diverging, 2), colour_at(ColourMap::diverging, 1));
+  EXPECT_EQ(colour_at(ColourMap::sequential, kNaN), colour_at(ColourMap::sequential, 0));
+  const std::string grey = colour_at(ColourMap::diverging, 0.5);
+  EXPECT_EQ(grey.substr(1, 2), grey.substr(3, 2));
+  EXPECT_EQ(grey.substr(3, 2), grey.substr(5, 2));
+  const std::string cold = colour_at(ColourMap::diverging, 0), warm = colour_at(ColourMap::diverging, 1);
+  EXPECT_GT(cold.substr(5, 2), cold.substr(1, 2)) << "blue";
+  EXPECT_LT(warm.substr(5, 2), warm.substr(1, 2)) << "red";
+}
+
+HeatMap ramp() {
+  HeatMap map;
+  map.columns = 11;
+  map.rows = 6;
+  map.x = {"x", "mm", 0, 100};
+  map.y = {"y", "mm", 0, 50};
+  map.label = "C";
+  map.unit = "um/N";
+  for (int j = 0; j < 6; ++j)
+    for (int i = 0; i < 11; ++i) map.values.push_back(i);
+  return map;
+}
+
+TEST(HeatMap, ContoursLieWhereTheValueIs) {
+  const std::string svg = ramp()(kCanvas);
+  // Values are x / 10 mm, contours at whole numbers: vertical lines at even tenths of the box.
+  const std::regex box("<clipPath id=\"t-box\"><rect x=\"([0-9.]+)\" y=\"[0-9.]+\" width=\"([0-9.]+)\"");
+  std::smatch match;
+  ASSERT_TRUE(std::regex_search(svg, match, box));
+  const double left = std::stod(match[1]), width = std::stod(match[2]);
+  const std::regex contour("<path d=\"([^\"]*)\" class=\"contour\"/>");
+  ASSERT_TRUE(std::regex_search(svg, match, contour));
+  const std::string d = match[1];
+  const std::regex segment("M([0-9.]+) [0-9.]+L([0-9.]+) [0-9.]+");
+  std::set<int> tenths;
+  for (auto it = std::sregex_iterator(d.begin(), d.end(), segment); it != std::sregex_iterator(); ++it) {
+    EXPECT_EQ((*it)[1], (*it)[2]);
+    const double tenth = (std::stod((*it)[1]) - left) / width * 10;
+    EXPECT_NEAR(tenth, std::round(tenth), 0.01);
+    tenths.insert(static_cast<int>(std::lround(tenth)));
+  }
+  EXPECT_GE(tenths.size(), 9u);
+  EXPECT_THAT(svg, HasSubstr(">C, um/N<"));
+}
+
+TEST(HeatMap, ValuesThatAreNotThereAreLeftBlank) {
+  HeatMap map = ramp();
+  const auto area = [](const std::string& svg) { return count_of(svg, "fill=\"#"); };
+  const std::string whole = map(kCanvas);
+  for (double& v : map.values) v = kNaN;
+  const std::string blank = map(kCanvas);
+  EXPECT_THAT(blank, Not(HasSubstr("nan")));
+  EXPECT_LT(area(blank), area(whole)) << "only the colour bar is left";
+  EXPECT_EQ(count_of(blank, "class=\"contour\""), 0);
+  map.values.clear();
+  EXPECT_THAT(map(kCanvas), HasSubstr("</svg>")) << "fewer values than the grid has";
+  map.columns = map.rows = 0;
+  EXPECT_THAT(map(kCanvas), HasSubstr("</svg>"));
+}
+
+TEST(HeatMap, DivergingMapsAreSymmetric) {
+  HeatMap map = ramp();
+  map.map = ColourMap::diverging;  // 0 to 10 gives a range of -10 to 10
+  EXPECT_THAT(map(kCanvas), HasSubstr("\xE2\x88\x92"
+                                      "10<"));
+}
+
+TEST(HeatMap, AConstantFieldDraws) {
+  HeatMap map = ramp();
+  for (double& v : map.values) v = 3;
+  const std::string svg = map(kCanvas);
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+  EXPECT_THAT(svg, Not(HasSubstr("inf")));
+}
+
+TEST(Histogram, SharesAddUpToAHundredPerCent) {
+  Histogram histogram;
+  histogram.x = {"e", "um", 0, 4};
+  histogram.bins = 4;
+  histogram.samples = {{"s", {0.5, 1.5, 1.6, 1.7, 4.0, kNaN}}};  // shares 20, 60, 0, 20 per cent
+  const std::string svg = histogram(kCanvas);
+  const std::regex outline("<path d=\"(M[^\"]*)\" class=\"l\"/>");
+  std::smatch match;
+  ASSERT_TRUE(std::regex_search(svg, match, outline));
+  std::vector<double> heights;
+  const std::string d = match[1];
+  const std::regex step("V([0-9.]+)H");
+  double bottom = 0;
+  const std::regex start("M[0-9.]+ ([0-9.]+)V");
+  std::smatch base;
+  ASSERT_TRUE(std::regex_search(d, base, start));
+  bottom = std::stod(base[1]);
+  for (auto it = std::sregex_iterator(d.begin(), d.end(), step); it != std::sregex_iterator(); ++it) {
+    heights.push_back(bottom - std::stod((*it)[1]));
+  }
+  ASSERT_EQ(heights.size(), 3u);
+  EXPECT_NEAR(heights[1] / heights[0], 3, 0.02);
+  EXPECT_NEAR(heights[2] / heights[0], 1, 0.02) << "the largest value belongs to the last bin";
+}
+
+TEST(Histogram, WithoutValuesDraws) {
+  Histogram histogram;
+  EXPECT_THAT(histogram(kCanvas), HasSubstr("</svg>"));
+  histogram.samples = {{"s", {kNaN}}, {"t", {2, 2}}};
+  EXPECT_THAT(histogram(kCanvas), Not(HasSubstr("nan")));
+}
+
+TEST(BarChart, PartsAreAsLongAsTheirValues) {
+  const BarChart bars{"", "um", {"a", "b"}, {{"row", {10, 30}}, {"half", {20, 0}}, {"bad", {kNaN, -1}}}};
+  const std::string svg = bars(kCanvas);
+  const std::regex rect("<rect x=\"[0-9.]+\" y=\"[0-9.]+\" width=\"([0-9.]+)\" height=\"20\"");
+  std::vector<double> widths;
+  for (auto it = std::sregex_iterator(svg.begin(), svg.end(), rect); it != std::sregex_iterator(); ++it) {
+    widths.push_back(std::stod((*it)[1]));
+  }
+  ASSERT_EQ(widths.size(), 3u);
+  EXPECT_NEAR(widths[1] / widths[0], 3, 0.01);
+  EXPECT_NEAR(widths[2] / widths[0], 2, 0.01);
+  EXPECT_THAT(svg, HasSubstr(">40.0 um<"));
+}
+
+TEST(StandaloneSvg, IsAFileOfItsOwn) {
+  LinePlot plot;
+  plot.series = {{"s", {0, 1}, {0, 1}}};
+  const std::string svg = standalone_svg(plot);
+  EXPECT_TRUE(svg.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"pp\""));
+  EXPECT_THAT(svg, HasSubstr("<style>"));
+}
+
+}  // namespace
+}  // namespace polypod::report

@@ -1,0 +1,125 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/statics/compliance.hpp"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "polypod/core/units.hpp"
+
+namespace polypod::statics {
+namespace {
+
+const machine::AnyMachine& lola() {
+  static const machine::AnyMachine m = *machine::load("lola50");
+  return m;
+}
+
+Pose at(double x_mm, double y_mm, double z_mm) {
+  return {Mat3::Identity(), Vec3(units::from_mm(x_mm), units::from_mm(y_mm), units::from_mm(z_mm))};
+}
+
+// SLAV (4.43): printed to four digits, um/N.
+TEST(Compliance, Equation4_43) {
+  const Compliance c = compliance_at(lola(), at(0, -1300, 0));
+  ASSERT_TRUE(c.reachable) << c.reason;
+  const Mat3 um_per_N = c.linear() * 1e6;
+  Mat3 printed;
+  printed << 1.924, 0, 0, 0, 2.570, -1.216, 0, -1.216, 3.438;
+  constexpr double kPrinted = 6e-4;  // half a printed digit, and the lengths' third digit
+  EXPECT_LT((um_per_N - printed).cwiseAbs().maxCoeff(), kPrinted) << um_per_N;
+  const Vec3 moved = c.displacement(Vec3(0, 100, 0));
+  EXPECT_NEAR(units::to_mm(moved.y()), 0.257, 5e-4);
+  EXPECT_NEAR(units::to_mm(moved.z()), -0.122, 5e-4);
+}
+
+// SLAV (4.44): the 5 x 5 matrix, to its three digits.
+TEST(Compliance, Equation4_44) {
+  const Mat6 C = compliance_at(lola(), at(0, -1300, 0)).C;
+  Eigen::Matrix<double, 5, 5> printed;
+  printed << 1.92e-6, 0, 0, 0, -9.78e-7, 0, 2.57e-6, -1.22e-6, 5.16e-6, 0, 0, -1.22e-6, 3.44e-6, -2.97e-6, 0, 0,
+      5.16e-6, -2.96e-6, 1.24e-5, 0, -9.78e-7, 0, 0, 0, 2.40e-6;
+  // The printed matrix is not symmetric in the last digit of its entries (3, 4) and (4, 3): one unit there.
+  for (int i = 0; i < 5; ++i)
+    for (int j = 0; j < 5; ++j) {
+      const double digit =
+          printed(i, j) == 0 ? 1e-10 : std::pow(10, std::floor(std::log10(std::abs(printed(i, j)))) - 2);
+      EXPECT_NEAR(C(i, j), printed(i, j), 1.01 * digit) << i << "," << j;
+    }
+}
+
+TEST(Compliance, IsSymmetricAndSharesAddUp) {
+  for (int k = 0; k < 20; ++k) {
+    const Compliance c = compliance_at(lola(), at(-500 + 50 * k, -1550 + 25 * k, -350 + 20 * k));
+    ASSERT_TRUE(c.reachable) << c.reason;
+    Mat6 sum = Mat6::Zero();
+    for (const Mat6& share : c.by_joint) sum += share;
+    EXPECT_LT((c.C - c.C.transpose()).cwiseAbs().maxCoeff(), 1e-18);
+    EXPECT_LT((c.C - sum).cwiseAbs().maxCoeff(), 1e-18);
+    EXPECT_GE(Eigen::SelfAdjointEigenSolver<Mat6>(c.C).eigenvalues()[0], -1e-18);
+  }
+}
+
+TEST(Compliance, ProbeAgreesWithTheFullMatrix) {
+  Probe probe(lola(), Mat3::Identity());
+  for (int k = 0; k < 20; ++k) {
+    const Pose X = at(-500 + 50 * k, -1550 + 25 * k, -350 + 20 * k);
+    Mat3 C;
+    ASSERT_TRUE(probe.at(X.p, C));
+    EXPECT_LT((C - compliance_at(lola(), X).linear()).cwiseAbs().maxCoeff(), 1e-18);
+  }
+  Mat3 C;
+  EXPECT_FALSE(probe.at(Vec3(0, -5, 0), C));
+  EXPECT_THAT(probe.why(), ::testing::HasSubstr("out of reach"));
+}
+
+// SLAV 4.5: where the compliances grow and fall in the plane z = 0, and which joints give the most.
+TEST(Compliance, MapFollowsTheSourcesDescription) {
+  const auto c = [](double x, double y) { return compliance_at(lola(), at(x, y, 0)); };
+  for (double x : {-600.0, 0.0, 600.0}) {
+    EXPECT_GT(c(x, -1600).linear()(0, 0), c(x, -1000).linear()(0, 0));  // C_xx falls towards +y
+    EXPECT_GT(c(x, -1600).linear()(2, 2), c(x, -1000).linear()(2, 2));  // C_zz too
+    EXPECT_LT(c(x, -1600).linear()(1, 1), c(x, -1000).linear()(1, 1));  // C_yy grows
+  }
+  for (double side : {-600.0, 600.0}) {
+    EXPECT_GT(c(side, -1300).linear()(0, 0), c(0, -1300).linear()(0, 0));
+    EXPECT_LT(c(side, -1300).linear()(1, 1), c(0, -1300).linear()(1, 1));
+  }
+  const Compliance mid = c(0, -1300);
+  EXPECT_LT(mid.by_joint[1](1, 1) + mid.by_joint[3](1, 1), 0.01 * mid.C(1, 1));  // joints 2 and 4 do not bend y
+}
+
+TEST(Compliance, LockedJointWithABrakeThatGivesWayCounts) {
+  const auto rigid = *machine::load("lola50");
+  auto table = machine::from_text(R"(
+family = "serial"
+task = "axis"
+dh = [ {alpha_deg=90, theta_offset_deg=-90}, {a_mm=850, theta_offset_deg=90}, {alpha_deg=90},
+       {alpha_deg=-90, d_mm=1100, sign=-1}, {a_mm=407, theta_offset_deg=180}, {} ]
+locked = { 6 = 0 }
+tool = { b_deg = 90, c_deg = 180 }
+compliance_rad_per_Nm = [9.03e-7, 11.17e-7, 14.74e-7, 27.65e-7, 97.58e-7, 50e-7]
+)",
+                                  "six.toml");
+  ASSERT_TRUE(table) << to_string(table.error());
+  const Compliance with = compliance_at(*table, at(100, -1300, 0)), without = compliance_at(rigid, at(100, -1300, 0));
+  ASSERT_TRUE(with.reachable && without.reachable);
+  ASSERT_EQ(with.by_joint.size(), 6u);
+  EXPECT_LT((with.C - with.by_joint[5] - without.C).cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_GT(with.by_joint[5].norm(), 0);
+}
+
+TEST(PathError, SharesAddUpAlongTheWay) {
+  const auto path = path_error(lola(), Vec3(-0.6, -1.3, 0), Vec3(0.6, -1.3, 0), 13, Mat3::Identity(), Vec3(0, 100, 0));
+  ASSERT_EQ(path.size(), 13u);
+  for (const PathError& e : path) {
+    ASSERT_TRUE(e.reachable);
+    Vec3 sum = Vec3::Zero();
+    for (const Vec3& share : e.by_joint) sum += share;
+    EXPECT_LT((sum - e.total).norm(), 1e-15);
+  }
+  EXPECT_NEAR(units::to_mm(path[6].total.y()), 0.257, 5e-4);
+}
+
+}  // namespace
+}  // namespace polypod::statics
