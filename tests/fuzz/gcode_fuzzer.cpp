@@ -69,6 +69,14 @@ void check_moves(const gcode::Interpretation& run) {
   }
 }
 
+/// Replacements beyond 10 km are refused (GC140), but a large circle may reach that far between legal ends.
+bool within_reach(const gcode::Move& move) {
+  const double radius = move.kind == gcode::MoveKind::arc
+                            ? std::max((move.start - move.centre).norm(), (move.end - move.centre).norm())
+                            : 0;
+  return move.kind != gcode::MoveKind::arc || move.centre.cwiseAbs().maxCoeff() + radius < 9e3;
+}
+
 std::vector<gcode::Replacement> replacements_of(const gcode::Interpretation& run, std::size_t seed) {
   std::vector<gcode::Replacement> replacements;
   for (std::size_t i = 0; i < run.moves.size(); ++i) {
@@ -76,6 +84,7 @@ std::vector<gcode::Replacement> replacements_of(const gcode::Interpretation& run
     const std::size_t mix = (seed + i * 2654435761u) >> 7;
     // Arcs after a moved end must be replaced, so all or only lines and arcs with an untouched start are.
     if (seed % 3 != 0 && mix % 3 == 0) continue;
+    if (!within_reach(move)) continue;
     gcode::Replacement replacement;
     replacement.move = static_cast<int>(i);
     const std::size_t count = 1 + mix % 4;

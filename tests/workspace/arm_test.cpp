@@ -49,7 +49,9 @@ TEST(FirstOrder, FunctionsAreEnclosedOverTheirDomain) {
       };
       EXPECT_TRUE(encloses(product, fx * gx));
       EXPECT_TRUE(encloses(root_f, std::sqrt(std::max(0.0, fx))));
-      if (std::isfinite(inverse.rest)) EXPECT_TRUE(encloses(inverse, 1 / fx));
+      if (std::isfinite(inverse.rest)) {
+        EXPECT_TRUE(encloses(inverse, 1 / fx));
+      }
       EXPECT_TRUE(encloses(sine_f, std::sin(fx)));
       EXPECT_TRUE(encloses(cosine_f, std::cos(fx)));
       if (std::isfinite(angle_fg.rest)) {
@@ -155,7 +157,9 @@ TEST(ArmWorkspace, LargestShapesAreInsideAndCannotGrow) {
     Shape larger = *shape;
     larger.half *= 1.05;
     EXPECT_FALSE(*certainly_holds(lola, vertical(0.05), larger)) << name_of(kind);
-    if (kind == ShapeKind::box) EXPECT_GT(shape->volume(), known.volume());
+    if (kind == ShapeKind::box) {
+      EXPECT_GT(shape->volume(), known.volume());
+    }
   }
 }
 
