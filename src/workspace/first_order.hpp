@@ -1,6 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Functions over a cell and a patch as value, gradient and a bound on the rest: the arithmetic with which closed inverse
-// kinematics proves statements about whole boxes.
+// Functions over a cell and a patch as value, gradient and a bound on the rest: the arithmetic with which closed
+// inverse kinematics proves statements about whole boxes.
 #pragma once
 
 #include <algorithm>
@@ -21,9 +21,9 @@ struct Domain {
   /// The most that a linear function with this gradient changes from the middle.
   [[nodiscard]] double spread(const std::array<double, 5>& g) const {
     const double position = std::abs(g[0]) * half[0] + std::abs(g[1]) * half[1] + std::abs(g[2]) * half[2];
-    const double direction = patch->sector ? std::hypot(g[3], g[4]) * patch->turn
-                                           : std::abs(g[3]) * std::abs(patch->corner[3][0]) +
-                                                 std::abs(g[4]) * std::abs(patch->corner[3][1]);
+    const double direction =
+        patch->sector ? std::hypot(g[3], g[4]) * patch->turn
+                      : std::abs(g[3]) * std::abs(patch->corner[3][0]) + std::abs(g[4]) * std::abs(patch->corner[3][1]);
     return position + direction;
   }
 };
@@ -51,7 +51,20 @@ class FirstOrder {
     a.rest *= std::abs(s);
     return a;
   }
-  friend FirstOrder operator-(const FirstOrder& a, const FirstOrder& b) { return a + (-1.0) * b; }
+  friend FirstOrder operator-(FirstOrder a, const FirstOrder& b) {
+    a.value -= b.value;
+    for (std::size_t k = 0; k < 5; ++k) a.gradient[k] -= b.gradient[k];
+    a.rest += b.rest;
+    return a;
+  }
+  friend FirstOrder operator-(FirstOrder a, double b) {
+    a.value -= b;
+    return a;
+  }
+  friend FirstOrder operator+(FirstOrder a, double b) {
+    a.value += b;
+    return a;
+  }
 };
 
 /// (a + da) (b + db) = a b + a db + b da + da db.
@@ -60,6 +73,16 @@ inline FirstOrder times(const FirstOrder& a, const FirstOrder& b, const Domain& 
   out.value = a.value * b.value;
   for (std::size_t k = 0; k < 5; ++k) out.gradient[k] = a.value * b.gradient[k] + b.value * a.gradient[k];
   out.rest = std::abs(a.value) * b.rest + std::abs(b.value) * a.rest + a.radius(d) * b.radius(d);
+  return out;
+}
+
+/// a^2: what da^2 in [0, radius^2] adds is one-sided.
+inline FirstOrder square(const FirstOrder& a, const Domain& d) {
+  const double spread = d.spread(a.gradient);
+  FirstOrder out;
+  out.value = a.value * a.value + 0.5 * spread * spread;
+  for (std::size_t k = 0; k < 5; ++k) out.gradient[k] = 2 * a.value * a.gradient[k];
+  out.rest = 0.5 * spread * spread + (2 * std::abs(a.value) + 2 * spread + a.rest) * a.rest;
   return out;
 }
 

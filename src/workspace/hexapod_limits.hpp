@@ -9,9 +9,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "linear.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
-#include "linear.hpp"
 
 namespace polypod::workspace {
 

@@ -22,7 +22,7 @@ inline Verdict weigh(const Linear& f, int limit, double scale, const Vec3& half,
   const double slack = kRounding * scale;
   const double by_direction = patch.least(f.s1, f.s2);
   const double by_position = f.G.cwiseAbs().dot(half);
-  Bound b;
+  Bound b;  // filled in as far as it is needed
   b.limit = limit;
   b.m = f.value + by_direction - f.below - slack;
   if (b.m - by_position >= 0) return Verdict::inside;

@@ -30,6 +30,20 @@ struct Patch {
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   bool whole_turn = false;
 
+  /// Whether the patch certainly holds all (s - s0, t - t0) within `half` of `middle`.
+  [[nodiscard]] bool holds(const Eigen::Vector2d& middle, const Eigen::Vector2d& half) const {
+    if (!sector) {
+      return std::abs(middle[0]) + half[0] <= std::abs(corner[3][0]) &&
+             std::abs(middle[1]) + half[1] <= std::abs(corner[3][1]);
+    }
+    const Eigen::Vector2d at = reference + middle;
+    const double radius = at.norm(), spread = half.norm();
+    if (radius + spread > high[0] || (low[0] > 0 && radius - spread < low[0])) return false;
+    if (whole_turn) return true;
+    if (high[1] - low[1] > std::numbers::pi) return false;
+    return edge[0].dot(at) >= spread && edge[1].dot(at) >= spread;
+  }
+
   /// The least value of s1 (s - s0) + s2 (t - t0) over the patch. A sector's is at a corner, or where its outer arc
   /// meets the direction of steepest descent.
   [[nodiscard]] double least(double s1, double s2) const {

@@ -24,14 +24,22 @@ namespace polypod::workspace {
 ///   value >= m + G . x,
 /// and for some direction of the patch, for all x, value <= M + G . x.
 struct Bound {
-  int limit = 0;
-  double m = 0, M = 0;
-  Vec3 G = Vec3::Zero();
+  int limit;
+  double m, M;
+  Vec3 G;
 };
 
 /// The bounds of one group: few, so they live on the stack.
 class BoundList {
  public:
+  BoundList() = default;
+  BoundList(const BoundList& other) { append(other); }
+  BoundList& operator=(const BoundList& other) {
+    if (this == &other) return *this;
+    clear();
+    append(other);
+    return *this;
+  }
   void clear() { size_ = 0; }
   void resize(int size) { size_ = std::min(size, size_); }
   [[nodiscard]] int size() const { return size_; }
@@ -215,7 +223,9 @@ class Subdivision {
 
  private:
   struct Judged {
+    std::size_t entry;  ///< of those pending
     int group;
+    bool open;  ///< no bound
     Bound bound;
   };
   struct Plane {
@@ -224,9 +234,9 @@ class Subdivision {
     double share;  ///< of the cell on the kept side
   };
   struct Worker {
-    std::vector<Entry> stack;
+    std::vector<Entry> pending, next;
     BoundList bounds;
-    std::vector<Judged> judged;
+    std::vector<Judged> judged, worst, kept;
     std::vector<Plane> below, above;
     Polyhedron body;
   };
@@ -234,6 +244,8 @@ class Subdivision {
   /// A patch is split until it moves the limits by no more than this share of the cell's radius: then its second-order
   /// rest is no larger than the cell's.
   static constexpr double kPatchShare = 1.5;
+  /// So many planes are cut from a cell one by one.
+  static constexpr std::size_t kPlanes = 8;
 
   template <class Prepare>
   void refine(const Box& parent, Worker& worker, Chunk& chunk, const Prepare& prepare) {
@@ -260,88 +272,162 @@ class Subdivision {
     }
   }
 
+  /// All entries of the parent on the cell, patches split as far as they matter. What stays in `cell.entries` are the
+  /// patches and groups that may cut the cell; they imply all others.
   template <class Prepare>
   Verdict examine(const Box& parent, Box& cell, Worker& worker, const Prepare& prepare) {
     const double radius = cell.half.norm();
-    worker.stack.assign(parent.entries.rbegin(), parent.entries.rend());
-    worker.judged.clear();
-    std::uint32_t open = 0;
-    while (!worker.stack.empty()) {
-      Entry entry = worker.stack.back();
-      worker.stack.pop_back();
-      const Patch& patch = entry.patch->patch();
-      const bool split = patch.turn * limits_.lever() > kPatchShare * radius;
-      const std::size_t before = worker.judged.size();
-      std::uint32_t left = 0, left_open = 0;
-      for (std::uint32_t groups = entry.groups; groups != 0; groups &= groups - 1) {
-        const int group = std::countr_zero(groups);
-        worker.bounds.clear();
-        const Verdict verdict =
-            limits_.judge(group, cell.center, cell.half, radius, patch, entry.patch->data(), worker.bounds);
-        if (verdict == Verdict::outside || verdict == Verdict::dead) return Verdict::outside;
-        if (verdict == Verdict::inside) continue;
-        left |= 1U << group;
-        if (verdict == Verdict::open) left_open |= 1U << group;
-        if (split) continue;
-        for (const Bound& bound : worker.bounds) worker.judged.push_back({group, bound});
+    std::vector<Entry>& pending = worker.pending;
+    pending = parent.entries;
+    worker.worst.clear();
+    worker.kept.clear();
+    bool open = false;
+    while (!pending.empty()) {
+      worker.judged.clear();
+      for (std::size_t k = 0; k < pending.size(); ++k) {
+        Entry& entry = pending[k];
+        std::uint32_t left = 0;
+        for (std::uint32_t groups = entry.groups; groups != 0; groups &= groups - 1) {
+          const int group = std::countr_zero(groups);
+          worker.bounds.clear();
+          const Verdict verdict = limits_.judge(group, cell.center, cell.half, radius, entry.patch->patch(),
+                                                entry.patch->data(), worker.bounds);
+          if (verdict == Verdict::outside || verdict == Verdict::dead) return Verdict::outside;
+          if (verdict == Verdict::inside) continue;
+          left |= 1U << group;
+          if (verdict == Verdict::open) {
+            worker.judged.push_back({k, group, true, {}});
+            continue;
+          }
+          for (const Bound& bound : worker.bounds) {
+            worker.judged.push_back({k, group, false, bound});
+            note_worst(group, bound, worker);
+          }
+        }
+        entry.groups = left;
       }
-      if (left == 0) continue;
-      if (split) {
-        worker.judged.resize(before);
-        worker.stack.push_back({&entry.patch->half(1, prepare), left});
-        worker.stack.push_back({&entry.patch->half(0, prepare), left});
-        continue;
+      keep_what_matters(cell, radius, open, worker);
+      worker.next.clear();
+      for (const Entry& entry : pending) {
+        if (entry.groups == 0) continue;
+        if (entry.patch->patch().turn * limits_.lever() > kPatchShare * radius) {
+          worker.next.push_back({&entry.patch->half(0, prepare), entry.groups});
+          worker.next.push_back({&entry.patch->half(1, prepare), entry.groups});
+        } else {
+          cell.entries.push_back(entry);
+        }
       }
-      open |= left_open;
-      entry.groups = left;
-      cell.entries.push_back(entry);
+      pending.swap(worker.next);
     }
     if (cell.entries.empty()) return Verdict::inside;
     return enclose(cell, open, worker);
   }
 
-  /// One pair of planes per limit from its bounds on all patches; the share of the cell between them.
-  Verdict enclose(Box& cell, std::uint32_t open, Worker& worker) {
+  /// The plane M + G . x of a limit that is lowest at the middle of the cell. Every plane of this kind holds the
+  /// reachable part of the cell, whichever patch it came from.
+  static void note_worst(int group, const Bound& bound, Worker& worker) {
+    for (Judged& known : worker.worst) {
+      if (known.group == group && known.bound.limit == bound.limit) {
+        if (bound.M < known.bound.M) known.bound = bound;
+        return;
+      }
+    }
+    worker.worst.push_back({0, group, false, bound});
+  }
+
+  /// True if M + G . x >= 0 for the other implies m + G . x >= 0 for this, everywhere in the cell. As m < M for one and
+  /// the same bound, by the slack for rounding, no two bounds can imply each other.
+  static bool implied(const Bound& bound, const Bound& other, const Vec3& half) {
+    const double size = other.G.squaredNorm();
+    if (!(size > 0)) return false;
+    const double scale = bound.limit == other.limit ? 1.0 : std::sqrt(bound.G.squaredNorm() / size);
+    return bound.m - scale * other.M - (bound.G - scale * other.G).cwiseAbs().dot(half) >= 0;
+  }
+
+  /// Drops the groups of pending patches that the worst planes imply; of the others, those of patches that will not be
+  /// split go to `worker.kept`.
+  void keep_what_matters(const Box& cell, double radius, bool& open, Worker& worker) const {
+    for (std::size_t first = 0; first < worker.judged.size();) {
+      const std::size_t entry = worker.judged[first].entry;
+      const int group = worker.judged[first].group;
+      std::size_t end = first;
+      bool needed = false, unknown = false;
+      for (; end < worker.judged.size() && worker.judged[end].entry == entry && worker.judged[end].group == group;
+           ++end) {
+        const Judged& judged = worker.judged[end];
+        unknown = unknown || judged.open;
+        needed = needed || judged.open || std::none_of(worker.worst.begin(), worker.worst.end(), [&](const Judged& w) {
+                   return implied(judged.bound, w.bound, cell.half);
+                 });
+      }
+      Entry& owner = worker.pending[entry];
+      if (!needed) {
+        owner.groups &= ~(1U << group);
+      } else if (!(owner.patch->patch().turn * limits_.lever() > kPatchShare * radius)) {
+        open = open || unknown;
+        if (!unknown)
+          worker.kept.insert(worker.kept.end(), worker.judged.begin() + static_cast<std::ptrdiff_t>(first),
+                             worker.judged.begin() + static_cast<std::ptrdiff_t>(end));
+      }
+      first = end;
+    }
+  }
+
+  /// The cell's share between what all kept bounds leave certainly and what the worst planes leave at most.
+  Verdict enclose(Box& cell, bool open, Worker& worker) {
     const double volume = 8 * cell.half.prod();
-    std::stable_sort(worker.judged.begin(), worker.judged.end(), [](const Judged& a, const Judged& b) {
-      return a.group != b.group ? a.group < b.group : a.bound.limit < b.bound.limit;
-    });
     worker.below.clear();
     worker.above.clear();
     cell.min = cell.center - cell.half;
     cell.max = cell.center + cell.half;
-    for (std::size_t first = 0; first < worker.judged.size();) {
-      std::size_t end = first, least_m = first, least_M = first;
-      for (; end < worker.judged.size() && worker.judged[end].group == worker.judged[first].group &&
-             worker.judged[end].bound.limit == worker.judged[first].bound.limit;
-           ++end) {
-        if (worker.judged[end].bound.m < worker.judged[least_m].bound.m) least_m = end;
-        if (worker.judged[end].bound.M < worker.judged[least_M].bound.M) least_M = end;
-      }
-      // All directions together: value >= m + G . x with the G of the worst patch and m lowered by what the other
-      // patches' gradients differ.
-      const Vec3 G = worker.judged[least_m].bound.G;
-      double m = worker.judged[least_m].bound.m;
-      for (std::size_t k = first; k < end; ++k) {
-        const Bound& b = worker.judged[k].bound;
-        m = std::min(m, b.m - (b.G - G).cwiseAbs().dot(cell.half));
-      }
-      const double kept = share_in_half_space(m, G, cell.half, true);
-      if (kept < 1) worker.below.push_back({m, G, kept});
-      if ((open >> worker.judged[first].group & 1U) == 0) {
-        const Bound& b = worker.judged[least_M].bound;
-        const double share = share_in_half_space(b.M, b.G, cell.half, false);
-        if (share < 1) worker.above.push_back({b.M, b.G, share});
-        shrink(cell, b.M, b.G);
-      }
-      first = end;
+    for (const Judged& worst : worker.worst) {
+      const Bound& b = worst.bound;
+      const double share = share_in_half_space(b.M, b.G, cell.half, false);
+      if (share < 1) worker.above.push_back({b.M, b.G, share});
+      shrink(cell, b.M, b.G);
     }
     const double upper = share_of_all(cell, worker.above, worker.body, false);
     if (upper <= 0) return Verdict::outside;
-    const double lower = open != 0 ? 0.0 : share_of_all(cell, worker.below, worker.body, true);
     cell.upper = upper * volume;
-    cell.lower = std::min(lower * volume, cell.upper);
+    cell.lower = 0;
+    if (!open) {
+      lower_planes(cell, worker);
+      cell.lower = std::min(share_of_all(cell, worker.below, worker.body, true) * volume, cell.upper);
+    }
     return cell.lower >= volume ? Verdict::inside : Verdict::undecided;
+  }
+
+  /// The half spaces whose common part is certainly reachable: all kept bounds, or where they are many one a limit,
+  /// with the gradient of the worst patch and lowered by what the others' gradients differ.
+  static void lower_planes(const Box& cell, Worker& worker) {
+    const auto add = [&](double m, const Vec3& G) {
+      const double share = share_in_half_space(m, G, cell.half, true);
+      if (share < 1) worker.below.push_back({m, G, share});
+    };
+    if (worker.kept.size() <= kPlanes) {
+      for (const Judged& k : worker.kept) add(k.bound.m, k.bound.G);
+      return;
+    }
+    std::stable_sort(worker.kept.begin(), worker.kept.end(), [](const Judged& a, const Judged& b) {
+      return a.group != b.group ? a.group < b.group : a.bound.limit < b.bound.limit;
+    });
+    for (std::size_t first = 0; first < worker.kept.size();) {
+      const Judged& head = worker.kept[first];
+      std::size_t end = first, least = first;
+      for (; end < worker.kept.size() && worker.kept[end].group == head.group &&
+             worker.kept[end].bound.limit == head.bound.limit;
+           ++end) {
+        if (worker.kept[end].bound.m < worker.kept[least].bound.m) least = end;
+      }
+      const Vec3 G = worker.kept[least].bound.G;
+      double m = worker.kept[least].bound.m;
+      for (std::size_t k = first; k < end; ++k) {
+        const Bound& b = worker.kept[k].bound;
+        m = std::min(m, b.m - (b.G - G).cwiseAbs().dot(cell.half));
+      }
+      add(m, G);
+      first = end;
+    }
   }
 
   /// The share of the cell on the kept side of all planes, bounded on the asked side.
@@ -372,9 +458,7 @@ class Subdivision {
     }
   }
 
-  [[nodiscard]] std::uint32_t all_groups() const {
-    return limits_.groups() < 32 ? (1U << limits_.groups()) - 1 : ~0U;
-  }
+  [[nodiscard]] std::uint32_t all_groups() const { return limits_.groups() < 32 ? (1U << limits_.groups()) - 1 : ~0U; }
 
   const Limits& limits_;
   const Options& options_;
