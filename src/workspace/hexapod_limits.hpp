@@ -106,6 +106,45 @@ inline Linear joint_linear(const JointTerm& term, const Turning& n, const Vec3& 
   return f;
 }
 
+/// Two legs against each other, in first order whether they are closest inside or at their ends. `point(n, s, t)` is
+/// n . (P - Q) for the points P, Q at s and t of the legs (0: base, 1: platform) and a vector n that stands still, in
+/// first order; `way(s, t)` bounds how far P - Q moves.
+///  - At most they are as far apart as the points that are closest at the middle of cell and patch:
+///    |P - Q| <= n . (P - Q) + way^2 / (2 (distance - way)) with n along P - Q at the middle.
+///  - At least they are as far apart as the planes square to n between which no leg reaches: the least of n . (P - Q)
+///    over the four pairs of ends.
+template <class Point, class Way>
+Verdict weigh_pair(int limit, double diameter, const std::array<Vec3, 4>& ends, const Point& point, const Way& way,
+                   const Vec3& half, const Patch& patch, BoundList& out) {
+  const auto& [base_i, platform_i, base_j, platform_j] = ends;
+  const Vec3 leg_i = platform_i - base_i, leg_j = platform_j - base_j;
+  const ClosestParameters closest = closest_parameters(base_i, leg_i, base_j, leg_j);
+  const Vec3 between = base_i + closest.s * leg_i - base_j - closest.t * leg_j;
+  const double distance = between.norm(), slack = kRounding * (leg_i.norm() + leg_j.norm());
+  const double moved = way(closest.s, closest.t);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (!(distance > 1.1 * moved)) {
+    if (distance + moved + slack < diameter) return Verdict::outside;
+    return Verdict::open;
+  }
+  const Vec3 n = between / distance;
+  const Linear gap = point(n, closest.s, closest.t);
+  const double most =
+      gap.value - diameter + patch.least(gap.s1, gap.s2) + gap.above + moved * moved / (2 * (distance - moved)) + slack;
+  if (most + gap.G.cwiseAbs().dot(half) < 0) return Verdict::outside;
+  bool clear = true;
+  for (const double s : {0.0, 1.0})
+    for (const double t : {0.0, 1.0}) {
+      const Linear f = point(n, s, t);
+      const double least = f.value - diameter + patch.least(f.s1, f.s2) - f.below - slack;
+      if (least - f.G.cwiseAbs().dot(half) >= 0) continue;
+      clear = false;
+      if (!out.push_back({limit + 1000 + static_cast<int>(2 * s + t), least, kInfinity, f.G})) return Verdict::open;
+    }
+  if (clear) return Verdict::inside;
+  return out.push_back({limit, kInfinity, most, gap.G}) ? Verdict::undecided : Verdict::open;
+}
+
 /// What both families need of a patch.
 struct HexapodData {
   std::array<Turning, kLegs> end;    ///< tool tip to platform joint
@@ -229,64 +268,17 @@ class StrutLimits : public HexapodBase<StrutHexapod> {
     const Turning &vi = d.end[pair.i], &vj = d.end[pair.j];
     const Vec3 &ai = m_.base_joint[pair.i], &aj = m_.base_joint[pair.j];
     const Vec3 yi = center + vi.v - ai, yj = center + vj.v - aj;
-    const ClosestParameters closest = closest_parameters(ai, yi, aj, yj);
-    const Vec3 between = ai + closest.s * yi - aj - closest.t * yj;
-    const double distance = between.norm();
-    const double eta_i = radius + vi.turn, eta_j = radius + vj.turn;
-    const double slack = kRounding * (yi.norm() + yj.norm());
-    // The points at s and t move apart by at most |s - t| of the cell's radius and their turns.
-    const double apart_way = radius + vi.turn + vj.turn;
-    if (distance - apart_way - m_.leg_diameter > slack) return Verdict::inside;
-    // From above: |between + s eta_i - t eta_j| at fixed s, t.
-    Bound b;
-    b.limit = pair.bit;
-    const double way = std::abs(closest.s - closest.t) * radius + closest.s * vi.turn + closest.t * vj.turn;
-    double value = distance - m_.leg_diameter;
-    if (distance > way && distance > 0) {
-      const Vec3 n = between / distance;
-      const Vec3 G = (closest.s - closest.t) * n;
-      const double s1 = n.dot(closest.s * vi.v1 - closest.t * vj.v1), s2 = n.dot(closest.s * vi.v2 - closest.t * vj.v2);
-      b.G = G;
-      b.M = value + patch.least(s1, s2) + way * way / (2 * (distance - way)) + closest.s * vi.bend +
-            closest.t * vj.bend + slack;
-    } else {
-      b.M = value + way + slack;
-    }
-    if (b.M + b.G.cwiseAbs().dot(half) < 0) return Verdict::outside;
-    Bound below = b;  // the lower plane has another slope
-    below.G.setZero();
-    below.m = value - apart_way - slack;
-    below.M = std::numeric_limits<double>::infinity();
-    const Vec3 C = yi.cross(yj);
-    const double c_norm = C.norm();
-    const double c_way = eta_i * yj.norm() + eta_j * yi.norm() + eta_i * eta_j;
-    if (c_norm > 2 * c_way) {
-      const Vec3 apart = ai - aj;
-      const double side = apart.dot(C) >= 0 ? 1.0 : -1.0;
-      const double f = side * apart.dot(C) - m_.leg_diameter * c_norm;
-      const Vec3 F = side * apart - (m_.leg_diameter / c_norm) * C;
-      Linear line;
-      line.value = f;
-      line.G = (yj - yi).cross(F);
-      line.s1 = F.dot(vi.v1.cross(yj) + yi.cross(vj.v1));
-      line.s2 = F.dot(vi.v2.cross(yj) + yi.cross(vj.v2));
-      const double rest = F.norm() * (eta_i * eta_j + vi.bend * yj.norm() + vj.bend * yi.norm()) +
-                          m_.leg_diameter * c_way * c_way / (2 * (c_norm - c_way));
-      line.below = rest;
-      const double m = line.value + patch.least(line.s1, line.s2) - line.below - kRounding * c_norm;
-      if (m - line.G.cwiseAbs().dot(half) >= 0) return Verdict::inside;
-      // Per unit of c_norm, so that bounds of different patches of this limit compare.
-      if ((m - line.G.cwiseAbs().dot(half)) / c_norm > below.m) {
-        below.m = m / c_norm;
-        below.G = line.G / c_norm;
-      }
-    }
-    b.m = std::numeric_limits<double>::infinity();  // only from above
-    b.limit = pair.bit;
-    below.limit = pair.bit + 1000;
-    out.push_back(b);
-    out.push_back(below);
-    return Verdict::undecided;
+    const auto point = [&](const Vec3& n, double s, double t) {
+      Linear f;
+      f.value = n.dot(ai + s * yi - aj - t * yj);
+      f.G = (s - t) * n;
+      f.s1 = n.dot(s * vi.v1 - t * vj.v1);
+      f.s2 = n.dot(s * vi.v2 - t * vj.v2);
+      f.below = f.above = s * vi.bend + t * vj.bend;
+      return f;
+    };
+    const auto way = [&](double s, double t) { return std::abs(s - t) * radius + s * vi.turn + t * vj.turn; };
+    return weigh_pair(pair.bit, m_.leg_diameter, {ai, ai + yi, aj, aj + yj}, point, way, half, patch, out);
   }
 };
 
@@ -435,15 +427,14 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
     return verdict;
   }
 
-  /// Legs against each other: distance at the middle and how far the four ends move. First order only, and open where
-  /// a leg may stand on either root.
+  /// Open where a leg may stand on either root.
   Verdict judge_pair(const Pair& pair, const Vec3& center, const Vec3& half, double radius, const Patch& patch,
                      const Data& d, BoundList& out) const {
-    Leg legs[2];
-    Vec3 anchor[2], end[2];
-    double way = 0;
+    std::array<Leg, 2> legs;
+    std::array<Vec3, 4> ends;
+    std::array<double, 2> slide{};  // how far the sliders move
     BoundList unused;
-    for (int which = 0; which < 2; ++which) {
+    for (std::size_t which = 0; which < 2; ++which) {
       const int i = which == 0 ? pair.i : pair.j;
       Leg& leg = legs[which];
       // The legs' own groups say what is out of reach.
@@ -452,19 +443,31 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
       const double q = leg.along - leg.S;
       const double S_way = std::max(leg.S_high - leg.S, leg.S - leg.S_low);
       if (q - leg.eta - S_way < 0) return Verdict::open;
-      anchor[which] = m_.rail_outer[i] + q * leg.u;
-      end[which] = center + leg.v->v;
-      way += leg.eta + S_way;
+      slide[which] = leg.eta + S_way;
+      ends[2 * which] = m_.rail_outer[i] + q * leg.u;
+      ends[2 * which + 1] = center + leg.v->v;
     }
-    const double distance = segment_distance(anchor[0], end[0], anchor[1], end[1]);
-    Bound b;
-    b.limit = pair.bit;
-    b.m = distance - m_.leg_diameter - way - kRounding * distance;
-    if (b.m >= 0) return Verdict::inside;
-    b.M = distance - m_.leg_diameter + way + kRounding * distance;
-    if (b.M < 0) return Verdict::outside;
-    out.push_back(b);
-    return Verdict::undecided;
+    const auto of_leg = [&](std::size_t which, const Vec3& n, double s) {
+      const Leg& leg = legs[which];
+      const double along = (1 - s) * n.dot(leg.u);
+      return linear(leg, along * leg.u + s * n, -along, n.dot(m_.rail_outer[which == 0 ? pair.i : pair.j]));
+    };
+    const auto point = [&](const Vec3& n, double s, double t) {
+      Linear f = of_leg(0, n, s);
+      const Linear g = of_leg(1, n, t);
+      f.value -= g.value;
+      f.G -= g.G;
+      f.s1 -= g.s1;
+      f.s2 -= g.s2;
+      f.below += g.above;
+      f.above += g.below;
+      return f;
+    };
+    const auto way = [&](double s, double t) {
+      return std::abs(s - t) * radius + s * legs[0].v->turn + t * legs[1].v->turn + (1 - s) * slide[0] +
+             (1 - t) * slide[1];
+    };
+    return weigh_pair(pair.bit, m_.leg_diameter, ends, point, way, half, patch, out);
   }
 };
 

@@ -175,8 +175,10 @@ class Subdivision {
         return fail("WS110", "the workspace run was cancelled");
       }
       const double target = options_.relative_tolerance * out.volume;
-      // A set that stays below 1e-9 of the search box is as good as a surface: no tolerance ever fits it.
-      if (border.empty() || upper - lower <= target || upper <= 1e-9 * whole) break;
+      // A set that stays below 1e-9 of the search box though it is cut finely is as good as a surface, and one below
+      // 1e-18 as good as a point: no tolerance ever fits them.
+      const bool a_surface = upper <= 1e-9 * whole && (border.size() > 10000 || upper <= 1e-18 * whole);
+      if (border.empty() || upper - lower <= target || a_surface) break;
       if (out.points > options_.max_cells) {
         out.converged = false;
         break;
@@ -326,6 +328,7 @@ class Subdivision {
   /// The plane M + G . x of a limit that is lowest at the middle of the cell. Every plane of this kind holds the
   /// reachable part of the cell, whichever patch it came from.
   static void note_worst(int group, const Bound& bound, Worker& worker) {
+    if (!std::isfinite(bound.M)) return;
     for (Judged& known : worker.worst) {
       if (known.group == group && known.bound.limit == bound.limit) {
         if (bound.M < known.bound.M) known.bound = bound;
