@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace polypod::report {
@@ -176,6 +177,15 @@ struct BarChart {
   std::string unit;
   std::vector<std::string> parts;
   std::vector<Row> rows;
+
+  std::string operator()(const Canvas& canvas) const;
+};
+
+/// Pictures side by side as one, each under its title, row by row.
+struct PanelGrid {
+  std::string title;
+  int columns = 3;
+  std::vector<std::pair<std::string, Figure>> panels;
 
   std::string operator()(const Canvas& canvas) const;
 };
