@@ -31,8 +31,9 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kUm = "µm";
 constexpr const char* kUmPerN = "µm/N";
 constexpr double kDrawnShare = 0.01;  // joints whose part stays below this of the whole are named, not drawn
-constexpr Colour kJointColours[] = {Colour::blue, Colour::orange,     Colour::green,
-                                    Colour::sky,  Colour::vermillion, Colour::purple};
+// In the order of report::BarChart, so that a joint keeps its colour through the page.
+constexpr Colour kJointColours[] = {Colour::blue,   Colour::orange, Colour::green,
+                                    Colour::purple, Colour::sky,    Colour::vermillion};
 
 std::string shown_unit(const Field& f) {
   if (f.kind != Kind::determinant) return kUmPerN;
@@ -53,11 +54,12 @@ std::string given(double value) {
 std::string range_mm(const std::array<double, 2>& range) {
   return fmt::format("{} … {} mm", given(tidy_mm(range[0])), given(tidy_mm(range[1])));
 }
-std::string vector_text(const Vec3& v, const char* unit) {
-  return fmt::format("({}, {}, {}) {}", given(v.x()), given(v.y()), given(v.z()), unit);
+/// Three numbers that stay on one line.
+std::string triple(const Vec3& v) {
+  return fmt::format("{},\u00a0{},\u00a0{}", given(v.x()), given(v.y()), given(v.z()));
 }
-std::string point_text(const Vec3& p_M) {
-  return vector_text(Vec3(tidy_mm(p_M.x()), tidy_mm(p_M.y()), tidy_mm(p_M.z())), "mm");
+std::string triple_mm(const Vec3& p_M) {
+  return triple(Vec3(tidy_mm(p_M.x()), tidy_mm(p_M.y()), tidy_mm(p_M.z())));
 }
 
 /// "joint 1", "joints 1 and 3", "legs 1, 2 and 4".
@@ -121,7 +123,7 @@ class Figures {
     out.rows = map_.map.grid.rows;
     out.values = f.values;
     out.unit = shown_unit(f);
-    out.levels = 8;
+    out.levels = 14;
     for (const LoadedPath& path : map_.paths) {
       out.lines.push_back({"",
                            {{tidy_mm(path.from_M[axes.u]), tidy_mm(path.from_M[axes.v])},
@@ -158,7 +160,7 @@ class Figures {
     HeatMap h = heat(*determinant());
     h.title = "|det J|";
     for (double& v : h.values) v = std::abs(v);
-    h.levels = 12;
+    h.levels = 14;
     return h;
   }
 
@@ -215,9 +217,7 @@ class Page {
     return name.substr(0, name.find(' '));
   }
   [[nodiscard]] Entries facts() const {
-    Entries out{{"machine", machine::description_of(map_.machine).empty() ? machine::name_of(map_.machine)
-                                                                          : machine::description_of(map_.machine)},
-                {"plane", shown_place() + ", in the machine's frame M"},
+    Entries out{{"plane", shown_place() + ", in the machine's frame M"},
                 {std::string(1, "xyz"[axes_.u]), range_mm(map_.rectangle.u)},
                 {std::string(1, "xyz"[axes_.v]), range_mm(map_.rectangle.v)}};
     if (!map_.angles_deg.empty()) out.emplace_back("orientation", orientation_of(map_));
@@ -228,7 +228,8 @@ class Page {
 
   [[nodiscard]] std::string where(int point) const {
     const Vec3& p = map_.map.points[static_cast<std::size_t>(point)].p_M;
-    return fmt::format("{}, {}", given(tidy_mm(p[axes_.u])), given(tidy_mm(p[axes_.v])));
+    const auto hundredths = [](double metres) { return given(std::round(tidy_mm(metres) * 100) / 100); };
+    return fmt::format("{},\u00a0{}", hundredths(p[axes_.u]), hundredths(p[axes_.v]));
   }
 
   void glance() {
@@ -237,8 +238,9 @@ class Page {
     std::vector<report::KeyFigure> figures;
     for (const Field* f : figures_.of(Kind::direct)) {
       const Extremes e = extremes_of(f->values);
-      figures.push_back({fmt::format("{} … {}", number(e.min), number(e.max)), kUmPerN,
-                         fmt::format("{}: along {} under a force along {}", symbol(*f), "xyz"[f->row], "xyz"[f->row]),
+      figures.push_back({number(e.max), kUmPerN,
+                         fmt::format("largest {}, along {} under a force along {}; least {}", symbol(*f), "xyz"[f->row],
+                                     "xyz"[f->row], number(e.min)),
                          Verdict::neutral});
     }
     figures.push_back({number(100.0 * out_of_reach / points, out_of_reach == 0 ? 1 : 3), "%",
@@ -283,9 +285,15 @@ class Page {
   void determinant() {
     if (figures_.determinant() == nullptr) return;
     report_.add_section("Distance from singular poses");
-    report_.add_figure(figures_.determinant_heat(),
-                       "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 "
-                       "where the pose is singular: some direction is lost there, or cannot be held.");
+    const std::string caption =
+        "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 where the pose "
+        "is singular: some direction is lost there, or cannot be held.";
+    // A square plane at full width would fill the screen.
+    if (map_.rectangle.v[1] - map_.rectangle.v[0] > 0.6 * (map_.rectangle.u[1] - map_.rectangle.u[0])) {
+      report_.add_figure_grid(2, {{"", figures_.determinant_heat()}}, caption);
+    } else {
+      report_.add_figure(figures_.determinant_heat(), caption);
+    }
   }
 
   void joints() {
@@ -297,7 +305,10 @@ class Page {
     bars.parts = statics::column_names(map_.machine);
     Table table;
     table.columns = {{one, ""}};
-    for (const std::string& name : bars.parts) table.rows.push_back({name});
+    for (std::string name : bars.parts) {
+      if (const std::size_t space = name.find(' '); space != std::string::npos) name.replace(space, 1, "\u00a0");
+      table.rows.push_back({name});
+    }
     for (const Field* whole : figures_.of(Kind::direct)) {
       report::BarChart::Row row{symbol(*whole), {}};
       const double total = extremes_of(whole->values).mean;
@@ -339,6 +350,12 @@ class Page {
       }
     }
     if (drawn.empty()) return;
+    if (drawn.size() == 1) {
+      report_.add_heading(fmt::format("{} by {}", symbol(whole), word()));
+      report_.add_text(fmt::format("{} comes from {} alone; all others stay below {:g} % everywhere.", symbol(whole),
+                                   drawn.front()->joint, 100 * kDrawnShare));
+      return;
+    }
     const bool direct = whole.kind == Kind::direct;
     report_.add_heading(fmt::format("{} by {}", symbol(whole), word()));
     std::string caption = direct ? "Parts of the direct compliance, µm/N, in one scale of colours; they add up to it."
@@ -347,20 +364,22 @@ class Page {
     if (!small.empty()) {
       caption += fmt::format(" Not drawn, because below {:g} % everywhere: {}.", 100 * kDrawnShare, joined(small));
     }
-    report_.add_figure_grid(3, figures_.in_one_scale(drawn, !direct, true), caption);
+    const int columns = drawn.size() == 2 || drawn.size() == 4 ? 2 : 3;
+    report_.add_figure_grid(columns, figures_.in_one_scale(drawn, !direct, true), caption);
   }
 
   void paths() {
     if (map_.paths.empty()) return;
     report_.add_section(map_.paths.size() == 1 ? "Error along a straight path" : "Errors along straight paths");
     Table table;
+    std::vector<std::string> blank;
     table.caption = "Displacement of the tool tip under a constant force";
-    table.columns = {{"path", ""}, {"from", ""}, {"to", ""},           {"force", ""}, {"dx", "µm"},
-                     {"dy", "µm"}, {"dz", "µm"}, {"largest", "µm", 1}, {"points", ""}};
+    table.columns = {{"path", ""},      {"from", "x, y, z, mm"}, {"to", "x, y, z, mm"}, {"force", "x, y, z, N"},
+                     {"along x", "µm"}, {"along y", "µm"},       {"along z", "µm"},     {"largest", "µm", 1}};
     for (std::size_t k = 0; k < map_.paths.size(); ++k) {
       const LoadedPath& path = map_.paths[k];
-      std::vector<Cell> row{fmt::format("{}", k + 1), point_text(path.from_M), point_text(path.to_M),
-                            vector_text(path.force_M, "N")};
+      std::vector<Cell> row{fmt::format("{}", k + 1), triple_mm(path.from_M), triple_mm(path.to_M),
+                            triple(path.force_M)};
       for (int i = 0; i < 3; ++i) {
         const Extremes e = extremes_of(along(path, Vec3::Unit(i), -1));
         row.emplace_back(e.min_at < 0
@@ -371,32 +390,60 @@ class Page {
       for (const statics::PathError& e : path.points) largest = std::max(largest, e.total.norm());
       row.emplace_back(to_um(largest));
       const std::size_t out = path.points.size() - static_cast<std::size_t>(reached(path));
-      row.emplace_back(out == 0 ? fmt::format("{}", path.points.size())
-                                : fmt::format("{}, {} of them out of reach", path.points.size(), out));
+      if (out > 0) {
+        blank.push_back(fmt::format("Path {}: {} of {} points are out of reach.", k + 1, out, path.points.size()));
+      }
       table.rows.push_back(std::move(row));
     }
     report_.add_table(table);
+    report_.add_list(blank);
+    if (map_.paths.size() > 1) together();
     for (std::size_t k = 0; k < map_.paths.size(); ++k) path(k);
+  }
+
+  /// The axis of M to which the path is parallel, or -1.
+  [[nodiscard]] static int parallel_axis(const LoadedPath& path) {
+    const Vec3 way = path.to_M - path.from_M;
+    for (int i = 0; i < 3; ++i)
+      if (std::abs(way[i]) > (1 - 1e-12) * way.norm()) return i;
+    return -1;
+  }
+  /// Where the points stand: their coordinate on that axis, or the way from the start, mm. Widens `axis` to hold them.
+  [[nodiscard]] static std::vector<double> abscissa(const LoadedPath& path, int parallel, report::Axis& axis) {
+    std::vector<double> out;
+    for (const statics::PathError& e : path.points)
+      out.push_back(parallel < 0 ? tidy_mm((e.p_M - path.from_M).norm()) : tidy_mm(e.p_M[parallel]));
+    const auto [low, high] = std::minmax_element(out.begin(), out.end());
+    axis.label = parallel < 0 ? "way from the start" : std::string(1, "xyz"[parallel]);
+    axis.unit = "mm";
+    axis.min = axis.min ? std::min(*axis.min, *low) : *low;
+    axis.max = axis.max ? std::max(*axis.max, *high) : *high;
+    return out;
+  }
+
+  /// All paths in one plot.
+  void together() {
+    int parallel = parallel_axis(map_.paths.front());
+    for (const LoadedPath& path : map_.paths)
+      if (parallel_axis(path) != parallel) parallel = -1;
+    report::LinePlot plot;
+    plot.title = "Displacement along the force";
+    plot.y = {"along the force", kUm, {}, {}};
+    for (std::size_t k = 0; k < map_.paths.size(); ++k) {
+      const LoadedPath& path = map_.paths[k];
+      const std::vector<double> s = abscissa(path, parallel, plot.x);
+      plot.series.push_back({fmt::format("path {}", k + 1), s, along(path, path.force_M.normalized(), -1),
+                             kJointColours[k % std::size(kJointColours)],
+                             k < std::size(kJointColours) ? report::LineStyle::solid : report::LineStyle::dashed, 1.8});
+    }
+    report_.add_figure(plot, "The paths beside each other: displacement along the force.");
   }
 
   void path(std::size_t k) {
     const LoadedPath& path = map_.paths[k];
-    report_.add_heading(fmt::format("Path {}: {} to {} under {}", k + 1, point_text(path.from_M), point_text(path.to_M),
-                                    vector_text(path.force_M, "N")));
+    report_.add_heading(fmt::format("Path {}: from {} to {} mm", k + 1, triple_mm(path.from_M), triple_mm(path.to_M)));
     report::LinePlot plot;
-    // The axis that the path is parallel to, or the way along it.
-    const Vec3 way = path.to_M - path.from_M;
-    int parallel = -1;
-    for (int i = 0; i < 3; ++i)
-      if (std::abs(way[i]) > (1 - 1e-12) * way.norm()) parallel = i;
-    std::vector<double> s;
-    for (const statics::PathError& e : path.points) {
-      s.push_back(parallel < 0 ? tidy_mm((e.p_M - path.from_M).norm()) : tidy_mm(e.p_M[parallel]));
-    }
-    plot.x = {parallel < 0 ? "way from the start" : std::string(1, "xyz"[parallel]), "mm", {}, {}};
-    const auto ends = std::minmax_element(s.begin(), s.end());
-    plot.x.min = *ends.first;
-    plot.x.max = *ends.second;
+    const std::vector<double> s = abscissa(path, parallel_axis(path), plot.x);
     plot.y = {"displacement", kUm, {}, {}};
     plot.y.with_zero = true;
     report::LinePlot by_joint = plot;
@@ -438,6 +485,8 @@ class Page {
   void reading() {
     report_.add_section("What this rests on");
     std::vector<std::string> items;
+    const std::string description = machine::description_of(map_.machine);
+    if (!description.empty()) items.push_back(description + ".");
     if (compliant_) {
       items.push_back(
           fmt::format("C = J Cq Jᵀ: each {0} gives way in proportion to its load, everything else is rigid (links, "
