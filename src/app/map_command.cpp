@@ -114,6 +114,9 @@ Result<pages::LoadedPath> path_of(const std::string& text) {
 
 /// The paths with their force. Errors: AP104, AP144 to AP146.
 Result<std::vector<pages::LoadedPath>> paths_of(const MapOptions& o) {
+  if (o.points < 2 || o.points > kMostPathPoints) {
+    return fail("AP146", fmt::format("--points {}: must be 2 to {}", o.points, kMostPathPoints));
+  }
   std::vector<pages::LoadedPath> out;
   for (const std::string& text : o.paths) {
     POLYPOD_ASSIGN(path, path_of(text));
@@ -131,9 +134,6 @@ Result<std::vector<pages::LoadedPath>> paths_of(const MapOptions& o) {
   const Vec3 force(f[0], f[1], f[2]);
   if (!(force.norm() > 0 && force.norm() <= 1e9)) {
     return fail("AP145", fmt::format("--force {}: must be above 0 and at most 1e9 N", o.force));
-  }
-  if (o.points < 2 || o.points > kMostPathPoints) {
-    return fail("AP146", fmt::format("--points {}: must be 2 to {}", o.points, kMostPathPoints));
   }
   for (pages::LoadedPath& path : out) path.force_M = force;
   return out;

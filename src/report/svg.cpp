@@ -240,7 +240,10 @@ std::vector<double> x_ticks(const Scale& scale) {
     for (const std::string& label : tick_labels(ticks)) widest = std::max(widest, text_width(label, kSmallFont));
     if (std::abs(scale(ticks[1]) - scale(ticks[0])) > widest + kGap) return ticks;
   }
-  return nice_ticks(lo, hi, 1);
+  // A narrow picture: the outermost two of them, which leave each other room.
+  const std::vector<double> ticks = ticks_in(lo, hi, 1);
+  if (ticks.size() < 2) return ticks;
+  return {ticks.front(), ticks.back()};
 }
 
 Picture::Picture(const Canvas& canvas, std::string title)

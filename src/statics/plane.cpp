@@ -123,7 +123,7 @@ std::optional<Rectangle> reached_rectangle(const AnyMachine& machine, Plane plan
   const Rectangle all{{box.low[axes.u], box.high[axes.u]}, {box.low[axes.v], box.high[axes.v]}};
   Probe probe(machine, R_MT);
   std::optional<Rectangle> found = scan(probe, plane, at, all, 41);
-  if (!found) found = scan(probe, plane, at, all, 161);
+  if (!found) found = scan(probe, plane, at, all, 81);
   if (!found) return std::nullopt;
   if (const auto finer = scan(probe, plane, at, *found, 41)) found = finer;
   return Rectangle{rounded(found->u), rounded(found->v)};

@@ -37,7 +37,7 @@ Vec3 middle_of_work(const AnyMachine& machine);
 
 /// A rectangle with round sides that holds what the tool tip reaches of the plane in the orientation R_MT with all
 /// limits kept; nothing where it reaches no point of the plane. Found by two scans, a coarse one of all that the
-/// lengths of the machine allow and a fine one of what that found: a region narrower than 1/160 of the machine's span
+/// lengths of the machine allow and a fine one of what that found: a region narrower than 1/80 of the machine's span
 /// may be missed. Cost: about 10^4 inverse solutions.
 std::optional<Rectangle> reached_rectangle(const AnyMachine& machine, Plane plane, double at, const Mat3& R_MT);
 
