@@ -432,9 +432,10 @@ class Page {
     for (std::size_t k = 0; k < map_.paths.size(); ++k) {
       const LoadedPath& path = map_.paths[k];
       const std::vector<double> s = abscissa(path, parallel, plot.x);
+      // By symmetry paths may coincide: each is thinner than the one below it.
       plot.series.push_back({fmt::format("path {}", k + 1), s, along(path, path.force_M.normalized(), -1),
-                             kJointColours[k % std::size(kJointColours)],
-                             k < std::size(kJointColours) ? report::LineStyle::solid : report::LineStyle::dashed, 1.8});
+                             kJointColours[k % std::size(kJointColours)], report::LineStyle::solid,
+                             std::max(1.4, 5 - 1.6 * static_cast<double>(k))});
     }
     report_.add_figure(plot, "The paths beside each other: displacement along the force.");
   }

@@ -292,7 +292,8 @@ void Picture::x_axis(const Scale& scale, double top, double bottom, const std::s
     const double x = scale(ticks[i]);
     if (grid) line(x, top, x, bottom, "grid");
     line(x, bottom, x, bottom + 4, "axis");
-    text(x, bottom + 17, labels[i], "n m", kSmallFont);
+    const bool cut = x + text_width(labels[i], kSmallFont) / 2 > width;
+    text(cut ? width : x, bottom + 17, labels[i], cut ? "n e" : "n m", kSmallFont);
   }
   line(std::min(scale.a, scale.b), bottom, std::max(scale.a, scale.b), bottom, "axis");
   if (!label.empty()) text(std::max(scale.a, scale.b), bottom + 34, label, "q e");
