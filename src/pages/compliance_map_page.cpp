@@ -35,6 +35,9 @@ constexpr double kDrawnShare = 0.01;  // joints whose part stays below this of t
 constexpr Colour kJointColours[] = {Colour::blue,   Colour::orange, Colour::green,
                                     Colour::purple, Colour::sky,    Colour::vermillion};
 
+constexpr Colour kPathColours[] = {Colour::sky,   Colour::vermillion, Colour::ink,
+                                   Colour::green, Colour::purple,     Colour::orange};
+
 std::string shown_unit(const Field& f) {
   if (f.kind != Kind::determinant) return kUmPerN;
   if (f.unit == "m^3") return "m³";
@@ -434,7 +437,7 @@ class Page {
       const std::vector<double> s = abscissa(path, parallel, plot.x);
       // By symmetry paths may coincide: each is thinner than the one below it.
       plot.series.push_back({fmt::format("path {}", k + 1), s, along(path, path.force_M.normalized(), -1),
-                             kJointColours[k % std::size(kJointColours)], report::LineStyle::solid,
+                             kPathColours[k % std::size(kPathColours)], report::LineStyle::solid,
                              std::max(1.4, 5 - 1.6 * static_cast<double>(k))});
     }
     report_.add_figure(plot, "The paths beside each other: displacement along the force.");
