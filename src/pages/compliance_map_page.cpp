@@ -414,6 +414,7 @@ class Page {
   /// Where the points stand: their coordinate on that axis, or the way from the start, mm. Widens `axis` to hold them.
   [[nodiscard]] static std::vector<double> abscissa(const LoadedPath& path, int parallel, report::Axis& axis) {
     std::vector<double> out;
+    out.reserve(path.points.size());
     for (const statics::PathError& e : path.points)
       out.push_back(parallel < 0 ? tidy_mm((e.p_M - path.from_M).norm()) : tidy_mm(e.p_M[parallel]));
     const auto [low, high] = std::minmax_element(out.begin(), out.end());
@@ -526,8 +527,8 @@ report::Figure map_picture(const ComplianceMap& map) {
   const Figures figures(map);
   report::PanelGrid grid;
   grid.title = fmt::format("Compliance of {} over the plane {}", machine::name_of(map.machine), place_of(map));
-  const auto add = [&](Panels panels, const char* what) {
-    for (auto& [name, figure] : panels) grid.panels.emplace_back(fmt::format("{}, {}", name, what), std::move(figure));
+  const auto add = [&](const Panels& panels, const char* what) {
+    for (const auto& [name, figure] : panels) grid.panels.emplace_back(fmt::format("{}, {}", name, what), figure);
   };
   add(figures.direct(), "direct compliance");
   add(figures.cross(), "cross compliance");
