@@ -72,6 +72,8 @@ Json matrix_json(const Eigen::MatrixXd& M);
 Json vector_json(const Vec3& v);
 /// Prints the document and a newline.
 void print_json(const Json& document);
+/// An argument as a shell reads it back.
+std::string for_shell(const std::string& argument);
 /// A progress line on stderr, if it is a terminal; false if the user pressed Ctrl-C.
 std::function<bool(double)> progress_line(const Context& context, std::string what);
 

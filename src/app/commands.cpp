@@ -9,7 +9,8 @@ std::vector<Command> all_commands() {
       machines_command(), info_command(),                       // the catalogue
       ik_command(), fk_command(), jacobian_command(),           // a pose
       workspace_command(),                                      // all poses
-      compliance_command(), identify_compliance_command(),      // statics
+      compliance_command(), map_command(),                      // statics
+      identify_compliance_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(),

@@ -1,11 +1,14 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 
 #include "command.hpp"
 #include "interrupt.hpp"
@@ -115,6 +118,16 @@ Json vector_json(const Vec3& v) {
 
 void print_json(const Json& document) {
   fmt::print("{}\n", document.dump(2));
+}
+
+std::string for_shell(const std::string& argument) {
+  const auto plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("_-./=:,+", c) != nullptr;
+  };
+  if (!argument.empty() && std::all_of(argument.begin(), argument.end(), plain)) return argument;
+  std::string out = "'";
+  for (const char c : argument) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
 }
 
 std::function<bool(double)> progress_line(const Context& context, std::string what) {

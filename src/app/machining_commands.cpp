@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
-#include <cstring>
 #include <memory>
 
 #include "commands.hpp"
@@ -42,17 +40,6 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
   POLYPOD_ASSIGN(program, gcode::read(program_path));
   POLYPOD_ASSIGN(interpretation, gcode::interpret(program, job.interpret_options()));
   return Input{std::move(job), std::move(program), std::move(interpretation)};
-}
-
-/// An argument as a shell reads it back.
-std::string for_shell(const std::string& argument) {
-  const auto plain = [](char c) {
-    return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("_-./=:,+", c) != nullptr;
-  };
-  if (!argument.empty() && std::all_of(argument.begin(), argument.end(), plain)) return argument;
-  std::string out = "'";
-  for (const char c : argument) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
 }
 
 }  // namespace

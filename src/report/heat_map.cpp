@@ -54,10 +54,12 @@ std::string hex_of(double L, double chroma, double hue_deg) {
   return out;
 }
 
-/// One cell of the grid: its corners in pixels and their values, in order round it.
+/// One cell of the grid: its corners in pixels and their values, in order round it. A cell with one corner of no value
+/// is a triangle: its last corner stands twice.
 struct Quad {
   std::array<Point, 4> corner;
   std::array<double, 4> value;
+  bool triangle = false;
 };
 
 /// The part of the cell where the value, linear along each side, is at least `level`; `cut` receives the sides of that
@@ -169,9 +171,19 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
       const double a = X(x0 + i * dx), b = X(x0 + (i + 1) * dx), c = Y(y0 + j * dy), d = Y(y0 + (j + 1) * dy);
       Quad quad{{{{a, c}, {b, c}, {b, d}, {a, d}}},
                 {value_at(i, j), value_at(i + 1, j), value_at(i + 1, j + 1), value_at(i, j + 1)}};
-      if (std::all_of(quad.value.begin(), quad.value.end(), [](double v) { return std::isfinite(v); })) {
-        quads.push_back(quad);
+      const auto missing =
+          std::count_if(quad.value.begin(), quad.value.end(), [](double v) { return !std::isfinite(v); });
+      if (missing > 1) continue;
+      if (missing == 1) {
+        const auto at = std::find_if(quad.value.begin(), quad.value.end(), [](double v) { return !std::isfinite(v); }) -
+                        quad.value.begin();
+        std::rotate(quad.value.begin(), quad.value.begin() + at + 1, quad.value.end());
+        std::rotate(quad.corner.begin(), quad.corner.begin() + at + 1, quad.corner.end());
+        quad.value[3] = quad.value[2];
+        quad.corner[3] = quad.corner[2];
+        quad.triangle = true;
       }
+      quads.push_back(quad);
     }
   }
   const auto fill = [&](double level, double mid) {
@@ -179,7 +191,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     // Whole cells in a row are one rectangle.
     for (std::size_t k = 0; k < quads.size(); ++k) {
       const auto whole = [&](const Quad& q) {
-        return std::all_of(q.value.begin(), q.value.end(), [&](double v) { return v >= level; });
+        return !q.triangle && std::all_of(q.value.begin(), q.value.end(), [&](double v) { return v >= level; });
       };
       if (whole(quads[k])) {
         std::size_t last = k;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <set>
 
@@ -432,6 +433,32 @@ std::string BarChart::operator()(const Canvas& canvas) const {
     top += kRow;
   }
   return picture.finish(top);
+}
+
+std::string PanelGrid::operator()(const Canvas& canvas) const {
+  constexpr double kGap = 18, kTitle = 20;
+  Picture picture(canvas, title);
+  const int across = std::max(1, columns);
+  const double panel_width = (picture.width - kGap * (across - 1)) / across;
+  double top = 0, tallest = 0;
+  for (std::size_t k = 0; k < panels.size(); ++k) {
+    const int column = static_cast<int>(k) % across;
+    if (column == 0 && k > 0) {
+      top += tallest + kGap;
+      tallest = 0;
+    }
+    const double left = column * (panel_width + kGap);
+    const std::string drawn = panels[k].second(Canvas{panel_width, fmt::format("{}-{}", picture.id(), k + 1)});
+    // The panel becomes a group: an SVG inside an SVG would take its width from the page's style.
+    const std::size_t box = drawn.find("viewBox=\"0 0 "), open = drawn.find('>'), close = drawn.rfind("</svg>");
+    if (box == std::string::npos || open == std::string::npos || close == std::string::npos) continue;
+    const double height = std::strtod(drawn.c_str() + drawn.find(' ', box + 13) + 1, nullptr);
+    if (!panels[k].first.empty()) picture.text(left + 2, top + 13, panels[k].first, "t");
+    picture.body += fmt::format("<g transform=\"translate({} {})\">{}</g>\n", px(left), px(top + kTitle),
+                                drawn.substr(open + 1, close - open - 1));
+    tallest = std::max(tallest, kTitle + height);
+  }
+  return picture.finish(top + tallest);
 }
 
 }  // namespace polypod::report

@@ -240,7 +240,10 @@ std::vector<double> x_ticks(const Scale& scale) {
     for (const std::string& label : tick_labels(ticks)) widest = std::max(widest, text_width(label, kSmallFont));
     if (std::abs(scale(ticks[1]) - scale(ticks[0])) > widest + kGap) return ticks;
   }
-  return nice_ticks(lo, hi, 1);
+  // A narrow picture: the outermost two of them, which leave each other room.
+  const std::vector<double> ticks = ticks_in(lo, hi, 1);
+  if (ticks.size() < 2) return ticks;
+  return {ticks.front(), ticks.back()};
 }
 
 Picture::Picture(const Canvas& canvas, std::string title)
@@ -289,7 +292,8 @@ void Picture::x_axis(const Scale& scale, double top, double bottom, const std::s
     const double x = scale(ticks[i]);
     if (grid) line(x, top, x, bottom, "grid");
     line(x, bottom, x, bottom + 4, "axis");
-    text(x, bottom + 17, labels[i], "n m", kSmallFont);
+    const bool cut = x + text_width(labels[i], kSmallFont) / 2 > width;
+    text(cut ? width : x, bottom + 17, labels[i], cut ? "n e" : "n m", kSmallFont);
   }
   line(std::min(scale.a, scale.b), bottom, std::max(scale.a, scale.b), bottom, "axis");
   if (!label.empty()) text(std::max(scale.a, scale.b), bottom + 34, label, "q e");

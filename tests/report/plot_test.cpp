@@ -320,6 +320,18 @@ TEST(HeatMap, ValuesThatAreNotThereAreLeftBlank) {
   EXPECT_THAT(map(kCanvas), HasSubstr("</svg>"));
 }
 
+TEST(HeatMap, ACellWithOneCornerMissingIsHalfACell) {
+  HeatMap map = ramp();
+  map.columns = map.rows = 2;
+  map.values = {1, 1, 1, kNaN};
+  const std::string svg = map(kCanvas);
+  // One part of three corners, in the middle of the scale.
+  const std::regex triangle("<path d=\"M[0-9. ]+L[0-9. ]+L[0-9. ]+(L[0-9. ]+)?Z\" fill=");
+  EXPECT_TRUE(std::regex_search(svg, triangle)) << svg;
+  map.values = {1, kNaN, 1, kNaN};
+  EXPECT_FALSE(std::regex_search(map(kCanvas), triangle)) << "half the cell is not known";
+}
+
 TEST(HeatMap, DivergingMapsAreSymmetric) {
   HeatMap map = ramp();
   map.map = ColourMap::diverging;  // 0 to 10 gives a range of -10 to 10
@@ -379,6 +391,17 @@ TEST(BarChart, PartsAreAsLongAsTheirValues) {
   EXPECT_NEAR(widths[1] / widths[0], 3, 0.01);
   EXPECT_NEAR(widths[2] / widths[0], 2, 0.01);
   EXPECT_THAT(svg, HasSubstr(">40.0 um<"));
+}
+
+TEST(PanelGrid, SetsPanelsBesideEachOther) {
+  const Figure square = [](const Canvas& canvas) {
+    return "<svg class=\"pp\" viewBox=\"0 0 " + std::to_string(int(canvas.width)) + " 50\"><g id=\"" + canvas.id +
+           "\"/></svg>";
+  };
+  const std::string svg = PanelGrid{"three", 2, {{"one", square}, {"two", square}, {"three", square}}}(kCanvas);
+  EXPECT_EQ(count_of(svg, "<svg"), 1);
+  EXPECT_THAT(svg, HasSubstr("translate(0 20)\"><g id=\"t-1\"/>"));
+  EXPECT_THAT(svg, HasSubstr("translate(0 108)\"><g id=\"t-3\"/>"));  // 20 title + 50 + 18 gap + 20 title
 }
 
 TEST(StandaloneSvg, IsAFileOfItsOwn) {

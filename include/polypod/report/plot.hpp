@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace polypod::report {
@@ -131,7 +132,8 @@ enum class ColourMap {
   diverging    ///< blue, light grey at zero, red; the range is made symmetric round 0
 };
 
-/// Values over a grid as bands of colour with contour lines. Values that are not finite are left blank.
+/// Values over a grid as bands of colour with contour lines. Values that are not finite are left blank: a cell with one
+/// such corner is drawn as the triangle of the others, with more it is left out.
 struct HeatMap {
   std::string title;
   Axis x, y;  ///< min and max are the coordinates of the first and last column and row (default: 0 .. count - 1)
@@ -176,6 +178,15 @@ struct BarChart {
   std::string unit;
   std::vector<std::string> parts;
   std::vector<Row> rows;
+
+  std::string operator()(const Canvas& canvas) const;
+};
+
+/// Pictures side by side as one, each under its title, row by row.
+struct PanelGrid {
+  std::string title;
+  int columns = 3;
+  std::vector<std::pair<std::string, Figure>> panels;
 
   std::string operator()(const Canvas& canvas) const;
 };

@@ -1,0 +1,430 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <set>
+
+#include "commands.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/pages/compliance_map.hpp"
+
+namespace polypod::app {
+namespace {
+
+using pages::tidy_mm;
+
+constexpr int kMostPerSide = 301;
+constexpr double kFarthest_mm = 1e6;  // 1 km: beyond it lies a wrong unit
+constexpr int kMostPathPoints = 10'001;
+
+struct MapOptions {
+  std::string machine, plane = "xy", at, angles, resolution = "41", force, path_csv;
+  std::array<std::string, 3> range;
+  std::vector<std::string> sets, paths, outputs;
+  int points = 61;
+};
+
+/// "lo,hi" in mm. Errors: AP100, AP141.
+Result<std::array<double, 2>> range_of(const std::string& text, const std::string& option) {
+  POLYPOD_ASSIGN(n, numbers_of(text, option));
+  if (n.size() != 2 || !(n[0] < n[1]) || std::abs(n[0]) > kFarthest_mm || std::abs(n[1]) > kFarthest_mm) {
+    return fail("AP141", fmt::format("{} {}: not a range lo,hi with lo below hi, in mm", option, text), {},
+                fmt::format("write {} -600,600", option));
+  }
+  return std::array{units::from_mm(n[0]), units::from_mm(n[1])};
+}
+
+/// The plane, where it lies and how far the map goes. `found` is false where the machine reaches nothing of it.
+Status lay_plane(const MapOptions& o, const Mat3& R_MT, pages::ComplianceMap& map, bool& found) {
+  const auto plane = statics::plane_named(o.plane);
+  if (!plane) return fail("AP140", fmt::format("--plane {}: not xy, xz or yz", o.plane));
+  map.plane = *plane;
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  map.at = statics::middle_of_work(map.machine)[axes.normal];
+  if (!o.at.empty()) {
+    POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
+    if (at.size() != 1 || std::abs(at[0]) > kFarthest_mm) {
+      return fail("AP141", fmt::format("--at {}: not one coordinate, in mm", o.at));
+    }
+    map.at = units::from_mm(at[0]);
+  }
+  const auto option = [](int axis) { return fmt::format("--{}", "xyz"[axis]); };
+  const auto text = [&](int axis) { return o.range[static_cast<std::size_t>(axis)]; };
+  if (!text(axes.normal).empty()) {
+    return fail("AP141",
+                fmt::format("{} {}: a map over the plane {} has no range of {}", option(axes.normal), text(axes.normal),
+                            o.plane, "xyz"[axes.normal]),
+                {}, fmt::format("say where the plane lies with --at, or choose another --plane"));
+  }
+  found = true;
+  if (text(axes.u).empty() || text(axes.v).empty()) {
+    const auto reached = statics::reached_rectangle(map.machine, map.plane, map.at, R_MT);
+    found = reached.has_value();
+    if (found) map.rectangle = *reached;
+  }
+  for (const auto& [axis, range] : {std::pair{axes.u, &map.rectangle.u}, std::pair{axes.v, &map.rectangle.v}}) {
+    if (text(axis).empty()) continue;
+    POLYPOD_ASSIGN(given, range_of(text(axis), option(axis)));
+    *range = given;
+  }
+  return {};
+}
+
+/// "N" (points on the longer side, square cells as far as whole numbers allow) or "columns,rows". Error: AP142.
+Result<std::array<int, 2>> resolution_of(const std::string& text, const statics::Rectangle& r) {
+  POLYPOD_ASSIGN(n, numbers_of(text, "--resolution"));
+  const auto bad = [](double x) { return !(x >= 2 && x <= kMostPerSide && x == std::floor(x)); };
+  if (n.size() > 2 || std::any_of(n.begin(), n.end(), bad)) {
+    return fail("AP142", fmt::format("--resolution {}: not one or two whole numbers of 2 to {}", text, kMostPerSide),
+                {}, "points on the longer side, or columns,rows");
+  }
+  if (n.size() == 2) return std::array{static_cast<int>(n[0]), static_cast<int>(n[1])};
+  const double width = r.u[1] - r.u[0], height = r.v[1] - r.v[0], longer = std::max(width, height);
+  const int fewest = std::min(11, static_cast<int>(n[0]));  // a narrow map still shows how it changes across
+  const auto count = [&](double side) {
+    return longer > 0 ? std::max(fewest, static_cast<int>(std::lround((n[0] - 1) * side / longer)) + 1) : fewest;
+  };
+  return std::array{count(width), count(height)};
+}
+
+/// "x,y,z:x,y,z" in mm. Error: AP144.
+Result<pages::LoadedPath> path_of(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  const auto bad = [&](const char* why) {
+    return fail("AP144", fmt::format("--path {}: {}", text, why), {}, "write --path -600,-1300,0:600,-1300,0 (mm)");
+  };
+  if (colon == std::string::npos) return bad("no two points x,y,z:x,y,z");
+  POLYPOD_ASSIGN(from, numbers_of(text.substr(0, colon), "--path"));
+  POLYPOD_ASSIGN(to, numbers_of(text.substr(colon + 1), "--path"));
+  if (from.size() != 3 || to.size() != 3) return bad("no two points x,y,z:x,y,z");
+  pages::LoadedPath path;
+  for (int i = 0; i < 3; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    if (std::abs(from[k]) > kFarthest_mm || std::abs(to[k]) > kFarthest_mm) return bad("a point is farther than 1 km");
+    path.from_M[i] = units::from_mm(from[k]);
+    path.to_M[i] = units::from_mm(to[k]);
+  }
+  if (path.from_M == path.to_M) return bad("the two points are one");
+  return path;
+}
+
+/// The paths with their force. Errors: AP104, AP144 to AP146.
+Result<std::vector<pages::LoadedPath>> paths_of(const MapOptions& o) {
+  if (o.points < 2 || o.points > kMostPathPoints) {
+    return fail("AP146", fmt::format("--points {}: must be 2 to {}", o.points, kMostPathPoints));
+  }
+  std::vector<pages::LoadedPath> out;
+  for (const std::string& text : o.paths) {
+    POLYPOD_ASSIGN(path, path_of(text));
+    out.push_back(std::move(path));
+  }
+  if (out.empty()) {
+    if (!o.force.empty() || !o.path_csv.empty()) {
+      return fail("AP145", fmt::format("{} needs a --path", o.force.empty() ? "--path-csv" : "--force"));
+    }
+    return out;
+  }
+  if (o.force.empty()) return fail("AP145", "--path needs a --force Fx,Fy,Fz, in N");
+  POLYPOD_ASSIGN(f, numbers_of(o.force, "--force"));
+  if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o.force));
+  const Vec3 force(f[0], f[1], f[2]);
+  if (!(force.norm() > 0 && force.norm() <= 1e9)) {
+    return fail("AP145", fmt::format("--force {}: must be above 0 and at most 1e9 N", o.force));
+  }
+  for (pages::LoadedPath& path : out) path.force_M = force;
+  return out;
+}
+
+std::string suffix_of(const std::string& path) {
+  const std::size_t dot = path.find_last_of("./");
+  return dot == std::string::npos || path[dot] == '/' ? "" : path.substr(dot);
+}
+
+/// Whether every output is of a known kind and can be written. Errors: AP143, FI101.
+Status check_outputs(const MapOptions& o) {
+  std::set<std::string> names;
+  for (const std::string& path : o.outputs) {
+    const std::string suffix = suffix_of(path);
+    if (suffix != ".csv" && suffix != ".vti" && suffix != ".svg" && suffix != ".html") {
+      return fail("AP143", fmt::format("-o {}: not a .csv, .vti, .svg or .html", path));
+    }
+    if (!names.insert(path).second) return fail("AP143", fmt::format("-o {}: given twice", path));
+    POLYPOD_TRY(files::may_write(path));
+  }
+  if (o.path_csv.empty()) return {};
+  if (names.contains(o.path_csv)) {
+    return fail("AP143", fmt::format("--path-csv {}: given with -o too", o.path_csv));
+  }
+  return files::may_write(o.path_csv);
+}
+
+std::string command_line(const MapOptions& o) {
+  std::string out = "polypod map " + for_shell(o.machine);
+  const auto add = [&](const char* option, const std::string& value) {
+    if (!value.empty()) out += fmt::format(" {} {}", option, for_shell(value));
+  };
+  for (const std::string& set : o.sets) add("--set", set);
+  add("--plane", o.plane);
+  add("--at", o.at);
+  add("--x", o.range[0]);
+  add("--y", o.range[1]);
+  add("--z", o.range[2]);
+  add("--angles", o.angles);
+  add("--resolution", o.resolution);
+  for (const std::string& path : o.paths) add("--path", path);
+  add("--force", o.force);
+  if (!o.paths.empty()) add("--points", std::to_string(o.points));
+  for (const std::string& path : o.outputs) add("-o", path);
+  add("--path-csv", o.path_csv);
+  return out;
+}
+
+Status write_outputs(const MapOptions& o, const pages::ComplianceMap& map) {
+  for (const std::string& path : o.outputs) {
+    const std::string suffix = suffix_of(path);
+    std::string bytes;
+    if (suffix == ".csv") {
+      bytes = pages::map_csv(map);
+    } else if (suffix == ".vti") {
+      POLYPOD_ASSIGN(vti, pages::map_vti(map));
+      bytes = std::move(vti);
+    } else if (suffix == ".svg") {
+      bytes = report::standalone_svg(pages::map_picture(map), 1200);
+    } else {
+      bytes = pages::compliance_map_page(map, {POLYPOD_VERSION, command_line(o)});
+    }
+    POLYPOD_TRY(files::write_whole(path, bytes));
+  }
+  if (!o.path_csv.empty()) POLYPOD_TRY(files::write_whole(o.path_csv, pages::path_csv(map)));
+  return {};
+}
+
+Json mm_json(const Vec3& p) {
+  return Json::array({tidy_mm(p.x()), tidy_mm(p.y()), tidy_mm(p.z())});
+}
+
+/// Displacements along `direction`, um.
+std::vector<double> along(const pages::LoadedPath& path, const Vec3& direction, int joint) {
+  std::vector<double> out;
+  for (const statics::PathError& e : path.points) {
+    if (!e.reachable) continue;
+    const double d = units::to_um(direction.dot(joint < 0 ? e.total : e.by_joint[static_cast<std::size_t>(joint)]));
+    out.push_back(std::abs(d) <= 1e-12 * units::to_um(e.total.norm()) ? 0.0 : d);
+  }
+  return out;
+}
+
+Json spread_json(const std::vector<double>& values) {
+  const pages::Extremes e = pages::extremes_of(values);
+  return {{"min", e.min}, {"mean", e.mean}, {"max", e.max}};
+}
+
+Json path_json(const pages::ComplianceMap& map, const pages::LoadedPath& path) {
+  const Vec3 direction = path.force_M.normalized();
+  const std::vector<std::string> names = statics::column_names(map.machine);
+  Json by_joint = Json::array();
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    Json entry = {{"joint", names[k]}};
+    entry.update(spread_json(along(path, direction, static_cast<int>(k))));
+    by_joint.push_back(entry);
+  }
+  Json force = spread_json(along(path, direction, -1));
+  force["by_joint"] = by_joint;
+  return {{"from_mm", mm_json(path.from_M)},
+          {"to_mm", mm_json(path.to_M)},
+          {"force_N", vector_json(path.force_M)},
+          {"points", path.points.size()},
+          {"out_of_reach", path.points.size() - static_cast<std::size_t>(pages::reached(path))},
+          {"displacement_um",
+           {{"x", spread_json(along(path, Vec3::UnitX(), -1))},
+            {"y", spread_json(along(path, Vec3::UnitY(), -1))},
+            {"z", spread_json(along(path, Vec3::UnitZ(), -1))}}},
+          {"along_force_um", force}};
+}
+
+Json map_json(const pages::ComplianceMap& map, const std::vector<std::string>& written) {
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  const auto range = [](const std::array<double, 2>& r) { return Json::array({tidy_mm(r[0]), tidy_mm(r[1])}); };
+  Json fields = Json::object();
+  for (const pages::Field& f : pages::fields_of(map)) {
+    const pages::Extremes e = pages::extremes_of(f.values);
+    if (e.min_at < 0) continue;
+    const auto place = [&](int point) { return mm_json(map.map.points[static_cast<std::size_t>(point)].p_M); };
+    fields[f.key] = {{"min", e.min},
+                     {"min_at_mm", place(e.min_at)},
+                     {"mean", e.mean},
+                     {"max", e.max},
+                     {"max_at_mm", place(e.max_at)}};
+  }
+  Json paths = Json::array();
+  for (const pages::LoadedPath& path : map.paths) paths.push_back(path_json(map, path));
+  return {{"machine", machine::name_of(map.machine)},
+          {"plane", statics::name_of(map.plane)},
+          {"at_mm", tidy_mm(map.at)},
+          {"angles_deg", map.angles_deg},
+          {"grid",
+           {{fmt::format("{}_mm", "xyz"[axes.u]), range(map.rectangle.u)},
+            {fmt::format("{}_mm", "xyz"[axes.v]), range(map.rectangle.v)},
+            {"columns", map.map.grid.columns},
+            {"rows", map.map.grid.rows}}},
+          {"points", map.map.points.size()},
+          {"out_of_reach", map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map))},
+          {"fields", fields},
+          {"paths", paths},
+          {"files", written}};
+}
+
+void print_table(const pages::ComplianceMap& map) {
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  const auto place = [&](int point) {
+    const Vec3& p = map.map.points[static_cast<std::size_t>(point)].p_M;
+    const auto hundredths = [](double mm) { return std::round(mm * 100) / 100; };
+    return fmt::format("{:g}, {:g}", hundredths(tidy_mm(p[axes.u])), hundredths(tidy_mm(p[axes.v])));
+  };
+  const std::string at = fmt::format("at {}, {} mm", "xyz"[axes.u], "xyz"[axes.v]);
+  fmt::print("{:<20}{:>10}  {:<16}{:>10}{:>10}  {}\n", "", "min", at, "mean", "max", at);
+  for (const pages::Field& f : pages::fields_of(map)) {
+    const pages::Extremes e = pages::extremes_of(f.values);
+    // Of the joints' shares those in the direct compliances, if there are any: the files hold them all.
+    if (f.kind == pages::Field::Kind::share && (f.row != f.column || (e.min == 0 && e.max == 0))) continue;
+    std::string name = f.joint.empty() ? f.name : fmt::format("  {} {}", f.joint, f.name);
+    if (!f.unit.empty()) name += ", " + f.unit;
+    // A quantity that is the same everywhere has no place.
+    const bool flat = e.max == e.min;
+    fmt::print("{:<20}{:>10.4g}  {:<16}{:>10.4g}{:>10.4g}  {}\n", name, e.min, flat ? "" : place(e.min_at), e.mean,
+               e.max, flat ? "" : place(e.max_at));
+  }
+}
+
+void print_path(const pages::ComplianceMap& map, const pages::LoadedPath& path) {
+  const auto point = [](const Vec3& p) {
+    return fmt::format("{:g},{:g},{:g}", tidy_mm(p.x()), tidy_mm(p.y()), tidy_mm(p.z()));
+  };
+  fmt::print("\nfrom {} to {} mm under {:g},{:g},{:g} N: {} points", point(path.from_M), point(path.to_M),
+             path.force_M.x(), path.force_M.y(), path.force_M.z(), path.points.size());
+  const std::size_t out = path.points.size() - static_cast<std::size_t>(pages::reached(path));
+  fmt::print("{}\n", out == 0 ? "" : fmt::format(", {} out of reach", out));
+  fmt::print("{:<20}{:>10}{:>10}{:>10}\n", "displacement, um", "min", "mean", "max");
+  const auto line = [](const std::string& name, const std::vector<double>& values) {
+    const pages::Extremes e = pages::extremes_of(values);
+    fmt::print("{:<20}{:>10.1f}{:>10.1f}{:>10.1f}\n", name, e.min, e.mean, e.max);
+  };
+  for (int i = 0; i < 3; ++i) line(fmt::format("along {}", "xyz"[i]), along(path, Vec3::Unit(i), -1));
+  const Vec3 direction = path.force_M.normalized();
+  line("along the force", along(path, direction, -1));
+  const std::vector<std::string> names = statics::column_names(map.machine);
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    line("  " + names[k], along(path, direction, static_cast<int>(k)));
+  }
+}
+
+void print_map(const MapOptions& o, const pages::ComplianceMap& map) {
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  const std::string orientation = pages::orientation_of(map);
+  fmt::print("{} over the plane {}{}\n", machine::name_of(map.machine), pages::place_of(map),
+             orientation.empty() ? "" : ", " + orientation);
+  const auto range = [](const std::array<double, 2>& r) {
+    return fmt::format("{:g} .. {:g}", tidy_mm(r[0]), tidy_mm(r[1]));
+  };
+  const std::size_t out = map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map));
+  fmt::print("{} {}, {} {} mm: {} x {} points, {} out of reach\n\n", "xyz"[axes.u], range(map.rectangle.u),
+             "xyz"[axes.v], range(map.rectangle.v), map.map.grid.columns, map.map.grid.rows,
+             out == 0 ? std::string("none") : std::to_string(out));
+  print_table(map);
+  for (const pages::LoadedPath& path : map.paths) print_path(map, path);
+  for (const std::string& path : o.outputs) fmt::print("wrote {}\n", path);
+  if (!o.path_csv.empty()) fmt::print("wrote {}\n", o.path_csv);
+}
+
+Result<int> run_map(const MapOptions& o, const Context& context) {
+  POLYPOD_TRY(check_outputs(o));
+  POLYPOD_ASSIGN(m, machine_of(o.machine, o.sets));
+  pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}};
+  const machine::Task task = kinematics::task(m);
+  const auto angle_count = static_cast<std::size_t>(kinematics::coordinate_count(task) - 3);
+  std::vector<double> coordinates(3 + angle_count, 0.0);
+  if (!o.angles.empty()) {
+    POLYPOD_ASSIGN(angles, numbers_of(o.angles, "--angles"));
+    if (angles.size() > angle_count) {
+      return fail("AP147", fmt::format("--angles {}: {} numbers, but this machine turns its tool by {}", o.angles,
+                                       angles.size(), angle_count));
+    }
+    for (std::size_t i = 0; i < angles.size(); ++i) coordinates[3 + i] = units::from_deg(angles[i]);
+    map.angles_deg = angles;
+  }
+  map.angles_deg.resize(angle_count, 0.0);
+  const Mat3 R_MT = kinematics::pose_of(task, coordinates).R;
+
+  POLYPOD_ASSIGN(paths, paths_of(o));
+  if (!paths.empty() && !statics::has_compliance(m)) {
+    return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
+                "give compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods) in the machine file");
+  }
+  bool found = false;
+  POLYPOD_TRY(lay_plane(o, R_MT, map, found));
+  POLYPOD_ASSIGN(count, resolution_of(o.resolution, map.rectangle));
+  if (found) {
+    const statics::PlaneGrid grid = statics::plane_grid(map.plane, map.at, map.rectangle, count[0], count[1]);
+    map.map = statics::compliance_map(m, grid, R_MT);
+    found = pages::reached(map.map) > 0;
+  }
+  const auto out_of_reach = [&](const std::string& what) {
+    fmt::print(stderr, "polypod: {} reaches no point of {}; {}\n", machine::name_of(m), what,
+               "try another --at, range or --angles (`polypod workspace` says what is reached)");
+    if (context.json) print_json(map_json(map, {}));
+    return kAnswerIsNo;
+  };
+  if (!found) return out_of_reach("the plane " + pages::place_of(map));
+  for (std::size_t k = 0; k < paths.size(); ++k) {
+    pages::LoadedPath& path = paths[k];
+    path.points = statics::path_error(m, path.from_M, path.to_M, o.points, R_MT, path.force_M);
+    if (pages::reached(path) == 0) return out_of_reach("the path " + o.paths[k]);
+  }
+  map.paths = std::move(paths);
+  if (!statics::has_compliance(m)) {
+    fmt::print(stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", machine::name_of(m),
+               "compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods)");
+  }
+  POLYPOD_TRY(write_outputs(o, map));
+  if (context.json) {
+    std::vector<std::string> written = o.outputs;
+    if (!o.path_csv.empty()) written.push_back(o.path_csv);
+    print_json(map_json(map, written));
+  } else {
+    print_map(o, map);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+Command map_command() {
+  auto o = std::make_shared<MapOptions>();
+  return {
+      "map", "Maps over a plane: compliances, det J, each joint's share, errors along straight paths",
+      "polypod map lola50 --at 0 --x -600,600 --y -1600,-1000 -o map.html",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--plane", o->plane, "xy (default), xz or yz of M");
+        a.option("--at", o->at,
+                 "The plane's third coordinate, mm (default: a hexapod's tool at home, the origin of M of an arm)");
+        a.option("--x", o->range[0], "lo,hi: range of x, mm (default: what is reached of the plane)");
+        a.option("--y", o->range[1], "lo,hi: range of y, mm");
+        a.option("--z", o->range[2], "lo,hi: range of z, mm");
+        a.option("--angles", o->angles, "A,B[,C]: orientation of the tool, deg (default 0)");
+        a.option("--resolution", o->resolution, "Points on the longer side, 2 to 301 (default 41), or columns,rows");
+        a.option("--path", o->paths, "x,y,z:x,y,z: a straight path, mm, for the error under --force (repeatable)");
+        a.option("--force", o->force, "Fx,Fy,Fz: constant force on the tool along the paths, in M, N");
+        a.option("--points", o->points, "Points of a path, 2 to 10001 (default 61)");
+        a.option("-o,--output", o->outputs,
+                 "Write a page (.html), a picture (.svg), a table (.csv) or a file for ParaView (.vti) (repeatable)");
+        a.option("--path-csv", o->path_csv, "Write the errors along the paths as a table");
+      },
+      [o](const Context& context) { return run_map(*o, context); }};
+}
+
+}  // namespace polypod::app
