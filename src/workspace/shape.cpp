@@ -78,8 +78,9 @@ Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, 
   std::vector<Vec3> starts{middle};
   for (std::size_t i = 0; i < std::min(kStarts, inner.size()); ++i) starts.push_back(inner[i].center);
 
+  constexpr std::int64_t kPatience = 5000;  // boxes a question; shapes that only just fit are given up
   const auto holds = [&](const Shape& shape) {
-    const auto answer = certainly_holds(machine, options, shape);
+    const auto answer = certainly_holds(machine, options, shape, kPatience);
     return answer && *answer;
   };
   const auto shaped = [&](Shape shape) {
