@@ -37,7 +37,7 @@ Result<std::vector<Varied>> varied_of(const std::vector<std::string>& sets, std:
     out.push_back(std::move(v));
   }
   if (out.empty()) {
-    return fail("AP120", "nothing to sweep: no --set has a list of values", {}, "write --set leg.length_max_mm=80,90,100");
+    return fail("AP155", "nothing to sweep: no --set has a list of values", {}, "write --set leg.length_max_mm=80,90,100");
   }
   return out;
 }
@@ -71,20 +71,20 @@ Command sweep_command() {
       },
       [o](const Context& context) -> Result<int> {
         if (o->analysis != "workspace") {
-          return fail("AP121", fmt::format("--analysis {}: unknown", o->analysis), {}, "known: workspace");
+          return fail("AP156", fmt::format("--analysis {}: unknown", o->analysis), {}, "known: workspace");
         }
         std::vector<std::string> fixed;
         POLYPOD_ASSIGN(varied, varied_of(o->sets, fixed));
         std::size_t rows = o->together ? varied.front().values.size() : 1;
         for (const Varied& v : varied) {
           if (o->together && v.values.size() != rows) {
-            return fail("AP122", fmt::format("--together needs lists of one length: {} has {} values, {} has {}",
+            return fail("AP157", fmt::format("--together needs lists of one length: {} has {} values, {} has {}",
                                              varied.front().key, rows, v.key, v.values.size()));
           }
           if (!o->together) rows *= v.values.size();
         }
         constexpr std::size_t kMostRows = 10'000;
-        if (rows > kMostRows) return fail("AP123", fmt::format("{} combinations are more than {}", rows, kMostRows));
+        if (rows > kMostRows) return fail("AP158", fmt::format("{} combinations are more than {}", rows, kMostRows));
 
         Json list = Json::array();
         std::string csv;

@@ -29,10 +29,10 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
                                           std::tuple{&b_range, &out.directions.b_range, "--b-range"}}) {
     if (text->empty()) continue;
     POLYPOD_ASSIGN(values, numbers_of(*text, name));
-    if (values.size() != 2) return fail("AP110", fmt::format("{} {}: not two numbers lo,hi", name, *text));
+    if (values.size() != 2) return fail("AP150", fmt::format("{} {}: not two numbers lo,hi", name, *text));
     *range = std::array<double, 2>{units::from_deg(values[0]), units::from_deg(values[1])};
   }
-  if (threads < 0 || threads > 1024) return fail("AP111", fmt::format("--threads {}: must be 0 to 1024", threads));
+  if (threads < 0 || threads > 1024) return fail("AP151", fmt::format("--threads {}: must be 0 to 1024", threads));
   out.relative_tolerance = rel_tol;
   out.interference = interference;
   out.threads = threads;
@@ -68,11 +68,11 @@ namespace {
 Result<int> contains(const machine::AnyMachine& m, const workspace::Options& options, const std::string& text,
                      const Context& context) {
   POLYPOD_ASSIGN(n, numbers_of(text, "--contains"));
-  if (n.size() != 6) return fail("AP112", fmt::format("--contains {}: not six numbers", text));
+  if (n.size() != 6) return fail("AP152", fmt::format("--contains {}: not six numbers", text));
   for (double& x : n) x = units::from_mm(x);
   const Vec3 low(n[0], n[1], n[2]), high(n[3], n[4], n[5]);
   if (!((high - low).minCoeff() > 0)) {
-    return fail("AP112", fmt::format("--contains {}: the first corner must lie below the second", text));
+    return fail("AP152", fmt::format("--contains {}: the first corner must lie below the second", text));
   }
   const workspace::Shape box{workspace::ShapeKind::box, 0.5 * (low + high), 0.5 * (high - low)};
   POLYPOD_ASSIGN(held, workspace::certainly_holds(m, options, box));
