@@ -142,7 +142,7 @@ struct Line {
 };
 
 /// The least value on the line, between the samples too: on both sides of the least sample the parabola with the mean
-/// second difference of the neighbours, or the lesser of the two where they differ much (a jump is no curvature).
+/// second difference of the neighbours, or the lesser of the two where they differ much: jumps and kinks do not bend.
 template <class Value>
 double least_on(const Line& line, const Value& value) {
   int at = 0;
@@ -156,13 +156,14 @@ double least_on(const Line& line, const Value& value) {
   if (line.count < 4) return least;
   const auto has = [&](int k) { return line.closed || (k >= 0 && k < line.count); };
   const auto sample = [&](int k) { return value(line.first + (k + line.count) % line.count * line.stride); };
-  const auto bend = [&](int k) { return has(k - 1) && has(k + 1) ? sample(k - 1) - 2 * sample(k) + sample(k + 1) : -1.0; };
-  const double here = bend(at);
+  const auto bend = [&](int k, double otherwise) {
+    return has(k - 1) && has(k + 1) ? sample(k - 1) - 2 * sample(k) + sample(k + 1) : otherwise;
+  };
   for (const int side : {-1, 1}) {
     if (!has(at + side)) continue;
-    const double there = bend(at + side);
-    double c = here > 0 && there > 0 ? 0.5 * (here + there) : std::max(here, there);
-    if (here > 0 && there > 0 && (here > 2 * there || there > 2 * here)) c = std::min(here, there);
+    const double here = bend(at, bend(at + side, 0)), there = bend(at + side, here);
+    const bool smooth = here < 2 * there && there < 2 * here;
+    const double c = smooth ? 0.5 * (here + there) : std::min(here, there);
     const double rise = sample(at + side) - sample(at);
     if (c > 0 && rise < 0.5 * c) least = std::min(least, sample(at) - (0.5 * c - rise) * (0.5 * c - rise) / (2 * c));
   }
