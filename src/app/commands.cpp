@@ -8,7 +8,7 @@ std::vector<Command> all_commands() {
   return {
       machines_command(), info_command(),                       // the catalogue
       ik_command(), fk_command(), jacobian_command(),           // a pose
-      workspace_command(),                                      // all poses
+      workspace_command(), section_command(),                   // all poses
       compliance_command(), identify_compliance_command(),      // statics
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs

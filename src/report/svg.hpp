@@ -48,6 +48,7 @@ struct LegendEntry {
   bool area = false;
   double stroke = 1.5;
   bool filled = false;  ///< areas: the full colour
+  std::string fill = {};  ///< areas: this colour instead, `#rrggbb`
 };
 
 /// An SVG picture that grows from the top.

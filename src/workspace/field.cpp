@@ -143,6 +143,7 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
   if (field_options.tilt) {
     out.tilt.resize(grid.size());
     out.tilt_limit.resize(grid.size());
+    out.upright.resize(grid.size());
   }
   POLYPOD_TRY(in_rounds(
       options, grid.size(),
@@ -155,6 +156,7 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
         const Margin tilt = judge->tilt(p);
         out.tilt[i] = tilt.value;
         out.tilt_limit[i] = tilt.limit;
+        out.upright[i] = judge->upright(p).value;
       },
       field_options.progress));
   return out;

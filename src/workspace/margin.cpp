@@ -230,6 +230,8 @@ class JudgeOf final : public PointJudge {
 
   [[nodiscard]] Margin margin(const Vec3& p) const override { return over(required_, p); }
 
+  [[nodiscard]] Margin upright(const Vec3& p) const override { return over(upright_, p); }
+
   [[nodiscard]] Margin tilt(const Vec3& p) const override {
     Margin below = over(upright_, p);
     if (below.value < 0) return {-1, below.limit};

@@ -20,6 +20,8 @@ class PointJudge {
   virtual ~PointJudge() = default;
   /// Over the required directions.
   [[nodiscard]] virtual Margin margin(const Vec3& p) const = 0;
+  /// Over R = 1 alone.
+  [[nodiscard]] virtual Margin upright(const Vec3& p) const = 0;
   /// The largest tilt in `value` (rad, -1 where R = 1 is out of limits) and what stops it.
   [[nodiscard]] virtual Margin tilt(const Vec3& p) const = 0;
 };

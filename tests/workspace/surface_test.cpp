@@ -225,9 +225,9 @@ TEST(Field, MarginAgreesWithInverse) {
           if ((result.solutions[s].violations & heeded) == 0) return true;
         return false;
       };
-      const auto all = [&](double at) {
-        for (int k = 0; k < 90; ++k)
-          if (!reaches(at, from_deg(4 * k))) return false;
+      const auto all = [&](double at, int step_deg = 5) {
+        for (int k = 0; k < 360; k += step_deg)
+          if (!reaches(at, from_deg(k))) return false;
         return true;
       };
       constexpr double kMissed = 1e-4;  // of the size: what a parabola between directions may be off
@@ -241,7 +241,8 @@ TEST(Field, MarginAgreesWithInverse) {
       }
       if (f.tilt[i] > 0.02) {
         EXPECT_TRUE(all(f.tilt[i] - 0.01));
-        EXPECT_FALSE(all(f.tilt[i] + 0.01));
+        // Where the wrist of an arm is singular the tool axis has a hole of a degree: look closely.
+        EXPECT_FALSE(all(f.tilt[i] + 0.002, 1) && all(f.tilt[i] + 0.005, 1) && all(f.tilt[i] + 0.01, 1));
         EXPECT_GE(f.tilt_limit[i], 0);
       }
       // Inside the cone, and only there, the largest tilt is that of the cone or more.

@@ -50,7 +50,7 @@ struct FieldOptions {
   /// Directions that are tried on each circle of tilts, 6 to 360. Between them a parabola finds the least margin of
   /// each limit, so that 24 are good to about 1e-4 of the range that a limit runs through over the circle.
   int azimuths = 24;
-  bool tilt = true;                      ///< fills Field::tilt and tilt_limit, which takes most of the time
+  bool tilt = true;                      ///< fills Field::tilt, tilt_limit and upright, which takes most of the time
   double tilt_max = 1.5;                 ///< rad; the search ends there. Above 0, below pi/2.
   std::function<void(double)> progress;  ///< share of the work, from the calling thread
 };
@@ -66,6 +66,7 @@ struct Field {
   /// The largest tilt up to which the tool may tilt from z at every azimuth, rad; -1 where not even R = 1 is reachable.
   std::vector<double> tilt;
   std::vector<int> tilt_limit;  ///< the limit that stops it; -1 if none does up to tilt_max
+  std::vector<double> upright;  ///< the margin over R = 1 alone; 0 where `tilt` begins
 };
 
 /// Samples limits over a grid. Directions are sampled (with refinement between the samples): a picture, not a proof;
