@@ -9,7 +9,7 @@ namespace polypod::app {
 
 struct WorkspaceFiles {
   std::string stl, vtp, vti, report;
-  int resolution = 0;  ///< 0: 64 for files, 48 for the report
+  int resolution = 0;  ///< 0: 64
 
   void declare(Arguments& arguments);
   /// Asked before the long work. Errors: FI101, AP130.

@@ -113,17 +113,23 @@ std::string axis_name(const Vec3& u) {
   return fmt::format("along ({}, {}, {})", number(n.x(), 2), number(n.y(), 2), number(n.z(), 2));
 }
 
+/// A number as it was given: no digits that say nothing.
+std::string given(double value) {
+  const std::string text = fmt::format("{:.6g}", value == 0 ? 0.0 : value);
+  return text[0] == '-' ? "−" + text.substr(1) : text;
+}
+
 std::string directions_of(const Options& options) {
   const auto& d = options.directions;
   if (!d.is_ranges()) {
-    return d.tilt > 0 ? fmt::format("with every tilt up to {} deg", number(to_deg(d.tilt)))
+    return d.tilt > 0 ? fmt::format("with every tilt up to {} deg", given(to_deg(d.tilt)))
                       : std::string("with the tool upright (R = 1)");
   }
   std::string out = "with every";
   const char* join = " ";
   for (const auto& [range, name] : {std::pair{d.a_range, "A"}, std::pair{d.b_range, "B"}}) {
     if (!range) continue;
-    out += fmt::format("{}{} from {} to {} deg", join, name, number(to_deg((*range)[0])), number(to_deg((*range)[1])));
+    out += fmt::format("{}{} from {} to {} deg", join, name, given(to_deg((*range)[0])), given(to_deg((*range)[1])));
     join = " and ";
   }
   return out;
@@ -134,15 +140,42 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   report::HeatMap map;
   const Vec3 u = f.grid.step[0].normalized(), v = f.grid.step[1].normalized();
   const auto at = [&](const Vec3& p) { return report::Point{to_mm(u.dot(p)), to_mm(v.dot(p))}; };
-  const report::Point first = at(f.grid.origin);
-  const report::Point last = at(f.grid.at(f.grid.points[0] - 1, f.grid.points[1] - 1, 0));
+  // Only what is reached, and two points beyond it.
+  int low[2] = {f.grid.points[0], f.grid.points[1]}, high[2] = {0, 0};
+  for (int j = 0; j < f.grid.points[1]; ++j) {
+    for (int i = 0; i < f.grid.points[0]; ++i) {
+      const std::size_t k = f.grid.index(i, j, 0);
+      if (f.tilt[k] < 0 && f.margin[k] < 0) continue;
+      low[0] = std::min(low[0], i);
+      low[1] = std::min(low[1], j);
+      high[0] = std::max(high[0], i);
+      high[1] = std::max(high[1], j);
+    }
+  }
+  constexpr int kAround = 2;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const int most = f.grid.points[k] - 1;
+    if (low[k] > high[k]) {  // nothing at all: the whole grid
+      low[k] = 0;
+      high[k] = most;
+    }
+    low[k] = std::max(0, low[k] - kAround);
+    high[k] = std::min(most, high[k] + kAround);
+  }
+  const report::Point first = at(f.grid.at(low[0], low[1], 0)), last = at(f.grid.at(high[0], high[1], 0));
   map.title = "Largest tilt at every azimuth over a section";
   map.x = {axis_name(u), "mm", first.x, last.x, false};
   map.y = {axis_name(v), "mm", first.y, last.y, false};
-  map.columns = f.grid.points[0];
-  map.rows = f.grid.points[1];
-  map.values = continued_tilt(f);
-  for (const int limit : f.tilt_limit) map.kind.push_back(kinds.of(limit));
+  map.columns = high[0] - low[0] + 1;
+  map.rows = high[1] - low[1] + 1;
+  const std::vector<double> tilt = continued_tilt(f);
+  for (int j = low[1]; j <= high[1]; ++j) {
+    for (int i = low[0]; i <= high[0]; ++i) {
+      const std::size_t k = f.grid.index(i, j, 0);
+      map.values.push_back(tilt[k]);
+      map.kind.push_back(kinds.of(f.tilt_limit[k]));
+    }
+  }
   map.kinds = kinds.names();
   map.label = "tilt";
   map.unit = "deg";
@@ -268,7 +301,7 @@ class Page {
 
   Status measure() {
     workspace::SurfaceOptions surface_options;
-    constexpr int kInSpace = 30;  // finer triangles than these a picture does not show
+    constexpr int kInSpace = 40;  // finer triangles than these a picture does not show
     surface_options.resolution = std::min(page_.resolution, kInSpace);
     surface_options.progress = stage("surface");
     POLYPOD_ASSIGN(found, workspace::surface(machine_, options_, surface_options));
@@ -345,8 +378,9 @@ class Page {
   /// A proven volume with few boxes.
   [[nodiscard]] Result<Volume> quick(Options options) const {
     options.relative_tolerance = std::max(options.relative_tolerance, 0.02);
-    constexpr std::int64_t kCells = 30'000;
-    options.max_cells = kCells;
+    // Boxes of an arm cost a hundred times as much: each splits its directions much finer.
+    constexpr std::int64_t kCells = 30'000, kCellsOfArm = 3000;
+    options.max_cells = std::holds_alternative<machine::SerialArm>(machine_) ? kCellsOfArm : kCells;
     return workspace::volume(machine_, options);
   }
 
@@ -456,7 +490,7 @@ class Page {
   void inputs() {
     report_.add_section("Inputs");
     Entries entries{{"tool directions", directions_of(options_)},
-                    {"tolerance of the volume", number(options_.relative_tolerance)},
+                    {"tolerance of the volume", given(100 * options_.relative_tolerance) + " %"},
                     {"boxes examined", fixed(static_cast<double>(volume_.points), 0)},
                     {"leg against leg", options_.interference ? "heeded" : "not heeded"},
                     {"points a side of a section", fixed(page_.resolution, 0)}};

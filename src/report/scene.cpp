@@ -189,10 +189,10 @@ std::string Scene::operator()(const Canvas& canvas) const {
     const double away = 17 + widest * std::abs(nx) + 8 * std::abs(ny);
     const bool upright = std::abs(ny) < 0.35;  // beside an upright edge there is no room: its name goes to its end
     Point3 end = edge;
-    part(end, axis) = part(hi, axis);
+    part(end, axis) = to_eye.z >= 0 ? part(hi, axis) : part(lo, axis);  // where the other axes have no numbers
     const Point tip = project(end);
     if (upright) {
-      picture.text(tip.x, tip.y - 7, svg::with_unit(axes[static_cast<std::size_t>(axis)], unit), "q m");
+      picture.text(tip.x, to_eye.z >= 0 ? tip.y - 7 : tip.y + 16, svg::with_unit(axes[static_cast<std::size_t>(axis)], unit), "q m");
     } else {
       const double x = std::clamp(at.x + away * nx, 14.0, picture.width - 30);
       picture.text(x, at.y + away * ny + 6, svg::with_unit(axes[static_cast<std::size_t>(axis)], unit), align);
@@ -237,23 +237,37 @@ std::string Scene::operator()(const Canvas& canvas) const {
       }
       const Point3 flat = cross(p[1] - p[0], p[2] - p[0]);
       const bool behind = dot(flat, to_eye) < 0;
-      n = unit_of(unit_of(n) + unit_of(flat));
+      n = unit_of(unit_of(n) + 0.25 * unit_of(flat));
       const double shine = std::max(0.0, (behind ? -1 : 1) * dot(n, light));
       const double lightness = std::round(40 * ((behind ? 0.26 : 0.34) + (behind ? 0.3 : 0.52) * shine)) / 40;
-      int kind = 0;
-      if (m.kind.size() == m.points.size()) {
-        const auto of = [&](std::size_t k) { return m.kind[static_cast<std::size_t>(t[k])]; };
-        kind = of(1) == of(2) ? of(1) : of(0);  // the kind of two corners, or of the first
+      const auto kind_of = [&](std::size_t k) {
+        return m.kind.size() == m.points.size() ? m.kind[static_cast<std::size_t>(t[k % 3])] : 0;
+      };
+      // The outline closes the gaps between neighbours.
+      const auto draw = [&](const std::vector<Point3>& outline, int kind) {
+        const std::string fill = kind_colour(kind, lightness);
+        Piece piece;
+        piece.depth = dot(p[0] + p[1] + p[2], to_eye) / 3;
+        for (const Point3& corner_at : outline) {
+          const Point at = project(corner_at);
+          piece.svg += fmt::format("{}{} {}", piece.svg.empty() ? "<path d=\"M" : "L", px(at.x), px(at.y));
+        }
+        piece.svg += fmt::format("Z\" fill=\"{0}\" stroke=\"{0}\"{1}/>\n", fill,
+                                 m.opacity < 1 ? fmt::format(" opacity=\"{:.2f}\"", m.opacity) : "");
+        pieces.push_back(std::move(piece));
+      };
+      // A triangle of two kinds is cut through the middles of its sides, so that the kinds meet along a smooth line.
+      std::size_t alone = 3;
+      for (std::size_t k = 0; k < 3; ++k)
+        if (kind_of(k) != kind_of(k + 1) && kind_of(k) != kind_of(k + 2)) alone = k;
+      if (alone == 3) {
+        draw({p[0], p[1], p[2]}, kind_of(0));
+      } else {
+        const Point3 &a = p[alone], &b = p[(alone + 1) % 3], &c = p[(alone + 2) % 3];
+        const Point3 ab = 0.5 * (a + b), ac = 0.5 * (a + c);
+        draw({a, ab, ac}, kind_of(alone));
+        draw({ab, b, c, ac}, kind_of(alone + 1));
       }
-      const std::string fill = kind_colour(kind, lightness);
-      const Point a = project(p[0]), b = project(p[1]), c = project(p[2]);
-      // Relative coordinates in tenths of a pixel; the outline closes the gaps between neighbours.
-      Piece piece;
-      piece.depth = dot(p[0] + p[1] + p[2], to_eye) / 3;
-      piece.svg = fmt::format("<path d=\"M{} {}L{} {}L{} {}Z\" fill=\"{}\" stroke=\"{}\"{}/>\n", px(a.x), px(a.y),
-                              px(b.x), px(b.y), px(c.x), px(c.y), fill, fill,
-                              m.opacity < 1 ? fmt::format(" opacity=\"{:.2f}\"", m.opacity) : "");
-      pieces.push_back(std::move(piece));
     }
   }
   for (const Line3& l : lines) {

@@ -32,7 +32,7 @@ struct WorkspacePageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
   std::string machine;  ///< as the user named it; default: the machine's own name
   std::vector<std::string> sets;                    ///< `key=value` that were overridden
-  int resolution = 48;                              ///< points along the longest side of a section, 8 to 512
+  int resolution = 64;                              ///< points along the longest side of a section, 8 to 512
   std::function<void(const char*, double)> progress;  ///< what is being done, and its share
 };
 
