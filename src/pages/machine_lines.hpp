@@ -9,8 +9,8 @@
 
 namespace polypod::pages {
 
-/// Base, rails, legs or links, platform, joints and tool in M, mm: hexapods at home, arms with the tool tip at `tip` and
-/// R = 1 (nothing but the axes of the base if that is out of reach).
+/// Base, rails, legs or links, platform, joints and tool in M, mm: hexapods at home, arms with the tool tip at `tip`
+/// and R = 1 (nothing but the axes of the base if that is out of reach).
 std::vector<report::Line3> machine_lines(const machine::AnyMachine& machine, const Vec3& tip);
 
 }  // namespace polypod::pages

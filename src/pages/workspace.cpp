@@ -28,7 +28,6 @@ using report::Report;
 using report::Verdict;
 using units::to_deg;
 using units::to_mm;
-using units::to_mm3;
 using workspace::Field;
 using workspace::Options;
 using workspace::Section;
@@ -248,9 +247,27 @@ std::vector<double> area_by_kind(const Surface& s, const Kinds& kinds) {
   return out;
 }
 
-std::string range_mm3(const Volume& v) {
-  return fmt::format("{}\u00a0…\u00a0{}", fixed(to_mm3(v.lower), 0), fixed(to_mm3(v.upper), 0));
-}
+/// A unit of volume in which that of a machine is a short number.
+struct VolumeUnit {
+  double per_m3 = 1e9;
+  const char* name = "mm³";
+
+  explicit VolumeUnit(double largest) {
+    if (largest >= 0.1) {
+      per_m3 = 1;
+      name = "m³";
+    } else if (largest >= 1e-3) {
+      per_m3 = 1e6;
+      name = "cm³";
+    }
+  }
+  [[nodiscard]] std::string text(double volume) const {
+    return per_m3 == 1 ? fixed(volume, 3) : fixed(volume * per_m3, 0);
+  }
+  [[nodiscard]] std::string range(const Volume& v) const {
+    return fmt::format("{}\u00a0…\u00a0{}", text(v.lower), text(v.upper));
+  }
+};
 
 class Page {
  public:
@@ -269,7 +286,8 @@ class Page {
   Result<std::string> html() {
     if (volume_.empty) {
       report_.add_section("What is reached");
-      report_.add_verdict(Verdict::bad, fmt::format("No point is reachable {}. This is proven.", directions_of(options_)));
+      report_.add_verdict(Verdict::bad,
+                          fmt::format("No point is reachable {}. This is proven.", directions_of(options_)));
       POLYPOD_TRY(volume_against_tilt());
       inputs();
       return report_.to_html();
@@ -301,7 +319,7 @@ class Page {
 
   Status measure() {
     workspace::SurfaceOptions surface_options;
-    constexpr int kInSpace = 40;  // finer triangles than these a picture does not show
+    constexpr int kInSpace = 34;  // finer triangles than these a picture does not show
     surface_options.resolution = std::min(page_.resolution, kInSpace);
     surface_options.progress = stage("surface");
     POLYPOD_ASSIGN(found, workspace::surface(machine_, options_, surface_options));
@@ -311,8 +329,8 @@ class Page {
     field_options.progress = stage("sections");
     std::set<int> seen(surface_.limit.begin(), surface_.limit.end());
     for (const int axis : {2, 1, 0}) {
-      POLYPOD_ASSIGN(s, workspace::section(machine_, options_, {middle_, Vec3::Unit(axis)}, page_.resolution,
-                                           field_options));
+      POLYPOD_ASSIGN(
+          s, workspace::section(machine_, options_, {middle_, Vec3::Unit(axis)}, page_.resolution, field_options));
       collect(seen, s);
       largest_ = std::max(largest_, largest_tilt(s));
       sections_.push_back(std::move(s));
@@ -325,17 +343,15 @@ class Page {
     report_.add_section("What is reached");
     report_.add_verdict(
         Verdict::neutral,
-        fmt::format("{}, every point of {} mm³ is reached: certainly between {} and {} mm³.{}", capital(),
-                    fixed(to_mm3(volume_.volume), 0), fixed(to_mm3(volume_.lower), 0), fixed(to_mm3(volume_.upper), 0),
+        fmt::format("{}, every point of {} {} is reached: certainly between {} and {} {}.{}", capital(),
+                    unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
+                    unit_.name,
                     volume_.converged ? "" : " The bounds did not come within the tolerance that was asked for."));
-    const Vec3 size = volume_.max - volume_.min;
     std::vector<report::KeyFigure> figures{
-        {fixed(to_mm3(volume_.volume), 0), "mm³",
+        {unit_.text(volume_.volume), unit_.name,
          fmt::format("volume, ± {} % proven",
                      number(50 * (volume_.upper - volume_.lower) / std::max(volume_.volume, 1e-30), 2)),
          Verdict::neutral},
-        {fmt::format("{} × {} × {}", fixed(to_mm(size.x()), 0), fixed(to_mm(size.y()), 0), fixed(to_mm(size.z()), 0)),
-         "mm", "box that certainly holds it, x, y, z", Verdict::neutral},
         {fixed(to_deg(largest_), 1), "deg", "largest tilt at every azimuth in the three sections", Verdict::neutral}};
     const std::vector<double> shares = area_by_kind(surface_, kinds_);
     if (!shares.empty()) {
@@ -345,7 +361,7 @@ class Page {
                          Verdict::neutral});
     }
     report_.add_key_figures(figures);
-    report_.add_definitions({{"x", range(0)}, {"y", range(1)}, {"z", range(2)}});
+    report_.add_definitions({{"certainly within x", range(0)}, {"y", range(1)}, {"z", range(2)}});
   }
 
   void pictures() {
@@ -378,54 +394,99 @@ class Page {
   /// A proven volume with few boxes.
   [[nodiscard]] Result<Volume> quick(Options options) const {
     options.relative_tolerance = std::max(options.relative_tolerance, 0.02);
-    // Boxes of an arm cost a hundred times as much: each splits its directions much finer.
-    constexpr std::int64_t kCells = 30'000, kCellsOfArm = 3000;
-    options.max_cells = std::holds_alternative<machine::SerialArm>(machine_) ? kCellsOfArm : kCells;
+    constexpr std::int64_t kCells = 30'000;
+    options.max_cells = kCells;
     return workspace::volume(machine_, options);
+  }
+  /// Over many directions at once the proof for an arm takes minutes: sampled volumes stand in for it.
+  [[nodiscard]] bool proves(const workspace::Directions& directions) const {
+    return !std::holds_alternative<machine::SerialArm>(machine_) || (!directions.is_ranges() && directions.tilt == 0);
+  }
+
+  /// A coarse grid over what the upright tool reaches, for sampled volumes.
+  [[nodiscard]] Result<Field> sampled(const Options& options, bool tilt,
+                                      const std::function<void(double)>& progress) const {
+    Options upright = options;
+    upright.directions = {};
+    POLYPOD_ASSIGN(box, workspace::extent(machine_, tilt ? upright : options, false));
+    if (box.empty()) return Field{};
+    constexpr int kCoarse = 26;
+    POLYPOD_ASSIGN(grid, workspace::grid_over(box.low, box.high, kCoarse));
+    workspace::FieldOptions field_options;
+    field_options.tilt = tilt;
+    field_options.progress = progress;
+    return workspace::field(machine_, tilt ? upright : options, grid, field_options);
+  }
+  static double cell_of(const Field& f) {
+    return f.grid.step[0].norm() * f.grid.step[1].norm() * f.grid.step[2].norm();
   }
 
   Status volume_against_tilt() {
-    constexpr int kSteps = 6;
     const auto progress = stage("volume against tilt");
-    double most = largest_ > 0 ? largest_ : units::from_deg(30);
-    // A round step: 6 tilts that end at or just above the largest one.
-    double step = std::ceil(to_deg(most) / (kSteps - 1));
-    if (step < 1) step = 1;
+    POLYPOD_ASSIGN(field, sampled(options_, true, [&](double share) { progress(0.5 * share); }));
+    double most = 0;
+    for (const double t : field.tilt) most = std::max(most, t);
     report::LinePlot plot;
     plot.title = "Volume against tilt";
-    plot.x = {"tilt in every direction", "deg", {}, {}, false};
-    plot.y = {"volume", "mm³", {}, {}, true};
-    report::Series lower{"lower bound", {}, {}, report::Colour::green, report::LineStyle::dashed, 1.3};
-    report::Series upper{"upper bound", {}, {}, report::Colour::vermillion, report::LineStyle::dashed, 1.3};
-    report::Series middle{"volume", {}, {}, report::Colour::blue, report::LineStyle::solid, 2.2};
+    plot.x = {"tilt in every direction", "deg", 0, {}, false};
+    plot.y = {"volume", unit_.name, {}, {}, true};
+    report::Series curve{"sampled on a grid", {}, {}, report::Colour::blue, report::LineStyle::solid, 2};
+    constexpr int kPoints = 80;
+    for (int k = 0; k <= kPoints && most > 0; ++k) {
+      const double at = most * k / kPoints;
+      const auto count = std::count_if(field.tilt.begin(), field.tilt.end(), [&](double t) { return t >= at; });
+      curve.x.push_back(to_deg(at));
+      curve.y.push_back(unit_.per_m3 * static_cast<double>(count) * cell_of(field));
+    }
+    plot.series.push_back(curve);
     report::Table table;
-    table.columns = {{"tilt", "deg", 0}, {"volume", "mm³", 0}, {"proven bounds", "mm³"}};
+    table.columns = {
+        {"tilt", "deg", 0}, {"volume", unit_.name}, {"proven bounds", unit_.name}, {"of the upright one", "%", 1}};
+    report::Series proven{"proven, between bounds", {}, {}, report::Colour::vermillion, report::LineStyle::points, 3.5};
     double first = 0;
-    table.columns.push_back({"of the upright one", "%", 1});
+    const auto add = [&](double tilt, const Volume& v) {
+      proven.x.push_back(to_deg(tilt));
+      proven.y.push_back(unit_.per_m3 * v.volume);
+      report::Series bar{"",
+                         {to_deg(tilt), to_deg(tilt)},
+                         {unit_.per_m3 * v.lower, unit_.per_m3 * v.upper},
+                         report::Colour::vermillion,
+                         report::LineStyle::solid,
+                         1.5};
+      plot.series.push_back(bar);
+      if (tilt == 0) first = v.volume;
+      table.rows.push_back({to_deg(tilt), unit_.text(v.volume), v.empty ? "0, proven" : unit_.range(v),
+                            first > 0 ? 100 * v.volume / first : 0.0});
+    };
+    constexpr int kSteps = 6;
+    const double step =
+        std::max(1.0, std::ceil(to_deg(most) / (kSteps - 1)));  // the last one is at or above the largest
+    const auto& asked = options_.directions;
+    bool shown = asked.is_ranges();
     for (int k = 0; k < kSteps; ++k) {
       Options at = options_;
       at.directions = {};
       at.directions.tilt = units::from_deg(std::min(k * step, 89.0));
+      if (!shown && asked.tilt <= at.directions.tilt) {
+        add(asked.tilt, volume_);
+        shown = true;
+        if (asked.tilt == at.directions.tilt) continue;
+      }
+      if (!proves(at.directions)) continue;
       POLYPOD_ASSIGN(v, quick(at));
-      progress((k + 1.0) / kSteps);
-      const double deg = to_deg(at.directions.tilt);
-      for (auto* series : {&lower, &upper, &middle}) series->x.push_back(deg);
-      lower.y.push_back(to_mm3(v.lower));
-      upper.y.push_back(to_mm3(v.upper));
-      middle.y.push_back(to_mm3(v.volume));
-      if (k == 0) first = v.volume;
-      table.rows.push_back({deg, to_mm3(v.volume), v.empty ? "0, proven" : range_mm3(v),
-                            first > 0 ? 100 * v.volume / first : 0.0});
+      progress(0.5 + 0.5 * (k + 1.0) / kSteps);
+      add(at.directions.tilt, v);
       if (v.empty) break;
     }
-    plot.series = {lower, upper, middle};
-    if (!options_.directions.is_ranges() && options_.directions.tilt > 0) {
-      plot.x_levels.push_back({"asked for", to_deg(options_.directions.tilt), report::Colour::muted});
+    if (!shown) add(asked.tilt, volume_);
+    plot.series.push_back(proven);
+    if (!asked.is_ranges() && asked.tilt > 0) {
+      plot.x_levels.push_back({"asked for", to_deg(asked.tilt), report::Colour::muted});
     }
     report_.add_section("Volume against tilt");
     report_.add_figure(plot,
-                       "The volume that is reached with every tilt up to the one below, at every azimuth. Each point "
-                       "lies between proven bounds, taken with few boxes.");
+                       "The volume that is reached with every tilt up to the one below, at every azimuth: sampled on a "
+                       "coarse grid as a line; as points where it was proven, each with its bounds.");
     report_.add_table(table);
     return {};
   }
@@ -440,19 +501,12 @@ class Page {
     const std::vector<double> shares = area_by_kind(surface_, kinds_);
     const auto progress = stage("limits");
     report::Table table;
-    table.caption = "Limits by their share of the border";
-    table.columns = {{"limit", ""},
-                     {"share of the border", "%", 1},
-                     {"volume without it", "mm³"},
-                     {"gain", "%"}};
+    table.caption = "Limits by their share of the area of the border, as in the picture in space";
+    table.columns = {{"limit", ""}, {"share of the border", "%", 1}, {"volume without it", unit_.name}, {"gain", "%"}};
     std::vector<std::size_t> order;
     for (std::size_t k = 0; k < shares.size(); ++k)
       if (shares[k] > 0) order.push_back(k);
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
-    report::BarChart bars;
-    bars.title = "Share of the border by limit";
-    bars.unit = "%";
-    bars.parts = {"share of the border"};
     std::size_t done = 0;
     for (const std::size_t k : order) {
       LimitBits bits = 0;
@@ -460,17 +514,24 @@ class Page {
         if (kinds_of_bits_.empty()) break;
         if (kinds_of_bits_[static_cast<std::size_t>(i)] == kinds_.names()[k] && may_go(i)) bits |= LimitBits{1} << i;
       }
-      bars.rows.push_back({kinds_.names()[k], {100 * shares[k]}});
       std::vector<report::Cell> row{kinds_.names()[k], 100 * shares[k]};
       if (bits != 0) {
         Options without = options_;
         without.limits &= ~bits;
-        POLYPOD_ASSIGN(v, quick(without));
-        row.emplace_back(range_mm3(v));
-        // Both ends of what is certain: the volumes are enclosed, so the gain is too.
-        const double low = 100 * (v.lower / std::max(volume_.upper, 1e-30) - 1);
-        const double high = 100 * (v.upper / std::max(volume_.lower, 1e-30) - 1);
-        row.emplace_back(fmt::format("{}\u00a0…\u00a0{}", fixed(std::max(0.0, low), 1), fixed(high, 1)));
+        if (proves(options_.directions)) {
+          POLYPOD_ASSIGN(v, quick(without));
+          row.emplace_back(unit_.range(v));
+          // Both volumes are enclosed, so the gain is too.
+          const double low = 100 * (v.lower / std::max(volume_.upper, 1e-30) - 1);
+          const double high = 100 * (v.upper / std::max(volume_.lower, 1e-30) - 1);
+          row.emplace_back(fmt::format("{}\u00a0…\u00a0{}", fixed(std::max(0.0, low), 1), fixed(high, 1)));
+        } else {
+          POLYPOD_ASSIGN(with, sampled(without, false, {}));
+          const auto count = std::count_if(with.margin.begin(), with.margin.end(), [](double m) { return m >= 0; });
+          const double reached = static_cast<double>(count) * cell_of(with);
+          row.emplace_back("about " + unit_.text(reached));
+          row.emplace_back("about " + fixed(std::max(0.0, 100 * (reached / volume_.volume - 1)), 0));
+        }
       } else {
         row.emplace_back("–");
         row.emplace_back("–");
@@ -479,11 +540,12 @@ class Page {
       progress(static_cast<double>(++done) / static_cast<double>(order.size()));
     }
     report_.add_section("Which limit cuts how much");
-    report_.add_figure(bars, "Share of the area of the border that each limit makes.");
     report_.add_table(table);
     report_.add_text(
-        "The volume without a limit is proven, with few boxes: the gain lies between the two numbers. Limits that make "
-        "the machine's reach, such as the lengths of its legs, have none.");
+        fmt::format("{} Limits that make the machine's reach, such as the lengths of its legs, have none.",
+                    proves(options_.directions)
+                        ? "The volume without a limit is proven, with few boxes: the gain lies between the two numbers."
+                        : "The volume without a limit is sampled on a coarse grid, good to some per cent."));
     return {};
   }
 
@@ -537,6 +599,7 @@ class Page {
   Vec3 middle_ = Vec3::Zero();
   std::vector<Section> sections_;
   double largest_ = -1;
+  VolumeUnit unit_{volume_.volume};
   Kinds kinds_{machine_, {}};
   std::array<std::string, 64> kinds_of_bits_ = names_of_bits(machine_);
 

@@ -192,7 +192,8 @@ std::string Scene::operator()(const Canvas& canvas) const {
     part(end, axis) = to_eye.z >= 0 ? part(hi, axis) : part(lo, axis);  // where the other axes have no numbers
     const Point tip = project(end);
     if (upright) {
-      picture.text(tip.x, to_eye.z >= 0 ? tip.y - 7 : tip.y + 16, svg::with_unit(axes[static_cast<std::size_t>(axis)], unit), "q m");
+      picture.text(tip.x, to_eye.z >= 0 ? tip.y - 7 : tip.y + 16,
+                   svg::with_unit(axes[static_cast<std::size_t>(axis)], unit), "q m");
     } else {
       const double x = std::clamp(at.x + away * nx, 14.0, picture.width - 30);
       picture.text(x, at.y + away * ny + 6, svg::with_unit(axes[static_cast<std::size_t>(axis)], unit), align);
@@ -239,7 +240,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
       const bool behind = dot(flat, to_eye) < 0;
       n = unit_of(unit_of(n) + 0.25 * unit_of(flat));
       const double shine = std::max(0.0, (behind ? -1 : 1) * dot(n, light));
-      const double lightness = std::round(40 * ((behind ? 0.26 : 0.34) + (behind ? 0.3 : 0.52) * shine)) / 40;
+      const double lightness = std::round(40 * ((behind ? 0.30 : 0.42) + (behind ? 0.3 : 0.44) * shine)) / 40;
       const auto kind_of = [&](std::size_t k) {
         return m.kind.size() == m.points.size() ? m.kind[static_cast<std::size_t>(t[k % 3])] : 0;
       };

@@ -83,13 +83,14 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
   }
   const double longest = std::max(u_high - u_low, v_high - v_low);
   if (!(longest > 1e-9)) {
-    return fail("WS132",
-                fmt::format("the plane through {:g}, {:g}, {:g} mm misses the workspace, which lies in x {:.1f} .. {:.1f}, "
-                            "y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm",
-                            units::to_mm(plane.point.x()), units::to_mm(plane.point.y()), units::to_mm(plane.point.z()),
-                            units::to_mm(low.x()), units::to_mm(high.x()), units::to_mm(low.y()),
-                            units::to_mm(high.y()), units::to_mm(low.z()), units::to_mm(high.z())),
-                {}, "move the plane");
+    return fail(
+        "WS132",
+        fmt::format("the plane through {:g}, {:g}, {:g} mm misses the workspace, which lies in x {:.1f} .. {:.1f}, "
+                    "y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm",
+                    units::to_mm(plane.point.x()), units::to_mm(plane.point.y()), units::to_mm(plane.point.z()),
+                    units::to_mm(low.x()), units::to_mm(high.x()), units::to_mm(low.y()), units::to_mm(high.y()),
+                    units::to_mm(low.z()), units::to_mm(high.z())),
+        {}, "move the plane");
   }
   const double spacing = longest / (resolution - 1);
   const auto steps = [&](double extent) { return static_cast<int>(std::ceil(extent / spacing + 2 * kBeyond - 1e-9)); };

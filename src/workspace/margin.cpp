@@ -41,7 +41,9 @@ class HexapodJudge {
   std::vector<Slot> slots;
 
   HexapodJudge(const Hexapod& m, const Options& options) : m_(m), p_(kinematics::nominal_parameters(m)) {
-    constexpr bool kSlider = requires { m.rail_length; };
+    constexpr bool kSlider = requires {
+      m.rail_length;
+    };
     double length = 0;
     if constexpr (kSlider) {
       length = m.leg_length;

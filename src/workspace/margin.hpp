@@ -47,8 +47,8 @@ double border_between(const F& f, double f_inside, double f_outside, double shar
   return 0.5 * (a + b);
 }
 
-/// Runs task(i) for i = 0 .. count - 1 on the threads of the options, in rounds between which progress and cancelled are
-/// asked. Errors: WS110.
+/// Runs task(i) for i = 0 .. count - 1 on the threads of the options, in rounds between which progress and cancelled
+/// are asked. Errors: WS110.
 Status in_rounds(const Options& options, std::size_t count, const std::function<void(std::size_t)>& task,
                  const std::function<void(double)>& progress);
 

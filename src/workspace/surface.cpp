@@ -138,8 +138,7 @@ class Collapse {
       const Vec3 n = normal_of(s_.points, moved);
       double longest = 0;
       for (std::size_t k = 0; k < 3; ++k) {
-        longest = std::max(longest,
-                           (s_.points[index(moved[k])] - s_.points[index(moved[(k + 1) % 3])]).squaredNorm());
+        longest = std::max(longest, (s_.points[index(moved[k])] - s_.points[index(moved[(k + 1) % 3])]).squaredNorm());
       }
       const double size = n.norm();
       if (size < kThin * longest && size < before.norm()) return false;

@@ -112,7 +112,8 @@ TEST(Surface, ShellIsTwoSpheres) {
       EXPECT_LE(off, 1.1e-3 * std::sqrt(3.0) * spacing);
       const bool is_inner = std::abs(r - kInner) < std::abs(r - kOuter);
       ++(is_inner ? inner : outer);
-      EXPECT_EQ(limit_kind(m, s.limit[i]), is_inner ? "strut below its minimum length" : "strut above its maximum length");
+      EXPECT_EQ(limit_kind(m, s.limit[i]),
+                is_inner ? "strut below its minimum length" : "strut above its maximum length");
     }
     EXPECT_GT(inner, 100);
     EXPECT_GT(outer, 300);
@@ -128,8 +129,11 @@ TEST(Surface, ShellIsTwoSpheres) {
 }
 
 TEST(Surface, ClosedAndBetweenTheBoundsForEveryMachine) {
-  for (const auto& [name, tilt] : std::vector<std::pair<const char*, double>>{
-           {"hexapod-strut", 20}, {"hexapod-strut", 0}, {"hexapod-slider", 15}, {"hexapod-vertical", 5}, {"lola50", 0}}) {
+  for (const auto& [name, tilt] : std::vector<std::pair<const char*, double>>{{"hexapod-strut", 20},
+                                                                              {"hexapod-strut", 0},
+                                                                              {"hexapod-slider", 15},
+                                                                              {"hexapod-vertical", 5},
+                                                                              {"lola50", 0}}) {
     SCOPED_TRACE(name);
     const AnyMachine m = load(name);
     const Options options = at_tilt(tilt);

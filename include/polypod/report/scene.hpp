@@ -30,9 +30,9 @@ struct Line3 {
   bool dots = false;    ///< dots at the points instead of a line through them
 };
 
-/// A parallel projection with a box of axes: shaded triangles (Lambert, normals averaged at the points) and lines, drawn
-/// from the farthest to the nearest; what is nearer hides what is farther but where triangles cut each other. Cost: n
-/// log n in the triangles; a picture of 5000 triangles has 0.2 MB.
+/// A parallel projection with a box of axes: shaded triangles (Lambert, normals averaged at the points) and lines,
+/// drawn from the farthest to the nearest; what is nearer hides what is farther but where triangles cut each other.
+/// Cost: n log n in the triangles; a picture of 5000 triangles has 0.2 MB.
 struct Scene {
   std::string title;
   std::string unit = "mm";

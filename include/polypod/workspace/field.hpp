@@ -32,13 +32,13 @@ struct Grid {
   [[nodiscard]] Vec3 at(std::size_t index) const;
 };
 
-/// A grid of cubes over the box low..high: `resolution` (8 to 512) points along its longest side, and one or two rows of
-/// points beyond each side, so that a workspace inside the box does not touch the border of the grid. Errors: WS130.
+/// A grid of cubes over the box low..high: `resolution` (8 to 512) points along its longest side, and one or two rows
+/// of points beyond each side, so that a workspace inside the box does not touch the border of the grid. Errors: WS130.
 Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution);
 
 /// A plane through the box low..high.
 struct Plane {
-  Vec3 point = Vec3::Zero();   ///< in M, m
+  Vec3 point = Vec3::Zero();    ///< in M, m
   Vec3 normal = Vec3::UnitZ();  ///< in M, any length but 0
 };
 /// Squares on the plane where it cuts the box, likewise. step[0] and step[1] are M's axes if the plane is parallel to
@@ -88,8 +88,8 @@ struct Extent {
   [[nodiscard]] bool empty() const { return (high.array() < low.array()).any(); }
 };
 /// A box that certainly holds what is reachable from all required directions, and with `upright_too` also what is
-/// reachable with R = 1; tight to some per cent. Empty if that is proven to be nothing. Errors: those of volume(). Cost:
-/// 0.1 to 1 s.
+/// reachable with R = 1; tight to some per cent. Empty if that is proven to be nothing. Errors: those of volume().
+/// Cost: 0.1 to 1 s.
 Result<Extent> extent(const AnyMachine& machine, const Options& options, bool upright_too);
 
 /// A closed line in a plane.

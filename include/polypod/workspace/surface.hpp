@@ -30,9 +30,9 @@ struct SurfaceOptions {
 };
 
 /// The border of the workspace that volume() measures, by marching tetrahedra (six to a cube of the grid, so that no
-/// case is ambiguous and the surface is closed wherever the grid's own border lies outside) and then by collapsing short
-/// edges, which leaves every remaining point where it was: on the true border, a root of the margin on an edge of the
-/// grid to 1e-6 of it, but at least 1e-3 of the edge away from its ends. The same bytes for any number of threads.
+/// case is ambiguous and the surface is closed wherever the grid's own border lies outside) and then by collapsing
+/// short edges, which leaves every remaining point where it was: on the true border, a root of the margin on an edge of
+/// the grid to 1e-6 of it, but at least 1e-3 of the edge away from its ends. The same bytes for any number of threads.
 /// Errors: those of field(), WS131 (nothing is reachable, or the grid is too coarse to meet it). Cost: 15 us a point of
 /// the grid and 0.1 ms a point of the surface at a tilt; 64 points: some seconds.
 Result<Surface> surface(const AnyMachine& machine, const Options& options, const SurfaceOptions& surface_options = {});
