@@ -7,6 +7,7 @@
 #include "interrupt.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "workspace_files.hpp"
 #include "workspace_options.hpp"
 
 namespace polypod::app {
@@ -92,6 +93,7 @@ Command workspace_command() {
     std::vector<std::string> sets;
     WorkspaceOptions workspace;
     std::string largest, contains;
+    WorkspaceFiles files;
   };
   auto o = std::make_shared<Options>();
   return {"workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
@@ -101,11 +103,13 @@ Command workspace_command() {
             o->workspace.declare(a);
             a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
             a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
+            o->files.declare(a);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             if (!o->contains.empty()) return contains(m, options, o->contains, context);
+            POLYPOD_TRY(o->files.check());
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
             Json document = volume_json(v);
             workspace::Shape shape;
@@ -119,6 +123,7 @@ Command workspace_command() {
                                      {"volume_mm3", units::to_mm3(shape.volume())}};
             }
             if (context.progress) fmt::print(stderr, "\r\x1b[K");
+            POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
             if (context.json) {
               print_json(document);
             } else if (v.empty) {
