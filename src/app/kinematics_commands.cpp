@@ -8,6 +8,7 @@
 #include "commands.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/twist.hpp"
 
 namespace polypod::app {
 namespace {
@@ -19,6 +20,7 @@ struct MachineOptions {
   std::string joints;
   double length_mm = 0;
   bool all = false;
+  bool free_twist = false;
 };
 
 std::string joined(const std::vector<double>& values, const char* format = "{:.4f}") {
@@ -111,6 +113,37 @@ Command info_command() {
           }};
 }
 
+namespace {
+
+/// Turns X about its tool axis to the nearest angle that works, if any; what there is to say about it.
+Json turn_freely(const machine::AnyMachine& m, Pose& X) {
+  const std::vector<kinematics::TwistRange> ranges = kinematics::twist_ranges(m, X);
+  const std::optional<double> gamma = kinematics::nearest_twist(ranges);
+  if (gamma) X = kinematics::twisted(X, *gamma);
+  Json list = Json::array();
+  for (const kinematics::TwistRange& range : ranges) {
+    list.push_back({units::to_deg(range.from), units::to_deg(range.to)});
+  }
+  return {
+      {"angle_deg", gamma ? Json(units::to_deg(*gamma)) : Json()}, {"ranges_deg", list}, {"pose", pose_for_user(m, X)}};
+}
+
+void print_twist(const Json& twist) {
+  if (twist["angle_deg"].is_null()) {
+    fmt::print("no turn about the tool axis keeps all limits\n");
+    return;
+  }
+  std::string ranges;
+  for (const Json& range : twist["ranges_deg"]) {
+    ranges +=
+        fmt::format("{}{:.2f} .. {:.2f}", ranges.empty() ? "" : ", ", range[0].get<double>(), range[1].get<double>());
+  }
+  fmt::print("turned by {:.3f} deg about the tool axis to {}; possible: {} deg\n", twist["angle_deg"].get<double>(),
+             joined(twist["pose"].get<std::vector<double>>()), ranges);
+}
+
+}  // namespace
+
 Command ik_command() {
   auto o = std::make_shared<MachineOptions>();
   return {"ik", "Inverse kinematics: joints of a pose, all branches, violated limits",
@@ -118,10 +151,14 @@ Command ik_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+            a.flag("--free-twist", o->free_twist,
+                   "Turn about the tool axis to the nearest angle that keeps all limits");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            Json twist;
+            if (o->free_twist) twist = turn_freely(m, X);
             const kinematics::InverseResult result = kinematics::inverse(m, X);
             const bool reachable = result.reachable() != nullptr;
             Json solutions = Json::array();
@@ -138,11 +175,16 @@ Command ik_command() {
             if (best != nullptr) violations = kinematics::limit_names(m, best->violations);
             if (best == nullptr) violations.push_back(result.reason);
             if (context.json) {
-              print_json({{"reachable", reachable},
-                          {"converged", result.converged},
-                          {"violations", violations},
-                          {"solutions", solutions}});
-            } else if (result.solutions.empty()) {
+              Json document{{"reachable", reachable},
+                            {"converged", result.converged},
+                            {"violations", violations},
+                            {"solutions", solutions}};
+              if (o->free_twist) document["twist"] = twist;
+              print_json(document);
+              return reachable ? kDone : kAnswerIsNo;
+            }
+            if (o->free_twist) print_twist(twist);
+            if (result.solutions.empty()) {
               fmt::print("no solution: {}\n", result.reason);
             } else {
               for (const kinematics::Solution& s : result.solutions) {

@@ -6,6 +6,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/twist.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod {
@@ -281,6 +282,47 @@ TEST(SliderHexapod, FollowsAPathByContinuityWithLookAhead) {
   const auto from_outer = machine::follow(m, path, &outer, rails_only);
   EXPECT_EQ(followed.complete, std::max(from_inner.complete, from_outer.complete));
   EXPECT_NE(from_inner.complete, from_outer.complete);
+}
+
+// Each angle by the inverse; poses upright, tilted, beyond every twist, and turned so far that only another twist
+// works.
+TEST(Twist, RangesHoldTheAnglesThatWork) {
+  for (const char* name : {"hexapod-strut", "hexapod-slider", "hexapod-octahedral"}) {
+    SCOPED_TRACE(name);
+    const machine::AnyMachine m = *machine::load(name);
+    const Pose home = std::visit(
+        [](const auto& hexapod) -> Pose {
+          if constexpr (requires { hexapod.home; })
+            return {Mat3::Identity(), Vec3(0, 0, hexapod.home.height + hexapod.tool_length)};
+          return {};
+        },
+        m);
+    for (int k = 0; k < 8; ++k) {
+      Pose X = tilted(home.p + 0.1 * home.p.z() * Vec3(std::sin(k), std::cos(k), 0), 0.05 * k, k);
+      X.R = X.R * rotation_z(0.4 * k);
+      const auto ranges = kinematics::twist_ranges(m, X);
+      for (int i = 0; i < 500; ++i) {
+        const double gamma = -std::numbers::pi + 2 * std::numbers::pi * (i + 0.37) / 500;
+        bool within = false;
+        for (const auto& range : ranges) {
+          for (const double turn : {0.0, 2 * std::numbers::pi}) {
+            within = within || (range.from <= gamma + turn && gamma + turn <= range.to);
+          }
+        }
+        const bool works = kinematics::inverse(m, kinematics::twisted(X, gamma)).reachable() != nullptr;
+        EXPECT_EQ(within, works) << "pose " << k << ", " << gamma;
+      }
+      const auto nearest = kinematics::nearest_twist(ranges);
+      EXPECT_EQ(nearest.has_value(), !ranges.empty());
+      if (nearest) {
+        EXPECT_NE(kinematics::inverse(m, kinematics::twisted(X, *nearest)).reachable(), nullptr);
+      }
+      if (k == 0) {
+        EXPECT_EQ(nearest, 0.0);
+      }
+    }
+  }
+  EXPECT_TRUE(kinematics::twist_ranges(*machine::load("hexapod-strut"), tilted(Vec3(0, 0, 1), 0, 0)).empty());
 }
 
 TEST(Hexapods, ComplianceOfAStrutMachineIsSymmetricAndAddsUp) {

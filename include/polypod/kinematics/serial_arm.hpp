@@ -139,7 +139,8 @@ class WristInverse {
   [[nodiscard]] LimitBits violations(const JointVector& q) const;
 
   /// The numbers of the closed form, for bounds over boxes of poses: X_BM, the lengths of SLAV (2.18) to (2.22), the
-  /// angle of the tool axis about joint 5, and per joint the sense, offset and range; angle t_i = sign_i q_i + offset_i.
+  /// angle of the tool axis about joint 5, and per joint the sense, offset and range; angle t_i = sign_i q_i +
+  /// offset_i.
   struct Form {
     Pose X_BM;
     double a1 = 0, d1 = 0, a2 = 0, d4 = 0, reach = 0, axis_angle = 0;
