@@ -1,0 +1,83 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Any bytes as the files that runs leave and instruments write: a table of displacements, and a stock, as it is and
+// with a right beginning and checksum. They are refused with an error, or give numbers that are finite.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+#include "polypod/cutting/stock.hpp"
+#include "polypod/statics/identify.hpp"
+
+namespace {
+
+using namespace polypod;
+
+void require(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "broken: %s\n", what);
+  std::abort();
+}
+
+void require_error(const Error& error) {
+  require(!error.id.empty() && !error.message.empty(), "an error has an id and a message");
+}
+
+/// A file in memory with a path.
+class File {
+ public:
+  explicit File(const std::string& bytes) : descriptor_(memfd_create("fuzz", 0)) {
+    require(descriptor_ >= 0, "a file in memory");
+    require(write(descriptor_, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()), "a whole file");
+  }
+  ~File() { close(descriptor_); }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+
+ private:
+  int descriptor_;
+};
+
+void check_stock(const std::string& bytes) {
+  const File file(bytes);
+  const auto stock = cutting::read_stock(file.path());
+  if (!stock) return require_error(stock.error());
+  require(std::isfinite(stock->cell()) && stock->cell() > 0 && stock->columns() > 0 && stock->rows() > 0,
+          "a stock has cells");
+  require(std::isfinite(stock->top()) && std::isfinite(stock->bottom()) && stock->bottom() <= stock->top(),
+          "a stock has a height");
+  for (const float layer : stock->layers()) require(std::isfinite(layer), "heights are finite");
+}
+
+std::string with_checksum(std::string bytes) {
+  constexpr char kBegin[] = {'P', 'O', 'L', 'Y', 'S', 'T', 'O', 'K', 1, 0, 0, 0};
+  bytes.replace(0, std::min(sizeof kBegin, bytes.size()), kBegin, sizeof kBegin);
+  std::uint64_t hash = 14695981039346656037ull;
+  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ull;
+  return bytes.append(reinterpret_cast<const char*>(&hash), sizeof hash);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string bytes(reinterpret_cast<const char*>(data), size);
+  check_stock(bytes);
+  check_stock(with_checksum(bytes));
+  const File file(bytes);
+  const auto points = statics::read_displacements(file.path());
+  if (!points) {
+    require_error(points.error());
+  } else {
+    require(!points->empty(), "a table without points is refused");
+    for (const statics::MeasuredPoint& point : *points) {
+      require(point.X_MT.p.allFinite() && point.X_MT.R.allFinite() && point.displacement.allFinite() && point.force > 0,
+              "points are finite");
+    }
+  }
+  return 0;
+}
