@@ -66,11 +66,39 @@ const char* name_of(ShapeKind kind) {
   return "box";
 }
 
+namespace {
+
+/// Points of the border that leave the workspace first when a shape grows: corners, or what lies towards them, and the
+/// middles of the sides.
+std::vector<Vec3> border_points(const Shape& shape) {
+  std::vector<Vec3> points;
+  for (int x = -1; x <= 1; ++x)
+    for (int y = -1; y <= 1; ++y)
+      for (int z = -1; z <= 1; ++z) {
+        Vec3 p(x, y, z);
+        if (p.isZero()) continue;
+        if (shape.kind == ShapeKind::ellipsoid) {
+          p.normalize();
+        } else if (shape.kind == ShapeKind::cylinder && x != 0 && y != 0) {
+          p.head<2>() *= std::sqrt(0.5);
+        }
+        points.push_back(shape.center + p.cwiseProduct(shape.half));
+      }
+  return points;
+}
+
+}  // namespace
+
 Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, ShapeKind kind) {
   Options coarse = options;
   coarse.keep_cells = true;
   coarse.relative_tolerance = std::max(options.relative_tolerance, 0.1);
   POLYPOD_ASSIGN(region, volume(machine, coarse));
+  const std::vector<Mat3> orientations = sampled_orientations(options.directions);
+  // Over many directions each proof takes a tenth of a second: fewer starts and coarser steps then.
+  const bool many = orientations.size() > 1;
+  const std::size_t most_starts = many ? 3 : 6;
+  const double finest = many ? 0.06 : 0.01;
   // Starts: the middle of the certain cells by volume, and the largest certain cells.
   Vec3 middle = Vec3::Zero();
   double weight = 0;
@@ -85,14 +113,17 @@ Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, 
     return fail("WS120", "the workspace certainly holds no box at all, so no shape fits");
   }
   middle /= weight;
-  constexpr std::size_t kStarts = 6;
   std::stable_sort(inner.begin(), inner.end(), [](const Cell& a, const Cell& b) { return a.lower > b.lower; });
   std::vector<Vec3> starts{middle};
-  for (std::size_t i = 0; i < std::min(kStarts, inner.size()); ++i) starts.push_back(inner[i].center);
+  for (std::size_t i = 0; i < std::min(most_starts, inner.size()); ++i) starts.push_back(inner[i].center);
 
-  constexpr std::int64_t kPatience = 5000;  // boxes a question; shapes that only just fit are given up
+  // Boxes a question; shapes that only just fit are given up. A box costs as many looks as directions matter to it.
+  const std::int64_t patience = many ? 150 : 5000;
+  // Most shapes that are tried are too large, which some point on their border shows at once.
   const auto holds = [&](const Shape& shape) {
-    const auto answer = certainly_holds(machine, options, shape, kPatience);
+    for (const Vec3& p : border_points(shape))
+      if (!reaches_samples(machine, options, orientations, p)) return false;
+    const auto answer = certainly_holds(machine, options, shape, patience);
     return answer && *answer;
   };
   const auto shaped = [&](Shape shape) {
@@ -115,7 +146,7 @@ Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, 
     shape.half = fits * extents;
     shape = shaped(shape);
     // Stretch one extent, or move along an axis, or both at once towards one side; shorter steps when none helps.
-    for (double step = 0.25; step >= 0.01;) {
+    for (double step = 0.25; step >= finest;) {
       bool better = false;
       for (int axis = 0; axis < 3; ++axis) {
         if (kind == ShapeKind::cylinder && axis == 1) continue;

@@ -126,9 +126,8 @@ Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, 
       machine);
 }
 
-double scan_volume(const AnyMachine& machine, const Options& options, const Vec3& min, const Vec3& max, int steps) {
+std::vector<Mat3> sampled_orientations(const Directions& d) {
   std::vector<Mat3> orientations;
-  const Directions& d = options.directions;
   if (d.is_ranges()) {
     const std::array<double, 2> none{0, 0};
     const auto a = d.a_range.value_or(none), b = d.b_range.value_or(none);
@@ -136,32 +135,39 @@ double scan_volume(const AnyMachine& machine, const Options& options, const Vec3
       for (int j = 0; j <= 4; ++j)
         orientations.push_back(rotation_y(b[0] + 0.25 * j * (b[1] - b[0])) *
                                rotation_x(a[0] + 0.25 * i * (a[1] - a[0])));
-  } else {
-    orientations.push_back(Mat3::Identity());
-    for (int i = 4; i >= 1 && d.tilt > 0; --i)
-      for (int j = 0; j < 12; ++j) {
-        const double azimuth = 2 * std::numbers::pi * j / 12;
-        orientations.push_back(rotation_of(0.25 * i * d.tilt * Vec3(-std::sin(azimuth), std::cos(azimuth), 0)));
-      }
+    return orientations;
   }
+  orientations.push_back(Mat3::Identity());
+  for (int i = 4; i >= 1 && d.tilt > 0; --i)
+    for (int j = 0; j < 12; ++j) {
+      const double azimuth = 2 * std::numbers::pi * j / 12;
+      orientations.push_back(rotation_of(0.25 * i * d.tilt * Vec3(-std::sin(azimuth), std::cos(azimuth), 0)));
+    }
+  return orientations;
+}
+
+bool reaches_samples(const AnyMachine& machine, const Options& options, const std::vector<Mat3>& orientations,
+                     const Vec3& p) {
   const LimitBits heeded = options.interference ? options.limits : options.limits & ~interference_bits(machine);
+  return std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
+    const auto result = kinematics::inverse(machine, Pose{R, p});
+    // Only the first choice of a slider counts, as the source takes it; any branch of an arm.
+    if (std::holds_alternative<machine::SerialArm>(machine)) {
+      return std::any_of(result.solutions.begin(), result.solutions.end(),
+                         [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
+    }
+    return !result.solutions.empty() && (result.solutions.front().violations & heeded) == 0;
+  });
+}
+
+double scan_volume(const AnyMachine& machine, const Options& options, const Vec3& min, const Vec3& max, int steps) {
+  const std::vector<Mat3> orientations = sampled_orientations(options.directions);
   std::int64_t inside = 0;
   for (int i = 0; i < steps; ++i)
     for (int j = 0; j < steps; ++j)
       for (int k = 0; k < steps; ++k) {
-        Pose X;
-        X.p = min + Vec3(i + 0.5, j + 0.5, k + 0.5).cwiseProduct(max - min) / steps;
-        const bool all = std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
-          X.R = R;
-          const auto result = kinematics::inverse(machine, X);
-          // Only the first choice of a slider counts, as the source takes it; any branch of an arm.
-          if (std::holds_alternative<machine::SerialArm>(machine)) {
-            return std::any_of(result.solutions.begin(), result.solutions.end(),
-                               [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
-          }
-          return !result.solutions.empty() && (result.solutions.front().violations & heeded) == 0;
-        });
-        inside += all ? 1 : 0;
+        const Vec3 p = min + Vec3(i + 0.5, j + 0.5, k + 0.5).cwiseProduct(max - min) / steps;
+        inside += reaches_samples(machine, options, orientations, p) ? 1 : 0;
       }
   return static_cast<double>(inside) * (max - min).prod() / (static_cast<double>(steps) * steps * steps);
 }

@@ -100,6 +100,14 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
 /// The bits of the limits between legs.
 LimitBits interference_bits(const AnyMachine& machine);
 
+/// Directions of the set without proof: 5 x 5 of ranges, or the axis and four circles of 12 of a cone, the widest
+/// first.
+std::vector<Mat3> sampled_orientations(const Directions& directions);
+
+/// Whether the point is reached from each of these, by the inverse kinematics. Cost: one inverse each, until one fails.
+bool reaches_samples(const AnyMachine& machine, const Options& options, const std::vector<Mat3>& orientations,
+                     const Vec3& p);
+
 /// A plain scan for comparison: the share of points of a regular grid of steps^3 in `min`..`max` at which a fixed
 /// set of directions (4 tilts, 12 azimuths a tilt, as the source samples them) keeps the limits, times the volume. Has
 /// no bounds.
