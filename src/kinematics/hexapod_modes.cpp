@@ -42,17 +42,26 @@ struct Normalised {
       size += (six.anchor[i] - a_middle).squaredNorm() + (six.end[i] - b_middle).squaredNorm() +
               six.length[i] * six.length[i];
     scale = std::exp2(-std::round(std::log2(std::sqrt(size / kLegs))));
+    std::array<Interval, 7> first;  // leg 1, which the others are relative to
     for (int i = 0; i < kLegs; ++i) {
+      std::array<Interval, 7> leg;
       for (int k = 0; k < 3; ++k) {
         const Interval a = Interval(scale) * (Interval(six.anchor[i][k]) - Interval(a_middle[k]));
         const Interval b = Interval(scale) * (Interval(six.end[i][k]) - Interval(b_middle[k]));
-        proof.difference[i][k].re = a - b;
-        proof.sum[i][k].re = a + b;
-        legs.difference[i][k].re = proof.difference[i][k].re.mid();
-        legs.sum[i][k].re = proof.sum[i][k].re.mid();
+        leg[k] = a - b;
+        leg[3 + k] = a + b;
       }
-      proof.square[i].re = square(Interval(scale) * Interval(six.length[i]));
-      legs.square[i].re = proof.square[i].re.mid();
+      leg[6] = square(Interval(scale) * Interval(six.length[i]));
+      if (i == 0) first = leg;
+      const auto put = [&](int k, leg_homotopy::ComplexT<Interval>& in_proof, leg_homotopy::Complex& in_legs) {
+        in_proof.re = i == 0 ? leg[k] : leg[k] - first[k];
+        in_legs.re = in_proof.re.mid();
+      };
+      for (int k = 0; k < 3; ++k) {
+        put(k, proof.difference[i][k], legs.difference[i][k]);
+        put(3 + k, proof.sum[i][k], legs.sum[i][k]);
+      }
+      put(6, proof.square[i], legs.square[i]);
     }
   }
 
@@ -82,7 +91,7 @@ std::optional<Zero> proven(const Normalised& n, Point point) {
     return radius.has_value();
   };
   double imaginary = 0;
-  for (const auto& c : point.z) imaginary = std::max(imaginary, std::abs(c.im));
+  for (int k = 0; k < 8; ++k) imaginary = std::max(imaginary, std::abs(point.z[k].im) / (k < 4 ? 1 : point.weight));
   if (imaginary < kNearlyReal) {
     Point flat = point;
     for (auto& c : flat.z) c.im = 0;
@@ -90,13 +99,8 @@ std::optional<Zero> proven(const Normalised& n, Point point) {
   }
   // A zero that is not real has an imaginary part beyond the radius.
   if (!out.real && !(certified(point) && imaginary > out.radius)) return {};
-  double turn = 0;
   leg_homotopy::Complex ee;
-  for (int k = 0; k < 4; ++k) {
-    turn = std::max(turn, leg_homotopy::modulus(out.point.z[k]));
-    ee += out.point.z[k] * out.point.z[k];
-  }
-  if (!(turn > out.radius)) return {};  // e = 0 is no pose, not even one at infinity
+  for (int k = 0; k < 4; ++k) ee += out.point.z[k] * out.point.z[k];
   // |d<e,e>| <= 8 |e| radius + 4 radius^2, and rounding.
   out.finite = leg_homotopy::modulus(ee) > 12 * out.radius + 1e-14;
   return out;
@@ -153,6 +157,28 @@ Pose start_pose(int k, double reach) {
   const Eigen::Quaterniond e(std::sqrt(1 - r) * std::sin(alpha), std::sqrt(1 - r) * std::cos(alpha),
                              std::sqrt(r) * std::sin(beta), std::sqrt(r) * std::cos(beta));
   return {e.normalized().toRotationMatrix(), reach * Vec3(2 * u(7) - 1, 2 * u(11) - 1, 2 * u(13) - 1)};
+}
+
+/// Newton by the least step (small singular values left out): it ends also where the modes are no points but curves.
+kinematics::NewtonResult settle(const SixLegs& six, const Pose& seed, double size) {
+  constexpr int kSteps = 30;
+  constexpr double kSmallest = 1e-5;
+  kinematics::NewtonResult out{seed, 0, 0, false};
+  for (; out.iterations <= kSteps && !out.converged; ++out.iterations) {
+    Vec6 missing;
+    for (int i = 0; i < kLegs; ++i) missing[i] = six.length[i] - (out.X_MT * six.end[i] - six.anchor[i]).norm();
+    out.residual = missing.cwiseAbs().maxCoeff();
+    out.converged = out.residual <= 1e-12 * size;
+    Mat6 K = leg_rows(out.X_MT, six.anchor, six.end);
+    K.rightCols<3>() /= size;
+    Eigen::CompleteOrthogonalDecomposition<Mat6> least;
+    least.setThreshold(kSmallest);
+    Vec6 step = least.compute(K).solve(missing);
+    if (step.norm() > 0.5 * size) step *= 0.5 * size / step.norm();
+    out.X_MT.p += step.head<3>();
+    out.X_MT.R = rotation_of(step.tail<3>() / size) * out.X_MT.R;
+  }
+  return out;
 }
 
 bool same_pose(const Pose& a, const Pose& b, double size) {
@@ -224,7 +250,8 @@ AssemblyModes assembly_modes(const SixLegs& six, const ModesOptions& options) {
     return largest;
   };
   const auto add = [&](const Pose& seed, bool is_proven) {
-    const kinematics::NewtonResult mode = newton_on_legs(six, seed);
+    kinematics::NewtonResult mode = newton_on_legs(six, seed);
+    if (!mode.converged && !is_proven) mode = settle(six, seed, size);
     // Next to another mode Newton may slip to it: then the proven pose stays as it is.
     const bool keep = is_proven && !(mode.converged && same_pose(mode.X_MT, seed, size));
     if (!is_proven && (!mode.converged || std::any_of(out.poses.begin(), out.poses.end(),

@@ -98,21 +98,27 @@ using Step = std::array<Complex, kUnknowns>;
 void add(PointT<double>& z, int chart, const Step& step, double factor = 1) {
   for (int j = 0; j < kUnknowns; ++j) z[j < chart ? j : j + 1] += factor * step[j];
 }
-double largest(const Step& step) {
-  double s = 0;
-  for (const Complex& v : step) s = std::max(s, squared(v));
-  return std::sqrt(s);
+/// The chart is one of e, so that three unknowns are of e and four of g.
+double largest(const Step& step, double weight) {
+  double e = 0, g = 0;
+  for (int j = 0; j < kUnknowns; ++j) (j < 3 ? e : g) = std::max(j < 3 ? e : g, squared(step[j]));
+  return std::sqrt(std::max(e, g / (weight * weight)));
+}
+double weight_of(const PointT<double>& z) {
+  double g = 1;
+  for (int k = 4; k <= kUnknowns; ++k) g = std::max(g, squared(z[k]));
+  return std::sqrt(g);
 }
 
 /// One step of Newton in the chart.
-bool newton(const Legs& legs, PointT<double>& z, int chart, double& moved) {
+bool newton(const Legs& legs, PointT<double>& z, int chart, double weight, double& moved) {
   std::array<Complex, kUnknowns> f;
   std::array<PointT<double>, kUnknowns> J;
   Step step;
   equations(legs, z, f, J);
   if (!System(J, f, chart).solve(step)) return false;
   add(z, chart, step, -1);
-  moved = largest(step);
+  moved = largest(step, weight);
   return true;
 }
 
@@ -151,11 +157,15 @@ bool tangent(const Way& way, double r, const PointT<double>& z, int chart, Step&
   const Quaternion<double> e = rotation_part(z);
   const Complex ee = dot(e, e);
   df[0] = {};
-  for (int i = 0; i < kLegs; ++i) {
-    // J's right half is 2 y_i.
+  // The right half of J is 2 y_1 and 2 (y_i - y_1).
+  const Quaternion<double> first = turned(dp.difference[0], dp.sum[0], e);
+  const Quaternion<double> y = translation_part(J[1]);
+  df[1] = dp.square[0] * ee + dot(y, first);
+  for (int i = 1; i < kLegs; ++i) {
     const Quaternion<double> moved = turned(dp.difference[i], dp.sum[i], e);
-    df[i + 1] = dp.square[i] * ee;
-    for (int k = 0; k < 4; ++k) df[i + 1] += J[i + 1][4 + k] * moved[k];
+    const Quaternion<double> d = translation_part(J[i + 1]);
+    df[i + 1] = dp.square[i] * ee + dot(d, first);
+    for (int k = 0; k < 4; ++k) df[i + 1] += (y[k] + d[k]) * moved[k];
   }
   return System(J, df, chart).solve(out);
 }
@@ -165,7 +175,7 @@ bool tangent(const Way& way, double r, const PointT<double>& z, int chart, Step&
 Point point_of(const PointT<double>& z) {
   Point out;
   double size = 0;
-  for (int k = 0; k <= kUnknowns; ++k) {
+  for (int k = 0; k < 4; ++k) {
     if (squared(z[k]) > size) {
       size = squared(z[k]);
       out.chart = k;
@@ -174,6 +184,7 @@ Point point_of(const PointT<double>& z) {
   const Complex scale = inverse_of(z[out.chart]);
   for (int k = 0; k <= kUnknowns; ++k) out.z[k] = scale * z[k];
   out.z[out.chart] = {1, 0};
+  out.weight = weight_of(out.z);
   return out;
 }
 
@@ -197,7 +208,7 @@ bool same(const Point& a, const Point& b, double tolerance) {
   // In b's chart, where a has that coordinate.
   const Complex& pivot = a.z[b.chart];
   for (int k = 0; k <= kUnknowns; ++k)
-    if (modulus(a.z[k] - pivot * b.z[k]) > tolerance) return false;
+    if (modulus(a.z[k] - pivot * b.z[k]) > tolerance * (k < 4 ? 1 : b.weight)) return false;
   return true;
 }
 
@@ -211,14 +222,30 @@ void equations(const LegsT<T>& legs, const PointT<T>& z, std::array<ComplexT<T>,
     J[0][k] = g[k];
     J[0][4 + k] = e[k];
   }
-  for (int i = 0; i < kLegs; ++i) {
-    Quaternion<T> y = turned(legs.difference[i], legs.sum[i], e);
-    for (int k = 0; k < 4; ++k) y[k] = g[k] - y[k];
-    f[i + 1] = dot(y, y) - legs.square[i] * ee;
-    const Quaternion<T> back = turned(legs.difference[i], legs.sum[i], y);
+  Quaternion<T> y = turned(legs.difference[0], legs.sum[0], e);
+  for (int k = 0; k < 4; ++k) y[k] = g[k] - y[k];
+  const Quaternion<T> back = turned(legs.difference[0], legs.sum[0], y);
+  f[1] = dot(y, y) - legs.square[0] * ee;
+  for (int k = 0; k < 4; ++k) {
+    J[1][k] = 2.0 * (back[k] - legs.square[0] * e[k]);
+    J[1][4 + k] = 2.0 * y[k];
+  }
+  for (int i = 1; i < kLegs; ++i) {
+    Quaternion<T> d = turned(legs.difference[i], legs.sum[i], e), y_i;
     for (int k = 0; k < 4; ++k) {
-      J[i + 1][k] = 2.0 * (back[k] - legs.square[i] * e[k]);
-      J[i + 1][4 + k] = 2.0 * y[k];
+      d[k] = -d[k];
+      y_i[k] = y[k] + d[k];
+    }
+    f[i + 1] = 2.0 * dot(d, y) + dot(d, d) - legs.square[i] * ee;
+    std::array<ComplexT<T>, 3> difference, sum;
+    for (int k = 0; k < 3; ++k) {
+      difference[k] = legs.difference[0][k] + legs.difference[i][k];
+      sum[k] = legs.sum[0][k] + legs.sum[i][k];
+    }
+    const Quaternion<T> own = turned(difference, sum, y_i);
+    for (int k = 0; k < 4; ++k) {
+      J[i + 1][k] = 2.0 * (own[k] - back[k] - legs.square[i] * e[k]);
+      J[i + 1][4 + k] = 2.0 * d[k];
     }
   }
 }
@@ -232,7 +259,7 @@ bool polish(const Legs& legs, Point& point) {
   for (int k = 0; k < 8; ++k) {
     Point next = point;
     double moved = 0;
-    if (!newton(legs, next.z, next.chart, moved) || !(moved <= before)) return k > 0 && before < 1e-10;
+    if (!newton(legs, next.z, next.chart, next.weight, moved) || !(moved <= before)) return k > 0 && before < 1e-10;
     point = next;
     if (moved < 1e-15) return true;
     before = 0.5 * moved;
@@ -265,15 +292,16 @@ PathEnd track(const Legs& from, const Legs& to, const Legs& bend, const Point& s
       add(z, chart, k1, -h / 6);
       Legs legs;
       way.at(to_r, legs, nullptr);
-      good = newton(legs, z, chart, first) && first <= options.accuracy && newton(legs, z, chart, second) &&
-             second <= 0.01 * first + 1e-10;
+      good = newton(legs, z, chart, out.point.weight, first) && first <= options.accuracy &&
+             newton(legs, z, chart, out.point.weight, second) && second <= 0.01 * (first + options.accuracy);
     }
     if (good) {
       out.point.z = z;
       r = to_r;
       double size = 0;
-      for (const Complex& v : z) size = std::max(size, squared(v));
+      for (int k = 0; k < 4; ++k) size = std::max(size, squared(z[k]));
       if (size > 4) out.point = point_of(z);
+      out.point.weight = weight_of(out.point.z);
       if (r == 0) break;
       const double growth = 0.8 * std::pow(options.accuracy / std::max(first, 1e-12), 0.2);
       h *= std::clamp(growth, 0.5, 2.0);
@@ -310,13 +338,19 @@ std::optional<double> certify(const LegsT<Interval>& legs, const Point& point) {
     for (int i = 0; i < n; ++i) X[i][j] = exact(column[i]);
   }
 
-  // |f_i''(h, k)| for |h|, |k| <= 1 in every coordinate; y(h) has no component above 1 + |d|_1 + |s|_1.
+  // |f_i''(h, k)| where the components of e in h and k are at most 1, those of g at most the weight w.
+  const auto row_sum = [&](int i) {
+    Interval sum = 0.0;
+    for (int k = 0; k < 3; ++k) sum += Interval(bound(legs.difference[i][k])) + Interval(bound(legs.sum[i][k]));
+    return sum;
+  };
+  const Interval w = point.weight, y = w + row_sum(0);
   std::array<Interval, n> curvature;
-  curvature[0] = 8.0;
-  for (int i = 0; i < kLegs; ++i) {
-    Interval y = 1.0;
-    for (int k = 0; k < 3; ++k) y += Interval(bound(legs.difference[i][k])) + Interval(bound(legs.sum[i][k]));
-    curvature[i + 1] = Interval(8.0) * (square(y) + Interval(bound(legs.square[i])));
+  curvature[0] = Interval(8.0) * w;
+  curvature[1] = Interval(8.0) * (square(y) + Interval(bound(legs.square[0])));
+  for (int i = 1; i < kLegs; ++i) {
+    const Interval d = row_sum(i);
+    curvature[i + 1] = Interval(8.0) * (Interval(2.0) * d * y + square(d) + Interval(bound(legs.square[i])));
   }
 
   // T(z) - z, how far T' is from 0 at z, and how fast it changes.
@@ -332,11 +366,12 @@ std::optional<double> certify(const LegsT<Interval>& legs, const Point& point) {
     for (int k = 0; k < n; ++k) {
       ComplexT<Interval> entry{i == k ? -1.0 : 0.0, 0.0};
       for (int j = 0; j < n; ++j) entry += X[i][j] * J[j][k < point.chart ? k : k + 1];
-      row_slope += Interval(bound(entry));
+      row_slope += Interval(bound(entry)) * (k < 3 ? Interval(1.0) : w);
     }
-    raise(step, Interval(bound(shift)));
-    raise(slope, row_slope);
-    raise(change, row_change);
+    const Interval own = Interval(1.0) / (i < 3 ? Interval(1.0) : w);
+    raise(step, own * Interval(bound(shift)));
+    raise(slope, own * row_slope);
+    raise(change, own * row_change);
   }
   // T maps the ball of this radius into itself and contracts it.
   const Interval radius = Interval(2.0) * step + Interval(std::numeric_limits<double>::min());
@@ -347,12 +382,13 @@ std::optional<double> certify(const LegsT<Interval>& legs, const Point& point) {
 }
 
 bool surely_different(const Point& a, double radius_a, const Point& b, double radius_b) {
-  // Equal points have z_a[k] z_b[c] = z_a[c] z_b[k]; with c the chart of b, z_b[c] = 1 exactly. No modulus exceeds 1.
-  const double slack = 4 * (radius_a + radius_b) + 1e-14;
-  if (!(slack < 0.1)) return false;
+  // Equal points have z_a[k] z_b[c] = z_a[c] z_b[k]; with c the chart of b, z_b[c] = 1 exactly.
+  const double radii = radius_a + radius_b;
+  if (!(radii < 0.1)) return false;
+  const double slack = 4 * radii + 1e-14;
   const Complex& pivot = a.z[b.chart];
   for (int k = 0; k <= kUnknowns; ++k)
-    if (modulus(a.z[k] - pivot * b.z[k]) > slack) return true;
+    if (modulus(a.z[k] - pivot * b.z[k]) > slack * (k < 4 ? 1 : a.weight + b.weight)) return true;
   return false;
 }
 

@@ -42,23 +42,27 @@ inline Complex inverse_of(const Complex& a) {
 }
 
 /// Homogeneous coordinates (e, g) of a pose, scalar parts first: R x = e x e* / <e,e>, t = g e* / <e,e>, <e,g> = 0
-/// (Study 1891, with g = t e). They are scaled so that the component of the largest modulus, `chart`, is 1.
+/// (Study 1891, with g = t e). They are scaled so that the component of e of the largest modulus, `chart`, is 1. Then g
+/// is large at complex modes far away, which symmetric machines have many of; so its errors count by its own size,
+/// `weight` = max(1, |g|).
 inline constexpr int kUnknowns = 7;
 template <class T>
 using PointT = std::array<ComplexT<T>, kUnknowns + 1>;
 struct Point {
   PointT<double> z{};
   int chart = 0;
+  double weight = 1;
 };
 /// Scales z as above.
 Point point_of(const PointT<double>& z);
 Point point_of(const Pose& X);
 /// The pose of a point whose coordinates are real (imaginary parts are left out) and whose <e,e> is not 0.
 Pose pose_of(const Point& point);
-/// Whether the two are the same to `tolerance` in all coordinates.
+/// Whether the two are the same to `tolerance` in all coordinates, those of g by their weight.
 bool same(const Point& a, const Point& b, double tolerance);
 
-/// Six legs with joints a_i, b_i, given by a_i - b_i and a_i + b_i, and squared lengths, on complex numbers.
+/// Six legs with joints a_i, b_i and squared lengths s_i on complex numbers, given by a_i - b_i, a_i + b_i and s_i; of
+/// legs 2 to 6 less those of leg 1, because that is what keeps its digits where g is large.
 template <class T>
 struct LegsT {
   std::array<std::array<ComplexT<T>, 3>, kLegs> difference{}, sum{};
@@ -67,7 +71,8 @@ struct LegsT {
 using Legs = LegsT<double>;
 
 /// The equations, homogeneous of degree 2, with y_i = g - a_i e + e b_i (so that y_i e* / <e,e> is the leg):
-///   f_0 = <e,g>,  f_i = <y_i,y_i> - l_i^2 <e,e>,  i = 1..6,
+///   f_0 = <e,g>,  f_1 = <y_1,y_1> - s_1 <e,e>,
+///   f_i = <y_i - y_1, y_i + y_1> - (s_i - s_1) <e,e>, i = 2..6,
 /// and their derivatives J by the eight coordinates. For general legs 40 zeros have e != 0 (Ronga and Vust 1995, Lazard
 /// 1993, Raghavan 1993), each twice (e, g), (-e, -g) and one point here.
 template <class T>
@@ -75,7 +80,7 @@ void equations(const LegsT<T>& legs, const PointT<T>& z, std::array<ComplexT<T>,
                std::array<PointT<T>, kUnknowns>& J);
 
 struct TrackOptions {
-  double accuracy = 1e-4;  ///< greatest distance of the predictor from the corrected point; smaller is safer and slower
+  double accuracy = 1e-3;  ///< greatest distance of the predictor from the corrected point; smaller is safer and slower
   double smallest =
       1e-9;  ///< a path whose step falls below this share of the way left is given up: its end is singular
   int max_steps = 1000;
@@ -95,7 +100,8 @@ PathEnd track(const Legs& from, const Legs& to, const Legs& bend, const Point& s
 bool polish(const Legs& legs, Point& point);
 
 /// A proof that the legs, whatever they are within their intervals, have exactly one zero whose coordinates in the
-/// point's chart differ from it by at most `radius` in modulus: T(z) = z - X f(z), X ~ J^-1, contracts that ball into
+/// point's chart differ from it by at most `radius`
+/// (those of g: `radius` times the weight) in modulus: T(z) = z - X f(z), X ~ J^-1, contracts that ball into
 /// itself (Krawczyk 1969, with the second derivative, which is constant, bounded by its entries). All bounds are taken
 /// with intervals. Where the point is real, the zero is. Empty where the test fails: near a singular zero.
 std::optional<double> certify(const LegsT<Interval>& legs, const Point& point);

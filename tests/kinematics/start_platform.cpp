@@ -12,8 +12,8 @@
 
 namespace {
 
-/// Of eight tried, the one whose paths to 400 random platforms were lost least often.
-constexpr unsigned kSeed = 7;
+/// Of six tried, the one whose paths to random platforms were lost least often.
+constexpr unsigned kSeed = 5;
 
 using namespace polypod::machine;
 using namespace polypod::machine::leg_homotopy;
@@ -87,7 +87,9 @@ int main(int argc, char** argv) {
   const Legs start = random.legs();
   const auto print = [](const Complex& c) { std::printf("{%.2f, %.2f}", c.re, c.im); };
   std::printf("// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause\n");
-  std::printf("// Made by tests/kinematics/start_platform.cpp. Differences and sums of joints, squares of lengths.\n");
+  std::printf(
+      "// Made by tests/kinematics/start_platform.cpp. Differences and sums of joints, then squares of lengths;\n// "
+      "those of legs 2 to 6 less those of leg 1.\n");
   std::printf("const Legs kStartLegs{{{");
   for (int which = 0; which < 2; ++which) {
     for (int i = 0; i < kLegs; ++i) {
