@@ -96,11 +96,13 @@ void all_modes(benchmark::State& state) {
     }
   }
   std::size_t k = 0;
+  int proven = 0;
   for (auto _ : state) {
     const machine::AssemblyModes modes = machine::assembly_modes(platforms[k++ % platforms.size()]);
-    if (!modes.complete()) state.SkipWithError("not proven");
+    proven += modes.complete() ? 1 : 0;
     benchmark::DoNotOptimize(modes.poses.data());
   }
+  state.counters["proven"] = benchmark::Counter(proven, benchmark::Counter::kAvgIterations);
 }
 BENCHMARK(all_modes)->Arg(1)->Arg(0)->ArgName("in_space")->Unit(benchmark::kMillisecond)->UseRealTime();
 

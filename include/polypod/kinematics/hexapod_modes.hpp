@@ -52,7 +52,7 @@ struct ModesOptions {
 /// paths missed; modes closer than 1e-6 of the machine's size count as one there.
 ///
 /// The result does not depend on the number of threads. No poses where a length is not a number.
-/// Cost: 8 ms of one core; some 10 times that where nothing is proven.
+/// Cost: 8 to 10 ms of one core; some 10 times that where nothing is proven.
 AssemblyModes assembly_modes(const SixLegs& legs, const ModesOptions& options = {});
 
 /// One sentence for people: how many, and whether these are all.
