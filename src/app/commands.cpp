@@ -8,7 +8,7 @@ std::vector<Command> all_commands() {
   return {
       machines_command(), info_command(),                       // the catalogue
       ik_command(), fk_command(), jacobian_command(),           // a pose
-      workspace_command(),                                      // all poses
+      workspace_command(), section_command(), sweep_command(),  // all poses
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(),
       force_command(),                                          // cutting

@@ -11,6 +11,7 @@ Command ik_command();
 Command fk_command();
 Command jacobian_command();
 Command workspace_command();
+Command section_command();
 Command sweep_command();
 Command compliance_command();
 Command map_command();

@@ -7,6 +7,7 @@
 #include "interrupt.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "workspace_files.hpp"
 #include "workspace_options.hpp"
 
 namespace polypod::app {
@@ -29,10 +30,10 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
                                           std::tuple{&b_range, &out.directions.b_range, "--b-range"}}) {
     if (text->empty()) continue;
     POLYPOD_ASSIGN(values, numbers_of(*text, name));
-    if (values.size() != 2) return fail("AP110", fmt::format("{} {}: not two numbers lo,hi", name, *text));
+    if (values.size() != 2) return fail("AP150", fmt::format("{} {}: not two numbers lo,hi", name, *text));
     *range = std::array<double, 2>{units::from_deg(values[0]), units::from_deg(values[1])};
   }
-  if (threads < 0 || threads > 1024) return fail("AP111", fmt::format("--threads {}: must be 0 to 1024", threads));
+  if (threads < 0 || threads > 1024) return fail("AP151", fmt::format("--threads {}: must be 0 to 1024", threads));
   out.relative_tolerance = rel_tol;
   out.interference = interference;
   out.threads = threads;
@@ -68,11 +69,11 @@ namespace {
 Result<int> contains(const machine::AnyMachine& m, const workspace::Options& options, const std::string& text,
                      const Context& context) {
   POLYPOD_ASSIGN(n, numbers_of(text, "--contains"));
-  if (n.size() != 6) return fail("AP112", fmt::format("--contains {}: not six numbers", text));
+  if (n.size() != 6) return fail("AP152", fmt::format("--contains {}: not six numbers", text));
   for (double& x : n) x = units::from_mm(x);
   const Vec3 low(n[0], n[1], n[2]), high(n[3], n[4], n[5]);
   if (!((high - low).minCoeff() > 0)) {
-    return fail("AP112", fmt::format("--contains {}: the first corner must lie below the second", text));
+    return fail("AP152", fmt::format("--contains {}: the first corner must lie below the second", text));
   }
   const workspace::Shape box{workspace::ShapeKind::box, 0.5 * (low + high), 0.5 * (high - low)};
   POLYPOD_ASSIGN(held, workspace::certainly_holds(m, options, box));
@@ -92,6 +93,7 @@ Command workspace_command() {
     std::vector<std::string> sets;
     WorkspaceOptions workspace;
     std::string largest, contains;
+    WorkspaceFiles files;
   };
   auto o = std::make_shared<Options>();
   return {"workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
@@ -101,11 +103,13 @@ Command workspace_command() {
             o->workspace.declare(a);
             a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
             a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
+            o->files.declare(a);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             if (!o->contains.empty()) return contains(m, options, o->contains, context);
+            POLYPOD_TRY(o->files.check());
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
             Json document = volume_json(v);
             workspace::Shape shape;
@@ -119,6 +123,7 @@ Command workspace_command() {
                                      {"volume_mm3", units::to_mm3(shape.volume())}};
             }
             if (context.progress) fmt::print(stderr, "\r\x1b[K");
+            POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
             if (context.json) {
               print_json(document);
             } else if (v.empty) {

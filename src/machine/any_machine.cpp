@@ -151,11 +151,12 @@ Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Overr
 
 std::vector<Parameter> settings(const AnyMachine& machine) {
   return std::visit(
-      [](const auto& m) {
-        if constexpr (requires { settings(m); }) {
-          return settings(m);
-        } else {
+      []<class M>(const M& m) {
+        // Not asked by `requires`: an arm converts to AnyMachine, and so to this function.
+        if constexpr (std::is_same_v<M, SerialArm>) {
           return std::vector<Parameter>{};
+        } else {
+          return settings(m);
         }
       },
       machine);

@@ -60,6 +60,7 @@ struct Quad {
   std::array<Point, 4> corner;
   std::array<double, 4> value;
   bool triangle = false;
+  int kind = -1;
 };
 
 /// The part of the cell where the value, linear along each side, is at least `level`; `cut` receives the sides of that
@@ -103,6 +104,81 @@ std::string colour_at(ColourMap map, double t) {
   return hex_of(0.95 - 0.45 * std::abs(side), 0.16 * std::abs(side), side < 0 ? 250 : 40);
 }
 
+std::string kind_colour(int kind, double lightness) {
+  // Neighbours in this order are far apart in hue; the chroma is what a screen has at middle lightness.
+  constexpr std::array<double, kKindColours> kHues{250, 62, 158, 345, 108, 205, 25, 300};
+  const double L = std::clamp(lightness, 0.0, 1.0);
+  if (kind < 0) return hex_of(L, 0, 0);
+  return hex_of(L, 0.135, kHues[static_cast<std::size_t>(kind) % kHues.size()]);
+}
+
+namespace {
+
+/// Cuts the quads whose corners are of several kinds into small ones of one kind each: the kind that weighs most there.
+/// Corners that `counts` rejects have no say.
+template <class Counts>
+std::vector<Quad> by_kind(const std::vector<Quad>& quads, const std::vector<std::array<int, 4>>& kinds,
+                          const Counts& counts) {
+  constexpr int kPieces = 5;
+  std::vector<Quad> out;
+  for (std::size_t q = 0; q < quads.size(); ++q) {
+    const Quad& quad = quads[q];
+    int first = -2;
+    bool mixed = false;
+    for (std::size_t c = 0; c < 4; ++c) {
+      if (!counts(quad.value[c])) continue;
+      if (first == -2) first = kinds[q][c];
+      mixed = mixed || kinds[q][c] != first;
+    }
+    if (!mixed) {
+      out.push_back(quad);
+      out.back().kind = first;
+      continue;
+    }
+    const auto weights = [](double s, double t) {
+      return std::array<double, 4>{(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t};
+    };
+    const auto at = [&](double s, double t, Point& corner, double& value) {
+      const std::array<double, 4> w = weights(s, t);
+      corner = {};
+      value = 0;
+      for (std::size_t c = 0; c < 4; ++c) {
+        corner.x += w[c] * quad.corner[c].x;
+        corner.y += w[c] * quad.corner[c].y;
+        value += w[c] * quad.value[c];
+      }
+    };
+    for (int j = 0; j < kPieces; ++j) {
+      for (int i = 0; i < kPieces; ++i) {
+        const double s0 = double(i) / kPieces, s1 = double(i + 1) / kPieces;
+        const double t0 = double(j) / kPieces, t1 = double(j + 1) / kPieces;
+        Quad piece;
+        piece.triangle = quad.triangle;
+        at(s0, t0, piece.corner[0], piece.value[0]);
+        at(s1, t0, piece.corner[1], piece.value[1]);
+        at(s1, t1, piece.corner[2], piece.value[2]);
+        at(s0, t1, piece.corner[3], piece.value[3]);
+        const std::array<double, 4> w = weights((s0 + s1) / 2, (t0 + t1) / 2);
+        double most = -1;
+        for (std::size_t c = 0; c < 4; ++c) {
+          double sum = 0;
+          for (std::size_t d = 0; d < 4; ++d) {
+            if (counts(quad.value[d]) && kinds[q][d] == kinds[q][c]) sum += w[d];
+          }
+          if (counts(quad.value[c]) && sum > most) {
+            most = sum;
+            piece.kind = kinds[q][c];
+          }
+        }
+        out.push_back(piece);
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
 std::string HeatMap::operator()(const Canvas& canvas) const {
   Picture picture(canvas, title);
   const auto value_at = [&](int i, int j) {
@@ -128,7 +204,12 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
   const std::vector<double> edges = svg::ticks_in(lo, hi, std::clamp(levels, 2, 40));
   const int decimals = svg::decimals_of(edges);
-  const auto colour = [&](double v) { return colour_at(map, (v - lo) / (hi - lo)); };
+  const bool with_kinds = !kind.empty();
+  const auto colour = [&](double v, int of) {
+    const double t = (v - lo) / (hi - lo);
+    return with_kinds ? kind_colour(of, 0.94 - 0.48 * std::clamp(t, 0.0, 1.0)) : colour_at(map, t);
+  };
+  const auto shown = [&](double v) { return !blank_below || v >= lo; };
 
   double x0 = x.min.value_or(0), x1 = x.max.value_or(std::max(1, columns - 1));
   double y0 = y.min.value_or(0), y1 = y.max.value_or(std::max(1, rows - 1));
@@ -146,7 +227,27 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
   const double left = std::clamp(widest_tick, 16.0, 90.0) + 12;
   const double bar_width = 14, bar_gap = 14;
-  const double top = 30, room_x = std::max(60.0, picture.width - left - bar_gap - bar_width - widest_label - 14);
+  double top = 30;
+  if (with_kinds) {
+    std::vector<char> occurs(kinds.size(), 0);
+    for (std::size_t i = 0; i < std::min(kind.size(), values.size()); ++i) {
+      if (kind[i] >= 0 && static_cast<std::size_t>(kind[i]) < kinds.size() && std::isfinite(values[i]) &&
+          shown(values[i])) {
+        occurs[static_cast<std::size_t>(kind[i])] = 1;
+      }
+    }
+    std::vector<svg::LegendEntry> entries;
+    for (std::size_t k = 0; k < kinds.size(); ++k) {
+      if (occurs[k] == 0) continue;
+      svg::LegendEntry entry;
+      entry.name = kinds[k];
+      entry.area = true;
+      entry.fill = kind_colour(static_cast<int>(k), 0.66);
+      entries.push_back(std::move(entry));
+    }
+    top += picture.legend(entries, 2, 2);
+  }
+  const double room_x = std::max(60.0, picture.width - left - bar_gap - bar_width - widest_label - 14);
   double plot_width = room_x, plot_height = room_x * 0.7;
   if (equal_scales) {
     plot_height = plot_width * (y1 - y0) / (x1 - x0);
@@ -159,18 +260,25 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
   const double right = left + plot_width, bottom = top + plot_height;
   const Scale X{x0, x1, left, right}, Y{y0, y1, bottom, top};
-  picture.text(2, 14, svg::with_unit(y.label, y.unit), "q");
+  picture.text(2, top - 16, svg::with_unit(y.label, y.unit), "q");
   const std::string value_label = svg::with_unit(label, unit);
-  picture.text(right + bar_gap + bar_width + widest_label + 7, 14, value_label, "q e");
+  picture.text(right + bar_gap + bar_width + widest_label + 7, top - 16, value_label, "q e");
 
   // Painter's algorithm: the lowest band under everything, then the part above each level over it.
   std::vector<Quad> quads;
+  std::vector<std::array<int, 4>> quad_kinds;
+  const auto kind_at = [&](int i, int j) {
+    const std::size_t index =
+        static_cast<std::size_t>(j) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(i);
+    return index < kind.size() ? kind[index] : -1;
+  };
   for (int j = 0; j + 1 < rows; ++j) {
     for (int i = 0; i + 1 < columns; ++i) {
       const double dx = (x1 - x0) / (columns - 1), dy = (y1 - y0) / (rows - 1);
       const double a = X(x0 + i * dx), b = X(x0 + (i + 1) * dx), c = Y(y0 + j * dy), d = Y(y0 + (j + 1) * dy);
       Quad quad{{{{a, c}, {b, c}, {b, d}, {a, d}}},
                 {value_at(i, j), value_at(i + 1, j), value_at(i + 1, j + 1), value_at(i, j + 1)}};
+      std::array of_corner{kind_at(i, j), kind_at(i + 1, j), kind_at(i + 1, j + 1), kind_at(i, j + 1)};
       const auto missing =
           std::count_if(quad.value.begin(), quad.value.end(), [](double v) { return !std::isfinite(v); });
       if (missing > 1) continue;
@@ -179,40 +287,51 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
                         quad.value.begin();
         std::rotate(quad.value.begin(), quad.value.begin() + at + 1, quad.value.end());
         std::rotate(quad.corner.begin(), quad.corner.begin() + at + 1, quad.corner.end());
+        std::rotate(of_corner.begin(), of_corner.begin() + at + 1, of_corner.end());
         quad.value[3] = quad.value[2];
         quad.corner[3] = quad.corner[2];
+        of_corner[3] = of_corner[2];
         quad.triangle = true;
       }
       quads.push_back(quad);
+      quad_kinds.push_back(of_corner);
     }
   }
-  const auto fill = [&](double level, double mid) {
+  const std::vector<Quad> tiles = with_kinds ? by_kind(quads, quad_kinds, shown) : quads;
+  const auto fill = [&](double level, double mid, int of) {
     std::string d;
     // Whole cells in a row are one rectangle.
-    for (std::size_t k = 0; k < quads.size(); ++k) {
+    for (std::size_t k = 0; k < tiles.size(); ++k) {
+      if (tiles[k].kind != of) continue;
       const auto whole = [&](const Quad& q) {
-        return !q.triangle && std::all_of(q.value.begin(), q.value.end(), [&](double v) { return v >= level; });
+        return q.kind == of && !q.triangle &&
+               std::all_of(q.value.begin(), q.value.end(), [&](double v) { return v >= level; });
       };
-      if (whole(quads[k])) {
+      if (whole(tiles[k])) {
         std::size_t last = k;
-        while (last + 1 < quads.size() && quads[last + 1].corner[0].y == quads[k].corner[0].y &&
-               quads[last + 1].corner[0].x == quads[last].corner[1].x && whole(quads[last + 1])) {
+        while (last + 1 < tiles.size() && tiles[last + 1].corner[0].y == tiles[k].corner[0].y &&
+               tiles[last + 1].corner[0].x == tiles[last].corner[1].x && whole(tiles[last + 1])) {
           ++last;
         }
-        d += fmt::format("M{} {}H{}V{}H{}Z", px(quads[k].corner[0].x), px(quads[k].corner[0].y),
-                         px(quads[last].corner[1].x), px(quads[k].corner[2].y), px(quads[k].corner[0].x));
+        d += fmt::format("M{} {}H{}V{}H{}Z", px(tiles[k].corner[0].x), px(tiles[k].corner[0].y),
+                         px(tiles[last].corner[1].x), px(tiles[k].corner[2].y), px(tiles[k].corner[0].x));
         k = last;
         continue;
       }
-      const std::vector<Point> part = at_least(quads[k], level, nullptr);
+      const std::vector<Point> part = at_least(tiles[k], level, nullptr);
       if (part.size() < 3) continue;
       for (std::size_t i = 0; i < part.size(); ++i) {
         d += fmt::format("{}{} {}", i == 0 ? 'M' : 'L', px(part[i].x), px(part[i].y));
       }
       d += 'Z';
     }
-    if (!d.empty()) picture.body += fmt::format("<path d=\"{}\" fill=\"{}\"/>\n", d, colour(mid));
+    if (!d.empty()) picture.body += fmt::format("<path d=\"{}\" fill=\"{}\"/>\n", d, colour(mid, of));
   };
+  std::vector<int> of_tiles;
+  for (const Quad& tile : tiles) {
+    if (std::find(of_tiles.begin(), of_tiles.end(), tile.kind) == of_tiles.end()) of_tiles.push_back(tile.kind);
+  }
+  std::erase(of_tiles, -2);  // tiles on which nothing counts
   struct BandOf {
     double from, to;
   };
@@ -224,8 +343,8 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
   if (hi > from) bands.push_back({from, hi});
   for (std::size_t k = 0; k < bands.size(); ++k) {
-    const double level = k == 0 ? -std::numeric_limits<double>::infinity() : bands[k].from;
-    fill(level, (bands[k].from + bands[k].to) / 2);
+    const double level = k == 0 && !blank_below ? -std::numeric_limits<double>::infinity() : bands[k].from;
+    for (const int of : of_tiles) fill(level, (bands[k].from + bands[k].to) / 2, of);
   }
 
   // Contour lines and their numbers: each number where it is farthest from those before it.
@@ -290,7 +409,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   for (const BandOf& band : bands) {
     picture.body +=
         fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\"/>\n", px(bar), px(V(band.to)),
-                    px(bar_width), px(V(band.from) - V(band.to)), colour((band.from + band.to) / 2));
+                    px(bar_width), px(V(band.from) - V(band.to)), colour((band.from + band.to) / 2, -1));
   }
   double last_y = std::numeric_limits<double>::infinity();
   for (const double e : edges) {

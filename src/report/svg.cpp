@@ -269,7 +269,10 @@ double Picture::legend(const std::vector<LegendEntry>& entries, double x, double
       row += kRow;
     }
     const double middle = row + 8;
-    if (entry.area) {
+    if (entry.area && !entry.fill.empty()) {
+      body += fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"11\" rx=\"2\" fill=\"{}\"/>\n", px(at),
+                          px(middle - 5.5), px(kSwatch), entry.fill);
+    } else if (entry.area) {
       body += fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"10\" class=\"{} {}\"/>\n", px(at),
                           px(middle - 5), px(kSwatch), class_of(entry.colour), entry.filled ? "f" : "a edge");
     } else if (entry.style == LineStyle::points) {

@@ -12,9 +12,12 @@ namespace polypod::workspace {
 double Shape::volume() const {
   const double extents = half.prod();
   switch (kind) {
-    case ShapeKind::box: break;
-    case ShapeKind::cylinder: return 2 * std::numbers::pi * extents;
-    case ShapeKind::ellipsoid: return 4.0 / 3 * std::numbers::pi * extents;
+    case ShapeKind::box:
+      break;
+    case ShapeKind::cylinder:
+      return 2 * std::numbers::pi * extents;
+    case ShapeKind::ellipsoid:
+      return 4.0 / 3 * std::numbers::pi * extents;
   }
   return 8 * extents;
 }
@@ -22,9 +25,12 @@ double Shape::volume() const {
 bool Shape::holds_box(const Vec3& box_center, const Vec3& box_half) const {
   const Vec3 far = ((box_center - center).cwiseAbs() + box_half).cwiseQuotient(half);  // the farthest corner
   switch (kind) {
-    case ShapeKind::box: return far.maxCoeff() <= 1;
-    case ShapeKind::cylinder: return far.z() <= 1 && far.head<2>().squaredNorm() <= 1;
-    case ShapeKind::ellipsoid: return far.squaredNorm() <= 1;
+    case ShapeKind::box:
+      return far.maxCoeff() <= 1;
+    case ShapeKind::cylinder:
+      return far.z() <= 1 && far.head<2>().squaredNorm() <= 1;
+    case ShapeKind::ellipsoid:
+      return far.squaredNorm() <= 1;
   }
   return false;
 }
@@ -32,9 +38,12 @@ bool Shape::holds_box(const Vec3& box_center, const Vec3& box_half) const {
 bool Shape::meets_box(const Vec3& box_center, const Vec3& box_half) const {
   const Vec3 near = ((box_center - center).cwiseAbs() - box_half).cwiseMax(0).cwiseQuotient(half);  // the nearest point
   switch (kind) {
-    case ShapeKind::box: return near.maxCoeff() < 1;
-    case ShapeKind::cylinder: return near.z() < 1 && near.head<2>().squaredNorm() < 1;
-    case ShapeKind::ellipsoid: return near.squaredNorm() < 1;
+    case ShapeKind::box:
+      return near.maxCoeff() < 1;
+    case ShapeKind::cylinder:
+      return near.z() < 1 && near.head<2>().squaredNorm() < 1;
+    case ShapeKind::ellipsoid:
+      return near.squaredNorm() < 1;
   }
   return true;
 }
@@ -47,9 +56,12 @@ Result<ShapeKind> shape_kind(std::string_view name) {
 
 const char* name_of(ShapeKind kind) {
   switch (kind) {
-    case ShapeKind::box: break;
-    case ShapeKind::cylinder: return "cylinder";
-    case ShapeKind::ellipsoid: return "ellipsoid";
+    case ShapeKind::box:
+      break;
+    case ShapeKind::cylinder:
+      return "cylinder";
+    case ShapeKind::ellipsoid:
+      return "ellipsoid";
   }
   return "box";
 }
@@ -107,7 +119,8 @@ Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, 
       bool better = false;
       for (int axis = 0; axis < 3; ++axis) {
         if (kind == ShapeKind::cylinder && axis == 1) continue;
-        const std::vector<int> moved = kind == ShapeKind::cylinder && axis == 0 ? std::vector<int>{0, 1} : std::vector{axis};
+        const std::vector<int> moved =
+            kind == ShapeKind::cylinder && axis == 0 ? std::vector<int>{0, 1} : std::vector{axis};
         for (const int move_axis : moved)
           for (const double side : {0.0, 1.0, -1.0}) {
             Shape next = shape;

@@ -50,8 +50,8 @@ auto with_limits(const machine::SerialArm& arm, const Options& options, Ask&& as
     -> decltype(ask(ArmLimits({}, LimitBits{}))) {
   const auto closed = machine::WristInverse::of(arm);
   if (!closed) {
-    return fail("WS102",
-                fmt::format("{}: no bounds for an arm without a closed inverse ({})", arm.name, closed.error().message));
+    return fail("WS102", fmt::format("{}: no bounds for an arm without a closed inverse ({})", arm.name,
+                                     closed.error().message));
   }
   return ask(ArmLimits(closed->form(), options.limits));
 }

@@ -142,7 +142,12 @@ struct HeatMap {
   std::string label, unit;         ///< of the values
   std::optional<double> min, max;  ///< of the colours
   ColourMap map = ColourMap::sequential;
-  int levels = 10;  ///< about so many bands
+  /// What each value is of, e.g. which limit stops a motion: an index into `kinds` a point, negative for none (grey).
+  /// The colour then says the kind and its depth the value, light to dark. Empty: `map` alone colours.
+  std::vector<int> kind;
+  std::vector<std::string> kinds;  ///< at most kKindColours names, for the legend (those that occur)
+  bool blank_below = false;        ///< leave blank what is below `min`, along a smooth line
+  int levels = 10;                 ///< about so many bands
   bool contour_labels = true;
   bool equal_scales = true;     ///< x and y are lengths of one unit
   std::vector<Polyline> lines;  ///< drawn over the map
@@ -209,5 +214,10 @@ std::vector<double> nice_ticks(double lo, double hi, int count);
 
 /// Colour of t in 0..1 as `#rrggbb`.
 std::string colour_at(ColourMap map, double t);
+
+/// Hues that stay apart when they are lightened or darkened, for kinds 0 .. kKindColours - 1 (later ones repeat,
+/// negative ones are grey), at a lightness of 0 (black) to 1 (white), as `#rrggbb`.
+inline constexpr int kKindColours = 8;
+std::string kind_colour(int kind, double lightness);
 
 }  // namespace polypod::report

@@ -1,0 +1,111 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Workspaces as fields over regular grids: how far inside, how far the tool may tilt, and which limit stops it.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "polypod/workspace/volume.hpp"
+
+namespace polypod::workspace {
+
+/// The index of a limit that is none of the machine's `limits`: the pose has no inverse solution at all.
+inline constexpr int kOutOfReach = 64;
+
+/// Points origin + i step[0] + j step[1] + k step[2] in M, m; i fastest.
+struct Grid {
+  Vec3 origin = Vec3::Zero();
+  std::array<Vec3, 3> step{Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()};
+  std::array<int, 3> points{1, 1, 1};
+
+  [[nodiscard]] std::size_t size() const {
+    return static_cast<std::size_t>(points[0]) * static_cast<std::size_t>(points[1]) *
+           static_cast<std::size_t>(points[2]);
+  }
+  [[nodiscard]] std::size_t index(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * static_cast<std::size_t>(points[1]) + static_cast<std::size_t>(j)) *
+               static_cast<std::size_t>(points[0]) +
+           static_cast<std::size_t>(i);
+  }
+  [[nodiscard]] Vec3 at(int i, int j, int k) const { return origin + i * step[0] + j * step[1] + k * step[2]; }
+  [[nodiscard]] Vec3 at(std::size_t index) const;
+};
+
+/// A grid of cubes over the box low..high: `resolution` (8 to 512) points along its longest side, and one or two rows
+/// of points beyond each side, so that a workspace inside the box does not touch the border of the grid. Errors: WS130.
+Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution);
+
+/// A plane through the box low..high.
+struct Plane {
+  Vec3 point = Vec3::Zero();    ///< in M, m
+  Vec3 normal = Vec3::UnitZ();  ///< in M, any length but 0
+};
+/// Squares on the plane where it cuts the box, likewise. step[0] and step[1] are M's axes if the plane is parallel to
+/// two of them (y and z, x and z, x and y), otherwise step[0] is horizontal. Errors: WS130, WS132 (no normal, or the
+/// plane misses the box).
+Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int resolution);
+
+struct FieldOptions {
+  /// Directions that are tried on each circle of tilts, 6 to 360. Between them a parabola finds the least margin of
+  /// each limit, so that 24 are good to about 1e-4 of the range that a limit runs through over the circle.
+  int azimuths = 24;
+  bool tilt = true;                      ///< fills Field::tilt, tilt_limit and upright, which takes most of the time
+  double tilt_max = 1.5;                 ///< rad; the search ends there. Above 0, below pi/2.
+  std::function<void(double)> progress;  ///< share of the work, from the calling thread
+};
+
+struct Field {
+  Grid grid;
+  /// The least of all heeded limits over all required directions: >= 0 inside. In m: lengths as they are, cosines of
+  /// joint limits times the mean length of a leg, angles of an arm times the sum of its lengths; so the zero is exact
+  /// and the slope of each limit of the order of one. Continuous but where a slider changes its root, or an arm its
+  /// branch.
+  std::vector<double> margin;
+  std::vector<int> limit;  ///< which limit has it: a bit of kinematics::limit_name, or kOutOfReach
+  /// The largest tilt up to which the tool may tilt from z at every azimuth, rad; -1 where not even R = 1 is reachable.
+  std::vector<double> tilt;
+  std::vector<int> tilt_limit;  ///< the limit that stops it; -1 if none does up to tilt_max
+  std::vector<double> upright;  ///< the margin over R = 1 alone; 0 where `tilt` begins
+};
+
+/// Samples limits over a grid. Directions are sampled (with refinement between the samples): a picture, not a proof;
+/// volume() has the proof. Of `options` the directions, interference, limits, threads and cancelled count. The same
+/// numbers for any number of threads.
+/// Errors: WS100, WS102, WS110, WS130 (a grid without points or beyond 2e8, azimuths or tilt_max out of range).
+/// Cost a point: 15 us for the margin at a tilt, 0.1 ms for the largest tilt.
+Result<Field> field(const AnyMachine& machine, const Options& options, const Grid& grid,
+                    const FieldOptions& field_options = {});
+
+/// The name of a limit as a person reads it: kinematics::limit_name, or "out of reach".
+std::string limit_label(const AnyMachine& machine, int limit);
+/// The same without the number of the leg for machines of equal legs: "strut above its maximum length".
+std::string limit_kind(const AnyMachine& machine, int limit);
+
+/// A box in M, m; empty where low > high.
+struct Extent {
+  Vec3 low = Vec3::Ones(), high = -Vec3::Ones();
+  [[nodiscard]] bool empty() const { return (high.array() < low.array()).any(); }
+};
+/// A box that certainly holds what is reachable from all required directions, and with `upright_too` also what is
+/// reachable with R = 1; tight to some per cent. Empty if that is proven to be nothing. Errors: those of volume().
+/// Cost: 0.1 to 1 s.
+Result<Extent> extent(const AnyMachine& machine, const Options& options, bool upright_too);
+
+/// A closed line in a plane.
+using Loop = std::vector<Vec3>;
+
+/// A field on a plane with the border of the workspace in it.
+struct Section {
+  Plane plane;
+  Field field;
+  std::vector<Loop> border;  ///< where the margin is 0; inside lies to the left, seen against step[0] x step[1]
+  double area = 0;           ///< m^2 inside the border
+};
+/// The section of the workspace by a plane, `resolution` points along its longer side. Each vertex of the border lies
+/// on the true border (a root on an edge of the grid, to 1e-6 of the edge). Errors: those of field() and grid_on(),
+/// WS131 (nothing is reachable with R = 1 nor from the required directions). Cost: 0.1 ms a point.
+Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, int resolution,
+                        const FieldOptions& field_options = {});
+
+}  // namespace polypod::workspace

@@ -1,0 +1,135 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/pages/workspace.hpp"
+#include "workspace_options.hpp"
+
+namespace polypod::app {
+namespace {
+
+struct Options {
+  std::string machine, plane, at, point, normal, csv, svg;
+  std::vector<std::string> sets;
+  int resolution = 80;
+  WorkspaceOptions workspace;
+};
+
+Result<Vec3> three_of(const std::string& text, const char* option) {
+  POLYPOD_ASSIGN(n, numbers_of(text, option));
+  if (n.size() != 3) return fail("AP131", fmt::format("{} {}: not three numbers", option, text));
+  return Vec3(n[0], n[1], n[2]);
+}
+
+Result<workspace::Plane> plane_of(const Options& o) {
+  workspace::Plane plane;
+  if (o.plane.empty() == o.normal.empty() || (o.point.empty() != o.normal.empty())) {
+    return fail("AP131", "the plane must be given once", {},
+                "give --plane xy --at MM, or --point x,y,z --normal x,y,z");
+  }
+  if (!o.normal.empty()) {
+    if (!o.at.empty()) return fail("AP131", "--at goes with --plane, not with --normal");
+    POLYPOD_ASSIGN(point, three_of(o.point, "--point"));
+    POLYPOD_ASSIGN(normal, three_of(o.normal, "--normal"));
+    plane.point = units::from_mm(1) * point;
+    plane.normal = normal;
+    return plane;
+  }
+  const int axis = o.plane == "yz" ? 0 : o.plane == "xz" ? 1 : o.plane == "xy" ? 2 : -1;
+  if (axis < 0) return fail("AP131", fmt::format("--plane {}: not xy, xz or yz", o.plane));
+  POLYPOD_ASSIGN(at, numbers_of(o.at.empty() ? "0" : o.at, "--at"));
+  if (at.size() != 1) return fail("AP131", fmt::format("--at {}: not one number", o.at));
+  plane.normal = Vec3::Unit(axis);
+  plane.point = units::from_mm(at[0]) * plane.normal;
+  return plane;
+}
+
+}  // namespace
+
+Command section_command() {
+  auto o = std::make_shared<Options>();
+  return {"section", "Largest tilt over a plane, and the limit that stops it; the workspace's border in that plane",
+          "polypod section hexapod-strut --plane xz --at 0 --tilt 20 --svg section.svg",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--plane", o->plane, "xy, xz or yz");
+            a.option("--at", o->at, "Where that plane stands on the third axis, mm (default 0)");
+            a.option("--point", o->point, "x,y,z: a point of any other plane, mm");
+            a.option("--normal", o->normal, "x,y,z: and its normal");
+            a.option("--csv", o->csv, "A row a point: margin, largest tilt, limits");
+            a.option("--svg", o->svg, "The picture");
+            a.option("--resolution", o->resolution, "Points along the longer side, 8 to 512 (default 80)");
+            o->workspace.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(options, o->workspace.options(m, context));
+            POLYPOD_ASSIGN(plane, plane_of(*o));
+            for (const std::string* path : {&o->csv, &o->svg})
+              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            options.progress = nullptr;
+            workspace::FieldOptions field_options;
+            field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
+            POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
+            const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);
+            const std::string svg =
+                o->svg.empty() ? "" : report::standalone_svg(pages::section_picture(m, options, s), 760);
+            if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, csv));
+            if (!o->svg.empty()) POLYPOD_TRY(files::write_whole(o->svg, svg));
+
+            double most = -1;
+            Vec3 at = Vec3::Zero();
+            std::map<std::string, int> stopped;
+            int reached = 0;
+            const workspace::Field& f = s.field;
+            for (std::size_t i = 0; i < f.grid.size(); ++i) {
+              if (f.tilt[i] < 0) continue;
+              ++reached;
+              if (f.tilt_limit[i] >= 0) ++stopped[workspace::limit_kind(m, f.tilt_limit[i])];
+              if (f.tilt[i] > most) {
+                most = f.tilt[i];
+                at = f.grid.at(i);
+              }
+            }
+            std::vector<std::pair<std::string, int>> limits(stopped.begin(), stopped.end());
+            std::stable_sort(limits.begin(), limits.end(),
+                             [](const auto& a, const auto& b) { return a.second > b.second; });
+            const auto share = [&](int count) { return 100.0 * count / std::max(1, reached); };
+            const double area_mm2 = s.area * 1e6;
+            if (context.json) {
+              Json list = Json::array();
+              for (const auto& [name, count] : limits)
+                list.push_back({{"limit", name}, {"share_percent", share(count)}});
+              Json document{{"area_mm2", area_mm2}, {"points", f.grid.size()}, {"reached_points", reached}};
+              document["largest_tilt_deg"] = reached > 0 ? Json(units::to_deg(most)) : Json();
+              document["largest_tilt_at_mm"] = reached > 0 ? vector_json(at * 1e3) : Json();
+              document["stopped_by"] = list;
+              Json loops = Json::array();
+              for (const workspace::Loop& loop : s.border) {
+                Json points = Json::array();
+                for (const Vec3& p : loop) points.push_back(vector_json(p * 1e3));
+                loops.push_back(points);
+              }
+              document["border_mm"] = loops;
+              print_json(document);
+            } else {
+              fmt::print("area     {:.1f} mm2 reached from every required direction\n", area_mm2);
+              if (reached > 0) {
+                fmt::print("tilt     up to {:.1f} deg at every azimuth, at {:.1f}, {:.1f}, {:.1f} mm\n",
+                           units::to_deg(most), at.x() * 1e3, at.y() * 1e3, at.z() * 1e3);
+              }
+              for (const auto& [name, count] : limits) fmt::print("stopped  {:4.1f} %  {}\n", share(count), name);
+              for (const std::string* path : {&o->csv, &o->svg})
+                if (!path->empty()) fmt::print("wrote {}\n", *path);
+            }
+            return s.border.empty() ? kAnswerIsNo : kDone;
+          }};
+}
+
+}  // namespace polypod::app

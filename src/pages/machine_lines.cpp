@@ -1,0 +1,117 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "machine_lines.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/kinematics/slider_hexapod.hpp"
+#include "polypod/kinematics/strut_hexapod.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machine::kLegs;
+using report::Colour;
+using report::Line3;
+using report::Point3;
+
+Point3 mm(const Vec3& p) {
+  return {units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z())};
+}
+
+constexpr double kThick = 2.6, kThin = 1.5, kDot = 2.8;  // px
+
+/// The six points in the order of their angle round their middle, closed.
+Line3 ring(const machine::SixPoints& points, const char* name, Colour colour) {
+  Vec3 middle = Vec3::Zero();
+  for (const Vec3& p : points) middle += p / kLegs;
+  std::array<std::size_t, kLegs> order{};
+  std::iota(order.begin(), order.end(), 0U);
+  const auto angle = [&](std::size_t i) { return std::atan2(points[i].y() - middle.y(), points[i].x() - middle.x()); };
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return angle(a) < angle(b); });
+  Line3 line{name, {}, colour, kThin, false};
+  for (const std::size_t i : order) line.points.push_back(mm(points[i]));
+  line.points.push_back(line.points.front());
+  return line;
+}
+
+void add_legs(std::vector<Line3>& out, const machine::SixPoints& anchor, const machine::SixPoints& platform,
+              const Pose& X_MT) {
+  out.push_back(ring(platform, "platform at home", Colour::blue));
+  out.back().stroke = kThick;
+  Line3 joints{"", {}, Colour::ink, kDot, true};
+  for (int i = 0; i < kLegs; ++i) {
+    out.push_back({"legs at home", {mm(anchor[i]), mm(platform[i])}, Colour::ink, kThick, false});
+    joints.points.push_back(mm(anchor[i]));
+    joints.points.push_back(mm(platform[i]));
+  }
+  Vec3 middle = Vec3::Zero();
+  for (const Vec3& p : platform) middle += p / kLegs;
+  out.push_back({"tool", {mm(middle), mm(X_MT.p)}, Colour::vermillion, kThick, false});
+  out.push_back(std::move(joints));
+}
+
+std::vector<Line3> lines_of(const machine::StrutHexapod& m, const Vec3&) {
+  const Pose X = machine::home_pose(m);
+  machine::SixPoints platform;
+  for (int i = 0; i < kLegs; ++i) platform[i] = X * (m.platform_joint[i] - Vec3(0, 0, m.tool_length));
+  std::vector<Line3> out{ring(m.base_joint, "base", Colour::muted)};
+  add_legs(out, m.base_joint, platform, X);
+  return out;
+}
+
+std::vector<Line3> lines_of(const machine::SliderHexapod& m, const Vec3&) {
+  const Pose X = machine::home_pose(m);
+  std::array<machine::SliderRoots, kLegs> roots;
+  machine::slider_roots(m, X, roots.data());
+  machine::SixPoints anchor, platform;
+  std::vector<Line3> out;
+  for (int i = 0; i < kLegs; ++i) {
+    const bool outer_on = roots[i].outer >= 0 && roots[i].outer <= m.rail_length[i];
+    anchor[i] = m.rail_outer[i] + (outer_on ? roots[i].outer : roots[i].inner) * m.rail_direction[i];
+    platform[i] = X * (m.platform_joint[i] - Vec3(0, 0, m.tool_length));
+    out.push_back({"rails", {mm(m.rail_outer[i]), mm(m.rail_inner[i])}, Colour::muted, kThick, false});
+  }
+  add_legs(out, anchor, platform, X);
+  return out;
+}
+
+std::vector<Line3> lines_of(const machine::SerialArm& arm, const Vec3& tip) {
+  const auto solved = machine::inverse(arm, Pose{Mat3::Identity(), tip});
+  const kinematics::Solution* solution = solved.reachable();
+  std::vector<Line3> out;
+  const double size = 0.15;  // m, the cross of the base
+  for (int axis = 0; axis < 2; ++axis) {
+    const Vec3 e = size * arm.X_MB.R.col(axis);
+    out.push_back({"base", {mm(arm.X_MB.p - e), mm(arm.X_MB.p + e)}, Colour::muted, kThick, false});
+  }
+  if (solution == nullptr) return out;
+  // The origins of the frames of the table, then the tool tip.
+  Line3 links{"links, tool upright in the middle", {mm(arm.X_MB.p)}, Colour::ink, kThick, false};
+  Line3 joints{"", {mm(arm.X_MB.p)}, Colour::ink, kDot, true};
+  machine::SerialArm partial = arm;
+  partial.X_FT = Pose{};
+  for (std::size_t rows = 1; rows <= arm.dh.size(); ++rows) {
+    partial.dh.assign(arm.dh.begin(), arm.dh.begin() + static_cast<std::ptrdiff_t>(rows));
+    const Vec3 p = machine::forward(partial, machine::JointVector(solution->joints.head(partial.free_joints()))).p;
+    links.points.push_back(mm(p));
+    joints.points.push_back(mm(p));
+  }
+  const Point3 last = links.points.back();
+  const Vec3 end = machine::forward(arm, solution->joints).p;
+  out.push_back(std::move(links));
+  out.push_back({"tool", {last, mm(end)}, Colour::vermillion, kThick, false});
+  out.push_back(std::move(joints));
+  return out;
+}
+
+}  // namespace
+
+std::vector<Line3> machine_lines(const machine::AnyMachine& machine, const Vec3& tip) {
+  return std::visit([&](const auto& m) { return lines_of(m, tip); }, machine);
+}
+
+}  // namespace polypod::pages

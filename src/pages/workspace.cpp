@@ -1,0 +1,687 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/workspace.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "machine_lines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/report/csv.hpp"
+#include "polypod/report/html.hpp"
+#include "polypod/report/scene.hpp"
+#include "polypod/report/stl.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machine::AnyMachine;
+using report::fixed;
+using report::number;
+using report::Polyline;
+using report::Report;
+using report::Verdict;
+using units::to_deg;
+using units::to_mm;
+using workspace::Field;
+using workspace::Options;
+using workspace::Section;
+using workspace::Surface;
+using workspace::Volume;
+using Entries = std::vector<std::pair<std::string, std::string>>;
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+/// The kinds of limit that occur, numbered once for all pictures of a page so that each keeps its colour.
+class Kinds {
+ public:
+  Kinds(const AnyMachine& machine, const std::set<int>& limits) {
+    for (const int limit : limits) {
+      if (limit < 0) continue;
+      const std::string kind = workspace::limit_kind(machine, limit);
+      const auto at = std::find(names_.begin(), names_.end(), kind);
+      of_[limit] = static_cast<int>(at - names_.begin());
+      if (at == names_.end()) names_.push_back(kind);
+    }
+  }
+  [[nodiscard]] int of(int limit) const {
+    const auto at = of_.find(limit);
+    return at == of_.end() ? -1 : at->second;
+  }
+  [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
+
+ private:
+  std::vector<std::string> names_;
+  std::map<int, int> of_;
+};
+
+void collect(std::set<int>& limits, const Section& s) {
+  for (std::size_t i = 0; i < s.field.tilt.size(); ++i)
+    if (s.field.tilt[i] >= 0) limits.insert(s.field.tilt_limit[i]);
+}
+
+/// The tilt in deg, continued below 0 where R = 1 is out of reach, in proportion to the margin there, so that lines of
+/// equal tilt run smoothly into the border.
+std::vector<double> continued_tilt(const Field& f) {
+  std::vector<double> out(f.tilt.size());
+  const auto [nu, nv, one] = f.grid.points;
+  (void)one;
+  double steepest = 0;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = to_deg(f.tilt[i]);
+    if (f.tilt[i] > 0 && f.upright[i] > 0) steepest = std::max(steepest, out[i] / f.upright[i]);
+  }
+  if (steepest == 0) steepest = 1;
+  for (int j = 0; j < nv; ++j) {
+    for (int i = 0; i < nu; ++i) {
+      const std::size_t at = f.grid.index(i, j, 0);
+      if (f.tilt[at] >= 0) continue;
+      double sum = 0;
+      int count = 0;
+      for (int dj = -1; dj <= 1; ++dj)
+        for (int di = -1; di <= 1; ++di) {
+          if (i + di < 0 || j + dj < 0 || i + di >= nu || j + dj >= nv) continue;
+          const std::size_t near = f.grid.index(i + di, j + dj, 0);
+          if (f.tilt[near] <= 0 || !(f.upright[near] > 0)) continue;
+          sum += to_deg(f.tilt[near]) / f.upright[near];
+          ++count;
+        }
+      const double slope = count > 0 ? sum / count : steepest;
+      out[at] = std::min(-1e-6, std::max(-90.0, slope * f.upright[at]));
+    }
+  }
+  return out;
+}
+
+/// The axis of M along which a unit vector points, or -1.
+int axis_of(const Vec3& u) {
+  for (int k = 0; k < 3; ++k)
+    if (u.normalized()[k] > 1 - 1e-9) return k;
+  return -1;
+}
+
+std::string axis_name(const Vec3& u) {
+  const int axis = axis_of(u);
+  if (axis >= 0) return std::string(1, "xyz"[axis]);
+  const Vec3 n = u.normalized();
+  return fmt::format("along ({}, {}, {})", number(n.x(), 2), number(n.y(), 2), number(n.z(), 2));
+}
+
+/// A number as it was given: no digits that say nothing.
+std::string given(double value) {
+  const std::string text = fmt::format("{:.6g}", value == 0 ? 0.0 : value);
+  return text[0] == '-' ? "−" + text.substr(1) : text;
+}
+
+std::string directions_of(const Options& options) {
+  const auto& d = options.directions;
+  if (!d.is_ranges()) {
+    return d.tilt > 0 ? fmt::format("with every tilt up to {} deg", given(to_deg(d.tilt)))
+                      : std::string("with the tool upright (R = 1)");
+  }
+  std::string out = "with every";
+  const char* join = " ";
+  for (const auto& [range, name] : {std::pair{d.a_range, "A"}, std::pair{d.b_range, "B"}}) {
+    if (!range) continue;
+    out += fmt::format("{}{} from {} to {} deg", join, name, given(to_deg((*range)[0])), given(to_deg((*range)[1])));
+    join = " and ";
+  }
+  return out;
+}
+
+report::HeatMap section_map(const Options& options, const Section& s, const Kinds& kinds) {
+  const Field& f = s.field;
+  report::HeatMap map;
+  const Vec3 u = f.grid.step[0].normalized(), v = f.grid.step[1].normalized();
+  const auto at = [&](const Vec3& p) { return report::Point{to_mm(u.dot(p)), to_mm(v.dot(p))}; };
+  // Only what is reached, and two points beyond it.
+  int low[2] = {f.grid.points[0], f.grid.points[1]}, high[2] = {0, 0};
+  for (int j = 0; j < f.grid.points[1]; ++j) {
+    for (int i = 0; i < f.grid.points[0]; ++i) {
+      const std::size_t k = f.grid.index(i, j, 0);
+      if (f.tilt[k] < 0 && f.margin[k] < 0) continue;
+      low[0] = std::min(low[0], i);
+      low[1] = std::min(low[1], j);
+      high[0] = std::max(high[0], i);
+      high[1] = std::max(high[1], j);
+    }
+  }
+  constexpr int kAround = 2;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const int most = f.grid.points[k] - 1;
+    if (low[k] > high[k]) {  // nothing at all: the whole grid
+      low[k] = 0;
+      high[k] = most;
+    }
+    low[k] = std::max(0, low[k] - kAround);
+    high[k] = std::min(most, high[k] + kAround);
+  }
+  const report::Point first = at(f.grid.at(low[0], low[1], 0)), last = at(f.grid.at(high[0], high[1], 0));
+  map.title = "Largest tilt at every azimuth over a section";
+  map.x = {axis_name(u), "mm", first.x, last.x, false};
+  map.y = {axis_name(v), "mm", first.y, last.y, false};
+  map.columns = high[0] - low[0] + 1;
+  map.rows = high[1] - low[1] + 1;
+  const std::vector<double> tilt = continued_tilt(f);
+  for (int j = low[1]; j <= high[1]; ++j) {
+    for (int i = low[0]; i <= high[0]; ++i) {
+      const std::size_t k = f.grid.index(i, j, 0);
+      map.values.push_back(tilt[k]);
+      map.kind.push_back(kinds.of(f.tilt_limit[k]));
+    }
+  }
+  map.kinds = kinds.names();
+  map.label = "tilt";
+  map.unit = "deg";
+  map.min = 0;
+  map.blank_below = true;
+  map.levels = 9;
+  const bool upright_only = !options.directions.is_ranges() && options.directions.tilt == 0;
+  for (const workspace::Loop& loop : s.border) {
+    Polyline line;
+    for (const Vec3& p : loop) line.points.push_back(at(p));
+    if (!line.points.empty()) line.points.push_back(line.points.front());
+    line.colour = report::Colour::ink;
+    line.stroke = upright_only ? 1.2 : 2.4;
+    map.lines.push_back(std::move(line));
+  }
+  return map;
+}
+
+std::string plane_title(const Section& s) {
+  const int axis = axis_of(s.plane.normal.normalized());
+  if (axis >= 0) return fmt::format("{} = {} mm", "xyz"[axis], fixed(to_mm(s.plane.point[axis]), 1));
+  return "slanted plane";
+}
+
+double largest_tilt(const Section& s) {
+  double most = -1;
+  for (const double t : s.field.tilt) most = std::max(most, t);
+  return most;
+}
+
+Vec3 centroid(const Surface& s) {
+  Vec3 sum = Vec3::Zero();
+  double six = 0;
+  for (const auto& t : s.triangles) {
+    const auto p = [&](std::size_t k) { return s.points[static_cast<std::size_t>(t[k])]; };
+    const double v = p(0).dot(p(1).cross(p(2)));
+    sum += v / 4 * (p(0) + p(1) + p(2));
+    six += v;
+  }
+  return six != 0 ? Vec3(sum / six) : Vec3::Zero();
+}
+
+report::Scene scene_of(const AnyMachine& machine, const Surface& s, const Kinds& kinds, const Vec3& tip) {
+  report::Scene scene;
+  scene.title = "The workspace and the machine at home, in space";
+  report::Mesh mesh;
+  for (const Vec3& p : s.points) mesh.points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
+  mesh.triangles = s.triangles;
+  for (const int limit : s.limit) mesh.kind.push_back(kinds.of(limit));
+  scene.meshes.push_back(std::move(mesh));
+  scene.kinds = kinds.names();
+  scene.lines = machine_lines(machine, tip);
+  return scene;
+}
+
+/// Shares of the area by kind.
+std::vector<double> area_by_kind(const Surface& s, const Kinds& kinds) {
+  std::vector<double> out(kinds.names().size(), 0.0);
+  double total = 0;
+  for (const auto& t : s.triangles) {
+    const auto p = [&](std::size_t k) { return s.points[static_cast<std::size_t>(t[k])]; };
+    const double area = (p(1) - p(0)).cross(p(2) - p(0)).norm();
+    total += area;
+    for (const int v : t) {
+      const int kind = kinds.of(s.limit[static_cast<std::size_t>(v)]);
+      if (kind >= 0) out[static_cast<std::size_t>(kind)] += area / 3;
+    }
+  }
+  for (double& share : out) share /= total > 0 ? total : 1;
+  return out;
+}
+
+/// A unit of volume in which that of a machine is a short number.
+struct VolumeUnit {
+  double per_m3 = 1e9;
+  const char* name = "mm³";
+
+  explicit VolumeUnit(double largest) {
+    if (largest >= 0.1) {
+      per_m3 = 1;
+      name = "m³";
+    } else if (largest >= 1e-3) {
+      per_m3 = 1e6;
+      name = "cm³";
+    }
+  }
+  [[nodiscard]] std::string text(double volume) const {
+    return per_m3 == 1 ? fixed(volume, 3) : fixed(volume * per_m3, 0);
+  }
+  [[nodiscard]] std::string range(const Volume& v) const {
+    return fmt::format("{}\u00a0…\u00a0{}", text(v.lower), text(v.upper));
+  }
+};
+
+class Page {
+ public:
+  Page(const AnyMachine& machine, const Options& options, const Volume& volume, const WorkspacePageOptions& page)
+      : machine_(machine),
+        options_(options),
+        volume_(volume),
+        page_(page),
+        report_(fmt::format("Workspace of {}", machine::name_of(machine)),
+                fmt::format("Which points the tool tip reaches {}, and what stops it beyond", directions_of(options)),
+                facts()) {
+    options_.progress = nullptr;
+    options_.keep_cells = false;
+  }
+
+  Result<std::string> html() {
+    if (volume_.empty) {
+      report_.add_section("What is reached");
+      report_.add_verdict(Verdict::bad,
+                          fmt::format("No point is reachable {}. This is proven.", directions_of(options_)));
+      POLYPOD_TRY(volume_against_tilt());
+      inputs();
+      return report_.to_html();
+    }
+    POLYPOD_TRY(measure());
+    answer();
+    pictures();
+    POLYPOD_TRY(volume_against_tilt());
+    POLYPOD_TRY(limits());
+    inputs();
+    return report_.to_html();
+  }
+
+ private:
+  [[nodiscard]] Entries facts() const {
+    Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
+                {"family", machine::family_of(machine_)},
+                {"tool directions", directions_of(options_)}};
+    for (const std::string& set : page_.sets) out.emplace_back("changed", set);
+    if (!page_.version.empty()) out.emplace_back("made with", "Polypod " + page_.version);
+    return out;
+  }
+
+  [[nodiscard]] std::function<void(double)> stage(const char* what) const {
+    return [this, what](double share) {
+      if (page_.progress) page_.progress(what, share);
+    };
+  }
+
+  Status measure() {
+    workspace::SurfaceOptions surface_options;
+    constexpr int kInSpace = 34;  // finer triangles than these a picture does not show
+    surface_options.resolution = std::min(page_.resolution, kInSpace);
+    surface_options.progress = stage("surface");
+    POLYPOD_ASSIGN(found, workspace::surface(machine_, options_, surface_options));
+    surface_ = std::move(found);
+    middle_ = centroid(surface_);
+    workspace::FieldOptions field_options;
+    field_options.progress = stage("sections");
+    std::set<int> seen(surface_.limit.begin(), surface_.limit.end());
+    for (const int axis : {2, 1, 0}) {
+      POLYPOD_ASSIGN(
+          s, workspace::section(machine_, options_, {middle_, Vec3::Unit(axis)}, page_.resolution, field_options));
+      collect(seen, s);
+      largest_ = std::max(largest_, largest_tilt(s));
+      sections_.push_back(std::move(s));
+    }
+    kinds_ = Kinds(machine_, seen);
+    return {};
+  }
+
+  void answer() {
+    report_.add_section("What is reached");
+    report_.add_verdict(
+        Verdict::neutral,
+        fmt::format("{}, every point of {} {} is reached: certainly between {} and {} {}.{}", capital(),
+                    unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
+                    unit_.name,
+                    volume_.converged ? "" : " The bounds did not come within the tolerance that was asked for."));
+    std::vector<report::KeyFigure> figures{
+        {unit_.text(volume_.volume), unit_.name,
+         fmt::format("volume, ± {} % proven",
+                     number(50 * (volume_.upper - volume_.lower) / std::max(volume_.volume, 1e-30), 2)),
+         Verdict::neutral},
+        {fixed(to_deg(largest_), 1), "deg", "largest tilt at every azimuth in the three sections", Verdict::neutral}};
+    const std::vector<double> shares = area_by_kind(surface_, kinds_);
+    if (!shares.empty()) {
+      const auto most = std::max_element(shares.begin(), shares.end());
+      figures.push_back({fixed(100 * *most, 0), "%",
+                         "of the border: " + kinds_.names()[static_cast<std::size_t>(most - shares.begin())],
+                         Verdict::neutral});
+    }
+    report_.add_key_figures(figures);
+    report_.add_definitions({{"certainly within x", range(0)}, {"y", range(1)}, {"z", range(2)}});
+  }
+
+  void pictures() {
+    report_.add_section("In space");
+    const report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
+    report_.add_figure(scene,
+                       "The border of the workspace, coloured by the limit that makes it, and the machine. The box of "
+                       "axes is in the machine's reference frame.");
+    report_.add_section("Sections");
+    report_.add_text(fmt::format(
+        "Three planes through the middle of the workspace. The deeper the colour, the farther the tool may tilt from z "
+        "at every azimuth before a limit stops it; the colour says which limit that is. {}",
+        options_.directions.is_ranges() || options_.directions.tilt > 0
+            ? fmt::format("The black line encloses what is reached {}.", directions_of(options_))
+            : "At the border only the upright tool is left."));
+    std::vector<std::pair<std::string, report::Figure>> panels;
+    for (const Section& s : sections_)
+      panels.emplace_back(fmt::format("{}: {} mm²", plane_title(s), fixed(s.area * 1e6, 0)),
+                          section_map(options_, s, kinds_));
+    report::Scene other = scene;
+    other.azimuth_deg += 180;
+    other.elevation_deg = -12;
+    other.max_aspect = 0.95;
+    panels.emplace_back("from behind and below", other);
+    report_.add_figure_grid(2, panels,
+                            "Areas are those inside the black line. The largest tilt is sampled at 24 azimuths with "
+                            "refinement between them; the volume above is proven.");
+  }
+
+  /// A proven volume with few boxes.
+  [[nodiscard]] Result<Volume> quick(Options options) const {
+    options.relative_tolerance = std::max(options.relative_tolerance, 0.02);
+    constexpr std::int64_t kCells = 30'000;
+    options.max_cells = kCells;
+    return workspace::volume(machine_, options);
+  }
+  /// Over many directions at once the proof for an arm takes minutes: sampled volumes stand in for it.
+  [[nodiscard]] bool proves(const workspace::Directions& directions) const {
+    return !std::holds_alternative<machine::SerialArm>(machine_) || (!directions.is_ranges() && directions.tilt == 0);
+  }
+
+  /// A coarse grid over what the upright tool reaches, for sampled volumes.
+  [[nodiscard]] Result<Field> sampled(const Options& options, bool tilt,
+                                      const std::function<void(double)>& progress) const {
+    Options upright = options;
+    upright.directions = {};
+    POLYPOD_ASSIGN(box, workspace::extent(machine_, tilt ? upright : options, false));
+    if (box.empty()) return Field{};
+    constexpr int kCoarse = 26;
+    POLYPOD_ASSIGN(grid, workspace::grid_over(box.low, box.high, kCoarse));
+    workspace::FieldOptions field_options;
+    field_options.tilt = tilt;
+    field_options.progress = progress;
+    return workspace::field(machine_, tilt ? upright : options, grid, field_options);
+  }
+  static double cell_of(const Field& f) {
+    return f.grid.step[0].norm() * f.grid.step[1].norm() * f.grid.step[2].norm();
+  }
+
+  Status volume_against_tilt() {
+    const auto progress = stage("volume against tilt");
+    POLYPOD_ASSIGN(field, sampled(options_, true, [&](double share) { progress(0.5 * share); }));
+    double most = 0;
+    for (const double t : field.tilt) most = std::max(most, t);
+    report::LinePlot plot;
+    plot.title = "Volume against tilt";
+    plot.x = {"tilt in every direction", "deg", 0, {}, false};
+    plot.y = {"volume", unit_.name, {}, {}, true};
+    report::Series curve{"sampled on a grid", {}, {}, report::Colour::blue, report::LineStyle::solid, 2};
+    constexpr int kPoints = 80;
+    for (int k = 0; k <= kPoints && most > 0; ++k) {
+      const double at = most * k / kPoints;
+      const auto count = std::count_if(field.tilt.begin(), field.tilt.end(), [&](double t) { return t >= at; });
+      curve.x.push_back(to_deg(at));
+      curve.y.push_back(unit_.per_m3 * static_cast<double>(count) * cell_of(field));
+    }
+    plot.series.push_back(curve);
+    report::Table table;
+    table.columns = {
+        {"tilt", "deg", 0}, {"volume", unit_.name}, {"proven bounds", unit_.name}, {"of the upright one", "%", 1}};
+    report::Series proven{"proven, between bounds", {}, {}, report::Colour::vermillion, report::LineStyle::points, 3.5};
+    double first = 0;
+    const auto add = [&](double tilt, const Volume& v) {
+      proven.x.push_back(to_deg(tilt));
+      proven.y.push_back(unit_.per_m3 * v.volume);
+      report::Series bar{"",
+                         {to_deg(tilt), to_deg(tilt)},
+                         {unit_.per_m3 * v.lower, unit_.per_m3 * v.upper},
+                         report::Colour::vermillion,
+                         report::LineStyle::solid,
+                         1.5};
+      plot.series.push_back(bar);
+      if (tilt == 0) first = v.volume;
+      table.rows.push_back({to_deg(tilt), unit_.text(v.volume), v.empty ? "0, proven" : unit_.range(v),
+                            first > 0 ? 100 * v.volume / first : 0.0});
+    };
+    constexpr int kSteps = 6;
+    const double step =
+        std::max(1.0, std::ceil(to_deg(most) / (kSteps - 1)));  // the last one is at or above the largest
+    const auto& asked = options_.directions;
+    bool shown = asked.is_ranges();
+    for (int k = 0; k < kSteps; ++k) {
+      Options at = options_;
+      at.directions = {};
+      at.directions.tilt = units::from_deg(std::min(k * step, 89.0));
+      if (!shown && asked.tilt <= at.directions.tilt) {
+        add(asked.tilt, volume_);
+        shown = true;
+        if (asked.tilt == at.directions.tilt) continue;
+      }
+      if (!proves(at.directions)) continue;
+      POLYPOD_ASSIGN(v, quick(at));
+      progress(0.5 + 0.5 * (k + 1.0) / kSteps);
+      add(at.directions.tilt, v);
+      if (v.empty) break;
+    }
+    if (!shown) add(asked.tilt, volume_);
+    plot.series.push_back(proven);
+    if (!asked.is_ranges() && asked.tilt > 0) {
+      plot.x_levels.push_back({"asked for", to_deg(asked.tilt), report::Colour::muted});
+    }
+    report_.add_section("Volume against tilt");
+    report_.add_figure(plot,
+                       "The volume that is reached with every tilt up to the one below, at every azimuth: sampled on a "
+                       "coarse grid as a line; as points where it was proven, each with its bounds.");
+    report_.add_table(table);
+    return {};
+  }
+
+  /// Whether a volume without this limit means anything: without the ends of struts and rails a hexapod has no reach.
+  [[nodiscard]] bool may_go(int limit) const {
+    if (limit == workspace::kOutOfReach) return false;
+    return std::holds_alternative<machine::SerialArm>(machine_) || limit >= 12;
+  }
+
+  Status limits() {
+    const std::vector<double> shares = area_by_kind(surface_, kinds_);
+    const auto progress = stage("limits");
+    report::Table table;
+    table.caption = "Limits by their share of the area of the border, as in the picture in space";
+    table.columns = {{"limit", ""}, {"share of the border", "%", 1}, {"volume without it", unit_.name}, {"gain", "%"}};
+    std::vector<std::size_t> order;
+    for (std::size_t k = 0; k < shares.size(); ++k)
+      if (shares[k] > 0) order.push_back(k);
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
+    std::size_t done = 0;
+    for (const std::size_t k : order) {
+      LimitBits bits = 0;
+      for (int i = 0; i < 64; ++i) {
+        if (kinds_of_bits_.empty()) break;
+        if (kinds_of_bits_[static_cast<std::size_t>(i)] == kinds_.names()[k] && may_go(i)) bits |= LimitBits{1} << i;
+      }
+      std::vector<report::Cell> row{kinds_.names()[k], 100 * shares[k]};
+      if (bits != 0) {
+        Options without = options_;
+        without.limits &= ~bits;
+        if (proves(options_.directions)) {
+          POLYPOD_ASSIGN(v, quick(without));
+          row.emplace_back(unit_.range(v));
+          // Both volumes are enclosed, so the gain is too.
+          const double low = 100 * (v.lower / std::max(volume_.upper, 1e-30) - 1);
+          const double high = 100 * (v.upper / std::max(volume_.lower, 1e-30) - 1);
+          row.emplace_back(fmt::format("{}\u00a0…\u00a0{}", fixed(std::max(0.0, low), 1), fixed(high, 1)));
+        } else {
+          POLYPOD_ASSIGN(with, sampled(without, false, {}));
+          const auto count = std::count_if(with.margin.begin(), with.margin.end(), [](double m) { return m >= 0; });
+          const double reached = static_cast<double>(count) * cell_of(with);
+          row.emplace_back("about " + unit_.text(reached));
+          row.emplace_back("about " + fixed(std::max(0.0, 100 * (reached / volume_.volume - 1)), 0));
+        }
+      } else {
+        row.emplace_back("–");
+        row.emplace_back("–");
+      }
+      table.rows.push_back(std::move(row));
+      progress(static_cast<double>(++done) / static_cast<double>(order.size()));
+    }
+    report_.add_section("Which limit cuts how much");
+    report_.add_table(table);
+    report_.add_text(
+        fmt::format("{} Limits that make the machine's reach, such as the lengths of its legs, have none.",
+                    proves(options_.directions)
+                        ? "The volume without a limit is proven, with few boxes: the gain lies between the two numbers."
+                        : "The volume without a limit is sampled on a coarse grid, good to some per cent."));
+    return {};
+  }
+
+  void inputs() {
+    report_.add_section("Inputs");
+    Entries entries{{"tool directions", directions_of(options_)},
+                    {"tolerance of the volume", given(100 * options_.relative_tolerance) + " %"},
+                    {"boxes examined", fixed(static_cast<double>(volume_.points), 0)},
+                    {"leg against leg", options_.interference ? "heeded" : "not heeded"},
+                    {"points a side of a section", fixed(page_.resolution, 0)}};
+    const LimitBits off = ~options_.limits;
+    std::set<std::string> off_kinds;
+    for (int i = 0; i < 64; ++i)
+      if ((off >> i & 1U) != 0 && !kinds_of_bits_[static_cast<std::size_t>(i)].empty())
+        off_kinds.insert(kinds_of_bits_[static_cast<std::size_t>(i)]);
+    for (const std::string& kind : off_kinds) entries.emplace_back("switched off", kind);
+    report_.add_definitions(entries);
+    report_.add_heading("Machine");
+    if (const std::string about = machine::description_of(machine_); !about.empty()) report_.add_text(about);
+    Entries settings;
+    for (const machine::Parameter& p : machine::settings(machine_)) {
+      const double shown = p.unit == "mm" ? to_mm(p.value) : p.unit == "deg" ? to_deg(p.value) : p.value;
+      settings.emplace_back(p.key, fmt::format("{:.6g} {}", shown, p.unit));
+    }
+    report_.add_definitions(settings);
+    Entries sources;
+    for (const auto& [key, source] : machine::provenance_of(machine_)) sources.emplace_back(key, source);
+    if (!sources.empty()) {
+      report_.add_heading("Where the numbers come from");
+      report_.add_definitions(sources);
+    }
+    report_.add_code("The machine's file", machine::to_toml(machine_));
+  }
+
+  [[nodiscard]] std::string capital() const {
+    std::string text = directions_of(options_);
+    text[0] = 'W';
+    return text;
+  }
+  [[nodiscard]] std::string range(int axis) const {
+    return fmt::format("{} … {} mm", fixed(to_mm(volume_.min[axis]), 1), fixed(to_mm(volume_.max[axis]), 1));
+  }
+
+  const AnyMachine& machine_;
+  Options options_;
+  const Volume& volume_;
+  const WorkspacePageOptions& page_;
+  Report report_;
+  Surface surface_;
+  Vec3 middle_ = Vec3::Zero();
+  std::vector<Section> sections_;
+  double largest_ = -1;
+  VolumeUnit unit_{volume_.volume};
+  Kinds kinds_{machine_, {}};
+  std::array<std::string, 64> kinds_of_bits_ = names_of_bits(machine_);
+
+  using LimitBits = workspace::LimitBits;
+  static std::array<std::string, 64> names_of_bits(const AnyMachine& machine) {
+    std::array<std::string, 64> out;
+    const int count = std::visit(
+        []<class M>(const M& m) {
+          if constexpr (std::is_same_v<M, machine::SerialArm>) return 2 * m.free_joints();
+          return std::is_same_v<M, machine::StrutHexapod> ? 39 : 45;
+        },
+        machine);
+    for (int i = 0; i < count; ++i) out[static_cast<std::size_t>(i)] = workspace::limit_kind(machine, i);
+    return out;
+  }
+};
+
+}  // namespace
+
+report::Figure section_picture(const AnyMachine& machine, const Options& options, const Section& section) {
+  std::set<int> seen;
+  collect(seen, section);
+  return section_map(options, section, Kinds(machine, seen));
+}
+
+std::string section_csv(const AnyMachine& machine, const Section& section) {
+  report::Csv csv({"x_mm", "y_mm", "z_mm", "margin_mm", "limit", "tilt_deg", "tilt_limit"});
+  const Field& f = section.field;
+  for (std::size_t i = 0; i < f.grid.size(); ++i) {
+    const Vec3 p = f.grid.at(i);
+    const auto name = [&](int limit) { return limit < 0 ? std::string() : workspace::limit_label(machine, limit); };
+    std::vector<report::Csv::Field> row{to_mm(p.x()), to_mm(p.y()), to_mm(p.z()), to_mm(f.margin[i]), name(f.limit[i])};
+    if (!f.tilt.empty()) {
+      row.emplace_back(f.tilt[i] < 0 ? kNone : to_deg(f.tilt[i]));
+      row.emplace_back(name(f.tilt_limit[i]));
+    }
+    csv.add(row);
+  }
+  return csv.text();
+}
+
+Result<report::VtkImage> field_image(const Field& f) {
+  report::VtkImage image;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3& step = f.grid.step[k];
+    const double along = step[static_cast<Eigen::Index>(k)];
+    if (!(along > 0) || step.norm() > along * (1 + 1e-12)) {
+      return fail("RE101", "the grid of the field is not parallel to the axes, which a .vti file needs");
+    }
+    image.points[k] = f.grid.points[k];
+    image.origin[k] = to_mm(f.grid.origin[static_cast<Eigen::Index>(k)]);
+    image.spacing[k] = to_mm(along);
+  }
+  const auto numbers = [](const std::vector<int>& v) { return std::vector<double>(v.begin(), v.end()); };
+  report::VtkArray margin{"margin_mm", 1, {}};
+  for (const double m : f.margin) margin.values.push_back(to_mm(m));
+  image.arrays = {margin, {"limit", 1, numbers(f.limit)}};
+  if (!f.tilt.empty()) {
+    report::VtkArray tilt{"tilt_deg", 1, {}};
+    for (const double t : f.tilt) tilt.values.push_back(t < 0 ? kNone : to_deg(t));
+    image.arrays.push_back(tilt);
+    image.arrays.push_back({"tilt_limit", 1, numbers(f.tilt_limit)});
+  }
+  return image;
+}
+
+report::VtkPolyData surface_data(const Surface& s) {
+  report::VtkPolyData data;
+  for (const Vec3& p : s.points) data.points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
+  for (const auto& t : s.triangles) data.polygons.push_back({t[0], t[1], t[2]});
+  data.arrays = {{"limit", 1, std::vector<double>(s.limit.begin(), s.limit.end())}};
+  return data;
+}
+
+Result<std::string> surface_stl(const Surface& s) {
+  std::vector<std::array<double, 3>> points;
+  for (const Vec3& p : s.points) points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
+  return report::to_stl(points, s.triangles);
+}
+
+Result<std::string> workspace_page(const AnyMachine& machine, const Options& options, const Volume& volume,
+                                   const WorkspacePageOptions& page) {
+  return Page(machine, options, volume, page).html();
+}
+
+}  // namespace polypod::pages

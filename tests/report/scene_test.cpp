@@ -1,0 +1,124 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Surfaces: what a reader of STL finds, and what hides what in a picture in space.
+#include "polypod/report/scene.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+
+#include "polypod/report/stl.hpp"
+
+namespace polypod::report {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+const std::vector<std::array<double, 3>> kCorners{{0, 0, 0}, {2, 0, 0}, {0, 3, 0}, {0, 0, 4}};
+const std::vector<std::array<int, 3>> kFaces{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+
+TEST(Stl, HoldsTheTrianglesWithTheirNormals) {
+  const auto bytes = to_stl(kCorners, kFaces);
+  ASSERT_TRUE(bytes);
+  ASSERT_EQ(bytes->size(), 84U + 4 * 50);
+  EXPECT_NE(bytes->substr(0, 5), "solid") << "that would announce the text format";
+  std::uint32_t count = 0;
+  std::memcpy(&count, bytes->data() + 80, 4);
+  EXPECT_EQ(count, 4U);
+  double six = 0;
+  for (std::size_t t = 0; t < 4; ++t) {
+    float f[12];
+    std::memcpy(f, bytes->data() + 84 + 50 * t, sizeof f);
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(f[3 + 3 * k + i], kCorners[kFaces[t][k]][i]);
+    const double n = std::sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+    EXPECT_NEAR(n, 1, 1e-6);
+    // The normal stands on both sides of the triangle.
+    for (std::size_t k = 1; k < 3; ++k) {
+      double along = 0;
+      for (std::size_t i = 0; i < 3; ++i) along += f[i] * (f[3 + 3 * k + i] - f[3 + i]);
+      EXPECT_NEAR(along, 0, 1e-6);
+    }
+    six += f[3] * (f[7] * f[11] - f[8] * f[10]) + f[4] * (f[8] * f[9] - f[6] * f[11]) +
+           f[5] * (f[6] * f[10] - f[7] * f[9]);
+  }
+  EXPECT_NEAR(six, 2 * 3 * 4, 1e-6) << "outward: the volume is positive";
+}
+
+TEST(Stl, RefusesWhatIsNoSurface) {
+  EXPECT_EQ(to_stl(kCorners, {{0, 1, 4}}).error().id, "RE103");
+  EXPECT_EQ(to_stl({{0, 0, 0}, {1, 0, std::numeric_limits<double>::quiet_NaN()}, {0, 1, 0}}, {{0, 1, 2}}).error().id,
+            "RE103");
+  EXPECT_EQ(to_stl({}, {})->size(), 84U);
+}
+
+/// A square at height z.
+Mesh square(double z, int kind) {
+  return {{{0, 0, z}, {1, 0, z}, {1, 1, z}, {0, 1, z}}, {{0, 1, 2}, {0, 2, 3}}, {kind, kind, kind, kind}, 1};
+}
+
+TEST(Scene, NearerIsDrawnLater) {
+  Scene scene;
+  scene.elevation_deg = 60;
+  scene.kinds = {"lower", "upper", "absent"};
+  scene.meshes = {square(1, 1), square(0, 0)};
+  scene.lines = {{"pole", {{0.5, 0.5, -1}, {0.5, 0.5, -0.5}}, Colour::ink, 2, false}};
+  const std::string above = scene(Canvas{});
+  EXPECT_THAT(above, HasSubstr(">lower<"));
+  EXPECT_THAT(above, HasSubstr(">pole<"));
+  EXPECT_THAT(above, Not(HasSubstr("absent")));
+  const auto first_of = [](const std::string& svg, int kind) {
+    // Hue by hue: every shade of a kind is tried.
+    std::size_t at = std::string::npos;
+    for (int k = 0; k <= 40; ++k) {
+      const std::string fill = "Z\" fill=\"" + kind_colour(kind, k / 40.0) + "\"";
+      at = std::min(at, svg.find(fill));
+    }
+    return at;
+  };
+  ASSERT_NE(first_of(above, 0), std::string::npos);
+  EXPECT_LT(first_of(above, 0), first_of(above, 1));
+  scene.elevation_deg = -60;
+  const std::string below = scene(Canvas{});
+  EXPECT_GT(first_of(below, 0), first_of(below, 1));
+}
+
+TEST(Scene, BearsAnything) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  Scene scene;
+  EXPECT_THAT(scene(Canvas{}), HasSubstr("<svg"));
+  scene.meshes = {{{{0, 0, 0}, {1, 0, kNaN}, {1, 1, 1}}, {{0, 1, 2}, {0, 2, 7}, {0, -1, 2}}, {}, 1}};
+  scene.lines = {{"a & b", {{kNaN, 0, 0}, {1, 1, 1}}, Colour::blue, 1, true}};
+  for (const double elevation : {-90.0, 0.0, 90.0}) {
+    scene.elevation_deg = elevation;
+    const std::string svg = scene(Canvas{300, "q"});
+    EXPECT_THAT(svg, HasSubstr("a &amp; b"));
+    EXPECT_THAT(svg, Not(HasSubstr("nan")));
+    EXPECT_THAT(svg, Not(HasSubstr("inf")));
+  }
+}
+
+TEST(HeatMap, KindsColourAndBlankIsBlank) {
+  HeatMap map;
+  map.columns = 3;
+  map.rows = 2;
+  map.values = {-5, 1, 2, -5, 1, 2};
+  map.kind = {-1, 0, 1, -1, 0, 1};
+  map.kinds = {"first", "second", "absent"};
+  map.min = 0;
+  map.blank_below = true;
+  const std::string svg = map(Canvas{});
+  EXPECT_THAT(svg, HasSubstr(">first<"));
+  EXPECT_THAT(svg, HasSubstr(">second<"));
+  EXPECT_THAT(svg, Not(HasSubstr("absent")));
+  HeatMap empty = map;
+  empty.values.assign(6, -1);
+  const std::string blank = empty(Canvas{});
+  EXPECT_THAT(blank, Not(HasSubstr(">first<")));
+  EXPECT_THAT(blank, Not(HasSubstr("Z\" fill=\"#"))) << "nothing is filled";
+}
+
+}  // namespace
+}  // namespace polypod::report
