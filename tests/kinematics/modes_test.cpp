@@ -195,13 +195,23 @@ TEST(StartPlatform, IsOneOrbitOfClosedWays) {
   EXPECT_EQ(std::count(seen.begin(), seen.end(), true), 40);
 }
 
-TEST(Certify, RefusesWhatIsNoZero) {
+TEST(Certify, RefusesWhatIsNoZeroAndElseReachesTheZero) {
   const LegsT<Interval> legs = exactly(leg_homotopy::start_legs());
-  for (Point p : leg_homotopy::start_points()) {
-    p.z[p.chart == 0 ? 1 : 0].re += 0.02;
-    const auto radius = leg_homotopy::certify(legs, p);
-    EXPECT_TRUE(!radius || *radius > 0.01);  // or the ball reaches back to the zero
+  int reached = 0;
+  for (const Point& zero : leg_homotopy::start_points()) {
+    const int moved = zero.chart == 0 ? 1 : 0;
+    for (const double off : {1e-8, 1e-6, 1e-4, 1e-2, 0.1}) {
+      Point p = zero;
+      p.z[moved].re += off;
+      const auto radius = leg_homotopy::certify(legs, p);
+      EXPECT_FALSE(radius && off > 1e-3);
+      if (!radius) continue;
+      ++reached;
+      EXPECT_GE(*radius, off);
+    }
+    EXPECT_FALSE(leg_homotopy::surely_different(zero, 1e-12, zero, 1e-12));
   }
+  EXPECT_GE(reached, 40);
 }
 
 TEST(Certify, HoldsForEveryPlatformInItsIntervals) {
