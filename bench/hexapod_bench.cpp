@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "polypod/kinematics/hexapod_modes.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
 #include "polypod/machine/any_machine.hpp"
@@ -75,5 +76,34 @@ void strut_forward(benchmark::State& state) {
   state.counters["steps"] = steps;
 }
 BENCHMARK(strut_forward);
+
+/// Every assembly mode of general platforms (flat: joints of each platform in a plane), proven.
+void all_modes(benchmark::State& state) {
+  std::vector<machine::SixLegs> platforms(16);
+  std::uint32_t random = 1;
+  const auto number = [&] {
+    random = 1664525U * random + 1013904223U;
+    return static_cast<double>(random >> 8U) / 8388608.0 - 1;
+  };
+  const double flat = static_cast<double>(state.range(0));
+  for (machine::SixLegs& legs : platforms) {
+    const Pose X = pose_at(static_cast<int>(random % 64), 0.5);
+    for (int i = 0; i < machine::kLegs; ++i) {
+      const double ax = number(), ay = number(), az = number(), bx = number(), by = number(), bz = number();
+      legs.anchor[i] = 0.08 * Vec3(ax, ay, flat * az);
+      legs.end[i] = 0.05 * Vec3(bx, by, flat * bz);
+      legs.length[i] = (X * legs.end[i] - legs.anchor[i]).norm();
+    }
+  }
+  std::size_t k = 0;
+  int proven = 0;
+  for (auto _ : state) {
+    const machine::AssemblyModes modes = machine::assembly_modes(platforms[k++ % platforms.size()]);
+    proven += modes.complete() ? 1 : 0;
+    benchmark::DoNotOptimize(modes.poses.data());
+  }
+  state.counters["proven"] = benchmark::Counter(proven, benchmark::Counter::kAvgIterations);
+}
+BENCHMARK(all_modes)->Arg(1)->Arg(0)->ArgName("in_space")->Unit(benchmark::kMillisecond)->UseRealTime();
 
 }  // namespace

@@ -50,6 +50,38 @@ Json joint_ranges_json(const machine::AnyMachine& m) {
   return out;
 }
 
+int print_modes(const Context& context, const machine::AnyMachine& m, const machine::JointVector& q,
+                const machine::AssemblyModes& modes) {
+  const std::string text = machine::description_of(modes);
+  Json poses = Json::array();
+  for (std::size_t i = 0; i < modes.poses.size(); ++i) {
+    poses.push_back({{"pose", pose_for_user(m, modes.poses[i])},
+                     {"residual", modes.residuals[i]},
+                     {"violations", kinematics::limit_names(m, kinematics::violations(m, modes.poses[i], q))}});
+  }
+  if (context.json) {
+    print_json({{"poses", poses},
+                {"complete", modes.complete()},
+                {"found", modes.poses.size()},
+                {"statement", text},
+                {"method", "parameter homotopy in dual quaternions, each end proven by interval arithmetic"},
+                {"complex_proven", modes.zeros},
+                {"complex_at_infinity", modes.zeros_at_infinity},
+                {"paths_unproven", modes.singular_ends},
+                {"passes", modes.passes},
+                {"newton_starts", modes.starts},
+                {"moves", modes.moves()}});
+  } else {
+    fmt::print("{}\n", text);
+    for (const Json& p : poses) {
+      const auto broken = p["violations"].get<std::vector<std::string>>();
+      fmt::print("{}  {}\n", joined(p["pose"].get<std::vector<double>>(), "{:10.4f}"),
+                 broken.empty() ? "within all limits" : broken.front() + (broken.size() > 1 ? ", ..." : ""));
+    }
+  }
+  return modes.poses.empty() ? kAnswerIsNo : kDone;
+}
+
 }  // namespace
 
 Command machines_command() {
@@ -207,7 +239,7 @@ Command fk_command() {
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
         a.option("--joints", o->joints, "q1,q2,... in mm or deg", true);
-        a.flag("--all", o->all, "Every assembly mode");
+        a.flag("--all", o->all, "Every assembly mode, and whether these are proven to be all");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -220,6 +252,9 @@ Command fk_command() {
         for (int i = 0; i < n; ++i) {
           const double v = values[static_cast<std::size_t>(i)];
           q[i] = kinematics::joint_kind(m, i) == machine::JointKind::revolute ? units::from_deg(v) : units::from_mm(v);
+        }
+        if (o->all) {
+          if (const auto modes = kinematics::assembly_modes(m, q)) return print_modes(context, m, q, *modes);
         }
         const kinematics::ForwardResult result = kinematics::forward(m, q);
         Json poses = Json::array();

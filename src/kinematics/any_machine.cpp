@@ -63,6 +63,27 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
       machine);
 }
 
+std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, const JointVector& q) {
+  return std::visit(
+      [&](const auto& m) -> std::optional<machine::AssemblyModes> {
+        if constexpr (requires { six_legs(m, q); }) return machine::assembly_modes(six_legs(m, q));
+        return {};
+      },
+      machine);
+}
+
+LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  constexpr double kSlack = 1e-10;
+  return std::visit(
+      [&](const auto& m) {
+        const std::vector<double> p = nominal_parameters(m);
+        auto g = limits(m, X_MT, std::span<const double>(q.data(), q.size()), std::span<const double>(p));
+        for (double& value : g) value += kSlack;
+        return violated(g);
+      },
+      machine);
+}
+
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
   return std::visit([&](const auto& m) { return inverse(m, X_MT); }, machine);
 }

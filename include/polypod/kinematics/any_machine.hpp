@@ -2,10 +2,12 @@
 // The questions of the concept, asked of a machine of any family.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "polypod/kinematics/concept.hpp"
+#include "polypod/kinematics/hexapod_modes.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::kinematics {
@@ -23,13 +25,19 @@ std::string limit_name(const AnyMachine& machine, int limit);
 /// The names of the set bits.
 std::vector<std::string> limit_names(const AnyMachine& machine, LimitBits bits);
 
-/// Poses of the joints q (all assembly modes that are known), best first.
+/// Poses of the joints q, best first.
 struct ForwardResult {
   std::vector<Pose> poses;
   std::vector<double> residuals;  ///< largest |F_i| of each, m (or the closure's unit)
   bool complete = true;           ///< the list is proven to hold every real solution
 };
+/// The pose of the joints q; for a parallel machine the mode that is reached from home, and not complete.
 ForwardResult forward(const AnyMachine& machine, const JointVector& q);
+/// Every assembly mode of a parallel machine on six legs (assembly_modes); nothing for other machines, whose pose is
+/// the only one.
+std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, const JointVector& q);
+/// The limits that the pose breaks with these joints; one that is missed by rounding alone (1e-10) is kept.
+LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
 /// 6 x joints, twist in M per joint speed.
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
