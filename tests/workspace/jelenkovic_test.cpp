@@ -68,7 +68,7 @@ std::vector<machine::Override> strut_home(const std::vector<std::string>& keys, 
 }
 
 constexpr double kTolerance = 0.01;  // half of it is the error of the middle of the bounds
-constexpr double kWithin = 0.09;     // the source's own bias, by the issue
+constexpr double kWithin = 0.09;     // the source's own bias: its grid misses 1 to 9 %
 constexpr double kTooSmall = 5000;   // mm^3: below that the source's grid holds too few points
 constexpr double kZeroShare = 0.01;  // what counts as zero, of the table's largest
 
@@ -133,43 +133,57 @@ TEST(JelenkovicStruts, Table8_8_Joints) {
 }
 
 void check_sliders(const std::string& number, const std::string& key, const Excused& excused_fixed,
-                   const Excused& excused_cone, const std::vector<std::size_t>& cone_rows) {
+                   const Excused& excused_cone) {
   const std::vector<Row> rows = table(number);
+  struct Best {
+    double printed = -1, its_computed = 0, computed = 0;
+    void add(double by_source, double ours) {
+      if (by_source > printed) its_computed = ours;
+      printed = std::max(printed, by_source);
+      computed = std::max(computed, ours);
+    }
+  } fixed, cone;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& r = rows[i];
     SCOPED_TRACE("table " + number + " row " + std::to_string(i + 1));
     const AnyMachine m = with("hexapod-slider", {key}, r);
     if (!excused_fixed(r)) {
-      EXPECT_NEAR(volume_mm3(m, 0, kTolerance) / r.fixed, 1, kWithin) << "at tilt 0";
+      const double v = volume_mm3(m, 0, kTolerance);
+      EXPECT_NEAR(v / r.fixed, 1, kWithin) << "at tilt 0";
+      fixed.add(r.fixed, v);
     }
-    const bool asked = std::find(cone_rows.begin(), cone_rows.end(), i) != cone_rows.end();
-    if (asked && !excused_cone(r) && r.cone > 20000) {
-      EXPECT_NEAR(volume_mm3(m, 20, 0.1) / r.cone, 1, 0.2) << "over the cone";
+    if (!excused_cone(r) && r.cone > 20000) {
+      const double v = volume_mm3(m, 20, 0.1);
+      EXPECT_NEAR(v / r.cone, 1, 0.2) << "over the cone";
+      cone.add(r.cone, v);
     }
   }
+  // The best row of the table is the best computed one too, or as good: 1 %, where rows of the table differ by less.
+  EXPECT_GT(fixed.its_computed, 0.99 * fixed.computed) << "table " << number;
+  EXPECT_GT(cone.its_computed, 0.99 * cone.computed) << "table " << number;
 }
 
-// Over the cone the tests take a few rows; examples/jel_workspace computes all.
 TEST(JelenkovicRails, Table8_12_Legs) {
   // Legs of 40: home stands so flat (49 deg from the normal) that the elevation limit cuts off upright legs.
-  check_sliders("8_12", "leg.length_mm", [](const Row& r) { return r.keys[0] == 40; }, none, {1});
+  check_sliders(
+      "8_12", "leg.length_mm", [](const Row& r) { return r.keys[0] == 40; }, none);
 }
 TEST(JelenkovicRails, Table8_13_Tool) {
-  check_sliders("8_13", "tool.length_mm", none, none, {0, 4});
+  check_sliders("8_13", "tool.length_mm", none, none);
 }
 TEST(JelenkovicRails, Table8_14_Platform) {
-  check_sliders("8_14", "platform.radius_mm", none, [](const Row& r) { return r.keys[0] >= 30; }, {3});
+  check_sliders("8_14", "platform.radius_mm", none, [](const Row& r) { return r.keys[0] >= 30; });
 }
 TEST(JelenkovicRails, Table8_15_PairAngle) {
-  check_sliders("8_15", "platform.pair_angle_deg", none, none, {6});
+  check_sliders("8_15", "platform.pair_angle_deg", none, none);
 }
 TEST(JelenkovicRails, Table8_17_Slope) {
   const auto falling = [](const Row& r) { return r.keys[0] < 0; };
-  check_sliders("8_17", "rail.inner_height_mm", falling, falling, {6});
+  check_sliders("8_17", "rail.inner_height_mm", falling, falling);
 }
 TEST(JelenkovicRails, Table8_18_Spacing) {
   const auto misprinted = [](const Row& r) { return r.keys[0] == 15; };
-  check_sliders("8_18", "rail.spacing_mm", misprinted, misprinted, {4});
+  check_sliders("8_18", "rail.spacing_mm", misprinted, misprinted);
 }
 
 }  // namespace
