@@ -166,13 +166,13 @@ Result<Stock> Stock::from_layers(double x_min, double y_min, double cell, int co
       rows < 1) {
     return bad("its grid is not finite");
   }
-  if (!std::isfinite(bottom) || !std::isfinite(top) || !(bottom < top) || !std::isfinite(static_cast<float>(top))) {
+  const float highest = static_cast<float>(top);  // as the heights are kept: must still be above the bottom
+  if (!std::isfinite(bottom) || !std::isfinite(highest) || !(bottom < static_cast<double>(highest))) {
     return bad(fmt::format("its bottom is {:g} mm and its top {:g} mm", units::to_mm(bottom), units::to_mm(top)));
   }
   if (layers.size() != static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) * kLayers) {
     return bad(fmt::format("{} heights for {} by {} cells of {} layers", layers.size(), columns, rows, kLayers));
   }
-  const float highest = static_cast<float>(top);
   for (const float h : layers) {
     if (!(h <= highest) || (std::isinf(h) && h != empty())) return bad(fmt::format("a height of {:g} m", h));
   }

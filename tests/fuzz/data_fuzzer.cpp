@@ -51,7 +51,9 @@ void check_stock(const std::string& bytes) {
           "a stock has cells");
   require(std::isfinite(stock->top()) && std::isfinite(stock->bottom()) && stock->bottom() <= stock->top(),
           "a stock has a height");
-  for (const float layer : stock->layers()) require(std::isfinite(layer), "heights are finite");
+  for (const float layer : stock->layers()) {
+    require(layer <= static_cast<float>(stock->top()), "heights are numbers, none above the top, -infinity for none");
+  }
 }
 
 std::string with_checksum(std::string bytes) {

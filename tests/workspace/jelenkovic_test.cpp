@@ -164,9 +164,16 @@ void check_sliders(const std::string& number, const std::string& key, const Excu
 }
 
 TEST(JelenkovicRails, Table8_12_Legs) {
-  // Legs of 40: home stands so flat (49 deg from the normal) that the elevation limit cuts off upright legs.
+  // Legs of 40: at 0.58 of the rail home stands so flat (49 deg from the normal) that the elevation limit cuts off
+  // upright legs. The source moves home in its sweeps; at 0.62 both printed volumes come out.
   check_sliders(
       "8_12", "leg.length_mm", [](const Row& r) { return r.keys[0] == 40; }, none);
+  const Row shortest = table("8_12").front();
+  ASSERT_EQ(shortest.keys[0], 40);
+  const auto m = machine::load("hexapod-slider", {{"leg.length_mm", "40"}, {"home.slider", "0.62"}});
+  ASSERT_TRUE(m);
+  EXPECT_NEAR(volume_mm3(*m, 0, kTolerance) / shortest.fixed, 1, kWithin);
+  EXPECT_NEAR(volume_mm3(*m, 20, kTolerance) / shortest.cone, 1, kWithin);
 }
 TEST(JelenkovicRails, Table8_13_Tool) {
   check_sliders("8_13", "tool.length_mm", none, none);
