@@ -1,6 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Hexapod kinematics. For LinuxCNC's genhexkins in the same conditions see bench/README or run the module through an
-// oracle program; it takes 6 to 11 us forward there.
+// Hexapod kinematics. docs/hexapods.md sets them beside LinuxCNC's genhexkins.
 #include <benchmark/benchmark.h>
 
 #include <cmath>

@@ -41,15 +41,15 @@ Command compliance_command() {
               fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", c.reason);
               return kAnswerIsNo;
             }
-            const Mat3 C = c.linear() * 1e6;  // m/N to um/N
-            const Vec3 moved = c.displacement(force) * 1e6;
+            const Mat3 C = c.linear() * units::kUmPerMetre;  // m/N to um/N
+            const Vec3 moved = c.displacement(force) * units::kUmPerMetre;
             if (context.json) {
               Json shares = Json::array();
               for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
                 const Mat3 share = c.by_joint[i].topLeftCorner<3, 3>();
                 shares.push_back({{"joint", c.joint[i]},
-                                  {"compliance_um_per_N", matrix_json(share * 1e6)},
-                                  {"displacement_um", vector_json(share * force * 1e6)}});
+                                  {"compliance_um_per_N", matrix_json(share * units::kUmPerMetre)},
+                                  {"displacement_um", vector_json(share * force * units::kUmPerMetre)}});
               }
               print_json({{"pose", pose_for_user(m, X)},
                           {"joints", joints_for_user(m, c.joints)},
@@ -66,7 +66,8 @@ Command compliance_command() {
             for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
               fmt::print("  {:<9}", c.joint[i]);
               for (int k = 0; k < 3; ++k) {
-                fmt::print(" {:>9.4f} ({:4.1f} %)", c.by_joint[i](k, k) * 1e6, 100 * c.by_joint[i](k, k) / c.C(k, k));
+                fmt::print(" {:>9.4f} ({:4.1f} %)", c.by_joint[i](k, k) * units::kUmPerMetre,
+                           100 * c.by_joint[i](k, k) / c.C(k, k));
               }
               fmt::print("\n");
             }

@@ -81,7 +81,7 @@ Command predict_command() {
                              {"mean_force_N", vector_json(m.mean_force)},
                              {"depth_max_mm", to_mm(m.largest_depth)}});
           }
-          print_json({{"origin_mm", vector_json(in.job.X_MW.p * 1e3)},
+          print_json({{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
                       {"machine", in.job.machine_name},
                       {"model", o->at_rest ? "at rest" : "equilibrium"},
                       {"points", p.deflection.count},
@@ -93,7 +93,7 @@ Command predict_command() {
                       {"notes", p.notes}});
           return kDone;
         }
-        const Vec3 origin = in.job.X_MW.p * 1e3;
+        const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
         fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", o->program, in.job.machine_name, origin.x(),
                    origin.y(), origin.z());
         fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
@@ -185,7 +185,7 @@ Command correct_command() {
               }
               std::vector<std::string> notes = c.before.notes;
               for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
-              print_json({{"origin_mm", vector_json(in.job.X_MW.p * 1e3)},
+              print_json({{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
                           {"machine", in.job.machine_name},
                           {"method", o->method},
                           {"before_um", spread_json(c.before.normal, 1e6)},

@@ -101,19 +101,19 @@ Command section_command() {
             std::stable_sort(limits.begin(), limits.end(),
                              [](const auto& a, const auto& b) { return a.second > b.second; });
             const auto share = [&](int count) { return 100.0 * count / std::max(1, reached); };
-            const double area_mm2 = s.area * 1e6;
+            const double area_mm2 = s.area * units::kMm2PerSquareMetre;
             if (context.json) {
               Json list = Json::array();
               for (const auto& [name, count] : limits)
                 list.push_back({{"limit", name}, {"share_percent", share(count)}});
               Json document{{"area_mm2", area_mm2}, {"points", f.grid.size()}, {"reached_points", reached}};
               document["largest_tilt_deg"] = reached > 0 ? Json(units::to_deg(most)) : Json();
-              document["largest_tilt_at_mm"] = reached > 0 ? vector_json(at * 1e3) : Json();
+              document["largest_tilt_at_mm"] = reached > 0 ? vector_json(at * units::kMmPerMetre) : Json();
               document["stopped_by"] = list;
               Json loops = Json::array();
               for (const workspace::Loop& loop : s.border) {
                 Json points = Json::array();
-                for (const Vec3& p : loop) points.push_back(vector_json(p * 1e3));
+                for (const Vec3& p : loop) points.push_back(vector_json(p * units::kMmPerMetre));
                 loops.push_back(points);
               }
               document["border_mm"] = loops;
@@ -122,7 +122,7 @@ Command section_command() {
               fmt::print("area     {:.1f} mm2 reached from every required direction\n", area_mm2);
               if (reached > 0) {
                 fmt::print("tilt     up to {:.1f} deg at every azimuth, at {:.1f}, {:.1f}, {:.1f} mm\n",
-                           units::to_deg(most), at.x() * 1e3, at.y() * 1e3, at.z() * 1e3);
+                           units::to_deg(most), units::to_mm(at.x()), units::to_mm(at.y()), units::to_mm(at.z()));
               }
               for (const auto& [name, count] : limits) fmt::print("stopped  {:4.1f} %  {}\n", share(count), name);
               for (const std::string* path : {&o->csv, &o->svg})

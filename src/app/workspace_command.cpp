@@ -118,8 +118,8 @@ Command workspace_command() {
               POLYPOD_ASSIGN(found, workspace::largest_inside(m, options, kind));
               shape = found;
               document["largest"] = {{"shape", o->largest},
-                                     {"center_mm", vector_json(shape.center * 1e3)},
-                                     {"half_mm", vector_json(shape.half * 1e3)},
+                                     {"center_mm", vector_json(shape.center * units::kMmPerMetre)},
+                                     {"half_mm", vector_json(shape.half * units::kMmPerMetre)},
                                      {"volume_mm3", units::to_mm3(shape.volume())}};
             }
             if (context.progress) fmt::print(stderr, "\r\x1b[K");
@@ -136,7 +136,7 @@ Command workspace_command() {
               }
               fmt::print("boxes    {}\nseconds  {:.2f}\n", v.points, v.seconds);
               if (!o->largest.empty()) {
-                const Vec3 c = shape.center * 1e3, h = shape.half * 1e3;
+                const Vec3 c = shape.center * units::kMmPerMetre, h = shape.half * units::kMmPerMetre;
                 fmt::print(
                     "certainly inside: {} of {:.1f} x {:.1f} x {:.1f} mm about {:.1f}, {:.1f}, {:.1f} mm, {:.0f} mm3\n",
                     o->largest, 2 * h.x(), 2 * h.y(), 2 * h.z(), c.x(), c.y(), c.z(), units::to_mm3(shape.volume()));

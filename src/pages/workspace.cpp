@@ -379,7 +379,7 @@ class Page {
             : "At the border only the upright tool is left."));
     std::vector<std::pair<std::string, report::Figure>> panels;
     for (const Section& s : sections_)
-      panels.emplace_back(fmt::format("{}: {} mm²", plane_title(s), fixed(s.area * 1e6, 0)),
+      panels.emplace_back(fmt::format("{}: {} mm²", plane_title(s), fixed(s.area * units::kMm2PerSquareMetre, 0)),
                           section_map(options_, s, kinds_));
     report::Scene other = scene;
     other.azimuth_deg += 180;

@@ -160,15 +160,13 @@ class ArmLimits {
     return {std::min(at_min, at_max), std::max(at_min, at_max)};
   }
 
+  static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
+  static Linear linear_of(const FirstOrder& f) {
+    return {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest};
+  }
   static Verdict judged(const FirstOrder& f, int limit, const Domain& d, BoundList& bounds) {
     if (!std::isfinite(f.radius(d))) return Verdict::open;
-    Linear g;
-    g.value = f.value;
-    g.G = Vec3(f.gradient[0], f.gradient[1], f.gradient[2]);
-    g.s1 = f.gradient[3];
-    g.s2 = f.gradient[4];
-    g.below = g.above = f.rest;
-    return weigh(g, limit, 10, d.half, *d.patch, bounds);
+    return weigh(linear_of(f), limit, kScale, d.half, *d.patch, bounds);
   }
   static void add(const FirstOrder& f, int limit, const Domain& d, Terms& terms) {
     terms.verdict = both(terms.verdict, judged(f, limit, d, terms.bounds));
@@ -276,15 +274,9 @@ class ArmLimits {
     const FirstOrder along = c * v[0] + s * v[1], aside = c * v[1] - s * v[0];
     // along <= |v| <= along + what the part aside adds.
     const double most = aside.radius(d), low = along.value - along.radius(d);
-    FirstOrder f = along - least;
-    Linear g;
-    g.value = f.value;
-    g.G = Vec3(f.gradient[0], f.gradient[1], f.gradient[2]);
-    g.s1 = f.gradient[3];
-    g.s2 = f.gradient[4];
-    g.below = f.rest;
-    g.above = f.rest + (low > 0.5 * most ? 0.5 * most * most / low : most + std::max(0.0, -2 * low));
-    terms.verdict = both(terms.verdict, weigh(g, limit, 10, d.half, *d.patch, terms.bounds));
+    Linear g = linear_of(along - least);
+    g.above += low > 0.5 * most ? 0.5 * most * most / low : most + std::max(0.0, -2 * low);
+    terms.verdict = both(terms.verdict, weigh(g, limit, kScale, d.half, *d.patch, terms.bounds));
   }
 
   /// True if every position of the cell has a direction in the patch for which |v| < least: the one that makes the

@@ -129,33 +129,4 @@ inline FirstOrder inverse_of_positive(const FirstOrder& f, const Domain& d) {
                                      1 / (f.value + r), 1 / low);
 }
 
-inline FirstOrder sine(const FirstOrder& f, const Domain& d) {
-  if (!std::isfinite(f.radius(d))) return first_order_detail::compose(0.0, d, 0, 0, 1e300, -1, 1);
-  return first_order_detail::compose(f, d, std::sin(f.value), std::cos(f.value), 1, -1, 1);
-}
-inline FirstOrder cosine(const FirstOrder& f, const Domain& d) {
-  FirstOrder shifted = f;
-  shifted.value += 0.5 * std::numbers::pi;
-  return sine(shifted, d);
-}
-
-/// The angle of (x, y), continuous over the domain, in the turn of its value at the middle; unknown where the domain
-/// holds the origin. With u along and w across the direction at the middle, angle = angle_0 + atan(w / u).
-inline FirstOrder angle(const FirstOrder& y, const FirstOrder& x, const Domain& d) {
-  const double norm = std::hypot(x.value, y.value);
-  if (!(norm > 0)) return first_order_detail::unknown();
-  const double c = x.value / norm, s = y.value / norm;
-  const FirstOrder u = c * x + s * y, w = c * y - s * x;
-  const FirstOrder ratio = times(w, inverse_of_positive(u, d), d);
-  const double r = ratio.radius(d);
-  if (!std::isfinite(r)) return first_order_detail::unknown();
-  // |atan''| = |2 q / (1 + q^2)^2| <= 0.65, and |2 q| for small q.
-  const double q = std::abs(ratio.value) + r;
-  FirstOrder out =
-      first_order_detail::compose(ratio, d, std::atan(ratio.value), 1 / (1 + ratio.value * ratio.value),
-                                  std::min(0.65, 2 * q), std::atan(ratio.value - r), std::atan(ratio.value + r));
-  out.value += std::atan2(y.value, x.value);
-  return out;
-}
-
 }  // namespace polypod::workspace

@@ -6,26 +6,18 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 
 #include "polypod/cutting/stock.hpp"
 #include "polypod/statics/identify.hpp"
+#include "require.hpp"
 
 namespace {
 
 using namespace polypod;
 
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "broken: %s\n", what);
-  std::abort();
-}
-
-void require_error(const Error& error) {
-  require(!error.id.empty() && !error.message.empty(), "an error has an id and a message");
-}
+using fuzz::require;
+using fuzz::require_error;
 
 /// A file in memory with a path.
 class File {

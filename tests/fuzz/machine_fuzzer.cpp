@@ -3,25 +3,18 @@
 // read back to the same text.
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <string_view>
 
 #include "polypod/machine/any_machine.hpp"
-
-namespace {
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "broken: %s\n", what);
-  std::abort();
-}
-}  // namespace
+#include "require.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace polypod;
+  using fuzz::require;
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   const auto machine = machine::from_text(text, "fuzz.toml");
   if (!machine) {
-    require(!machine.error().id.empty() && !machine.error().message.empty(), "an error has an id and a message");
+    fuzz::require_error(machine.error());
     return 0;
   }
   const std::string written = machine::to_toml(*machine);

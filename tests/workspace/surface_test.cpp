@@ -173,7 +173,7 @@ TEST(Surface, RangesOfAAndB) {
   surface_options.resolution = 24;
   const Surface s = value_of(surface(m, options, surface_options));
   EXPECT_EQ(flaws_of(s), Flaws{});
-  // Every point of the grid by the inverse at 5 x 5 directions. Those see a fifth more than there is: joint 5 stops at
+  // Every point of the grid by the inverse at 5 x 5 directions. Those see more than there is: joint 5 stops at
   // 89 deg, so the tool cannot point along the forearm, and that hole of a degree falls between them.
   const Grid grid = value_of(grid_over(box.low, box.high, 24));
   FieldOptions no_tilt;

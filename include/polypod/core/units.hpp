@@ -8,6 +8,10 @@
 namespace polypod::units {
 
 inline constexpr double kMetrePerMm = 1e-3;
+// For whole vectors and matrices, and for areas: p * kMmPerMetre.
+inline constexpr double kMmPerMetre = 1e3;
+inline constexpr double kUmPerMetre = 1e6;
+inline constexpr double kMm2PerSquareMetre = 1e6;
 inline constexpr double kMetrePerInch = 25.4e-3;
 inline constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
@@ -15,13 +19,13 @@ constexpr double from_mm(double mm) {
   return mm * kMetrePerMm;
 }
 constexpr double to_mm(double m) {
-  return m * 1e3;
+  return m * kMmPerMetre;
 }
 constexpr double from_um(double um) {
   return um * 1e-6;
 }
 constexpr double to_um(double m) {
-  return m * 1e6;
+  return m * kUmPerMetre;
 }
 constexpr double from_inch(double inch) {
   return inch * kMetrePerInch;

@@ -12,7 +12,6 @@ namespace polypod::kinematics {
 /// from <= twist <= to, rad, from in [-pi, pi); to may lie beyond pi where the range runs across the half turn.
 struct TwistRange {
   double from = 0, to = 0;
-  [[nodiscard]] double middle() const { return 0.5 * (from + to); }
 };
 
 /// The angles gamma for which the pose (R R_z(gamma), p) has a solution that keeps all limits, in rising order; one
