@@ -277,7 +277,7 @@ Command jacobian_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-            a.option("--length", o->length_mm, "Characteristic length, mm (default: mean distance of the joint axes)");
+            a.option("--length", o->length_mm, "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -308,9 +308,13 @@ Command jacobian_command() {
               for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));
               fmt::print("\n");
             }
+            const bool serial = kinematics::is_serial(m);
             fmt::print(
-                "determinant {:.6g}\ncondition {:.4f}, smallest singular value {:.6f} m (angles times {:.1f} mm)\n",
-                d.determinant, d.condition, d.sigma_min, units::to_mm(d.characteristic_length));
+                "condition {:.4f}, smallest singular value {:.6f}{} of the {} (angles on {:.1f} mm)\n"
+                "determinant {:.6g}\n",
+                d.condition, d.sigma_min, serial ? " m/rad" : "",
+                serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed",
+                units::to_mm(d.characteristic_length), d.determinant);
             return kDone;
           }};
 }

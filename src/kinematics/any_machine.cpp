@@ -116,13 +116,32 @@ Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J) {
   return J.topRows(coordinate_count(task));
 }
 
-Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
-  Dexterity out;
-  const JacobianMatrix J = jacobian(machine, X_MT, q);
-  Eigen::MatrixXd S = task_jacobian(task(machine), J);
-  if (S.rows() == S.cols()) out.determinant = S.determinant();
+namespace {
+
+/// S of a parallel machine and its L.
+template <class M>
+Eigen::MatrixXd rates_by_twist(const M& m, const Pose& X, const JointVector& q, double& length) {
+  if constexpr (requires { six_legs(m, q); }) {
+    const machine::SixLegs legs = six_legs(m, q);
+    Eigen::MatrixXd S = machine::leg_rows(X, legs.anchor, legs.end);
+    if constexpr (requires { m.rail_direction; }) {
+      for (int i = 0; i < S.rows(); ++i) S.row(i) /= S.row(i).template head<3>().dot(m.rail_direction[i]);
+    }
+    if (length <= 0) {
+      for (const Vec3& end : legs.end) length += end.norm() / machine::kLegs;
+      if (length <= 0) length = 1;
+    }
+    S.rightCols(3) /= length;
+    return S;
+  }
+  if (length <= 0) length = 1;
+  const Eigen::MatrixXd J = task_jacobian(task(m), jacobian(m, X, q));
+  return J.completeOrthogonalDecomposition().pseudoInverse();
+}
+
+/// S of a serial arm and its L. Distance of a joint's axis from the tip: |v| / |w| of its column.
+Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const JacobianMatrix& J, double& length) {
   if (length <= 0) {
-    // Distance of a joint's axis from the tip: |v| / |w| of its column. Prismatic joints have none.
     int turning = 0;
     for (int i = 0; i < J.cols(); ++i) {
       const double w = J.col(i).tail<3>().norm();
@@ -132,11 +151,31 @@ Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVect
     }
     length = turning > 0 && length > 0 ? length / turning : 1.0;
   }
-  out.characteristic_length = length;
+  Eigen::MatrixXd S = task_jacobian(task(arm), J);
   if (S.rows() > 3) S.bottomRows(S.rows() - 3) *= length;
+  return S;
+}
+
+}  // namespace
+
+Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
+  Dexterity out;
+  out.characteristic_length = std::max(length, 0.0);
+  Eigen::MatrixXd S;
+  if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
+    const JacobianMatrix J = machine::jacobian(*arm, X_MT, q);
+    const Eigen::MatrixXd square = task_jacobian(task(*arm), J);
+    if (square.rows() == square.cols()) out.determinant = square.determinant();
+    S = twist_by_rates(*arm, J, out.characteristic_length);
+  } else {
+    S = std::visit([&](const auto& m) { return rates_by_twist(m, X_MT, q, out.characteristic_length); }, machine);
+    if (S.rows() == S.cols()) out.determinant = std::abs(S.determinant());
+  }
+  out.condition = std::numeric_limits<double>::infinity();
+  if (!S.allFinite()) return out;
   const Eigen::VectorXd sigma = Eigen::JacobiSVD<Eigen::MatrixXd>(S).singularValues();
-  out.sigma_min = S.rows() > S.cols() ? 0.0 : sigma.tail<1>()[0];
-  out.condition = out.sigma_min > 0 ? sigma[0] / out.sigma_min : std::numeric_limits<double>::infinity();
+  if (S.rows() <= S.cols() || !std::holds_alternative<machine::SerialArm>(machine)) out.sigma_min = sigma.tail<1>()[0];
+  if (out.sigma_min > 0) out.condition = sigma[0] / out.sigma_min;
   return out;
 }
 

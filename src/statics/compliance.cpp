@@ -197,7 +197,9 @@ Map compliance_map(const AnyMachine& machine, const PlaneGrid& grid, const Mat3&
       point.p_M = grid.point(column, row);
       point.compliance = compliance_at(machine, Pose{R_MT, point.p_M});
       if (point.compliance.reachable) {
-        point.determinant = kinematics::dexterity(machine, point.compliance.X_MT, point.compliance.joints).determinant;
+        const Eigen::MatrixXd J = kinematics::task_jacobian(
+            kinematics::task(machine), kinematics::jacobian(machine, point.compliance.X_MT, point.compliance.joints));
+        if (J.rows() == J.cols()) point.determinant = J.determinant();
       }
       map.points.push_back(std::move(point));
     }

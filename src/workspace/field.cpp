@@ -195,6 +195,44 @@ Result<Extent> extent(const AnyMachine& machine, const Options& options, bool up
   return out.empty() ? upright : Extent{out.low.cwiseMin(upright.low), out.high.cwiseMax(upright.high)};
 }
 
+Result<std::vector<std::size_t>> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid) {
+  POLYPOD_ASSIGN(judge, judge_of(machine, options, {}));
+  Options coarse = options;
+  coarse.keep_cells = true;
+  coarse.progress = nullptr;
+  coarse.relative_tolerance = 0.02;
+  coarse.max_cells = 20'000;
+  POLYPOD_ASSIGN(v, volume(machine, coarse));
+  enum : std::uint8_t { kOut, kIn, kOpen };
+  std::vector<std::uint8_t> state(grid.size(), kOut);
+  for (const Cell& cell : v.cells) {
+    std::array<int, 3> first{}, last{};
+    for (int k = 0; k < 3; ++k) {
+      const auto axis = static_cast<std::size_t>(k);
+      const double spacing = grid.step[axis][k], from = (cell.center[k] - cell.half[k] - grid.origin[k]) / spacing,
+                   to = (cell.center[k] + cell.half[k] - grid.origin[k]) / spacing;
+      first[axis] = std::max(0, static_cast<int>(std::ceil(from - 1e-9)));
+      last[axis] = std::min(grid.points[axis] - 1, static_cast<int>(std::floor(to + 1e-9)));
+    }
+    for (int k = first[2]; k <= last[2]; ++k)
+      for (int j = first[1]; j <= last[1]; ++j)
+        for (int i = first[0]; i <= last[0]; ++i) {
+          std::uint8_t& s = state[grid.index(i, j, k)];
+          if (s != kIn) s = cell.state == CellState::inside ? kIn : kOpen;
+        }
+  }
+  POLYPOD_TRY(in_rounds(
+      options, grid.size(),
+      [&](std::size_t i) {
+        if (state[i] == kOpen) state[i] = judge->margin(grid.at(i)).value >= 0 ? kIn : kOut;
+      },
+      nullptr));
+  std::vector<std::size_t> inside;
+  for (std::size_t i = 0; i < grid.size(); ++i)
+    if (state[i] == kIn) inside.push_back(i);
+  return inside;
+}
+
 namespace {
 
 /// Marching triangles: each square of the grid is cut along one diagonal, so that every point of the border lies on one

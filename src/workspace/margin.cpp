@@ -2,9 +2,6 @@
 #include "margin.hpp"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +9,7 @@
 #include <limits>
 #include <numbers>
 
+#include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
@@ -399,19 +397,8 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
 
 Status in_rounds(const Options& options, std::size_t count, const std::function<void(std::size_t)>& task,
                  const std::function<void(double)>& progress) {
-  constexpr std::size_t kLeastRound = 256;
-  const std::size_t round = std::max(kLeastRound, count / 100 + 1);
-  tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
-  for (std::size_t first = 0; first < count; first += round) {
-    if (options.cancelled && options.cancelled()) return fail("WS110", "cancelled");
-    const std::size_t end = std::min(count, first + round);
-    arena.execute([&] {
-      tbb::parallel_for(tbb::blocked_range<std::size_t>(first, end, 8), [&](const auto& range) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i) task(i);
-      });
-    });
-    if (progress) progress(static_cast<double>(end) / static_cast<double>(count));
-  }
+  const ParallelOptions parallel{options.threads, options.cancelled, progress};
+  if (!for_each_in_rounds(count, parallel, task)) return fail("WS110", "cancelled");
   return {};
 }
 

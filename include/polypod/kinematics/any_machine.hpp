@@ -18,6 +18,10 @@ int joint_count(const AnyMachine& machine);
 JointKind joint_kind(const AnyMachine& machine, int joint);
 machine::JointRange joint_range(const AnyMachine& machine, int joint);
 Task task(const AnyMachine& machine);
+/// One chain from base to tool; all others are parallel.
+inline bool is_serial(const AnyMachine& machine) {
+  return std::holds_alternative<machine::SerialArm>(machine);
+}
 /// 6, 5 or 3 for a task of pose, axis or point, or the number of joints if that is less.
 int degrees_of_freedom(const AnyMachine& machine);
 std::vector<Parameter> parameters(const AnyMachine& machine);
@@ -54,14 +58,20 @@ inline int coordinate_count(Task task) {
 /// (SLAV (2.36)); the three of v for Task::point.
 Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J);
 
+/// How well joints and tool move each other at a pose. Lengths and angles have no common measure: angles count as
+/// lengths on the characteristic length L.
 struct Dexterity {
-  double determinant = 0;  ///< of the square task Jacobian in SI (SLAV (2.38)); 0 if it is not square
-  double condition = 0;  ///< sigma_max / sigma_min of the task Jacobian with angular rows times L, infinite if singular
-  double sigma_min = 0;  ///< m
-  double characteristic_length = 0;  ///< L, m: mean distance of the joint axes from the tool tip, or given
+  double condition = 0;    ///< kappa = sigma_max / sigma_min of S, >= 1, infinite if singular
+  double sigma_min = 0;    ///< the smallest singular value of S
+  double determinant = 0;  ///< see below; 0 if S is not square
+  double characteristic_length = 0;  ///< L, m
 };
-/// Conditioning of the tool motion at a pose. Because lengths and angles have no common measure, the angular rows are
-/// multiplied by the characteristic length L.
+/// Parallel machines (JEL (6.5), (6.11)): S takes the tool's twist [v; L w] to joint speeds, its rows (w_i, e_i x w_i /
+/// L), on rails divided by w_i . u_i; the determinant is |det S|. L: mean distance of the platform joints from the tool
+/// tip. Where a slider's leg is square to its rail, S is infinite (kind 1).
+/// Serial arms (SLAV (2.38)): S takes joint speeds to [v; L w] (rows that the task sees); the determinant is that of
+/// the same matrix without L, SI. L: mean distance of the joint axes from the tool tip, 1 m if there are none.
+/// A `length` above 0 replaces L. Cost: 2 us.
 Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0);
 
 }  // namespace polypod::kinematics

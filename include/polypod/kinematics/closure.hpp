@@ -117,14 +117,13 @@ struct NewtonResult {
   bool converged = false;
 };
 
-/// Forward kinematics of any machine: Newton on F(X, q) = 0 with the update on the rotation group,
+/// Forward kinematics of any machine with the parameters p: Newton on F(X, q, p) = 0 with the update on the rotation group,
 ///   [v; w] = -A^-1 F, p <- p + v, R <- exp([w]x) R,
 /// from the seed pose. Converges quadratically to the assembly mode round the seed; `converged` is false near a
 /// singularity of kind 2 or where no mode exists.
 template <Machine M>
-NewtonResult forward_by_closure(const M& m, std::span<const double> q, const Pose& seed,
+NewtonResult forward_by_closure(const M& m, std::span<const double> q, const std::vector<double>& p, const Pose& seed,
                                 const NewtonOptions& options = {}) {
-  const std::vector<double> p = nominal_parameters(m);
   NewtonResult out{seed, 0, 0, false};
   for (; out.iterations < options.max_iterations && !out.converged; ++out.iterations) {
     const ClosureVector F = closure(m, out.X_MT, q, std::span<const double>(p));
@@ -141,6 +140,12 @@ NewtonResult forward_by_closure(const M& m, std::span<const double> q, const Pos
   out.residual = F.cwiseAbs().maxCoeff();
   out.converged = out.converged && out.residual < 1e-9 * (1 + out.X_MT.p.norm());
   return out;
+}
+/// The same with the nominal parameters.
+template <Machine M>
+NewtonResult forward_by_closure(const M& m, std::span<const double> q, const Pose& seed,
+                                const NewtonOptions& options = {}) {
+  return forward_by_closure(m, q, nominal_parameters(m), seed, options);
 }
 
 struct DampedOptions {

@@ -1,0 +1,45 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What of a machine may be off: lengths, points, angles, joint readings, by the keys of its parameters.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::quality {
+
+using machine::AnyMachine;
+
+/// One element: a number, or a point with its three coordinates.
+struct Element {
+  std::string key;           ///< "base.joint[3]"
+  std::string group;         ///< "base.joint"
+  std::vector<int> columns;  ///< of [p; q]: the numbers of parameters, or the count of parameters plus that of a joint
+  std::string unit;          ///< of a size: "mm", "deg" or "" (no unit)
+  bool in_all = true;        ///< part of the key `all`
+};
+
+/// All elements of a machine, from the keys of its parameters: `leg.length[1]` is one, the three of
+/// `base.joint[1].x`, `.y`, `.z` are one, `dh[2].alpha` is `dh.alpha[2]`. Besides
+/// - `base.attachment[i]` and `platform.attachment[i]` of hexapods, which act like the joints' own errors (the vectors c
+///   and d of JEL (5.5));
+/// - `joint[i]`: the reading of a joint: a strut, a slider, a drive's zero. Not in `all`, nor is the tool's length.
+/// Order: lengths, then points, as the search of JEL takes them.
+std::vector<Element> elements(const AnyMachine& machine);
+
+/// An element and how much it is off, or may be, SI. A point is off by (size, size, size).
+struct Sized {
+  int element = 0;
+  double size = 0;
+};
+
+/// The elements that `KEY=size` names, sizes in mm or deg: KEY is a key, a group (all its elements) or `all`. Named
+/// twice, the sizes add up. Errors: QU100 (no such element, the message lists the groups), QU101 (a size that is not
+/// finite, or below 0 where `tolerance`).
+Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<std::pair<std::string, double>>& sizes,
+                                 bool tolerance);
+
+}  // namespace polypod::quality

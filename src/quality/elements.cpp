@@ -1,0 +1,106 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/quality/elements.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::quality {
+namespace {
+
+/// `dh[2].alpha` -> group "dh.alpha", index "[2]", no coordinate; `base.joint[1].x` -> "base.joint", "[1]", 'x'.
+struct Name {
+  std::string group, index;
+  char coordinate = 0;
+};
+
+Name parsed(const std::string& key) {
+  Name out;
+  const std::size_t open = key.find('['), close = key.find(']');
+  if (open == std::string::npos || close == std::string::npos) {
+    out.group = key;
+  } else {
+    out.index = key.substr(open, close + 1 - open);
+    out.group = key.substr(0, open) + key.substr(close + 1);
+  }
+  const std::size_t size = out.group.size();
+  if (size > 2 && out.group[size - 2] == '.' && out.group[size - 1] >= 'x' && out.group[size - 1] <= 'z') {
+    out.coordinate = out.group[size - 1];
+    out.group.resize(size - 2);
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<Element> elements(const AnyMachine& machine) {
+  std::vector<Element> out;
+  const std::vector<machine::Parameter> parameters = kinematics::parameters(machine);
+  for (std::size_t k = 0; k < parameters.size(); ++k) {
+    const Name name = parsed(parameters[k].key);
+    const std::string key = name.group + name.index;
+    if (name.coordinate != 0 && name.coordinate != 'x') {
+      const auto same = std::find_if(out.begin(), out.end(), [&](const Element& e) { return e.key == key; });
+      if (same != out.end()) {
+        same->columns.push_back(static_cast<int>(k));
+        continue;
+      }
+    }
+    out.push_back({key, name.group, {static_cast<int>(k)}, parameters[k].unit, name.group != "tool.length"});
+  }
+  for (int i = 0; i < kinematics::joint_count(machine); ++i) {
+    const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
+    out.push_back({fmt::format("joint[{}]", i + 1),
+                   "joint",
+                   {static_cast<int>(parameters.size()) + i},
+                   turns ? "deg" : "mm",
+                   false});
+  }
+  for (const char* platform : {"base", "platform"}) {
+    std::vector<Element> attachments;
+    for (const Element& e : out) {
+      if (e.group != std::string(platform) + ".joint") continue;
+      attachments.push_back(e);
+      attachments.back().group = std::string(platform) + ".attachment";
+      attachments.back().key = attachments.back().group + parsed(e.key).index;
+    }
+    out.insert(out.end(), attachments.begin(), attachments.end());
+  }
+  std::stable_sort(out.begin(), out.end(),
+                   [](const Element& a, const Element& b) { return a.columns.size() < b.columns.size(); });
+  return out;
+}
+
+Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<std::pair<std::string, double>>& sizes,
+                                 bool tolerance) {
+  const std::vector<Element> all = elements(machine);
+  std::map<int, double> found;
+  for (const auto& [key, size] : sizes) {
+    if (!std::isfinite(size) || (tolerance && size < 0)) {
+      return fail("QU101", fmt::format("{} = {:g} must be a number{}", key, size, tolerance ? " of at least 0" : ""));
+    }
+    bool known = false;
+    for (std::size_t e = 0; e < all.size(); ++e) {
+      if (!(key == "all" ? all[e].in_all : key == all[e].key || key == all[e].group)) continue;
+      known = true;
+      const std::string& unit = all[e].unit;
+      found[static_cast<int>(e)] += unit == "mm" ? units::from_mm(size) : unit == "deg" ? units::from_deg(size) : size;
+    }
+    if (known) continue;
+    std::string groups;
+    for (const Element& e : all)
+      if ((groups + ",").find(" " + e.group + ",") == std::string::npos) groups += (groups.empty() ? " " : ", ") + e.group;
+    return fail("QU100", fmt::format("{} has no element \"{}\"", machine::name_of(machine), key), {},
+                fmt::format("elements:{}; [i] picks one; all", groups));
+  }
+  std::vector<Sized> out;
+  for (const auto& [element, size] : found) out.push_back({element, size});
+  return out;
+}
+
+}  // namespace polypod::quality

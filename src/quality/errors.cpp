@@ -1,0 +1,228 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/quality/errors.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/kinematics/slider_hexapod.hpp"
+#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/quality/zonotope.hpp"
+
+namespace polypod::quality {
+namespace {
+
+using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// The pose that the joints give: of a machine of Task::axis, with the turn about the tool axis that it really has.
+Pose settled(const AnyMachine& machine, const Pose& X, const JointVector& q) {
+  const auto* arm = std::get_if<machine::SerialArm>(&machine);
+  return arm != nullptr ? machine::forward(*arm, q) : X;
+}
+
+/// -A^-1 [F_p, F_q], 6 x (parameters + joints): what the tool does for a unit of each.
+Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  const Pose X = settled(machine, X_MT, q);
+  return std::visit(
+      [&](const auto& m) -> Columns {
+        const std::vector<double> p = kinematics::nominal_parameters(m);
+        const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+        const auto A = kinematics::closure_by_pose(m, X, joints, p);
+        const Eigen::MatrixXd F_p = kinematics::closure_by_parameters(m, X, joints, p);
+        const auto F_q = kinematics::closure_by_joints(m, X, joints, p);
+        Eigen::MatrixXd F(F_p.rows(), F_p.cols() + F_q.cols());
+        F << F_p, F_q;
+        if (A.rows() == 6) return -(Mat6(A).partialPivLu().solve(F));
+        return -(A.completeOrthogonalDecomposition().solve(F));
+      },
+      machine);
+}
+
+/// The part of a rotation vector that is an error: for Task::axis the turn about the tool axis is none.
+Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w) {
+  if (task != machine::Task::axis) return w;
+  const Vec3 k = X.R.col(2);
+  return w - k * k.dot(w);
+}
+
+/// One generator of both zonotopes and the element that it belongs to.
+struct Generator {
+  Vec3 position, orientation;
+  int element = 0;
+};
+
+Result<std::vector<Generator>> generators(const AnyMachine& machine, const Pose& X, const JointVector& q,
+                                          const std::vector<Sized>& tolerances, Region region) {
+  const Columns E = error_columns(machine, X, q);
+  const std::vector<Element> all = elements(machine);
+  const machine::Task task = kinematics::task(machine);
+  std::vector<Generator> out;
+  const auto push = [&](const Vec6& twist, int element) {
+    out.push_back({twist.head<3>(), heeded(task, X, twist.tail<3>()), element});
+  };
+  for (const auto& [number, size] : tolerances) {
+    const Element& e = all[static_cast<std::size_t>(number)];
+    if (region == Region::box || e.columns.size() < 3) {
+      for (const int c : e.columns) push(size * E.col(c), number);
+      continue;
+    }
+    // The ball's image is a segment where the three columns are multiples of one.
+    int longest = e.columns[0];
+    for (const int c : e.columns)
+      if (E.col(c).norm() > E.col(longest).norm()) longest = c;
+    const Vec6 along = E.col(longest).normalized();
+    double reach = 0;
+    for (const int c : e.columns) {
+      const double part = along.dot(E.col(c));
+      reach += part * part;
+      if ((E.col(c) - part * along).norm() > 1e-9 * E.col(longest).norm()) {
+        return fail("QU102", fmt::format("{}: its three coordinates act in several directions, so a sphere has no exact "
+                                         "worst case here", e.key),
+                    {}, "take a box");
+      }
+    }
+    push(size * std::sqrt(reach) * along, number);
+  }
+  return out;
+}
+
+Farthest farthest(const std::vector<Generator>& list, Vec3 Generator::*part, Method method) {
+  std::vector<Vec3> g;
+  g.reserve(list.size());
+  for (const Generator& generator : list) g.push_back(generator.*part);
+  return method == Method::exact ? farthest_vertex(g) : flip_search(g);
+}
+
+}  // namespace
+
+Vec6 known_error(const AnyMachine& machine, const Pose& X, const JointVector& q, const std::vector<Sized>& errors) {
+  const Columns E = error_columns(machine, X, q);
+  const std::vector<Element> all = elements(machine);
+  Vec6 out = Vec6::Zero();
+  for (const auto& [number, size] : errors)
+    for (const int c : all[static_cast<std::size_t>(number)].columns) out += size * E.col(c);
+  return out;
+}
+
+std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
+                                      const std::vector<Sized>& errors) {
+  const Pose X = settled(machine, X_MT, q);
+  const std::vector<Element> all = elements(machine);
+  return std::visit(
+      [&](const auto& m) -> std::optional<Vec6> {
+        std::vector<double> p = kinematics::nominal_parameters(m);
+        std::vector<double> joints(q.data(), q.data() + q.size());
+        for (const auto& [number, size] : errors)
+          for (const int c : all[static_cast<std::size_t>(number)].columns) {
+            const auto k = static_cast<std::size_t>(c);
+            (k < p.size() ? p[k] : joints[k - p.size()]) += size;
+          }
+        const kinematics::NewtonResult exact =
+            kinematics::forward_by_closure(m, std::span<const double>(joints), p, X);
+        if (!exact.converged) return {};
+        Vec6 out;
+        out << exact.X_MT.p - X.p, rotation_vector(exact.X_MT.R * X.R.transpose());
+        return out;
+      },
+      machine);
+}
+
+Result<WorstCase> worst_case(const AnyMachine& machine, const Pose& X, const JointVector& q,
+                             const std::vector<Sized>& tolerances, const ToleranceOptions& options) {
+  POLYPOD_ASSIGN(list, generators(machine, X, q, tolerances, options.region));
+  const Farthest position = farthest(list, &Generator::position, options.method);
+  const Farthest orientation = farthest(list, &Generator::orientation, options.method);
+  WorstCase out;
+  out.position = position.distance;
+  out.orientation = orientation.distance;
+  for (const auto& [number, size] : tolerances) out.shares.push_back({number, 0, 0});
+  const Vec3 u = position.point.normalized(), v = orientation.point.normalized();
+  for (std::size_t i = 0, share = 0; i < list.size(); ++i) {
+    const Generator& g = list[i];
+    const double s = position.signs[i], r = orientation.signs[i];
+    out.position_error.head<3>() += s * g.position;
+    out.position_error.tail<3>() += s * g.orientation;
+    out.orientation_error.head<3>() += r * g.position;
+    out.orientation_error.tail<3>() += r * g.orientation;
+    while (out.shares[share].element != g.element) ++share;  // both lists are in the same order
+    out.shares[share].position += s * u.dot(g.position);
+    out.shares[share].orientation += r * v.dot(g.orientation);
+  }
+  return out;
+}
+
+Result<Spread> spread(const AnyMachine& machine, const Pose& X, const JointVector& q,
+                      const std::vector<Sized>& tolerances, const SpreadOptions& options) {
+  if (options.samples < 100 || options.samples > 10'000'000) {
+    return fail("QU103", fmt::format("{} samples must be 100 to 10000000", options.samples));
+  }
+  if (!(options.confidence >= 0.5 && options.confidence <= 0.9999)) {
+    return fail("QU103", fmt::format("the confidence {:g} must be 0.5 to 0.9999", options.confidence));
+  }
+  POLYPOD_ASSIGN(list, generators(machine, X, q, tolerances, Region::box));
+  Spread out;
+  Mat3 position = Mat3::Zero(), orientation = Mat3::Zero();
+  for (const Generator& g : list) {
+    position += g.position * g.position.transpose();
+    orientation += g.orientation * g.orientation.transpose();
+  }
+  const auto longest_axis = [](const Mat3& square) {
+    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Mat3>(square, Eigen::EigenvaluesOnly).eigenvalues()[2]));
+  };
+  out.rss_position = longest_axis(position);
+  out.rss_orientation = longest_axis(orientation);
+
+  // Numbers of a distribution from whole numbers of the generator, so that every library gives the same.
+  std::mt19937_64 random(options.seed);
+  const auto unit = [&] { return (static_cast<double>(random() >> 11) + 0.5) * 0x1p-53; };
+  const auto draw = [&]() -> double {
+    switch (options.distribution) {
+      case Distribution::uniform:
+        return 2 * unit() - 1;
+      case Distribution::triangular:
+        return unit() - unit();
+      case Distribution::normal:
+        break;
+    }
+    const double radius = std::sqrt(-2 * std::log(unit())), angle = 2 * std::numbers::pi * unit();
+    return radius * std::cos(angle) / 3;
+  };
+  const auto count = static_cast<std::size_t>(options.samples);
+  std::vector<double> p(count), w(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    Vec3 dp = Vec3::Zero(), dw = Vec3::Zero();
+    for (const Generator& g : list) {
+      const double x = draw();
+      dp += x * g.position;
+      dw += x * g.orientation;
+    }
+    p[i] = dp.norm();
+    w[i] = dw.norm();
+  }
+  const auto summarised = [&](std::vector<double>& values) {
+    std::sort(values.begin(), values.end());
+    Spread::Sampled s;
+    for (const double x : values) s.mean += x / static_cast<double>(count);
+    // The rank of the quantile is binomial; 1.96 standard deviations of it to both sides.
+    const double n = static_cast<double>(count), rank = options.confidence * n,
+                 band = 1.96 * std::sqrt(n * options.confidence * (1 - options.confidence));
+    const auto at = [&](double r) {
+      return values[static_cast<std::size_t>(std::clamp(std::floor(r), 0.0, n - 1))];
+    };
+    s.quantile = at(rank);
+    s.quantile_low = at(rank - band);
+    s.quantile_high = at(rank + band + 1);
+    return s;
+  };
+  out.position = summarised(p);
+  out.orientation = summarised(w);
+  return out;
+}
+
+}  // namespace polypod::quality
