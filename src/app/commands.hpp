@@ -13,6 +13,8 @@ Command jacobian_command();
 Command workspace_command();
 Command section_command();
 Command sweep_command();
+Command dexterity_command();
+Command errors_command();
 Command compliance_command();
 Command map_command();
 Command identify_compliance_command();

@@ -8,17 +8,10 @@
 #include <cmath>
 #include <random>
 
-#include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
-#include "polypod/quality/zonotope.hpp"
+#include "plan.hpp"
 
 namespace polypod::quality {
 namespace {
-
-using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 /// The pose that the joints give: of a machine of Task::axis, with the turn about the tool axis that it really has.
 Pose settled(const AnyMachine& machine, const Pose& X, const JointVector& q) {
@@ -26,68 +19,58 @@ Pose settled(const AnyMachine& machine, const Pose& X, const JointVector& q) {
   return arm != nullptr ? machine::forward(*arm, q) : X;
 }
 
-/// -A^-1 [F_p, F_q], 6 x (parameters + joints): what the tool does for a unit of each.
-Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
-  const Pose X = settled(machine, X_MT, q);
-  return std::visit(
-      [&](const auto& m) -> Columns {
-        const std::vector<double> p = kinematics::nominal_parameters(m);
-        const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
-        const auto A = kinematics::closure_by_pose(m, X, joints, p);
-        const Eigen::MatrixXd F_p = kinematics::closure_by_parameters(m, X, joints, p);
-        const auto F_q = kinematics::closure_by_joints(m, X, joints, p);
-        Eigen::MatrixXd F(F_p.rows(), F_p.cols() + F_q.cols());
-        F << F_p, F_q;
-        if (A.rows() == 6) return -(Mat6(A).partialPivLu().solve(F));
-        return -(A.completeOrthogonalDecomposition().solve(F));
-      },
-      machine);
-}
+}  // namespace
 
-/// The part of a rotation vector that is an error: for Task::axis the turn about the tool axis is none.
 Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w) {
   if (task != machine::Task::axis) return w;
   const Vec3 k = X.R.col(2);
   return w - k * k.dot(w);
 }
 
-/// One generator of both zonotopes and the element that it belongs to.
-struct Generator {
-  Vec3 position, orientation;
-  int element = 0;
-};
+Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan) {
+  const Pose X = settled(machine, X_MT, q);
+  return std::visit(
+      [&](const auto& m) -> Columns {
+        const std::vector<double> p = kinematics::nominal_parameters(m);
+        const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+        const auto A = kinematics::closure_by_pose(m, X, joints, p);
+        Eigen::MatrixXd F = Eigen::MatrixXd::Zero(A.rows(), static_cast<Eigen::Index>(p.size()) + q.size());
+        if (plan.parameters) F.leftCols(p.size()) = kinematics::closure_by_parameters(m, X, joints, p);
+        if (plan.joints) F.rightCols(q.size()) = kinematics::closure_by_joints(m, X, joints, p);
+        if (A.rows() == 6) return -(Mat6(A).partialPivLu().solve(F));
+        return -(A.completeOrthogonalDecomposition().solve(F));
+      },
+      machine);
+}
 
-Result<std::vector<Generator>> generators(const AnyMachine& machine, const Pose& X, const JointVector& q,
-                                          const std::vector<Sized>& tolerances, Region region) {
-  const Columns E = error_columns(machine, X, q);
-  const std::vector<Element> all = elements(machine);
-  const machine::Task task = kinematics::task(machine);
+Result<std::vector<Generator>> generators(const Pose& X, const Columns& E, const Plan& plan, Region region) {
   std::vector<Generator> out;
   const auto push = [&](const Vec6& twist, int element) {
-    out.push_back({twist.head<3>(), heeded(task, X, twist.tail<3>()), element});
+    out.push_back({twist.head<3>(), heeded(plan.task, X, twist.tail<3>()), element});
   };
-  for (const auto& [number, size] : tolerances) {
-    const Element& e = all[static_cast<std::size_t>(number)];
-    if (region == Region::box || e.columns.size() < 3) {
-      for (const int c : e.columns) push(size * E.col(c), number);
+  for (const Plan::Part& part : plan.parts) {
+    if (region == Region::box || part.columns.size() < 3) {
+      for (const int c : part.columns) push(part.size * E.col(c), part.element);
       continue;
     }
     // The ball's image is a segment where the three columns are multiples of one.
-    int longest = e.columns[0];
-    for (const int c : e.columns)
+    int longest = part.columns[0];
+    for (const int c : part.columns)
       if (E.col(c).norm() > E.col(longest).norm()) longest = c;
     const Vec6 along = E.col(longest).normalized();
     double reach = 0;
-    for (const int c : e.columns) {
-      const double part = along.dot(E.col(c));
-      reach += part * part;
-      if ((E.col(c) - part * along).norm() > 1e-9 * E.col(longest).norm()) {
-        return fail("QU102", fmt::format("{}: its three coordinates act in several directions, so a sphere has no exact "
-                                         "worst case here", e.key),
+    for (const int c : part.columns) {
+      const double share = along.dot(E.col(c));
+      reach += share * share;
+      if ((E.col(c) - share * along).norm() > 1e-9 * E.col(longest).norm()) {
+        return fail("QU102",
+                    fmt::format("{}: its three coordinates act in several directions, so a sphere has no exact worst "
+                                "case here",
+                                part.key),
                     {}, "take a box");
       }
     }
-    push(size * std::sqrt(reach) * along, number);
+    push(part.size * std::sqrt(reach) * along, part.element);
   }
   return out;
 }
@@ -99,29 +82,31 @@ Farthest farthest(const std::vector<Generator>& list, Vec3 Generator::*part, Met
   return method == Method::exact ? farthest_vertex(g) : flip_search(g);
 }
 
-}  // namespace
-
 Vec6 known_error(const AnyMachine& machine, const Pose& X, const JointVector& q, const std::vector<Sized>& errors) {
-  const Columns E = error_columns(machine, X, q);
-  const std::vector<Element> all = elements(machine);
+  const Plan plan(machine, errors);
+  const Columns E = error_columns(machine, X, q, plan);
   Vec6 out = Vec6::Zero();
-  for (const auto& [number, size] : errors)
-    for (const int c : all[static_cast<std::size_t>(number)].columns) out += size * E.col(c);
+  for (const Plan::Part& part : plan.parts)
+    for (const int c : part.columns) out += part.size * E.col(c);
   return out;
+}
+
+double orientation_error(const AnyMachine& machine, const Pose& X, const Vec6& error) {
+  return heeded(kinematics::task(machine), X, error.tail<3>()).norm();
 }
 
 std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
                                       const std::vector<Sized>& errors) {
   const Pose X = settled(machine, X_MT, q);
-  const std::vector<Element> all = elements(machine);
+  const Plan plan(machine, errors);
   return std::visit(
       [&](const auto& m) -> std::optional<Vec6> {
         std::vector<double> p = kinematics::nominal_parameters(m);
         std::vector<double> joints(q.data(), q.data() + q.size());
-        for (const auto& [number, size] : errors)
-          for (const int c : all[static_cast<std::size_t>(number)].columns) {
+        for (const Plan::Part& part : plan.parts)
+          for (const int c : part.columns) {
             const auto k = static_cast<std::size_t>(c);
-            (k < p.size() ? p[k] : joints[k - p.size()]) += size;
+            (k < p.size() ? p[k] : joints[k - p.size()]) += part.size;
           }
         const kinematics::NewtonResult exact =
             kinematics::forward_by_closure(m, std::span<const double>(joints), p, X);
@@ -135,7 +120,8 @@ std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_M
 
 Result<WorstCase> worst_case(const AnyMachine& machine, const Pose& X, const JointVector& q,
                              const std::vector<Sized>& tolerances, const ToleranceOptions& options) {
-  POLYPOD_ASSIGN(list, generators(machine, X, q, tolerances, options.region));
+  const Plan plan(machine, tolerances);
+  POLYPOD_ASSIGN(list, generators(X, error_columns(machine, X, q, plan), plan, options.region));
   const Farthest position = farthest(list, &Generator::position, options.method);
   const Farthest orientation = farthest(list, &Generator::orientation, options.method);
   WorstCase out;
@@ -165,7 +151,8 @@ Result<Spread> spread(const AnyMachine& machine, const Pose& X, const JointVecto
   if (!(options.confidence >= 0.5 && options.confidence <= 0.9999)) {
     return fail("QU103", fmt::format("the confidence {:g} must be 0.5 to 0.9999", options.confidence));
   }
-  POLYPOD_ASSIGN(list, generators(machine, X, q, tolerances, Region::box));
+  const Plan plan(machine, tolerances);
+  POLYPOD_ASSIGN(list, generators(X, error_columns(machine, X, q, plan), plan, Region::box));
   Spread out;
   Mat3 position = Mat3::Zero(), orientation = Mat3::Zero();
   for (const Generator& g : list) {

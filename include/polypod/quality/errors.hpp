@@ -18,6 +18,9 @@ using kinematics::JointVector;
 /// and the elements are off by `errors`. Cost: a pass of the closure for each six parameters, 3 to 10 us.
 Vec6 known_error(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const std::vector<Sized>& errors);
 
+/// The size of its angular part: of a machine of Task::axis without the turn about the tool axis. rad.
+double orientation_error(const AnyMachine& machine, const Pose& X_MT, const Vec6& error);
+
 /// The same exactly: the erroneous machine's closure is solved by Newton from X. Empty where Newton does not converge
 /// (the erroneous machine has no pose near X: singular). The gap to known_error falls with the square of the errors.
 std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,

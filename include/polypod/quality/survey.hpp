@@ -1,0 +1,75 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Quality over a workspace: conditioning and errors at the points of a grid, from all directions.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "polypod/quality/errors.hpp"
+#include "polypod/workspace/field.hpp"
+
+namespace polypod::quality {
+
+struct SurveyOptions {
+  workspace::Options workspace;  ///< directions, limits, threads, cancelled
+  int resolution = 24;           ///< points along the longest side, 2 to 512
+  /// A box in M instead of the whole workspace; its corners are points of the grid.
+  std::optional<std::array<Vec3, 2>> box;
+  std::function<void(double)> progress;  ///< share of the work
+};
+
+/// Where a machine is looked at.
+struct Survey {
+  workspace::Grid grid;
+  std::vector<std::size_t> inside;  ///< points of the grid in the workspace, rising
+  std::vector<Mat3> orientations;   ///< all of these at each of them (workspace::sampled_orientations)
+  double volume = 0;                ///< m^3: points inside times the cell, or the box's share of them
+  bool whole_box = true;            ///< every point of a given box is in the workspace
+};
+
+/// The points of the workspace. Errors: those of workspace::volume(), WS130, QU110 (no point of the grid is inside).
+Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options);
+
+/// One number at each point inside: its mean over the directions, as JEL takes it, and its worst.
+struct Quantity {
+  std::vector<double> mean, worst;
+  std::vector<int> worst_direction;  ///< of Survey::orientations
+};
+
+/// Over the points of a survey.
+struct Statistics {
+  double min = 0, mean = 0, max = 0, stddev = 0;
+  Vec3 min_at = Vec3::Zero(), max_at = Vec3::Zero();  ///< in M, m
+};
+/// Of one number a point. Values that are not finite count for min and max alone.
+Statistics statistics(const Survey& survey, const std::vector<double>& values);
+
+struct DexterityField {
+  Quantity condition, sigma_min, determinant;  ///< as kinematics::dexterity; |det|; worst: largest, least, least
+  double length = 0;                           ///< the characteristic length, m; 0 where it changes with the pose
+};
+/// Cost a pose: 0.15 us for hexapods, four at a time; 3 us for others.
+Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                       double length = 0);
+
+struct ErrorField {
+  Quantity position, orientation;  ///< m, rad
+};
+/// The lengths of known_error at each pose.
+Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                     const std::vector<Sized>& errors);
+/// worst_case at each pose. Cost a pose: 0.2 us for hexapods whose elements each act on one leg (all but the tool's
+/// length), four at a time; otherwise that of worst_case.
+Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                   const std::vector<Sized>& tolerances, const ToleranceOptions& tolerance = {});
+
+/// The pose of a survey: point number `point` of `inside`, from direction number `direction`.
+Pose pose_at(const Survey& survey, std::size_t point, int direction);
+/// The joints of a pose as the surveys take them: of a slider's roots the outer one where both are on the rail, of an
+/// arm the first branch within the limits. Empty where there are none.
+std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X_MT);
+
+}  // namespace polypod::quality

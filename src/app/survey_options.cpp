@@ -1,0 +1,85 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "survey_options.hpp"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::app {
+
+void SurveyArguments::declare(Arguments& a) {
+  a.option("--pose", pose, "x,y,z[,A,B[,C]] in mm and deg: at this pose instead of over the workspace");
+  a.option("--box", box, "x0,y0,z0,x1,y1,z1: over this box instead of the workspace, mm");
+  a.option("--resolution", resolution, "Points along the longest side, 2 to 512 (default 24)");
+  workspace.declare(a);
+}
+
+Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachine& m, const Context& context) const {
+  quality::SurveyOptions out;
+  POLYPOD_ASSIGN(options, workspace.options(m, context));
+  out.workspace = options;
+  out.workspace.progress = nullptr;
+  out.resolution = resolution;
+  out.progress = [line = progress_line(context, "survey")](double share) { line(share); };
+  if (box.empty()) return out;
+  POLYPOD_ASSIGN(n, numbers_of(box, "--box"));
+  if (n.size() != 6) return fail("AP161", fmt::format("--box {}: not six numbers", box));
+  for (double& x : n) x = units::from_mm(x);
+  out.box = {Vec3(n[0], n[1], n[2]), Vec3(n[3], n[4], n[5])};
+  if (!(((*out.box)[1] - (*out.box)[0]).minCoeff() >= 0)) {
+    return fail("AP161", fmt::format("--box {}: the first corner must not lie above the second", box));
+  }
+  return out;
+}
+
+Json number_json(double value) {
+  return std::isfinite(value) ? Json(value) : Json();
+}
+
+Json statistics_json(const quality::Statistics& s, double scale) {
+  return {{"min", number_json(s.min * scale)},
+          {"mean", number_json(s.mean * scale)},
+          {"max", number_json(s.max * scale)},
+          {"stddev", number_json(s.stddev * scale)},
+          {"min_at_mm", vector_json(s.min_at * units::kMmPerMetre)},
+          {"max_at_mm", vector_json(s.max_at * units::kMmPerMetre)}};
+}
+
+Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
+                                                                  const char* option) {
+  std::vector<std::pair<std::string, double>> out;
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.rfind('=');
+    double value = 0;
+    const char* const end = text.data() + text.size();
+    if (equals == std::string::npos || equals == 0 ||
+        std::from_chars(text.data() + equals + 1, end, value).ptr != end || equals + 1 == text.size()) {
+      return fail("AP160", fmt::format("{} {}: not KEY=number", option, text), {}, "write base.joint=0.01");
+    }
+    out.emplace_back(text.substr(0, equals), value);
+  }
+  return out;
+}
+
+Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& text) {
+  POLYPOD_ASSIGN(X, pose_argument(m, text));
+  PoseJoints out{X, {}, false, {}};
+  const kinematics::InverseResult result = kinematics::inverse(m, X);
+  if (const kinematics::Solution* s = result.reachable()) {
+    out.joints = s->joints;
+    out.reachable = true;
+    return out;
+  }
+  out.reason = result.reason;
+  if (!result.solutions.empty()) {
+    for (const std::string& name : kinematics::limit_names(m, result.solutions.front().violations))
+      out.reason += (out.reason.empty() ? "" : ", ") + name;
+  }
+  return out;
+}
+
+}  // namespace polypod::app

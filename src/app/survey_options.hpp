@@ -1,0 +1,36 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What `dexterity`, `errors` and `tolerances` share: where to look, statistics as JSON and text.
+#pragma once
+
+#include "polypod/quality/survey.hpp"
+#include "workspace_options.hpp"
+
+namespace polypod::app {
+
+struct SurveyArguments {
+  std::string pose, box;
+  int resolution = 24;
+  WorkspaceOptions workspace;
+
+  void declare(Arguments& arguments);
+  [[nodiscard]] Result<quality::SurveyOptions> options(const machine::AnyMachine& m, const Context& context) const;
+};
+
+/// {min, mean, max, stddev, min_at_mm, max_at_mm}; a number that is not finite is null. `scale` makes the unit.
+Json statistics_json(const quality::Statistics& s, double scale = 1);
+/// A number, or null where it is not finite.
+Json number_json(double value);
+/// "KEY=value" as key and number. Errors: AP160.
+Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
+                                                                  const char* option);
+
+/// The pose and its joints, or the reason why it has none.
+struct PoseJoints {
+  Pose X_MT;
+  machine::JointVector joints;
+  bool reachable = false;
+  std::string reason;
+};
+Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& text);
+
+}  // namespace polypod::app

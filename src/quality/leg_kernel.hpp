@@ -1,0 +1,74 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Machines on six legs, many directions at once: the inner loop of surveys.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "polypod/quality/errors.hpp"
+
+namespace polypod::quality {
+
+/// Six legs between anchors and platform joints, on struts or on rails.
+struct SixLegMachine {
+  bool rails = false;
+  std::array<Vec3, 6> anchor;           ///< base joints, or the outer ends of the rails
+  std::array<Vec3, 6> rail;             ///< unit directions
+  std::array<double, 6> rail_length{};  ///< m
+  std::array<double, 6> leg_length{};   ///< of legs on rails, m
+  std::array<Vec3, 6> end;              ///< platform joints in T
+};
+/// Empty for machines of other families.
+std::optional<SixLegMachine> six_leg_machine(const AnyMachine& machine);
+
+/// How far each leg may be off, or is: dl_i = length + base . w - platform . R^T w + joint (w . u on rails) + direction
+/// . w q_i. As tolerances the absolute values add up; of a ball the radius counts.
+struct LegSizes {
+  double length = 0, base_ball = 0, platform_ball = 0, joint = 0;
+  Vec3 base = Vec3::Zero(), platform = Vec3::Zero(), direction = Vec3::Zero();
+};
+
+/// What the kernel works out at each pose: three numbers.
+enum class LegQuestion {
+  dexterity,   ///< condition, sigma_min, |det| of S (kinematics::dexterity)
+  known,       ///< lengths of the tool's error: position, orientation, 0
+  tolerance,   ///< the farthest of the 64 vertices: position, orientation, 0
+};
+
+class LegKernel {
+ public:
+  LegKernel(const SixLegMachine& machine, const std::vector<Mat3>& orientations);
+
+  /// The elements as sizes of legs; false if one acts on more than a leg (the tool's length).
+  bool set_sizes(const AnyMachine& machine, const std::vector<Sized>& sizes, Region region);
+  /// The characteristic length, m; 0: mean distance of the platform joints from the tip.
+  void set_length(double length);
+  [[nodiscard]] double length() const { return length_; }
+
+  /// Means over the directions and the worst of each of the three numbers (`largest[k]`: the largest is the worst, else
+  /// the least) and where.
+  struct Answer {
+    std::array<double, 3> mean{}, worst{};
+    std::array<int, 3> worst_direction{};
+  };
+  [[nodiscard]] Answer ask(LegQuestion question, const Vec3& p) const;
+
+  static constexpr int kLanes = 4;
+  /// Numbers of four directions. GCC's and clang's vectors: plain operators, one instruction where the processor has it.
+  using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
+  struct alignas(sizeof(Lanes)) Group {
+    Lanes R[3][3];    ///< orientations
+    Lanes arm[6][3];  ///< R e_i
+  };
+
+ private:
+  friend struct LegKernelBody;
+  SixLegMachine machine_;
+  std::array<LegSizes, 6> sizes_{};
+  std::vector<Group> groups_;
+  std::size_t directions_ = 0;
+  double length_ = 0;
+};
+
+}  // namespace polypod::quality

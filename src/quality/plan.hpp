@@ -1,0 +1,57 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Sized elements worked out once for many poses: which columns of the closure, how much.
+#pragma once
+
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/kinematics/slider_hexapod.hpp"
+#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/quality/errors.hpp"
+#include "polypod/quality/zonotope.hpp"
+
+namespace polypod::quality {
+
+struct Plan {
+  struct Part {
+    int element = 0;
+    double size = 0;
+    std::vector<int> columns;
+    std::string key;
+  };
+  std::vector<Part> parts;
+  bool parameters = false, joints = false;  ///< whether any column is one
+  machine::Task task = machine::Task::pose;
+
+  Plan(const AnyMachine& machine, const std::vector<Sized>& sizes) : task(kinematics::task(machine)) {
+    const std::vector<Element> all = elements(machine);
+    const int parameter_count = static_cast<int>(kinematics::parameters(machine).size());
+    for (const auto& [number, size] : sizes) {
+      const Element& e = all[static_cast<std::size_t>(number)];
+      parts.push_back({number, size, e.columns, e.key});
+      for (const int c : e.columns) (c < parameter_count ? parameters : joints) = true;
+    }
+  }
+};
+
+/// One generator of both zonotopes and the element that it belongs to.
+struct Generator {
+  Vec3 position, orientation;
+  int element = 0;
+};
+
+using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// -A^-1 [F_p, F_q], 6 x (parameters + joints): what the tool does for a unit of each; those that the plan does not
+/// name may be 0. Of a machine of Task::axis the pose with the turn about the tool axis that it really has counts.
+Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan);
+
+/// The part of a rotation vector that is an error: for Task::axis the turn about the tool axis is none.
+Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w);
+
+/// Errors: QU102.
+Result<std::vector<Generator>> generators(const Pose& X, const Columns& E, const Plan& plan, Region region);
+
+Farthest farthest(const std::vector<Generator>& list, Vec3 Generator::*part, Method method);
+
+}  // namespace polypod::quality

@@ -1,0 +1,238 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/quality/survey.hpp"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "leg_kernel.hpp"
+#include "plan.hpp"
+#include "polypod/core/parallel.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::quality {
+namespace {
+
+ParallelOptions parallel_options(const SurveyOptions& options) {
+  return {options.workspace.threads, options.workspace.cancelled, options.progress};
+}
+
+Quantity quantity_of(std::size_t points) {
+  return {std::vector<double>(points), std::vector<double>(points), std::vector<int>(points)};
+}
+
+/// Fills some quantities from `ask(p, point)`, which gives a LegKernel::Answer.
+template <class Ask>
+Status fill(const Survey& survey, const SurveyOptions& options, std::vector<Quantity*> quantities, const Ask& ask) {
+  for (Quantity* q : quantities) *q = quantity_of(survey.inside.size());
+  const bool whole = for_each_in_rounds(survey.inside.size(), parallel_options(options), [&](std::size_t i) {
+    const LegKernel::Answer answer = ask(survey.grid.at(survey.inside[i]));
+    for (std::size_t k = 0; k < quantities.size(); ++k) {
+      quantities[k]->mean[i] = answer.mean[k];
+      quantities[k]->worst[i] = answer.worst[k];
+      quantities[k]->worst_direction[i] = answer.worst_direction[k];
+    }
+  });
+  if (!whole) return fail("WS110", "cancelled");
+  return {};
+}
+
+/// The same pose by pose: `at(X, q)` gives up to three numbers. A pose whose joints are not found does not count.
+template <class At>
+LegKernel::Answer pose_by_pose(const AnyMachine& machine, const Survey& survey, const Vec3& p, bool dexterity,
+                               const At& at) {
+  LegKernel::Answer answer;
+  answer.worst.fill(std::numeric_limits<double>::quiet_NaN());
+  int count = 0;
+  for (std::size_t d = 0; d < survey.orientations.size(); ++d) {
+    const Pose X{survey.orientations[d], p};
+    const auto q = joints_at(machine, X);
+    if (!q) continue;
+    const std::array<double, 3> values = at(X, *q);
+    ++count;
+    for (std::size_t v = 0; v < 3; ++v) {
+      answer.mean[v] += values[v];
+      const bool large = !dexterity || v == 0;
+      if (count == 1 || (large ? !(values[v] <= answer.worst[v]) : values[v] < answer.worst[v])) {
+        answer.worst[v] = values[v];
+        answer.worst_direction[v] = static_cast<int>(d);
+      }
+    }
+  }
+  for (double& mean : answer.mean) mean /= std::max(1, count);
+  return answer;
+}
+
+}  // namespace
+
+std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X) {
+  if (const auto* strut = std::get_if<machine::StrutHexapod>(&machine)) {
+    JointVector q(machine::kLegs);
+    machine::lengths(*strut, X, q.data());
+    return q;
+  }
+  if (const auto* slider = std::get_if<machine::SliderHexapod>(&machine)) {
+    JointVector q(machine::kLegs);
+    machine::SliderRoots roots[machine::kLegs];
+    machine::slider_roots(*slider, X, roots);
+    for (int i = 0; i < machine::kLegs; ++i) {
+      if (!roots[i].real) return {};
+      const double length = slider->rail_length[static_cast<std::size_t>(i)];
+      const auto on_rail = [&](double s) { return s >= 0 && s <= length; };
+      q[i] = !on_rail(roots[i].outer) && on_rail(roots[i].inner) ? roots[i].inner : roots[i].outer;
+    }
+    return q;
+  }
+  const kinematics::InverseResult result = kinematics::inverse(machine, X);
+  if (const kinematics::Solution* s = result.reachable()) return s->joints;
+  return {};
+}
+
+Pose pose_at(const Survey& survey, std::size_t point, int direction) {
+  return {survey.orientations[static_cast<std::size_t>(direction)], survey.grid.at(survey.inside[point])};
+}
+
+Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
+  Survey out;
+  out.orientations = workspace::sampled_orientations(options.workspace.directions);
+  if (kinematics::task(machine) == machine::Task::point) out.orientations = {Mat3::Identity()};
+  if (options.box) {
+    const auto& [low, high] = *options.box;
+    if (options.resolution < 2 || options.resolution > 512) {
+      return fail("WS130", fmt::format("a resolution of {} points must be 2 to 512", options.resolution));
+    }
+    const double spacing = (high - low).maxCoeff() / (options.resolution - 1);
+    if (!((high - low).minCoeff() >= 0 && spacing > 0)) return fail("WS130", "the box is empty");
+    out.grid.origin = low;
+    for (int k = 0; k < 3; ++k) {
+      const int steps = static_cast<int>(std::ceil((high[k] - low[k]) / spacing - 1e-9));
+      out.grid.points[static_cast<std::size_t>(k)] = steps + 1;
+      out.grid.step[static_cast<std::size_t>(k)] = (steps > 0 ? (high[k] - low[k]) / steps : spacing) * Vec3::Unit(k);
+    }
+  } else {
+    POLYPOD_ASSIGN(box, workspace::extent(machine, options.workspace, false));
+    if (box.empty()) {
+      return fail("QU110", "no point is reachable from all required directions", {}, "ask for less tilt");
+    }
+    POLYPOD_ASSIGN(grid, workspace::grid_over(box.low, box.high, options.resolution));
+    out.grid = grid;
+  }
+  POLYPOD_ASSIGN(inside, workspace::points_inside(machine, options.workspace, out.grid));
+  out.inside = std::move(inside);
+  out.whole_box = out.inside.size() == out.grid.size();
+  if (out.inside.empty()) {
+    return fail("QU110", "no point of the grid is reachable from all required directions", {},
+                "ask for less tilt, or raise the resolution");
+  }
+  out.volume = options.box ? (options.box->at(1) - options.box->at(0)).prod() * static_cast<double>(out.inside.size()) /
+                                 static_cast<double>(out.grid.size())
+                           : std::abs(out.grid.step[0].dot(out.grid.step[1].cross(out.grid.step[2]))) *
+                                 static_cast<double>(out.inside.size());
+  return out;
+}
+
+Statistics statistics(const Survey& survey, const std::vector<double>& values) {
+  Statistics s{std::numeric_limits<double>::infinity(), 0, -std::numeric_limits<double>::infinity(), 0, {}, {}};
+  double count = 0, square = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double x = values[i];
+    if (std::isnan(x)) continue;
+    if (x < s.min) {
+      s.min = x;
+      s.min_at = survey.grid.at(survey.inside[i]);
+    }
+    if (x > s.max) {
+      s.max = x;
+      s.max_at = survey.grid.at(survey.inside[i]);
+    }
+    if (!std::isfinite(x)) continue;
+    // Welford's sums: no cancellation.
+    ++count;
+    const double off = x - s.mean;
+    s.mean += off / count;
+    square += off * (x - s.mean);
+  }
+  s.stddev = count > 0 ? std::sqrt(square / count) : 0;
+  return s;
+}
+
+Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                       double length) {
+  DexterityField out;
+  const std::vector<Quantity*> quantities{&out.condition, &out.sigma_min, &out.determinant};
+  if (const auto legs = six_leg_machine(machine)) {
+    LegKernel kernel(*legs, survey.orientations);
+    kernel.set_length(length);
+    out.length = kernel.length();
+    POLYPOD_TRY(fill(survey, options, quantities,
+                     [&](const Vec3& p) { return kernel.ask(LegQuestion::dexterity, p); }));
+    return out;
+  }
+  out.length = length;
+  POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) {
+    return pose_by_pose(machine, survey, p, true, [&](const Pose& X, const JointVector& q) {
+      const kinematics::Dexterity d = kinematics::dexterity(machine, X, q, length);
+      return std::array<double, 3>{d.condition, d.sigma_min, std::abs(d.determinant)};
+    });
+  }));
+  return out;
+}
+
+Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                     const std::vector<Sized>& errors) {
+  ErrorField out;
+  const std::vector<Quantity*> quantities{&out.position, &out.orientation};
+  if (const auto legs = six_leg_machine(machine)) {
+    LegKernel kernel(*legs, survey.orientations);
+    if (kernel.set_sizes(machine, errors, Region::box)) {
+      POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) { return kernel.ask(LegQuestion::known, p); }));
+      return out;
+    }
+  }
+  const Plan plan(machine, errors);
+  POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) {
+    return pose_by_pose(machine, survey, p, false, [&](const Pose& X, const JointVector& q) {
+      const Columns E = error_columns(machine, X, q, plan);
+      Vec6 error = Vec6::Zero();
+      for (const Plan::Part& part : plan.parts)
+        for (const int c : part.columns) error += part.size * E.col(c);
+      return std::array<double, 3>{error.head<3>().norm(), heeded(plan.task, X, error.tail<3>()).norm(), 0};
+    });
+  }));
+  return out;
+}
+
+Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                   const std::vector<Sized>& tolerances, const ToleranceOptions& tolerance) {
+  ErrorField out;
+  const std::vector<Quantity*> quantities{&out.position, &out.orientation};
+  if (const auto legs = six_leg_machine(machine); legs && tolerance.method == Method::exact) {
+    LegKernel kernel(*legs, survey.orientations);
+    if (kernel.set_sizes(machine, tolerances, tolerance.region)) {
+      POLYPOD_TRY(
+          fill(survey, options, quantities, [&](const Vec3& p) { return kernel.ask(LegQuestion::tolerance, p); }));
+      return out;
+    }
+  }
+  const Plan plan(machine, tolerances);
+  std::atomic<bool> failed = false;
+  Error error;
+  const auto at = [&](const Pose& X, const JointVector& q) {
+    const auto list = generators(X, error_columns(machine, X, q, plan), plan, tolerance.region);
+    if (!list) {
+      if (!failed.exchange(true)) error = list.error();
+      return std::array<double, 3>{};
+    }
+    return std::array<double, 3>{farthest(*list, &Generator::position, tolerance.method).distance,
+                                 farthest(*list, &Generator::orientation, tolerance.method).distance, 0};
+  };
+  POLYPOD_TRY(fill(survey, options, quantities,
+                   [&](const Vec3& p) { return pose_by_pose(machine, survey, p, false, at); }));
+  if (failed) return tl::unexpected(error);
+  return out;
+}
+
+}  // namespace polypod::quality
