@@ -51,7 +51,8 @@ std::vector<Element> elements(const AnyMachine& machine) {
         continue;
       }
     }
-    out.push_back({key, name.group, {static_cast<int>(k)}, parameters[k].unit, name.group != "tool.length"});
+    out.push_back({key, name.group, {static_cast<int>(k)}, parameters[k].unit,
+                   name.group != "tool.length" && !parameters[k].unit.empty()});
   }
   for (int i = 0; i < kinematics::joint_count(machine); ++i) {
     const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
@@ -62,17 +63,19 @@ std::vector<Element> elements(const AnyMachine& machine) {
                    false});
   }
   for (const char* platform : {"base", "platform"}) {
+    const std::string joint = std::string(platform) + ".joint", attachment = std::string(platform) + ".attachment";
     std::vector<Element> attachments;
-    for (const Element& e : out) {
-      if (e.group != std::string(platform) + ".joint") continue;
-      attachments.push_back(e);
-      attachments.back().group = std::string(platform) + ".attachment";
-      attachments.back().key = attachments.back().group + parsed(e.key).index;
-    }
-    out.insert(out.end(), attachments.begin(), attachments.end());
+    for (const Element& e : out)
+      if (e.group == joint) attachments.push_back({attachment + parsed(e.key).index, attachment, e.columns, e.unit, true});
+    const auto behind = std::find_if(out.rbegin(), out.rend(), [&](const Element& e) { return e.group == joint; });
+    out.insert(behind.base(), attachments.begin(), attachments.end());
   }
-  std::stable_sort(out.begin(), out.end(),
-                   [](const Element& a, const Element& b) { return a.columns.size() < b.columns.size(); });
+  // Single numbers before points, each group in one piece in the order of its first element.
+  std::map<std::string, std::size_t> rank;
+  for (const Element& e : out) rank.emplace(e.group, rank.size());
+  std::stable_sort(out.begin(), out.end(), [&](const Element& a, const Element& b) {
+    return std::pair(a.columns.size(), rank[a.group]) < std::pair(b.columns.size(), rank[b.group]);
+  });
   return out;
 }
 

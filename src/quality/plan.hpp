@@ -52,6 +52,7 @@ Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w);
 /// Errors: QU102.
 Result<std::vector<Generator>> generators(const Pose& X, const Columns& E, const Plan& plan, Region region);
 
-Farthest farthest(const std::vector<Generator>& list, Vec3 Generator::*part, Method method);
+/// The farthest vertex, or what the search of JEL finds.
+Farthest farthest(const std::vector<Generator>& list, const Plan& plan, Vec3 Generator::*part, Method method);
 
 }  // namespace polypod::quality

@@ -226,8 +226,8 @@ Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& surv
       if (!failed.exchange(true)) error = list.error();
       return std::array<double, 3>{};
     }
-    return std::array<double, 3>{farthest(*list, &Generator::position, tolerance.method).distance,
-                                 farthest(*list, &Generator::orientation, tolerance.method).distance, 0};
+    return std::array<double, 3>{farthest(*list, plan, &Generator::position, tolerance.method).distance,
+                                 farthest(*list, plan, &Generator::orientation, tolerance.method).distance, 0};
   };
   POLYPOD_TRY(fill(survey, options, quantities,
                    [&](const Vec3& p) { return pose_by_pose(machine, survey, p, false, at); }));

@@ -26,8 +26,9 @@ struct Element {
 /// `base.joint[1].x`, `.y`, `.z` are one, `dh[2].alpha` is `dh.alpha[2]`. Besides
 /// - `base.attachment[i]` and `platform.attachment[i]` of hexapods, which act like the joints' own errors (the vectors c
 ///   and d of JEL (5.5));
-/// - `joint[i]`: the reading of a joint: a strut, a slider, a drive's zero. Not in `all`, nor is the tool's length.
-/// Order: lengths, then points, as the search of JEL takes them.
+/// - `joint[i]`: the reading of a joint: a strut, a slider, a drive's zero.
+/// Joint readings, the tool's length and numbers without a unit (directions of rails) are not in `all`.
+/// Order: single numbers, then points, group by group: the order of the search of JEL.
 std::vector<Element> elements(const AnyMachine& machine);
 
 /// An element and how much it is off, or may be, SI. A point is off by (size, size, size).
