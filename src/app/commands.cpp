@@ -9,7 +9,8 @@ std::vector<Command> all_commands() {
       machines_command(), info_command(),                       // the catalogue
       ik_command(), fk_command(), jacobian_command(),           // a pose
       workspace_command(), section_command(), sweep_command(),  // all poses
-      dexterity_command(), errors_command(),                    // quality
+      dexterity_command(), singularities_command(),             // quality
+      errors_command(), tolerances_command(), budget_command(),
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(),
       force_command(),                                          // cutting

@@ -78,8 +78,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     document["orientation_rad"] = fixed(orientation);
     document["error"] = twist_json(linear);
     document["error_exact"] = exact ? twist_json(*exact) : Json();
-    document["linear_minus_exact_mm"] =
-        exact ? Json(units::to_mm((linear - *exact).head<3>().norm())) : Json();
+    document["linear_minus_exact_mm"] = exact ? Json(units::to_mm((linear - *exact).head<3>().norm())) : Json();
     if (context.json) {
       print_json(document);
       return kDone;
@@ -111,10 +110,15 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     options.confidence = o.confidence / 100;
     options.seed = static_cast<std::uint64_t>(o.seed);
     using quality::Distribution;
-    if (o.distribution == "uniform") options.distribution = Distribution::uniform;
-    else if (o.distribution == "normal") options.distribution = Distribution::normal;
-    else if (o.distribution == "triangular") options.distribution = Distribution::triangular;
-    else return fail("AP162", fmt::format("--distribution {}: unknown", o.distribution), {}, "uniform, normal or triangular");
+    if (o.distribution == "uniform")
+      options.distribution = Distribution::uniform;
+    else if (o.distribution == "normal")
+      options.distribution = Distribution::normal;
+    else if (o.distribution == "triangular")
+      options.distribution = Distribution::triangular;
+    else
+      return fail("AP162", fmt::format("--distribution {}: unknown", o.distribution), {},
+                  "uniform, normal or triangular");
     POLYPOD_ASSIGN(found, quality::spread(m, here.X_MT, here.joints, sizes, options));
     spread = found;
     const auto json = [](const quality::Spread::Sampled& s, double scale, double rss) {
@@ -154,11 +158,13 @@ Command errors_command() {
           "polypod errors hexapod-strut --tolerance all=0.01 --tilt 20",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
-            a.option("--error", o->errors, "KEY=mm (angles deg): a known error; KEY: leg.length, base.joint[2], all, ... (repeatable)");
+            a.option("--error", o->errors,
+                     "KEY=mm (angles deg): a known error; KEY: leg.length, base.joint[2], all, ... (repeatable)");
             a.option("--tolerance", o->tolerances, "KEY=mm (angles deg): at most so much either way (repeatable)");
             a.option("--method", o->method, "Of tolerances: exact (default), or search (JEL 5.3, never above exact)");
             a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
-            a.option("--distribution", o->distribution, "With --pose: uniform, normal or triangular; statistics by sampling");
+            a.option("--distribution", o->distribution,
+                     "With --pose: uniform, normal or triangular; statistics by sampling");
             a.option("--samples", o->samples, "How many machines are sampled (default 20000)");
             a.option("--confidence", o->confidence, "Share of them that the quantile covers, % (default 99.73)");
             a.option("--seed", o->seed, "Of the random numbers (default 1)");
@@ -180,8 +186,8 @@ Command errors_command() {
             if (o->method == "search") tolerance.method = quality::Method::search;
             if (o->region == "sphere") tolerance.region = quality::Region::sphere;
             const bool tolerances = !o->tolerances.empty();
-            POLYPOD_ASSIGN(keyed, keyed_numbers(tolerances ? o->tolerances : o->errors,
-                                                tolerances ? "--tolerance" : "--error"));
+            POLYPOD_ASSIGN(
+                keyed, keyed_numbers(tolerances ? o->tolerances : o->errors, tolerances ? "--tolerance" : "--error"));
             POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, tolerances));
             if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, context);
 
@@ -191,9 +197,9 @@ Command errors_command() {
                                              : quality::known_error_field(m, survey, options, sizes));
             const quality::Statistics position = quality::statistics(survey, field.position.mean);
             const quality::Statistics orientation = quality::statistics(survey, field.orientation.mean);
-            const auto worst = static_cast<std::size_t>(
-                std::max_element(field.position.worst.begin(), field.position.worst.end()) -
-                field.position.worst.begin());
+            const auto worst =
+                static_cast<std::size_t>(std::max_element(field.position.worst.begin(), field.position.worst.end()) -
+                                         field.position.worst.begin());
             const Pose worst_pose = quality::pose_at(survey, worst, field.position.worst_direction[worst]);
             const double worst_position = field.position.worst[worst];
             const double worst_orientation =
@@ -206,9 +212,10 @@ Command errors_command() {
             if (context.json) {
               Json document{{"position_mm", statistics_json(position, units::kMmPerMetre)},
                             {"orientation_rad", statistics_json(orientation)},
-                            {"worst", {{"position_mm", number_json(units::to_mm(worst_position))},
-                                       {"orientation_rad", number_json(worst_orientation)},
-                                       {"pose", pose_for_user(m, worst_pose)}}},
+                            {"worst",
+                             {{"position_mm", number_json(units::to_mm(worst_position))},
+                              {"orientation_rad", number_json(worst_orientation)},
+                              {"pose", pose_for_user(m, worst_pose)}}},
                             {"points", survey.inside.size()},
                             {"directions", survey.orientations.size()},
                             {"volume_mm3", units::to_mm3(survey.volume)}};
@@ -226,11 +233,12 @@ Command errors_command() {
             fmt::print("               min          mean           max        stddev\n");
             fmt::print("position    {:>10.6f}  {:>10.6f}  {:>12.6f}  {:>10.6f} mm\n", units::to_mm(position.min),
                        units::to_mm(position.mean), units::to_mm(position.max), units::to_mm(position.stddev));
-            fmt::print("orientation {:>10.7f}  {:>10.7f}  {:>12.7f}  {:>10.7f} rad\n", orientation.min, orientation.mean,
-                       orientation.max, orientation.stddev);
+            fmt::print("orientation {:>10.7f}  {:>10.7f}  {:>12.7f}  {:>10.7f} rad\n", orientation.min,
+                       orientation.mean, orientation.max, orientation.stddev);
             fmt::print("largest mean at {:.1f}, {:.1f}, {:.1f} mm\n", at.x(), at.y(), at.z());
             std::string pose;
-            for (const double c : pose_for_user(m, worst_pose)) pose += fmt::format("{}{:.2f}", pose.empty() ? "" : ", ", c);
+            for (const double c : pose_for_user(m, worst_pose))
+              pose += fmt::format("{}{:.2f}", pose.empty() ? "" : ", ", c);
             fmt::print("worst pose: {:.6f} mm at {}\n", units::to_mm(worst_position), pose);
             if (tolerances) print_shares(m, case_there);
             return kDone;

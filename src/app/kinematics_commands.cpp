@@ -277,7 +277,9 @@ Command jacobian_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-            a.option("--length", o->length_mm, "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
+            a.option(
+                "--length", o->length_mm,
+                "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));

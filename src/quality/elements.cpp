@@ -51,7 +51,10 @@ std::vector<Element> elements(const AnyMachine& machine) {
         continue;
       }
     }
-    out.push_back({key, name.group, {static_cast<int>(k)}, parameters[k].unit,
+    out.push_back({key,
+                   name.group,
+                   {static_cast<int>(k)},
+                   parameters[k].unit,
                    name.group != "tool.length" && !parameters[k].unit.empty()});
   }
   for (int i = 0; i < kinematics::joint_count(machine); ++i) {
@@ -66,7 +69,8 @@ std::vector<Element> elements(const AnyMachine& machine) {
     const std::string joint = std::string(platform) + ".joint", attachment = std::string(platform) + ".attachment";
     std::vector<Element> attachments;
     for (const Element& e : out)
-      if (e.group == joint) attachments.push_back({attachment + parsed(e.key).index, attachment, e.columns, e.unit, true});
+      if (e.group == joint)
+        attachments.push_back({attachment + parsed(e.key).index, attachment, e.columns, e.unit, true});
     const auto behind = std::find_if(out.rbegin(), out.rend(), [&](const Element& e) { return e.group == joint; });
     out.insert(behind.base(), attachments.begin(), attachments.end());
   }
@@ -97,7 +101,8 @@ Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<st
     if (known) continue;
     std::string groups;
     for (const Element& e : all)
-      if ((groups + ",").find(" " + e.group + ",") == std::string::npos) groups += (groups.empty() ? " " : ", ") + e.group;
+      if ((groups + ",").find(" " + e.group + ",") == std::string::npos)
+        groups += (groups.empty() ? " " : ", ") + e.group;
     return fail("QU100", fmt::format("{} has no element \"{}\"", machine::name_of(machine), key), {},
                 fmt::format("elements:{}; [i] picks one; all", groups));
   }

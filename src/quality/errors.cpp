@@ -119,8 +119,7 @@ std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_M
             const auto k = static_cast<std::size_t>(c);
             (k < p.size() ? p[k] : joints[k - p.size()]) += part.size;
           }
-        const kinematics::NewtonResult exact =
-            kinematics::forward_by_closure(m, std::span<const double>(joints), p, X);
+        const kinematics::NewtonResult exact = kinematics::forward_by_closure(m, std::span<const double>(joints), p, X);
         if (!exact.converged) return {};
         Vec6 out;
         out << exact.X_MT.p - X.p, rotation_vector(exact.X_MT.R * X.R.transpose());
@@ -171,7 +170,8 @@ Result<Spread> spread(const AnyMachine& machine, const Pose& X, const JointVecto
     orientation += g.orientation * g.orientation.transpose();
   }
   const auto longest_axis = [](const Mat3& square) {
-    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Mat3>(square, Eigen::EigenvaluesOnly).eigenvalues()[2]));
+    return std::sqrt(
+        std::max(0.0, Eigen::SelfAdjointEigenSolver<Mat3>(square, Eigen::EigenvaluesOnly).eigenvalues()[2]));
   };
   out.rss_position = longest_axis(position);
   out.rss_orientation = longest_axis(orientation);
@@ -210,9 +210,7 @@ Result<Spread> spread(const AnyMachine& machine, const Pose& X, const JointVecto
     // The rank of the quantile is binomial; 1.96 standard deviations of it to both sides.
     const double n = static_cast<double>(count), rank = options.confidence * n,
                  band = 1.96 * std::sqrt(n * options.confidence * (1 - options.confidence));
-    const auto at = [&](double r) {
-      return values[static_cast<std::size_t>(std::clamp(std::floor(r), 0.0, n - 1))];
-    };
+    const auto at = [&](double r) { return values[static_cast<std::size_t>(std::clamp(std::floor(r), 0.0, n - 1))]; };
     s.quantile = at(rank);
     s.quantile_low = at(rank - band);
     s.quantile_high = at(rank + band + 1);

@@ -277,7 +277,8 @@ struct LegKernelBody {
           const Lanes half = root(larger(m.leg_length[i] * m.leg_length[i] - (square - s * s), all_of(0)));
           const Lanes outer = s - half, inner = s + half;
           // The outer root where it is on the rail or the inner one is not.
-          const Mask use_inner = ((outer < 0) | (outer > m.rail_length[i])) & (inner >= 0) & (inner <= m.rail_length[i]);
+          const Mask use_inner =
+              ((outer < 0) | (outer > m.rail_length[i])) & (inner >= 0) & (inner <= m.rail_length[i]);
           slider[i] = use_inner ? inner : outer;
           for (int c = 0; c < 3; ++c) y[c] -= slider[i] * u[c];
           inverse = all_of(1 / m.leg_length[i]);

@@ -31,9 +31,9 @@ struct LegSizes {
 
 /// What the kernel works out at each pose: three numbers.
 enum class LegQuestion {
-  dexterity,   ///< condition, sigma_min, |det| of S (kinematics::dexterity)
-  known,       ///< lengths of the tool's error: position, orientation, 0
-  tolerance,   ///< the farthest of the 64 vertices: position, orientation, 0
+  dexterity,  ///< condition, sigma_min, |det| of S (kinematics::dexterity)
+  known,      ///< lengths of the tool's error: position, orientation, 0
+  tolerance,  ///< the farthest of the 64 vertices: position, orientation, 0
 };
 
 class LegKernel {
@@ -55,7 +55,8 @@ class LegKernel {
   [[nodiscard]] Answer ask(LegQuestion question, const Vec3& p) const;
 
   static constexpr int kLanes = 4;
-  /// Numbers of four directions. GCC's and clang's vectors: plain operators, one instruction where the processor has it.
+  /// Numbers of four directions. GCC's and clang's vectors: plain operators, one instruction where the processor has
+  /// it.
   using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
   struct alignas(sizeof(Lanes)) Group {
     Lanes R[3][3];    ///< orientations

@@ -167,8 +167,8 @@ Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& 
     LegKernel kernel(*legs, survey.orientations);
     kernel.set_length(length);
     out.length = kernel.length();
-    POLYPOD_TRY(fill(survey, options, quantities,
-                     [&](const Vec3& p) { return kernel.ask(LegQuestion::dexterity, p); }));
+    POLYPOD_TRY(
+        fill(survey, options, quantities, [&](const Vec3& p) { return kernel.ask(LegQuestion::dexterity, p); }));
     return out;
   }
   out.length = length;
@@ -229,8 +229,8 @@ Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& surv
     return std::array<double, 3>{farthest(*list, plan, &Generator::position, tolerance.method).distance,
                                  farthest(*list, plan, &Generator::orientation, tolerance.method).distance, 0};
   };
-  POLYPOD_TRY(fill(survey, options, quantities,
-                   [&](const Vec3& p) { return pose_by_pose(machine, survey, p, false, at); }));
+  POLYPOD_TRY(
+      fill(survey, options, quantities, [&](const Vec3& p) { return pose_by_pose(machine, survey, p, false, at); }));
   if (failed) return tl::unexpected(error);
   return out;
 }

@@ -55,15 +55,18 @@ TEST(Elements, OfCatalogueMachines) {
     return n;
   };
   for (const char* name : {"hexapod-strut", "hexapod-slider"})
-    for (const char* group : {"leg.length", "base.joint", "base.attachment", "platform.joint", "platform.attachment", "joint"})
+    for (const char* group :
+         {"leg.length", "base.joint", "base.attachment", "platform.joint", "platform.attachment", "joint"})
       EXPECT_EQ(count(name, group), 6) << name << " " << group;
   EXPECT_EQ(count("hexapod-slider", "rail.direction"), 6);
-  for (const char* group : {"dh.a", "dh.alpha", "dh.d", "dh.theta_offset", "joint"}) EXPECT_EQ(count("lola50", group), 5) << group;
+  for (const char* group : {"dh.a", "dh.alpha", "dh.d", "dh.theta_offset", "joint"})
+    EXPECT_EQ(count("lola50", group), 5) << group;
   // The row "all" of JEL 8.21 has 6 lengths and 72 coordinates.
   int numbers = 0;
   const AnyMachine strut = load("hexapod-strut");
   const auto all = elements(strut);
-  for (const Sized& s : one(strut, "all", 0.01)) numbers += static_cast<int>(all[static_cast<std::size_t>(s.element)].columns.size());
+  for (const Sized& s : one(strut, "all", 0.01))
+    numbers += static_cast<int>(all[static_cast<std::size_t>(s.element)].columns.size());
   EXPECT_EQ(numbers, 78);
 }
 
@@ -112,8 +115,9 @@ TEST(KnownErrors, LinearAgainstExactToSecondOrder) {
     const auto all = elements(m);
     for (std::size_t e = 0; e < all.size(); ++e) {
       // 0.2 mm on hexapods of 50 mm, 2 mm on the arm; angles 0.5 deg.
-      const double size = all[e].unit == "mm" ? (c.machine == std::string("lola50") ? 2e-3 : 2e-4)
-                          : all[e].unit == "deg" ? 0.009 : 0.004;
+      const double size = all[e].unit == "mm"    ? (c.machine == std::string("lola50") ? 2e-3 : 2e-4)
+                          : all[e].unit == "deg" ? 0.009
+                                                 : 0.004;
       const auto gap = [&](double share) {
         const std::vector<Sized> errors{{static_cast<int>(e), share * size}};
         const auto exact = known_error_exact(m, here.X, here.q, errors);

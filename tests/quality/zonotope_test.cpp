@@ -68,8 +68,9 @@ TEST(Zonotope, IsExactForPlanarParallelAndZeroGenerators) {
       lattice.emplace_back(step(random), step(random), step(random));  // many ties, zeros and multiples
       planar.push_back(normal(random) * a + normal(random) * b);
       parallel.push_back(normal(random) * a);
-      mixed.push_back(i % 3 == 0 ? Vec3(step(random) * a) : i % 3 == 1 ? Vec3(step(random) * a + step(random) * b)
-                                                                        : Vec3(Vec3::Unit(i % 2) * normal(random)));
+      mixed.push_back(i % 3 == 0   ? Vec3(step(random) * a)
+                      : i % 3 == 1 ? Vec3(step(random) * a + step(random) * b)
+                                   : Vec3(Vec3::Unit(i % 2) * normal(random)));
     }
     expect_farthest(lattice, "lattice");
     expect_farthest(planar, "planar");

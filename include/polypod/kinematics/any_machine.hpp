@@ -61,9 +61,9 @@ Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J);
 /// How well joints and tool move each other at a pose. Lengths and angles have no common measure: angles count as
 /// lengths on the characteristic length L.
 struct Dexterity {
-  double condition = 0;    ///< kappa = sigma_max / sigma_min of S, >= 1, infinite if singular
-  double sigma_min = 0;    ///< the smallest singular value of S
-  double determinant = 0;  ///< see below; 0 if S is not square
+  double condition = 0;              ///< kappa = sigma_max / sigma_min of S, >= 1, infinite if singular
+  double sigma_min = 0;              ///< the smallest singular value of S
+  double determinant = 0;            ///< see below; 0 if S is not square
   double characteristic_length = 0;  ///< L, m
 };
 /// Parallel machines (JEL (6.5), (6.11)): S takes the tool's twist [v; L w] to joint speeds, its rows (w_i, e_i x w_i /

@@ -117,7 +117,8 @@ struct NewtonResult {
   bool converged = false;
 };
 
-/// Forward kinematics of any machine with the parameters p: Newton on F(X, q, p) = 0 with the update on the rotation group,
+/// Forward kinematics of any machine with the parameters p: Newton on F(X, q, p) = 0 with the update on the rotation
+/// group,
 ///   [v; w] = -A^-1 F, p <- p + v, R <- exp([w]x) R,
 /// from the seed pose. Converges quadratically to the assembly mode round the seed; `converged` is false near a
 /// singularity of kind 2 or where no mode exists.

@@ -1,0 +1,69 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Singular poses: which kind, how far, and which motion is lost or cannot be held (JEL 6.3).
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::quality {
+
+using kinematics::JointVector;
+using machine::AnyMachine;
+
+/// How near a pose is to singular. From A dX + B dq = 0 with A = F_X, B = F_q of the closure, angles as lengths on L,
+/// each equation divided by the length of its translational part (by that of its rotational part if it has no other):
+/// the smallest singular values of both sides, without unit, 0 singular and of the order of 1 far from it.
+/// Serial arms have A = 1; their B is what the task sees of the Jacobian.
+struct Singularity {
+  int kind = 0;         ///< 0 regular; 1 B, 2 A, 3 both below the threshold
+  double mobility = 0;  ///< of B: near 0 the drives move though the tool stands; the tool loses a motion
+  double control = 0;   ///< of A: near 0 the tool moves though the drives stand; it cannot hold a load
+  Vec6 lost_motion =
+      Vec6::Zero();  ///< the twist of the tip that is hardest for the drives; in M, [v; w] with |[v; L w]| = 1
+  Vec6 free_motion = Vec6::Zero();  ///< the twist of the tip that they hold least
+  JointVector idle_joints;          ///< the joint motion that moves the tool least, scaled to a largest part of 1
+  double length = 0;                ///< L, m
+};
+
+inline constexpr double kSingularThreshold = 1e-3;
+
+/// L as in kinematics::dexterity unless `length` is above 0. Cost: 10 us.
+Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0,
+                        double threshold = kSingularThreshold);
+
+/// A twist of the tool's tip as a person says it: "turns about its own axis", "moves along z", "turns about the axis
+/// through 10.0, 0.0, 5.0 mm along 0.00, 1.00, 0.00", "... and moves along it by 3.0 mm per rad". What is below 3 % of
+/// the rest is left out.
+std::string motion_in_words(const Pose& X_MT, const Vec6& twist, double length);
+
+/// "loses a motion (kind 1): the tool cannot do this: ..." or "cannot be held (kind 2): ..."; of a regular pose, how
+/// far it is.
+std::string in_words(const Pose& X_MT, const Singularity& s);
+
+/// The least regular pose of a straight path.
+struct PathSingularity {
+  double share = 0;  ///< 0 at the start, 1 at the end
+  Pose X_MT;
+  Singularity at;
+  bool crossed = false;    ///< the determinant changes its sign on the way: a singular pose lies on the path
+  double reached = 1;      ///< the share up to which the joints follow within their limits
+  std::string stopped_by;  ///< why not further
+};
+/// From X to Y the tip moves straight and the orientation turns at a constant rate about one axis; `samples` steps,
+/// then the least of the smaller of mobility and control is refined to 1e-6 of the path. Joints follow by continuity.
+PathSingularity along_path(const AnyMachine& machine, const Pose& from_MT, const Pose& to_MT, int samples = 200);
+
+/// A singular pose near X and its distance: Newton's steps of least length on the determinant of the side that can be
+/// singular, in the space of [p; L rotation]. Local: a nearer one may exist. Empty where 50 steps do not find it, or
+/// where the machine's Jacobian is not square.
+struct NearSingularity {
+  Pose X_MT;
+  double translation = 0;  ///< m
+  double rotation = 0;     ///< rad
+};
+std::optional<NearSingularity> nearest(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
+                                       double length = 0);
+
+}  // namespace polypod::quality

@@ -1,0 +1,103 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/quality/budget.hpp"
+#include "polypod/statics/compliance.hpp"
+#include "survey_options.hpp"
+
+namespace polypod::app {
+
+Command budget_command() {
+  struct Options {
+    std::string machine, pose, force;
+    std::vector<std::string> sets, tolerances;
+    double resolution = 0, repeatability = 0, backlash = 0, warming = 0, expansion = 12;
+  };
+  auto o = std::make_shared<Options>();
+  return {"budget", "Error budget at a pose: resolution, repeatability, geometric and non-geometric errors",
+          "polypod budget lola50 --pose 0,-1300,0 --resolution 0.001 --repeatability 0.002 --tolerance dh.a=0.05 "
+          "--tolerance dh.alpha=0.005 --force 0,100,0 --warming 5",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+            a.option("--tolerance", o->tolerances, "KEY=mm (angles deg): of elements, as in `errors` (repeatable)");
+            a.option("--resolution", o->resolution, "Of every joint, mm or deg");
+            a.option("--repeatability", o->repeatability, "Of every joint, three standard deviations, mm or deg");
+            a.option("--backlash", o->backlash, "Of every joint, mm or deg");
+            a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
+            a.option("--warming", o->warming, "Above the temperature of the nominal lengths, K");
+            a.option("--expansion", o->expansion, "um per m and K (default 12, steel)");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(here, pose_joints(m, o->pose));
+            if (!here.reachable) {
+              fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
+              return kAnswerIsNo;
+            }
+            const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
+            const auto of_joint = [&](double v) { return turns ? units::from_deg(v) : units::from_mm(v); };
+            for (const double v : {o->resolution, o->repeatability, o->backlash, o->expansion}) {
+              if (!(v >= 0)) return fail("AP169", fmt::format("{} must be at least 0", v));
+            }
+            quality::Imperfections known;
+            POLYPOD_ASSIGN(keyed, keyed_numbers(o->tolerances, "--tolerance"));
+            POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));
+            known.tolerances = sizes;
+            known.resolution = of_joint(o->resolution);
+            known.repeatability = of_joint(o->repeatability);
+            known.backlash = of_joint(o->backlash);
+            known.warming = o->warming;
+            known.expansion = units::from_um(o->expansion);
+            if (!o->force.empty()) {
+              POLYPOD_ASSIGN(f, numbers_of(o->force, "--force"));
+              if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o->force));
+              if (!statics::has_compliance(m)) {
+                return fail(
+                    "AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
+                    "give compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods) in the machine file");
+              }
+              Vec6 wrench = Vec6::Zero();
+              wrench.head<3>() = Vec3(f[0], f[1], f[2]);
+              known.deflection = statics::compliance_at(m, here.X_MT).C * wrench;
+            }
+            POLYPOD_ASSIGN(b, quality::budget(m, here.X_MT, here.joints, known));
+            if (context.json) {
+              Json rows = Json::array();
+              for (const auto& row : b.rows) {
+                rows.push_back({{"source", row.source},
+                                {"kind", row.kind},
+                                {"position_um", units::to_um(row.position)},
+                                {"orientation_rad", row.orientation},
+                                {"how", row.how}});
+              }
+              print_json({{"rows", rows},
+                          {"accuracy_um", units::to_um(b.accuracy)},
+                          {"accuracy_orientation_rad", b.accuracy_orientation},
+                          {"accuracy_rss_um", units::to_um(b.accuracy_rss)},
+                          {"accuracy_rss_orientation_rad", b.accuracy_rss_orientation},
+                          {"repeatability_um", units::to_um(b.repeatability)},
+                          {"repeatability_orientation_rad", b.repeatability_orientation}});
+              return kDone;
+            }
+            fmt::print("{:<14} {:<14} {:>12} {:>16}\n", "source", "kind", "position um", "orientation mrad");
+            for (const auto& row : b.rows) {
+              fmt::print("{:<14} {:<14} {:>12.2f} {:>16.4f}  {}\n", row.source, row.kind, units::to_um(row.position),
+                         1e3 * row.orientation, row.how);
+            }
+            fmt::print("\naccuracy, all at their worst     {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.accuracy),
+                       1e3 * b.accuracy_orientation);
+            fmt::print("accuracy, independent (squares)  {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.accuracy_rss),
+                       1e3 * b.accuracy_rss_orientation);
+            fmt::print("repeatability (3 sigma)          {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.repeatability),
+                       1e3 * b.repeatability_orientation);
+            return kDone;
+          }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,102 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/quality/tolerance_design.hpp"
+#include "survey_options.hpp"
+
+namespace polypod::app {
+namespace {
+
+/// A size of an element as a person reads it: mm, deg or as it is.
+double for_user(double size, const std::string& unit) {
+  return unit == "mm" ? units::to_mm(size) : unit == "deg" ? units::to_deg(size) : size;
+}
+
+}  // namespace
+
+Command tolerances_command() {
+  struct Options {
+    std::string machine, region = "box", rule = "weighted";
+    std::vector<std::string> sets, groups;
+    double wanted_mm = 0, wanted_rad = 0;
+    SurveyArguments where;
+  };
+  auto o = std::make_shared<Options>();
+  return {"tolerances", "The loosest tolerances that keep the tool's error below a wanted value",
+          "polypod tolerances hexapod-strut --wanted 0.05 --group leg.length=1 --group base.joint=2 --box "
+          "-10,-10,60,10,10,70 --tilt 10",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--wanted", o->wanted_mm, "Largest error of the tip anywhere, mm", true);
+            a.option("--wanted-angle", o->wanted_rad, "Largest error of the orientation too, rad");
+            a.option("--group", o->groups, "KEY=weight: elements with one tolerance (repeatable; default: all alike)");
+            a.option(
+                "--rule", o->rule,
+                "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");
+            a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
+            o->where.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (!o->where.pose.empty()) {
+              return fail("AP167", "tolerances are chosen for a box or the workspace, not for a pose", {},
+                          "give --box x0,y0,z0,x1,y1,z1; its corners may be equal in some coordinates");
+            }
+            if (o->rule != "weighted" && o->rule != "cost") {
+              return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
+            }
+            if (o->region != "box" && o->region != "sphere") {
+              return fail("AP164", fmt::format("--region {}: unknown", o->region), {}, "box or sphere");
+            }
+            quality::DesignOptions design;
+            design.position = units::from_mm(o->wanted_mm);
+            if (o->wanted_rad != 0) design.orientation = o->wanted_rad;
+            if (o->rule == "cost") design.rule = quality::DesignRule::cost;
+            if (o->region == "sphere") design.region = quality::Region::sphere;
+            if (o->groups.empty()) o->groups = {"all=1"};
+            POLYPOD_ASSIGN(keyed, keyed_numbers(o->groups, "--group"));
+            std::vector<quality::ToleranceGroup> groups;
+            for (const auto& [key, weight] : keyed) groups.push_back({key, weight});
+            POLYPOD_ASSIGN(options, o->where.options(m, context));
+            options.progress = nullptr;
+            POLYPOD_ASSIGN(survey, quality::survey(m, options));
+            POLYPOD_ASSIGN(d, quality::design_tolerances(m, survey, options, groups, design));
+            if (context.json) {
+              Json parts = Json::array();
+              for (const auto& p : d.parts) {
+                parts.push_back({{"key", p.key},
+                                 {"tolerance", for_user(p.tolerance, p.unit)},
+                                 {"unit", p.unit},
+                                 {"elements", p.elements},
+                                 {"share_percent", 100 * p.share}});
+              }
+              print_json({{"tolerances", parts},
+                          {"position_mm", units::to_mm(d.position)},
+                          {"orientation_rad", d.orientation},
+                          {"worst_pose", pose_for_user(m, d.worst)},
+                          {"cost", d.cost},
+                          {"whole_box", survey.whole_box},
+                          {"points", survey.inside.size()},
+                          {"directions", survey.orientations.size()}});
+            } else {
+              for (const auto& p : d.parts) {
+                fmt::print("{:<24} {:>10.5f} {:<4} {:>3} elements, {:>5.1f} % of the error\n", p.key,
+                           for_user(p.tolerance, p.unit), p.unit, p.elements, 100 * p.share);
+              }
+              std::string at;
+              for (const double c : pose_for_user(m, d.worst)) at += fmt::format("{}{:.2f}", at.empty() ? "" : ", ", c);
+              fmt::print("largest error {:.6f} mm, {:.7f} rad, at {}\n", units::to_mm(d.position), d.orientation, at);
+              if (!survey.whole_box && !o->where.box.empty()) {
+                fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
+                           survey.grid.size());
+              }
+            }
+            return survey.whole_box || o->where.box.empty() ? kDone : kAnswerIsNo;
+          }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,75 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/quality/budget.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "plan.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::quality {
+
+Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Imperfections& known) {
+  const std::vector<Element> all = elements(machine);
+  const auto joints = [&](double size) {
+    std::vector<Sized> out;
+    for (std::size_t e = 0; e < all.size(); ++e)
+      if (all[e].group == "joint") out.push_back({static_cast<int>(e), size});
+    return out;
+  };
+  Budget out;
+  const auto worst_row = [&](const char* source, const char* kind, const std::vector<Sized>& sizes,
+                             std::string how) -> Status {
+    POLYPOD_ASSIGN(worst, worst_case(machine, X_MT, q, sizes));
+    out.rows.push_back({source, kind, worst.position, worst.orientation, std::move(how)});
+    return {};
+  };
+  POLYPOD_TRY(
+      worst_row("resolution", "system", joints(0.5 * known.resolution), "half a unit of every joint, worst case"));
+
+  SpreadOptions few;
+  few.samples = 100;  // the root sum square alone is wanted
+  POLYPOD_ASSIGN(scatter, spread(machine, X_MT, q, joints(known.repeatability), few));
+  out.rows.push_back({"repeatability", "statistical", scatter.rss_position, scatter.rss_orientation,
+                      "three standard deviations of every joint, root sum square"});
+
+  POLYPOD_TRY(worst_row("tolerances", "geometric", known.tolerances, "exact worst case"));
+  POLYPOD_TRY(
+      worst_row("backlash", "non-geometric", joints(0.5 * known.backlash), "half of it at every joint, worst case"));
+
+  // Lengths grow by expansion * warming: each parameter in mm by that share of itself, and so do struts and scales.
+  const std::vector<machine::Parameter> parameters = kinematics::parameters(machine);
+  const Plan whole(machine, *sized(machine, {{"all", 0.0}, {"joint", 0.0}}, true));
+  const Columns E = error_columns(machine, X_MT, q, whole);
+  Vec6 warm = Vec6::Zero();
+  for (std::size_t k = 0; k < parameters.size(); ++k)
+    if (parameters[k].unit == "mm") warm += E.col(static_cast<Eigen::Index>(k)) * parameters[k].value;
+  for (int i = 0; i < q.size(); ++i)
+    if (kinematics::joint_kind(machine, i) == machine::JointKind::prismatic)
+      warm += E.col(static_cast<Eigen::Index>(parameters.size()) + i) * q[i];
+  warm *= known.expansion * known.warming;
+  out.rows.push_back(
+      {"warming", "non-geometric", warm.head<3>().norm(), orientation_error(machine, X_MT, warm),
+       fmt::format("{:g} K, {:g} um per m and K, all lengths alike", known.warming, units::to_um(known.expansion))});
+  out.rows.push_back({"compliance", "non-geometric", known.deflection.head<3>().norm(),
+                      orientation_error(machine, X_MT, known.deflection), "the joints under the given force"});
+
+  double squares = 0, angle_squares = 0;
+  for (const BudgetRow& row : out.rows) {
+    if (row.kind == "statistical") {
+      out.repeatability = row.position;
+      out.repeatability_orientation = row.orientation;
+      continue;
+    }
+    out.accuracy += row.position;
+    out.accuracy_orientation += row.orientation;
+    squares += row.position * row.position;
+    angle_squares += row.orientation * row.orientation;
+  }
+  out.accuracy_rss = std::sqrt(squares);
+  out.accuracy_rss_orientation = std::sqrt(angle_squares);
+  return out;
+}
+
+}  // namespace polypod::quality

@@ -1,0 +1,308 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/quality/singularity.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "plan.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/quality/survey.hpp"
+
+namespace polypod::quality {
+namespace {
+
+/// Both sides of A dX + B dq = 0 without units; dX as [v / L; w].
+struct Sides {
+  Eigen::MatrixXd A, B;
+  double length = 1;
+};
+
+Sides sides_of(const AnyMachine& machine, const Pose& X, const JointVector& q, double length) {
+  Sides out;
+  out.length = kinematics::dexterity(machine, X, q, length).characteristic_length;
+  const double L = out.length;
+  if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
+    // What the task sees, in the tool's frame, so that the turn about its axis is the row to leave out.
+    const machine::ForwardJacobian fj = machine::forward_jacobian(*arm, q);
+    const int rows = kinematics::coordinate_count(kinematics::task(machine));
+    Eigen::MatrixXd J(6, fj.J.cols());
+    J.topRows(3) = fj.X_MT.R.transpose() * fj.J.topRows(3) / L;
+    J.bottomRows(3) = fj.X_MT.R.transpose() * fj.J.bottomRows(3);
+    for (int i = 0; i < J.cols(); ++i)
+      if (kinematics::joint_kind(machine, i) == machine::JointKind::prismatic) J.col(i) *= L;
+    out.A = Eigen::MatrixXd::Identity(rows, rows);
+    out.B = -J.topRows(rows);
+    return out;
+  }
+  std::visit(
+      [&](const auto& m) {
+        const std::vector<double> p = kinematics::nominal_parameters(m);
+        const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+        out.A = kinematics::closure_by_pose(m, X, joints, p);
+        out.B = kinematics::closure_by_joints(m, X, joints, p);
+      },
+      machine);
+  out.A.rightCols(3) /= L;
+  for (int i = 0; i < out.A.rows(); ++i) {
+    const double along = out.A.row(i).head(3).norm();
+    const double unit = along > 1e-12 * out.A.row(i).norm() ? along : out.A.row(i).norm();
+    out.A.row(i) /= unit;
+    out.B.row(i) /= unit;
+  }
+  for (int i = 0; i < out.B.cols(); ++i)
+    if (kinematics::joint_kind(machine, i) == machine::JointKind::revolute) out.B.col(i) /= L;
+  return out;
+}
+
+/// [v / L; w] of the task's rows in the tool's frame as a twist in M; of parallel machines already in M.
+Vec6 twist_of(const AnyMachine& machine, const Pose& X, const Eigen::VectorXd& scaled, double L) {
+  Vec6 out = Vec6::Zero();
+  out.head(scaled.size()) = scaled;
+  if (kinematics::is_serial(machine)) {
+    out.head<3>() = L * (X.R * Vec3(out.head<3>()));
+    out.tail<3>() = X.R * Vec3(out.tail<3>());
+  } else {
+    out.tail<3>() /= L;
+  }
+  return out;
+}
+
+/// The determinant whose zeros are the singular poses, or nothing.
+std::optional<double> determinant_of(const AnyMachine& machine, const Pose& X, const JointVector& q, double length) {
+  const Sides s = sides_of(machine, X, q, length);
+  const Eigen::MatrixXd& M = kinematics::is_serial(machine) ? s.B : s.A;
+  if (M.rows() != M.cols()) return {};
+  return M.determinant();
+}
+
+double regularity(const Singularity& s) {
+  return std::min(s.mobility, s.control);
+}
+
+Pose between(const Pose& from, const Pose& to, double share) {
+  const Vec3 turn = rotation_vector(to.R * from.R.transpose());
+  return {rotation_of(share * turn) * from.R, from.p + share * (to.p - from.p)};
+}
+
+/// The joints of X nearest to `last`, of those that keep the limits.
+std::optional<JointVector> follow(const AnyMachine& machine, const Pose& X, const JointVector* last,
+                                  std::string& reason) {
+  const kinematics::InverseResult result = kinematics::inverse(machine, X);
+  const kinematics::Solution* best = nullptr;
+  double nearest_by = 0;
+  for (const kinematics::Solution& s : result.solutions) {
+    if (s.violations != 0) continue;
+    const double away = last != nullptr ? (s.joints - *last).norm() : 0;
+    if (best == nullptr || away < nearest_by) {
+      best = &s;
+      nearest_by = away;
+    }
+  }
+  if (best != nullptr) return best->joints;
+  reason = result.reason;
+  if (!result.solutions.empty())
+    for (const std::string& name : kinematics::limit_names(machine, result.solutions.front().violations))
+      reason += (reason.empty() ? "" : ", ") + name;
+  return {};
+}
+
+/// Without the sign of a zero that is left after rounding to `digits`.
+double plain(double x, double digits) {
+  return std::abs(x) < 0.5 * std::pow(10, -digits) ? 0.0 : x;
+}
+
+std::string direction_in_words(const Pose& X, const Vec3& d) {
+  constexpr double kParallel = 0.9995;  // 1.8 deg
+  if (std::abs(d.dot(X.R.col(2))) > kParallel) return "its own axis";
+  for (int k = 0; k < 3; ++k)
+    if (std::abs(d[k]) > kParallel) return std::string(1, "xyz"[k]);
+  return fmt::format("{:.2f}, {:.2f}, {:.2f}", plain(d.x(), 2), plain(d.y(), 2), plain(d.z(), 2));
+}
+
+}  // namespace
+
+Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length,
+                        double threshold) {
+  const Sides sides = sides_of(machine, X_MT, q, length);
+  Singularity out;
+  out.length = sides.length;
+  const Pose X = kinematics::is_serial(machine) ? machine::forward(std::get<machine::SerialArm>(machine), q) : X_MT;
+
+  const Eigen::JacobiSVD<Eigen::MatrixXd> A(sides.A, Eigen::ComputeFullV);
+  out.control = A.singularValues().tail<1>()[0];
+  out.free_motion = twist_of(machine, X, A.matrixV().rightCols<1>(), sides.length);
+
+  const Eigen::JacobiSVD<Eigen::MatrixXd> B(sides.B, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  // Fewer drives than equations of a serial task: the tool has lost motions everywhere.
+  const bool few = kinematics::is_serial(machine) && sides.B.rows() > sides.B.cols();
+  out.mobility = few ? 0 : B.singularValues().tail<1>()[0];
+  // The equations y^T A dX = -y^T B dq with y^T B = 0 hold the tool along A^T y.
+  const Eigen::Index weakest = few ? sides.B.rows() - 1 : B.singularValues().size() - 1;
+  Eigen::VectorXd held = sides.A.transpose() * B.matrixU().col(weakest);
+  if (held.norm() > 0) held.normalize();
+  out.lost_motion = twist_of(machine, X, held, sides.length);
+  const Eigen::VectorXd idle = B.matrixV().rightCols<1>();
+  out.idle_joints = idle / idle.cwiseAbs().maxCoeff();
+
+  out.kind = (out.mobility < threshold ? 1 : 0) + (out.control < threshold ? 2 : 0);
+  return out;
+}
+
+std::string motion_in_words(const Pose& X, const Vec6& twist, double length) {
+  const Vec3 v = twist.head<3>(), w = twist.tail<3>();
+  constexpr double kLittle = 0.03;
+  if (w.norm() * length <= kLittle * v.norm()) return "moves along " + direction_in_words(X, v.normalized());
+  const double pitch = v.dot(w) / w.squaredNorm();  // m per rad
+  const Vec3 point = w.cross(v) / w.squaredNorm();  // of the axis, from the tip
+  const Vec3 axis = w.normalized();
+  std::string out = "turns about ";
+  const std::string direction = direction_in_words(X, axis);
+  if (point.norm() <= kLittle * length) {
+    out += direction == "its own axis" ? direction : "the axis through its tip along " + direction;
+  } else {
+    const Vec3 at = units::kMmPerMetre * (X.p + point);
+    out += fmt::format("the axis through {:.1f}, {:.1f}, {:.1f} mm along {}", plain(at.x(), 1), plain(at.y(), 1),
+                       plain(at.z(), 1), direction);
+  }
+  if (std::abs(pitch) > kLittle * length) {
+    out += fmt::format(" and moves along it by {:.1f} mm per rad", units::to_mm(pitch));
+  }
+  return out;
+}
+
+std::string in_words(const Pose& X, const Singularity& s) {
+  std::string out;
+  if (s.kind == 0) {
+    const bool by_mobility = s.mobility < s.control;
+    return fmt::format("regular: mobility {:.3g}, control {:.3g}; the {} is that it {}", s.mobility, s.control,
+                       by_mobility ? "motion nearest to lost" : "motion held least",
+                       motion_in_words(X, by_mobility ? s.lost_motion : s.free_motion, s.length));
+  }
+  if (s.kind & 1)
+    out += "loses a motion (kind 1): drives can move though the tool stands, and no drive can make it so that it " +
+           motion_in_words(X, s.lost_motion, s.length);
+  if (s.kind == 3) out += "; and ";
+  if (s.kind & 2)
+    out += "cannot be held (kind 2): with all drives standing the tool " + motion_in_words(X, s.free_motion, s.length);
+  return out;
+}
+
+PathSingularity along_path(const AnyMachine& machine, const Pose& from, const Pose& to, int samples) {
+  PathSingularity out;
+  samples = std::max(samples, 1);
+  std::optional<JointVector> last;
+  std::optional<double> sign;
+  std::vector<JointVector> joints;
+  double least = 1e300;
+  int least_at = 0;
+  for (int k = 0; k <= samples; ++k) {
+    const Pose X = between(from, to, static_cast<double>(k) / samples);
+    std::string reason;
+    const auto q = follow(machine, X, last ? &*last : nullptr, reason);
+    if (!q) {
+      out.reached = static_cast<double>(std::max(0, k - 1)) / samples;
+      out.stopped_by = reason;
+      break;
+    }
+    last = q;
+    joints.push_back(*q);
+    const double here = regularity(singularity(machine, X, *q));
+    if (here < least) {
+      least = here;
+      least_at = k;
+    }
+    const auto d = determinant_of(machine, X, *q, 0);
+    if (d && sign && *d * *sign < 0) out.crossed = true;
+    if (d) sign = d;
+  }
+  if (joints.empty()) {
+    out.reached = 0;
+    out.X_MT = from;
+    return out;
+  }
+  // Golden section between the neighbours of the least sample.
+  double low = std::max(0, least_at - 1), high = std::min<double>(least_at + 1, static_cast<double>(joints.size()) - 1);
+  const auto value = [&](double k) {
+    const Pose X = between(from, to, k / samples);
+    std::string reason;
+    const auto q = follow(machine, X, &joints[static_cast<std::size_t>(least_at)], reason);
+    return q ? regularity(singularity(machine, X, *q)) : 1e300;
+  };
+  constexpr double kGolden = 0.6180339887498949;
+  while (high - low > 1e-6 * samples) {
+    const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+    (value(a) <= value(b) ? high : low) = value(a) <= value(b) ? b : a;
+  }
+  double k = 0.5 * (low + high);
+  if (value(k) > least) k = least_at;
+  out.share = k / samples;
+  out.X_MT = between(from, to, out.share);
+  std::string reason;
+  if (const auto q = follow(machine, out.X_MT, &joints[static_cast<std::size_t>(least_at)], reason))
+    out.at = singularity(machine, out.X_MT, *q);
+  return out;
+}
+
+std::optional<NearSingularity> nearest(const AnyMachine& machine, const Pose& X_MT, const JointVector& q_start,
+                                       double length) {
+  const double L = kinematics::dexterity(machine, X_MT, q_start, length).characteristic_length;
+  const auto* arm = std::get_if<machine::SerialArm>(&machine);
+  Pose X = arm != nullptr ? machine::forward(*arm, q_start) : X_MT;
+  const Pose start = X;
+  JointVector q = q_start;
+  const auto value = [&](const Pose& at, const JointVector& joints) { return determinant_of(machine, at, joints, L); };
+  const auto first = value(X, q);
+  if (!first) return {};
+  constexpr double kStep = 1e-6, kDone = 1e-9;
+  for (int k = 0; k < 50; ++k) {
+    const auto here = value(X, q);
+    if (!here) return {};
+    if (std::abs(*here) < kDone * std::max(1.0, std::abs(*first))) {
+      return NearSingularity{X, (X.p - start.p).norm(), rotation_vector(X.R * start.R.transpose()).norm()};
+    }
+    if (arm != nullptr) {
+      Eigen::VectorXd gradient(q.size());
+      for (int i = 0; i < q.size(); ++i) {
+        JointVector plus = q, minus = q;
+        plus[i] += kStep;
+        minus[i] -= kStep;
+        gradient[i] = (*value(X, plus) - *value(X, minus)) / (2 * kStep);
+      }
+      if (!(gradient.norm() > 1e-12)) return {};
+      Eigen::VectorXd step = -*here / gradient.squaredNorm() * gradient;
+      if (step.norm() > 0.2) step *= 0.2 / step.norm();
+      q += step;
+      X = machine::forward(*arm, q);
+      continue;
+    }
+    Vec6 gradient;
+    for (int i = 0; i < 6; ++i) {
+      const auto moved = [&](double h) -> std::optional<double> {
+        Pose Y = X;
+        if (i < 3)
+          Y.p[i] += h * L;
+        else
+          Y.R = rotation_of(h * Vec3::Unit(i - 3)) * X.R;
+        const auto joints = joints_at(machine, Y);
+        return joints ? value(Y, *joints) : std::nullopt;
+      };
+      const auto plus = moved(kStep), minus = moved(-kStep);
+      if (!plus || !minus) return {};
+      gradient[i] = (*plus - *minus) / (2 * kStep);
+    }
+    if (!(gradient.norm() > 1e-12)) return {};
+    Vec6 step = -*here / gradient.squaredNorm() * gradient;
+    if (step.norm() > 0.2) step *= 0.2 / step.norm();
+    X.p += L * step.head<3>();
+    X.R = rotation_of(step.tail<3>()) * X.R;
+    const auto joints = joints_at(machine, X);
+    if (!joints) return {};
+    q = *joints;
+  }
+  return {};
+}
+
+}  // namespace polypod::quality

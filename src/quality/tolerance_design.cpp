@@ -1,0 +1,228 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/quality/tolerance_design.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::quality {
+namespace {
+
+/// The worst case at one pose against the wishes: above 1 where one is missed.
+struct Found {
+  double ratio = 0;
+  bool by_position = true;
+  WorstCase worst;
+  Pose X_MT;
+};
+
+class Designer {
+ public:
+  Designer(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const DesignOptions& design,
+           std::vector<std::vector<Sized>> groups)
+      : machine_(machine), survey_(survey), options_(options), design_(design), groups_(std::move(groups)) {}
+
+  /// The worst pose for tolerances t of the groups.
+  Result<Found> worst(const std::vector<double>& t) const {
+    const std::vector<Sized> sizes = sizes_of(t);
+    POLYPOD_ASSIGN(field, tolerance_field(machine_, survey_, options_, sizes, {Method::exact, design_.region}));
+    std::size_t at = 0;
+    bool by_position = true;
+    double most = -1;
+    for (std::size_t i = 0; i < survey_.inside.size(); ++i) {
+      const double p = field.position.worst[i] / design_.position, o = field.orientation.worst[i] / design_.orientation;
+      if (!(std::max(p, o) <= most)) {
+        most = std::max(p, o);
+        at = i;
+        by_position = p >= o;
+      }
+    }
+    if (!std::isfinite(most)) return fail("QU122", "the error is infinite: the workspace holds a singular pose");
+    const auto direction = static_cast<std::size_t>(by_position ? field.position.worst_direction[at]
+                                                                : field.orientation.worst_direction[at]);
+    Found found{0, true, {}, {survey_.orientations[direction], survey_.grid.at(survey_.inside[at])}};
+    POLYPOD_TRY(judge(sizes, found));
+    return refined(sizes, std::move(found));
+  }
+
+  /// a_k of the limit sum a_k t_k <= 1 that the worst case found at t gives.
+  std::vector<double> limit(const Found& found, const std::vector<double>& t) const {
+    std::vector<double> a(groups_.size(), 0);
+    for (std::size_t k = 0; k < groups_.size(); ++k) {
+      for (const WorstCase::Share& share : found.worst.shares) {
+        for (const Sized& s : groups_[k]) {
+          if (s.element != share.element) continue;
+          a[k] +=
+              (found.by_position ? share.position / design_.position : share.orientation / design_.orientation) / t[k];
+        }
+      }
+    }
+    return a;
+  }
+
+ private:
+  std::vector<Sized> sizes_of(const std::vector<double>& t) const {
+    std::vector<Sized> out;
+    for (std::size_t k = 0; k < groups_.size(); ++k)
+      for (const Sized& s : groups_[k]) out.push_back({s.element, s.size * t[k]});
+    std::sort(out.begin(), out.end(), [](const Sized& a, const Sized& b) { return a.element < b.element; });
+    return out;
+  }
+
+  Status judge(const std::vector<Sized>& sizes, Found& found) const {
+    const auto q = joints_at(machine_, found.X_MT);
+    if (!q) return fail("QU122", "the worst pose has no joints");
+    POLYPOD_ASSIGN(worst, worst_case(machine_, found.X_MT, *q, sizes, {Method::exact, design_.region}));
+    const double p = worst.position / design_.position, o = worst.orientation / design_.orientation;
+    found.ratio = std::max(p, o);
+    found.by_position = p >= o;
+    found.worst = std::move(worst);
+    return {};
+  }
+
+  /// Steps along the coordinates, the tilt and the azimuth as long as the worst case grows, within the workspace.
+  Result<Found> refined(const std::vector<Sized>& sizes, Found best) const {
+    const auto sampled = workspace::sampled_orientations(options_.workspace.directions);
+    const workspace::Directions& d = options_.workspace.directions;
+    double share = 0.5;
+    while (share > 0.02) {
+      bool better = false;
+      for (int axis = 0; axis < 5 && !better; ++axis) {
+        for (const double side : {-1.0, 1.0}) {
+          Found next = best;
+          if (axis < 3) {
+            next.X_MT.p += side * share * survey_.grid.step[static_cast<std::size_t>(axis)];
+          } else if (d.is_ranges() || d.tilt == 0) {
+            continue;  // the corners of ranges and R = 1 are among the samples
+          } else {
+            const Vec3 turn = rotation_vector(best.X_MT.R);
+            const double tilt = turn.norm(), azimuth = std::atan2(-turn.x(), turn.y());
+            const double new_tilt = std::clamp(tilt + (axis == 3 ? side * share * d.tilt / 4 : 0), 0.0, d.tilt);
+            const double new_azimuth = azimuth + (axis == 4 ? side * share * std::numbers::pi / 6 : 0);
+            next.X_MT.R = rotation_of(new_tilt * Vec3(-std::sin(new_azimuth), std::cos(new_azimuth), 0));
+          }
+          if (axis < 3) {
+            const Vec3& p = next.X_MT.p;
+            if (options_.box && ((p - (*options_.box)[0]).minCoeff() < 0 || ((*options_.box)[1] - p).minCoeff() < 0)) {
+              continue;
+            }
+            if (!workspace::reaches_samples(machine_, options_.workspace, sampled, p)) continue;
+          }
+          if (!judge(sizes, next) || !(next.ratio > best.ratio * (1 + 1e-9))) continue;
+          best = std::move(next);
+          better = true;
+          break;
+        }
+      }
+      if (!better) share /= 2;
+    }
+    return best;
+  }
+
+  const AnyMachine& machine_;
+  const Survey& survey_;
+  const SurveyOptions& options_;
+  const DesignOptions& design_;
+  std::vector<std::vector<Sized>> groups_;
+};
+
+/// The t >= 0 of least sum c_k / t_k with sum_k a_mk t_k <= 1 for all m: t_k = sqrt(c_k / sum_m lambda_m a_mk) with the
+/// multipliers from the multiplicative ascent lambda_m <- lambda_m (sum_k a_mk t_k), which raises the dual at each
+/// step.
+std::vector<double> least_cost(const std::vector<double>& c, const std::vector<std::vector<double>>& a) {
+  std::vector<double> lambda(a.size(), 1.0), t(c.size());
+  for (int k = 0; k < 20'000; ++k) {
+    double largest = 0;
+    for (std::size_t j = 0; j < c.size(); ++j) {
+      double weight = 0;
+      for (std::size_t m = 0; m < a.size(); ++m) weight += lambda[m] * a[m][j];
+      t[j] = std::sqrt(c[j] / std::max(weight, 1e-300));
+    }
+    double change = 0;
+    for (std::size_t m = 0; m < a.size(); ++m) {
+      double used = 0;
+      for (std::size_t j = 0; j < c.size(); ++j) used += a[m][j] * t[j];
+      largest = std::max(largest, used);
+      change = std::max(change, std::abs(lambda[m] * (used - 1)) / (1e-12 + lambda[m]) * (lambda[m] > 1e-9 ? 1 : 0));
+      lambda[m] *= used;
+    }
+    if (change < 1e-7 && largest < 1 + 1e-7) break;
+  }
+  return t;
+}
+
+}  // namespace
+
+Result<ToleranceDesign> design_tolerances(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                                          const std::vector<ToleranceGroup>& groups, const DesignOptions& design) {
+  if (!(design.position > 0) || !(design.orientation > 0) || !std::isfinite(design.position)) {
+    return fail("QU120", "the wanted errors must be above 0");
+  }
+  if (groups.empty()) return fail("QU120", "there is no tolerance to choose");
+  const std::vector<Element> all = elements(machine);
+  std::vector<std::vector<Sized>> members;
+  std::set<int> taken;
+  std::vector<double> t, cost;
+  for (const ToleranceGroup& g : groups) {
+    if (!(g.weight > 0) || !std::isfinite(g.weight)) {
+      return fail("QU120", fmt::format("{}: the weight {:g} must be above 0", g.key, g.weight));
+    }
+    POLYPOD_ASSIGN(unit_sizes, sized(machine, {{g.key, 1.0}}, true));  // 1 mm, 1 deg or 1
+    for (const Sized& s : unit_sizes) {
+      if (!taken.insert(s.element).second) {
+        return fail("QU121", fmt::format("{} is named by two groups", all[static_cast<std::size_t>(s.element)].key));
+      }
+    }
+    t.push_back(design.rule == DesignRule::weighted ? g.weight : 1.0);
+    cost.push_back(g.weight * static_cast<double>(unit_sizes.size()));
+    members.push_back(std::move(unit_sizes));
+  }
+  const Designer designer(machine, survey, options, design, members);
+  ToleranceDesign out;
+  POLYPOD_ASSIGN(found, designer.worst(t));
+  if (!(found.ratio > 0)) return fail("QU122", "the error does not depend on these elements");
+  const auto scale = [&] {
+    for (double& x : t) x /= found.ratio;
+  };
+  scale();
+  out.rounds = 1;
+  if (design.rule == DesignRule::cost && t.size() > 1) {
+    std::vector<std::vector<double>> limits;
+    for (; out.rounds < 40; ++out.rounds) {
+      std::vector<double> at_limit = t;  // shares of `found` were worked out before the scaling
+      for (double& x : at_limit) x *= found.ratio;
+      limits.push_back(designer.limit(found, at_limit));
+      for (double& a : limits.back()) a = std::max(a, 1e-9);  // no group is free of all cost
+      t = least_cost(cost, limits);
+      POLYPOD_ASSIGN(next, designer.worst(t));
+      found = std::move(next);
+      const bool done = found.ratio < 1 + 1e-3;
+      scale();
+      if (done) break;
+    }
+  }
+  POLYPOD_ASSIGN(last, designer.worst(t));
+  found = std::move(last);
+  out.worst = found.X_MT;
+  out.position = found.worst.position;
+  out.orientation = found.worst.orientation;
+  for (std::size_t k = 0; k < groups.size(); ++k) {
+    const Element& first = all[static_cast<std::size_t>(members[k].front().element)];
+    ToleranceDesign::Part part{groups[k].key, members[k].front().size * t[k], first.unit,
+                               static_cast<int>(members[k].size()), 0};
+    for (const WorstCase::Share& share : found.worst.shares)
+      for (const Sized& s : members[k])
+        if (s.element == share.element)
+          part.share += found.by_position ? share.position / out.position : share.orientation / out.orientation;
+    out.cost += cost[k] / t[k];
+    out.parts.push_back(std::move(part));
+  }
+  return out;
+}
+
+}  // namespace polypod::quality
