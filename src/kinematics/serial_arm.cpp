@@ -112,6 +112,34 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
   return out;
 }
 
+Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm, const JointVector& q) {
+  const auto rows = static_cast<Eigen::Index>(arm.dh.size());
+  Eigen::Matrix<double, 6, Eigen::Dynamic> out(6, 4 * rows);
+  // First the axes with their points, then, the tip known, what they do to it.
+  Pose X = arm.X_MB;
+  int next = 0;
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const DhRow& row = arm.dh[static_cast<std::size_t>(i)];
+    const Pose before = X;
+    X = X * row_pose(row, arm.convention, row.locked ? *row.locked : q[next++]);
+    // Standard: turn and shift along z of the frame before, then along x of the frame after; modified: the other way.
+    const bool standard = arm.convention == DhConvention::standard;
+    const Pose &x_frame = standard ? X : before, &z_frame = standard ? before : X;
+    out.col(4 * i) << x_frame.R.col(0), Vec3::Zero();
+    out.col(4 * i + 1) << x_frame.p, x_frame.R.col(0);
+    out.col(4 * i + 2) << z_frame.R.col(2), Vec3::Zero();
+    out.col(4 * i + 3) << z_frame.p, z_frame.R.col(2);
+  }
+  const Vec3 tip = (X * arm.X_FT).p;
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    for (const Eigen::Index c : {4 * i + 1, 4 * i + 3}) {
+      const Vec3 point = out.col(c).head<3>(), axis = out.col(c).tail<3>();
+      out.col(c).head<3>() = axis.cross(tip - point);
+    }
+  }
+  return out;
+}
+
 JacobianMatrix jacobian(const SerialArm& arm, const Pose&, const JointVector& q) {
   return forward_jacobian(arm, q).J;
 }

@@ -28,10 +28,16 @@ Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w) {
 }
 
 Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan) {
-  const Pose X = settled(machine, X_MT, q);
+  const std::vector<double>& p = plan.nominal;
+  if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
+    Columns E(6, static_cast<Eigen::Index>(p.size()) + q.size());
+    E.leftCols(p.size()) = machine::parameter_columns(*arm, q);
+    E.rightCols(q.size()) = machine::forward_jacobian(*arm, q).J;
+    return E;
+  }
   return std::visit(
       [&](const auto& m) -> Columns {
-        const std::vector<double> p = kinematics::nominal_parameters(m);
+        const Pose& X = X_MT;
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         const auto A = kinematics::closure_by_pose(m, X, joints, p);
         Eigen::MatrixXd F = Eigen::MatrixXd::Zero(A.rows(), static_cast<Eigen::Index>(p.size()) + q.size());
@@ -112,7 +118,7 @@ std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_M
   const Plan plan(machine, errors);
   return std::visit(
       [&](const auto& m) -> std::optional<Vec6> {
-        std::vector<double> p = kinematics::nominal_parameters(m);
+        std::vector<double> p = plan.nominal;
         std::vector<double> joints(q.data(), q.data() + q.size());
         for (const Plan::Part& part : plan.parts)
           for (const int c : part.columns) {
@@ -128,16 +134,21 @@ std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_M
       machine);
 }
 
-Result<WorstCase> worst_case(const AnyMachine& machine, const Pose& X, const JointVector& q,
-                             const std::vector<Sized>& tolerances, const ToleranceOptions& options) {
-  const Plan plan(machine, tolerances);
+WorstCaseAt::WorstCaseAt(const AnyMachine& machine, const std::vector<Sized>& tolerances,
+                         const ToleranceOptions& options)
+    : machine_(&machine), options_(options), plan_(std::make_shared<const Plan>(machine, tolerances)) {}
+
+Result<WorstCase> WorstCaseAt::operator()(const Pose& X, const JointVector& q) const {
+  const Plan& plan = *plan_;
+  const AnyMachine& machine = *machine_;
+  const ToleranceOptions& options = options_;
   POLYPOD_ASSIGN(list, generators(X, error_columns(machine, X, q, plan), plan, options.region));
   const Farthest position = farthest(list, plan, &Generator::position, options.method);
   const Farthest orientation = farthest(list, plan, &Generator::orientation, options.method);
   WorstCase out;
   out.position = position.distance;
   out.orientation = orientation.distance;
-  for (const auto& [number, size] : tolerances) out.shares.push_back({number, 0, 0});
+  for (const Plan::Part& part : plan.parts) out.shares.push_back({part.element, 0, 0});
   const Vec3 u = position.point.normalized(), v = orientation.point.normalized();
   for (std::size_t i = 0, share = 0; i < list.size(); ++i) {
     const Generator& g = list[i];
@@ -151,6 +162,11 @@ Result<WorstCase> worst_case(const AnyMachine& machine, const Pose& X, const Joi
     out.shares[share].orientation += r * v.dot(g.orientation);
   }
   return out;
+}
+
+Result<WorstCase> worst_case(const AnyMachine& machine, const Pose& X, const JointVector& q,
+                             const std::vector<Sized>& tolerances, const ToleranceOptions& options) {
+  return WorstCaseAt(machine, tolerances, options)(X, q);
 }
 
 Result<Spread> spread(const AnyMachine& machine, const Pose& X, const JointVector& q,

@@ -22,10 +22,13 @@ struct Plan {
   std::vector<Part> parts;
   bool parameters = false, joints = false;  ///< whether any column is one
   machine::Task task = machine::Task::pose;
+  std::vector<double> nominal;  ///< p
 
-  Plan(const AnyMachine& machine, const std::vector<Sized>& sizes) : task(kinematics::task(machine)) {
+  Plan(const AnyMachine& machine, const std::vector<Sized>& sizes)
+      : task(kinematics::task(machine)),
+        nominal(std::visit([](const auto& m) { return kinematics::nominal_parameters(m); }, machine)) {
     const std::vector<Element> all = elements(machine);
-    const int parameter_count = static_cast<int>(kinematics::parameters(machine).size());
+    const int parameter_count = static_cast<int>(nominal.size());
     for (const auto& [number, size] : sizes) {
       const Element& e = all[static_cast<std::size_t>(number)];
       parts.push_back({number, size, e.columns, e.key});

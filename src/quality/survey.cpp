@@ -121,16 +121,23 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
     out.grid = grid;
   }
   POLYPOD_ASSIGN(inside, workspace::points_inside(machine, options.workspace, out.grid));
-  out.inside = std::move(inside);
+  out.inside = std::move(inside.points);
   out.whole_box = out.inside.size() == out.grid.size();
   if (out.inside.empty()) {
     return fail("QU110", "no point of the grid is reachable from all required directions", {},
                 "ask for less tilt, or raise the resolution");
   }
-  out.volume = options.box ? (options.box->at(1) - options.box->at(0)).prod() * static_cast<double>(out.inside.size()) /
-                                 static_cast<double>(out.grid.size())
-                           : std::abs(out.grid.step[0].dot(out.grid.step[1].cross(out.grid.step[2]))) *
-                                 static_cast<double>(out.inside.size());
+  // Of the workspace the middle of proven bounds, where they are close; else what the grid sees.
+  constexpr double kClose = 0.05;
+  const double cell = std::abs(out.grid.step[0].dot(out.grid.step[1].cross(out.grid.step[2])));
+  const double share = static_cast<double>(out.inside.size()) / static_cast<double>(out.grid.size());
+  if (options.box) {
+    out.volume = share * ((*options.box)[1] - (*options.box)[0]).prod();
+  } else if (inside.upper - inside.lower <= kClose * inside.volume) {
+    out.volume = inside.volume;
+  } else {
+    out.volume = cell * static_cast<double>(out.inside.size());
+  }
   return out;
 }
 

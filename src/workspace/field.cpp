@@ -195,13 +195,13 @@ Result<Extent> extent(const AnyMachine& machine, const Options& options, bool up
   return out.empty() ? upright : Extent{out.low.cwiseMin(upright.low), out.high.cwiseMax(upright.high)};
 }
 
-Result<std::vector<std::size_t>> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid) {
+Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid) {
   POLYPOD_ASSIGN(judge, judge_of(machine, options, {}));
   Options coarse = options;
   coarse.keep_cells = true;
   coarse.progress = nullptr;
   coarse.relative_tolerance = 0.02;
-  coarse.max_cells = 20'000;
+  coarse.max_cells = 100'000;
   POLYPOD_ASSIGN(v, volume(machine, coarse));
   enum : std::uint8_t { kOut, kIn, kOpen };
   std::vector<std::uint8_t> state(grid.size(), kOut);
@@ -227,10 +227,10 @@ Result<std::vector<std::size_t>> points_inside(const AnyMachine& machine, const 
         if (state[i] == kOpen) state[i] = judge->margin(grid.at(i)).value >= 0 ? kIn : kOut;
       },
       nullptr));
-  std::vector<std::size_t> inside;
+  InsidePoints out{{}, v.volume, v.lower, v.upper};
   for (std::size_t i = 0; i < grid.size(); ++i)
-    if (state[i] == kIn) inside.push_back(i);
-  return inside;
+    if (state[i] == kIn) out.points.push_back(i);
+  return out;
 }
 
 namespace {

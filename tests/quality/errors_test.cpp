@@ -107,6 +107,33 @@ TEST(KnownErrors, OfAnArmAreThoseOfItsJoints) {
   }
 }
 
+TEST(KnownErrors, ColumnsOfAnArmAreThoseOfItsClosure) {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> any(-1.5, 1.5);
+  for (const auto convention : {machine::DhConvention::standard, machine::DhConvention::modified}) {
+    auto arm = std::get<machine::SerialArm>(load("lola50"));
+    arm.convention = convention;
+    arm.dh[2].kind = machine::JointKind::prismatic;
+    arm.dh[3].locked = 0.4;
+    for (machine::DhRow& row : arm.dh) {
+      row.alpha = any(random);
+      row.a = any(random);
+      row.d = any(random);
+    }
+    for (int k = 0; k < 20; ++k) {
+      JointVector q(4);
+      for (int i = 0; i < 4; ++i) q[i] = any(random);
+      const Pose X = machine::forward(arm, q);
+      const std::vector<double> p = kinematics::nominal_parameters(arm);
+      const std::span<const double> joints(q.data(), 4);
+      const Eigen::MatrixXd by_closure = -Mat6(kinematics::closure_by_pose(arm, X, joints, p))
+                                              .partialPivLu()
+                                              .solve(kinematics::closure_by_parameters(arm, X, joints, p));
+      EXPECT_LT((machine::parameter_columns(arm, q) - by_closure).cwiseAbs().maxCoeff(), 1e-13);
+    }
+  }
+}
+
 TEST(KnownErrors, LinearAgainstExactToSecondOrder) {
   std::mt19937 random(5);
   for (const Case& c : cases()) {

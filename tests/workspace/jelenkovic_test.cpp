@@ -1,38 +1,28 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // JEL 8.1: the workspaces of both hexapods against the printed tables. The source sampled a grid and a few directions;
 // its volumes lie 1 to 6 % below the true ones for struts.
-#include <gtest/gtest.h>
+#include "jelenkovic.hpp"
 
-#include <fstream>
-#include <sstream>
+#include <functional>
 
-#include "polypod/core/units.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::workspace {
 namespace {
 
+/// Printed volumes at tilt 0 and over the cone of 20 deg, mm^3.
 struct Row {
   std::vector<double> keys;
-  double fixed = 0, cone = 0;  ///< printed volumes at tilt 0 and over the cone of 20 deg, mm^3
+  double fixed = 0, cone = 0;
 };
 
-std::vector<Row> table(const std::string& number) {
-  std::ifstream file(std::string(POLYPOD_TEST_DATA) + "/workspace/data/table_" + number + ".csv");
+std::vector<Row> table(const std::string& number, std::size_t keys = 1) {
   std::vector<Row> rows;
-  std::string line;
-  bool header = true;
-  while (std::getline(file, line)) {
-    if (line.empty() || line[0] == '#') continue;
-    if (std::exchange(header, false)) continue;
-    std::vector<double> values;
-    std::stringstream fields(line);
-    for (std::string field; std::getline(fields, field, ',');) values.push_back(std::stod(field));
-    EXPECT_GE(values.size(), 3u);
-    rows.push_back({{values.begin(), values.end() - 2}, values[values.size() - 2], values.back()});
+  for (const jelenkovic::Row& row : jelenkovic::table("workspace", number, keys)) {
+    Row out{{}, row.printed[row.printed.size() - 2], row.printed.back()};
+    for (const std::string& key : row.keys) out.keys.push_back(std::stod(key));
+    rows.push_back(out);
   }
-  EXPECT_FALSE(rows.empty()) << number;
   return rows;
 }
 
@@ -45,26 +35,10 @@ double volume_mm3(const AnyMachine& m, double tilt_deg, double tolerance) {
   return v ? units::to_mm3(v->volume) : 0;
 }
 
-AnyMachine with(const std::string& name, const std::vector<std::string>& keys, const Row& row,
-                const std::vector<machine::Override>& more = {}) {
-  std::vector<machine::Override> overrides = more;
-  for (std::size_t i = 0; i < keys.size(); ++i) overrides.push_back({keys[i], std::to_string(row.keys[i])});
-  const auto m = machine::load(name, overrides);
-  EXPECT_TRUE(m) << to_string(m.error());
-  return *m;
-}
-
-// The home height of a row of the strut tables. The source moved home "to the middle" with the longest struts and the
-// radii: to where the struts have their mean length. Elsewhere it stayed at 65 where the struts reach that.
-std::vector<machine::Override> strut_home(const std::vector<std::string>& keys, const Row& row, bool moved) {
-  const auto at_65 = std::get<machine::StrutHexapod>(with("hexapod-strut", keys, row));
-  double lengths[machine::kLegs];
-  machine::lengths(at_65, machine::home_pose(at_65), lengths);
-  if (!moved && lengths[0] > at_65.length_min && lengths[0] < at_65.length_max) return {};
-  const double middle = 0.5 * (at_65.length_min + at_65.length_max);
-  const double across2 = lengths[0] * lengths[0] - 0.065 * 0.065;
-  if (middle * middle <= across2) return {};
-  return {{"home.height_mm", std::to_string(units::to_mm(std::sqrt(middle * middle - across2)))}};
+jelenkovic::Overrides overrides_of(const std::vector<std::string>& keys, const Row& row) {
+  jelenkovic::Overrides out;
+  for (std::size_t i = 0; i < keys.size(); ++i) out.push_back({keys[i], std::to_string(row.keys[i])});
+  return out;
 }
 
 constexpr double kTolerance = 0.01;  // half of it is the error of the middle of the bounds
@@ -80,7 +54,7 @@ using Excused = std::function<bool(const Row&)>;
 void check_struts(
     const std::string& number, const std::vector<std::string>& keys, bool moved, const Excused& excused,
     Within within = [](const Row&) { return kWithin; }) {
-  const std::vector<Row> rows = table(number);
+  const std::vector<Row> rows = table(number, keys.size());
   for (const bool cone : {false, true}) {
     double best_printed = -1, best_computed = -1, largest = 0;
     std::size_t row_printed = 0, row_computed = 0;
@@ -90,7 +64,9 @@ void check_struts(
       const Row& r = rows[i];
       SCOPED_TRACE("table " + number + " row " + std::to_string(i + 1) + (cone ? " over the cone" : " at tilt 0"));
       if (excused(r)) continue;
-      const AnyMachine m = with("hexapod-strut", keys, r, strut_home(keys, r, moved));
+      jelenkovic::Overrides overrides = overrides_of(keys, r);
+      for (const machine::Override& o : jelenkovic::strut_home(overrides, moved)) overrides.push_back(o);
+      const AnyMachine m = jelenkovic::machine_of("hexapod-strut", overrides);
       const double v = volume_mm3(m, cone ? 20 : 0, kTolerance);
       if (printed(r) > kTooSmall) {
         EXPECT_NEAR(v / printed(r), 1, within(r));
@@ -146,7 +122,7 @@ void check_sliders(const std::string& number, const std::string& key, const Excu
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& r = rows[i];
     SCOPED_TRACE("table " + number + " row " + std::to_string(i + 1));
-    const AnyMachine m = with("hexapod-slider", {key}, r);
+    const AnyMachine m = jelenkovic::machine_of("hexapod-slider", overrides_of({key}, r));
     if (!excused_fixed(r)) {
       const double v = volume_mm3(m, 0, kTolerance);
       EXPECT_NEAR(v / r.fixed, 1, kWithin) << "at tilt 0";

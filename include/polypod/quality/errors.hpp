@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -60,6 +61,20 @@ struct WorstCase {
 /// direction, as all joints of hexapods do; QU102 for others. Cost: that of known_error plus that of farthest_vertex.
 Result<WorstCase> worst_case(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
                              const std::vector<Sized>& tolerances, const ToleranceOptions& options = {});
+
+struct Plan;
+/// worst_case at many poses: what does not depend on the pose is worked out once. The machine must outlive it. Cost: an
+/// arm's 24 Denavit-Hartenberg tolerances 12 us a pose.
+class WorstCaseAt {
+ public:
+  WorstCaseAt(const AnyMachine& machine, const std::vector<Sized>& tolerances, const ToleranceOptions& options = {});
+  Result<WorstCase> operator()(const Pose& X_MT, const JointVector& q) const;
+
+ private:
+  const AnyMachine* machine_;
+  ToleranceOptions options_;
+  std::shared_ptr<const Plan> plan_;
+};
 
 enum class Distribution {
   uniform,     ///< over +-d

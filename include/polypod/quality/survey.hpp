@@ -26,8 +26,9 @@ struct Survey {
   workspace::Grid grid;
   std::vector<std::size_t> inside;  ///< points of the grid in the workspace, rising
   std::vector<Mat3> orientations;   ///< all of these at each of them (workspace::sampled_orientations)
-  double volume = 0;                ///< m^3: points inside times the cell, or the box's share of them
-  bool whole_box = true;            ///< every point of a given box is in the workspace
+  double volume = 0;  ///< m^3: of the workspace to 5 % at least between its bounds, else by counting points; of a box
+                      ///< the share of its points that are reachable
+  bool whole_box = true;  ///< every point of a given box is in the workspace
 };
 
 /// The points of the workspace. Errors: those of workspace::volume(), WS130, QU110 (no point of the grid is inside).

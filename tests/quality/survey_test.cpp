@@ -1,0 +1,330 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The surveys' inner loop for six legs against the closure pose by pose; singularities; design; budget.
+#include "polypod/quality/survey.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/quality/budget.hpp"
+#include "polypod/quality/singularity.hpp"
+#include "polypod/quality/tolerance_design.hpp"
+
+namespace polypod::quality {
+namespace {
+
+AnyMachine load(const char* name, const std::vector<machine::Override>& overrides = {}) {
+  const auto m = machine::load(name, overrides);
+  EXPECT_TRUE(m) << to_string(m.error());
+  return *m;
+}
+
+SurveyOptions cone(double tilt_deg, int resolution) {
+  SurveyOptions options;
+  options.workspace.directions.tilt = units::from_deg(tilt_deg);
+  options.resolution = resolution;
+  return options;
+}
+
+TEST(Survey, SixLegsAreThoseOfTheClosure) {
+  for (const char* name : {"hexapod-strut", "hexapod-slider"}) {
+    const AnyMachine m = load(name);
+    const SurveyOptions options = cone(15, 10);
+    const auto s = survey(m, options);
+    ASSERT_TRUE(s);
+    const auto dexterity = dexterity_field(m, *s, options);
+    const std::vector<std::pair<std::string, double>> all{{"all", 0.01}, {"joint", 0.02}};
+    const auto sizes = *sized(m, all, true);
+    const auto box = tolerance_field(m, *s, options, sizes);
+    const auto ball = tolerance_field(m, *s, options, sizes, {Method::exact, Region::sphere});
+    const auto signs = *sized(m,
+                              {{"base.joint[2]", -0.02},
+                               {"platform.attachment[5]", 0.03},
+                               {"leg.length[4]", -0.01},
+                               {"joint[3]", 0.05},
+                               {"platform.joint", 0.01}},
+                              false);
+    const auto known = known_error_field(m, *s, options, signs);
+    ASSERT_TRUE(dexterity && box && ball && known);
+    constexpr double kRounding = 1e-9;
+    for (std::size_t i = 0; i < s->inside.size(); i += 7) {
+      double kappa = 0, sigma = 0, det = 0, p = 0, w = 0, ball_p = 0, known_p = 0, known_w = 0, worst = 0;
+      for (std::size_t d = 0; d < s->orientations.size(); ++d) {
+        const Pose X = pose_at(*s, i, static_cast<int>(d));
+        const auto q = joints_at(m, X);
+        const auto one = kinematics::dexterity(m, X, *q);
+        kappa += one.condition / 49;
+        sigma += one.sigma_min / 49;
+        det += one.determinant / 49;
+        const auto w_box = worst_case(m, X, *q, sizes);
+        p += w_box->position / 49;
+        w += w_box->orientation / 49;
+        worst = std::max(worst, w_box->position);
+        ball_p += worst_case(m, X, *q, sizes, {Method::exact, Region::sphere})->position / 49;
+        const Vec6 e = known_error(m, X, *q, signs);
+        known_p += e.head<3>().norm() / 49;
+        known_w += e.tail<3>().norm() / 49;
+      }
+      EXPECT_NEAR(dexterity->condition.mean[i] / kappa, 1, kRounding) << name;
+      EXPECT_NEAR(dexterity->sigma_min.mean[i] / sigma, 1, kRounding) << name;
+      EXPECT_NEAR(dexterity->determinant.mean[i] / det, 1, kRounding) << name;
+      EXPECT_NEAR(box->position.mean[i] / p, 1, kRounding) << name;
+      EXPECT_NEAR(box->orientation.mean[i] / w, 1, kRounding) << name;
+      EXPECT_NEAR(box->position.worst[i] / worst, 1, kRounding) << name;
+      EXPECT_NEAR(ball->position.mean[i] / ball_p, 1, kRounding) << name;
+      EXPECT_NEAR(known->position.mean[i] / known_p, 1, kRounding) << name;
+      EXPECT_NEAR(known->orientation.mean[i] / known_w, 1, kRounding) << name;
+      const Pose X = pose_at(*s, i, box->position.worst_direction[i]);
+      EXPECT_NEAR(worst_case(m, X, *joints_at(m, X), sizes)->position / worst, 1, kRounding);
+    }
+  }
+}
+
+TEST(Survey, RailDirectionsAndTheToolsLength) {
+  const AnyMachine m = load("hexapod-slider");
+  const SurveyOptions options = cone(0, 8);
+  const auto s = survey(m, options);
+  for (const char* key : {"rail.direction", "tool.length"}) {
+    const auto sizes = *sized(m, {{key, 0.001}}, true);
+    const auto f = tolerance_field(m, *s, options, sizes);
+    ASSERT_TRUE(f);
+    for (std::size_t i = 0; i < s->inside.size(); i += 11) {
+      const Pose X = pose_at(*s, i, 0);
+      EXPECT_NEAR(f->position.mean[i] / worst_case(m, X, *joints_at(m, X), sizes)->position, 1, 1e-9) << key;
+    }
+  }
+}
+
+TEST(Survey, TheSameForAnyNumberOfThreadsAndInsideTheWorkspace) {
+  const AnyMachine m = load("hexapod-strut");
+  SurveyOptions options = cone(20, 20);
+  options.workspace.threads = 1;
+  const auto one = survey(m, options);
+  const auto sizes = *sized(m, {{"all", 0.01}}, true);
+  const auto f1 = tolerance_field(m, *one, options, sizes);
+  options.workspace.threads = 3;
+  const auto three = survey(m, options);
+  const auto f3 = tolerance_field(m, *three, options, sizes);
+  EXPECT_EQ(one->inside, three->inside);
+  EXPECT_EQ(f1->position.mean, f3->position.mean);
+  EXPECT_EQ(f1->orientation.worst, f3->orientation.worst);
+  std::size_t reached = 0;
+  for (std::size_t i = 0; i < one->grid.size(); ++i) {
+    const bool in = std::binary_search(one->inside.begin(), one->inside.end(), i);
+    const bool samples = workspace::reaches_samples(m, options.workspace, one->orientations, one->grid.at(i));
+    EXPECT_TRUE(samples || !in) << i;  // proven or judged inside: then all samples are reached too
+    reached += samples ? 1 : 0;
+  }
+  EXPECT_LT(static_cast<double>(reached - one->inside.size()) / static_cast<double>(reached), 0.02);
+  workspace::Options volume = options.workspace;
+  EXPECT_NEAR(one->volume / workspace::volume(m, volume)->volume, 1, 0.01);  // 2 % and 1 % between bounds
+}
+
+TEST(Survey, ABoxAndBadInput) {
+  const AnyMachine m = load("hexapod-strut");
+  SurveyOptions options = cone(10, 5);
+  options.box = {Vec3(-0.005, -0.005, 0.065), Vec3(0.005, 0.005, 0.065)};
+  const auto flat = survey(m, options);
+  ASSERT_TRUE(flat);
+  EXPECT_TRUE(flat->whole_box);
+  EXPECT_EQ(flat->inside.size(), 25u);
+  EXPECT_EQ(flat->grid.at(24), Vec3(0.005, 0.005, 0.065));
+  options.box = {Vec3(-0.005, -0.005, 0.1), Vec3(0.005, 0.005, 0.2)};
+  EXPECT_EQ(survey(m, options).error().id, "QU110");
+  options.box = {Vec3(0, 0, 0.1), Vec3(0, 0, 0.1)};
+  EXPECT_EQ(survey(m, options).error().id, "WS130");
+  EXPECT_EQ(survey(m, cone(60, 20)).error().id, "QU110");
+  EXPECT_EQ(survey(m, cone(20, 600)).error().id, "WS130");
+  SurveyOptions stopped = cone(20, 20);
+  stopped.workspace.cancelled = [] { return true; };
+  EXPECT_EQ(survey(m, stopped).error().id, "WS110");
+}
+
+// Singularities -------------------------------------------------------------------------------------------------------
+
+TEST(Singularity, TheHexapodTurnedByAQuarterCannotBeHeld) {
+  // JEL Figure 6.4: platform turned by 90 deg, all struts tangent to one screw (Fichter's singularity).
+  const AnyMachine m = load("hexapod-strut");
+  const Pose X{rotation_z(units::from_deg(90)), Vec3(0, 0, 0.065)};
+  const Singularity s = singularity(m, X, *joints_at(m, X));
+  EXPECT_EQ(s.kind, 2);
+  EXPECT_LT(s.control, 1e-12);
+  EXPECT_NE(in_words(X, s).find("turns about its own axis"), std::string::npos) << in_words(X, s);
+  // The free motion changes no strut to first order: the closure's rows say so, and lengths a step away.
+  const double h = 1e-5;
+  const Pose Y{rotation_of(h * s.free_motion.tail<3>()) * X.R, X.p + h * s.free_motion.head<3>()};
+  const auto q = joints_at(m, X), moved = joints_at(m, Y);
+  EXPECT_LT((*moved - *q).cwiseAbs().maxCoeff(), 20 * h * h);
+  const Pose upright{Mat3::Identity(), Vec3(0, 0, 0.065)};
+  EXPECT_EQ(singularity(m, upright, *joints_at(m, upright)).kind, 0);
+}
+
+TEST(Singularity, AStretchedArmLosesAMotion) {
+  // LOLA 50 with upper arm and forearm in line: the wrist centre cannot go further out.
+  const AnyMachine m = load("lola50");
+  const auto& arm = std::get<machine::SerialArm>(m);
+  machine::JointVector q(5);
+  q << 0.2, -0.3, 0, 0, 0.5;
+  // Upper arm and forearm in line: theta_3 where the closed form's angle between them is 0.
+  double best = 1e9;
+  for (double t = -2; t < 2; t += 1e-4) {
+    machine::JointVector trial = q;
+    trial[2] = t;
+    const double mobility = singularity(m, machine::forward(arm, trial), trial).mobility;
+    if (mobility < best) {
+      best = mobility;
+      q = trial;
+    }
+  }
+  EXPECT_LT(best, 1e-3);
+  const Pose X = machine::forward(arm, q);
+  const Singularity s = singularity(m, X, q, 0, 2e-3);
+  EXPECT_EQ(s.kind, 1);
+  // The lost motion is no combination of the joints' motions; the idle one moves the tool least.
+  const auto J = kinematics::jacobian(m, X, q);
+  EXPECT_LT((J * s.idle_joints).head<3>().norm(), 5e-3);
+  const auto near = nearest(m, X, q);
+  ASSERT_TRUE(near);
+  EXPECT_LT(near->translation, 0.01);
+}
+
+TEST(Singularity, ASliderSquareToItsLegIsOfKindOne) {
+  const AnyMachine m = load("hexapod-slider");
+  const auto& slider = std::get<machine::SliderHexapod>(m);
+  // A pose where leg 1 is square to its rail: the platform joint at leg length across from a point of the rail.
+  const Vec3 u = slider.rail_direction[0];
+  const Vec3 across = (Vec3::UnitZ() - u * u.z()).normalized();
+  const Vec3 joint = slider.rail_outer[0] + 0.5 * slider.rail_length[0] * u + slider.leg_length * across;
+  Vec3 end = slider.platform_joint[0];
+  end.z() -= slider.tool_length;
+  const Pose X{Mat3::Identity(), joint - end};
+  machine::JointVector q(6);
+  q.setConstant(0.5 * slider.rail_length[0]);  // the other legs do not matter for the first row
+  const Singularity s = singularity(m, X, q, 0, 1e-9);
+  EXPECT_EQ(s.kind & 1, 1);
+  EXPECT_LT(s.mobility, 1e-12);
+  EXPECT_NEAR(std::abs(s.idle_joints[0]), 1, 1e-12);
+}
+
+TEST(Singularity, APathThroughOneIsNoticed) {
+  // Without joint limits the strut hexapod turns through its singular quarter.
+  const AnyMachine m =
+      load("hexapod-strut", {{"joint.cone_deg", "175"}, {"leg.length_min_mm", "10"}, {"leg.length_max_mm", "200"}});
+  const Pose from{Mat3::Identity(), Vec3(0, 0, 0.065)}, to{rotation_z(units::from_deg(100)), Vec3(0, 0, 0.065)};
+  const PathSingularity p = along_path(m, from, to, 37);
+  EXPECT_TRUE(p.crossed);
+  EXPECT_NEAR(p.share, 0.9, 1e-5);
+  EXPECT_EQ(p.at.kind, 2);
+  const PathSingularity free = along_path(m, from, {Mat3::Identity(), Vec3(0.005, 0, 0.07)});
+  EXPECT_FALSE(free.crossed);
+  EXPECT_EQ(free.at.kind, 0);
+  const auto near = nearest(m, Pose{rotation_z(units::from_deg(85)), Vec3(0, 0, 0.065)},
+                            *joints_at(m, Pose{rotation_z(units::from_deg(85)), Vec3(0, 0, 0.065)}));
+  ASSERT_TRUE(near);
+  EXPECT_LE(near->rotation, units::from_deg(5.001));
+}
+
+TEST(Singularity, MotionsInWords) {
+  const Pose X{Mat3::Identity(), Vec3(0.1, 0, 0)};
+  const auto say = [&](const Vec3& v, const Vec3& w) {
+    Vec6 t;
+    t << v, w;
+    return motion_in_words(X, t, 0.05);
+  };
+  EXPECT_EQ(say({0, 0, 0}, {0, 0, 2}), "turns about its own axis");
+  EXPECT_EQ(say({1, 0, 0}, {0, 0, 0}), "moves along x");
+  EXPECT_EQ(say({0, 0, 1}, {0, 0, 0}), "moves along its own axis");
+  EXPECT_EQ(say({0, 0, 0}, {1, 0, 0}), "turns about the axis through its tip along x");
+  EXPECT_EQ(say({0, 1, 0}, {0, 0, 10}), "turns about the axis through 0.0, 0.0, 0.0 mm along its own axis");
+  EXPECT_EQ(say({0, 0, 0.1}, {0, 0, 10}), "turns about its own axis and moves along it by 10.0 mm per rad");
+}
+
+// Design and budget ---------------------------------------------------------------------------------------------------
+
+double largest_error(const AnyMachine& m, const Survey& s, const SurveyOptions& o,
+                     const std::vector<std::pair<std::string, double>>& tolerances) {
+  const auto f = tolerance_field(m, s, o, *sized(m, tolerances, true));
+  return *std::max_element(f->position.worst.begin(), f->position.worst.end());
+}
+
+TEST(ToleranceDesign, MeetsTheWishAndNoMore) {
+  const AnyMachine m = load("hexapod-strut");
+  SurveyOptions options = cone(10, 9);
+  options.box = {Vec3(-0.008, -0.008, 0.06), Vec3(0.008, 0.008, 0.07)};
+  const auto s = survey(m, options);
+  DesignOptions wish;
+  wish.position = 50e-6;
+  const auto d = design_tolerances(m, *s, options, {{"leg.length", 1}, {"base.joint", 2}}, wish);
+  ASSERT_TRUE(d) << to_string(d.error());
+  EXPECT_NEAR(d->position, wish.position, 1e-3 * wish.position);
+  EXPECT_NEAR(d->parts[1].tolerance / d->parts[0].tolerance, 2, 1e-12);
+  EXPECT_LE(largest_error(m, *s, options,
+                          {{"leg.length", units::to_mm(d->parts[0].tolerance)},
+                           {"base.joint", units::to_mm(d->parts[1].tolerance)}}),
+            wish.position * (1 + 1e-9));
+  EXPECT_NEAR(d->parts[0].share + d->parts[1].share, 1, 1e-9);
+
+  // Cost: no other pair on the border of the allowed ones is cheaper.
+  wish.rule = DesignRule::cost;
+  const auto cheap = design_tolerances(m, *s, options, {{"leg.length", 3}, {"base.joint", 1}}, wish);
+  ASSERT_TRUE(cheap) << to_string(cheap.error());
+  const auto cost = [&](double leg, double base) { return 6 * 3 / leg + 6 * 1 / base; };
+  const double leg = units::to_mm(cheap->parts[0].tolerance), base = units::to_mm(cheap->parts[1].tolerance);
+  EXPECT_NEAR(cheap->cost, cost(leg, base), 1e-6 * cheap->cost);
+  for (double ratio = 0.1; ratio < 10; ratio *= 1.2) {
+    const double scale = units::to_mm(wish.position) /
+                         units::to_mm(largest_error(m, *s, options, {{"leg.length", 1}, {"base.joint", ratio}}));
+    EXPECT_GT(cost(scale, scale * ratio), cheap->cost * (1 - 5e-3)) << ratio;
+  }
+  EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 1}, {"leg.length[2]", 1}}, wish).error().id, "QU121");
+  EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 0}}, wish).error().id, "QU120");
+  wish.position = 0;
+  EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 1}}, wish).error().id, "QU120");
+}
+
+TEST(Budget, RowsFromClosedForms) {
+  const AnyMachine m = load("hexapod-strut");
+  const Pose X{Mat3::Identity(), Vec3(0.003, 0.004, 0.075)};
+  const auto q = joints_at(m, X);
+  Imperfections known;
+  known.warming = 10;
+  known.expansion = 10e-6;
+  known.resolution = 2e-6;
+  known.repeatability = 3e-6;
+  known.deflection << 1e-6, 2e-6, 2e-6, 0, 0, 0;
+  const auto b = budget(m, X, *q, known);
+  ASSERT_TRUE(b);
+  const auto row = [&](const std::string& name) {
+    for (const BudgetRow& r : b->rows)
+      if (r.source == name) return r;
+    ADD_FAILURE() << name;
+    return BudgetRow{};
+  };
+  // All that is a length grows alike: the machine scales about its base's origin.
+  EXPECT_NEAR(row("warming").position, 1e-4 * X.p.norm(), 1e-15);
+  EXPECT_NEAR(row("warming").orientation, 0, 1e-15);
+  EXPECT_NEAR(row("compliance").position, 3e-6, 1e-15);
+  EXPECT_NEAR(row("resolution").position, worst_case(m, X, *q, *sized(m, {{"joint", 1e-3}}, true))->position, 1e-15);
+  // The joints' scatter: sqrt of the largest eigenvalue of J J^T.
+  const Eigen::Matrix<double, 3, 6> J = kinematics::jacobian(m, X, *q).topRows<3>();
+  EXPECT_NEAR(row("repeatability").position, 3e-6 * Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues()[0], 1e-15);
+  EXPECT_NEAR(b->accuracy, row("warming").position + row("compliance").position + row("resolution").position, 1e-15);
+  EXPECT_LT(b->accuracy_rss, b->accuracy);
+  EXPECT_EQ(b->repeatability, row("repeatability").position);
+
+  // An arm grows about its base: X_MB.
+  const AnyMachine lola = load("lola50");
+  const Pose Y = kinematics::pose_of(machine::Task::axis, {0, -1.3, 0, 0, 0});
+  const auto joints = joints_at(lola, Y);
+  Imperfections warm;
+  warm.warming = 5;
+  const auto arm = budget(lola, Y, *joints, warm);
+  const Vec3 base = std::get<machine::SerialArm>(lola).X_MB.p;
+  EXPECT_NEAR(arm->accuracy, 60e-6 * (Y.p - base).norm(), 1e-12);
+}
+
+}  // namespace
+}  // namespace polypod::quality
