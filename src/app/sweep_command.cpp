@@ -1,14 +1,15 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "commands.hpp"
-#include "interrupt.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
-#include "workspace_options.hpp"
+#include "survey_options.hpp"
 
 namespace polypod::app {
 namespace {
@@ -45,34 +46,105 @@ Result<std::vector<Varied>> varied_of(const std::vector<std::string>& sets, std:
 
 std::string bar(double value, double largest) {
   constexpr int kWidth = 40;
-  const int n = largest > 0 ? static_cast<int>(kWidth * value / largest + 0.5) : 0;
+  const int n = largest > 0 && std::isfinite(value) ? static_cast<int>(kWidth * value / largest + 0.5) : 0;
   return std::string(static_cast<std::size_t>(std::clamp(n, 0, kWidth)), '#');
+}
+
+struct Options {
+  std::string machine, analysis = "workspace", csv;
+  std::vector<std::string> sets, errors, tolerances;
+  bool together = false;
+  SurveyArguments where;
+};
+
+/// What an analysis says of one machine: named numbers, the first of them for the bars.
+struct Numbers {
+  std::vector<std::pair<std::string, double>> values;
+  bool converged = true;
+  std::string missing;         ///< why there are none
+  Json more = Json::object();  ///< what else the JSON document says
+};
+
+Result<Numbers> workspace_numbers(const Options& o, const machine::AnyMachine& m, const Context& context) {
+  POLYPOD_ASSIGN(options, o.where.workspace.options(m, context));
+  POLYPOD_ASSIGN(v, workspace::volume(m, options));
+  return Numbers{{{"volume_mm3", units::to_mm3(v.volume)},
+                  {"volume_lower_mm3", units::to_mm3(v.lower)},
+                  {"volume_upper_mm3", units::to_mm3(v.upper)}},
+                 v.converged,
+                 {},
+                 volume_json(v)};
+}
+
+Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, const Context& context) {
+  POLYPOD_ASSIGN(options, o.where.options(m, context));
+  options.progress = nullptr;
+  const auto found = quality::survey(m, options);
+  // A machine of the sweep without a workspace is a row without numbers, not an error.
+  if (!found && found.error().id == "QU110") return Numbers{{}, true, found.error().message, Json::object()};
+  if (!found) return tl::unexpected(found.error());
+  const quality::Survey& survey = *found;
+  const double volume = units::to_mm3(survey.volume);
+  if (o.analysis == "dexterity") {
+    POLYPOD_ASSIGN(f, quality::dexterity_field(m, survey, options));
+    const auto kappa = quality::statistics(survey, f.condition.mean),
+               sigma = quality::statistics(survey, f.sigma_min.mean),
+               det = quality::statistics(survey, f.determinant.mean);
+    return Numbers{{{"condition_mean", kappa.mean},
+                    {"condition_min", kappa.min},
+                    {"condition_max", kappa.max},
+                    {"sigma_min_mean", sigma.mean},
+                    {"sigma_min_max", sigma.max},
+                    {"determinant_mean", det.mean},
+                    {"determinant_max", det.max},
+                    {"volume_mm3", volume}},
+                   true,
+                   {},
+                   Json::object()};
+  }
+  const bool tolerances = !o.tolerances.empty();
+  if (tolerances != o.errors.empty()) {
+    return fail("AP163", "errors or tolerances must be given, and only one of them", {},
+                "give --tolerance all=0.01 or --error leg.length[1]=0.01");
+  }
+  POLYPOD_ASSIGN(keyed, keyed_numbers(tolerances ? o.tolerances : o.errors, tolerances ? "--tolerance" : "--error"));
+  POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, tolerances));
+  POLYPOD_ASSIGN(f, tolerances ? quality::tolerance_field(m, survey, options, sizes)
+                               : quality::known_error_field(m, survey, options, sizes));
+  const auto position = quality::statistics(survey, f.position.mean),
+             turn = quality::statistics(survey, f.orientation.mean);
+  return Numbers{{{"position_mean_mm", units::to_mm(position.mean)},
+                  {"position_max_mm", units::to_mm(position.max)},
+                  {"orientation_mean_rad", turn.mean},
+                  {"orientation_max_rad", turn.max},
+                  {"volume_mm3", volume}},
+                 true,
+                 {},
+                 Json::object()};
 }
 
 }  // namespace
 
 Command sweep_command() {
-  struct Options {
-    std::string machine, analysis = "workspace", csv;
-    std::vector<std::string> sets;
-    bool together = false;
-    WorkspaceOptions workspace;
-  };
   auto o = std::make_shared<Options>();
   return {"sweep", "An analysis against one or more parameters of a machine",
           "polypod sweep hexapod-strut --set leg.length_max_mm=80,90,100 --tilt 20",
           [o](Arguments& a) {
             a.positional("MACHINE", o->machine, "A machine file or a name of `polypod machines`");
             a.option("--set", o->sets, "key=a,b,c: values to try; key=a: fixed (repeatable)", true);
-            a.option("--analysis", o->analysis, "workspace (default)");
+            a.option("--analysis", o->analysis, "workspace (default), dexterity or errors");
+            a.option("--error", o->errors, "KEY=mm: of the analysis errors (repeatable)");
+            a.option("--tolerance", o->tolerances, "KEY=mm: of the analysis errors (repeatable)");
             a.flag("--together", o->together, "Several lists change together, not in all combinations");
             a.option("--csv", o->csv, "Write the table to this file too");
-            o->workspace.declare(a);
+            o->where.declare(a);
           },
           [o](const Context& context) -> Result<int> {
-            if (o->analysis != "workspace") {
-              return fail("AP156", fmt::format("--analysis {}: unknown", o->analysis), {}, "known: workspace");
+            if (o->analysis != "workspace" && o->analysis != "dexterity" && o->analysis != "errors") {
+              return fail("AP156", fmt::format("--analysis {}: unknown", o->analysis), {},
+                          "known: workspace, dexterity, errors");
             }
+            if (!o->where.pose.empty()) return fail("AP159", "a sweep looks at workspaces, not at a pose");
             std::vector<std::string> fixed;
             POLYPOD_ASSIGN(varied, varied_of(o->sets, fixed));
             std::size_t rows = o->together ? varied.front().values.size() : 1;
@@ -88,47 +160,64 @@ Command sweep_command() {
               return fail("AP158", fmt::format("{} combinations are more than {}", rows, kMostRows));
 
             Json list = Json::array();
-            std::string csv;
-            for (const Varied& v : varied) csv += v.key + ",";
-            csv += "volume_mm3,volume_lower_mm3,volume_upper_mm3\n";
-            double largest = 0;
-            bool all_converged = true;
+            std::vector<std::vector<std::string>> keys;
+            std::vector<Numbers> found;
             for (std::size_t row = 0; row < rows; ++row) {
               std::vector<std::string> sets = fixed;
               Json entry = Json::object();
               std::size_t rest = row;
+              keys.emplace_back();
               for (const Varied& v : varied) {
                 const std::string& value = v.values[o->together ? row : rest % v.values.size()];
                 if (!o->together) rest /= v.values.size();
                 sets.push_back(v.key + "=" + value);
                 POLYPOD_ASSIGN(number, numbers_of(value, "--set"));
                 entry[v.key] = number[0];
-                csv += value + ",";
+                keys.back().push_back(value);
               }
               POLYPOD_ASSIGN(m, machine_of(o->machine, sets));
-              POLYPOD_ASSIGN(options, o->workspace.options(m, context));
-              POLYPOD_ASSIGN(result, workspace::volume(m, options));
-              all_converged = all_converged && result.converged;
-              const Json volume = volume_json(result);
-              for (const auto& [key, value] : volume.items()) entry[key] = value;
-              largest = std::max(largest, units::to_mm3(result.volume));
-              csv += fmt::format("{:.6g},{:.6g},{:.6g}\n", units::to_mm3(result.volume), units::to_mm3(result.lower),
-                                 units::to_mm3(result.upper));
+              POLYPOD_ASSIGN(numbers, o->analysis == "workspace" ? workspace_numbers(*o, m, context)
+                                                                 : quality_numbers(*o, m, context));
+              for (const auto& [name, value] : numbers.values) entry[name] = number_json(value);
+              for (const auto& [name, value] : numbers.more.items()) entry[name] = value;
+              entry["converged"] = numbers.converged;
+              if (!numbers.missing.empty()) entry["missing"] = numbers.missing;
+              found.push_back(std::move(numbers));
               list.push_back(entry);
+              if (context.progress) fmt::print(stderr, "\rsweep {} of {}\x1b[K", row + 1, rows);
             }
             if (context.progress) fmt::print(stderr, "\r\x1b[K");
+            bool all_converged = true;
+            double largest = 0;
+            std::vector<std::string> names;
+            for (const Numbers& n : found) {
+              all_converged = all_converged && n.converged;
+              if (n.values.empty()) continue;
+              if (std::isfinite(n.values[0].second)) largest = std::max(largest, n.values[0].second);
+              if (!names.empty()) continue;
+              for (const auto& [name, value] : n.values) names.push_back(name);
+            }
+            std::string csv;
+            for (const Varied& v : varied) csv += v.key + ",";
+            csv += fmt::format("{}\n", fmt::join(names, ","));
+            for (std::size_t row = 0; row < rows; ++row) {
+              csv += fmt::format("{}", fmt::join(keys[row], ","));
+              for (std::size_t k = 0; k < names.size(); ++k)
+                csv += found[row].values.empty() ? "," : fmt::format(",{:.6g}", found[row].values[k].second);
+              csv += "\n";
+            }
             if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, csv));
             if (context.json) {
               print_json({{"analysis", o->analysis}, {"rows", list}});
             } else {
               for (const Varied& v : varied) fmt::print("{:>24}", v.key);
-              fmt::print("{:>14}{:>24}\n", "volume_mm3", "bounds");
-              for (const Json& entry : list) {
-                for (const Varied& v : varied) fmt::print("{:>24g}", entry[v.key].get<double>());
-                fmt::print("{:>14.0f}{:>24}  {}\n", entry["volume_mm3"].get<double>(),
-                           fmt::format("{:.0f} .. {:.0f}", entry["volume_lower_mm3"].get<double>(),
-                                       entry["volume_upper_mm3"].get<double>()),
-                           bar(entry["volume_mm3"].get<double>(), largest));
+              for (const std::string& name : names) fmt::print(" {:>20}", name);
+              fmt::print("\n");
+              for (std::size_t row = 0; row < rows; ++row) {
+                for (const std::string& key : keys[row]) fmt::print("{:>24}", key);
+                for (const auto& [name, value] : found[row].values) fmt::print(" {:>20.6g}", value);
+                fmt::print("  {}\n",
+                           found[row].values.empty() ? found[row].missing : bar(found[row].values[0].second, largest));
               }
             }
             return all_converged ? kDone : kAnswerIsNo;
