@@ -5,10 +5,15 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <set>
 
+#include "leg_kernel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/kinematics/slider_hexapod.hpp"
+#include "polypod/kinematics/strut_hexapod.hpp"
 #include "polypod/quality/budget.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "polypod/quality/tolerance_design.hpp"
@@ -81,6 +86,45 @@ TEST(Survey, SixLegsAreThoseOfTheClosure) {
       EXPECT_NEAR(worst_case(m, X, *joints_at(m, X), sizes)->position / worst, 1, kRounding);
     }
   }
+}
+
+TEST(Survey, AllSignsOfTheLegsAreTried) {
+  // Six random lines and sizes: every one of the 32 patterns is the farthest for some of them.
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal;
+  const auto strut = std::get<machine::StrutHexapod>(load("hexapod-strut"));
+  std::set<int> patterns;
+  for (int k = 0; k < 1500; ++k) {
+    machine::StrutHexapod m = strut;
+    for (int i = 0; i < machine::kLegs; ++i) {
+      m.base_joint[i] += 0.03 * Vec3(normal(random), normal(random), normal(random));
+      m.platform_joint[i] += 0.03 * Vec3(normal(random), normal(random), normal(random));
+    }
+    const AnyMachine any = m;
+    std::vector<Sized> sizes;
+    const auto all = elements(any);
+    for (std::size_t e = 0; e < all.size(); ++e)
+      if (all[e].group == "leg.length") sizes.push_back({static_cast<int>(e), 1e-5 * std::exp(normal(random))});
+    LegKernel kernel(*six_leg_machine(any), {Mat3::Identity()});
+    ASSERT_TRUE(kernel.set_sizes(any, sizes, Region::box));
+    const Pose X{Mat3::Identity(), Vec3(0, 0, 0.075)};
+    const auto answer = kernel.ask(LegQuestion::tolerance, X.p);
+    const auto exact = worst_case(any, X, *joints_at(any, X), sizes);
+    EXPECT_NEAR(answer.mean[0] / exact->position, 1, 1e-9) << k;
+    EXPECT_NEAR(answer.mean[1] / exact->orientation, 1, 1e-9) << k;
+    // Which pattern: the strut errors that give the farthest point.
+    const auto& legs = *six_leg_machine(any);
+    int pattern = 0, last = 0;
+    for (int i = 0; i < 6; ++i) {
+      const Vec3 arm = legs.end[i], y = X.p + arm - legs.anchor[i], w = y.normalized();
+      const double stretch = w.dot(exact->position_error.head<3>()) + arm.cross(w).dot(exact->position_error.tail<3>());
+      const int sign = stretch > 0 ? 1 : 0;
+      if (i == 5) last = sign;
+      pattern |= sign << i;
+    }
+    patterns.insert(last ? pattern & 31 : ~pattern & 31);
+  }
+  EXPECT_EQ(patterns.size(), 32u);
 }
 
 TEST(Survey, RailDirectionsAndTheToolsLength) {
@@ -162,6 +206,19 @@ TEST(Singularity, TheHexapodTurnedByAQuarterCannotBeHeld) {
   EXPECT_EQ(singularity(m, upright, *joints_at(m, upright)).kind, 0);
 }
 
+/// The drives cannot give the lost motion: every twist that they give is square to it, angles as lengths on L.
+void expect_lost(const AnyMachine& m, const Pose& X, const machine::JointVector& q, const Singularity& s) {
+  const auto scaled = [&](const Vec6& t) {
+    Vec6 out = t;
+    out.tail<3>() *= s.length;
+    return out;
+  };
+  const auto J = std::visit(
+      [&](const auto& one) { return kinematics::jacobian_by_closure(one, X, std::span(q.data(), q.size())); }, m);
+  EXPECT_NEAR(scaled(s.lost_motion).norm(), kinematics::is_serial(m) ? s.length : 1, 1e-9);
+  for (int i = 0; i < J.cols(); ++i) EXPECT_NEAR(scaled(s.lost_motion).dot(scaled(J.col(i))) / J.norm(), 0, 5e-3) << i;
+}
+
 TEST(Singularity, AStretchedArmLosesAMotion) {
   // LOLA 50 with upper arm and forearm in line: the wrist centre cannot go further out.
   const AnyMachine m = load("lola50");
@@ -186,6 +243,7 @@ TEST(Singularity, AStretchedArmLosesAMotion) {
   // The lost motion is no combination of the joints' motions; the idle one moves the tool least.
   const auto J = kinematics::jacobian(m, X, q);
   EXPECT_LT((J * s.idle_joints).head<3>().norm(), 5e-3);
+  expect_lost(m, X, q, s);
   const auto near = nearest(m, X, q);
   ASSERT_TRUE(near);
   EXPECT_LT(near->translation, 0.01);
@@ -207,6 +265,7 @@ TEST(Singularity, ASliderSquareToItsLegIsOfKindOne) {
   EXPECT_EQ(s.kind & 1, 1);
   EXPECT_LT(s.mobility, 1e-12);
   EXPECT_NEAR(std::abs(s.idle_joints[0]), 1, 1e-12);
+  expect_lost(m, X, q, s);
 }
 
 TEST(Singularity, APathThroughOneIsNoticed) {
