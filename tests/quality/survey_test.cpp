@@ -207,7 +207,8 @@ TEST(Singularity, TheHexapodTurnedByAQuarterCannotBeHeld) {
 }
 
 /// The drives cannot give the lost motion: every twist that they give is square to it, angles as lengths on L.
-void expect_lost(const AnyMachine& m, const Pose& X, const machine::JointVector& q, const Singularity& s) {
+void expect_lost(const AnyMachine& m, const Pose& X, const machine::JointVector& q, const Singularity& s,
+                 double within) {
   const auto scaled = [&](const Vec6& t) {
     Vec6 out = t;
     out.tail<3>() *= s.length;
@@ -216,7 +217,8 @@ void expect_lost(const AnyMachine& m, const Pose& X, const machine::JointVector&
   const auto J = std::visit(
       [&](const auto& one) { return kinematics::jacobian_by_closure(one, X, std::span(q.data(), q.size())); }, m);
   EXPECT_NEAR(scaled(s.lost_motion).norm(), kinematics::is_serial(m) ? s.length : 1, 1e-9);
-  for (int i = 0; i < J.cols(); ++i) EXPECT_NEAR(scaled(s.lost_motion).dot(scaled(J.col(i))) / J.norm(), 0, 5e-3) << i;
+  for (int i = 0; i < J.cols(); ++i)
+    EXPECT_NEAR(scaled(s.lost_motion).dot(scaled(J.col(i))) / J.norm(), 0, within) << i;
 }
 
 TEST(Singularity, AStretchedArmLosesAMotion) {
@@ -243,7 +245,7 @@ TEST(Singularity, AStretchedArmLosesAMotion) {
   // The lost motion is no combination of the joints' motions; the idle one moves the tool least.
   const auto J = kinematics::jacobian(m, X, q);
   EXPECT_LT((J * s.idle_joints).head<3>().norm(), 5e-3);
-  expect_lost(m, X, q, s);
+  expect_lost(m, X, q, s, 5e-3);  // near the singular pose
   const auto near = nearest(m, X, q);
   ASSERT_TRUE(near);
   EXPECT_LT(near->translation, 0.01);
@@ -265,7 +267,7 @@ TEST(Singularity, ASliderSquareToItsLegIsOfKindOne) {
   EXPECT_EQ(s.kind & 1, 1);
   EXPECT_LT(s.mobility, 1e-12);
   EXPECT_NEAR(std::abs(s.idle_joints[0]), 1, 1e-12);
-  expect_lost(m, X, q, s);
+  expect_lost(m, X, q, s, 1e-9);
 }
 
 TEST(Singularity, APathThroughOneIsNoticed) {
