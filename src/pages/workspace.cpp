@@ -12,6 +12,7 @@
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
@@ -608,6 +609,7 @@ class Page {
     const int count = std::visit(
         []<class M>(const M& m) {
           if constexpr (std::is_same_v<M, machine::SerialArm>) return 2 * m.free_joints();
+          if constexpr (std::is_base_of_v<machine::Delta, M>) return machine::DeltaLimits::kCount;
           return std::is_same_v<M, machine::StrutHexapod> ? 39 : 45;
         },
         machine);

@@ -14,6 +14,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
@@ -164,6 +165,49 @@ class ArmJudge {
  private:
   machine::WristInverse inverse_;
   machine::WristInverse::Form f_;
+};
+
+/// Deltas, on the first roots of their drives. A turned tool is out of reach.
+template <machine::DeltaFamily M>
+class DeltaJudge {
+ public:
+  static constexpr int kBranches = 1;
+  std::vector<Slot> slots;
+
+  DeltaJudge(const M& m, const Options& options) : m_(m), p_(kinematics::nominal_parameters(m)) {
+    using L = machine::DeltaLimits;
+    const double angle = std::is_same_v<M, machine::RotaryDelta> ? m.rod_length[0] : 1.0;
+    for (int i = 0; i < L::kCount; ++i) {
+      if ((options.limits >> i & 1U) == 0 || (i >= L::kFirstBody && !options.interference)) continue;
+      slots.push_back({i, i < L::kSide ? angle : 1.0});
+    }
+    slots.push_back({kOutOfReach, 1});
+  }
+  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
+
+  void values(const Pose& X, double* out) const {
+    if (!X.R.isIdentity(1e-9)) {
+      std::fill_n(out, slots.size(), kUnknown);
+      out[slots.size() - 1] = -kUnknown;
+      return;
+    }
+    machine::JointVector q(m_.arms);
+    double reach = kUnknown;
+    for (int i = 0; i < m_.arms; ++i) {
+      const machine::DriveRoots roots = drive_roots(m_, i, X.p);
+      q[i] = roots.first;
+      reach = std::min(reach, machine::reach_of(m_, i, X.p));
+    }
+    const std::vector<double> g =
+        limits(m_, X, std::span<const double>(q.data(), q.size()), std::span<const double>(p_));
+    for (const Slot& slot : slots) {
+      *out++ = slot.limit == kOutOfReach ? reach : slot.scale * g[static_cast<std::size_t>(slot.limit)];
+    }
+  }
+
+ private:
+  const M& m_;
+  std::vector<double> p_;
 };
 
 /// Samples on a line of directions: indices first, first + stride, ...; closed: the last is next to the first.
@@ -369,6 +413,10 @@ Result<std::unique_ptr<PointJudge>> judge_for(const machine::SerialArm& arm, con
                                               const FieldOptions& field_options) {
   POLYPOD_ASSIGN(closed, machine::WristInverse::of(arm));
   return std::make_unique<JudgeOf<ArmJudge>>(ArmJudge(closed, options.limits), options, field_options);
+}
+template <machine::DeltaFamily M>
+Result<std::unique_ptr<PointJudge>> judge_for(const M& m, const Options& options, const FieldOptions& field_options) {
+  return std::make_unique<JudgeOf<DeltaJudge<M>>>(DeltaJudge<M>(m, options), options, field_options);
 }
 template <class Hexapod>
 Result<std::unique_ptr<PointJudge>> judge_for(const Hexapod& m, const Options& options,
