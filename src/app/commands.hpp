@@ -13,6 +13,7 @@ Command jacobian_command();
 Command workspace_command();
 Command section_command();
 Command sweep_command();
+Command delta_command();
 Command compliance_command();
 Command map_command();
 Command identify_compliance_command();

@@ -20,6 +20,7 @@ void WorkspaceOptions::declare(Arguments& a) {
   a.flag("--interference", interference, "Legs may not touch each other");
   a.option("--without", without,
            "Switch limits off: length, base-joint, platform-joint, joint, base, or joint numbers");
+  a.option("--clearance", clearance, "Deltas: keep this far from singular poses, mm");
   a.option("--threads", threads, "How many threads (default: all; the result is the same)");
 }
 
@@ -36,6 +37,7 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   if (threads < 0 || threads > 1024) return fail("AP151", fmt::format("--threads {}: must be 0 to 1024", threads));
   out.relative_tolerance = rel_tol;
   out.interference = interference;
+  out.singular_distance = units::from_mm(clearance);
   out.threads = threads;
   POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));
   out.limits &= ~off;

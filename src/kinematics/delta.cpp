@@ -121,6 +121,31 @@ JacobianMatrix jacobian_of(const M& m, const Pose& X, const JointVector& q) {
 }
 
 template <class M>
+Closeness closeness_of(const M& m, const Vec3& X) {
+  Closeness out;
+  JointVector q(m.arms);
+  out.elbow_gap = out.drop = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < m.arms; ++i) {
+    const DriveRoots roots = drive_roots(m, i, X);
+    if (!roots.real()) return {};
+    q[i] = roots.first;
+    const Vec3 end = driven_end(m, i, q[i]), joint = X + m.platform_joint[i] - m.tool;
+    out.drop = std::min(out.drop, joint.z() - end.z());
+    const double gap = 2 * std::sqrt(roots.under);
+    if (gap >= out.elbow_gap) continue;
+    out.elbow_gap = gap;
+    if constexpr (std::is_same_v<M, RotaryDelta>) out.folded = (end - m.base_joint[i]).dot(joint - end) < 0;
+  }
+  out.reached = true;
+  const DeltaPoses both = poses_of(m, q.data());
+  out.pose_gap = both.real ? (both.machine - both.other).norm() : 0.0;
+  const DeltaJacobians pair = jacobians_of(m, X, q);
+  out.det_A = pair.determinant_A();
+  out.det_B = pair.determinant_B();
+  return out;
+}
+
+template <class M>
 LimitBits violations_of(const M& m, const Pose& X, const JointVector& q, std::span<const double> p) {
   std::vector<double> g = limits(m, X, std::span<const double>(q.data(), q.size()), p);
   for (double& value : g) value += delta_detail::kLimitSlack;
@@ -208,7 +233,7 @@ DriveRoots drive_roots(const RotaryDelta& m, int i, const Vec3& X) {
     const double theta = std::atan2(alpha * r + side * h, side * r - alpha * h) - m.zero[i];
     return theta - kTurn * std::round((theta - middle) / kTurn);
   };
-  return {angle(beta), angle(-beta), beta2 / d2};
+  return {angle(beta), angle(-beta), D2 > 0 ? beta2 / D2 : -1.0};
 }
 DriveRoots drive_roots(const LinearDelta& m, int i, const Vec3& X) {
   const Vec3 y = from_base(m, i, X);
@@ -265,6 +290,13 @@ DeltaJacobians jacobians(const RotaryDelta& m, const Vec3& X, const JointVector&
 }
 DeltaJacobians jacobians(const LinearDelta& m, const Vec3& X, const JointVector& q) {
   return jacobians_of(m, X, q);
+}
+
+Closeness closeness(const RotaryDelta& m, const Vec3& X) {
+  return closeness_of(m, X);
+}
+Closeness closeness(const LinearDelta& m, const Vec3& X) {
+  return closeness_of(m, X);
 }
 
 ChainAngles chain_angles(const RotaryDelta& m, int i, const Vec3& X, double q) {

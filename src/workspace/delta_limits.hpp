@@ -3,6 +3,7 @@
 #pragma once
 
 #include "first_order.hpp"
+#include "hexapod_limits.hpp"
 #include "linear.hpp"
 #include "polypod/kinematics/delta.hpp"
 
@@ -18,7 +19,7 @@ class DeltaBounds {
  public:
   struct Data {};
 
-  DeltaBounds(const M& m, const Options& options) : m_(m), mask_(options.limits) {
+  DeltaBounds(const M& m, const Options& options) : m_(m), mask_(options.limits), singular_(options.singular_distance) {
     const auto& bodies = m.bodies;
     if (!options.interference || !(bodies.rod_diameter > 0)) return;
     int bit = L::kRods;
@@ -126,6 +127,10 @@ class DeltaBounds {
       const FirstOrder beta2 = arm2 * D2 - square(alpha, d);
       c.reach = judged((1 / arm2) * beta2, 64 + i, d, out);
       if (c.reach == Verdict::outside || c.reach == Verdict::dead) return c;
+      if (singular_ > 0) {  // beta / D, half the distance of the two elbows
+        c.reach = both(c.reach, judged((1 / arm2) * (beta2 - (0.25 * singular_ * singular_) * D2), 200 + i, d, out));
+        if (c.reach == Verdict::outside || c.reach == Verdict::dead) return c;
+      }
       const FirstOrder beta = root(beta2, d);
       c.sine = times(alpha, r, d) + times(beta, h, d);
       const FirstOrder down = times(alpha, h, d) - times(beta, r, d);
@@ -144,6 +149,10 @@ class DeltaBounds {
       const FirstOrder under2 = square(along, d) - (c.y2 - l2);
       c.reach = judged(under2, 64 + i, d, out);
       if (c.reach == Verdict::outside || c.reach == Verdict::dead) return c;
+      if (singular_ > 0) {
+        c.reach = both(c.reach, judged(under2 - 0.25 * singular_ * singular_, 200 + i, d, out));
+        if (c.reach == Verdict::outside || c.reach == Verdict::dead) return c;
+      }
       c.under = root(under2, d);
       c.slide = along - c.under;
       for (std::size_t k = 0; k < 3; ++k) c.rod[k] = c.y[k] - u[static_cast<Eigen::Index>(k)] * c.slide;
@@ -180,6 +189,7 @@ class DeltaBounds {
     if (joint.elbow_min > 0) add(FirstOrder(l * std::cos(joint.elbow_min)) - along, L::kElbow + i);
     if (joint.elbow_max < std::numbers::pi) add(along - l * std::cos(joint.elbow_max), 128 + L::kElbow + i);
     if (joint.platform < std::numbers::pi) add(c.rod[2] - l * std::cos(joint.platform), L::kPlatform + i);
+    if (singular_ > 0 && !decided()) verdict = both(verdict, judged(c.rod[2] - singular_, 204 + i, d, out));
     if (m_.bodies.table_z) {
       const double table = *m_.bodies.table_z - 0.5 * m_.bodies.rod_diameter;
       add(FirstOrder(table) - c.end[2], L::kTable + i);
@@ -238,9 +248,9 @@ class DeltaBounds {
     return verdict;
   }
 
-  /// det(y_1, y_2, y_3) of the three rods.
+  /// det(y_1, y_2, y_3) of the three rods; over |n|, n = (y_1 - y_2) x (y_1 - y_3), half the distance of the two poses.
   Verdict judge_mode(const Vec3& center, const Domain& d, BoundList& out) const {
-    if (!heeds(L::kMode)) return Verdict::inside;
+    if (!heeds(L::kMode) && !(singular_ > 0)) return Verdict::inside;
     std::array<Vector, 3> rod;
     BoundList unused;
     for (int i = 0; i < 3; ++i) {
@@ -253,7 +263,21 @@ class DeltaBounds {
       const std::size_t a = (k + 1) % 3, b = (k + 2) % 3;
       volume = volume + times(rod[0][k], times(rod[1][a], rod[2][b], d) - times(rod[1][b], rod[2][a], d), d);
     }
-    return judged((m_.mode_sign / (m_.rod_length[0] * m_.rod_length[0])) * volume, L::kMode, d, out);
+    const double scale = 1 / (m_.rod_length[0] * m_.rod_length[0]);
+    volume = m_.mode_sign * scale * volume;
+    Verdict verdict = heeds(L::kMode) ? judged(volume, L::kMode, d, out) : Verdict::inside;
+    if (!(singular_ > 0)) return verdict;
+    Vector e, f;
+    FirstOrder n2;
+    for (std::size_t k = 0; k < 3; ++k) {
+      e[k] = rod[0][k] - rod[1][k];
+      f[k] = rod[0][k] - rod[2][k];
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t a = (k + 1) % 3, b = (k + 2) % 3;
+      n2 = n2 + square(times(e[a], f[b], d) - times(e[b], f[a], d), d);
+    }
+    return both(verdict, judged(volume - 0.5 * singular_ * scale * root(n2, d), 208, d, out));
   }
 
   Verdict judge_pair(const Pair& pair, const Vec3& center, const Domain& d, BoundList& out) const {
@@ -334,6 +358,7 @@ class DeltaBounds {
 
   const M& m_;
   LimitBits mask_;
+  double singular_;  ///< m, Options::singular_distance
   std::vector<Pair> pairs_;
 };
 

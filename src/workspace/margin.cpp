@@ -174,7 +174,8 @@ class DeltaJudge {
   static constexpr int kBranches = 1;
   std::vector<Slot> slots;
 
-  DeltaJudge(const M& m, const Options& options) : m_(m), p_(kinematics::nominal_parameters(m)) {
+  DeltaJudge(const M& m, const Options& options)
+      : m_(m), singular_(options.singular_distance), p_(kinematics::nominal_parameters(m)) {
     using L = machine::DeltaLimits;
     const double angle = std::is_same_v<M, machine::RotaryDelta> ? m.rod_length[0] : 1.0;
     for (int i = 0; i < L::kCount; ++i) {
@@ -182,13 +183,13 @@ class DeltaJudge {
       slots.push_back({i, i < L::kSide ? angle : 1.0});
     }
     slots.push_back({kOutOfReach, 1});
+    if (singular_ > 0) slots.push_back({kNearSingular, 1});
   }
   [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
 
   void values(const Pose& X, double* out) const {
     if (!X.R.isIdentity(1e-9)) {
-      std::fill_n(out, slots.size(), kUnknown);
-      out[slots.size() - 1] = -kUnknown;
+      std::fill_n(out, slots.size(), -kUnknown);
       return;
     }
     machine::JointVector q(m_.arms);
@@ -201,12 +202,20 @@ class DeltaJudge {
     const std::vector<double> g =
         limits(m_, X, std::span<const double>(q.data(), q.size()), std::span<const double>(p_));
     for (const Slot& slot : slots) {
-      *out++ = slot.limit == kOutOfReach ? reach : slot.scale * g[static_cast<std::size_t>(slot.limit)];
+      if (slot.limit == kOutOfReach) {
+        *out++ = reach;
+      } else if (slot.limit == kNearSingular) {
+        const machine::Closeness close = closeness(m_, X.p);
+        *out++ = close.reached ? close.least() - singular_ : reach;
+      } else {
+        *out++ = slot.scale * g[static_cast<std::size_t>(slot.limit)];
+      }
     }
   }
 
  private:
   const M& m_;
+  double singular_;
   std::vector<double> p_;
 };
 

@@ -14,7 +14,15 @@
 namespace polypod::workspace {
 namespace {
 
-Status check(const Options& options) {
+bool is_delta(const AnyMachine& machine) {
+  return std::holds_alternative<machine::RotaryDelta>(machine) || std::holds_alternative<machine::LinearDelta>(machine);
+}
+
+Status check(const AnyMachine& machine, const Options& options) {
+  if (options.singular_distance != 0 && !(is_delta(machine) && options.singular_distance > 0)) {
+    return fail("WS105", is_delta(machine) ? "the distance from singular poses is negative"
+                                           : "a distance from singular poses is known for deltas only");
+  }
   const Directions& d = options.directions;
   constexpr double kRight = std::numbers::pi / 2;
   if (!(d.tilt >= 0 && d.tilt < kRight)) {
@@ -65,10 +73,6 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) -> decltype(ask(
                 "leave out the tilt and the ranges of A and B");
   }
   return ask(DeltaBounds<M>(m, options));
-}
-
-bool is_delta(const AnyMachine& machine) {
-  return std::holds_alternative<machine::RotaryDelta>(machine) || std::holds_alternative<machine::LinearDelta>(machine);
 }
 
 /// `first` up to but without `end`.
@@ -143,7 +147,7 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
 }
 
 Result<Volume> volume(const AnyMachine& machine, const Options& options) {
-  POLYPOD_TRY(check(options));
+  POLYPOD_TRY(check(machine, options));
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
@@ -156,7 +160,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
 
 Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, const Shape& shape,
                              std::int64_t max_cells) {
-  POLYPOD_TRY(check(options));
+  POLYPOD_TRY(check(machine, options));
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<bool> {

@@ -3,6 +3,8 @@
 // Jacobians (KOZ 4.3 to 4.5).
 #pragma once
 
+#include <algorithm>
+
 #include "polypod/kinematics/concept.hpp"
 #include "polypod/kinematics/hexapod.hpp"
 #include "polypod/machine/linear_delta.hpp"
@@ -254,8 +256,8 @@ Vec3 driven_end_rate(const LinearDelta& m, int i, double q);
 /// Rails: q = u . y -+ sqrt(c^2 - |across|^2); `first` is the -, the carriage on the base's side.
 struct DriveRoots {
   double first = 0, second = 0;
-  /// beta^2 / d^2 or the value under the root, m^2: the square of half the distance of the two ends, up to D for arms;
-  /// negative where the rod does not reach. Then both roots are the nearest position.
+  /// beta^2 / D^2 or the value under the root, m^2: the square of half the distance of the two ends; negative where the
+  /// rod does not reach. Then both roots are the nearest position.
   double under = 0;
   [[nodiscard]] bool real() const { return under >= 0; }
 };
@@ -316,6 +318,22 @@ struct DeltaJacobians {
 };
 DeltaJacobians jacobians(const RotaryDelta& m, const Vec3& X, const JointVector& q);
 DeltaJacobians jacobians(const LinearDelta& m, const Vec3& X, const JointVector& q);
+
+/// How near a tool point is to being singular, with all drives on their first roots: by geometry (KOZ 4.5.2.2) and by
+/// determinants (4.5.2.3).
+struct Closeness {
+  bool reached = false;  ///< every rod reaches; otherwise the rest is 0
+  double elbow_gap = 0;  ///< m, least distance of the two positions of a driven end (0: kind 1)
+  bool folded = false;   ///< that chain is nearer to being folded than stretched (rails: never)
+  double pose_gap = 0;   ///< m, distance of the two poses of these drives (0: kind 2)
+  double drop = 0;       ///< m, least height of a platform joint below its driven end (0: rod level, kind 2)
+  double det_A = 0;      ///< of (4.42), no unit
+  double det_B = 0;      ///< of (4.44), m^3 for arms, no unit for rails
+  /// The least of the three distances, m.
+  [[nodiscard]] double least() const { return std::min({elbow_gap, pose_gap, drop}); }
+};
+Closeness closeness(const RotaryDelta& m, const Vec3& X);
+Closeness closeness(const LinearDelta& m, const Vec3& X);
 
 /// The angles of KOZ Figure 4-30: theta_1 of the arm from outward towards z (q + zero - 90 deg), theta_2 from the
 /// prolonged arm to the rod's projection, theta_3 between rod and the drive's axis, phi with outward = (cos phi,

@@ -1,0 +1,93 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/report/csv.hpp"
+#include "polypod/workspace/delta_study.hpp"
+
+namespace polypod::app {
+namespace {
+
+Json counts_json(const workspace::DeltaCounts& c) {
+  return {{"points", c.points},
+          {"near_by_geometry", c.geometry},
+          {"near_by_determinant", c.determinant},
+          {"near_by_both", c.both},
+          {"agree_percent", c.agree_percent()},
+          {"stretched", c.stretched},
+          {"folded", c.folded},
+          {"level", c.level},
+          {"flat", c.flat}};
+}
+
+void print_counts(const char* name, const workspace::DeltaCounts& c) {
+  fmt::print("{:<6} {:>9} {:>10} {:>12} {:>9} {:>9.2f} {:>10} {:>7} {:>7} {:>7}\n", name, c.points, c.geometry,
+             c.determinant, c.both, c.agree_percent(), c.stretched, c.folded, c.level, c.flat);
+}
+
+std::string points_csv(const workspace::DeltaStudy& study) {
+  report::Csv csv({"x_mm", "y_mm", "z_mm", "elbow_gap_mm", "pose_gap_mm", "drop_mm", "det_A", "det_B",
+                   "near_by_geometry", "near_by_determinant", "deep"});
+  for (const workspace::DeltaPoint& p : study.points) {
+    csv.add({units::to_mm(p.X.x()), units::to_mm(p.X.y()), units::to_mm(p.X.z()), units::to_mm(p.close.elbow_gap),
+             units::to_mm(p.close.pose_gap), units::to_mm(p.close.drop), p.close.det_A, p.close.det_B,
+             p.by_geometry ? 1.0 : 0.0, p.by_determinant ? 1.0 : 0.0, p.deep ? 1.0 : 0.0});
+  }
+  return csv.text();
+}
+
+}  // namespace
+
+Command delta_command() {
+  struct Options {
+    std::string machine, csv;
+    std::vector<std::string> sets;
+    double step = 20, d_min = 10, h_min = 1e-5, border = 20;
+  };
+  auto o = std::make_shared<Options>();
+  return {"delta", "Singular and near-singular poses of a delta: by geometry and by determinants, side by side",
+          "polypod delta delta-brno --set drive.angle_min_deg=20",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--step", o->step, "Grid over the workspace, mm (default 20)");
+            a.option("--d-min", o->d_min, "Near-singular below this distance, mm (default 10)");
+            a.option("--h-min", o->h_min, "Near-singular below this determinant of A or B, m (default 1e-5)");
+            a.option("--border", o->border, "Points so far inside count as deep, mm (default 20)");
+            a.option("--csv", o->csv, "A row a point");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (!o->csv.empty()) POLYPOD_TRY(files::may_write(o->csv));
+            workspace::DeltaStudyOptions options;
+            options.step = units::from_mm(o->step);
+            options.d_min = units::from_mm(o->d_min);
+            options.h_min = o->h_min;
+            options.border = units::from_mm(o->border);
+            POLYPOD_ASSIGN(study, workspace::delta_study(m, options));
+            if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, points_csv(study)));
+            if (context.json) {
+              Json apart = Json::array();
+              constexpr std::size_t kMost = 100;
+              for (const workspace::DeltaPoint& p : study.points) {
+                if (!p.deep || p.by_geometry == p.by_determinant || apart.size() >= kMost) continue;
+                apart.push_back({{"x_mm", vector_json(p.X * units::kMmPerMetre)},
+                                 {"by", p.by_geometry ? "geometry" : "determinant"}});
+              }
+              print_json(
+                  {{"all", counts_json(study.all)}, {"deep", counts_json(study.deep)}, {"deep_disagreements", apart}});
+            } else {
+              fmt::print("{:<6} {:>9} {:>10} {:>12} {:>9} {:>9} {:>10} {:>7} {:>7} {:>7}\n", "", "points", "geometry",
+                         "determinant", "both", "agree %", "stretched", "folded", "level", "flat");
+              print_counts("all", study.all);
+              print_counts("deep", study.deep);
+              if (!o->csv.empty()) fmt::print("wrote {}\n", o->csv);
+            }
+            return kDone;
+          }};
+}
+
+}  // namespace polypod::app
