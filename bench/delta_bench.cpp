@@ -6,6 +6,7 @@
 
 #include "polypod/kinematics/delta.hpp"
 #include "polypod/machine/any_machine.hpp"
+#include "polypod/motion/delta_motion.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace {
@@ -56,5 +57,15 @@ void bounded(benchmark::State& state) {
   state.counters["gap_ppm"] = 1e6 * (v.upper - v.lower) / v.volume;
 }
 BENCHMARK(bounded)->DenseRange(0, 2)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+/// The usual cycle of 25 / 305 / 25 mm.
+void cycle(benchmark::State& state) {
+  const auto m = *machine::load("delta-brno");
+  const motion::Cycle c{Vec3(-0.1525, 0, 0.55), Vec3(0.1525, 0, 0.55), 0.025, 0.015};
+  motion::Plan plan;
+  for (auto _ : state) plan = *motion::plan(m, c, {});
+  state.counters["cycle_ms"] = 1e3 * plan.time;
+}
+BENCHMARK(cycle)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
