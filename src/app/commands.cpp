@@ -9,7 +9,7 @@ std::vector<Command> all_commands() {
       machines_command(), info_command(),                       // the catalogue
       ik_command(), fk_command(), jacobian_command(),           // a pose
       workspace_command(), section_command(), sweep_command(),  // all poses
-      delta_command(),                                          // deltas
+      delta_command(), move_command(), pick_command(), fit_command(),  // deltas
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(),
       force_command(),                                          // cutting

@@ -6,6 +6,7 @@
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/pages/delta.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/workspace/delta_study.hpp"
 
@@ -44,7 +45,7 @@ std::string points_csv(const workspace::DeltaStudy& study) {
 
 Command delta_command() {
   struct Options {
-    std::string machine, csv;
+    std::string machine, csv, report;
     std::vector<std::string> sets;
     double step = 20, d_min = 10, h_min = 1e-5, border = 20;
   };
@@ -58,10 +59,13 @@ Command delta_command() {
             a.option("--h-min", o->h_min, "Near-singular below this determinant of A or B, m (default 1e-5)");
             a.option("--border", o->border, "Points so far inside count as deep, mm (default 20)");
             a.option("--csv", o->csv, "A row a point");
+            a.option("--report", o->report,
+                     "An HTML page: picture in space, sections, chains, near-singular points in red");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (!o->csv.empty()) POLYPOD_TRY(files::may_write(o->csv));
+            for (const std::string* path : {&o->csv, &o->report})
+              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
             workspace::DeltaStudyOptions options;
             options.step = units::from_mm(o->step);
             options.d_min = units::from_mm(o->d_min);
@@ -69,6 +73,10 @@ Command delta_command() {
             options.border = units::from_mm(o->border);
             POLYPOD_ASSIGN(study, workspace::delta_study(m, options));
             if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, points_csv(study)));
+            if (!o->report.empty()) {
+              POLYPOD_ASSIGN(page, pages::delta_page(m, study, options, POLYPOD_VERSION));
+              POLYPOD_TRY(files::write_whole(o->report, page));
+            }
             if (context.json) {
               Json apart = Json::array();
               constexpr std::size_t kMost = 100;
@@ -84,7 +92,8 @@ Command delta_command() {
                          "determinant", "both", "agree %", "stretched", "folded", "level", "flat");
               print_counts("all", study.all);
               print_counts("deep", study.deep);
-              if (!o->csv.empty()) fmt::print("wrote {}\n", o->csv);
+              for (const std::string* path : {&o->csv, &o->report})
+                if (!path->empty()) fmt::print("wrote {}\n", *path);
             }
             return kDone;
           }};

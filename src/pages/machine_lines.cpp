@@ -153,4 +153,13 @@ std::vector<Line3> machine_lines(const machine::AnyMachine& machine, const Vec3&
   return std::visit([&](const auto& m) { return lines_of(m, tip); }, machine);
 }
 
+void hang(report::Scene& scene) {
+  const auto turn = [](Point3& p) { p = {p.x, -p.y, -p.z}; };
+  for (Line3& line : scene.lines)
+    for (Point3& p : line.points) turn(p);
+  for (report::Mesh& mesh : scene.meshes)
+    for (Point3& p : mesh.points) turn(p);
+  scene.axes = {"x", "−y", "−z"};
+}
+
 }  // namespace polypod::pages

@@ -423,6 +423,7 @@ class Page {
   }
 
   Status volume_against_tilt() {
+    if (kinematics::task(machine_) == machine::Task::point) return {};  // it cannot tilt
     const auto progress = stage("volume against tilt");
     POLYPOD_ASSIGN(field, sampled(options_, true, [&](double share) { progress(0.5 * share); }));
     double most = 0;

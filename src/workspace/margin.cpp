@@ -423,10 +423,6 @@ Result<std::unique_ptr<PointJudge>> judge_for(const machine::SerialArm& arm, con
   POLYPOD_ASSIGN(closed, machine::WristInverse::of(arm));
   return std::make_unique<JudgeOf<ArmJudge>>(ArmJudge(closed, options.limits), options, field_options);
 }
-template <machine::DeltaFamily M>
-Result<std::unique_ptr<PointJudge>> judge_for(const M& m, const Options& options, const FieldOptions& field_options) {
-  return std::make_unique<JudgeOf<DeltaJudge<M>>>(DeltaJudge<M>(m, options), options, field_options);
-}
 template <class Hexapod>
 Result<std::unique_ptr<PointJudge>> judge_for(const Hexapod& m, const Options& options,
                                               const FieldOptions& field_options) {
@@ -451,7 +447,28 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
   probe.keep_cells = false;
   probe.progress = nullptr;
   POLYPOD_TRY(volume(machine, probe));
-  return std::visit([&](const auto& m) { return judge_for(m, options, field_options); }, machine);
+  if (auto delta = judge_of_delta(machine, options, field_options)) return delta;
+  return std::visit(
+      [&]<class M>(const M& m) -> Result<std::unique_ptr<PointJudge>> {
+        if constexpr (machine::DeltaFamily<M>) {
+          return nullptr;
+        } else {
+          return judge_for(m, options, field_options);
+        }
+      },
+      machine);
+}
+
+std::unique_ptr<PointJudge> judge_of_delta(const AnyMachine& machine, const Options& options,
+                                           const FieldOptions& field_options) {
+  return std::visit(
+      [&]<class M>(const M& m) -> std::unique_ptr<PointJudge> {
+        if constexpr (machine::DeltaFamily<M>) {
+          return std::make_unique<JudgeOf<DeltaJudge<M>>>(DeltaJudge<M>(m, options), options, field_options);
+        }
+        return nullptr;
+      },
+      machine);
 }
 
 Status in_rounds(const Options& options, std::size_t count, const std::function<void(std::size_t)>& task,

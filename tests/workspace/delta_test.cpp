@@ -8,7 +8,9 @@
 #include "delta_limits.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/workspace/field.hpp"
+#include "polypod/workspace/delta_study.hpp"
+#include "polypod/workspace/fit.hpp"
+#include "polypod/workspace/shape.hpp"
 
 namespace polypod::workspace {
 namespace {
@@ -247,6 +249,134 @@ TEST(DeltaField, MarginIsZeroOnTheBorderAndTiltIsNone) {
       EXPECT_GE(reached, 1);
     }
   for (const double tilt : s->field.tilt) EXPECT_LT(tilt, units::from_deg(0.01));
+}
+
+TEST(DeltaStudy, MethodsAgreeInsideAndTheContractedStateComesWithTwentyDegrees) {
+  DeltaStudyOptions options;
+  options.step = 0.02;
+  for (const char* low : {"42", "20"}) {
+    const AnyMachine m = load("delta-brno", {{"drive.angle_min_deg", low}});
+    const DeltaStudy s = *delta_study(m, options);
+    EXPECT_GT(s.deep.points, 5000);
+    EXPECT_GE(s.deep.agree_percent(), 98);
+    EXPECT_EQ(s.deep.geometry, 0) << low;  // singular poses lie on the border alone
+    EXPECT_EQ(s.deep.determinant, 0) << low;
+    EXPECT_EQ(s.all.agree(), s.all.points - (s.all.geometry - s.all.both) - (s.all.determinant - s.all.both));
+  }
+  // The contracted state: arm and rod folded over each other, on the axis where |P - Q| = c - d, at 334.5 mm and 26.6
+  // deg: within 20 .. 260 deg, out of 42 .. 260.
+  const double z = std::sqrt(std::pow(0.5539 - 0.1799, 2) - std::pow(0.25 - 0.0826, 2));
+  const AnyMachine wide = load("delta-brno", {{"drive.angle_min_deg", "20"}}), narrow = load("delta-brno");
+  for (const AnyMachine& m : {wide, narrow}) {
+    const Vec3 X(0, 0, z + 1e-9);
+    const auto close = closeness(std::get<RotaryDelta>(m), X);
+    EXPECT_TRUE(close.folded);
+    EXPECT_LT(close.elbow_gap, 1e-3);
+    EXPECT_LT(std::abs(close.det_B), 1e-9);
+    EXPECT_GT(close.pose_gap, 0.5);
+  }
+  const auto reached = [&](const AnyMachine& m) {
+    return kinematics::inverse(m, Pose{Mat3::Identity(), Vec3(0, 0, z + 1e-4)}).reachable() != nullptr;
+  };
+  EXPECT_TRUE(reached(wide));
+  EXPECT_FALSE(reached(narrow));
+}
+
+TEST(DeltaStudy, MachinesAndNumbersThatDoNotFit) {
+  EXPECT_EQ(delta_study(load("lola50")).error().id, "WS140");
+  DeltaStudyOptions options;
+  options.step = 0;
+  EXPECT_EQ(delta_study(load("delta-brno"), options).error().id, "WS141");
+}
+
+TEST(DeltaVolume, ClearanceKeepsPosesThatAreFarFromSingular) {
+  // Far more than the source's 10 mm, so that it cuts much.
+  for (const auto& [name, distance] : {std::pair{"delta-brno", 0.3}, std::pair{"delta-linear", 0.2}}) {
+    const AnyMachine m = load(name);
+    Options options = to(0.01);
+    options.singular_distance = distance;
+    const Volume all = *volume(m, to(0.01)), clear = *volume(m, options);
+    EXPECT_LT(clear.upper, 0.95 * all.lower) << name;
+    // A scan with both, by the definition of the distances.
+    int inside = 0;
+    constexpr int kSteps = 40;
+    for (int i = 0; i < kSteps * kSteps * kSteps; ++i) {
+      const Vec3 X =
+          all.min +
+          Vec3(i % kSteps + 0.5, i / kSteps % kSteps + 0.5, i / kSteps / kSteps + 0.5).cwiseProduct(all.max - all.min) /
+              kSteps;
+      const auto close = std::visit(
+          [&]<class M>(const M& family) {
+            if constexpr (machine::DeltaFamily<M>) return closeness(family, X);
+            return machine::Closeness{};
+          },
+          m);
+      if (!close.reached || close.least() < options.singular_distance) continue;
+      inside += kinematics::inverse(m, Pose{Mat3::Identity(), X}).solutions.front().violations == 0 ? 1 : 0;
+    }
+    const double scan = inside * (all.max - all.min).prod() / std::pow(kSteps, 3);
+    constexpr double kScan = 0.02;
+    EXPECT_GT(scan, clear.lower * (1 - kScan)) << name;
+    EXPECT_LT(scan, clear.upper * (1 + kScan)) << name;
+  }
+  Options options = to(0.1);
+  options.singular_distance = 0.01;
+  EXPECT_EQ(volume(load("hexapod-strut"), options).error().id, "WS105");
+}
+
+TEST(DeltaShape, TheLargestCuboidIsInsideAndClearOfSingularPoses) {
+  const AnyMachine m = load("delta-brno");
+  Options options = to(0.1);
+  options.singular_distance = 0.01;
+  for (const ShapeKind kind : {ShapeKind::box, ShapeKind::cylinder}) {
+    const auto shape = largest_inside(m, options, kind);
+    ASSERT_TRUE(shape);
+    EXPECT_GT(shape->volume(), 0.02);  // m^3
+    std::mt19937 random(4);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    for (int k = 0; k < 20000; ++k) {
+      Vec3 d(unit(random), unit(random), unit(random));
+      if (kind == ShapeKind::cylinder && d.head<2>().norm() > 1) continue;
+      const Vec3 X = shape->center + d.cwiseProduct(shape->half);
+      const auto solutions = kinematics::inverse(m, Pose{Mat3::Identity(), X}).solutions;
+      ASSERT_FALSE(solutions.empty());
+      EXPECT_EQ(solutions.front().violations, 0U);
+      EXPECT_GE(closeness(std::get<RotaryDelta>(m), X).least(), 0.01);
+    }
+  }
+}
+
+/// What fit proposes makes the points fit, and a little less does not.
+TEST(Fit, ProposalsMakeTheTaskFit) {
+  const std::vector<Vec3> points{Vec3(0.3, 0, 0.6), Vec3(-0.3, 0, 0.6), Vec3(0, 0.1, 0.55)};
+  const AnyMachine m = load("delta-brno");
+  const auto fit = fit_points(m, {}, points);
+  ASSERT_TRUE(fit);
+  EXPECT_FALSE(fit->fits);
+  const auto all = [&](const AnyMachine& machine, const Vec3& shift) {
+    return std::all_of(points.begin(), points.end(), [&](const Vec3& X) {
+      const auto solutions = kinematics::inverse(machine, Pose{Mat3::Identity(), X - shift}).solutions;
+      return !solutions.empty() && (solutions.front().violations & ~interference_bits(machine)) == 0;
+    });
+  };
+  ASSERT_TRUE(fit->rod_length && fit->base_height && fit->placement);
+  const auto with_rods = [&](double length) {
+    return load("delta-brno", {{"rod.length_mm", std::to_string(units::to_mm(length))}});
+  };
+  EXPECT_TRUE(all(with_rods(fit->rod_length->nearest + 1e-6), Vec3::Zero()));
+  EXPECT_FALSE(all(with_rods(fit->rod_length->nearest - 1e-5), Vec3::Zero()));
+  EXPECT_TRUE(all(with_rods(fit->rod_length->high - 1e-6), Vec3::Zero()));
+  EXPECT_FALSE(all(with_rods(fit->rod_length->high + 1e-5), Vec3::Zero()));
+  EXPECT_TRUE(all(m, Vec3(0, 0, fit->base_height->nearest)));
+  EXPECT_FALSE(all(m, Vec3(0, 0, fit->base_height->nearest - 1e-5)));
+  EXPECT_TRUE(all(m, *fit->placement));
+  EXPECT_LE(fit->placement->norm(), fit->base_height->nearest * 2);
+  const auto inside = fit_points(m, {}, {Vec3(0, 0, 0.5)});
+  EXPECT_TRUE(inside->fits);
+  EXPECT_TRUE(inside->placement->isZero());
+  EXPECT_NEAR(inside->rod_length->nearest, 0.5539, 1e-12);
+  EXPECT_EQ(fit_points(m, {}, {}).error().id, "WS142");
+  EXPECT_EQ(fit_points(load("lola50"), {}, {Vec3(0, 0, 0.5)}).error().id, "WS140");
 }
 
 }  // namespace
