@@ -45,8 +45,9 @@ std::string points_csv(const workspace::DeltaStudy& study) {
 
 Command delta_command() {
   struct Options {
-    std::string machine, csv, report;
+    std::string machine, csv, report, cloud;
     std::vector<std::string> sets;
+    int steps = 40;
     double step = 20, d_min = 10, h_min = 1e-5, border = 20;
   };
   auto o = std::make_shared<Options>();
@@ -59,12 +60,14 @@ Command delta_command() {
             a.option("--h-min", o->h_min, "Near-singular below this determinant of A or B, m (default 1e-5)");
             a.option("--border", o->border, "Points so far inside count as deep, mm (default 20)");
             a.option("--csv", o->csv, "A row a point");
+            a.option("--cloud", o->cloud, "Tool points of all combinations of drive positions, as x_mm,y_mm,z_mm");
+            a.option("--steps", o->steps, "Positions of each drive for --cloud, 2 to 200 (default 40)");
             a.option("--report", o->report,
                      "An HTML page: picture in space, sections, chains, near-singular points in red");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            for (const std::string* path : {&o->csv, &o->report})
+            for (const std::string* path : {&o->csv, &o->cloud, &o->report})
               if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
             workspace::DeltaStudyOptions options;
             options.step = units::from_mm(o->step);
@@ -73,6 +76,12 @@ Command delta_command() {
             options.border = units::from_mm(o->border);
             POLYPOD_ASSIGN(study, workspace::delta_study(m, options));
             if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, points_csv(study)));
+            if (!o->cloud.empty()) {
+              POLYPOD_ASSIGN(points, workspace::drive_cloud(m, o->steps));
+              report::Csv csv({"x_mm", "y_mm", "z_mm"});
+              for (const Vec3& X : points) csv.add({units::to_mm(X.x()), units::to_mm(X.y()), units::to_mm(X.z())});
+              POLYPOD_TRY(files::write_whole(o->cloud, csv.text()));
+            }
             if (!o->report.empty()) {
               POLYPOD_ASSIGN(page, pages::delta_page(m, study, options, POLYPOD_VERSION));
               POLYPOD_TRY(files::write_whole(o->report, page));
@@ -92,7 +101,7 @@ Command delta_command() {
                          "determinant", "both", "agree %", "stretched", "folded", "level", "flat");
               print_counts("all", study.all);
               print_counts("deep", study.deep);
-              for (const std::string* path : {&o->csv, &o->report})
+              for (const std::string* path : {&o->csv, &o->cloud, &o->report})
                 if (!path->empty()) fmt::print("wrote {}\n", *path);
             }
             return kDone;

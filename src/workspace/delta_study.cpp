@@ -111,4 +111,32 @@ Result<DeltaStudy> delta_study(const AnyMachine& machine, const DeltaStudyOption
   return std::visit([&](const auto& m) { return study_of(m, machine, options); }, machine);
 }
 
+Result<std::vector<Vec3>> drive_cloud(const AnyMachine& machine, int steps) {
+  if (steps < 2 || steps > 200) return fail("WS141", fmt::format("{} steps must be 2 to 200", steps));
+  return std::visit(
+      [&]<class M>(const M& m) -> Result<std::vector<Vec3>> {
+        if constexpr (!machine::DeltaFamily<M>) {
+          return fail("WS140", "this study is about deltas", {},
+                      "name a machine of family rotary-delta or linear-delta");
+        } else {
+          const DeltaStudyOptions options;
+          const Study<M> study(m, options);
+          std::vector<Vec3> out;
+          machine::JointVector q(m.arms), back(m.arms);
+          const auto at = [&](int k) { return m.range.min + (m.range.max - m.range.min) * k / (steps - 1); };
+          for (int i = 0; i < steps * steps * steps; ++i) {
+            q.setZero();
+            q.template head<3>() << at(i / steps / steps), at(i / steps % steps), at(i % steps);
+            const machine::DeltaPoses both = both_poses(m, q);
+            if (!both.real || !study.within(both.machine)) continue;
+            drive_positions(m, both.machine, back.data());
+            constexpr double kSame = 1e-6;
+            if ((back - q).template head<3>().cwiseAbs().maxCoeff() < kSame) out.push_back(both.machine);
+          }
+          return out;
+        }
+      },
+      machine);
+}
+
 }  // namespace polypod::workspace

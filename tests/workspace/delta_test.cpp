@@ -249,6 +249,16 @@ TEST(DeltaField, MarginIsZeroOnTheBorderAndTiltIsNone) {
       EXPECT_GE(reached, 1);
     }
   for (const double tilt : s->field.tilt) EXPECT_LT(tilt, units::from_deg(0.01));
+  // The source's cloud lies in the volume's box, and reaches to it.
+  const Volume v = *volume(m, to(0.01));
+  const auto cloud = *drive_cloud(m, 40);
+  Vec3 low = cloud.front(), high = cloud.front();
+  for (const Vec3& X : cloud) {
+    low = low.cwiseMin(X);
+    high = high.cwiseMax(X);
+  }
+  EXPECT_TRUE((low.array() >= v.min.array() - 1e-9).all() && (high.array() <= v.max.array() + 1e-9).all());
+  EXPECT_GT((high - low).prod(), 0.5 * (v.max - v.min).prod());
 }
 
 TEST(DeltaStudy, MethodsAgreeInsideAndTheContractedStateComesWithTwentyDegrees) {

@@ -50,4 +50,9 @@ struct DeltaStudy {
 /// threads. Cost: 30 us a point.
 Result<DeltaStudy> delta_study(const AnyMachine& machine, const DeltaStudyOptions& options = {});
 
+/// The tool points of every combination of `steps` positions of each drive over its range, as the source draws its
+/// workspace (KOZ 4.5.1.2): those within all limits whose inverse leads back. Four arms: of the first three. Errors:
+/// WS140, WS141 (2 to 200 steps).
+Result<std::vector<Vec3>> drive_cloud(const AnyMachine& machine, int steps);
+
 }  // namespace polypod::workspace
