@@ -154,6 +154,10 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   report::Line3 near{"near-singular", {}, report::Colour::vermillion, 2.5, true};
   for (const workspace::DeltaPoint& p : study.points)
     if (p.by_geometry || p.by_determinant) near.points.push_back(mm(p.X));
+  report::Line3 border{"singular border", {}, report::Colour::vermillion, 1.2, true};
+  for (const Vec3& X : surface.points)
+    if (closeness(m, X).least() < options.d_min) border.points.push_back(mm(X));
+  if (!border.points.empty()) scene.lines.push_back(std::move(border));
   if (!near.points.empty()) scene.lines.push_back(std::move(near));
   hang(scene);
   page.add_figure(

@@ -380,7 +380,8 @@ class Page {
 
   void pictures() {
     report_.add_section("In space");
-    const report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
+    report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
+    if (!tilts()) hang(scene);
     report_.add_figure(scene,
                        "The border of the workspace, coloured by the limit that makes it, and the machine. The box of "
                        "axes is in the machine's reference frame.");

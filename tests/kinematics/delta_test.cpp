@@ -114,32 +114,22 @@ TEST(RotaryDelta, OnTheAxisByTheLawOfCosines) {
 }
 
 TEST(RotaryDelta, ForwardUndoesInverseByBothMethods) {
-  // 1e-9 mm, as the requirement has it, is 1e-12 m: some 1e-16 of 1 m times the conditioning away from singular poses.
-  constexpr double kClose = 1e-12;
+  constexpr double kClose = 1e-12;  // 1e-9 mm; rounding leaves less than 1e-15 m here
   const auto m = load_as<RotaryDelta>("delta-brno");
   std::mt19937 random(20261121);
   std::uniform_real_distribution<double> across(-0.3, 0.3), down(0.40, 0.62);
-  int poses = 0;
-  for (int k = 0; k < 1'000'000; ++k) {
+  for (int poses = 0; poses < 1'000'000;) {
     const Vec3 X(across(random), across(random), down(random));
     JointVector q(3);
     if (!drive_positions(m, X, q.data())) continue;
-    const auto pair = k % 10 == 0 ? jacobians(m, X, q) : machine::DeltaJacobians{};
     const Pose back = forward(m, q);
-    if (k % 10 == 0) {
-      const double determinant = pair.determinant_A();
-      ASSERT_LT((back.p - X).norm(), kClose / std::max(1e-3, std::abs(determinant))) << X.transpose();
-    } else {
-      ASSERT_LT((back.p - X).norm(), 10 * kClose) << X.transpose();
-    }
-    ++poses;
-    if (k % 50 != 0) continue;
+    ASSERT_LT((back.p - X).norm(), kClose) << X.transpose();
+    if (++poses % 50 != 0) continue;
     const auto newton = forward_from(m, q, Pose{Mat3::Identity(), X + Vec3(0.01, -0.01, 0.01)});
     ASSERT_TRUE(newton.converged) << X.transpose();
-    ASSERT_LT((newton.X_MT.p - back.p).norm(), 10 * kClose);
+    ASSERT_LT((newton.X_MT.p - back.p).norm(), kClose);
     ASSERT_LE(newton.iterations, 7);
   }
-  EXPECT_GT(poses, 850'000);
 }
 
 TEST(RotaryDelta, BothPosesCloseAndAreMirrorImages) {
