@@ -162,8 +162,9 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   hang(scene);
   page.add_figure(
       scene,
-      "The border, coloured by the limit that makes it. Where it is out of reach, two positions of an elbow "
-      "meet: the border itself is singular of kind 1. The base is above: z of the machine points down.");
+      "The border, coloured by the limit that makes it, with red dots where it is near-singular itself: "
+      "where it is out of reach, two positions of an elbow meet (kind 1). The base is above: z of the machine points "
+      "down.");
 
   page.add_section("Sections");
   POLYPOD_ASSIGN(box, workspace::extent(machine, {}, false));
