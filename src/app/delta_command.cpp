@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 
 #include "commands.hpp"
@@ -13,6 +14,10 @@
 namespace polypod::app {
 namespace {
 
+Json mm_json(double m) {
+  return std::isfinite(m) ? Json(units::to_mm(m)) : Json();
+}
+
 Json counts_json(const workspace::DeltaCounts& c) {
   return {{"points", c.points},
           {"near_by_geometry", c.geometry},
@@ -22,7 +27,12 @@ Json counts_json(const workspace::DeltaCounts& c) {
           {"stretched", c.stretched},
           {"folded", c.folded},
           {"level", c.level},
-          {"flat", c.flat}};
+          {"flat", c.flat},
+          {"least_mm",
+           {{"stretched", mm_json(c.least_stretched)},
+            {"folded", mm_json(c.least_folded)},
+            {"drop", mm_json(c.least_drop)},
+            {"poses", mm_json(c.least_poses)}}}};
 }
 
 void print_counts(const char* name, const workspace::DeltaCounts& c) {
@@ -102,6 +112,12 @@ Command delta_command() {
                      "determinant", "both", "agree %", "stretched", "folded", "level", "flat");
           print_counts("all", study.all);
           print_counts("deep", study.deep);
+          const workspace::DeltaCounts& c = study.all;
+          const auto least = [](double distance) {
+            return std::isfinite(distance) ? fmt::format("{:.1f} mm", units::to_mm(distance)) : std::string("-");
+          };
+          fmt::print("least  elbows {} stretched, {} folded; rods {} from level; poses {} apart\n",
+                     least(c.least_stretched), least(c.least_folded), least(c.least_drop), least(c.least_poses));
           int shown = 0;
           constexpr int kShown = 10;
           for (const workspace::DeltaPoint& p : study.points) {

@@ -54,6 +54,10 @@ void count(DeltaCounts& counts, const DeltaPoint& point, double d_min) {
   counts.determinant += point.by_determinant ? 1 : 0;
   counts.both += point.by_geometry && point.by_determinant ? 1 : 0;
   if (c.elbow_gap < d_min) ++(c.folded ? counts.folded : counts.stretched);
+  double& least = c.folded ? counts.least_folded : counts.least_stretched;
+  least = std::min(least, c.elbow_gap);
+  counts.least_poses = std::min(counts.least_poses, c.pose_gap);
+  counts.least_drop = std::min(counts.least_drop, c.drop);
   counts.level += c.drop < d_min ? 1 : 0;
   counts.flat += c.pose_gap < d_min ? 1 : 0;
 }

@@ -271,6 +271,8 @@ TEST(DeltaStudy, MethodsAgreeInsideAndTheContractedStateComesWithTwentyDegrees) 
     EXPECT_GE(s.deep.agree_percent(), 98);
     EXPECT_EQ(s.deep.geometry, 0) << low;  // singular poses lie on the border alone
     EXPECT_EQ(s.deep.determinant, 0) << low;
+    const bool contracted = s.all.least_folded < 0.05;
+    EXPECT_EQ(contracted, std::string(low) == "20");
     EXPECT_EQ(s.all.agree(), s.all.points - (s.all.geometry - s.all.both) - (s.all.determinant - s.all.both));
   }
   // The contracted state: arm and rod folded over each other, on the axis where |P - Q| = c - d, at 334.5 mm and 26.6

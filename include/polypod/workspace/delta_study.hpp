@@ -2,6 +2,7 @@
 // Singular and near-singular poses of deltas by two methods on the same points (KOZ 4.5.2.2 and 4.5.2.3).
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "polypod/kinematics/delta.hpp"
@@ -33,6 +34,11 @@ struct DeltaCounts {
   std::int64_t both = 0;                       ///< by both
   std::int64_t stretched = 0, folded = 0;      ///< elbow_gap below d_min (kind 1), by where the elbow is
   std::int64_t level = 0, flat = 0;            ///< drop, pose_gap below d_min (kind 2)
+  /// Least distances met, m; infinite without such points: elbows nearer stretched, nearer folded, poses, drop.
+  double least_stretched = std::numeric_limits<double>::infinity();
+  double least_folded = std::numeric_limits<double>::infinity();
+  double least_poses = std::numeric_limits<double>::infinity();
+  double least_drop = std::numeric_limits<double>::infinity();
   /// Points on which the methods say the same; their share in percent, 100 without points.
   [[nodiscard]] std::int64_t agree() const { return points - geometry - determinant + 2 * both; }
   [[nodiscard]] double agree_percent() const {
