@@ -11,6 +11,7 @@ std::vector<Command> all_commands() {
       workspace_command(), section_command(), sweep_command(),  // all poses
       dexterity_command(), singularities_command(),             // quality
       errors_command(), tolerances_command(), budget_command(),
+      delta_command(), move_command(), pick_command(), fit_command(),  // deltas
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(),
       force_command(),                                          // cutting

@@ -32,9 +32,9 @@ Command compliance_command() {
               force = Vec3(f[0], f[1], f[2]);
             }
             if (!statics::has_compliance(m)) {
-              return fail(
-                  "AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                  "give compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods) in the machine file");
+              return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
+                          "give compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or "
+                          "drive.compliance_rad_per_Nm (deltas) in the machine file");
             }
             const statics::Compliance c = statics::compliance_at(m, X);
             if (!c.reachable) {

@@ -126,12 +126,23 @@ Command info_command() {
                           {"joints", joint_ranges_json(m)},
                           {"parameters", parameters},
                           {"provenance", machine::provenance_of(m)}};
+            const std::optional<machine::Mobility> count = kinematics::mobility(m);
+            if (count) {
+              document["mobility"] = {{"members", count->members},   {"joints", count->joints},
+                                      {"freedoms", count->freedoms}, {"idle", count->idle},
+                                      {"passive", count->passive},   {"degrees", count->degrees}};
+            }
             if (context.json) {
               print_json(document);
               return kDone;
             }
-            fmt::print("{} ({}): {}\n{} degrees of freedom\n\njoints\n", machine::name_of(m), machine::family_of(m),
+            fmt::print("{} ({}): {}\n{} degrees of freedom\n", machine::name_of(m), machine::family_of(m),
                        machine::description_of(m), kinematics::degrees_of_freedom(m));
+            if (count) {
+              fmt::print("Gruebler: 6 ({} - {} - 1) + {} - {} + {} = {}\n", count->members, count->joints,
+                         count->freedoms, count->idle, count->passive, count->degrees);
+            }
+            fmt::print("\njoints\n");
             for (const Json& j : document["joints"]) {
               fmt::print("  {:>2}  {:>10.3f} .. {:<10.3f} {}\n", j["joint"].get<int>(), j["min"].get<double>(),
                          j["max"].get<double>(), j["unit"].get<std::string>());
@@ -256,7 +267,7 @@ Command fk_command() {
         if (o->all) {
           if (const auto modes = kinematics::assembly_modes(m, q)) return print_modes(context, m, q, *modes);
         }
-        const kinematics::ForwardResult result = kinematics::forward(m, q);
+        const kinematics::ForwardResult result = o->all ? kinematics::forward_all(m, q) : kinematics::forward(m, q);
         Json poses = Json::array();
         for (std::size_t i = 0; i < result.poses.size(); ++i) {
           poses.push_back({{"pose", pose_for_user(m, result.poses[i])}, {"residual", result.residuals[i]}});

@@ -362,7 +362,8 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   POLYPOD_ASSIGN(paths, paths_of(o));
   if (!paths.empty() && !statics::has_compliance(m)) {
     return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                "give compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods) in the machine file");
+                "give compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm "
+                "(deltas) in the machine file");
   }
   bool found = false;
   POLYPOD_TRY(lay_plane(o, R_MT, map, found));
@@ -386,8 +387,9 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   }
   map.paths = std::move(paths);
   if (!statics::has_compliance(m)) {
-    fmt::print(stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", machine::name_of(m),
-               "compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods)");
+    fmt::print(
+        stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", machine::name_of(m),
+        "compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm (deltas)");
   }
   POLYPOD_TRY(write_outputs(o, map));
   if (context.json) {

@@ -8,6 +8,7 @@
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
 #include "workspace_options.hpp"
 
@@ -75,6 +76,7 @@ Command section_command() {
               if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
             options.progress = nullptr;
             workspace::FieldOptions field_options;
+            field_options.tilt = kinematics::task(m) != machine::Task::point;
             field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
             POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);
@@ -89,6 +91,14 @@ Command section_command() {
             int reached = 0;
             const workspace::Field& f = s.field;
             for (std::size_t i = 0; i < f.grid.size(); ++i) {
+              if (f.tilt.empty()) {
+                if (f.margin[i] < 0) continue;
+                ++reached;
+                if (f.margin[i] <= most) continue;
+                most = f.margin[i];
+                at = f.grid.at(i);
+                continue;
+              }
               if (f.tilt[i] < 0) continue;
               ++reached;
               if (f.tilt_limit[i] >= 0) ++stopped[workspace::limit_kind(m, f.tilt_limit[i])];
@@ -107,8 +117,11 @@ Command section_command() {
               for (const auto& [name, count] : limits)
                 list.push_back({{"limit", name}, {"share_percent", share(count)}});
               Json document{{"area_mm2", area_mm2}, {"points", f.grid.size()}, {"reached_points", reached}};
-              document["largest_tilt_deg"] = reached > 0 ? Json(units::to_deg(most)) : Json();
-              document["largest_tilt_at_mm"] = reached > 0 ? vector_json(at * units::kMmPerMetre) : Json();
+              const bool tilts = !f.tilt.empty();
+              document[tilts ? "largest_tilt_deg" : "largest_margin_mm"] =
+                  reached > 0 ? Json(tilts ? units::to_deg(most) : units::to_mm(most)) : Json();
+              document[tilts ? "largest_tilt_at_mm" : "largest_margin_at_mm"] =
+                  reached > 0 ? vector_json(at * units::kMmPerMetre) : Json();
               document["stopped_by"] = list;
               Json loops = Json::array();
               for (const workspace::Loop& loop : s.border) {
@@ -120,7 +133,10 @@ Command section_command() {
               print_json(document);
             } else {
               fmt::print("area     {:.1f} mm2 reached from every required direction\n", area_mm2);
-              if (reached > 0) {
+              if (reached > 0 && f.tilt.empty()) {
+                fmt::print("inside   by up to {:.1f} mm, at {:.1f}, {:.1f}, {:.1f} mm\n", units::to_mm(most),
+                           units::to_mm(at.x()), units::to_mm(at.y()), units::to_mm(at.z()));
+              } else if (reached > 0) {
                 fmt::print("tilt     up to {:.1f} deg at every azimuth, at {:.1f}, {:.1f}, {:.1f} mm\n",
                            units::to_deg(most), units::to_mm(at.x()), units::to_mm(at.y()), units::to_mm(at.z()));
               }

@@ -18,8 +18,11 @@ void WorkspaceOptions::declare(Arguments& a) {
   a.option("--b-range", b_range, "lo,hi: reachable with every B of this range, deg");
   a.option("--rel-tol", rel_tol, "Gap between the bounds as a share of the volume (default 0.01)");
   a.flag("--interference", interference, "Legs may not touch each other");
-  a.option("--without", without,
-           "Switch limits off: length, base-joint, platform-joint, joint, base, or joint numbers");
+  a.option(
+      "--without", without,
+      "Switch limits off: length, base-joint, platform-joint, joint, base, or joint numbers; of a delta: drive, joint, "
+      "coordinates, mode, table, rods, base");
+  a.option("--clearance", clearance, "Deltas: keep this far from singular poses, mm");
   a.option("--threads", threads, "How many threads (default: all; the result is the same)");
 }
 
@@ -36,6 +39,7 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   if (threads < 0 || threads > 1024) return fail("AP151", fmt::format("--threads {}: must be 0 to 1024", threads));
   out.relative_tolerance = rel_tol;
   out.interference = interference;
+  out.singular_distance = units::from_mm(clearance);
   out.threads = threads;
   POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));
   out.limits &= ~off;

@@ -13,6 +13,7 @@ struct WorkspaceOptions {
   double rel_tol = 0.01;
   bool interference = false;
   std::string without;
+  double clearance = 0;  ///< mm
   int threads = 0;
 
   void declare(Arguments& arguments);

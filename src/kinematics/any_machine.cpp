@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
@@ -39,6 +40,46 @@ std::vector<std::string> limit_names(const AnyMachine& machine, LimitBits bits) 
   return names;
 }
 
+namespace {
+/// A fourth drive fits the first three to about this, m; else the four hold no pose.
+constexpr double kFits = 1e-6;
+
+template <class M>
+ForwardResult delta_poses(const M& m, const JointVector& q) {
+  ForwardResult out;
+  const machine::DeltaPoses both = both_poses(m, q);
+  if (!both.real) return out;
+  const std::vector<double> p = nominal_parameters(m);
+  for (const Vec3& X : {both.machine, both.other}) {
+    const Pose pose{Mat3::Identity(), X};
+    const ClosureVector F = closure(m, pose, std::span<const double>(q.data(), q.size()), std::span<const double>(p));
+    const double residual = F.cwiseAbs().maxCoeff();
+    if (m.arms > 3 && residual > 2 * kFits * m.rod_length[3]) continue;
+    out.poses.push_back(pose);
+    out.residuals.push_back(residual);
+  }
+  return out;
+}
+}  // namespace
+
+ForwardResult forward_all(const AnyMachine& machine, const JointVector& q) {
+  return std::visit(
+      [&](const auto& m) {
+        if constexpr (requires { both_poses(m, q); }) return delta_poses(m, q);
+        return forward(machine, q);
+      },
+      machine);
+}
+
+std::optional<machine::Mobility> mobility(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) -> std::optional<machine::Mobility> {
+        if constexpr (std::is_base_of_v<machine::Delta, std::decay_t<decltype(m)>>) return mobility(m);
+        return {};
+      },
+      machine);
+}
+
 ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
   return std::visit(
       [&](const auto& m) {
@@ -51,6 +92,13 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
             out.poses.push_back(mode.X_MT);
             out.residuals.push_back(mode.residual);
           }
+          return out;
+        }
+        if constexpr (requires { both_poses(m, q); }) {
+          out = delta_poses(m, q);
+          out.complete = out.poses.size() < 2;
+          out.poses.resize(std::min<std::size_t>(1, out.poses.size()));
+          out.residuals.resize(out.poses.size());
           return out;
         }
         out.poses.push_back(forward(m, q));

@@ -130,8 +130,16 @@ Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name
     POLYPOD_ASSIGN(m, slider_hexapod_from(table));
     return AnyMachine(std::move(m));
   }
+  if (family == RotaryDelta::kFamily) {
+    POLYPOD_ASSIGN(m, rotary_delta_from(table));
+    return AnyMachine(std::move(m));
+  }
+  if (family == LinearDelta::kFamily) {
+    POLYPOD_ASSIGN(m, linear_delta_from(table));
+    return AnyMachine(std::move(m));
+  }
   return fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
-              "known: serial, strut-hexapod, slider-hexapod");
+              "known: serial, strut-hexapod, slider-hexapod, rotary-delta, linear-delta");
 }
 
 Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides) {

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
@@ -79,6 +80,44 @@ std::vector<Line3> lines_of(const machine::SliderHexapod& m, const Vec3&) {
   return out;
 }
 
+/// At home: base, arms or rails, the two rods of each parallelogram, platform and tool.
+template <machine::DeltaFamily M>
+std::vector<Line3> lines_of(const M& m, const Vec3&) {
+  std::vector<Line3> out{{"base", {}, Colour::muted, kThin, false}};
+  Line3 platform{"platform at home", {}, Colour::blue, kThick, false}, joints{"", {}, Colour::ink, kDot, true};
+  for (int i = 0; i < m.arms; ++i) {
+    const Vec3 elbow = driven_end(m, i, m.home_joint), end = m.home + m.platform_joint[i] - m.tool;
+    Vec3 start = elbow, arm_end = elbow;
+    if constexpr (std::is_same_v<M, machine::RotaryDelta>) {
+      start = m.base_joint[i];
+    } else {
+      start = m.rail_start[i];
+      arm_end = start + m.range.max * m.rail_direction[i];
+    }
+    out.front().points.push_back(mm(start));
+    platform.points.push_back(mm(end));
+    out.push_back({std::is_same_v<M, machine::RotaryDelta> ? "arms at home" : "rails",
+                   {mm(start), mm(arm_end)},
+                   Colour::ink,
+                   kThick,
+                   false});
+    const int rods = machine::delta_detail::rods_of(m);
+    for (int rod = 0; rod < rods; ++rod) {
+      const double offset = rods < 2 ? 0.0 : machine::delta_detail::rod_offsets(m)[static_cast<std::size_t>(rod)];
+      const Vec3 aside = offset * m.axis[i];
+      out.push_back({"rods at home", {mm(elbow + aside), mm(end + aside)}, Colour::ink, kThin, false});
+    }
+    joints.points.push_back(mm(elbow));
+    joints.points.push_back(mm(end));
+  }
+  out.front().points.push_back(out.front().points.front());
+  platform.points.push_back(platform.points.front());
+  out.push_back(std::move(platform));
+  out.push_back({"tool", {mm(m.home - m.tool), mm(m.home)}, Colour::vermillion, kThick, false});
+  out.push_back(std::move(joints));
+  return out;
+}
+
 std::vector<Line3> lines_of(const machine::SerialArm& arm, const Vec3& tip) {
   const auto solved = machine::inverse(arm, Pose{Mat3::Identity(), tip});
   const kinematics::Solution* solution = solved.reachable();
@@ -112,6 +151,15 @@ std::vector<Line3> lines_of(const machine::SerialArm& arm, const Vec3& tip) {
 
 std::vector<Line3> machine_lines(const machine::AnyMachine& machine, const Vec3& tip) {
   return std::visit([&](const auto& m) { return lines_of(m, tip); }, machine);
+}
+
+void hang(report::Scene& scene) {
+  const auto turn = [](Point3& p) { p = {p.x, -p.y, -p.z}; };
+  for (Line3& line : scene.lines)
+    for (Point3& p : line.points) turn(p);
+  for (report::Mesh& mesh : scene.meshes)
+    for (Point3& p : mesh.points) turn(p);
+  scene.axes = {"x", "−y", "−z"};
 }
 
 }  // namespace polypod::pages

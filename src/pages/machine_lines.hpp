@@ -13,4 +13,7 @@ namespace polypod::pages {
 /// and R = 1 (nothing but the axes of the base if that is out of reach).
 std::vector<report::Line3> machine_lines(const machine::AnyMachine& machine, const Vec3& tip);
 
+/// Turns a scene by 180 deg about x, so that machines whose z points down hang from their base.
+void hang(report::Scene& scene);
+
 }  // namespace polypod::pages

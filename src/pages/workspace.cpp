@@ -12,6 +12,7 @@
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
@@ -60,7 +61,14 @@ class Kinds {
   std::map<int, int> of_;
 };
 
+/// Machines that cannot tilt: their sections show how far inside the limits a point is.
+bool without_tilt(const Section& s) {
+  return s.field.tilt.empty();
+}
+
 void collect(std::set<int>& limits, const Section& s) {
+  for (std::size_t i = 0; without_tilt(s) && i < s.field.margin.size(); ++i)
+    if (s.field.margin[i] >= 0) limits.insert(s.field.limit[i]);
   for (std::size_t i = 0; i < s.field.tilt.size(); ++i)
     if (s.field.tilt[i] >= 0) limits.insert(s.field.tilt_limit[i]);
 }
@@ -69,6 +77,7 @@ void collect(std::set<int>& limits, const Section& s) {
 /// equal tilt run smoothly into the border.
 std::vector<double> continued_tilt(const Field& f) {
   std::vector<double> out(f.tilt.size());
+  if (out.empty()) return out;
   const auto [nu, nv, one] = f.grid.points;
   (void)one;
   double steepest = 0;
@@ -144,7 +153,7 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   for (int j = 0; j < f.grid.points[1]; ++j) {
     for (int i = 0; i < f.grid.points[0]; ++i) {
       const std::size_t k = f.grid.index(i, j, 0);
-      if (f.tilt[k] < 0 && f.margin[k] < 0) continue;
+      if ((without_tilt(s) || f.tilt[k] < 0) && f.margin[k] < 0) continue;
       low[0] = std::min(low[0], i);
       low[1] = std::min(low[1], j);
       high[0] = std::max(high[0], i);
@@ -162,7 +171,8 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
     high[k] = std::min(most, high[k] + kAround);
   }
   const report::Point first = at(f.grid.at(low[0], low[1], 0)), last = at(f.grid.at(high[0], high[1], 0));
-  map.title = "Largest tilt at every azimuth over a section";
+  map.title =
+      without_tilt(s) ? "Distance inside the limits over a section" : "Largest tilt at every azimuth over a section";
   map.x = {axis_name(u), "mm", first.x, last.x, false};
   map.y = {axis_name(v), "mm", first.y, last.y, false};
   map.columns = high[0] - low[0] + 1;
@@ -171,13 +181,13 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   for (int j = low[1]; j <= high[1]; ++j) {
     for (int i = low[0]; i <= high[0]; ++i) {
       const std::size_t k = f.grid.index(i, j, 0);
-      map.values.push_back(tilt[k]);
-      map.kind.push_back(kinds.of(f.tilt_limit[k]));
+      map.values.push_back(without_tilt(s) ? to_mm(f.margin[k]) : tilt[k]);
+      map.kind.push_back(kinds.of(without_tilt(s) ? f.limit[k] : f.tilt_limit[k]));
     }
   }
   map.kinds = kinds.names();
-  map.label = "tilt";
-  map.unit = "deg";
+  map.label = without_tilt(s) ? "inside by" : "tilt";
+  map.unit = without_tilt(s) ? "mm" : "deg";
   map.min = 0;
   map.blank_below = true;
   map.levels = 9;
@@ -326,6 +336,7 @@ class Page {
     surface_ = std::move(found);
     middle_ = centroid(surface_);
     workspace::FieldOptions field_options;
+    field_options.tilt = tilts();
     field_options.progress = stage("sections");
     std::set<int> seen(surface_.limit.begin(), surface_.limit.end());
     for (const int axis : {2, 1, 0}) {
@@ -351,8 +362,11 @@ class Page {
         {unit_.text(volume_.volume), unit_.name,
          fmt::format("volume, ± {} % proven",
                      number(50 * (volume_.upper - volume_.lower) / std::max(volume_.volume, 1e-30), 2)),
-         Verdict::neutral},
-        {fixed(to_deg(largest_), 1), "deg", "largest tilt at every azimuth in the three sections", Verdict::neutral}};
+         Verdict::neutral}};
+    if (tilts()) {
+      figures.push_back(
+          {fixed(to_deg(largest_), 1), "deg", "largest tilt at every azimuth in the three sections", Verdict::neutral});
+    }
     const std::vector<double> shares = area_by_kind(surface_, kinds_);
     if (!shares.empty()) {
       const auto most = std::max_element(shares.begin(), shares.end());
@@ -366,17 +380,25 @@ class Page {
 
   void pictures() {
     report_.add_section("In space");
-    const report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
+    report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
+    if (!tilts()) hang(scene);
     report_.add_figure(scene,
                        "The border of the workspace, coloured by the limit that makes it, and the machine. The box of "
                        "axes is in the machine's reference frame.");
     report_.add_section("Sections");
-    report_.add_text(fmt::format(
-        "Three planes through the middle of the workspace. The deeper the colour, the farther the tool may tilt from z "
-        "at every azimuth before a limit stops it; the colour says which limit that is. {}",
-        options_.directions.is_ranges() || options_.directions.tilt > 0
-            ? fmt::format("The black line encloses what is reached {}.", directions_of(options_))
-            : "At the border only the upright tool is left."));
+    if (!tilts()) {
+      report_.add_text(
+          "Three planes through the middle of the workspace. The deeper the colour, the farther the tool is inside the "
+          "limits; the colour says which limit is the nearest.");
+    } else {
+      report_.add_text(
+          fmt::format("Three planes through the middle of the workspace. The deeper the colour, the farther the tool "
+                      "may tilt from z "
+                      "at every azimuth before a limit stops it; the colour says which limit that is. {}",
+                      options_.directions.is_ranges() || options_.directions.tilt > 0
+                          ? fmt::format("The black line encloses what is reached {}.", directions_of(options_))
+                          : "At the border only the upright tool is left."));
+    }
     std::vector<std::pair<std::string, report::Figure>> panels;
     for (const Section& s : sections_)
       panels.emplace_back(fmt::format("{}: {} mm²", plane_title(s), fixed(s.area * units::kMm2PerSquareMetre, 0)),
@@ -387,9 +409,13 @@ class Page {
     other.max_aspect = 0.95;
     panels.emplace_back("from behind and below", other);
     report_.add_figure_grid(2, panels,
-                            "Areas are those inside the black line. The largest tilt is sampled at 24 azimuths with "
-                            "refinement between them; the volume above is proven.");
+                            tilts()
+                                ? "Areas are those inside the black line. The largest tilt is sampled at 24 azimuths "
+                                  "with refinement between them; the volume above is proven."
+                                : "Areas are those inside the black line.");
   }
+
+  [[nodiscard]] bool tilts() const { return kinematics::task(machine_) != machine::Task::point; }
 
   /// A proven volume with few boxes.
   [[nodiscard]] Result<Volume> quick(Options options) const {
@@ -422,6 +448,7 @@ class Page {
   }
 
   Status volume_against_tilt() {
+    if (!tilts()) return {};
     const auto progress = stage("volume against tilt");
     POLYPOD_ASSIGN(field, sampled(options_, true, [&](double share) { progress(0.5 * share); }));
     double most = 0;
@@ -494,7 +521,7 @@ class Page {
   /// Whether a volume without this limit means anything: without the ends of struts and rails a hexapod has no reach.
   [[nodiscard]] bool may_go(int limit) const {
     if (limit == workspace::kOutOfReach) return false;
-    return std::holds_alternative<machine::SerialArm>(machine_) || limit >= 12;
+    return std::holds_alternative<machine::SerialArm>(machine_) || !tilts() || limit >= 12;
   }
 
   Status limits() {
@@ -608,6 +635,7 @@ class Page {
     const int count = std::visit(
         []<class M>(const M& m) {
           if constexpr (std::is_same_v<M, machine::SerialArm>) return 2 * m.free_joints();
+          if constexpr (std::is_base_of_v<machine::Delta, M>) return machine::DeltaLimits::kCount;
           return std::is_same_v<M, machine::StrutHexapod> ? 39 : 45;
         },
         machine);

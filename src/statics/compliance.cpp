@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <concepts>
 #include <optional>
 
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
@@ -38,7 +40,7 @@ int column_count(const SerialArm& arm) {
   return static_cast<int>(arm.dh.size());
 }
 
-/// Hexapods: the forward Jacobian's columns, each with the compliance of its strut or slider.
+/// Parallel machines: the forward Jacobian's columns, each with the compliance of its strut or slider.
 template <class Hexapod>
 Columns columns_of(const Hexapod& m, const JointVector& q, const Pose* X_MT) {
   const Pose X = X_MT != nullptr ? *X_MT : machine::forward(m, q);
@@ -49,12 +51,20 @@ double column_compliance(const Hexapod& m, int) {
   return m.compliance;
 }
 template <class Hexapod>
-std::string column_name(const Hexapod&, int i) {
+requires(!std::derived_from<Hexapod, machine::Delta>) std::string column_name(const Hexapod&, int i) {
   return fmt::format("leg {}", i + 1);
 }
 template <class Hexapod>
-int column_count(const Hexapod&) {
+requires(!std::derived_from<Hexapod, machine::Delta>) int column_count(const Hexapod&) {
   return machine::kLegs;
+}
+
+/// Deltas: the same, with as many columns as drives.
+std::string column_name(const machine::Delta&, int i) {
+  return fmt::format("drive {}", i + 1);
+}
+int column_count(const machine::Delta& m) {
+  return m.arms;
 }
 
 std::string reason_of(const AnyMachine& machine, const kinematics::InverseResult& result) {

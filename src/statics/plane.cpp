@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <limits>
 
 #include "polypod/core/units.hpp"
@@ -46,11 +47,30 @@ Box span_of(const machine::SliderHexapod& m) {
   return {a.low.cwiseMin(b.low), a.high.cwiseMax(b.high)};
 }
 
+/// Round home: no chain reaches farther than arm (or rail) and rod.
+template <class M>
+requires std::derived_from<M, machine::Delta> Box span_of(const M& m) {
+  double reach = 0;
+  for (int i = 0; i < m.arms; ++i) {
+    double chain = 2 * m.rod_length[i];
+    if constexpr (std::is_same_v<M, machine::RotaryDelta>) {
+      chain += 2 * m.arm_length[i];
+    } else {
+      chain += m.range.max;
+    }
+    reach = std::max(reach, chain);
+  }
+  return {m.home - Vec3::Constant(reach), m.home + Vec3::Constant(reach)};
+}
+
 Vec3 middle_of(const machine::SerialArm&) {
   return Vec3::Zero();
 }
+Vec3 middle_of(const machine::Delta& m) {
+  return m.home;
+}
 template <class Hexapod>
-Vec3 middle_of(const Hexapod& m) {
+requires(!std::derived_from<Hexapod, machine::Delta>) Vec3 middle_of(const Hexapod& m) {
   return {0, 0, m.home.height + m.tool_length};
 }
 

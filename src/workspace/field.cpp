@@ -103,6 +103,7 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
 }
 
 std::string limit_label(const AnyMachine& machine, int limit) {
+  if (limit == kNearSingular) return "near a singular pose";
   return limit == kOutOfReach ? "out of reach" : kinematics::limit_name(machine, limit);
 }
 

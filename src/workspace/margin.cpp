@@ -12,6 +12,7 @@
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
@@ -162,6 +163,58 @@ class ArmJudge {
  private:
   machine::WristInverse inverse_;
   machine::WristInverse::Form f_;
+};
+
+/// Deltas, on the first roots of their drives. A turned tool is out of reach.
+template <machine::DeltaFamily M>
+class DeltaJudge {
+ public:
+  static constexpr int kBranches = 1;
+  std::vector<Slot> slots;
+
+  DeltaJudge(const M& m, const Options& options)
+      : m_(m), singular_(options.singular_distance), p_(kinematics::nominal_parameters(m)) {
+    using L = machine::DeltaLimits;
+    const double angle = std::is_same_v<M, machine::RotaryDelta> ? m.rod_length[0] : 1.0;
+    for (int i = 0; i < L::kCount; ++i) {
+      if ((options.limits >> i & 1U) == 0 || (i >= L::kFirstBody && !options.interference)) continue;
+      slots.push_back({i, i < L::kSide ? angle : 1.0});
+    }
+    slots.push_back({kOutOfReach, 1});
+    if (singular_ > 0) slots.push_back({kNearSingular, 1});
+  }
+  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
+
+  void values(const Pose& X, double* out) const {
+    if (!X.R.isIdentity(1e-9)) {
+      std::fill_n(out, slots.size(), -kUnknown);
+      return;
+    }
+    machine::JointVector q(m_.arms);
+    double reach = kUnknown;
+    for (int i = 0; i < m_.arms; ++i) {
+      const machine::DriveRoots roots = drive_roots(m_, i, X.p);
+      q[i] = roots.first;
+      reach = std::min(reach, machine::reach_of(m_, i, X.p));
+    }
+    const std::vector<double> g =
+        limits(m_, X, std::span<const double>(q.data(), q.size()), std::span<const double>(p_));
+    for (const Slot& slot : slots) {
+      if (slot.limit == kOutOfReach) {
+        *out++ = reach;
+      } else if (slot.limit == kNearSingular) {
+        const machine::Closeness close = closeness(m_, X.p);
+        *out++ = close.reached ? close.least() - singular_ : reach;
+      } else {
+        *out++ = slot.scale * g[static_cast<std::size_t>(slot.limit)];
+      }
+    }
+  }
+
+ private:
+  const M& m_;
+  double singular_;
+  std::vector<double> p_;
 };
 
 /// Samples on a line of directions: indices first, first + stride, ...; closed: the last is next to the first.
@@ -392,7 +445,28 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
   probe.keep_cells = false;
   probe.progress = nullptr;
   POLYPOD_TRY(volume(machine, probe));
-  return std::visit([&](const auto& m) { return judge_for(m, options, field_options); }, machine);
+  if (auto delta = judge_of_delta(machine, options, field_options)) return delta;
+  return std::visit(
+      [&]<class M>(const M& m) -> Result<std::unique_ptr<PointJudge>> {
+        if constexpr (machine::DeltaFamily<M>) {
+          return nullptr;
+        } else {
+          return judge_for(m, options, field_options);
+        }
+      },
+      machine);
+}
+
+std::unique_ptr<PointJudge> judge_of_delta(const AnyMachine& machine, const Options& options,
+                                           const FieldOptions& field_options) {
+  return std::visit(
+      [&]<class M>(const M& m) -> std::unique_ptr<PointJudge> {
+        if constexpr (machine::DeltaFamily<M>) {
+          return std::make_unique<JudgeOf<DeltaJudge<M>>>(DeltaJudge<M>(m, options), options, field_options);
+        }
+        return nullptr;
+      },
+      machine);
 }
 
 Status in_rounds(const Options& options, std::size_t count, const std::function<void(std::size_t)>& task,

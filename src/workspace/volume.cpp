@@ -5,6 +5,7 @@
 #include <tbb/task_arena.h>
 
 #include "arm_limits.hpp"
+#include "delta_limits.hpp"
 #include "hexapod_limits.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -13,7 +14,15 @@
 namespace polypod::workspace {
 namespace {
 
-Status check(const Options& options) {
+bool is_delta(const AnyMachine& machine) {
+  return std::holds_alternative<machine::RotaryDelta>(machine) || std::holds_alternative<machine::LinearDelta>(machine);
+}
+
+Status check(const AnyMachine& machine, const Options& options) {
+  if (options.singular_distance != 0 && !(is_delta(machine) && options.singular_distance > 0)) {
+    return fail("WS105", is_delta(machine) ? "the distance from singular poses is negative"
+                                           : "a distance from singular poses is known for deltas only");
+  }
   const Directions& d = options.directions;
   constexpr double kRight = std::numbers::pi / 2;
   if (!(d.tilt >= 0 && d.tilt < kRight)) {
@@ -55,11 +64,40 @@ auto with_limits(const machine::SerialArm& arm, const Options& options, Ask&& as
   }
   return ask(ArmLimits(closed->form(), options.limits));
 }
+template <machine::DeltaFamily M, class Ask>
+auto with_limits(const M& m, const Options& options, Ask&& ask) -> decltype(ask(DeltaBounds<M>(m, options))) {
+  const Directions& d = options.directions;
+  constexpr std::array<double, 2> kNone{0, 0};
+  if (d.tilt != 0 || d.a_range.value_or(kNone) != kNone || d.b_range.value_or(kNone) != kNone) {
+    return fail("WS104", fmt::format("{} is a delta and cannot tilt its tool", m.name), {},
+                "leave out the tilt and the ranges of A and B");
+  }
+  return ask(DeltaBounds<M>(m, options));
+}
+
+/// `first` up to but without `end`.
+LimitBits bits_between(int first, int end) {
+  return ((LimitBits{1} << (end - first)) - 1) << first;
+}
+
+/// The limits of a delta by name; 0 for an unknown one.
+LimitBits delta_bits(const std::string& name) {
+  using L = machine::DeltaLimits;
+  if (name == "drive") return bits_between(L::kMin, L::kSide);
+  if (name == "joint") return bits_between(L::kSide, L::kLow);
+  if (name == "coordinates") return bits_between(L::kLow, L::kMode);
+  if (name == "mode") return bits_between(L::kMode, L::kTable);
+  if (name == "table") return bits_between(L::kTable, L::kRods);
+  if (name == "rods") return bits_between(L::kRods, L::kBase);
+  if (name == "base") return bits_between(L::kBase, L::kCount);
+  return 0;
+}
 
 }  // namespace
 
 LimitBits interference_bits(const AnyMachine& machine) {
   if (std::holds_alternative<machine::SerialArm>(machine)) return 0;
+  if (is_delta(machine)) return bits_between(machine::DeltaLimits::kFirstBody, machine::DeltaLimits::kCount);
   LimitBits bits = 0;
   for (int i = machine::HexapodLimits::kLegPair; i < machine::HexapodLimits::kBasePlane; ++i) bits |= LimitBits{1} << i;
   return bits;
@@ -68,7 +106,6 @@ LimitBits interference_bits(const AnyMachine& machine) {
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names) {
   const bool serial = std::holds_alternative<machine::SerialArm>(machine);
   using machine::HexapodLimits;
-  const auto range = [](int first, int end) { return ((LimitBits{1} << (end - first)) - 1) << first; };
   LimitBits bits = 0;
   for (std::size_t start = 0; start < names.size();) {
     const std::size_t comma = std::min(names.find(',', start), names.size());
@@ -81,19 +118,26 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
         return fail("WS103", fmt::format("there is no joint \"{}\" to switch off", name), {},
                     fmt::format("free joints are 1 to {}", kinematics::joint_count(machine)));
       }
-      bits |= range(2 * joint - 2, 2 * joint);
+      bits |= bits_between(2 * joint - 2, 2 * joint);
+    } else if (is_delta(machine)) {
+      const LimitBits named = delta_bits(name);
+      if (named == 0) {
+        return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
+                    "limits: drive, joint, coordinates, mode, table, rods, base");
+      }
+      bits |= named;
     } else if (name == "length") {
-      bits |= range(0, HexapodLimits::kBaseJoint);
+      bits |= bits_between(0, HexapodLimits::kBaseJoint);
     } else if (name == "base-joint") {
-      bits |= range(HexapodLimits::kBaseJoint, HexapodLimits::kPlatformJoint);
+      bits |= bits_between(HexapodLimits::kBaseJoint, HexapodLimits::kPlatformJoint);
     } else if (name == "platform-joint") {
-      bits |= range(HexapodLimits::kPlatformJoint, HexapodLimits::kLegPair);
+      bits |= bits_between(HexapodLimits::kPlatformJoint, HexapodLimits::kLegPair);
     } else if (name == "joint") {
-      bits |= range(HexapodLimits::kBaseJoint, HexapodLimits::kLegPair);
+      bits |= bits_between(HexapodLimits::kBaseJoint, HexapodLimits::kLegPair);
     } else if (name == "legs") {
-      bits |= range(HexapodLimits::kLegPair, HexapodLimits::kBasePlane);
+      bits |= bits_between(HexapodLimits::kLegPair, HexapodLimits::kBasePlane);
     } else if (name == "base") {
-      bits |= range(HexapodLimits::kBasePlane, HexapodLimits::kCountSlider);
+      bits |= bits_between(HexapodLimits::kBasePlane, HexapodLimits::kCountSlider);
     } else {
       return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
                   "limits: length, base-joint, platform-joint, joint, legs, base");
@@ -103,7 +147,7 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
 }
 
 Result<Volume> volume(const AnyMachine& machine, const Options& options) {
-  POLYPOD_TRY(check(options));
+  POLYPOD_TRY(check(machine, options));
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
@@ -116,7 +160,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
 
 Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, const Shape& shape,
                              std::int64_t max_cells) {
-  POLYPOD_TRY(check(options));
+  POLYPOD_TRY(check(machine, options));
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<bool> {

@@ -37,6 +37,10 @@ struct ForwardResult {
 };
 /// The pose of the joints q; for a parallel machine the mode that is reached from home, and not complete.
 ForwardResult forward(const AnyMachine& machine, const JointVector& q);
+/// Every pose of the joints where a closed form has them all (deltas: both, the machine's first); otherwise `forward`.
+ForwardResult forward_all(const AnyMachine& machine, const JointVector& q);
+/// Gruebler's count, for the families that have one.
+std::optional<machine::Mobility> mobility(const AnyMachine& machine);
 /// Every assembly mode of a parallel machine on six legs (assembly_modes); nothing for other machines, whose pose is
 /// the only one.
 std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, const JointVector& q);

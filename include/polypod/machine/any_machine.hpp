@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/machine/linear_delta.hpp"
+#include "polypod/machine/rotary_delta.hpp"
 #include "polypod/machine/serial_arm.hpp"
 #include "polypod/machine/slider_hexapod.hpp"
 #include "polypod/machine/strut_hexapod.hpp"
@@ -14,7 +16,7 @@
 namespace polypod::machine {
 
 /// A machine of any family. Analyses are templates on a family; std::visit picks the instance once, outside the loops.
-using AnyMachine = std::variant<SerialArm, StrutHexapod, SliderHexapod>;
+using AnyMachine = std::variant<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta>;
 
 /// `key = value` of `--set`, as text: `tool.length_mm=120`.
 struct Override {

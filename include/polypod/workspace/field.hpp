@@ -12,6 +12,8 @@ namespace polypod::workspace {
 
 /// The index of a limit that is none of the machine's `limits`: the pose has no inverse solution at all.
 inline constexpr int kOutOfReach = 64;
+/// Nearer to a singular pose than Options::singular_distance.
+inline constexpr int kNearSingular = 65;
 
 /// Points origin + i step[0] + j step[1] + k step[2] in M, m; i fastest.
 struct Grid {

@@ -44,6 +44,9 @@ struct Options {
   /// Limits to heed, by bit (kinematics::limit_name); a cleared bit switches a limit off. Bits of leg pairs also need
   /// `interference`.
   LimitBits limits = ~LimitBits{0};
+  /// Deltas only: poses that are nearer than this to being singular by the distances of machine::Closeness (KOZ's
+  /// d_min, 10 mm there) count as out of limits, m. 0: all poses count.
+  double singular_distance = 0;
   /// Gives up refining beyond this many cells; `converged` is false then. Memory: about 200 bytes a cell of the border.
   std::int64_t max_cells = 40'000'000;
   /// Fills Volume::cells, for sections, surfaces and fields.
@@ -90,7 +93,8 @@ struct Volume {
 ///
 /// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
 /// Errors: WS100 (directions out of range), WS101 (tolerance), WS102 (a machine without a closed inverse), WS110
-/// (cancelled). Cost: JEL Table 8.2 at 20 deg to 1 % about a second, at tilt 0 to 0.1 % a tenth of that.
+/// (cancelled), WS104 (a delta asked to tilt), WS105 (a distance from singular poses for another family). Cost: JEL
+/// Table 8.2 at 20 deg to 1 % about a second, at tilt 0 to 0.1 % a tenth of that.
 Result<Volume> volume(const AnyMachine& machine, const Options& options);
 
 /// The bits of a comma-separated list of limits. Hexapods: `length` (struts or rails), `base-joint`, `platform-joint`,

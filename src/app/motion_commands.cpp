@@ -1,0 +1,303 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// move, pick, fit
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/motion/delta_motion.hpp"
+#include "polypod/pages/motion.hpp"
+#include "polypod/workspace/fit.hpp"
+#include "workspace_options.hpp"
+
+namespace polypod::app {
+namespace {
+
+/// "x,y,z;x,y,z" in mm as points in m.
+Result<std::vector<Vec3>> points_of(const std::string& text, const std::string& option) {
+  std::vector<Vec3> out;
+  for (std::size_t start = 0; start < text.size();) {
+    const std::size_t end = std::min(text.find(';', start), text.size());
+    POLYPOD_ASSIGN(n, numbers_of(text.substr(start, end - start), option));
+    if (n.size() != 3) return fail("AP190", fmt::format("{} {}: not points x,y,z;x,y,z", option, text));
+    out.emplace_back(units::from_mm(n[0]), units::from_mm(n[1]), units::from_mm(n[2]));
+    start = end + 1;
+  }
+  return out;
+}
+Result<Vec3> point_of(const std::string& text, const std::string& option) {
+  POLYPOD_ASSIGN(points, points_of(text, option));
+  if (points.size() != 1) return fail("AP190", fmt::format("{} {}: not one point x,y,z", option, text));
+  return points.front();
+}
+
+struct DriveUnit {
+  const char* name;
+  double (*to)(double);
+  double (*from)(double);
+};
+DriveUnit drive_unit(const machine::AnyMachine& m) {
+  if (kinematics::joint_kind(m, 0) == machine::JointKind::revolute) return {"deg", units::to_deg, units::from_deg};
+  return {"mm", units::to_mm, units::from_mm};
+}
+
+Json peaks_json(const motion::Peaks& p, double (*to)(double), const std::string& unit) {
+  return {{"speed_" + unit + "_per_s", to(p.speed)},
+          {"acceleration_" + unit + "_per_s2", to(p.acceleration)},
+          {"jerk_" + unit + "_per_s3", to(p.jerk)}};
+}
+
+/// What is common to a run along a path and a cycle.
+Json run_json(const machine::AnyMachine& m, const motion::Run& r) {
+  const DriveUnit unit = drive_unit(m);
+  Json problems = Json::array();
+  for (const motion::Problem& p : r.problems) {
+    problems.push_back({{"kind", p.kind},
+                        {"detail", p.detail},
+                        {"at_mm", vector_json(p.X * units::kMmPerMetre)},
+                        {"way_mm", units::to_mm(p.s)},
+                        {"time_s", p.t}});
+  }
+  Json drives = Json::array();
+  for (int i = 0; i < r.arms; ++i) {
+    Json drive = peaks_json(r.drive[i], unit.to, unit.name);
+    const std::string suffix = std::string("_") + unit.name;
+    drive["start" + suffix] = unit.to(r.samples.front().drive[i].q);
+    drive["end" + suffix] = unit.to(r.samples.back().drive[i].q);
+    if (r.low[i] <= r.high[i]) {
+      drive["min" + suffix] = unit.to(r.low[i]);
+      drive["max" + suffix] = unit.to(r.high[i]);
+    }
+    drives.push_back(drive);
+  }
+  return {{"ok", r.ok()},
+          {"length_mm", units::to_mm(r.length)},
+          {"time_s", r.time},
+          {"problems", problems},
+          {"tool", peaks_json(r.tool, units::to_mm, "mm")},
+          {"drives", drives}};
+}
+
+void print_run(const machine::AnyMachine& m, const motion::Run& r) {
+  const DriveUnit unit = drive_unit(m);
+  fmt::print("length   {:.1f} mm\ntime     {:.4f} s\n", units::to_mm(r.length), r.time);
+  fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14} {:>14}\n", "", "min", "max", "speed /s", "acceler. /s2", "jerk /s3");
+  fmt::print("{:<8} {:>10} {:>10} {:>12.1f} {:>14.0f} {:>14.0f} mm\n", "tool", "", "", units::to_mm(r.tool.speed),
+             units::to_mm(r.tool.acceleration), units::to_mm(r.tool.jerk));
+  for (int i = 0; i < r.arms && r.low[i] <= r.high[i]; ++i) {
+    const motion::Peaks& p = r.drive[i];
+    fmt::print("drive {:<2} {:>10.3f} {:>10.3f} {:>12.1f} {:>14.0f} {:>14.0f} {}\n", i + 1, unit.to(r.low[i]),
+               unit.to(r.high[i]), unit.to(p.speed), unit.to(p.acceleration), unit.to(p.jerk), unit.name);
+  }
+  for (const motion::Problem& p : r.problems) {
+    const Vec3 X = p.X * units::kMmPerMetre;
+    fmt::print("problem  after {:.3f} s at {:.2f}, {:.2f}, {:.2f} mm: {}\n", p.t, X.x(), X.y(), X.z(), p.detail);
+  }
+}
+
+struct Outputs {
+  std::string csv, report;
+  void declare(Arguments& a) {
+    a.option("--csv", csv, "A row a sample: tool and drives with speed, acceleration and jerk");
+    a.option("--report", report, "An HTML page with the curves and a picture");
+  }
+  [[nodiscard]] Status check() const {
+    for (const std::string* path : {&csv, &report})
+      if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+    return {};
+  }
+  Status write(const machine::AnyMachine& m, const motion::Run& r, const std::string& what, bool json) const {
+    const std::string table = csv.empty() ? "" : pages::motion_csv(m, r);
+    const std::string page = report.empty() ? "" : pages::motion_page(m, r, what, POLYPOD_VERSION);
+    if (!csv.empty()) POLYPOD_TRY(files::write_whole(csv, table));
+    if (!report.empty()) POLYPOD_TRY(files::write_whole(report, page));
+    for (const std::string* path : {&csv, &report})
+      if (!path->empty() && !json) fmt::print("wrote {}\n", *path);
+    return {};
+  }
+};
+
+}  // namespace
+
+Command move_command() {
+  struct Options {
+    std::string machine, file, points;
+    std::vector<std::string> sets;
+    double speed = 0, step = 1, clearance = 10;
+    Outputs outputs;
+  };
+  auto o = std::make_shared<Options>();
+  return {"move", "A delta's tool along lines and arcs at constant speed: how the drives move, and whether it can",
+          "polypod move delta-brno --points \"200,-200,450;-200,200,550\" --speed 500",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--path", o->file, "A path file (docs/delta.md): lines and arcs");
+            a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm");
+            a.option("--speed", o->speed, "mm/s (default: the path file's)");
+            a.option("--step", o->step, "Between samples, mm (default 1)");
+            a.option("--clearance", o->clearance, "Keep this far from singular poses, mm (default 10, 0: do not look)");
+            o->outputs.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (o->file.empty() == o->points.empty()) {
+              return fail("AP191", "the path must be given once", {}, "give --path FILE or --points");
+            }
+            POLYPOD_TRY(o->outputs.check());
+            motion::PathFile path;
+            if (!o->file.empty()) {
+              POLYPOD_ASSIGN(read, motion::read_path(o->file));
+              path = std::move(read);
+            } else {
+              POLYPOD_ASSIGN(points, points_of(o->points, "--points"));
+              POLYPOD_ASSIGN(lines, motion::path_through(points));
+              path.path = std::move(lines);
+            }
+            motion::RunOptions options;
+            options.step = units::from_mm(o->step);
+            options.singular = units::from_mm(o->clearance);
+            POLYPOD_ASSIGN(r,
+                           motion::run(m, path.path, o->speed != 0 ? units::from_mm(o->speed) : path.speed, options));
+            if (context.json) {
+              print_json(run_json(m, r));
+            } else {
+              print_run(m, r);
+            }
+            POLYPOD_TRY(o->outputs.write(m, r, "A path at constant speed", context.json));
+            return r.ok() ? kDone : kAnswerIsNo;
+          }};
+}
+
+Command pick_command() {
+  struct Options {
+    std::string machine, from, to;
+    std::vector<std::string> sets;
+    double lift = 25, rounding = 15, clearance = 10;
+    double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
+    double drive_speed = 0, drive_acceleration = 0, drive_jerk = 0;
+    int samples = 400;
+    Outputs outputs;
+  };
+  auto o = std::make_shared<Options>();
+  return {"pick", "The fastest pick-and-place cycle of a delta (up, over, down) within limits of tool and drives",
+          "polypod pick delta-brno --from -152.5,0,550 --to 152.5,0,550 --lift 25",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--from", o->from, "x,y,z, mm", true);
+            a.option("--to", o->to, "x,y,z, mm", true);
+            a.option("--lift", o->lift, "How far above the higher end the way over runs, mm (default 25)");
+            a.option("--rounding", o->rounding, "Height over which corners may be cut, mm (default 15; 0: stop there)");
+            a.option("--tool-speed", o->tool_speed, "mm/s (default 5000)");
+            a.option("--tool-acceleration", o->tool_acceleration, "mm/s2 (default 1e5)");
+            a.option("--tool-jerk", o->tool_jerk, "mm/s3 (default 5e6)");
+            a.option("--drive-speed", o->drive_speed, "deg/s or mm/s (default 12 rad/s, 12 m/s)");
+            a.option("--drive-acceleration", o->drive_acceleration, "deg/s2 or mm/s2 (default 250 rad/s2, m/s2)");
+            a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3)");
+            a.option("--clearance", o->clearance, "Keep this far from singular poses, mm (default 10, 0: do not look)");
+            a.option("--samples", o->samples, "Of tables and curves (default 400)");
+            o->outputs.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(from, point_of(o->from, "--from"));
+            POLYPOD_ASSIGN(to, point_of(o->to, "--to"));
+            POLYPOD_TRY(o->outputs.check());
+            const motion::Cycle cycle{from, to, units::from_mm(o->lift), units::from_mm(o->rounding)};
+            motion::MotionLimits limits;
+            limits.tool = {units::from_mm(o->tool_speed), units::from_mm(o->tool_acceleration),
+                           units::from_mm(o->tool_jerk)};
+            const DriveUnit unit = drive_unit(m);
+            if (o->drive_speed != 0) limits.drive.speed = unit.from(o->drive_speed);
+            if (o->drive_acceleration != 0) limits.drive.acceleration = unit.from(o->drive_acceleration);
+            if (o->drive_jerk != 0) limits.drive.jerk = unit.from(o->drive_jerk);
+            motion::RunOptions options;
+            options.singular = units::from_mm(o->clearance);
+            POLYPOD_ASSIGN(plan, motion::plan(m, cycle, limits, options));
+            POLYPOD_ASSIGN(r, motion::run(m, cycle, plan, o->samples, options));
+            if (context.json) {
+              Json document = run_json(m, r);
+              document["limited_by"] = plan.limited_by;
+              document["up_s"] = plan.up;
+              document["over_s"] = plan.over;
+              document["down_s"] = plan.down;
+              document["over_start_s"] = plan.over_start;
+              document["down_start_s"] = plan.down_start;
+              document["cycles_per_minute"] = 30 / plan.time;
+              print_json(document);
+            } else {
+              print_run(m, r);
+              fmt::print("limited by {}; there and back {:.0f} times a minute\n", plan.limited_by, 30 / plan.time);
+            }
+            POLYPOD_TRY(o->outputs.write(m, r, "A pick-and-place cycle", context.json));
+            return kDone;
+          }};
+}
+
+Command fit_command() {
+  struct Options {
+    std::string machine, points;
+    std::vector<std::string> sets;
+    WorkspaceOptions workspace;
+  };
+  auto o = std::make_shared<Options>();
+  return {"fit", "Whether a delta reaches given points, and which rods, height or placement would make it",
+          "polypod fit delta-brno --points \"300,0,600;-300,0,600\"",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--points", o->points, "x,y,z;x,y,z;..., mm", true);
+            o->workspace.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(options, o->workspace.options(m, context));
+            POLYPOD_ASSIGN(points, points_of(o->points, "--points"));
+            options.progress = nullptr;
+            POLYPOD_ASSIGN(fit, workspace::fit_points(m, options, points));
+            const auto range_json = [](const std::optional<workspace::FitRange>& r) {
+              if (!r) return Json();
+              return Json{
+                  {"min", units::to_mm(r->low)}, {"max", units::to_mm(r->high)}, {"nearest", units::to_mm(r->nearest)}};
+            };
+            if (context.json) {
+              Json list = Json::array();
+              for (const workspace::PointFit& p : fit.points) {
+                list.push_back({{"at_mm", vector_json(p.X * units::kMmPerMetre)},
+                                {"fits", p.margin >= 0},
+                                {"margin_mm", units::to_mm(p.margin)},
+                                {"limit", workspace::limit_label(m, p.limit)}});
+              }
+              print_json({{"fits", fit.fits},
+                          {"points", list},
+                          {"rod_length_mm", range_json(fit.rod_length)},
+                          {"base_height_mm", range_json(fit.base_height)},
+                          {"placement_mm", fit.placement ? vector_json(*fit.placement * units::kMmPerMetre) : Json()}});
+              return fit.fits ? kDone : kAnswerIsNo;
+            }
+            for (const workspace::PointFit& p : fit.points) {
+              const Vec3 X = p.X * units::kMmPerMetre;
+              fmt::print("{:10.2f} {:10.2f} {:10.2f}  {} by {:.1f} mm: {}\n", X.x(), X.y(), X.z(),
+                         p.margin >= 0 ? "inside" : "outside", std::abs(units::to_mm(p.margin)),
+                         workspace::limit_label(m, p.limit));
+            }
+            fmt::print("{}\n", fit.fits ? "the task fits" : "the task does not fit");
+            const auto say = [](const char* what, const std::optional<workspace::FitRange>& r) {
+              if (!r) {
+                fmt::print("{:<12} none makes it fit\n", what);
+              } else {
+                fmt::print("{:<12} {:.2f} .. {:.2f} mm, nearest {:.2f}\n", what, units::to_mm(r->low),
+                           units::to_mm(r->high), units::to_mm(r->nearest));
+              }
+            };
+            say("rods", fit.rod_length);
+            say("base by", fit.base_height);
+            if (fit.placement) {
+              const Vec3 s = *fit.placement * units::kMmPerMetre;
+              fmt::print("{:<12} {:.2f}, {:.2f}, {:.2f} mm\n", "or base by", s.x(), s.y(), s.z());
+            }
+            return fit.fits ? kDone : kAnswerIsNo;
+          }};
+}
+
+}  // namespace polypod::app

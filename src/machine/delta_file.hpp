@@ -1,0 +1,35 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the machine files of both delta families have in common.
+#pragma once
+
+#include "polypod/core/config.hpp"
+#include "polypod/machine/delta.hpp"
+
+namespace polypod::machine {
+
+/// The table of the chains of a machine whose chains are given one by one, or none.
+Result<std::vector<config::Table>> read_arms(const config::Table& table);
+
+/// Rods, joints, bodies, coordinate limits and tool: every table but base, platform, arm or rail, and drive. With
+/// `chains` the rods' lengths and platform joints are read from them; otherwise from `rod.length_mm` and
+/// `platform.radius_mm`, and `symmetric` gets the circles of `base` and `platform`.
+Status read_delta(const config::Table& table, const std::vector<config::Table>& chains, Delta& m,
+                  std::optional<SymmetricDelta>& symmetric);
+
+/// `count` and `first_deg` of the table of arms or rails (symmetric machines): fills directions.
+Status read_directions(const config::Table& part, Delta& m, SymmetricDelta& symmetric);
+/// Sets direction, outward and axis of chain i.
+void point_chain(Delta& m, int i, double azimuth);
+
+/// MA143 where no two chains' directions differ, and the sign of the assembly mode.
+Status finish_delta(const config::Table& table, Delta& m);
+
+void push_rods(std::vector<Parameter>& out, const Delta& m, int i);
+void push_tool(std::vector<Parameter>& out, const Delta& m);
+/// Settings that both families share; `drive` is "drive.angle" (deg) or "rail" (mm).
+void push_delta_settings(std::vector<Parameter>& out, const Delta& m);
+/// Everything but the family's own tables.
+std::string delta_toml(const Delta& m);
+std::string point_toml(const Vec3& p);
+
+}  // namespace polypod::machine

@@ -1,0 +1,159 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/motion.hpp"
+
+#include <fmt/format.h>
+
+#include "machine_lines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/report/csv.hpp"
+#include "polypod/report/html.hpp"
+#include "polypod/report/scene.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using motion::DriveMotion;
+using motion::Run;
+using motion::Sample;
+using units::to_mm;
+
+struct Unit {
+  const char* name;
+  double (*to)(double);
+};
+Unit unit_of(const machine::AnyMachine& machine) {
+  const bool turns = kinematics::joint_kind(machine, 0) == machine::JointKind::revolute;
+  return turns ? Unit{"deg", units::to_deg} : Unit{"mm", units::to_mm};
+}
+
+constexpr std::array<report::Colour, machine::kMaxArms> kColours{report::Colour::blue, report::Colour::vermillion,
+                                                                 report::Colour::green, report::Colour::purple};
+
+/// One quantity of all drives over time.
+report::LinePlot drive_plot(const Run& run, const char* name, const std::string& unit, double (*to)(double),
+                            double DriveMotion::*what) {
+  report::LinePlot plot;
+  plot.title = fmt::format("{} of the drives", name);
+  plot.x = {"time", "s", {}, {}, false};
+  plot.y = {name, unit, {}, {}, false};
+  for (int i = 0; i < run.arms; ++i) {
+    report::Series series{fmt::format("drive {}", i + 1), {}, {}, kColours[static_cast<std::size_t>(i)], {}, 1.5};
+    for (const Sample& s : run.samples) {
+      series.x.push_back(s.t);
+      series.y.push_back(s.reached ? to(s.drive[i].*what) : std::numeric_limits<double>::quiet_NaN());
+    }
+    plot.series.push_back(std::move(series));
+  }
+  return plot;
+}
+
+/// The size of one derivative of the tool, or its coordinates.
+report::LinePlot tool_plot(const Run& run, const char* name, const std::string& unit, Vec3 motion::Motion::*what,
+                           bool coordinates) {
+  report::LinePlot plot;
+  plot.title = fmt::format("{} of the tool", name);
+  plot.x = {"time", "s", {}, {}, false};
+  plot.y = {name, unit, {}, {}, !coordinates};
+  for (int k = 0; k < (coordinates ? 3 : 1); ++k) {
+    report::Series series{coordinates ? std::string(1, "xyz"[k]) : std::string("tool"),
+                          {},
+                          {},
+                          kColours[static_cast<std::size_t>(k)],
+                          {},
+                          1.5};
+    for (const Sample& s : run.samples) {
+      series.x.push_back(s.t);
+      series.y.push_back(to_mm(coordinates ? (s.tool.*what)[k] : (s.tool.*what).norm()));
+    }
+    plot.series.push_back(std::move(series));
+  }
+  return plot;
+}
+
+}  // namespace
+
+std::string motion_csv(const machine::AnyMachine& machine, const Run& run) {
+  const Unit unit = unit_of(machine);
+  std::vector<std::string> columns{"t_s"};
+  const std::array<const char*, 4> of_tool{"", "v", "a", "j"}, of_drive{"", "_per_s", "_per_s2", "_per_s3"};
+  for (std::size_t order = 0; order < 4; ++order)
+    for (const char axis : {'x', 'y', 'z'})
+      columns.push_back(fmt::format("{}{}_mm{}", of_tool[order], axis, of_drive[order]));
+  for (int i = 0; i < run.arms; ++i)
+    for (const char* suffix : of_drive) columns.push_back(fmt::format("q{}_{}{}", i + 1, unit.name, suffix));
+  report::Csv csv(columns);
+  for (const Sample& s : run.samples) {
+    std::vector<report::Csv::Field> row{s.t};
+    for (const Vec3* v : {&s.tool.p, &s.tool.v, &s.tool.a, &s.tool.j})
+      for (int k = 0; k < 3; ++k) row.emplace_back(to_mm((*v)[k]));
+    for (int i = 0; i < run.arms && s.reached; ++i)
+      for (const double value : {s.drive[i].q, s.drive[i].speed, s.drive[i].acceleration, s.drive[i].jerk}) {
+        row.emplace_back(unit.to(value));
+      }
+    csv.add(row);
+  }
+  return csv.text();
+}
+
+std::string motion_page(const machine::AnyMachine& machine, const Run& run, const std::string& what,
+                        const std::string& version) {
+  const Unit unit = unit_of(machine);
+  std::vector<std::pair<std::string, std::string>> facts{{"machine", machine::name_of(machine)},
+                                                         {"family", machine::family_of(machine)}};
+  if (!version.empty()) facts.emplace_back("made with", "Polypod " + version);
+  report::Report page(what, machine::description_of(machine), facts);
+  page.add_section("The motion");
+  if (run.ok()) {
+    page.add_verdict(report::Verdict::good, "The tool stays within all limits and clear of singular poses.");
+  }
+  for (const motion::Problem& p : run.problems) {
+    page.add_verdict(
+        report::Verdict::bad,
+        fmt::format("After {} s at {}, {}, {} mm: {}.", report::fixed(p.t, 3), report::fixed(to_mm(p.X.x()), 2),
+                    report::fixed(to_mm(p.X.y()), 2), report::fixed(to_mm(p.X.z()), 2), p.detail));
+  }
+  page.add_key_figures({{report::fixed(to_mm(run.length), 1), "mm", "way of the tool", report::Verdict::neutral},
+                        {report::fixed(run.time, 4), "s", "time", report::Verdict::neutral}});
+  report::Scene scene;
+  scene.title = "The way of the tool and the machine at home";
+  scene.lines = machine_lines(machine, run.samples.front().tool.p);
+  report::Line3 way{"way of the tool", {}, report::Colour::blue, 2.2, false};
+  for (const Sample& s : run.samples)
+    way.points.push_back({to_mm(s.tool.p.x()), to_mm(s.tool.p.y()), to_mm(s.tool.p.z())});
+  scene.lines.push_back(std::move(way));
+  report::Line3 problems{"problems", {}, report::Colour::vermillion, 4, true};
+  for (const motion::Problem& p : run.problems)
+    problems.points.push_back({to_mm(p.X.x()), to_mm(p.X.y()), to_mm(p.X.z())});
+  if (!problems.points.empty()) scene.lines.push_back(std::move(problems));
+  hang(scene);
+  page.add_figure(scene, "The base is above: z of the machine points down.");
+
+  page.add_section("Drives");
+  const std::string u = unit.name;
+  page.add_figure(drive_plot(run, "position", u, unit.to, &DriveMotion::q), "Position of the drives.");
+  page.add_figure(drive_plot(run, "speed", u + "/s", unit.to, &DriveMotion::speed), "Speed of the drives.");
+  page.add_figure(drive_plot(run, "acceleration", u + "/s²", unit.to, &DriveMotion::acceleration),
+                  "Acceleration of the drives.");
+  page.add_figure(drive_plot(run, "jerk", u + "/s³", unit.to, &DriveMotion::jerk), "Jerk of the drives.");
+  page.add_section("Tool");
+  page.add_figure(tool_plot(run, "position", "mm", &motion::Motion::p, true), "Coordinates of the tool.");
+  page.add_figure(tool_plot(run, "speed", "mm/s", &motion::Motion::v, false), "Speed of the tool.");
+  page.add_figure(tool_plot(run, "acceleration", "mm/s²", &motion::Motion::a, false), "Acceleration of the tool.");
+  page.add_figure(tool_plot(run, "jerk", "mm/s³", &motion::Motion::j, false), "Jerk of the tool.");
+
+  page.add_section("Peaks");
+  report::Table table;
+  table.caption = "Largest absolute values over the samples.";
+  table.columns = {{"", "", -1}, {"speed", "/s", 1}, {"acceleration", "/s²", 0}, {"jerk", "/s³", 0}, {"unit", "", -1}};
+  table.rows.push_back({std::string("tool"), to_mm(run.tool.speed), to_mm(run.tool.acceleration), to_mm(run.tool.jerk),
+                        std::string("mm")});
+  for (int i = 0; i < run.arms; ++i) {
+    const motion::Peaks& p = run.drive[i];
+    table.rows.push_back(
+        {fmt::format("drive {}", i + 1), unit.to(p.speed), unit.to(p.acceleration), unit.to(p.jerk), u});
+  }
+  page.add_table(table);
+  return page.to_html();
+}
+
+}  // namespace polypod::pages
