@@ -254,7 +254,7 @@ class Page {
     if (!compliant_) {
       report_.add_verdict(Verdict::neutral,
                           "The machine's file has no compliances, so this map shows the determinant of the Jacobian "
-                          "alone. Give compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or "
+                          "alone. Give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or "
                           "drive.compliance_rad_per_Nm (deltas).");
     }
     Table table;
