@@ -33,7 +33,7 @@ Command compliance_command() {
             }
             if (!statics::has_compliance(m)) {
               return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                          "give compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or "
+                          "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or "
                           "drive.compliance_rad_per_Nm (deltas) in the machine file");
             }
             const statics::Compliance c = statics::compliance_at(m, X);

@@ -362,7 +362,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   POLYPOD_ASSIGN(paths, paths_of(o));
   if (!paths.empty() && !statics::has_compliance(m)) {
     return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                "give compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm "
+                "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm "
                 "(deltas) in the machine file");
   }
   bool found = false;
@@ -389,7 +389,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   if (!statics::has_compliance(m)) {
     fmt::print(
         stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", machine::name_of(m),
-        "compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm (deltas)");
+        "compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm (deltas)");
   }
   POLYPOD_TRY(write_outputs(o, map));
   if (context.json) {

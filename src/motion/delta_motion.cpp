@@ -264,7 +264,7 @@ Need need_of(const M& m, const Cycle& cycle, const Plan& plan, const MotionLimit
 template <class M>
 Result<Plan> plan_for(const M& m, const Cycle& cycle, const MotionLimits& limits, const RunOptions& options) {
   // Search: a pattern over the three numbers of the shape, each step accepted where the scaled time falls.
-  constexpr int kRough = 8, kFine = 300, kMostTries = 80;
+  constexpr int kRough = 8, kFine = 300, kMostTries = 120;
   std::array<double, 3> shape{0.45, 0.4, 0.5};  // ramp, smooth, share
   const std::array<double, 3> low{0.15, 0.15, 0.1}, high{0.5, 0.5, 2.0};
   int tries = 0;
@@ -275,6 +275,14 @@ Result<Plan> plan_for(const M& m, const Cycle& cycle, const MotionLimits& limits
     return need_of(m, cycle, plan, limits, kRough, best / plan.time).factor * plan.time;
   };
   best = time_of_shape(shape);
+  // Other starts: a cycle that speed limits, and one whose lift does.
+  for (const std::array<double, 3>& start :
+       {std::array{0.3, 0.4, 0.35}, std::array{0.45, 0.25, 0.35}, std::array{0.45, 0.4, 0.8}}) {
+    const double time = time_of_shape(start);
+    if (!(time < best)) continue;
+    best = time;
+    shape = start;
+  }
   // Along each number, then along pairs, because the least time lies in a crease where two limits are met.
   constexpr std::array<std::array<int, 3>, 18> kDirections{{{1, 0, 0},
                                                             {-1, 0, 0},
@@ -295,7 +303,7 @@ Result<Plan> plan_for(const M& m, const Cycle& cycle, const MotionLimits& limits
                                                             {0, -1, 1},
                                                             {0, -1, -1}}};
   const std::array<double, 3> step{0.1, 0.1, 0.15};
-  for (double scale = 1; scale > 0.1 && tries < kMostTries;) {
+  for (double scale = 2; scale > 0.1 && tries < kMostTries;) {
     bool better = false;
     for (const auto& direction : kDirections) {
       std::array<double, 3> next = shape;

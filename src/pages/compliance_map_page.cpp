@@ -254,7 +254,8 @@ class Page {
     if (!compliant_) {
       report_.add_verdict(Verdict::neutral,
                           "The machine's file has no compliances, so this map shows the determinant of the Jacobian "
-                          "alone. Give compliance_rad_per_Nm (arms) leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm (deltas).");
+                          "alone. Give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or "
+                          "drive.compliance_rad_per_Nm (deltas).");
     }
     Table table;
     const std::string at = fmt::format("at {}, {}", "xyz"[axes_.u], "xyz"[axes_.v]);
