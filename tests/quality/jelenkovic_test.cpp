@@ -237,17 +237,12 @@ struct Printed {
 };
 
 /// The machine turned by `angle` about z: where the source's first joint stands.
-AnyMachine turned(AnyMachine m, double angle) {
+AnyMachine turned(const AnyMachine& strut_hexapod, double angle) {
+  auto m = std::get<machine::StrutHexapod>(strut_hexapod);
   const Mat3 R = rotation_z(angle);
-  std::visit(
-      [&](auto& machine) {
-        if constexpr (requires { machine.base_joint; }) {
-          for (Vec3& p : machine.base_joint) p = R * p;
-          for (Vec3& p : machine.platform_joint) p = R * p;
-          for (Vec3& w : machine.home.direction) w = R * w;
-        }
-      },
-      m);
+  for (Vec3& p : m.base_joint) p = R * p;
+  for (Vec3& p : m.platform_joint) p = R * p;
+  for (Vec3& w : m.home.direction) w = R * w;
   return m;
 }
 
