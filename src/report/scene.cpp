@@ -44,6 +44,19 @@ bool finite(const Point3& p) {
   return std::isfinite(p.x + p.y + p.z);
 }
 
+/// Step `kind` of `count` of the sequential map, darkened or lightened like kind_colour: as it is at kFull.
+std::string step_colour(int kind, std::size_t count, double lightness) {
+  constexpr double kFull = 0.8;
+  const double t = count > 1 ? std::clamp(kind / static_cast<double>(count - 1), 0.0, 1.0) : 0.5;
+  const std::string base = kind < 0 ? kind_colour(-1, kFull) : colour_at(ColourMap::sequential, t);
+  std::string out = "#";
+  for (std::size_t k = 1; k < base.size(); k += 2) {
+    const int value = std::stoi(base.substr(k, 2), nullptr, 16);
+    out += fmt::format("{:02x}", std::clamp(static_cast<int>(std::lround(value * lightness / kFull)), 0, 255));
+  }
+  return out;
+}
+
 /// Something to draw, and how near it is.
 struct Piece {
   double depth = 0;
@@ -54,6 +67,9 @@ struct Piece {
 
 std::string Scene::operator()(const Canvas& canvas) const {
   Picture picture(canvas, title);
+  const auto colour_of = [&](int kind, double lightness) {
+    return ordered ? step_colour(kind, kinds.size(), lightness) : kind_colour(kind, lightness);
+  };
   const double az = azimuth_deg * std::numbers::pi / 180, el = elevation_deg * std::numbers::pi / 180;
   const Point3 to_eye{std::cos(el) * std::cos(az), std::cos(el) * std::sin(az), std::sin(el)};
   const Point3 right{-std::sin(az), std::cos(az), 0}, up = cross(to_eye, right);
@@ -88,7 +104,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
     LegendEntry entry;
     entry.name = kinds[k];
     entry.area = true;
-    entry.fill = kind_colour(static_cast<int>(k), 0.66);
+    entry.fill = colour_of(static_cast<int>(k), ordered ? 0.8 : 0.66);
     entries.push_back(std::move(entry));
   }
   std::set<std::string> named;
@@ -246,7 +262,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
       };
       // The outline closes the gaps between neighbours.
       const auto draw = [&](const std::vector<Point3>& outline, int kind) {
-        const std::string fill = kind_colour(kind, lightness);
+        const std::string fill = colour_of(kind, lightness);
         Piece piece;
         piece.depth = dot(p[0] + p[1] + p[2], to_eye) / 3;
         for (const Point3& corner_at : outline) {

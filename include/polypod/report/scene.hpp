@@ -39,6 +39,7 @@ struct Scene {
   std::array<std::string, 3> axes{"x", "y", "z"};
   std::vector<Mesh> meshes;
   std::vector<std::string> kinds;  ///< names of the colours of the meshes, for the legend (those that occur)
+  bool ordered = false;            ///< the kinds are steps of a scale: coloured along ColourMap::sequential
   std::vector<Line3> lines;
   double azimuth_deg = -58;   ///< where the eye stands, about z from x
   double elevation_deg = 24;  ///< and above the plane of x and y, -90 to 90

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "polypod/workspace/field.hpp"
@@ -41,5 +42,11 @@ Result<Surface> surface(const AnyMachine& machine, const Options& options, const
 /// parallel to M's axes or any other right-handed one.
 Result<Surface> surface_of(const AnyMachine& machine, const Options& options, const Field& field,
                            const SurfaceOptions& surface_options = {});
+
+/// The border of any region of a grid, by the same tetrahedra and the same collapsing: `inside` marks its points (those
+/// on the grid's own border never count), `share(in, beyond)` says where between a point inside and a neighbour beyond,
+/// 0 to 1, the border runs. The limits are -1. Errors: WS130, WS131 (no point is inside).
+Result<Surface> surface_round(const Grid& grid, const std::vector<char>& inside,
+                              const std::function<double(std::size_t in, std::size_t beyond)>& share);
 
 }  // namespace polypod::workspace
