@@ -49,12 +49,15 @@ std::array<Column, 5> columns_of(const QualityFields& f) {
 
 }  // namespace
 
+Result<quality::ErrorField> errors_of(const AnyMachine& machine, const SurveyOptions& options,
+                                      const QualityQuestion& question, const quality::Survey& survey) {
+  return question.tolerances ? quality::tolerance_field(machine, survey, options, question.sizes, question.tolerance)
+                             : quality::known_error_field(machine, survey, options, question.sizes);
+}
+
 Status fill_fields(const AnyMachine& machine, const SurveyOptions& options, const QualityQuestion& question,
                    QualityFields& fields) {
-  POLYPOD_ASSIGN(errors,
-                 question.tolerances
-                     ? quality::tolerance_field(machine, fields.survey, options, question.sizes, question.tolerance)
-                     : quality::known_error_field(machine, fields.survey, options, question.sizes));
+  POLYPOD_ASSIGN(errors, errors_of(machine, options, question, fields.survey));
   fields.errors = std::move(errors);
   POLYPOD_ASSIGN(dexterity, quality::dexterity_field(machine, fields.survey, options, question.length));
   fields.dexterity = std::move(dexterity);
@@ -121,7 +124,7 @@ Result<report::VtkImage> quality_image(const QualityFields& f) {
 Result<workspace::Surface> quality_surface(const AnyMachine& machine, const SurveyOptions& options,
                                            const QualityFields& fields, QualityValue value, double below) {
   POLYPOD_ASSIGN(border, quality::survey_border(machine, fields.survey, options));
-  auto surface = quality::surface_below(border, shown_means(fields, value), below);
+  auto surface = quality::surface_below(machine, options, border, shown_means(fields, value), below);
   if (!surface && surface.error().id == "WS131") {
     const quality::Statistics s = quality::statistics(fields.survey, shown_means(fields, value));
     return fail(

@@ -32,6 +32,7 @@ using Entries = std::vector<std::pair<std::string, std::string>>;
 
 constexpr double kSingularCondition = 1000;  // a direction above counts as near singular
 constexpr double kPerThousand = 1000;        // mrad
+constexpr std::size_t kShown = 14;           // elements in a chart
 constexpr std::array kConditioning{QualityValue::condition, QualityValue::sigma_min, QualityValue::determinant};
 constexpr std::array kErrors{QualityValue::position, QualityValue::orientation};
 
@@ -48,8 +49,13 @@ std::string pose_in_words(const AnyMachine& machine, const Pose& X) {
   const std::vector<double> c = kinematics::coordinates_of(kinematics::task(machine), X);
   std::string out = place(X.p) + " mm";
   for (std::size_t k = 3; k < c.size(); ++k)
-    out += fmt::format("{} {} = {}", k == 3 ? ";" : ",", "ABC"[k - 3], fixed(to_deg(c[k]), 1));
-  return c.size() > 3 ? out + " deg" : out;
+    out += fmt::format("{} {}\u00a0{}", k == 3 ? ";" : ",", "ABC"[k - 3], fixed(to_deg(c[k]), 1));
+  return c.size() > 3 ? out + "\u00a0deg" : out;
+}
+
+/// A number as it was given.
+std::string plain(double value) {
+  return fmt::format("{:.6g}", value);
 }
 
 std::size_t largest_of(const std::vector<double>& values) {
@@ -111,26 +117,24 @@ report::Mesh mesh_of(const workspace::Surface& surface) {
   return mesh;
 }
 
-/// Colours a surface by steps of a value.
+/// Colours a surface by bands of a value.
 void colour_by(report::Scene& scene, report::Mesh& mesh, const std::vector<double>& values, const Range& range,
                const std::string& unit) {
-  constexpr int kSteps = 7;
-  const std::vector<double> edges = report::nice_ticks(range.low, range.high, kSteps);
+  constexpr int kBands = 7;
+  scene.levels = report::nice_ticks(range.low, range.high, kBands);
+  if (scene.levels.empty()) scene.levels = {range.low};
+  const std::vector<double>& levels = scene.levels;
   const int decimals =
-      edges.size() > 1 ? std::max(0, static_cast<int>(-std::floor(std::log10(edges[1] - edges[0]) + 1e-9))) : 2;
-  for (std::size_t k = 0; k <= edges.size(); ++k) {
-    std::string name = k == 0 ? "below " + (edges.empty() ? std::string("all") : fixed(edges[0], decimals))
-                       : k == edges.size()
-                           ? "above " + fixed(edges[k - 1], decimals)
-                           : fmt::format("{} to {}", fixed(edges[k - 1], decimals), fixed(edges[k], decimals));
-    if (!unit.empty()) name += " " + unit;
-    scene.kinds.push_back(std::move(name));
+      levels.size() > 1 ? std::max(0, static_cast<int>(-std::floor(std::log10(levels[1] - levels[0]) + 1e-9))) : 3;
+  for (std::size_t k = 0; k <= levels.size(); ++k) {
+    const std::string from = k > 0 ? fixed(levels[k - 1], decimals) : "",
+                      to = k < levels.size() ? fixed(levels[k], decimals) : "";
+    scene.kinds.push_back((k == 0               ? "below " + to
+                           : k == levels.size() ? "above " + from
+                                                : from + " to " + to) +
+                          (unit.empty() ? "" : " " + unit));
   }
-  scene.ordered = true;
-  for (const double v : values) {
-    mesh.kind.push_back(
-        std::isnan(v) ? -1 : static_cast<int>(std::upper_bound(edges.begin(), edges.end(), v) - edges.begin()));
-  }
+  mesh.value = values;
 }
 
 class Page {
@@ -171,7 +175,7 @@ class Page {
     const auto& d = options_.workspace.directions;
     if (fields_.survey.orientations.size() == 1) return "tool upright (R = 1)";
     if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
-    return fmt::format("{} up to a tilt of {} deg", fields_.survey.orientations.size(), number(to_deg(d.tilt)));
+    return fmt::format("{}, tilts up to {} deg", fields_.survey.orientations.size(), plain(to_deg(d.tilt)));
   }
   [[nodiscard]] bool one_direction() const { return fields_.survey.orientations.size() == 1; }
   [[nodiscard]] Entries facts() const {
@@ -223,8 +227,8 @@ class Page {
                              {shown(most), "mm", "its largest value", Verdict::neutral},
                              {shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral},
                              {shown(most_turned), "mrad", "its largest value", Verdict::neutral}});
-    report_.add_definitions({{"the tip is off most at", pose_in_words(machine_, worst_.X)},
-                             {"the tool is turned most at", pose_in_words(machine_, worst_turned_.X)}});
+    report_.add_list({fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X)),
+                      fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X))});
     statistics_table(kErrors);
   }
 
@@ -336,18 +340,10 @@ class Page {
     report::BarChart chart;
     chart.title = "Share of each element";
     chart.unit = unit;
-    chart.parts = {"share"};
-    constexpr std::size_t kShown = 14;
-    double rest = 0;
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      if (i < kShown)
-        chart.rows.push_back({parts[i].key, {std::max(0.0, scale * parts[i].*of)}});
-      else
-        rest += std::max(0.0, scale * parts[i].*of);
-    }
-    if (parts.size() > kShown) {
-      chart.rows.push_back({fmt::format("the other {}", parts.size() - kShown), {rest}});
-    }
+    chart.parts = {""};
+    constexpr double kNothing = 1e-9;  // of the largest
+    for (std::size_t i = 0; i < std::min(kShown, parts.size()) && parts[i].*of > kNothing * parts[0].*of; ++i)
+      chart.rows.push_back({parts[i].key, {std::max(0.0, scale * parts[i].*of)}});
     return chart;
   }
 
@@ -365,7 +361,8 @@ class Page {
          {fmt::format("orientation, {} mrad at {}", shown(kPerThousand * worst_turned_.value),
                       pose_in_words(machine_, worst_turned_.X)),
           bars(at_turn, &Part::orientation, kPerThousand, "mrad")}},
-        "Elements ranked by their part of the largest error.");
+        fmt::format("At most {} of {} elements, ranked by their part of the largest error.",
+                    std::min(kShown, at_tip.size()), at_tip.size()));
   }
 
   void conditioning() {
@@ -400,14 +397,15 @@ class Page {
     report_.add_section("Near singular");
     if (count == 0) {
       report_.add_verdict(
-          Verdict::good, fmt::format("No pose that was looked at has a κ above {}. The largest is {}, at {}; there the "
-                                     "machine is {}.",
-                                     number(kSingularCondition), shown(worst.value), pose_in_words(machine_, worst.X),
-                                     words_at(worst.X)));
+          Verdict::neutral,
+          fmt::format("No pose that was looked at has a κ above {}. The largest is {}, at {}; there the "
+                      "machine is {}.",
+                      number(kSingularCondition), shown(worst.value), pose_in_words(machine_, worst.X),
+                      words_at(worst.X)));
       return;
     }
     report_.add_verdict(
-        Verdict::bad,
+        Verdict::neutral,
         fmt::format("{} of {} points have a tool direction with κ above {}: a singular pose is near, and the means "
                     "above hide it. The worst κ is {}, at {}.",
                     count, condition.worst.size(), number(kSingularCondition), shown(worst.value),
@@ -453,47 +451,84 @@ class Page {
     return rounded(finite[finite.size() / 2]);
   }
 
+  /// A picture wants a finer grid than statistics.
+  [[nodiscard]] Result<QualityFields> fields_in_space() const {
+    constexpr int kInSpace = 40;
+    SurveyOptions finer = options_;
+    finer.resolution = std::max(finer.resolution, kInSpace);
+    return quality_fields(machine_, finer, question_);
+  }
+
+  /// The mean error of the tip, mm, at points anywhere: each is a survey of its own. Where the machine has no joints,
+  /// as on an arm's border, `otherwise`.
+  [[nodiscard]] Result<std::vector<double>> errors_at(const std::vector<Vec3>& points,
+                                                      std::vector<double> otherwise) const {
+    SurveyOptions options = options_;
+    options.workspace.threads = 1;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      quality::Survey at;
+      at.grid.origin = points[i];
+      at.inside = {0};
+      at.orientations = fields_.survey.orientations;
+      POLYPOD_ASSIGN(errors, errors_of(machine_, options, question_, at));
+      if (std::isfinite(errors.position.worst[0])) otherwise[i] = to_mm(errors.position.mean[0]);
+    }
+    return otherwise;
+  }
+
   Status in_space() {
-    const auto border = quality::survey_border(machine_, fields_.survey, options_);
-    if (!border && border.error().id == "WS130") return {};  // a survey of a plane has no room
-    if (!border) return tl::unexpected(border.error());
+    const auto& points = fields_.survey.grid.points;
+    if (*std::min_element(points.begin(), points.end()) < 2) return {};  // a survey of a plane has no room
+    POLYPOD_ASSIGN(fine, fields_in_space());
+    POLYPOD_ASSIGN(border, quality::survey_border(machine_, fine.survey, options_));
+    const std::vector<double> position = shown_means(fine, QualityValue::position);
     constexpr double kAll = std::numeric_limits<double>::infinity();
-    const std::vector<double> position = shown_means(fields_, QualityValue::position);
-    const std::vector<double> nothing(position.size(), 0.0);
-    POLYPOD_ASSIGN(outside, quality::surface_below(*border, nothing, kAll));
-    report_.add_section("In space");
+    POLYPOD_ASSIGN(hull,
+                   quality::surface_below(machine_, options_, border, std::vector<double>(position.size(), 0.0), kAll));
     report::Scene scene;
-    scene.title = "The workspace, coloured by the error of the tip, and the machine";
-    report::Mesh mesh = mesh_of(outside);
-    const std::vector<double> on_border = quality::values_at(*border, position, outside.points);
+    scene.title = "The workspace, coloured by the error of the tip";
+    report::Mesh mesh = mesh_of(hull);
+    POLYPOD_ASSIGN(on_border, errors_at(hull.points, quality::values_at(border, position, hull.points)));
     colour_by(scene, mesh, on_border, range_of(on_border), "mm");
     scene.meshes.push_back(std::move(mesh));
-    scene.lines = machine_lines(machine_, middle_);
-    report_.add_figure(scene, "The border of the workspace, coloured by the error of the tip, and the machine.");
+    scene.lines = singular_points();
+    report_.add_section("In space");
+    report_.add_figure(scene, "The border of the workspace, coloured by the error of the tip.");
+    report::Scene with_machine = scene;
+    with_machine.title = "The same with the machine";
+    with_machine.lines = machine_lines(machine_, middle_);
+    with_machine.max_aspect = 0.95;
+    std::vector<std::pair<std::string, report::Figure>> panels{{"with the machine", with_machine}};
+    POLYPOD_TRY(add_region(fine, border, hull, panels));
+    report_.add_figure_grid(2, panels, "");
+    return {};
+  }
 
+  /// Where the value that the user asks about is small.
+  Status add_region(const QualityFields& fine, const quality::SurveyBorder& border, const workspace::Surface& hull,
+                    std::vector<std::pair<std::string, report::Figure>>& panels) {
     const std::vector<double> values = shown_means(fields_, page_.region);
     const double below = threshold(values);
     const auto count = std::count_if(values.begin(), values.end(), [&](double v) { return v <= below; });
     const ValueName name = name_of(page_.region);
     const std::string what =
-        fmt::format("{} at most {}{}{}", name.words, number(below), name.unit[0] != 0 ? " " : "", name.unit);
+        fmt::format("{} at most {}{}{}", name.words, plain(below), name.unit[0] != 0 ? " " : "", name.unit);
     if (count == 0) {
-      report_.add_verdict(Verdict::bad, fmt::format("Nowhere is the {}.", what));
+      report_.add_text(fmt::format("Nowhere is the {}.", what));
       return {};
     }
-    POLYPOD_ASSIGN(region, quality::surface_below(*border, values, below));
-    report::Scene inner;
-    inner.title = "Where the " + what;
-    inner.kinds = {what};
-    inner.meshes.push_back(mesh_of(region));
-    report::Mesh hull = mesh_of(outside);
-    hull.kind.assign(hull.points.size(), -1);
-    hull.opacity = 0.14;
-    inner.meshes.push_back(std::move(hull));
-    inner.lines = singular_points();
-    report_.add_figure(inner,
-                       fmt::format("Where the {}: {} % of the points of the workspace (pale).", what,
-                                   fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1)));
+    POLYPOD_ASSIGN(region, quality::surface_below(machine_, options_, border, shown_means(fine, page_.region), below));
+    report::Scene scene;
+    scene.title = "Where the " + what;
+    scene.max_aspect = 0.95;
+    scene.meshes.push_back(mesh_of(region));
+    report::Mesh whole = mesh_of(hull);
+    whole.kind.assign(whole.points.size(), -1);
+    whole.opacity = 0.14;
+    scene.meshes.push_back(std::move(whole));
+    panels.emplace_back(fmt::format("{}: {} % of the workspace, which is pale", what,
+                                    fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1)),
+                        scene);
     return {};
   }
 

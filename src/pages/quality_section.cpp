@@ -25,15 +25,62 @@ Result<std::array<Vec3, 2>> box_of(const AnyMachine& machine, const SurveyOption
   return std::array{box.low, box.high};
 }
 
-/// Adds the neighbours of the points inside.
+/// i, j and k of a point of a grid.
+std::array<int, 3> numbers_of(const workspace::Grid& grid, std::size_t at) {
+  const auto nx = static_cast<std::size_t>(grid.points[0]), ny = static_cast<std::size_t>(grid.points[1]);
+  return {static_cast<int>(at % nx), static_cast<int>(at / nx % ny), static_cast<int>(at / (nx * ny))};
+}
+
+/// The two axes of a plane.
+std::array<int, 2> axes_of(int normal) {
+  return normal == 0 ? std::array{1, 2} : normal == 1 ? std::array{0, 2} : std::array{0, 1};
+}
+
+/// Points without a value get the mean of their neighbours': beyond its reach an arm has no joints and so no errors,
+/// but a map should run up to the border.
+std::vector<double> with_neighbours(const workspace::Grid& grid, const std::vector<double>& values) {
+  std::vector<double> out = values;
+  for (std::size_t at = 0; at < values.size(); ++at) {
+    if (!std::isnan(values[at])) continue;
+    const std::array<int, 3> n = numbers_of(grid, at);
+    double sum = 0;
+    int count = 0;
+    for (int k = std::max(0, n[2] - 1); k <= std::min(grid.points[2] - 1, n[2] + 1); ++k)
+      for (int j = std::max(0, n[1] - 1); j <= std::min(grid.points[1] - 1, n[1] + 1); ++j)
+        for (int i = std::max(0, n[0] - 1); i <= std::min(grid.points[0] - 1, n[0] + 1); ++i) {
+          const double v = values[grid.index(i, j, k)];
+          if (std::isnan(v)) continue;
+          sum += v;
+          ++count;
+        }
+    if (count > 0) out[at] = sum / count;
+  }
+  return out;
+}
+
+/// The numbers of the first and last column and row of a section that are worth showing: those of its points and one
+/// beyond.
+std::pair<std::array<int, 2>, std::array<int, 2>> shown_part(const QualitySection& s, std::size_t u, std::size_t v) {
+  const auto& points = s.fields.survey.grid.points;
+  std::array<int, 2> low{points[u], points[v]}, high{0, 0};
+  for (const std::size_t at : s.fields.survey.inside) {
+    const std::array<int, 3> n = numbers_of(s.fields.survey.grid, at);
+    low = {std::min(low[0], n[u]), std::min(low[1], n[v])};
+    high = {std::max(high[0], n[u]), std::max(high[1], n[v])};
+  }
+  low = {std::max(low[0] - 1, 0), std::max(low[1] - 1, 0)};
+  high = {std::min(high[0] + 1, points[u] - 1), std::min(high[1] + 1, points[v] - 1)};
+  return {low, high};
+}
+
+}  // namespace
+
 std::vector<char> add_neighbours(Survey& survey) {
   const workspace::Grid& grid = survey.grid;
   std::vector<char> mark(grid.size(), 0);  // 1: a neighbour, 2: inside
   const auto [nx, ny, nz] = grid.points;
   for (const std::size_t at : survey.inside) {
-    const int n[3] = {static_cast<int>(at % static_cast<std::size_t>(nx)),
-                      static_cast<int>(at / static_cast<std::size_t>(nx) % static_cast<std::size_t>(ny)),
-                      static_cast<int>(at / static_cast<std::size_t>(nx) / static_cast<std::size_t>(ny))};
+    const std::array<int, 3> n = numbers_of(grid, at);
     for (int k = std::max(0, n[2] - 1); k <= std::min(nz - 1, n[2] + 1); ++k)
       for (int j = std::max(0, n[1] - 1); j <= std::min(ny - 1, n[1] + 1); ++j)
         for (int i = std::max(0, n[0] - 1); i <= std::min(nx - 1, n[0] + 1); ++i)
@@ -49,13 +96,6 @@ std::vector<char> add_neighbours(Survey& survey) {
   }
   return within;
 }
-
-/// The two axes of a plane.
-std::array<int, 2> axes_of(int normal) {
-  return normal == 0 ? std::array{1, 2} : normal == 1 ? std::array{0, 2} : std::array{0, 1};
-}
-
-}  // namespace
 
 ValueName name_of(QualityValue value) {
   switch (value) {
@@ -136,20 +176,34 @@ report::HeatMap map_of(const QualitySection& s, QualityValue value, const Range&
   const auto [u, v] = axes_of(s.axis);
   const auto at = [u = u, v = v](const Vec3& p) { return report::Point{to_mm(p[u]), to_mm(p[v])}; };
   const std::size_t iu = static_cast<std::size_t>(u), iv = static_cast<std::size_t>(v);
-  const report::Point first = at(grid.origin), last = at(grid.at(grid.size() - 1));
   const ValueName name = name_of(value);
+  const auto [low, high] = shown_part(s, iu, iv);
+  const auto corner = [&](const std::array<int, 2>& c) {
+    std::array<int, 3> out{0, 0, 0};
+    out[iu] = c[0];
+    out[iv] = c[1];
+    return out;
+  };
+  const auto a = corner(low), b = corner(high);
+  const report::Point first = at(grid.at(a[0], a[1], a[2])), last = at(grid.at(b[0], b[1], b[2]));
   report::HeatMap map;
   map.title = fmt::format("Mean {} over {}", name.words, plane_name(s));
   map.x = {std::string(1, "xyz"[u]), "mm", first.x, last.x, false};
   map.y = {std::string(1, "xyz"[v]), "mm", first.y, last.y, false};
-  map.columns = grid.points[iu];
-  map.rows = grid.points[iv];
-  map.values.assign(grid.size(), std::numeric_limits<double>::quiet_NaN());
+  map.columns = high[0] - low[0] + 1;
+  map.rows = high[1] - low[1] + 1;
+  std::vector<double> over(grid.size(), std::numeric_limits<double>::quiet_NaN());
   const std::vector<double> values = shown_means(s.fields, value);
   for (std::size_t i = 0; i < values.size(); ++i) {
     // A singular pose has no finite value, but its colour.
-    map.values[s.fields.survey.inside[i]] = std::isinf(values[i]) ? 2 * range.high : values[i];
+    over[s.fields.survey.inside[i]] = std::isinf(values[i]) ? 2 * range.high : values[i];
   }
+  over = with_neighbours(grid, over);
+  for (int j = low[1]; j <= high[1]; ++j)
+    for (int i = low[0]; i <= high[0]; ++i) {
+      const auto c = corner({i, j});
+      map.values.push_back(over[grid.index(c[0], c[1], c[2])]);
+    }
   map.label = name.symbol;
   map.unit = name.unit;
   map.min = range.low;

@@ -19,9 +19,16 @@ struct QualitySection {
 Result<QualitySection> survey_section(const machine::AnyMachine& machine, const quality::SurveyOptions& options,
                                       const QualityQuestion& question, int axis, double at, int resolution);
 
+/// What is asked of errors, at a survey's points.
+Result<quality::ErrorField> errors_of(const machine::AnyMachine& machine, const quality::SurveyOptions& options,
+                                      const QualityQuestion& question, const quality::Survey& survey);
 /// Fills errors and conditioning of `fields` at its survey's points.
 Status fill_fields(const machine::AnyMachine& machine, const quality::SurveyOptions& options,
                    const QualityQuestion& question, QualityFields& fields);
+
+/// Adds the neighbours of the points of a survey, so that its fields go on a step beyond the border; says which points
+/// of `inside` are no neighbours.
+std::vector<char> add_neighbours(quality::Survey& survey);
 
 /// A range that colours cover. Values above `high` have its colour.
 struct Range {

@@ -2,6 +2,7 @@
 #include "polypod/quality/ellipsoids.hpp"
 
 #include <Eigen/SVD>
+#include <cmath>
 #include <limits>
 
 namespace polypod::quality {
@@ -21,8 +22,8 @@ Ellipsoid image_of(const Eigen::Matrix<double, 3, Eigen::Dynamic>& J) {
     Eigen::Index largest = 0;
     out.directions.col(k).cwiseAbs().maxCoeff(&largest);
     if (out.directions(largest, k) < 0) out.directions.col(k) *= -1;
+    for (double& part : out.directions.col(k)) part = std::abs(part) > kNothing ? part : 0;
   }
-  if (out.directions.determinant() < 0) out.directions.col(2) *= -1;
   return out;
 }
 
@@ -32,7 +33,7 @@ Ellipsoid dual_of(const Ellipsoid& e) {
   for (int k = 0; k < 3; ++k) {
     const double a = e.half_axes[2 - k];
     out.half_axes[k] = a > 0 ? 1 / a : std::numeric_limits<double>::infinity();
-    out.directions.col(k) = (k == 1 ? -1 : 1) * e.directions.col(2 - k);  // right-handed again
+    out.directions.col(k) = e.directions.col(2 - k);
   }
   return out;
 }

@@ -29,39 +29,42 @@ Result<SurveyBorder> survey_border(const AnyMachine& machine, const Survey& surv
     return fail("WS130", "a surface needs a survey of at least 2 points in each direction");
   }
   SurveyBorder out;
-  out.grid = inner;
-  out.grid.origin -= inner.step[0] + inner.step[1] + inner.step[2];
-  for (int& n : out.grid.points) n += 2;
-  out.number.assign(out.grid.size(), -1);
-  out.margin.assign(out.grid.size(), kNone);
+  workspace::Grid& grid = out.field.grid;
+  grid = inner;
+  grid.origin -= inner.step[0] + inner.step[1] + inner.step[2];
+  for (int& n : grid.points) n += 2;
+  out.number.assign(grid.size(), -1);
+  out.field.margin.assign(grid.size(), 0.0);
+  out.field.limit.assign(grid.size(), -1);
   workspace::FieldOptions field_options;
   field_options.tilt = false;
   POLYPOD_ASSIGN(field, workspace::field(machine, options.workspace, inner, field_options));
-  for (std::size_t at = 0; at < inner.size(); ++at) out.margin[widened(inner, out.grid, at)] = field.margin[at];
+  for (std::size_t at = 0; at < inner.size(); ++at) {
+    const std::size_t to = widened(inner, grid, at);
+    out.field.margin[to] = field.margin[at];
+    out.field.limit[to] = field.limit[at];
+  }
   for (std::size_t i = 0; i < survey.inside.size(); ++i)
-    out.number[widened(inner, out.grid, survey.inside[i])] = static_cast<int>(i);
+    out.number[widened(inner, grid, survey.inside[i])] = static_cast<int>(i);
   return out;
 }
 
-Result<workspace::Surface> surface_below(const SurveyBorder& border, const std::vector<double>& values, double below) {
+Result<workspace::Surface> surface_below(const AnyMachine& machine, const SurveyOptions& options,
+                                         const SurveyBorder& border, const std::vector<double>& values, double below) {
   const auto value = [&](std::size_t at) { return border.number[at] < 0 ? kNone : values[index(border.number[at])]; };
-  std::vector<char> inside(border.grid.size());
-  for (std::size_t at = 0; at < inside.size(); ++at) inside[at] = value(at) <= below ? 1 : 0;
-  const auto share = [&](std::size_t in, std::size_t beyond) {
-    if (border.number[beyond] >= 0) {  // in the workspace, too large
-      const double a = below - value(in), b = value(beyond) - below;
-      return std::isfinite(b) ? a / (a + b) : 0.5;
-    }
-    const double a = border.margin[in], b = border.margin[beyond];
-    if (std::isnan(b)) return 0.0;               // beyond the box
-    return a >= 0 && b < 0 ? a / (a - b) : 0.5;  // the proof and the sampled margin may differ at the border itself
+  workspace::Part part;
+  for (std::size_t at = 0; at < border.number.size(); ++at) part.inside.push_back(value(at) <= below ? 1 : 0);
+  part.share = [&](std::size_t in, std::size_t beyond) {
+    if (border.number[beyond] < 0) return 0.0;  // beyond the box
+    const double a = below - value(in), b = value(beyond) - below;
+    return std::isfinite(b) && a + b > 0 ? a / (a + b) : 0.5;
   };
-  return workspace::surface_round(border.grid, inside, share);
+  return workspace::surface_of(machine, options.workspace, border.field, {}, &part);
 }
 
 std::vector<double> values_at(const SurveyBorder& border, const std::vector<double>& values,
                               const std::vector<Vec3>& points) {
-  const workspace::Grid& grid = border.grid;
+  const workspace::Grid& grid = border.field.grid;
   Mat3 axes;
   for (int k = 0; k < 3; ++k) axes.col(k) = grid.step[index(k)];
   const Mat3 to_cells = axes.inverse();

@@ -254,7 +254,7 @@ double Surface::area() const {
 }
 
 Result<Surface> surface_of(const AnyMachine& machine, const Options& options, const Field& f,
-                           const SurfaceOptions& surface_options) {
+                           const SurfaceOptions& surface_options, const Part* part) {
   FieldOptions field_options;
   field_options.azimuths = surface_options.azimuths;
   POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
@@ -262,7 +262,8 @@ Result<Surface> surface_of(const AnyMachine& machine, const Options& options, co
   if (nx < 3 || ny < 3 || nz < 3 || f.margin.size() != f.grid.size()) {
     return fail("WS130", "a surface needs a field over a grid of at least 3 points in each direction");
   }
-  const Lattice lattice(f.grid, [&](std::size_t at) { return f.margin[at] >= 0; });
+  const Lattice lattice(
+      f.grid, [&](std::size_t at) { return f.margin[at] >= 0 && (part == nullptr || part->inside[at] != 0); });
   const Edges edges(lattice);
   if (edges.list.empty()) {
     return fail("WS131", "no point of the grid is reachable from all required directions: there is no surface", {},
@@ -277,8 +278,10 @@ Result<Surface> surface_of(const AnyMachine& machine, const Options& options, co
         const auto [in, beyond] = edges.list[e];
         const Vec3 p = f.grid.at(in), q = f.grid.at(beyond);
         Margin last{f.margin[beyond], f.limit[beyond]};
-        double t = 1;
-        if (f.margin[beyond] < 0) {
+        double t = 1;  // beyond lies on the grid's own border
+        if (f.margin[beyond] >= 0 && part != nullptr) {
+          t = part->share(in, beyond);
+        } else if (f.margin[beyond] < 0) {
           t = border_between(
               [&](double share) {
                 const Margin m = judge->margin(p + share * (q - p));
@@ -291,22 +294,6 @@ Result<Surface> surface_of(const AnyMachine& machine, const Options& options, co
         out.limit[e] = last.limit;
       },
       surface_options.progress));
-  close(out, lattice, edges);
-  return out;
-}
-
-Result<Surface> surface_round(const Grid& grid, const std::vector<char>& inside,
-                              const std::function<double(std::size_t, std::size_t)>& share) {
-  if (*std::min_element(grid.points.begin(), grid.points.end()) < 3 || inside.size() != grid.size()) {
-    return fail("WS130", "a surface needs a field over a grid of at least 3 points in each direction");
-  }
-  const Lattice lattice(grid, [&](std::size_t at) { return inside[at] != 0; });
-  const Edges edges(lattice);
-  if (edges.list.empty()) return fail("WS131", "no point of the grid is inside: there is no surface");
-  Surface out;
-  out.limit.assign(edges.list.size(), -1);
-  for (const auto& [in, beyond] : edges.list)
-    out.points.push_back(between(grid.at(in), grid.at(beyond), share(in, beyond)));
   close(out, lattice, edges);
   return out;
 }

@@ -8,7 +8,7 @@
 
 namespace polypod::quality {
 
-/// Half axes, largest first, and their directions: unit columns in M, right-handed. An axis may be 0 (no motion that
+/// Half axes, largest first, and their directions: unit columns in M, each with its largest part positive. An axis may be 0 (no motion that
 /// way) or infinite (any force that way is borne by the frame).
 struct Ellipsoid {
   Vec3 half_axes = Vec3::Zero();

@@ -9,21 +9,21 @@
 
 namespace polypod::quality {
 
-/// A survey's grid with a row of points more on every side, and where the workspace's border crosses its edges.
+/// A survey's grid with a row of points more on every side.
 struct SurveyBorder {
-  workspace::Grid grid;
-  std::vector<int> number;     ///< of each point: its place in Survey::inside, or -1
-  std::vector<double> margin;  ///< of workspace::Field, over the grid; NaN beyond a box that the survey was given
+  workspace::Field field;   ///< its margin; 0 in the row round a box that the survey was given
+  std::vector<int> number;  ///< of each point: its place in Survey::inside, or -1
 };
 /// Errors: those of workspace::field(), WS130 (a survey with less than 2 points in one direction). Cost: that of
 /// workspace::field() without tilts, 15 us a point of the grid.
 Result<SurveyBorder> survey_border(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options);
 
-/// The border of { p in the workspace : value(p) <= below }; `values` as Quantity::mean, linear along the edges of the
-/// grid; `below` may be infinite. On the workspace's border it follows the margin, also linear; on a box's, the box to
-/// 1e-3 of the spacing. Off by the square of the spacing over the radius of curvature. Closed and oriented as
-/// workspace::Surface. Errors: WS131 (no such point).
-Result<workspace::Surface> surface_below(const SurveyBorder& border, const std::vector<double>& values, double below);
+/// The border of { p in the workspace : value(p) <= below } by workspace::surface_of; `values` as Quantity::mean,
+/// linear along the edges of the grid; `below` may be infinite. Its points lie on the workspace's true border, or
+/// within 1e-3 of the spacing of a box's, or between the values; edges are cut off within a spacing. Errors: WS131 (no
+/// such point).
+Result<workspace::Surface> surface_below(const AnyMachine& machine, const SurveyOptions& options,
+                                         const SurveyBorder& border, const std::vector<double>& values, double below);
 
 /// Values at other points, e.g. of a surface: trilinear over the corners of the cell that have one; NaN where none has.
 std::vector<double> values_at(const SurveyBorder& border, const std::vector<double>& values,

@@ -184,7 +184,7 @@ struct BarChart {
   };
   std::string title;
   std::string unit;
-  std::vector<std::string> parts;
+  std::vector<std::string> parts;  ///< an empty name is not in the legend
   std::vector<Row> rows;
 
   std::string operator()(const Canvas& canvas) const;

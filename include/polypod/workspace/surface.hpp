@@ -38,15 +38,17 @@ struct SurfaceOptions {
 /// the grid and 0.1 ms a point of the surface at a tilt; 64 points: some seconds.
 Result<Surface> surface(const AnyMachine& machine, const Options& options, const SurfaceOptions& surface_options = {});
 
-/// The same on a field that is there already (its margin; made with the same machine and options). The grid must be
-/// parallel to M's axes or any other right-handed one.
-Result<Surface> surface_of(const AnyMachine& machine, const Options& options, const Field& field,
-                           const SurfaceOptions& surface_options = {});
+/// A part of the workspace.
+struct Part {
+  std::vector<char> inside;  ///< which points of the grid belong to it, of those in the workspace
+  /// Where between a point of it and a neighbour that is in the workspace and not in the part its border runs, 0 to 1.
+  /// Called from several threads.
+  std::function<double(std::size_t in, std::size_t beyond)> share;
+};
 
-/// The border of any region of a grid, by the same tetrahedra and the same collapsing: `inside` marks its points (those
-/// on the grid's own border never count), `share(in, beyond)` says where between a point inside and a neighbour beyond,
-/// 0 to 1, the border runs. The limits are -1. Errors: WS130, WS131 (no point is inside).
-Result<Surface> surface_round(const Grid& grid, const std::vector<char>& inside,
-                              const std::function<double(std::size_t in, std::size_t beyond)>& share);
+/// The same on a field that is there already (its margin; made with the same machine and options), of the whole
+/// workspace or a part of it. The grid must be parallel to M's axes or any other right-handed one.
+Result<Surface> surface_of(const AnyMachine& machine, const Options& options, const Field& field,
+                           const SurfaceOptions& surface_options = {}, const Part* part = nullptr);
 
 }  // namespace polypod::workspace
