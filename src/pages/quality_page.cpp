@@ -352,7 +352,7 @@ class Page {
     if (at_tip.empty() || at_turn.empty()) return;
     report_.add_section("Which parts make it");
     report_.add_text(question_.tolerances
-                         ? "At the worst pose, the elements whose tolerance costs most. The shares add up to the error."
+                         ? "At the worst pose, the elements whose tolerance costs most. All shares together are the error."
                          : "At the worst pose, what each error would do alone. Together they add as vectors.");
     report_.add_figure_grid(
         2,
@@ -453,7 +453,7 @@ class Page {
 
   /// A picture wants a finer grid than statistics.
   [[nodiscard]] Result<QualityFields> fields_in_space() const {
-    constexpr int kInSpace = 40;
+    constexpr int kInSpace = 34;
     SurveyOptions finer = options_;
     finer.resolution = std::max(finer.resolution, kInSpace);
     return quality_fields(machine_, finer, question_);

@@ -19,8 +19,8 @@ struct Mesh {
   std::vector<Point3> points;
   std::vector<std::array<int, 3>> triangles;  ///< those with an index beyond the points are left out
   std::vector<int> kind;                      ///< of each point, into Scene::kinds; empty: kind 0
-  std::vector<double> value;                  ///< of each point, for Scene::levels
   double opacity = 1;
+  std::vector<double> value = {};  ///< of each point, for Scene::levels
 };
 
 struct Line3 {
