@@ -75,6 +75,17 @@ Extreme extreme_of(const quality::Survey& survey, const quality::Quantity& q) {
   return {quality::pose_at(survey, at, q.worst_direction[at]), q.worst[at]};
 }
 
+/// The middle of the points inside; of a hollow or split workspace the point nearest to it.
+Vec3 middle_of(const quality::Survey& survey) {
+  Vec3 middle = Vec3::Zero();
+  for (const std::size_t i : survey.inside) middle += survey.grid.at(i) / static_cast<double>(survey.inside.size());
+  const auto away = [&](std::size_t i) { return (survey.grid.at(i) - middle).norm(); };
+  const std::size_t nearest = *std::min_element(survey.inside.begin(), survey.inside.end(),
+                                                [&](std::size_t a, std::size_t b) { return away(a) < away(b); });
+  constexpr double kCell = 1.8;  // spacings: more than half the diagonal of a cell
+  return away(nearest) < kCell * survey.grid.step[0].norm() ? middle : survey.grid.at(nearest);
+}
+
 /// Each element and its part of an error.
 struct Part {
   std::string key;
@@ -190,14 +201,14 @@ class Page {
   }
 
   Status measure() {
-    Vec3 middle = Vec3::Zero();
-    for (const std::size_t i : fields_.survey.inside) middle += fields_.survey.grid.at(i);
-    middle_ = middle / static_cast<double>(fields_.survey.inside.size());
+    middle_ = middle_of(fields_.survey);
     worst_ = extreme_of(fields_.survey, fields_.errors.position);
     worst_turned_ = extreme_of(fields_.survey, fields_.errors.orientation);
     for (const int axis : {1, 0, 2}) {
-      POLYPOD_ASSIGN(section, survey_section(machine_, options_, question_, axis, middle_[axis], page_.resolution));
-      sections_.push_back(std::move(section));
+      auto section = survey_section(machine_, options_, question_, axis, middle_[axis], page_.resolution);
+      if (!section && section.error().id == "QP100") continue;  // thinner than the spacing there
+      if (!section) return tl::unexpected(section.error());
+      sections_.push_back(std::move(*section));
     }
     return {};
   }
@@ -223,6 +234,13 @@ class Page {
             : fmt::format("With the errors {} the tip is off by up to {} mm and the tool by up to {} mrad; on average "
                           "over the workspace by {} mm and {} mrad.",
                           given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean)));
+    if (const auto count = near_singular_count(); count > 0) {
+      report_.add_text(fmt::format(
+          "{} of {} points have a direction near a singular pose. Errors are of first order and grow without bound "
+          "there, so the largest values and the means say more about those points than about the rest: see the maps, "
+          "and the poses named below.",
+          count, fields_.survey.inside.size()));
+    }
     report_.add_key_figures({{shown(p.mean), "mm", "error of the tip, mean", Verdict::neutral},
                              {shown(most), "mm", "its largest value", Verdict::neutral},
                              {shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral},
@@ -351,9 +369,10 @@ class Page {
     const std::vector<Part> at_tip = parts_at(worst_.X), at_turn = parts_at(worst_turned_.X);
     if (at_tip.empty() || at_turn.empty()) return;
     report_.add_section("Which parts make it");
-    report_.add_text(question_.tolerances
-                         ? "At the worst pose, the elements whose tolerance costs most. All shares together are the error."
-                         : "At the worst pose, what each error would do alone. Together they add as vectors.");
+    report_.add_text(
+        question_.tolerances
+            ? "At the worst pose, the elements whose tolerance costs most. All shares together are the error."
+            : "At the worst pose, what each error would do alone. Together they add as vectors.");
     report_.add_figure_grid(
         2,
         {{fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X)),
@@ -417,6 +436,11 @@ class Page {
     for (const Extreme& e : apart(fields_.survey, condition, kNamed))
       table.rows.push_back({pose_in_words(machine_, e.X), shown(e.value), words_at(e.X)});
     report_.add_table(table);
+  }
+
+  [[nodiscard]] std::ptrdiff_t near_singular_count() const {
+    const std::vector<double>& worst = fields_.dexterity.condition.worst;
+    return std::count_if(worst.begin(), worst.end(), [](double v) { return v > kSingularCondition; });
   }
 
   /// Points near singular, for a picture in space.

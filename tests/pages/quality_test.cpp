@@ -139,7 +139,8 @@ TEST(QualityPage, LeadsWithErrors) {
   EXPECT_LT(html.find("mrad"), html.find("κ"));
   EXPECT_THAT(html, HasSubstr("polypod dexterity &lt;x&gt;"));
   EXPECT_THAT(html, HasSubstr("No pose that was looked at has a κ above 1000"));
-  for (const char* never : {"nan ", "nan<", "http://", "https://", "<script src"}) EXPECT_THAT(html, Not(HasSubstr(never)));
+  for (const char* never : {"nan ", "nan<", "http://", "https://", "<script src"})
+    EXPECT_THAT(html, Not(HasSubstr(never)));
 }
 
 TEST(QualityPage, SameBytesForAnyNumberOfThreads) {
@@ -156,6 +157,18 @@ TEST(QualityPage, NamesSingularPoses) {
   EXPECT_THAT(html, HasSubstr(fmt::format("{} of {} points have a tool direction", count, count)));
   EXPECT_THAT(html, HasSubstr("cannot be held (kind 2)"));
   EXPECT_THAT(html, Not(HasSubstr("nan ")));
+}
+
+TEST(QualityPage, SectionsMeetASplitWorkspace) {
+  // Reachable above and below the base, not between: the mean of all points lies where nothing is reached.
+  const AnyMachine split = *machine::from_text(R"(
+family = "strut-hexapod"
+base = { radius_mm = 50, pair_angle_deg = 40 }
+platform = { radius_mm = 49, pair_angle_deg = 58 }
+leg = { length_min_mm = 50, length_max_mm = 90 }
+)",
+                                               "split.toml", {});
+  EXPECT_THAT(Case(split, 5).page(), HasSubstr("aria-label=\"Mean error of the tip over xy"));
 }
 
 TEST(QualityPage, KnownErrorsAndArms) {
