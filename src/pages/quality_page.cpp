@@ -410,8 +410,7 @@ class Page {
 
   void near_singular() {
     const quality::Quantity& condition = fields_.dexterity.condition;
-    const auto count =
-        std::count_if(condition.worst.begin(), condition.worst.end(), [](double v) { return v > kSingularCondition; });
+    const auto count = near_singular_count();
     const Extreme worst = extreme_of(fields_.survey, condition);
     report_.add_section("Near singular");
     if (count == 0) {
