@@ -84,7 +84,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double lengt
   }
   const kinematics::Dexterity d = kinematics::dexterity(m, here.X_MT, here.joints, length);
   std::optional<quality::Ellipsoids> ellipsoids;
-  if (o.ellipsoids) ellipsoids = quality::ellipsoids(kinematics::jacobian(m, here.X_MT, here.joints));
+  if (o.ellipsoids) ellipsoids = quality::ellipsoids(m, here.X_MT, here.joints);
   const int joints = static_cast<int>(here.joints.size());
   if (context.json) {
     const auto fixed = [](double v) {

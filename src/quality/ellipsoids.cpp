@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "polypod/quality/singularity.hpp"
+
 namespace polypod::quality {
 namespace {
 
@@ -48,6 +50,13 @@ std::optional<Ellipsoids> ellipsoids(const kinematics::JacobianMatrix& J) {
   out.force = dual_of(out.velocity);
   out.moment = dual_of(out.rotation);
   return out;
+}
+
+std::optional<Ellipsoids> ellipsoids(const kinematics::AnyMachine& machine, const Pose& X_MT,
+                                     const kinematics::JointVector& q) {
+  constexpr double kHeld = 1e-9;
+  if (!kinematics::is_serial(machine) && singularity(machine, X_MT, q).control < kHeld) return {};
+  return ellipsoids(kinematics::jacobian(machine, X_MT, q));
 }
 
 }  // namespace polypod::quality

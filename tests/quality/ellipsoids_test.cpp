@@ -98,5 +98,24 @@ TEST(Ellipsoids, NoneWhereTheJacobianIsInfinite) {
   EXPECT_FALSE(ellipsoids(J));
 }
 
+TEST(Ellipsoids, NoneWhereTheDrivesHoldNothing) {
+  // Between equal platforms that stand parallel the struts are parallel: the tool swings while they stand.
+  const auto parallel = *machine::from_text(R"(
+family = "strut-hexapod"
+base = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
+platform = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
+leg = { length_min_mm = 50, length_max_mm = 90 }
+)",
+                                            "parallel.toml", {});
+  const auto at = [](const kinematics::AnyMachine& machine) {
+    const Pose X{Mat3::Identity(), {0.001, 0.002, 0.07}};
+    kinematics::JointVector q(machine::kLegs);
+    machine::lengths(std::get<machine::StrutHexapod>(machine), X, q.data());
+    return ellipsoids(machine, X, q).has_value();
+  };
+  EXPECT_FALSE(at(parallel));
+  EXPECT_TRUE(at(*machine::load("hexapod-strut")));
+}
+
 }  // namespace
 }  // namespace polypod::quality

@@ -8,8 +8,8 @@
 
 namespace polypod::quality {
 
-/// Half axes, largest first, and their directions: unit columns in M, each with its largest part positive. An axis may be 0 (no motion that
-/// way) or infinite (any force that way is borne by the frame).
+/// Half axes, largest first, and their directions: unit columns in M, each with its largest part positive. An axis may
+/// be 0 (no motion that way) or infinite (any force that way is borne by the frame).
 struct Ellipsoid {
   Vec3 half_axes = Vec3::Zero();
   Mat3 directions = Mat3::Identity();
@@ -26,8 +26,12 @@ struct Ellipsoids {
 /// Units of joint speed are m/s and rad/s, of joint force N and Nm; all joints count together, by the root of the sum
 /// of their squares. `force` is without a moment at the tip, `velocity` whatever the tool turns meanwhile; so their
 /// products along an axis are 1. Below 1e-12 of the largest half axis a half axis counts as 0. Empty where J is not
-/// finite: a parallel machine at a singular pose of kind 2 moves while its drives stand. Source: Yoshikawa (1985),
+/// finite. Source: Yoshikawa (1985),
 /// manipulability and its dual. Cost: 5 us.
 std::optional<Ellipsoids> ellipsoids(const kinematics::JacobianMatrix& J);
+
+/// The same at a pose. Empty too where a parallel machine's A = F_X loses rank (Singularity::control below 1e-9).
+std::optional<Ellipsoids> ellipsoids(const kinematics::AnyMachine& machine, const Pose& X_MT,
+                                     const kinematics::JointVector& q);
 
 }  // namespace polypod::quality
