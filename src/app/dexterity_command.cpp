@@ -6,80 +6,182 @@
 #include "commands.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "survey_options.hpp"
+#include "polypod/quality/ellipsoids.hpp"
+#include "quality_files.hpp"
 
 namespace polypod::app {
+namespace {
+
+struct Options {
+  std::string machine;
+  std::vector<std::string> sets, tolerances;
+  double length_mm = 0;
+  bool ellipsoids = false;
+  SurveyArguments where;
+  QualityFiles files;
+};
+
+std::string command_line(const Options& o) {
+  std::string out = "polypod dexterity " + for_shell(o.machine);
+  for (const std::string& set : o.sets) out += option_in_words("--set", set);
+  if (o.length_mm > 0) out += fmt::format(" --length {}", o.length_mm);
+  for (const std::string& tolerance : o.tolerances) out += option_in_words("--tolerance", tolerance);
+  return out + in_words(o.where) + o.files.in_words();
+}
+
+/// An ellipsoid in the units that a person reads.
+struct Shown {
+  const char* key;
+  const char* title;
+  std::string unit;
+  double scale;
+  const quality::Ellipsoid& of;
+};
+
+/// Joints of one kind have one unit of speed: mm/s or rad/s; joints of both kinds m/s and rad/s.
+std::array<Shown, 4> shown(const machine::AnyMachine& m, const quality::Ellipsoids& e, int joints) {
+  int turning = 0;
+  for (int i = 0; i < joints; ++i) turning += kinematics::joint_kind(m, i) == machine::JointKind::revolute ? 1 : 0;
+  const bool sliding = turning == 0, mixed = turning > 0 && turning < joints;
+  const std::string speed = sliding ? "mm/s" : mixed ? "m/s or rad/s" : "rad/s";
+  const std::string force = sliding ? "N" : mixed ? "N or Nm" : "Nm";
+  return {{{"velocity", "speed of the tip", "mm/s per " + speed, sliding ? 1 : units::kMmPerMetre, e.velocity},
+           {"rotation", "speed of turning", "rad/s per " + speed, sliding ? units::from_mm(1) : 1, e.rotation},
+           {"force", "force at the tip", "N per " + force, 1, e.force},
+           {"moment", "moment at the tip", "Nm per " + force, 1, e.moment}}};
+}
+
+Json ellipsoids_json(const std::array<Shown, 4>& list) {
+  Json out;
+  for (const Shown& s : list) {
+    Json axes = Json::array(), directions = Json::array();
+    for (int k = 0; k < 3; ++k) {
+      axes.push_back(number_json(s.of.half_axes[k] * s.scale));
+      directions.push_back(vector_json(s.of.directions.col(k)));
+    }
+    out[s.key] = {{"unit", s.unit}, {"half_axes", axes}, {"directions", directions}};
+  }
+  return out;
+}
+
+void print_ellipsoids(const std::array<Shown, 4>& list) {
+  fmt::print("\nhalf axes, and their directions in M\n");
+  for (const Shown& s : list) {
+    for (int k = 0; k < 3; ++k) {
+      const double a = s.of.half_axes[k] * s.scale;
+      const Vec3 d = s.of.directions.col(k);
+      fmt::print("{:<17} {:>11} {:<20} {:>8.4f} {:>8.4f} {:>8.4f}\n", k == 0 ? s.title : "",
+                 std::isfinite(a) ? fmt::format("{:.5g}", a) : "unlimited", k == 0 ? s.unit : "", d.x(), d.y(), d.z());
+    }
+  }
+}
+
+Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double length, const Context& context) {
+  POLYPOD_ASSIGN(here, pose_joints(m, o.where.pose));
+  if (!here.reachable) {
+    fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
+    return kAnswerIsNo;
+  }
+  const kinematics::Dexterity d = kinematics::dexterity(m, here.X_MT, here.joints, length);
+  std::optional<quality::Ellipsoids> ellipsoids;
+  if (o.ellipsoids) ellipsoids = quality::ellipsoids(m, here.X_MT, here.joints);
+  const int joints = static_cast<int>(here.joints.size());
+  if (context.json) {
+    const auto fixed = [](double v) {
+      return Json{{"min", number_json(v)}, {"mean", number_json(v)}, {"max", number_json(v)}, {"stddev", 0.0}};
+    };
+    Json document{{"condition", fixed(d.condition)},
+                  {"sigma_min", fixed(d.sigma_min)},
+                  {"determinant", fixed(d.determinant)},
+                  {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
+    if (o.ellipsoids) document["ellipsoids"] = ellipsoids ? ellipsoids_json(shown(m, *ellipsoids, joints)) : Json();
+    print_json(document);
+    return kDone;
+  }
+  fmt::print("condition    {:.6g}\nsigma_min    {:.6g}\n|det|        {:.6g}\nangles on    {:.2f} mm\n", d.condition,
+             d.sigma_min, d.determinant, units::to_mm(d.characteristic_length));
+  if (ellipsoids) print_ellipsoids(shown(m, *ellipsoids, joints));
+  if (o.ellipsoids && !ellipsoids)
+    fmt::print("\nno ellipsoids: at a singular pose the tool moves though the drives stand\n");
+  return kDone;
+}
+
+/// The page's errors: those of the tolerances that were given, or of 0.01 mm (deg) on every element.
+Status write_files(const Options& o, const machine::AnyMachine& m, const quality::SurveyOptions& options,
+                   const std::vector<quality::Sized>& sizes, double length, const quality::Survey& survey,
+                   const quality::DexterityField& field, const std::vector<std::string>& given) {
+  POLYPOD_ASSIGN(errors, quality::tolerance_field(m, survey, options, sizes));
+  pages::QualityPageOptions page;
+  page.command = command_line(o);
+  page.machine = o.machine;
+  page.sets = o.sets;
+  page.given = given;
+  page.assumed = o.tolerances.empty();
+  return o.files.write({m, options, {true, sizes, {}, length}, {survey, std::move(errors), field}, page});
+}
+
+}  // namespace
 
 Command dexterity_command() {
-  struct Options {
-    std::string machine;
-    std::vector<std::string> sets;
-    double length_mm = 0;
-    SurveyArguments where;
-  };
   auto o = std::make_shared<Options>();
-  return {
-      "dexterity", "Condition number, smallest singular value and |det J| over the workspace",
-      "polypod dexterity hexapod-strut --tilt 20",
-      [o](Arguments& a) {
-        declare_machine(a, o->machine, o->sets);
-        a.option("--length", o->length_mm,
-                 "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
-        o->where.declare(a);
-      },
-      [o](const Context& context) -> Result<int> {
-        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
-        const double length = units::from_mm(o->length_mm);
-        if (!o->where.pose.empty()) {
-          POLYPOD_ASSIGN(here, pose_joints(m, o->where.pose));
-          if (!here.reachable) {
-            fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
-            return kAnswerIsNo;
-          }
-          const kinematics::Dexterity d = kinematics::dexterity(m, here.X_MT, here.joints, length);
-          if (context.json) {
-            const auto fixed = [](double v) {
-              return Json{{"min", number_json(v)}, {"mean", number_json(v)}, {"max", number_json(v)}, {"stddev", 0.0}};
-            };
-            print_json({{"condition", fixed(d.condition)},
-                        {"sigma_min", fixed(d.sigma_min)},
-                        {"determinant", fixed(d.determinant)},
-                        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}});
-          } else {
-            fmt::print("condition    {:.6g}\nsigma_min    {:.6g}\n|det|        {:.6g}\nangles on    {:.2f} mm\n",
-                       d.condition, d.sigma_min, d.determinant, units::to_mm(d.characteristic_length));
-          }
-          return kDone;
-        }
-        POLYPOD_ASSIGN(options, o->where.options(m, context));
-        POLYPOD_ASSIGN(survey, quality::survey(m, options));
-        POLYPOD_ASSIGN(field, quality::dexterity_field(m, survey, options, length));
-        const quality::Statistics condition = quality::statistics(survey, field.condition.mean);
-        const quality::Statistics sigma = quality::statistics(survey, field.sigma_min.mean);
-        const quality::Statistics determinant = quality::statistics(survey, field.determinant.mean);
-        if (context.json) {
-          print_json({{"condition", statistics_json(condition)},
-                      {"sigma_min", statistics_json(sigma)},
-                      {"determinant", statistics_json(determinant)},
-                      {"volume_mm3", units::to_mm3(survey.volume)},
-                      {"points", survey.inside.size()},
-                      {"directions", survey.orientations.size()},
-                      {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}});
-          return kDone;
-        }
-        fmt::print("means over {} directions at {} points of the workspace\n", survey.orientations.size(),
-                   survey.inside.size());
-        fmt::print("                  min        mean         max      stddev\n");
-        for (const auto& [name, s] :
-             {std::pair{"condition", condition}, {"sigma_min", sigma}, {"|det|", determinant}}) {
-          fmt::print("{:<10} {:>10.4f}  {:>10.4f}  {:>10.4f}  {:>10.4f}\n", name, s.min, s.mean, s.max, s.stddev);
-        }
-        const Vec3 best = condition.min_at * units::kMmPerMetre, worst = condition.max_at * units::kMmPerMetre;
-        fmt::print("best conditioned at {:.1f}, {:.1f}, {:.1f} mm, worst at {:.1f}, {:.1f}, {:.1f} mm\n", best.x(),
-                   best.y(), best.z(), worst.x(), worst.y(), worst.z());
-        return kDone;
-      }};
+  return {"dexterity", "Condition number, smallest singular value and |det J| over the workspace",
+          "polypod dexterity hexapod-strut --tilt 20",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option(
+                "--length", o->length_mm,
+                "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
+            a.flag("--ellipsoids", o->ellipsoids, "With --pose: ellipsoids of velocity and force of the tool");
+            a.option("--tolerance", o->tolerances,
+                     "KEY=mm (angles deg): for the errors in the files (repeatable, default all=0.01)");
+            o->where.declare(a);
+            o->files.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
+            const double length = units::from_mm(o->length_mm);
+            const bool at_one = !o->where.pose.empty();
+            POLYPOD_TRY(o->files.check(at_one));
+            if (o->ellipsoids && !at_one) return fail("AP175", "--ellipsoids are those of one pose", {}, "give --pose");
+            if (at_one) return at_pose(*o, m, length, context);
+            if (!o->tolerances.empty() && !o->files.any()) {
+              return fail("AP176", "--tolerance is for the files alone", {}, "give --report, or take `polypod errors`");
+            }
+            const std::vector<std::string> given =
+                o->tolerances.empty() ? std::vector<std::string>{"all=0.01"} : o->tolerances;
+            POLYPOD_ASSIGN(keyed, keyed_numbers(given, "--tolerance"));
+            POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));
+            POLYPOD_ASSIGN(options, o->where.options(m, context));
+            POLYPOD_ASSIGN(survey, quality::survey(m, options));
+            POLYPOD_ASSIGN(field, quality::dexterity_field(m, survey, options, length));
+            if (o->files.any()) POLYPOD_TRY(write_files(*o, m, options, sizes, length, survey, field, given));
+            const quality::Statistics condition = quality::statistics(survey, field.condition.mean);
+            const quality::Statistics sigma = quality::statistics(survey, field.sigma_min.mean);
+            const quality::Statistics determinant = quality::statistics(survey, field.determinant.mean);
+            if (context.json) {
+              print_json({{"condition", statistics_json(condition)},
+                          {"sigma_min", statistics_json(sigma)},
+                          {"determinant", statistics_json(determinant)},
+                          {"volume_mm3", units::to_mm3(survey.volume)},
+                          {"points", survey.inside.size()},
+                          {"directions", survey.orientations.size()},
+                          {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}});
+              return kDone;
+            }
+            fmt::print("means over {} directions at {} points of the workspace\n", survey.orientations.size(),
+                       survey.inside.size());
+            fmt::print("                  min        mean         max      stddev\n");
+            for (const auto& [name, s] :
+                 {std::pair{"condition", condition}, {"sigma_min", sigma}, {"|det|", determinant}}) {
+              fmt::print("{:<10} {:>10.4f}  {:>10.4f}  {:>10.4f}  {:>10.4f}\n", name, s.min, s.mean, s.max, s.stddev);
+            }
+            const Vec3 best = condition.min_at * units::kMmPerMetre, worst = condition.max_at * units::kMmPerMetre;
+            fmt::print("best conditioned at {:.1f}, {:.1f}, {:.1f} mm, worst at {:.1f}, {:.1f}, {:.1f} mm\n", best.x(),
+                       best.y(), best.z(), worst.x(), worst.y(), worst.z());
+            o->files.print();
+            return kDone;
+          }};
 }
 
 }  // namespace polypod::app

@@ -6,7 +6,7 @@
 
 #include "commands.hpp"
 #include "polypod/core/units.hpp"
-#include "survey_options.hpp"
+#include "quality_files.hpp"
 
 namespace polypod::app {
 namespace {
@@ -17,7 +17,20 @@ struct Options {
   int samples = 20'000, seed = 1;
   double confidence = 99.73;
   SurveyArguments where;
+  QualityFiles files;
+
+  Options() { files.value = pages::QualityValue::position; }
 };
+
+std::string command_line(const Options& o) {
+  std::string out = "polypod errors " + for_shell(o.machine);
+  for (const std::string& set : o.sets) out += option_in_words("--set", set);
+  for (const std::string& error : o.errors) out += option_in_words("--error", error);
+  for (const std::string& tolerance : o.tolerances) out += option_in_words("--tolerance", tolerance);
+  if (o.method != "exact") out += option_in_words("--method", o.method);
+  if (o.region != "box") out += option_in_words("--region", o.region);
+  return out + in_words(o.where) + o.files.in_words();
+}
 
 Json fixed(double value) {
   return {{"min", value}, {"mean", value}, {"max", value}, {"stddev", 0.0}};
@@ -169,6 +182,7 @@ Command errors_command() {
             a.option("--confidence", o->confidence, "Share of them that the quantile covers, % (default 99.73)");
             a.option("--seed", o->seed, "Of the random numbers (default 1)");
             o->where.declare(a);
+            o->files.declare(a);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -189,12 +203,23 @@ Command errors_command() {
             POLYPOD_ASSIGN(
                 keyed, keyed_numbers(tolerances ? o->tolerances : o->errors, tolerances ? "--tolerance" : "--error"));
             POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, tolerances));
+            POLYPOD_TRY(o->files.check(!o->where.pose.empty()));
             if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, context);
 
             POLYPOD_ASSIGN(options, o->where.options(m, context));
             POLYPOD_ASSIGN(survey, quality::survey(m, options));
             POLYPOD_ASSIGN(field, tolerances ? quality::tolerance_field(m, survey, options, sizes, tolerance)
                                              : quality::known_error_field(m, survey, options, sizes));
+            if (o->files.any()) {
+              POLYPOD_ASSIGN(dexterity, quality::dexterity_field(m, survey, options));
+              pages::QualityPageOptions page;
+              page.command = command_line(*o);
+              page.machine = o->machine;
+              page.sets = o->sets;
+              page.given = tolerances ? o->tolerances : o->errors;
+              POLYPOD_TRY(o->files.write(
+                  {m, options, {tolerances, sizes, tolerance, 0}, {survey, field, std::move(dexterity)}, page}));
+            }
             const quality::Statistics position = quality::statistics(survey, field.position.mean);
             const quality::Statistics orientation = quality::statistics(survey, field.orientation.mean);
             const auto worst =
@@ -241,6 +266,7 @@ Command errors_command() {
               pose += fmt::format("{}{:.2f}", pose.empty() ? "" : ", ", c);
             fmt::print("worst pose: {:.6f} mm at {}\n", units::to_mm(worst_position), pose);
             if (tolerances) print_shares(m, case_there);
+            o->files.print();
             return kDone;
           }};
 }

@@ -91,6 +91,28 @@ std::vector<Point> at_least(const Quad& quad, double level, std::vector<std::pai
   return part;
 }
 
+/// Opens a group that is drawn only inside the outlines.
+std::string open_clip(const std::string& id, const std::vector<std::vector<Point>>& outlines) {
+  std::string d;
+  for (const std::vector<Point>& outline : outlines) d += svg::path(outline, true);
+  return fmt::format(
+      "<clipPath id=\"{0}-area\"><path d=\"{1}\" clip-rule=\"evenodd\"/></clipPath>\n<g "
+      "clip-path=\"url(#{0}-area)\">\n",
+      id, d);
+}
+
+/// By the even-odd rule.
+bool encloses(const std::vector<std::vector<Point>>& outlines, const Point& p) {
+  bool inside = false;
+  for (const std::vector<Point>& outline : outlines) {
+    for (std::size_t i = 0; i < outline.size(); ++i) {
+      const Point &a = outline[i], &b = outline[(i + 1) % outline.size()];
+      if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
+    }
+  }
+  return inside;
+}
+
 std::string label_of(double level, int decimals) {
   return std::abs(level) >= 1e6 || (level != 0 && std::abs(level) < 1e-3) ? number(level, 3) : fixed(level, decimals);
 }
@@ -327,6 +349,12 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     }
     if (!d.empty()) picture.body += fmt::format("<path d=\"{}\" fill=\"{}\"/>\n", d, colour(mid, of));
   };
+  std::vector<std::vector<Point>> outlines;  // in pixels
+  for (const std::vector<Point>& line : clip) {
+    std::vector<Point>& outline = outlines.emplace_back();
+    for (const Point& p : line) outline.push_back({X(p.x), Y(p.y)});
+  }
+  if (!outlines.empty()) picture.body += open_clip(picture.id(), outlines);
   std::vector<int> of_tiles;
   for (const Quad& tile : tiles) {
     if (std::find(of_tiles.begin(), of_tiles.end(), tile.kind) == of_tiles.end()) of_tiles.push_back(tile.kind);
@@ -364,6 +392,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     for (const auto& [a, b] : cut) {
       contours += fmt::format("M{} {}L{} {}", px(a.x), px(a.y), px(b.x), px(b.y));
       const Point middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
+      if (!outlines.empty() && !encloses(outlines, middle)) continue;
       double distance = std::min({middle.x - left, right - middle.x}) * 2;
       distance = std::min(distance, std::min(middle.y - top, bottom - middle.y) * 4);
       for (const Point& p : placed) distance = std::min(distance, std::hypot(p.x - middle.x, 2 * (p.y - middle.y)));
@@ -379,6 +408,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     }
   }
   if (!contours.empty()) picture.body += fmt::format("<path d=\"{}\" class=\"contour\"/>\n", contours);
+  if (!outlines.empty()) picture.body += "</g>\n";
   picture.body += fmt::format("<g clip-path=\"{}\">\n", picture.clip("box", left, top, plot_width, plot_height));
   for (const Polyline& l : lines) {
     std::vector<Point> points;

@@ -402,6 +402,7 @@ std::string BarChart::operator()(const Canvas& canvas) const {
   Picture picture(canvas, title);
   std::vector<LegendEntry> entries;
   for (std::size_t k = 0; k < parts.size(); ++k) {
+    if (parts[k].empty()) continue;
     entries.push_back({parts[k], kOrder[k % std::size(kOrder)], LineStyle::solid, true, 1, true});
   }
   double left = 0, largest = 0;
@@ -416,7 +417,11 @@ std::string BarChart::operator()(const Canvas& canvas) const {
   left = std::min(left + 12, 0.4 * picture.width);
   constexpr double kRow = 30, kBar = 20;
   double top = picture.legend(entries, left, 2) + 4;
-  const double right = picture.width - 74;  // room for the total behind the longest bar
+  double widest_total = 60;  // room for the total behind the longest bar
+  for (const double total : totals) {
+    widest_total = std::max(widest_total, svg::text_width(number(total) + " " + unit));
+  }
+  const double right = picture.width - widest_total - 14;
   const Scale X{0, largest > 0 ? largest : 1, left, right};
   for (std::size_t i = 0; i < rows.size(); ++i) {
     picture.text(left - 8, top + kBar / 2 + 4, rows[i].label, "t e");

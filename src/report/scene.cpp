@@ -44,6 +44,39 @@ bool finite(const Point3& p) {
   return std::isfinite(p.x + p.y + p.z);
 }
 
+/// Step `kind` of `count` of the sequential map, darkened or lightened like kind_colour: as it is at kFull.
+std::string step_colour(int kind, std::size_t count, double lightness) {
+  constexpr double kFull = 0.8;
+  const double t = count > 1 ? std::clamp(kind / static_cast<double>(count - 1), 0.0, 1.0) : 0.5;
+  const std::string base = colour_at(ColourMap::sequential, t);
+  std::string out = "#";
+  for (std::size_t k = 1; k < base.size(); k += 2) {
+    const int value = std::stoi(base.substr(k, 2), nullptr, 16);
+    out += fmt::format("{:02x}", std::clamp(static_cast<int>(std::lround(value * lightness / kFull)), 0, 255));
+  }
+  return out;
+}
+
+/// A corner of a polygon with a value that is linear over it.
+struct Valued {
+  Point3 at;
+  double value = 0;
+};
+/// The parts of a convex polygon below and above a level.
+std::array<std::vector<Valued>, 2> cut(const std::vector<Valued>& polygon, double level) {
+  std::array<std::vector<Valued>, 2> out;
+  for (std::size_t k = 0; k < polygon.size(); ++k) {
+    const Valued &a = polygon[k], &b = polygon[(k + 1) % polygon.size()];
+    out[a.value < level ? 0 : 1].push_back(a);
+    if ((a.value < level) == (b.value < level)) continue;
+    const double t = (level - a.value) / (b.value - a.value);
+    const Valued middle{a.at + t * (b.at - a.at), level};
+    out[0].push_back(middle);
+    out[1].push_back(middle);
+  }
+  return out;
+}
+
 /// Something to draw, and how near it is.
 struct Piece {
   double depth = 0;
@@ -54,6 +87,9 @@ struct Piece {
 
 std::string Scene::operator()(const Canvas& canvas) const {
   Picture picture(canvas, title);
+  const auto colour_of = [&](int kind, double lightness) {
+    return levels.empty() || kind < 0 ? kind_colour(kind, lightness) : step_colour(kind, kinds.size(), lightness);
+  };
   const double az = azimuth_deg * std::numbers::pi / 180, el = elevation_deg * std::numbers::pi / 180;
   const Point3 to_eye{std::cos(el) * std::cos(az), std::cos(el) * std::sin(az), std::sin(el)};
   const Point3 right{-std::sin(az), std::cos(az), 0}, up = cross(to_eye, right);
@@ -81,14 +117,18 @@ std::string Scene::operator()(const Canvas& canvas) const {
   for (const Mesh& m : meshes) {
     for (const int k : m.kind)
       if (k >= 0 && static_cast<std::size_t>(k) < kinds.size()) occurs[static_cast<std::size_t>(k)] = 1;
-    if (m.kind.empty() && !kinds.empty() && !m.triangles.empty()) occurs[0] = 1;
+    for (const double v : m.value) {
+      const auto band = static_cast<std::size_t>(std::upper_bound(levels.begin(), levels.end(), v) - levels.begin());
+      if (band < kinds.size()) occurs[band] = 1;
+    }
+    if (m.kind.empty() && m.value.empty() && !kinds.empty() && !m.triangles.empty()) occurs[0] = 1;
   }
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     if (occurs[k] == 0) continue;
     LegendEntry entry;
     entry.name = kinds[k];
     entry.area = true;
-    entry.fill = kind_colour(static_cast<int>(k), 0.66);
+    entry.fill = colour_of(static_cast<int>(k), levels.empty() ? 0.66 : 0.8);
     entries.push_back(std::move(entry));
   }
   std::set<std::string> named;
@@ -246,17 +286,33 @@ std::string Scene::operator()(const Canvas& canvas) const {
       };
       // The outline closes the gaps between neighbours.
       const auto draw = [&](const std::vector<Point3>& outline, int kind) {
-        const std::string fill = kind_colour(kind, lightness);
+        const std::string fill = colour_of(kind, lightness);
         Piece piece;
         piece.depth = dot(p[0] + p[1] + p[2], to_eye) / 3;
         for (const Point3& corner_at : outline) {
           const Point at = project(corner_at);
           piece.svg += fmt::format("{}{} {}", piece.svg.empty() ? "<path d=\"M" : "L", px(at.x), px(at.y));
         }
-        piece.svg += fmt::format("Z\" fill=\"{0}\" stroke=\"{0}\"{1}/>\n", fill,
+        piece.svg += fmt::format("Z\" fill=\"{0}\" stroke=\"{1}\"{2}/>\n", fill, m.opacity < 1 ? "none" : fill,
                                  m.opacity < 1 ? fmt::format(" opacity=\"{:.2f}\"", m.opacity) : "");
         pieces.push_back(std::move(piece));
       };
+      if (!levels.empty() && m.value.size() == m.points.size()) {
+        std::vector<Valued> rest;
+        for (std::size_t k = 0; k < 3; ++k) rest.push_back({p[k], m.value[static_cast<std::size_t>(t[k])]});
+        const auto draw_band = [&](const std::vector<Valued>& band, int number) {
+          std::vector<Point3> outline;
+          for (const Valued& v : band) outline.push_back(v.at);
+          if (outline.size() > 2) draw(outline, number);
+        };
+        for (std::size_t k = 0; k < levels.size(); ++k) {
+          auto [below, above] = cut(rest, levels[k]);
+          draw_band(below, static_cast<int>(k));
+          rest = std::move(above);
+        }
+        draw_band(rest, static_cast<int>(levels.size()));
+        continue;
+      }
       // A triangle of two kinds is cut through the middles of its sides, so that the kinds meet along a smooth line.
       std::size_t alone = 3;
       for (std::size_t k = 0; k < 3; ++k)

@@ -20,13 +20,14 @@ struct Lattice {
   const Grid& grid;
   std::vector<char> inside;
 
-  explicit Lattice(const Field& f) : grid(f.grid), inside(f.grid.size(), 0) {
+  template <class Inside>
+  Lattice(const Grid& over, const Inside& is_inside) : grid(over), inside(over.size(), 0) {
     const auto [nx, ny, nz] = grid.points;
     for (int k = 1; k + 1 < nz; ++k)
       for (int j = 1; j + 1 < ny; ++j)
         for (int i = 1; i + 1 < nx; ++i) {
           const std::size_t at = grid.index(i, j, k);
-          inside[at] = f.margin[at] >= 0 ? 1 : 0;
+          inside[at] = is_inside(at) ? 1 : 0;
         }
   }
   [[nodiscard]] std::size_t shift(unsigned bits) const {
@@ -66,6 +67,33 @@ std::vector<std::array<Crossing, 3>> separate(const unsigned (&tetrahedron)[4], 
     if ((middle(t[1]) - a).cross(middle(t[2]) - a).dot(outward) < 0) std::swap(t[1], t[2]);
   }
   return triangles;
+}
+
+/// The edges of the grid that the border crosses, one point each.
+struct Edges {
+  std::vector<std::array<std::size_t, 2>> list;  ///< the end inside, the end beyond
+  std::vector<int> point_of;                     ///< of edge d = 1 .. 7 from a point: 7 point + d - 1; -1: not crossed
+
+  explicit Edges(const Lattice& lattice) : point_of(7 * lattice.grid.size(), -1) {
+    const auto [nx, ny, nz] = lattice.grid.points;
+    for (int k = 0; k + 1 < nz; ++k)
+      for (int j = 0; j + 1 < ny; ++j)
+        for (int i = 0; i + 1 < nx; ++i) {
+          const std::size_t a = lattice.grid.index(i, j, k);
+          for (unsigned d = 1; d < 8; ++d) {
+            const std::size_t b = a + lattice.shift(d);
+            if (lattice.inside[a] == lattice.inside[b]) continue;
+            point_of[7 * a + d - 1] = static_cast<int>(list.size());
+            list.push_back(lattice.inside[a] != 0 ? std::array{a, b} : std::array{b, a});
+          }
+        }
+  }
+};
+
+/// The point at share t of an edge, off its ends, so that the points of different edges never coincide.
+Vec3 between(const Vec3& p, const Vec3& q, double t) {
+  constexpr double kOffEnd = 1e-3;
+  return p + std::clamp(t, kOffEnd, 1 - kOffEnd) * (q - p);
 }
 
 Vec3 normal_of(const std::vector<Vec3>& points, const Triangle& t) {
@@ -182,6 +210,30 @@ class Collapse {
   std::vector<Vec3> normal_;
 };
 
+/// The triangles over the points of `edges`, which `out` has, without short sides.
+void close(Surface& out, const Lattice& lattice, const Edges& edges) {
+  const auto [nx, ny, nz] = lattice.grid.points;
+  for (int k = 0; k + 1 < nz; ++k)
+    for (int j = 0; j + 1 < ny; ++j)
+      for (int i = 0; i + 1 < nx; ++i) {
+        const std::size_t at = lattice.grid.index(i, j, k);
+        unsigned cube = 0;
+        for (unsigned c = 0; c < 8; ++c) cube |= static_cast<unsigned>(lattice.inside[at + lattice.shift(c)]) << c;
+        if (cube == 0 || cube == 255) continue;
+        for (const auto& tetrahedron : kTetrahedra)
+          for (const auto& t : separate(tetrahedron, cube)) {
+            Triangle triangle{};
+            for (std::size_t v = 0; v < 3; ++v) {
+              const unsigned low = std::min(t[v].first, t[v].second), high = std::max(t[v].first, t[v].second);
+              triangle[v] = edges.point_of[7 * (at + lattice.shift(low)) + (high - low) - 1];
+            }
+            out.triangles.push_back(triangle);
+          }
+      }
+  constexpr double kShortest = 0.6;  // of the spacing: leaves about a third of the triangles, and none that is a needle
+  Collapse(out, kShortest * lattice.grid.step[0].norm()).run();
+}
+
 }  // namespace
 
 double Surface::volume() const {
@@ -202,7 +254,7 @@ double Surface::area() const {
 }
 
 Result<Surface> surface_of(const AnyMachine& machine, const Options& options, const Field& f,
-                           const SurfaceOptions& surface_options) {
+                           const SurfaceOptions& surface_options, const Part* part) {
   FieldOptions field_options;
   field_options.azimuths = surface_options.azimuths;
   POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
@@ -210,40 +262,26 @@ Result<Surface> surface_of(const AnyMachine& machine, const Options& options, co
   if (nx < 3 || ny < 3 || nz < 3 || f.margin.size() != f.grid.size()) {
     return fail("WS130", "a surface needs a field over a grid of at least 3 points in each direction");
   }
-  const Lattice lattice(f);
-  // One point for each edge of the grid that the border crosses.
-  struct CrossingEdge {
-    std::size_t from;
-    unsigned d;
-  };
-  std::vector<CrossingEdge> edges;
-  std::vector<int> point_of(7 * f.grid.size(), -1);
-  for (int k = 0; k + 1 < nz; ++k)
-    for (int j = 0; j + 1 < ny; ++j)
-      for (int i = 0; i + 1 < nx; ++i) {
-        const std::size_t at = f.grid.index(i, j, k);
-        for (unsigned d = 1; d < 8; ++d) {
-          if (lattice.inside[at] == lattice.inside[at + lattice.shift(d)]) continue;
-          point_of[7 * at + d - 1] = static_cast<int>(edges.size());
-          edges.push_back({at, d});
-        }
-      }
-  if (edges.empty()) {
+  const Lattice lattice(
+      f.grid, [&](std::size_t at) { return f.margin[at] >= 0 && (part == nullptr || part->inside[at] != 0); });
+  const Edges edges(lattice);
+  if (edges.list.empty()) {
     return fail("WS131", "no point of the grid is reachable from all required directions: there is no surface", {},
                 "raise the resolution, or ask for less tilt");
   }
   Surface out;
-  out.points.resize(edges.size());
-  out.limit.resize(edges.size());
+  out.points.resize(edges.list.size());
+  out.limit.resize(edges.list.size());
   POLYPOD_TRY(in_rounds(
-      options, edges.size(),
+      options, edges.list.size(),
       [&](std::size_t e) {
-        const std::size_t a = edges[e].from, b = a + lattice.shift(edges[e].d);
-        const std::size_t in = lattice.inside[a] != 0 ? a : b, beyond = in == a ? b : a;
+        const auto [in, beyond] = edges.list[e];
         const Vec3 p = f.grid.at(in), q = f.grid.at(beyond);
         Margin last{f.margin[beyond], f.limit[beyond]};
-        double t = 1;
-        if (f.margin[beyond] < 0) {
+        double t = 1;  // beyond lies on the grid's own border
+        if (f.margin[beyond] >= 0 && part != nullptr) {
+          t = part->share(in, beyond);
+        } else if (f.margin[beyond] < 0) {
           t = border_between(
               [&](double share) {
                 const Margin m = judge->margin(p + share * (q - p));
@@ -252,31 +290,11 @@ Result<Surface> surface_of(const AnyMachine& machine, const Options& options, co
               },
               f.margin[in], f.margin[beyond]);
         }
-        // Off the ends, so that the points of different edges never coincide.
-        constexpr double kOffEnd = 1e-3;
-        out.points[e] = p + std::clamp(t, kOffEnd, 1 - kOffEnd) * (q - p);
+        out.points[e] = between(p, q, t);
         out.limit[e] = last.limit;
       },
       surface_options.progress));
-  for (int k = 0; k + 1 < nz; ++k)
-    for (int j = 0; j + 1 < ny; ++j)
-      for (int i = 0; i + 1 < nx; ++i) {
-        const std::size_t at = f.grid.index(i, j, k);
-        unsigned cube = 0;
-        for (unsigned c = 0; c < 8; ++c) cube |= static_cast<unsigned>(lattice.inside[at + lattice.shift(c)]) << c;
-        if (cube == 0 || cube == 255) continue;
-        for (const auto& tetrahedron : kTetrahedra)
-          for (const auto& t : separate(tetrahedron, cube)) {
-            Triangle triangle{};
-            for (std::size_t v = 0; v < 3; ++v) {
-              const unsigned low = std::min(t[v].first, t[v].second), high = std::max(t[v].first, t[v].second);
-              triangle[v] = point_of[7 * (at + lattice.shift(low)) + (high - low) - 1];
-            }
-            out.triangles.push_back(triangle);
-          }
-      }
-  constexpr double kShortest = 0.6;  // of the spacing: leaves about a third of the triangles, and none that is a needle
-  Collapse(out, kShortest * f.grid.step[0].norm()).run();
+  close(out, lattice, edges);
   return out;
 }
 

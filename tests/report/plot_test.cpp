@@ -332,6 +332,21 @@ TEST(HeatMap, ACellWithOneCornerMissingIsHalfACell) {
   EXPECT_FALSE(std::regex_search(map(kCanvas), triangle)) << "half the cell is not known";
 }
 
+TEST(HeatMap, IsDrawnOnlyInsideItsClip) {
+  HeatMap map;
+  map.columns = map.rows = 11;
+  for (int j = 0; j < 11; ++j)
+    for (int i = 0; i < 11; ++i) map.values.push_back(i);
+  map.clip = {{{0, 0}, {3.5, 0}, {3.5, 10}, {0, 10}}};
+  const std::string svg = map(kCanvas);
+  EXPECT_EQ(count_of(svg, "clip-rule=\"evenodd\""), 1);
+  EXPECT_EQ(count_of(svg, "url(#t-area)"), 1);
+  // Of the contour lines only those inside are numbered: x = 1, 2, 3 of 1 .. 9.
+  EXPECT_EQ(count_of(svg, "class=\"on\""), 3);
+  map.clip.clear();
+  EXPECT_GT(count_of(map(kCanvas), "class=\"on\""), 5);
+}
+
 TEST(HeatMap, DivergingMapsAreSymmetric) {
   HeatMap map = ramp();
   map.map = ColourMap::diverging;  // 0 to 10 gives a range of -10 to 10

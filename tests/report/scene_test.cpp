@@ -5,8 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
+#include <map>
+#include <regex>
+#include <sstream>
 
 #include "polypod/report/stl.hpp"
 
@@ -57,6 +61,41 @@ TEST(Stl, RefusesWhatIsNoSurface) {
 /// A square at height z.
 Mesh square(double z, int kind) {
   return {{{0, 0, z}, {1, 0, z}, {1, 1, z}, {0, 1, z}}, {{0, 1, 2}, {0, 2, 3}}, {kind, kind, kind, kind}, 1};
+}
+
+TEST(Scene, BandsAreCutWhereTheValuePassesALevel) {
+  Scene scene;
+  scene.elevation_deg = 90;
+  scene.azimuth_deg = -90;  // x to the right, y up
+  scene.kinds = {"small", "large", "absent"};
+  scene.levels = {0.25, 2};
+  scene.meshes = {square(0, 0)};
+  scene.meshes[0].kind.clear();
+  scene.meshes[0].value = {0, 1, 1, 0};  // the value is x
+  const std::string svg = scene({});
+  // The two triangles are cut at a quarter of the width: four pieces, in two colours.
+  std::map<std::string, std::pair<double, double>> range;  // of x, by colour
+  const std::regex piece("<path d=\"M([^\"]*)Z\" fill=\"(#[0-9a-f]+)\" stroke");
+  int pieces = 0;
+  for (std::sregex_iterator it(svg.begin(), svg.end(), piece); it != std::sregex_iterator(); ++it, ++pieces) {
+    auto& [low, high] = range.try_emplace((*it)[2], 1e9, -1e9).first->second;
+    std::string points = (*it)[1];
+    std::replace(points.begin(), points.end(), 'L', ' ');
+    std::istringstream numbers(points);
+    for (double x = 0, y = 0; numbers >> x >> y;) {
+      low = std::min(low, x);
+      high = std::max(high, x);
+    }
+  }
+  EXPECT_EQ(pieces, 4);
+  ASSERT_EQ(range.size(), 2U);
+  auto a = range.begin()->second, b = std::next(range.begin())->second;
+  if (a.first > b.first) std::swap(a, b);
+  constexpr double kPixels = 0.11;  // coordinates have one decimal
+  EXPECT_NEAR(a.second, b.first, kPixels);
+  EXPECT_NEAR((a.second - a.first) / (b.second - a.first), 0.25, 1e-3);
+  EXPECT_NE(svg.find(">small<"), std::string::npos);
+  EXPECT_EQ(svg.find(">absent<"), std::string::npos);
 }
 
 TEST(Scene, NearerIsDrawnLater) {

@@ -151,6 +151,9 @@ struct HeatMap {
   bool contour_labels = true;
   bool equal_scales = true;     ///< x and y are lengths of one unit
   std::vector<Polyline> lines;  ///< drawn over the map
+  /// Closed lines: the map is drawn only inside them (where they cross or nest, by the even-odd rule). Values a step
+  /// beyond then make the map run up to the line. Empty: everywhere.
+  std::vector<std::vector<Point>> clip;
   std::vector<Marker> markers;
 
   std::string operator()(const Canvas& canvas) const;
@@ -181,7 +184,7 @@ struct BarChart {
   };
   std::string title;
   std::string unit;
-  std::vector<std::string> parts;
+  std::vector<std::string> parts;  ///< an empty name is not in the legend
   std::vector<Row> rows;
 
   std::string operator()(const Canvas& canvas) const;

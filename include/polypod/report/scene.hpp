@@ -20,6 +20,7 @@ struct Mesh {
   std::vector<std::array<int, 3>> triangles;  ///< those with an index beyond the points are left out
   std::vector<int> kind;                      ///< of each point, into Scene::kinds; empty: kind 0
   double opacity = 1;
+  std::vector<double> value = {};  ///< of each point, for Scene::levels
 };
 
 struct Line3 {
@@ -39,6 +40,9 @@ struct Scene {
   std::array<std::string, 3> axes{"x", "y", "z"};
   std::vector<Mesh> meshes;
   std::vector<std::string> kinds;  ///< names of the colours of the meshes, for the legend (those that occur)
+  /// Rising. Meshes with values have bands of colour, along ColourMap::sequential, between these; triangles are cut
+  /// where the value, linear over them, passes a level. `kinds` then names the bands, one more than levels.
+  std::vector<double> levels;
   std::vector<Line3> lines;
   double azimuth_deg = -58;   ///< where the eye stands, about z from x
   double elevation_deg = 24;  ///< and above the plane of x and y, -90 to 90

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "polypod/workspace/field.hpp"
@@ -37,9 +38,17 @@ struct SurfaceOptions {
 /// the grid and 0.1 ms a point of the surface at a tilt; 64 points: some seconds.
 Result<Surface> surface(const AnyMachine& machine, const Options& options, const SurfaceOptions& surface_options = {});
 
-/// The same on a field that is there already (its margin; made with the same machine and options). The grid must be
-/// parallel to M's axes or any other right-handed one.
+/// A part of the workspace.
+struct Part {
+  std::vector<char> inside;  ///< which points of the grid belong to it, of those in the workspace
+  /// Where between a point of it and a neighbour that is in the workspace and not in the part its border runs, 0 to 1.
+  /// Called from several threads.
+  std::function<double(std::size_t in, std::size_t beyond)> share;
+};
+
+/// The same on a field that is there already (its margin; made with the same machine and options), of the whole
+/// workspace or a part of it. The grid must be parallel to M's axes or any other right-handed one.
 Result<Surface> surface_of(const AnyMachine& machine, const Options& options, const Field& field,
-                           const SurfaceOptions& surface_options = {});
+                           const SurfaceOptions& surface_options = {}, const Part* part = nullptr);
 
 }  // namespace polypod::workspace

@@ -1,0 +1,138 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "quality_files.hpp"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/pages/workspace.hpp"
+
+namespace polypod::app {
+
+using pages::QualityValue;
+
+void QualityFiles::declare(Arguments& a) {
+  const bool errors = value == QualityValue::position;
+  a.option("--report", report,
+           "An HTML report: errors, conditioning, sections, near-singular poses, pictures in space");
+  a.option("--csv", csv, "A row a point: errors and conditioning, means and worst over the directions");
+  a.option("--vti", vti, "The same as a field for ParaView");
+  a.option("--below", below,
+           errors ? "A mean error of the tip, mm: the region of --stl and of the report"
+                  : "A mean condition number: the region of --stl and of the report");
+  a.option("--stl", stl, "Where the mean is at most --below, as a closed surface, binary STL in mm");
+  a.option("--svg", svg,
+           errors ? "The mean error over the plane --plane" : "The mean condition over the plane --plane");
+  a.option("--plane", plane, "xy, xz or yz, for --svg");
+  a.option("--at", at, "Where that plane stands on the third axis, mm (default 0)");
+}
+
+std::vector<const std::string*> QualityFiles::paths() const {
+  std::vector<const std::string*> out;
+  for (const std::string* path : {&report, &csv, &vti, &stl, &svg})
+    if (!path->empty()) out.push_back(path);
+  return out;
+}
+
+bool QualityFiles::any() const {
+  return !paths().empty();
+}
+
+Result<std::pair<int, double>> QualityFiles::section() const {
+  const int axis = plane == "yz" ? 0 : plane == "xz" ? 1 : plane == "xy" ? 2 : -1;
+  if (axis < 0) return fail("AP170", fmt::format("--plane {}: not xy, xz or yz", plane), {}, "--svg needs a --plane");
+  POLYPOD_ASSIGN(numbers, numbers_of(at.empty() ? "0" : at, "--at"));
+  if (numbers.size() != 1) return fail("AP171", fmt::format("--at {}: not one number", at));
+  return std::pair{axis, units::from_mm(numbers[0])};
+}
+
+Result<std::optional<double>> QualityFiles::threshold() const {
+  if (below.empty()) {
+    if (stl.empty()) return std::optional<double>();
+    return fail("AP172", "--stl needs --below", {}, "the surface encloses where the mean is at most --below");
+  }
+  POLYPOD_ASSIGN(numbers, numbers_of(below, "--below"));
+  if (numbers.size() != 1 || !(numbers[0] > 0))
+    return fail("AP172", fmt::format("--below {}: not one number above 0", below));
+  if (stl.empty() && report.empty()) return fail("AP172", "--below says nothing without --stl or --report");
+  return std::optional(numbers[0]);
+}
+
+Status QualityFiles::check(bool at_pose) const {
+  if (at_pose && any()) {
+    return fail("AP173", "files are of the whole workspace, not of one pose", {}, "leave out --pose, or the files");
+  }
+  POLYPOD_TRY(threshold());
+  if (svg.empty() && !(plane.empty() && at.empty())) return fail("AP170", "--plane and --at go with --svg");
+  if (!svg.empty()) POLYPOD_TRY(section());
+  std::set<std::string> seen;
+  for (const std::string* path : paths()) {
+    if (!seen.insert(*path).second) return fail("AP174", fmt::format("{}: named for two files", *path));
+    POLYPOD_TRY(files::may_write(*path));
+  }
+  return {};
+}
+
+Status QualityFiles::write(const QualityWork& w) const {
+  std::vector<std::pair<std::string, std::string>> made;  // path and bytes
+  POLYPOD_ASSIGN(limit, threshold());
+  if (!csv.empty()) made.emplace_back(csv, pages::quality_csv(w.fields));
+  if (!vti.empty()) {
+    POLYPOD_ASSIGN(image, pages::quality_image(w.fields));
+    POLYPOD_ASSIGN(bytes, report::to_vti(image));
+    made.emplace_back(vti, std::move(bytes));
+  }
+  if (!stl.empty()) {
+    POLYPOD_ASSIGN(surface, pages::quality_surface(w.machine, w.options, w.fields, value, *limit));
+    POLYPOD_ASSIGN(bytes, pages::surface_stl(surface));
+    made.emplace_back(stl, std::move(bytes));
+  }
+  if (!svg.empty()) {
+    POLYPOD_ASSIGN(where, section());
+    constexpr int kResolution = 96;
+    POLYPOD_ASSIGN(figure, pages::quality_section(w.machine, w.options, w.question, where.first, where.second,
+                                                  kResolution, value));
+    constexpr double kWidth = 760;
+    made.emplace_back(svg, report::standalone_svg(figure, kWidth));
+  }
+  if (!report.empty()) {
+    pages::QualityPageOptions page = w.page;
+    page.version = POLYPOD_VERSION;
+    page.region = value;
+    page.below = limit;
+    POLYPOD_ASSIGN(html, pages::quality_page(w.machine, w.options, w.question, w.fields, page));
+    made.emplace_back(report, std::move(html));
+  }
+  for (const auto& [path, bytes] : made) POLYPOD_TRY(files::write_whole(path, bytes));
+  return {};
+}
+
+void QualityFiles::print() const {
+  for (const std::string* path : paths()) fmt::print("wrote {}\n", *path);
+}
+
+std::string option_in_words(const char* name, const std::string& value) {
+  return value.empty() ? "" : fmt::format(" {} {}", name, for_shell(value));
+}
+
+std::string QualityFiles::in_words() const {
+  return option_in_words("--below", below) + option_in_words("--report", report) + option_in_words("--csv", csv) +
+         option_in_words("--vti", vti) + option_in_words("--stl", stl) + option_in_words("--svg", svg) +
+         option_in_words("--plane", plane) + option_in_words("--at", at);
+}
+
+std::string in_words(const SurveyArguments& where) {
+  const SurveyArguments usual;
+  const WorkspaceOptions& w = where.workspace;
+  std::string out = option_in_words("--box", where.box);
+  if (where.resolution != usual.resolution) out += fmt::format(" --resolution {}", where.resolution);
+  if (w.tilt_deg != usual.workspace.tilt_deg) out += fmt::format(" --tilt {}", w.tilt_deg);
+  out += option_in_words("--a-range", w.a_range) + option_in_words("--b-range", w.b_range);
+  if (w.rel_tol != usual.workspace.rel_tol) out += fmt::format(" --rel-tol {}", w.rel_tol);
+  if (w.interference) out += " --interference";
+  return out + option_in_words("--without", w.without);
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,48 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The pictures and files that `errors` and `dexterity` write.
+#pragma once
+
+#include <optional>
+
+#include "polypod/pages/quality.hpp"
+#include "survey_options.hpp"
+
+namespace polypod::app {
+
+/// What the files are about.
+struct QualityWork {
+  const machine::AnyMachine& machine;
+  const quality::SurveyOptions& options;
+  pages::QualityQuestion question;
+  pages::QualityFields fields;
+  pages::QualityPageOptions page;  ///< all but version, region and below
+};
+
+struct QualityFiles {
+  std::string report, csv, vti, stl, svg, plane, at, below;
+  pages::QualityValue value = pages::QualityValue::condition;  ///< what --below, --stl and --svg are about
+
+  void declare(Arguments& arguments);
+  [[nodiscard]] bool any() const;
+  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, FI101.
+  [[nodiscard]] Status check(bool at_pose) const;
+  /// Makes all files before it writes the first.
+  [[nodiscard]] Status write(const QualityWork& work) const;
+  /// "wrote F" for each, as text.
+  void print() const;
+  /// The options as they were given, each after a space.
+  [[nodiscard]] std::string in_words() const;
+
+ private:
+  [[nodiscard]] std::vector<const std::string*> paths() const;
+  /// Of --plane and --at: the axis, and where on it, m.
+  [[nodiscard]] Result<std::pair<int, double>> section() const;
+  [[nodiscard]] Result<std::optional<double>> threshold() const;
+};
+
+/// Where a survey looks, as options of a command line, each after a space; what is as by default is left out.
+std::string in_words(const SurveyArguments& where);
+/// One option, if it is not empty.
+std::string option_in_words(const char* name, const std::string& value);
+
+}  // namespace polypod::app

@@ -1,0 +1,597 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "machine_lines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/pages/quality.hpp"
+#include "polypod/quality/singularity.hpp"
+#include "polypod/quality/survey_surface.hpp"
+#include "polypod/report/html.hpp"
+#include "polypod/report/scene.hpp"
+#include "quality_section.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machine::AnyMachine;
+using quality::Statistics;
+using quality::SurveyOptions;
+using report::fixed;
+using report::number;
+using report::Report;
+using report::Verdict;
+using units::to_deg;
+using units::to_mm;
+using Entries = std::vector<std::pair<std::string, std::string>>;
+
+constexpr double kSingularCondition = 1000;  // a direction above counts as near singular
+constexpr double kPerThousand = 1000;        // mrad
+constexpr std::size_t kShown = 14;           // elements in a chart
+constexpr std::array kConditioning{QualityValue::condition, QualityValue::sigma_min, QualityValue::determinant};
+constexpr std::array kErrors{QualityValue::position, QualityValue::orientation};
+
+std::string shown(double value, int digits = 3) {
+  return std::isinf(value) ? "∞" : number(value, digits);
+}
+
+std::string place(const Vec3& p) {
+  return fmt::format("{}, {}, {}", fixed(to_mm(p.x()), 1), fixed(to_mm(p.y()), 1), fixed(to_mm(p.z()), 1));
+}
+
+/// "x, y, z mm; A, B, C deg".
+std::string pose_in_words(const AnyMachine& machine, const Pose& X) {
+  const std::vector<double> c = kinematics::coordinates_of(kinematics::task(machine), X);
+  std::string out = place(X.p) + " mm";
+  for (std::size_t k = 3; k < c.size(); ++k)
+    out += fmt::format("{} {}\u00a0{}", k == 3 ? ";" : ",", "ABC"[k - 3], fixed(to_deg(c[k]), 1));
+  return c.size() > 3 ? out + "\u00a0deg" : out;
+}
+
+/// A number as it was given.
+std::string plain(double value) {
+  return fmt::format("{:.6g}", value);
+}
+
+std::size_t largest_of(const std::vector<double>& values) {
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < values.size(); ++i)
+    if (std::isnan(values[best]) || values[i] > values[best]) best = i;
+  return best;
+}
+
+/// A pose of a survey at which a quantity is worst.
+struct Extreme {
+  Pose X;
+  double value = 0;
+};
+Extreme extreme_of(const quality::Survey& survey, const quality::Quantity& q) {
+  const std::size_t at = largest_of(q.worst);
+  return {quality::pose_at(survey, at, q.worst_direction[at]), q.worst[at]};
+}
+
+/// The middle of the points inside; of a hollow or split workspace the point nearest to it.
+Vec3 middle_of(const quality::Survey& survey) {
+  Vec3 middle = Vec3::Zero();
+  for (const std::size_t i : survey.inside) middle += survey.grid.at(i) / static_cast<double>(survey.inside.size());
+  const auto away = [&](std::size_t i) { return (survey.grid.at(i) - middle).norm(); };
+  const std::size_t nearest = *std::min_element(survey.inside.begin(), survey.inside.end(),
+                                                [&](std::size_t a, std::size_t b) { return away(a) < away(b); });
+  constexpr double kCell = 1.8;  // spacings: more than half the diagonal of a cell
+  return away(nearest) < kCell * survey.grid.step[0].norm() ? middle : survey.grid.at(nearest);
+}
+
+/// Each element and its part of an error.
+struct Part {
+  std::string key;
+  double position = 0, orientation = 0;  ///< m, rad
+};
+
+/// Poses that are worst, the worst first, no two within a fifth of the survey of each other.
+std::vector<Extreme> apart(const quality::Survey& survey, const quality::Quantity& q, std::size_t most) {
+  std::vector<std::size_t> order(q.worst.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return q.worst[a] > q.worst[b]; });
+  Vec3 low = survey.grid.at(survey.inside.front()), high = low;
+  for (const std::size_t i : survey.inside) {
+    low = low.cwiseMin(survey.grid.at(i));
+    high = high.cwiseMax(survey.grid.at(i));
+  }
+  constexpr double kApart = 0.2;
+  std::vector<Extreme> out;
+  for (const std::size_t i : order) {
+    if (out.size() == most || !(q.worst[i] > kSingularCondition)) break;
+    const Pose X = quality::pose_at(survey, i, q.worst_direction[i]);
+    const bool near = std::any_of(
+        out.begin(), out.end(), [&](const Extreme& e) { return (e.X.p - X.p).norm() < kApart * (high - low).norm(); });
+    if (!near) out.push_back({X, q.worst[i]});
+  }
+  return out;
+}
+
+/// A value of two digits.
+double rounded(double value) {
+  if (!(value > 0) || !std::isfinite(value)) return value;
+  const double step = std::pow(10.0, std::floor(std::log10(value)) - 1);
+  return std::round(value / step) * step;
+}
+
+report::Mesh mesh_of(const workspace::Surface& surface) {
+  report::Mesh mesh;
+  for (const Vec3& p : surface.points) mesh.points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
+  mesh.triangles = surface.triangles;
+  return mesh;
+}
+
+/// Colours a surface by bands of a value.
+void colour_by(report::Scene& scene, report::Mesh& mesh, const std::vector<double>& values, const Range& range,
+               const std::string& unit) {
+  constexpr int kBands = 7;
+  scene.levels = report::nice_ticks(range.low, range.high, kBands);
+  if (scene.levels.empty()) scene.levels = {range.low};
+  const std::vector<double>& levels = scene.levels;
+  const int decimals =
+      levels.size() > 1 ? std::max(0, static_cast<int>(-std::floor(std::log10(levels[1] - levels[0]) + 1e-9))) : 3;
+  for (std::size_t k = 0; k <= levels.size(); ++k) {
+    const std::string from = k > 0 ? fixed(levels[k - 1], decimals) : "",
+                      to = k < levels.size() ? fixed(levels[k], decimals) : "";
+    scene.kinds.push_back((k == 0               ? "below " + to
+                           : k == levels.size() ? "above " + from
+                                                : from + " to " + to) +
+                          (unit.empty() ? "" : " " + unit));
+  }
+  mesh.value = values;
+}
+
+class Page {
+ public:
+  Page(const AnyMachine& machine, const SurveyOptions& options, const QualityQuestion& question,
+       const QualityFields& fields, const QualityPageOptions& page)
+      : machine_(machine),
+        options_(options),
+        question_(question),
+        fields_(fields),
+        page_(page),
+        report_("Quality of " + machine::name_of(machine),
+                "How far errors of its parts put the tool off, and how well its joints and its tool move each other",
+                facts()) {
+    options_.progress = nullptr;
+  }
+
+  Result<std::string> html() {
+    POLYPOD_TRY(measure());
+    answer();
+    error_maps();
+    error_histograms();
+    parts();
+    conditioning();
+    near_singular();
+    POLYPOD_TRY(in_space());
+    inputs();
+    return report_.to_html();
+  }
+
+ private:
+  [[nodiscard]] std::string given() const {
+    std::string out;
+    for (const std::string& g : page_.given) out += (out.empty() ? "" : ", ") + g;
+    return out;
+  }
+  [[nodiscard]] std::string directions() const {
+    const auto& d = options_.workspace.directions;
+    if (fields_.survey.orientations.size() == 1) return "tool upright (R = 1)";
+    if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
+    return fmt::format("{}, tilts up to {} deg", fields_.survey.orientations.size(), plain(to_deg(d.tilt)));
+  }
+  [[nodiscard]] bool one_direction() const { return fields_.survey.orientations.size() == 1; }
+  [[nodiscard]] Entries facts() const {
+    Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
+                {"family", machine::family_of(machine_)},
+                {question_.tolerances ? "tolerances, mm or deg" : "errors, mm or deg", given()},
+                {"tool directions", directions()},
+                {"points", fixed(static_cast<double>(fields_.survey.inside.size()), 0)}};
+    for (const std::string& set : page_.sets) out.emplace_back("changed", set);
+    if (!page_.version.empty()) out.emplace_back("made with", "Polypod " + page_.version);
+    return out;
+  }
+
+  Status measure() {
+    middle_ = middle_of(fields_.survey);
+    worst_ = extreme_of(fields_.survey, fields_.errors.position);
+    worst_turned_ = extreme_of(fields_.survey, fields_.errors.orientation);
+    for (const int axis : {1, 0, 2}) {
+      auto section = survey_section(machine_, options_, question_, axis, middle_[axis], page_.resolution);
+      if (!section && section.error().id == "QP100") continue;  // thinner than the spacing there
+      if (!section) return tl::unexpected(section.error());
+      sections_.push_back(std::move(*section));
+    }
+    return {};
+  }
+
+  void answer() {
+    const Statistics p = quality::statistics(fields_.survey, shown_means(fields_, QualityValue::position));
+    const Statistics o = quality::statistics(fields_.survey, shown_means(fields_, QualityValue::orientation));
+    const double most = to_mm(worst_.value), most_turned = kPerThousand * worst_turned_.value;
+    report_.add_section("How far the tool is off");
+    if (page_.assumed) {
+      report_.add_text(
+          "No tolerances were given, so this page shows what 0.01 mm (angles: 0.01 deg) on every element would do. "
+          "Errors grow in proportion: with 0.02 they are twice as large.");
+    }
+    report_.add_verdict(
+        Verdict::neutral,
+        question_.tolerances
+            ? fmt::format("Whatever the parts do within {}, the tip stays within {} mm of where it should be and the "
+                          "tool within {} mrad of its orientation, at every one of the {} points. At a point of "
+                          "the workspace the worst case is {} mm and {} mrad on average.",
+                          given(), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean),
+                          shown(o.mean))
+            : fmt::format("With the errors {} the tip is off by up to {} mm and the tool by up to {} mrad; on average "
+                          "over the workspace by {} mm and {} mrad.",
+                          given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean)));
+    if (const auto count = near_singular_count(); count > 0) {
+      report_.add_text(fmt::format(
+          "{} of {} points have a direction near a singular pose. Errors are of first order and grow without bound "
+          "there, so the largest values and the means say more about those points than about the rest: see the maps, "
+          "and the poses named below.",
+          count, fields_.survey.inside.size()));
+    }
+    report_.add_key_figures({{shown(p.mean), "mm", "error of the tip, mean", Verdict::neutral},
+                             {shown(most), "mm", "its largest value", Verdict::neutral},
+                             {shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral},
+                             {shown(most_turned), "mrad", "its largest value", Verdict::neutral}});
+    report_.add_list({fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X)),
+                      fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X))});
+    statistics_table(kErrors);
+  }
+
+  template <std::size_t N>
+  void statistics_table(const std::array<QualityValue, N>& values) {
+    report::Table table;
+    table.caption = one_direction() ? "Over the points of the workspace"
+                                    : "Over the points of the workspace; each point counts with the mean over its "
+                                      "tool directions";
+    table.columns = {{"", ""},          {"least", ""},      {"mean", ""},        {"largest", ""},
+                     {"std. dev.", ""}, {"least at", "mm"}, {"largest at", "mm"}};
+    for (const QualityValue value : values) {
+      const ValueName name = name_of(value);
+      const Statistics s = quality::statistics(fields_.survey, shown_means(fields_, value));
+      table.rows.push_back({std::string(name.words) + (name.unit[0] != 0 ? std::string(", ") + name.unit : ""),
+                            shown(s.min), shown(s.mean), shown(s.max), shown(s.stddev), place(s.min_at),
+                            place(s.max_at)});
+    }
+    report_.add_table(table);
+  }
+
+  /// One map a section, all with one scale.
+  void maps(QualityValue value, const std::string& caption) {
+    std::vector<double> all;
+    for (const QualitySection& s : sections_) {
+      const std::vector<double> values = means_within(s, value);
+      all.insert(all.end(), values.begin(), values.end());
+    }
+    const Range range = range_of(std::move(all));
+    std::vector<std::pair<std::string, report::Figure>> panels;
+    for (const QualitySection& s : sections_) panels.emplace_back(plane_name(s), map_of(s, value, range));
+    report_.add_figure_grid(
+        3, panels,
+        caption +
+            (range.cut ? fmt::format(" The colours end at {}; a few per cent lie above.", number(range.high)) : ""));
+  }
+
+  void error_maps() {
+    report_.add_section("Where");
+    report_.add_text(
+        "Three planes through the middle of the workspace, whose border is the black line. "
+        "Dark is small, yellow is large.");
+    const std::string of = question_.tolerances ? "Largest error that the tolerances allow" : "Error";
+    maps(QualityValue::position,
+         fmt::format("{} of the tip, mm{}.", of, one_direction() ? "" : ", mean over the tool directions"));
+    maps(QualityValue::orientation,
+         fmt::format("{} of the orientation, mrad{}.", of, one_direction() ? "" : ", mean over the tool directions"));
+  }
+
+  /// Means, and the worst over the directions where there are several. What is beyond the range is left out.
+  report::Histogram histogram(QualityValue value, const quality::Quantity& q, double scale, int& left_out) const {
+    const ValueName name = name_of(value);
+    report::Histogram out;
+    out.title = fmt::format("How often: {}", name.words);
+    report::Sample mean{one_direction() ? "at a point" : "mean over the directions", shown_means(fields_, value),
+                        report::Colour::blue};
+    report::Sample worst{"worst direction", {}, report::Colour::vermillion};
+    for (const double v : q.worst) worst.values.push_back(scale * v);
+    const double high = std::max(range_of(mean.values).high, range_of(worst.values).high);
+    const auto trim = [&](report::Sample& s) {
+      return static_cast<int>(std::erase_if(s.values, [&](double v) { return !(v <= high); }));
+    };
+    left_out = trim(mean);
+    left_out = std::max(left_out, trim(worst));
+    out.x = {name.words, name.unit, {}, {}, false};
+    out.samples.push_back(std::move(mean));
+    if (!one_direction()) out.samples.push_back(std::move(worst));
+    return out;
+  }
+
+  [[nodiscard]] std::string beyond(int left_out) const {
+    return left_out == 0
+               ? ""
+               : fmt::format(" {} of {} points lie beyond the right end.", left_out, fields_.survey.inside.size());
+  }
+
+  void error_histograms() {
+    report_.add_section("How often");
+    int far = 0, far_turned = 0;
+    const auto position = histogram(QualityValue::position, fields_.errors.position, units::kMmPerMetre, far);
+    const auto turned = histogram(QualityValue::orientation, fields_.errors.orientation, kPerThousand, far_turned);
+    report_.add_figure_grid(2, {{"the tip", position}, {"the orientation", turned}},
+                            "Share of the points of the workspace, per cent." + beyond(std::max(far, far_turned)));
+  }
+
+  /// Of tolerances: shares that add up to the worst case; of known errors: what each would do alone.
+  [[nodiscard]] std::vector<Part> parts_at(const Pose& X) const {
+    std::vector<Part> out;
+    const auto q = quality::joints_at(machine_, X);
+    if (!q) return out;
+    const auto all = quality::elements(machine_);
+    const auto key = [&](int element) { return all[static_cast<std::size_t>(element)].key; };
+    if (question_.tolerances) {
+      const auto worst = quality::worst_case(machine_, X, *q, question_.sizes, question_.tolerance);
+      if (!worst) return out;
+      for (const auto& s : worst->shares) out.push_back({key(s.element), s.position, s.orientation});
+    } else {
+      for (const quality::Sized& s : question_.sizes) {
+        const Vec6 error = quality::known_error(machine_, X, *q, {s});
+        out.push_back({key(s.element), error.head<3>().norm(), quality::orientation_error(machine_, X, error)});
+      }
+    }
+    return out;
+  }
+
+  /// The largest parts as bars, the rest as one.
+  [[nodiscard]] report::BarChart bars(std::vector<Part> parts, double Part::*of, double scale, const char* unit) const {
+    std::stable_sort(parts.begin(), parts.end(), [of](const Part& a, const Part& b) { return a.*of > b.*of; });
+    report::BarChart chart;
+    chart.title = "Share of each element";
+    chart.unit = unit;
+    chart.parts = {""};
+    constexpr double kNothing = 1e-9;  // of the largest
+    for (std::size_t i = 0; i < std::min(kShown, parts.size()) && parts[i].*of > kNothing * parts[0].*of; ++i)
+      chart.rows.push_back({parts[i].key, {std::max(0.0, scale * parts[i].*of)}});
+    return chart;
+  }
+
+  void parts() {
+    const std::vector<Part> at_tip = parts_at(worst_.X), at_turn = parts_at(worst_turned_.X);
+    if (at_tip.empty() || at_turn.empty()) return;
+    report_.add_section("Which parts make it");
+    report_.add_text(
+        question_.tolerances
+            ? "At the worst pose, the elements whose tolerance costs most. All shares together are the error."
+            : "At the worst pose, what each error would do alone. Together they add as vectors.");
+    report_.add_figure_grid(
+        2,
+        {{fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X)),
+          bars(at_tip, &Part::position, units::kMmPerMetre, "mm")},
+         {fmt::format("orientation, {} mrad at {}", shown(kPerThousand * worst_turned_.value),
+                      pose_in_words(machine_, worst_turned_.X)),
+          bars(at_turn, &Part::orientation, kPerThousand, "mrad")}},
+        fmt::format("At most {} of {} elements, ranked by their part of the largest error.",
+                    std::min(kShown, at_tip.size()), at_tip.size()));
+  }
+
+  void conditioning() {
+    report_.add_section("Conditioning");
+    report_.add_text(fmt::format(
+        "κ is the ratio of the tool's fastest to its slowest motion for joint speeds of one size; near 1 all "
+        "directions "
+        "are alike. It mixes millimetres and radians: angles count as lengths on {}, and another length gives another "
+        "κ. So compare machines by the errors above, and poses of one machine by κ.",
+        fields_.dexterity.length > 0 ? fmt::format("{} mm", number(to_mm(fields_.dexterity.length)))
+                                     : "a length that changes with the pose"));
+    statistics_table(kConditioning);
+    for (const QualityValue value : kConditioning) {
+      maps(value, fmt::format("{}{}{}.", name_of(value).words, value == QualityValue::determinant ? " |det|" : "",
+                              one_direction() ? "" : ", mean over the tool directions"));
+    }
+    int far = 0;
+    const auto plot = histogram(QualityValue::condition, fields_.dexterity.condition, 1, far);
+    report_.add_figure(plot, "Share of the points of the workspace, per cent." + beyond(far));
+  }
+
+  [[nodiscard]] std::string words_at(const Pose& X) const {
+    const auto q = quality::joints_at(machine_, X);
+    return q ? quality::in_words(X, quality::singularity(machine_, X, *q, question_.length)) : std::string("no joints");
+  }
+
+  void near_singular() {
+    const quality::Quantity& condition = fields_.dexterity.condition;
+    const auto count = near_singular_count();
+    const Extreme worst = extreme_of(fields_.survey, condition);
+    report_.add_section("Near singular");
+    if (count == 0) {
+      report_.add_verdict(
+          Verdict::neutral,
+          fmt::format("No pose that was looked at has a κ above {}. The largest is {}, at {}; there the "
+                      "machine is {}.",
+                      number(kSingularCondition), shown(worst.value), pose_in_words(machine_, worst.X),
+                      words_at(worst.X)));
+      return;
+    }
+    report_.add_verdict(
+        Verdict::neutral,
+        fmt::format("{} of {} points have a tool direction with κ above {}: a singular pose is near, and the means "
+                    "above hide it. The worst κ is {}, at {}.",
+                    count, condition.worst.size(), number(kSingularCondition), shown(worst.value),
+                    pose_in_words(machine_, worst.X)));
+    report::Table table;
+    table.caption = "The worst of them, no two close together";
+    table.columns = {{"pose", ""}, {"κ", ""}, {"what the machine does there", ""}};
+    constexpr std::size_t kNamed = 5;
+    for (const Extreme& e : apart(fields_.survey, condition, kNamed))
+      table.rows.push_back({pose_in_words(machine_, e.X), shown(e.value), words_at(e.X)});
+    report_.add_table(table);
+  }
+
+  [[nodiscard]] std::ptrdiff_t near_singular_count() const {
+    const std::vector<double>& worst = fields_.dexterity.condition.worst;
+    return std::count_if(worst.begin(), worst.end(), [](double v) { return v > kSingularCondition; });
+  }
+
+  /// Points near singular, for a picture in space.
+  [[nodiscard]] std::vector<report::Line3> singular_points() const {
+    report::Line3 line{fmt::format("κ above {}", number(kSingularCondition)), {}, report::Colour::vermillion, 2, true};
+    constexpr std::size_t kMost = 400;
+    std::vector<std::size_t> found;
+    for (std::size_t i = 0; i < fields_.survey.inside.size(); ++i)
+      if (fields_.dexterity.condition.worst[i] > kSingularCondition) found.push_back(i);
+    const std::size_t every = 1 + found.size() / kMost;
+    for (std::size_t k = 0; k < found.size(); k += every) {
+      const Vec3 p = fields_.survey.grid.at(fields_.survey.inside[found[k]]);
+      line.points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
+    }
+    if (line.points.empty()) return {};
+    return {line};
+  }
+
+  /// A threshold that some of the workspace keeps and some does not.
+  [[nodiscard]] double threshold(const std::vector<double>& values) const {
+    if (page_.below) return *page_.below;
+    constexpr double kGoodCondition = 3, kShare = 0.1;
+    const auto share =
+        static_cast<double>(std::count_if(values.begin(), values.end(), [](double v) { return v <= kGoodCondition; }));
+    const auto all = static_cast<double>(values.size());
+    if (page_.region == QualityValue::condition && share > kShare * all && share < (1 - kShare) * all)
+      return kGoodCondition;
+    std::vector<double> finite = values;
+    std::erase_if(finite, [](double v) { return !std::isfinite(v); });
+    if (finite.empty()) return std::numeric_limits<double>::infinity();
+    std::nth_element(finite.begin(), finite.begin() + static_cast<std::ptrdiff_t>(finite.size() / 2), finite.end());
+    return rounded(finite[finite.size() / 2]);
+  }
+
+  /// A picture wants a finer grid than statistics.
+  [[nodiscard]] Result<QualityFields> fields_in_space() const {
+    constexpr int kInSpace = 34;
+    SurveyOptions finer = options_;
+    finer.resolution = std::max(finer.resolution, kInSpace);
+    return quality_fields(machine_, finer, question_);
+  }
+
+  /// The mean error of the tip, mm, at points anywhere: each is a survey of its own. Where the machine has no joints,
+  /// as on an arm's border, `otherwise`.
+  [[nodiscard]] Result<std::vector<double>> errors_at(const std::vector<Vec3>& points,
+                                                      std::vector<double> otherwise) const {
+    SurveyOptions options = options_;
+    options.workspace.threads = 1;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      quality::Survey at;
+      at.grid.origin = points[i];
+      at.inside = {0};
+      at.orientations = fields_.survey.orientations;
+      POLYPOD_ASSIGN(errors, errors_of(machine_, options, question_, at));
+      if (std::isfinite(errors.position.worst[0])) otherwise[i] = to_mm(errors.position.mean[0]);
+    }
+    return otherwise;
+  }
+
+  Status in_space() {
+    const auto& points = fields_.survey.grid.points;
+    if (*std::min_element(points.begin(), points.end()) < 2) return {};  // a survey of a plane has no room
+    POLYPOD_ASSIGN(fine, fields_in_space());
+    POLYPOD_ASSIGN(border, quality::survey_border(machine_, fine.survey, options_));
+    const std::vector<double> position = shown_means(fine, QualityValue::position);
+    constexpr double kAll = std::numeric_limits<double>::infinity();
+    POLYPOD_ASSIGN(hull,
+                   quality::surface_below(machine_, options_, border, std::vector<double>(position.size(), 0.0), kAll));
+    report::Scene scene;
+    scene.title = "The workspace, coloured by the error of the tip";
+    report::Mesh mesh = mesh_of(hull);
+    POLYPOD_ASSIGN(on_border, errors_at(hull.points, quality::values_at(border, position, hull.points)));
+    colour_by(scene, mesh, on_border, range_of(on_border), "mm");
+    scene.meshes.push_back(std::move(mesh));
+    scene.lines = singular_points();
+    report_.add_section("In space");
+    report_.add_figure(scene, "The border of the workspace, coloured by the error of the tip.");
+    report::Scene with_machine = scene;
+    with_machine.title = "The same with the machine";
+    with_machine.lines = machine_lines(machine_, middle_);
+    with_machine.max_aspect = 0.95;
+    std::vector<std::pair<std::string, report::Figure>> panels{{"with the machine", with_machine}};
+    POLYPOD_TRY(add_region(fine, border, hull, panels));
+    report_.add_figure_grid(2, panels, "");
+    return {};
+  }
+
+  /// Where the value that the user asks about is small.
+  Status add_region(const QualityFields& fine, const quality::SurveyBorder& border, const workspace::Surface& hull,
+                    std::vector<std::pair<std::string, report::Figure>>& panels) {
+    const std::vector<double> values = shown_means(fields_, page_.region);
+    const double below = threshold(values);
+    const auto count = std::count_if(values.begin(), values.end(), [&](double v) { return v <= below; });
+    const ValueName name = name_of(page_.region);
+    const std::string what =
+        fmt::format("{} at most {}{}{}", name.words, plain(below), name.unit[0] != 0 ? " " : "", name.unit);
+    if (count == 0) {
+      report_.add_text(fmt::format("Nowhere is the {}.", what));
+      return {};
+    }
+    POLYPOD_ASSIGN(region, quality::surface_below(machine_, options_, border, shown_means(fine, page_.region), below));
+    report::Scene scene;
+    scene.title = "Where the " + what;
+    scene.max_aspect = 0.95;
+    scene.meshes.push_back(mesh_of(region));
+    report::Mesh whole = mesh_of(hull);
+    whole.kind.assign(whole.points.size(), -1);
+    whole.opacity = 0.14;
+    scene.meshes.push_back(std::move(whole));
+    panels.emplace_back(fmt::format("{}: {} % of the workspace, which is pale", what,
+                                    fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1)),
+                        scene);
+    return {};
+  }
+
+  void inputs() {
+    report_.add_section("Inputs");
+    Entries entries{{"tool directions", directions()},
+                    {question_.tolerances ? "tolerances, mm or deg" : "errors, mm or deg", given()},
+                    {"points of the workspace", fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
+                    {"spacing", number(to_mm(fields_.survey.grid.step[0].norm())) + " mm"},
+                    {"points a side of a section", fixed(page_.resolution, 0)}};
+    if (question_.tolerances) {
+      entries.emplace_back("method", question_.tolerance.method == quality::Method::exact
+                                         ? "exact: the farthest vertex of the zonotope"
+                                         : "search (JEL 5.3): never above exact");
+      entries.emplace_back("region of a joint", question_.tolerance.region == quality::Region::box ? "box" : "sphere");
+    }
+    report_.add_definitions(entries);
+    report_.add_heading("Machine");
+    if (const std::string about = machine::description_of(machine_); !about.empty()) report_.add_text(about);
+    report_.add_code("The machine's file", machine::to_toml(machine_));
+    if (!page_.command.empty()) report_.add_code("The command that made this page", page_.command, false);
+  }
+
+  const AnyMachine& machine_;
+  SurveyOptions options_;
+  const QualityQuestion& question_;
+  const QualityFields& fields_;
+  const QualityPageOptions& page_;
+  Report report_;
+  Vec3 middle_ = Vec3::Zero();
+  Extreme worst_, worst_turned_;
+  std::vector<QualitySection> sections_;
+};
+
+}  // namespace
+
+Result<std::string> quality_page(const AnyMachine& machine, const SurveyOptions& options,
+                                 const QualityQuestion& question, const QualityFields& fields,
+                                 const QualityPageOptions& page) {
+  return Page(machine, options, question, fields, page).html();
+}
+
+}  // namespace polypod::pages
