@@ -11,6 +11,7 @@ std::vector<Command> all_commands() {
       workspace_command(), section_command(), sweep_command(),  // all poses
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(),
+      simulate_measurement_command(), calibrate_command(),      // measured machines
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(),

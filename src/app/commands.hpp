@@ -16,6 +16,8 @@ Command sweep_command();
 Command compliance_command();
 Command map_command();
 Command identify_compliance_command();
+Command simulate_measurement_command();
+Command calibrate_command();
 Command force_command();
 Command predict_command();
 Command correct_command();

@@ -5,11 +5,9 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <map>
 
-#include "polypod/core/files.hpp"
+#include "polypod/core/csv.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::statics {
@@ -21,21 +19,6 @@ constexpr double kUnbelievable = 0.05;
 constexpr double kNotApart = 1e8;
 constexpr double kOutlier = 3.5;          // robust standard deviations
 constexpr double kNormalPerMad = 1.4826;  // standard deviation over median absolute deviation of a normal distribution
-
-std::vector<std::string> cells_of(const std::string& line) {
-  std::vector<std::string> cells;
-  std::string cell;
-  for (const char c : line) {
-    if (c == ',') {
-      cells.push_back(cell);
-      cell.clear();
-    } else if (c != '\r' && c != ' ' && c != '\t') {
-      cell += c;
-    }
-  }
-  cells.push_back(cell);
-  return cells;
-}
 
 /// Two-sided 95 % quantile of Student's t (Cornish-Fisher in 1/n to third order: within 0.2 % from 3 degrees of
 /// freedom).
@@ -83,52 +66,31 @@ Eigen::VectorXd not_negative(const Eigen::MatrixXd& H, const Eigen::VectorXd& g,
 }  // namespace
 
 Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
-  POLYPOD_ASSIGN(text, files::read(path));
+  POLYPOD_ASSIGN(table, csv::read(path));
   static constexpr const char* kAxes = "xyz";
-  std::map<std::string, std::size_t> column;
+  std::vector<std::string> needed{"x_mm", "y_mm", "z_mm", "force_N"};
+  for (int f = 0; f < 3; ++f)
+    for (int d = 0; d < 3; ++d) needed.push_back(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f]));
+  POLYPOD_TRY(table.needs(needed));
   std::vector<MeasuredPoint> points;
-  int line_number = 0;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    const std::string line = text.substr(at, end - at);
-    at = end + 1;
-    ++line_number;
-    if (line.empty() || line[0] == '#' || line == "\r") continue;
-    const std::vector<std::string> cells = cells_of(line);
-    if (column.empty()) {
-      for (std::size_t i = 0; i < cells.size(); ++i) column[cells[i]] = i;
-      std::vector<std::string> needed{"x_mm", "y_mm", "z_mm", "force_N"};
-      for (int f = 0; f < 3; ++f)
-        for (int d = 0; d < 3; ++d) needed.push_back(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f]));
-      for (const std::string& name : needed) {
-        if (!column.contains(name)) {
-          return fail("ID100", fmt::format("the column {} is missing", name), Place{path, line_number, 1},
-                      "the first line names the columns");
-        }
-      }
-      continue;
-    }
-    Status bad;
-    const auto number = [&](const std::string& name, bool needed = true) {
-      const auto it = column.find(name);
-      if (it == column.end() && !needed) return 0.0;
-      double value = 0;
-      const std::string cell = it->second < cells.size() ? cells[it->second] : "";
-      const auto [rest, code] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-      if ((code != std::errc{} || rest != cell.data() + cell.size() || !std::isfinite(value)) && bad) {
-        bad = fail("ID101", fmt::format("{} = \"{}\" is not a finite number", name, cell), Place{path, line_number, 1});
-      }
-      return value;
-    };
+  for (const csv::Table::Row& row : table.rows) {
     MeasuredPoint p;
-    p.place = Place{path, line_number, 1};
-    p.X_MT.p = units::from_mm(1) * Vec3(number("x_mm"), number("y_mm"), number("z_mm"));
-    p.X_MT.R = rotation_abc(units::from_deg(number("a_deg", false)), units::from_deg(number("b_deg", false)), 0);
-    p.force = number("force_N");
+    p.place = table.place_of(row);
+    POLYPOD_ASSIGN(x, table.number(row, "x_mm"));
+    POLYPOD_ASSIGN(y, table.number(row, "y_mm"));
+    POLYPOD_ASSIGN(z, table.number(row, "z_mm"));
+    POLYPOD_ASSIGN(a, table.number(row, "a_deg", 0));
+    POLYPOD_ASSIGN(b, table.number(row, "b_deg", 0));
+    POLYPOD_ASSIGN(c, table.number(row, "c_deg", 0));
+    p.X_MT = Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)),
+                  units::from_mm(1) * Vec3(x, y, z)};
+    POLYPOD_ASSIGN(force, table.number(row, "force_N"));
+    p.force = force;
     for (int f = 0; f < 3; ++f)
-      for (int d = 0; d < 3; ++d)
-        p.displacement(d, f) = units::from_um(number(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f])));
-    POLYPOD_TRY(bad);
+      for (int d = 0; d < 3; ++d) {
+        POLYPOD_ASSIGN(um, table.number(row, fmt::format("d{}_F{}_um", kAxes[d], kAxes[f])));
+        p.displacement(d, f) = units::from_um(um);
+      }
     if (!(p.force > 0)) {
       return fail("ID104", fmt::format("force_N = {:g} must be above 0", p.force), p.place);
     }
@@ -138,15 +100,9 @@ Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
                               units::to_mm(p.displacement.cwiseAbs().maxCoeff())),
                   p.place, "displacements are in um; are these nm, or the force in another unit?");
     }
-    for (const MeasuredPoint& other : points) {
-      if (other.X_MT.p == p.X_MT.p && other.X_MT.R == p.X_MT.R && other.displacement == p.displacement) {
-        return fail("ID103", fmt::format("the row stands already in line {}", other.place.line), p.place,
-                    "a row that stands twice would count twice");
-      }
-    }
     points.push_back(p);
   }
-  if (points.empty()) return fail("ID102", "the file has no rows", Place{path, 0, 0});
+  POLYPOD_TRY(csv::no_row_twice(table));
   return points;
 }
 

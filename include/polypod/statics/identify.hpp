@@ -18,9 +18,9 @@ struct MeasuredPoint {
   Place place;                       ///< the row of the file
 };
 
-/// Reads the columns x_mm, y_mm, z_mm, force_N, dx_Fx_um, dy_Fx_um, ..., dz_Fz_um (any order; a_deg and b_deg if given,
-/// else 0; lines that begin with # are remarks). Errors: ID100 a column is missing, ID101 not a number, ID102 no rows,
-/// ID103 a row twice, ID104 a force that is not above 0, ID105 displacements that look like another unit.
+/// Reads the columns x_mm, y_mm, z_mm, force_N, dx_Fx_um, dy_Fx_um, ..., dz_Fz_um (any order; a_deg, b_deg and c_deg if
+/// given, else 0; lines that begin with # are remarks). Errors: ID100 a column is missing, ID101 not a number, ID102 no
+/// rows, ID103 a row twice, ID104 a force that is not above 0, ID105 displacements that look like another unit.
 Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path);
 
 struct Outlier {
