@@ -24,6 +24,16 @@ Result<Pose> frame_argument(const std::string& text, const char* option) {
               units::from_mm(1) * Vec3(n[0], n[1], n[2])};
 }
 
+Result<std::vector<Vec3>> points_of(const std::vector<std::string>& texts, const char* option) {
+  std::vector<Vec3> out;
+  for (const std::string& text : texts) {
+    POLYPOD_ASSIGN(n, numbers_of(text, option));
+    if (n.size() != 3) return fail("AP160", fmt::format("{} {}: not three numbers", option, text));
+    out.push_back(units::from_mm(1) * Vec3(n[0], n[1], n[2]));
+  }
+  return out;
+}
+
 namespace {
 
 using calibration::Calibration;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "polypod/core/error.hpp"
 #include "polypod/geometry/pose.hpp"
@@ -16,5 +17,7 @@ inline constexpr const char* kTargetHelp =
 
 /// A frame of an option: x, y, z and perhaps A, B, C, mm and deg; the identity for an empty text. Errors: AP160.
 Result<Pose> frame_argument(const std::string& text, const char* option);
+/// Points of a repeated option, x,y,z in mm each. Errors: AP160.
+Result<std::vector<Vec3>> points_of(const std::vector<std::string>& texts, const char* option);
 
 }  // namespace polypod::app

@@ -10,8 +10,8 @@ std::vector<Command> all_commands() {
       ik_command(), fk_command(), jacobian_command(),           // a pose
       workspace_command(), section_command(), sweep_command(),  // all poses
       compliance_command(), map_command(),                      // statics
-      identify_compliance_command(),
-      simulate_measurement_command(), calibrate_command(),      // measured machines
+      identify_compliance_command(), identify_cutting_command(),
+      simulate_measurement_command(), calibrate_command(), poses_command(),  // measured machines
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(),

@@ -18,6 +18,8 @@ Command map_command();
 Command identify_compliance_command();
 Command simulate_measurement_command();
 Command calibrate_command();
+Command poses_command();
+Command identify_cutting_command();
 Command force_command();
 Command predict_command();
 Command correct_command();

@@ -22,16 +22,6 @@ struct Options {
   double noise_um = 20, noise_deg = 0.002, outliers = 0, outlier_mm = 1, force = 250;
 };
 
-Result<std::vector<Vec3>> anchors_of(const std::vector<std::string>& texts) {
-  std::vector<Vec3> out;
-  for (const std::string& text : texts) {
-    POLYPOD_ASSIGN(n, numbers_of(text, "--anchor"));
-    if (n.size() != 3) return fail("AP160", fmt::format("--anchor {}: not three numbers", text));
-    out.push_back(units::from_mm(1) * Vec3(n[0], n[1], n[2]));
-  }
-  return out;
-}
-
 }  // namespace
 
 Command simulate_measurement_command() {
@@ -81,7 +71,7 @@ Command simulate_measurement_command() {
             how.noise_angle = units::from_deg(o->noise_deg);
             how.outliers = o->outliers / 100;
             how.outlier_size = units::from_mm(o->outlier_mm);
-            POLYPOD_ASSIGN(anchors, anchors_of(o->anchors));
+            POLYPOD_ASSIGN(anchors, points_of(o->anchors, "--anchor"));
             POLYPOD_ASSIGN(X_SM, frame_argument(o->frame, "--frame"));
             POLYPOD_ASSIGN(X_TR, frame_argument(o->target, "--target"));
             how.anchors = anchors;

@@ -75,10 +75,6 @@ Identifiability identifiable(const Eigen::MatrixXd& J, const std::vector<int>& o
 
 namespace {
 
-constexpr double kOnePercent = 0.01;  // of the machine's size, or 0.01 rad: what an unknown must be told to
-// A median over the normal distribution's standard deviation.
-constexpr double kNormalPerMad = 1.4826;
-
 bool begins_with_any(const std::string& key, const std::vector<std::string>& beginnings) {
   return std::any_of(beginnings.begin(), beginnings.end(), [&](const std::string& b) { return key.rfind(b, 0) == 0; });
 }
@@ -87,6 +83,58 @@ bool begins_with_any(const std::string& key, const std::vector<std::string>& beg
 std::string full_key(const machine::Parameter& p) {
   return p.unit.empty() ? p.key : p.key + "_" + p.unit;
 }
+
+}  // namespace
+
+Result<std::vector<bool>> chosen_parameters(const std::vector<machine::Parameter>& all,
+                                            const CalibrationOptions& options) {
+  for (const auto* list : {&options.only, &options.hold}) {
+    for (const std::string& beginning : *list) {
+      const bool known =
+          std::any_of(all.begin(), all.end(), [&](const auto& p) { return begins_with_any(full_key(p), {beginning}); });
+      if (!known) {
+        return fail("CA114", fmt::format("no parameter begins with {}", beginning), {},
+                    "`polypod info MACHINE` lists the parameters");
+      }
+    }
+  }
+  std::vector<bool> out;
+  for (const machine::Parameter& p : all) {
+    out.push_back((options.only.empty() || begins_with_any(full_key(p), options.only)) &&
+                  !begins_with_any(full_key(p), options.hold));
+  }
+  return out;
+}
+
+std::vector<int> wanted_unknowns(const Layout& layout, const std::vector<bool>& chosen,
+                                 const CalibrationOptions& options, bool turns) {
+  std::vector<int> out;
+  for (int j = 0; j < layout.frame; ++j) out.push_back(j);
+  if (options.estimate_frame)
+    for (int j = 0; j < 6; ++j) out.push_back(layout.frame + j);
+  if (options.estimate_target)
+    for (int j = 0; j < (turns ? 6 : 3); ++j) out.push_back(layout.target + j);
+  for (std::size_t i = 0; i < chosen.size(); ++i)
+    if (chosen[i]) out.push_back(layout.parameters + static_cast<int>(i));
+  return out;
+}
+
+machine::Parameter unknown_of(const AnyMachine& machine, const Layout& layout, int j) {
+  static constexpr const char* kParts[] = {"x", "y", "z", "a", "b", "c"};
+  if (j >= layout.parameters) return kinematics::parameters(machine)[static_cast<std::size_t>(j - layout.parameters)];
+  if (j >= layout.frame) {
+    const bool target = j >= layout.target;
+    const int part = j - (target ? layout.target : layout.frame);
+    return {fmt::format("{}.{}", target ? "target" : "frame", kParts[part]), 0, part < 3 ? "mm" : "deg"};
+  }
+  return {"contact", 0, "mm"};
+}
+
+namespace {
+
+constexpr double kOnePercent = 0.01;  // of the machine's size, or 0.01 rad: what an unknown must be told to
+// A median over the normal distribution's standard deviation.
+constexpr double kNormalPerMad = 1.4826;
 
 /// Where a robust loss begins to bend for rows of n equations, in standard deviations: beyond what normal noise does.
 double bend_of(int n) {
@@ -311,22 +359,9 @@ Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Mea
   const std::vector<machine::Parameter>& nominal = problem.nominal;
   const Layout& layout = problem.layout = layout_of(rows, nominal.size());
 
-  for (const auto* list : {&options.only, &options.hold}) {
-    for (const std::string& beginning : *list) {
-      const bool known = std::any_of(nominal.begin(), nominal.end(),
-                                     [&](const auto& p) { return begins_with_any(full_key(p), {beginning}); });
-      if (!known) {
-        return fail("CA114", fmt::format("no parameter begins with {}", beginning), {},
-                    "`polypod info MACHINE` lists the parameters");
-      }
-    }
-  }
-  int chosen = 0;
-  for (const machine::Parameter& p : nominal) {
-    problem.chosen.push_back((options.only.empty() || begins_with_any(full_key(p), options.only)) &&
-                             !begins_with_any(full_key(p), options.hold));
-    chosen += problem.chosen.back() ? 1 : 0;
-  }
+  POLYPOD_ASSIGN(wished, chosen_parameters(nominal, options));
+  problem.chosen = wished;
+  const auto chosen = std::count(problem.chosen.begin(), problem.chosen.end(), true);
 
   // Where the nominal machine stands in every row: the seeds of Newton.
   for (const Measurement& row : rows) {
@@ -377,16 +412,9 @@ Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Mea
   }
 
   // Which unknowns to look for, and rows to hold back where enough are left.
-  std::vector<int> wanted;
-  for (int j = 0; j < layout.frame; ++j) wanted.push_back(j);
   bool turns = false;
   for (const Measurement& row : rows) turns = turns || row.kind == Kind::pose || row.kind == Kind::axis;
-  if (options.estimate_frame)
-    for (int j = 0; j < 6; ++j) wanted.push_back(layout.frame + j);
-  if (options.estimate_target)
-    for (int j = 0; j < (turns ? 6 : 3); ++j) wanted.push_back(layout.target + j);
-  for (std::size_t i = 0; i < nominal.size(); ++i)
-    if (problem.chosen[i]) wanted.push_back(problem.column(i));
+  const std::vector<int> wanted = wanted_unknowns(layout, problem.chosen, options, turns);
   std::size_t all_equations = 0;
   for (const Measurement& row : rows) all_equations += static_cast<std::size_t>(equation_count(row.kind));
   const bool priors = options.prior_length > 0 && options.prior_angle > 0;
@@ -542,16 +570,7 @@ Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Mea
     error[problem.free[k]] = out.noise_factor * inverse.row(row).norm() / lengths[row];
   }
 
-  const auto unknown = [&](int j) -> machine::Parameter {
-    static constexpr const char* kParts[] = {"x", "y", "z", "a", "b", "c"};
-    if (j >= layout.parameters) return nominal[static_cast<std::size_t>(j - layout.parameters)];
-    if (j >= layout.frame) {
-      const bool target = j >= layout.target;
-      const int part = j - (target ? layout.target : layout.frame);
-      return {fmt::format("{}.{}", target ? "target" : "frame", kParts[part]), 0, part < 3 ? "mm" : "deg"};
-    }
-    return {"contact", 0, "mm"};
-  };
+  const auto unknown = [&](int j) { return unknown_of(any, layout, j); };
   std::vector<double> p;
   for (std::size_t i = 0; i < nominal.size(); ++i) {
     p.push_back(x[problem.column(i)]);

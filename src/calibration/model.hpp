@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <map>
 
-#include "polypod/calibration/measurement.hpp"
+#include "polypod/calibration/calibrate.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"
@@ -22,6 +22,16 @@ struct Layout {
   int frame = 0, target = 0, parameters = 0, count = 0;
 };
 Layout layout_of(const std::vector<Measurement>& rows, std::size_t parameter_count);
+
+/// Which parameters the options ask for. Errors: CA114.
+Result<std::vector<bool>> chosen_parameters(const std::vector<machine::Parameter>& all,
+                                            const CalibrationOptions& options);
+/// The columns of the unknowns that the options ask for, in the order in which they are told; `turns`: angles were
+/// measured, so that the target's own orientation shows.
+std::vector<int> wanted_unknowns(const Layout& layout, const std::vector<bool>& chosen,
+                                 const CalibrationOptions& options, bool turns);
+/// The name and unit of one column.
+machine::Parameter unknown_of(const AnyMachine& machine, const Layout& layout, int column);
 
 /// How exactly the instrument measures.
 struct Noise {

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "polypod/core/csv.hpp"
+#include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::statics {
@@ -17,17 +18,8 @@ namespace {
 constexpr double kUnbelievable = 0.05;
 // Columns whose scaled equations are worse conditioned than this cannot be told apart.
 constexpr double kNotApart = 1e8;
-constexpr double kOutlier = 3.5;          // robust standard deviations
-constexpr double kNormalPerMad = 1.4826;  // standard deviation over median absolute deviation of a normal distribution
-
-/// Two-sided 95 % quantile of Student's t (Cornish-Fisher in 1/n to third order: within 0.2 % from 3 degrees of
-/// freedom).
-double student_95(double n) {
-  constexpr double z = 1.959963984540054;
-  const double z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
-  return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n) +
-         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * n * n * n);
-}
+constexpr double kAlike = 0.9;    // correlation of two estimates from which on the sum is known better than the two
+constexpr double kOutlier = 3.5;  // robust standard deviations
 
 /// Least squares with c >= 0 from the normal equations H c = g (H positive definite), by an active set: held at 0 is
 /// what would be negative, and let go again what would grow. `free` says which are not held.
@@ -139,10 +131,15 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     return fail("ID112", "these poses do not load every joint", {}, "measure at other poses");
   }
   const Eigen::MatrixXd S = A * scale.cwiseInverse().asDiagonal();
-  const Eigen::VectorXd sigma = S.bdcSvd().singularValues();
+  const std::vector<std::string> names = column_names(machine);
+  const auto svd = S.bdcSvd(Eigen::ComputeThinV);
+  const Eigen::VectorXd sigma = svd.singularValues();
   out.condition = sigma[0] / sigma[n - 1];
   if (!(out.condition < kNotApart)) {
-    return fail("ID112", "these poses cannot tell the joints apart", {}, "measure at other poses");
+    std::string who;  // the joints of the direction that shows least
+    for (int k = 0; k < n; ++k)
+      if (std::abs(svd.matrixV()(k, n - 1)) > 0.1) who += (who.empty() ? "" : ", ") + names[std::size_t(k)];
+    return fail("ID112", fmt::format("these poses cannot tell apart: {}", who), {}, "measure at other poses");
   }
   std::vector<bool> free;
   const Eigen::MatrixXd H = S.transpose() * S;
@@ -151,7 +148,6 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   const double variance = r.squaredNorm() / double(out.equations - n);
   const Eigen::MatrixXd inverse = H.inverse();
   const double t = student_95(double(out.equations - n));
-  const std::vector<std::string> names = column_names(machine);
   for (int k = 0; k < n; ++k) {
     out.compliance.push_back(c[k] / scale[k]);
     const double error = free[static_cast<std::size_t>(k)] ? std::sqrt(variance * inverse(k, k)) / scale[k] : 0.0;
@@ -164,10 +160,13 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     }
   }
   out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
-  std::vector<double> sizes;
-  for (const double x : r) sizes.push_back(std::abs(x));
-  std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
-  const double limit = kOutlier * kNormalPerMad * sizes[sizes.size() / 2];
+  // Half the difference of two readings with the residuals' noise spreads by 1 / sqrt 2 of it.
+  constexpr double kAskew = 1.5;
+  out.symmetric = out.asymmetry_rms <= kAskew * out.residual_rms / std::sqrt(2.0) + 1e-12;
+  for (int k = 0; k < n; ++k)
+    for (int j = 0; j < k; ++j)
+      if (std::abs(out.correlation[std::size_t(k)][std::size_t(j)]) > kAlike) out.hardly_apart.push_back({j, k});
+  const double limit = kOutlier * robust_deviation(r);
   for (std::size_t i = 0; i < points.size(); ++i) {
     out.residuals.push_back(r.segment<9>(9 * i).reshaped(3, 3));
     for (int f = 0; f < 3; ++f)

@@ -291,6 +291,7 @@ TEST(Calibrate, OutliersAreFlaggedAndPullLittle) {
   const auto bad = [](SimulationOptions& s) { s.outliers = 0.05; };
   const std::vector<Measurement> clean = measured(nominal, truth, Kind::point, 100, kNoise);
   const std::vector<Measurement> rows = measured(nominal, truth, Kind::point, 100, kNoise, 3, bad);
+  double with_loss = 0;
   for (const Loss loss : {Loss::huber, Loss::cauchy}) {
     CalibrationOptions o;
     o.loss = loss;
@@ -303,11 +304,12 @@ TEST(Calibrate, OutliersAreFlaggedAndPullLittle) {
       EXPECT_EQ(c.residuals[i].outlier, is_off) << i;
     }
     EXPECT_GT(spoilt, 1u);
-    EXPECT_LT(apart(c.machine, truth), 1.2 * kNoise);
+    with_loss = std::max(with_loss, apart(c.machine, truth));
+    EXPECT_LT(with_loss, kNoise);
   }
   CalibrationOptions plain;
   plain.loss = Loss::none;
-  EXPECT_GT(apart(calibrated(nominal, rows, plain).machine, truth), 1.5 * kNoise);
+  EXPECT_GT(apart(calibrated(nominal, rows, plain).machine, truth), 1.5 * with_loss);
 }
 
 // Standard errors mean what they say: of 200 x 18 intervals of two of them, 95 % hold the truth (2.5 % is far more than
