@@ -50,9 +50,11 @@ Command identify_compliance_command() {
               points.insert(points.end(), more.begin(), more.end());
             }
             POLYPOD_ASSIGN(r, statics::identify_compliance(m, points));
+            const bool legs = r.joint.front().rfind("leg", 0) == 0;  // m/N, not rad/Nm
             if (!o->out.empty()) {
               POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
-              machine::note(found, "compliance", note_of(r, points));
+              // The key whose numbers change, so that an older source of theirs does not stand beside it.
+              machine::note(found, legs ? "leg compliance" : "compliance_rad_per_Nm", note_of(r, points));
               POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(found)));
             }
             static constexpr const char* kAxes = "xyz";
@@ -69,26 +71,36 @@ Command identify_compliance_command() {
                                   {"residual_um", units::to_um(x.residual)}});
             }
             if (context.json) {
-              print_json({{"joint", r.joint},
-                          {"compliance_rad_per_Nm", r.compliance},
-                          {"standard_error", r.standard_error},
-                          {"half_interval_95", r.half_interval},
-                          {"residual_rms_um", units::to_um(r.residual_rms)},
-                          {"equations", r.equations},
-                          {"points", points.size()},
-                          {"condition", r.condition},
-                          {"correlation", r.correlation},
-                          {"hardly_apart", alike},
-                          {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
-                          {"symmetric", r.symmetric},
-                          {"outliers", outliers}});
+              std::vector<double> um_per_N;
+              for (const double c : r.compliance) um_per_N.push_back(units::to_um_per_N(c));
+              Json document{{"joint", r.joint},
+                            {"compliance_rad_per_Nm", r.compliance},
+                            {"standard_error", r.standard_error},
+                            {"half_interval_95", r.half_interval},
+                            {"residual_rms_um", units::to_um(r.residual_rms)},
+                            {"equations", r.equations},
+                            {"points", points.size()},
+                            {"condition", r.condition},
+                            {"correlation", r.correlation},
+                            {"hardly_apart", alike},
+                            {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
+                            {"symmetric", r.symmetric},
+                            {"outliers", outliers}};
+              if (legs) document["compliance_um_per_N"] = um_per_N;  // what a leg gives way by; the same in m/N above
+              print_json(document);
               return kDone;
             }
             fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(),
                        r.equations, units::to_um(r.residual_rms), r.condition);
-            fmt::print("           1e-7 rad/Nm   95 % interval\n");
+            fmt::print("           {:>11}   95 % interval\n", legs ? "um/N" : "1e-7 rad/Nm");
             for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-              fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], r.compliance[i] * 1e7, r.half_interval[i] * 1e7);
+              if (legs) {
+                fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
+                           units::to_um_per_N(r.half_interval[i]));
+              } else {
+                fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], r.compliance[i] * 1e7,
+                           r.half_interval[i] * 1e7);
+              }
             }
             fmt::print("\nmeasured cross displacements differ from symmetry by {:.1f} um rms{}\n",
                        units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than the residuals explain");

@@ -289,7 +289,7 @@ Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std:
 }
 
 std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count) {
-  constexpr int kMost = 60;  // points a side
+  constexpr int kMost = 30;  // points a side
   Vec3 low = Vec3::Constant(kInfinite), high = -low;
   for (const Stand& stand : box) {
     low = low.cwiseMin(stand.X_MT.p);
@@ -299,18 +299,22 @@ std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stan
   const auto nearest = std::min_element(box.begin(), box.end(), [&](const Stand& a, const Stand& b) {
     return (a.X_MT.p - middle).norm() < (b.X_MT.p - middle).norm();
   });
+  // Upright where the machine can, as one would measure a grid; else as the middle stand.
   std::vector<Stand> reached;
-  for (int side = 2; side <= kMost && reached.size() < count; ++side) {
-    reached.clear();
-    for (int k = 0; k < side * side * side; ++k) {
-      const Vec3 share(k % side + 0.5, k / side % side + 0.5, k / side / side + 0.5);
-      Stand stand{{}, Pose{nearest->X_MT.R, low + (high - low).cwiseProduct(share / side)}};
-      const kinematics::InverseResult inverse = kinematics::inverse(machine, stand.X_MT);
-      const kinematics::Solution* s = inverse.reachable();
-      if (s == nullptr) continue;
-      stand.q = s->joints;
-      reached.push_back(std::move(stand));
+  for (const Mat3& R : {Mat3(Mat3::Identity()), nearest->X_MT.R}) {
+    for (int side = 2; side <= kMost && reached.size() < count; ++side) {
+      reached.clear();
+      for (int k = 0; k < side * side * side; ++k) {
+        const Vec3 share(k % side + 0.5, k / side % side + 0.5, k / side / side + 0.5);
+        Stand stand{{}, Pose{R, low + (high - low).cwiseProduct(share / side)}};
+        const kinematics::InverseResult inverse = kinematics::inverse(machine, stand.X_MT);
+        const kinematics::Solution* s = inverse.reachable();
+        if (s == nullptr) continue;
+        stand.q = s->joints;
+        reached.push_back(std::move(stand));
+      }
     }
+    if (reached.size() >= count) break;
   }
   std::vector<Stand> out;
   const std::size_t wanted = std::min(count, reached.size());
