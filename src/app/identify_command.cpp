@@ -45,10 +45,13 @@ Command identify_compliance_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
             std::vector<statics::MeasuredPoint> points;
+            std::vector<std::vector<statics::MeasuredPoint>> groups;
             for (const std::string& file : o->files) {
               POLYPOD_ASSIGN(more, statics::read_displacements(file));
               points.insert(points.end(), more.begin(), more.end());
+              groups.push_back(std::move(more));
             }
+            POLYPOD_ASSIGN(given_rms, statics::prediction_rms(m, points));
             POLYPOD_ASSIGN(r, statics::identify_compliance(m, points));
             const bool legs = r.joint.front().rfind("leg", 0) == 0;  // m/N, not rad/Nm
             if (!o->out.empty()) {
@@ -56,6 +59,12 @@ Command identify_compliance_command() {
               // The key whose numbers change, so that an older source of theirs does not stand beside it.
               machine::note(found, legs ? "leg compliance" : "compliance_rad_per_Nm", note_of(r, points));
               POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(found)));
+            }
+            Json left_out = Json::array();
+            if (groups.size() > 1) {
+              POLYPOD_ASSIGN(rms, statics::leave_one_out(m, groups));
+              for (std::size_t i = 0; i < rms.size(); ++i)
+                left_out.push_back({{"file", o->files[i]}, {"prediction_rms_um", units::to_um(rms[i])}});
             }
             static constexpr const char* kAxes = "xyz";
             Json alike = Json::array();
@@ -78,6 +87,8 @@ Command identify_compliance_command() {
                             {"standard_error", r.standard_error},
                             {"half_interval_95", r.half_interval},
                             {"residual_rms_um", units::to_um(r.residual_rms)},
+                            {"given_rms_um", units::to_um(given_rms)},
+                            {"leave_one_out", left_out},
                             {"equations", r.equations},
                             {"points", points.size()},
                             {"condition", r.condition},
@@ -102,7 +113,14 @@ Command identify_compliance_command() {
                            r.half_interval[i] * 1e7);
               }
             }
-            fmt::print("\nmeasured cross displacements differ from symmetry by {:.1f} um rms{}\n",
+            fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
+                       units::to_um(given_rms));
+            for (const Json& x : left_out) {
+              fmt::print("{}: predicted from the other files to {:.1f} um rms\n",
+                         std::filesystem::path(x["file"].get<std::string>()).filename().string(),
+                         x["prediction_rms_um"].get<double>());
+            }
+            fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
                        units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than the residuals explain");
             for (const Json& x : alike) {
               fmt::print("{} and {} are hardly told apart: their estimates correlate by {:.3f}\n",

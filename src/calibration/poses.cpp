@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "model.hpp"
+#include "polypod/core/units.hpp"
 
 namespace polypod::calibration {
 namespace {
@@ -289,32 +290,37 @@ Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std:
 }
 
 std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count) {
-  constexpr int kMost = 30;  // points a side
+  constexpr int kMost = 30;     // points a side
+  constexpr double kTilt = 20;  // deg
   Vec3 low = Vec3::Constant(kInfinite), high = -low;
   for (const Stand& stand : box) {
     low = low.cwiseMin(stand.X_MT.p);
     high = high.cwiseMax(stand.X_MT.p);
   }
-  const Vec3 middle = 0.5 * (low + high);
-  const auto nearest = std::min_element(box.begin(), box.end(), [&](const Stand& a, const Stand& b) {
-    return (a.X_MT.p - middle).norm() < (b.X_MT.p - middle).norm();
-  });
-  // Upright where the machine can, as one would measure a grid; else as the middle stand.
+  const bool turns = kinematics::task(machine) != machine::Task::point;
+  const double tilt = turns ? units::from_deg(kTilt) : 0.0;
+  const Vec3 tilts[] = {Vec3::Zero(), Vec3(tilt, 0, 0), Vec3(0, tilt, 0), Vec3(-tilt, 0, 0), Vec3(0, -tilt, 0)};
   std::vector<Stand> reached;
-  for (const Mat3& R : {Mat3(Mat3::Identity()), nearest->X_MT.R}) {
-    for (int side = 2; side <= kMost && reached.size() < count; ++side) {
-      reached.clear();
-      for (int k = 0; k < side * side * side; ++k) {
-        const Vec3 share(k % side + 0.5, k / side % side + 0.5, k / side / side + 0.5);
-        Stand stand{{}, Pose{R, low + (high - low).cwiseProduct(share / side)}};
+  for (int side = 2; side <= kMost && reached.size() < count; ++side) {
+    reached.clear();
+    for (int k = 0; k < side * side * side; ++k) {
+      const Vec3 share(k % side + 0.5, k / side % side + 0.5, k / side / side + 0.5);
+      // The tilts in turn; where one is out of reach, the next.
+      for (std::size_t t = 0; t < std::size(tilts); ++t) {
+        const Vec3& turn = tilts[(reached.size() + t) % std::size(tilts)];
+        Stand stand{{}, Pose{rotation_of(turn), low + (high - low).cwiseProduct(share / side)}};
         const kinematics::InverseResult inverse = kinematics::inverse(machine, stand.X_MT);
         const kinematics::Solution* s = inverse.reachable();
         if (s == nullptr) continue;
         stand.q = s->joints;
+        // Of a machine with five axes the turn about the tool is what the joints give.
+        const kinematics::ForwardResult at = kinematics::forward(machine, stand.q);
+        if (at.poses.empty()) continue;
+        stand.X_MT = at.poses.front();
         reached.push_back(std::move(stand));
+        break;
       }
     }
-    if (reached.size() >= count) break;
   }
   std::vector<Stand> out;
   const std::size_t wanted = std::min(count, reached.size());

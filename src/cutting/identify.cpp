@@ -132,7 +132,8 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
     sum += out.residuals.back().squaredNorm();
   }
   out.residual_rms = std::sqrt(sum / double(out.equations));
-  for (int axis = 0; axis < 3; ++axis) {
+  constexpr Eigen::Index kEnough = 10;  // cuts: of fewer the median says nothing
+  for (int axis = 0; axis < 3 && n >= kEnough; ++axis) {
     const double limit = kOutlier * robust_deviation(residuals.row(axis).transpose());
     for (Eigen::Index i = 0; i < n; ++i) {
       if (std::abs(residuals(axis, i)) > limit && limit > 1e-9) {

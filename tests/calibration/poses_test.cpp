@@ -97,6 +97,7 @@ TEST(Poses, ThirtyPercentBetterThanAGrid) {
   const std::vector<Stand> grid = grid_stands(m, geometry.stands, 40);
   ASSERT_EQ(grid.size(), 40u);
   const Uncertainty plain = uncertainty(geometry_equations(m, grid, Kind::point, {}, {}, geometry), geometry.equations);
+  ASSERT_TRUE(std::isfinite(plain.worst));
   for (const Criterion criterion : {Criterion::determinant, Criterion::eigenvalue}) {
     const Uncertainty best =
         uncertainty(some(geometry.equations, *choose(geometry.equations, 40, criterion)), geometry.equations);

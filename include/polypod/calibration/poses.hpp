@@ -56,8 +56,8 @@ struct Uncertainty {
 };
 Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std::vector<Eigen::MatrixXd>& over);
 
-/// `count` stands on a regular grid in the box of the given ones, upright (R = 1) where the machine reaches enough of
-/// them so, else with the orientation of the middle one; fewer where it reaches fewer.
+/// `count` stands on a regular grid of places in the box of the given ones, as one would measure without a plan: the
+/// tool upright (R = 1) and tilted by 20 deg to four sides in turn. Fewer where the machine reaches fewer.
 std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count);
 
 }  // namespace polypod::calibration

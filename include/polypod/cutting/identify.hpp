@@ -37,7 +37,7 @@ struct CuttingIdentification {
   std::size_t equations = 0;
   double condition = 0;                ///< of the equations with columns of unit length
   std::vector<Vec3> residuals;         ///< N, measured less computed
-  std::vector<ForceOutlier> outliers;  ///< beyond 3.5 robust standard deviations of their axis; kept in the fit
+  std::vector<ForceOutlier> outliers;  ///< beyond 3.5 robust standard deviations of their axis, from 10 cuts on; kept
 };
 
 /// Mean forces are linear in the coefficients, F = sum_k K_k F_k with F_k = mean_force of the unit coefficient, so one
