@@ -160,9 +160,16 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     }
   }
   out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
-  // Half the difference of two readings with the residuals' noise spreads by 1 / sqrt 2 of it.
+  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise, and that shows in the direct
+  // displacements: what is askew spoils the residuals of the cross ones, but not theirs.
   constexpr double kAskew = 1.5;
-  out.symmetric = out.asymmetry_rms <= kAskew * out.residual_rms / std::sqrt(2.0) + 1e-12;
+  double direct = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (const int k : {0, 4, 8})
+      direct += r[9 * static_cast<Eigen::Index>(i) + k] * r[9 * static_cast<Eigen::Index>(i) + k];
+  }
+  direct = std::sqrt(direct / (3.0 * double(points.size())));
+  out.symmetric = out.asymmetry_rms <= kAskew * direct / std::sqrt(2.0) + 1e-12;
   for (int k = 0; k < n; ++k)
     for (int j = 0; j < k; ++j)
       if (std::abs(out.correlation[std::size_t(k)][std::size_t(j)]) > kAlike) out.hardly_apart.push_back({j, k});

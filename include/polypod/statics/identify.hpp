@@ -41,7 +41,7 @@ struct Identification {
   double condition = 0;                          ///< of the scaled equations: 1 tells all joints apart, 1e6 does not
   std::vector<std::vector<double>> correlation;  ///< of the estimates
   double asymmetry_rms = 0;                      ///< m, half the difference of the measured cross displacements
-  bool symmetric = true;  ///< it is not above 1.5 times what the residuals' noise explains (SLAV 4.3)
+  bool symmetric = true;  ///< it is not above 1.5 times what the noise of the direct displacements explains
   std::vector<std::pair<int, int>> hardly_apart;  ///< columns whose estimates correlate by more than 0.9
   std::vector<Outlier> outliers;  ///< residuals beyond 3.5 robust standard deviations; they are kept in the fit
   std::vector<Mat3> residuals;    ///< m, measured less computed, like MeasuredPoint::displacement
