@@ -13,7 +13,8 @@ std::vector<Command> all_commands() {
       errors_command(), tolerances_command(), budget_command(),
       delta_command(), move_command(), pick_command(), fit_command(),  // deltas
       compliance_command(), map_command(),                      // statics
-      identify_compliance_command(),
+      identify_compliance_command(), identify_cutting_command(),
+      simulate_measurement_command(), calibrate_command(), poses_command(),  // measured machines
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(),

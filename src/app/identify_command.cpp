@@ -1,17 +1,36 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <array>
+#include <filesystem>
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/identify.hpp"
 #include "polypod/statics/identify.hpp"
 
 namespace polypod::app {
+namespace {
+
+std::string note_of(const statics::Identification& r, const std::vector<statics::MeasuredPoint>& points) {
+  std::string files;
+  for (const statics::MeasuredPoint& point : points) {
+    const std::string name = std::filesystem::path(point.place.file).filename().string();
+    if (files.find(name) == std::string::npos) files += (files.empty() ? "" : ", ") + name;
+  }
+  std::string errors;
+  for (const double e : r.standard_error) errors += fmt::format("{}{:.3g}", errors.empty() ? "" : ", ", e);
+  return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}",
+                     points.size(), files, units::to_um(r.residual_rms), errors);
+}
+
+}  // namespace
 
 Command identify_compliance_command() {
   struct Options {
-    std::string machine;
+    std::string machine, out;
     std::vector<std::string> sets, files;
   };
   auto o = std::make_shared<Options>();
@@ -20,16 +39,38 @@ Command identify_compliance_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.positional("DATA", o->files, "CSV files: x_mm,y_mm,z_mm,force_N,dx_Fx_um,dy_Fx_um,...,dz_Fz_um");
+            a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
             std::vector<statics::MeasuredPoint> points;
+            std::vector<std::vector<statics::MeasuredPoint>> groups;
             for (const std::string& file : o->files) {
               POLYPOD_ASSIGN(more, statics::read_displacements(file));
               points.insert(points.end(), more.begin(), more.end());
+              groups.push_back(std::move(more));
             }
+            POLYPOD_ASSIGN(given_rms, statics::prediction_rms(m, points));
             POLYPOD_ASSIGN(r, statics::identify_compliance(m, points));
+            const bool legs = r.joint.front().rfind("leg", 0) == 0;  // m/N, not rad/Nm
+            if (!o->out.empty()) {
+              POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
+              // The key whose numbers change, so that an older source of theirs does not stand beside it.
+              machine::note(found, legs ? "leg compliance" : "compliance_rad_per_Nm", note_of(r, points));
+              POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(found)));
+            }
+            Json left_out = Json::array();
+            if (groups.size() > 1) {
+              POLYPOD_ASSIGN(rms, statics::leave_one_out(m, groups));
+              for (std::size_t i = 0; i < rms.size(); ++i)
+                left_out.push_back({{"file", o->files[i]}, {"prediction_rms_um", units::to_um(rms[i])}});
+            }
             static constexpr const char* kAxes = "xyz";
+            Json alike = Json::array();
+            for (const auto& [a, b] : r.hardly_apart)
+              alike.push_back({{"joints", {r.joint[std::size_t(a)], r.joint[std::size_t(b)]}},
+                               {"correlation", r.correlation[std::size_t(a)][std::size_t(b)]}});
             Json outliers = Json::array();
             for (const statics::Outlier& x : r.outliers) {
               const statics::MeasuredPoint& p = points[x.point];
@@ -39,31 +80,129 @@ Command identify_compliance_command() {
                                   {"residual_um", units::to_um(x.residual)}});
             }
             if (context.json) {
-              print_json({{"joint", r.joint},
-                          {"compliance_rad_per_Nm", r.compliance},
-                          {"standard_error", r.standard_error},
-                          {"half_interval_95", r.half_interval},
-                          {"residual_rms_um", units::to_um(r.residual_rms)},
-                          {"equations", r.equations},
-                          {"points", points.size()},
-                          {"condition", r.condition},
-                          {"correlation", r.correlation},
-                          {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
-                          {"outliers", outliers}});
+              std::vector<double> um_per_N;
+              for (const double c : r.compliance) um_per_N.push_back(units::to_um_per_N(c));
+              Json document{{"joint", r.joint},
+                            {"compliance_rad_per_Nm", r.compliance},
+                            {"standard_error", r.standard_error},
+                            {"half_interval_95", r.half_interval},
+                            {"residual_rms_um", units::to_um(r.residual_rms)},
+                            {"given_rms_um", units::to_um(given_rms)},
+                            {"leave_one_out", left_out},
+                            {"equations", r.equations},
+                            {"points", points.size()},
+                            {"condition", r.condition},
+                            {"correlation", r.correlation},
+                            {"hardly_apart", alike},
+                            {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
+                            {"symmetric", r.symmetric},
+                            {"outliers", outliers}};
+              if (legs) document["compliance_um_per_N"] = um_per_N;  // what a leg gives way by; the same in m/N above
+              print_json(document);
               return kDone;
             }
             fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(),
                        r.equations, units::to_um(r.residual_rms), r.condition);
-            fmt::print("           1e-7 rad/Nm   95 % interval\n");
+            fmt::print("           {:>11}   95 % interval\n", legs ? "um/N" : "1e-7 rad/Nm");
             for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-              fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], r.compliance[i] * 1e7, r.half_interval[i] * 1e7);
+              if (legs) {
+                fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
+                           units::to_um_per_N(r.half_interval[i]));
+              } else {
+                fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], r.compliance[i] * 1e7,
+                           r.half_interval[i] * 1e7);
+              }
             }
-            fmt::print("\nmeasured cross displacements differ from symmetry by {:.1f} um rms\n",
-                       units::to_um(r.asymmetry_rms));
+            fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
+                       units::to_um(given_rms));
+            for (const Json& x : left_out) {
+              fmt::print("{}: predicted from the other files to {:.1f} um rms\n",
+                         std::filesystem::path(x["file"].get<std::string>()).filename().string(),
+                         x["prediction_rms_um"].get<double>());
+            }
+            fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
+                       units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than the residuals explain");
+            for (const Json& x : alike) {
+              fmt::print("{} and {} are hardly told apart: their estimates correlate by {:.3f}\n",
+                         x["joints"][0].get<std::string>(), x["joints"][1].get<std::string>(),
+                         x["correlation"].get<double>());
+            }
             for (const Json& x : outliers) {
               fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.0f} um\n", x["file"].get<std::string>(),
                          x["line"].get<int>(), x["displacement"].get<std::string>(), x["residual_um"].get<double>());
             }
+            if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
+            return kDone;
+          }};
+}
+
+Command identify_cutting_command() {
+  struct Options {
+    std::string cutter, out, name;
+    std::vector<std::string> files;
+  };
+  auto o = std::make_shared<Options>();
+  return {"identify cutting", "Cutting coefficients from mean forces measured at several feeds",
+          "polypod identify cutting --cutter cutter.toml forces.csv -o material.toml",
+          [o](Arguments& a) {
+            a.positional("DATA", o->files,
+                         "CSV files: feed_per_tooth_mm,ap_mm,Fx_N,Fy_N,Fz_N[,direction][,ae_mm]; on the tool, x along "
+                         "the feed, y to its left, z along the axis");
+            a.option("--cutter", o->cutter, "The cutter file", true);
+            a.option("-o,--output", o->out, "The material, as a material file");
+            a.option("--name", o->name, "Its name");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(cutter, cutting::read_cutter(o->cutter));
+            if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
+            std::vector<cutting::MeasuredForce> rows;
+            for (const std::string& file : o->files) {
+              POLYPOD_ASSIGN(more, cutting::read_forces(cutter, file));
+              rows.insert(rows.end(), more.begin(), more.end());
+            }
+            POLYPOD_ASSIGN(r, cutting::identify_cutting(cutter, rows));
+            r.material.name = o->name;
+            if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, cutting::to_toml(r.material)));
+            static constexpr std::array<const char*, 6> kKeys = {"Ktc_N_per_mm2", "Krc_N_per_mm2", "Kac_N_per_mm2",
+                                                                 "Kte_N_per_mm",  "Kre_N_per_mm",  "Kae_N_per_mm"};
+            const auto user = [](std::size_t k, double x) {
+              return k < 3 ? units::to_N_per_mm2(x) : units::to_N_per_mm(x);
+            };
+            static constexpr std::array<const char*, 3> kForces = {"Fx_N", "Fy_N", "Fz_N"};
+            Json outliers = Json::array();
+            for (const cutting::ForceOutlier& x : r.outliers) {
+              outliers.push_back({{"file", rows[x.row].place.file},
+                                  {"line", rows[x.row].place.line},
+                                  {"force", kForces[std::size_t(x.axis)]},
+                                  {"residual_N", x.residual}});
+            }
+            if (context.json) {
+              Json coefficients = Json::array();
+              for (std::size_t k = 0; k < kKeys.size(); ++k) {
+                coefficients.push_back({{"key", kKeys[k]},
+                                        {"value", user(k, r.value[k])},
+                                        {"standard_error", user(k, r.standard_error[k])},
+                                        {"half_interval_95", user(k, r.half_interval[k])}});
+              }
+              print_json({{"coefficients", coefficients},
+                          {"residual_rms_N", r.residual_rms},
+                          {"cuts", rows.size()},
+                          {"equations", r.equations},
+                          {"condition", r.condition},
+                          {"outliers", outliers}});
+              return kDone;
+            }
+            fmt::print("{} cuts, {} equations, residual rms {:.2f} N, condition {:.2f}\n\n", rows.size(), r.equations,
+                       r.residual_rms, r.condition);
+            for (std::size_t k = 0; k < kKeys.size(); ++k) {
+              fmt::print("{:<14} {:>10.3f}   +- {:.3f} (95 %)\n", kKeys[k], user(k, r.value[k]),
+                         user(k, r.half_interval[k]));
+            }
+            for (const Json& x : outliers) {
+              fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.1f} N\n", x["file"].get<std::string>(),
+                         x["line"].get<int>(), x["force"].get<std::string>(), x["residual_N"].get<double>());
+            }
+            if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
             return kDone;
           }};
 }

@@ -60,7 +60,7 @@ void slider_roots(const SliderHexapod& m, const Pose& X, SliderRoots* out) {
   for (int i = 0; i < kLegs; ++i) {
     const Vec3 y = origin + X.R * m.platform_joint[i] - m.rail_outer[i];
     const double along = m.rail_direction[i].dot(y);
-    const double under = m.leg_length * m.leg_length - (y - along * m.rail_direction[i]).squaredNorm();
+    const double under = m.length_of_leg(i) * m.length_of_leg(i) - (y - along * m.rail_direction[i]).squaredNorm();
     out[i].real = under >= 0;
     const double half = std::sqrt(std::max(0.0, under));
     out[i].outer = along - half;
@@ -73,7 +73,7 @@ SixLegs six_legs(const SliderHexapod& m, const JointVector& q) {
   for (int i = 0; i < kLegs; ++i) {
     legs.anchor[i] = m.rail_outer[i] + q[i] * m.rail_direction[i];
     legs.end[i] = m.platform_joint[i] - Vec3(0, 0, m.tool_length);
-    legs.length[i] = m.leg_length;
+    legs.length[i] = m.length_of_leg(i);
   }
   return legs;
 }
@@ -104,7 +104,7 @@ InverseResult inverse(const SliderHexapod& m, const Pose& X) {
     s.branch = branch_name(choice);
     s.violations = hexapod_detail::violations_of(m, X, s.joints);
     for (int i = 0; i < kLegs; ++i) {
-      s.singular = s.singular || roots[i].inner - roots[i].outer < 1e-6 * m.leg_length;
+      s.singular = s.singular || roots[i].inner - roots[i].outer < 1e-6 * m.length_of_leg(i);
     }
     out.solutions.push_back(std::move(s));
     if (subset == both) break;

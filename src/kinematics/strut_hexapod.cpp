@@ -21,7 +21,9 @@ Pose home_pose(const StrutHexapod& m) {
 
 void lengths(const StrutHexapod& m, const Pose& X, double* out) {
   const Vec3 origin = X.p - m.tool_length * X.R.col(2);
-  for (int i = 0; i < kLegs; ++i) out[i] = (origin + X.R * m.platform_joint[i] - m.base_joint[i]).norm();
+  for (int i = 0; i < kLegs; ++i) {
+    out[i] = (origin + X.R * m.platform_joint[i] - m.base_joint[i]).norm() - m.leg_offset[i];
+  }
 }
 
 SixLegs six_legs(const StrutHexapod& m, const JointVector& q) {
@@ -29,7 +31,7 @@ SixLegs six_legs(const StrutHexapod& m, const JointVector& q) {
   legs.anchor = m.base_joint;
   for (int i = 0; i < kLegs; ++i) {
     legs.end[i] = m.platform_joint[i] - Vec3(0, 0, m.tool_length);
-    legs.length[i] = q[i];
+    legs.length[i] = q[i] + m.leg_offset[i];
   }
   return legs;
 }

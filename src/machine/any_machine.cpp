@@ -5,6 +5,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <concepts>
 #include <filesystem>
 
 #include "machine_file.hpp"
@@ -168,6 +169,29 @@ std::vector<Parameter> settings(const AnyMachine& machine) {
         }
       },
       machine);
+}
+
+Result<AnyMachine> with_parameters(const AnyMachine& machine, std::span<const double> p) {
+  return std::visit(
+      [&]<class M>(const M& m) -> Result<AnyMachine> {
+        // Its own function, by its result: this one takes any family, too.
+        if constexpr (requires {
+                        { with_parameters(m, p) } -> std::same_as<Result<M>>;
+                      }) {
+          if (const std::size_t wanted = parameters(m).size(); p.size() != wanted) {
+            return fail("MA105", fmt::format("{} values for {} parameters", p.size(), wanted));
+          }
+          POLYPOD_ASSIGN(changed, with_parameters(m, p));
+          return AnyMachine(std::move(changed));
+        } else {
+          return fail("MA104", fmt::format("the parameters of a {} cannot be changed one by one", M::kFamily));
+        }
+      },
+      machine);
+}
+
+void note(AnyMachine& machine, const std::string& key, const std::string& text) {
+  std::visit([&](auto& m) { m.provenance[key] = text; }, machine);
 }
 
 std::string to_toml(const AnyMachine& machine) {

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -85,6 +86,41 @@ std::string six_toml(const SixPoints& points) {
                        number_toml(units::to_mm(points[i].y())), number_toml(units::to_mm(points[i].z())));
   }
   return out + "]";
+}
+
+Result<SixNumbers> read_six_numbers(const config::Table& table, const std::string& key, double otherwise,
+                                    config::Range range) {
+  SixNumbers out;
+  out.fill(otherwise);
+  if (!table.has(key)) return out;
+  POLYPOD_ASSIGN(numbers, table.numbers(key, kLegs, range));
+  std::copy(numbers.begin(), numbers.end(), out.begin());
+  return out;
+}
+
+namespace {
+std::string numbers_toml(const SixNumbers& numbers, double factor) {
+  std::string out = "[";
+  for (int i = 0; i < kLegs; ++i) out += (i == 0 ? "" : ", ") + number_toml(factor * numbers[i]);
+  return out + "]";
+}
+}  // namespace
+
+std::string leg_offset_toml(const SixNumbers& offset) {
+  if (offset == SixNumbers{}) return "";
+  return ", offset_mm = " + numbers_toml(offset, units::kMmPerMetre);
+}
+
+std::string leg_compliance_toml(const SixNumbers& compliance) {
+  const bool same = std::all_of(compliance.begin(), compliance.end(), [&](double c) { return c == compliance[0]; });
+  if (same) return fmt::format(", compliance_um_per_N = {}", number_toml(units::to_um(compliance[0])));
+  return ", compliance_each_um_per_N = " + numbers_toml(compliance, units::kUmPerMetre);
+}
+
+double mean_of(const SixNumbers& numbers) {
+  double sum = 0;
+  for (const double x : numbers) sum += x;
+  return sum / kLegs;
 }
 
 Result<JointsOfFile> read_joints(const config::Table& table, const std::string& key, bool base) {

@@ -26,6 +26,14 @@ std::string six_toml(const SixPoints& points);
 Result<JointLimit> read_joint_limit(const config::Table& table);
 std::string joint_limit_toml(const JointLimit& limit);
 
+/// `key = [six numbers]`, or six times `otherwise` where the key is absent.
+Result<SixNumbers> read_six_numbers(const config::Table& table, const std::string& key, double otherwise,
+                                    config::Range range = config::kAnyFinite);
+/// What a calibration adds to the keys of `leg`, with a comma before it; empty where it is the same for all legs (0).
+std::string leg_offset_toml(const SixNumbers& offset);
+std::string leg_compliance_toml(const SixNumbers& compliance);
+double mean_of(const SixNumbers& numbers);
+
 /// The settings of a circle and of a joint limit.
 void push_circle(std::vector<Parameter>& out, const std::string& key, const std::optional<PairedCircle>& circle);
 void push_joint_limit(std::vector<Parameter>& out, const JointLimit& limit);

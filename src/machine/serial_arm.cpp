@@ -168,6 +168,17 @@ std::vector<Parameter> parameters(const SerialArm& arm) {
   return out;
 }
 
+Result<SerialArm> with_parameters(const SerialArm& arm, std::span<const double> p) {
+  SerialArm out = arm;
+  for (std::size_t i = 0; i < out.dh.size(); ++i) {
+    out.dh[i].a = p[4 * i];
+    out.dh[i].alpha = p[4 * i + 1];
+    out.dh[i].d = p[4 * i + 2];
+    out.dh[i].theta_offset = p[4 * i + 3];
+  }
+  return out;
+}
+
 std::string to_toml(const SerialArm& arm) {
   std::string out = common_toml(arm.name, "serial", arm.description);
   out += fmt::format("task = \"{}\"\n", arm.task == Task::pose ? "pose" : arm.task == Task::axis ? "axis" : "point");

@@ -87,11 +87,21 @@ Result<SliderHexapod> slider_hexapod_from(const config::Table& table) {
   POLYPOD_ASSIGN(diameter, leg.optional_number("diameter_mm", 0, config::kNotNegative));
   POLYPOD_ASSIGN(base_check, leg.optional_boolean("base_check", false));
   POLYPOD_ASSIGN(compliance, leg.optional_number("compliance_um_per_N", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(each, read_six_numbers(leg, "compliance_each_um_per_N", compliance, config::kNotNegative));
+  POLYPOD_ASSIGN(offset, read_six_numbers(leg, "offset_mm", 0));
   POLYPOD_TRY(leg.finish());
   m.leg_length = units::from_mm(length);
   m.leg_diameter = units::from_mm(diameter);
   m.base_check = base_check;
-  m.compliance = units::from_um(compliance);
+  for (int i = 0; i < kLegs; ++i) {
+    m.leg_compliance[i] = units::from_um(each[i]);
+    m.leg_offset[i] = units::from_mm(offset[i]);
+    if (!(m.length_of_leg(i) > 0)) {
+      return fail("MA133", fmt::format("leg.offset_mm[{}] = {:g} leaves no leg", i + 1, offset[i]),
+                  leg.place_of("offset_mm"));
+    }
+  }
+  m.compliance = mean_of(m.leg_compliance);
   POLYPOD_ASSIGN(tool_length, read_tool_length(table));
   m.tool_length = tool_length;
   POLYPOD_ASSIGN(joint, read_joint_limit(table));
@@ -111,13 +121,14 @@ Result<SliderHexapod> slider_hexapod_from(const config::Table& table) {
 
   // Home: the given height, or the one at which legs from the sliders' home have (in the mean of squares) their length.
   SixPoints from;
-  double mean_z = 0, mean_square = 0;
+  double mean_z = 0, mean_square = 0, mean_leg = 0;
   for (int i = 0; i < kLegs; ++i) {
     from[i] = m.platform_joint[i] - (m.rail_outer[i] + m.home_slider * m.rail_length[i] * m.rail_direction[i]);
     mean_z += from[i].z() / kLegs;
     mean_square += from[i].squaredNorm() / kLegs;
+    mean_leg += m.length_of_leg(i) * m.length_of_leg(i) / kLegs;
   }
-  const double under_root = m.leg_length * m.leg_length - mean_square + mean_z * mean_z;
+  const double under_root = mean_leg - mean_square + mean_z * mean_z;
   if (m.home.height_given) {
     m.home.height = *m.home.height_given;
   } else if (under_root > 0) {
@@ -132,7 +143,7 @@ Result<SliderHexapod> slider_hexapod_from(const config::Table& table) {
     if (m.home.height_given) {  // where the slider really stands then: the root nearer the outer end
       const Vec3 y = m.platform_joint[i] + Vec3(0, 0, m.home.height) - m.rail_outer[i];
       const Vec3 across = y - m.rail_direction[i].dot(y) * m.rail_direction[i];
-      const double square_root = m.leg_length * m.leg_length - across.squaredNorm();
+      const double square_root = m.length_of_leg(i) * m.length_of_leg(i) - across.squaredNorm();
       if (square_root < 0) {
         return fail("MA132",
                     fmt::format("leg {} does not reach its rail at the home height of {:g} mm", i + 1,
@@ -152,7 +163,7 @@ std::vector<Parameter> parameters(const SliderHexapod& m) {
     for (int k = 0; k < 3; ++k) out.push_back({fmt::format("{}[{}].{}", key, i + 1, "xyz"[k]), p[k], unit});
   };
   for (int i = 0; i < kLegs; ++i) {
-    out.push_back({fmt::format("leg.length[{}]", i + 1), m.leg_length, "mm"});
+    out.push_back({fmt::format("leg.length[{}]", i + 1), m.length_of_leg(i), "mm"});
     point("base.joint", i, m.rail_outer[i], "mm");
     point("rail.direction", i, m.rail_direction[i], "");
     point("platform.joint", i, m.platform_joint[i], "mm");
@@ -191,9 +202,9 @@ std::string to_toml(const SliderHexapod& m) {
     out += fmt::format("rail = {{ outer_mm = {}, inner_mm = {} }}\n", six_toml(m.rail_outer), six_toml(m.rail_inner));
   }
   out += joints_toml("platform", m.platform_joint, m.platform_circle);
-  out += fmt::format("leg = {{ length_mm = {}, diameter_mm = {}, base_check = {}, compliance_um_per_N = {} }}\n",
+  out += fmt::format("leg = {{ length_mm = {}, diameter_mm = {}, base_check = {}{}{} }}\n",
                      number_toml(units::to_mm(m.leg_length)), number_toml(units::to_mm(m.leg_diameter)), m.base_check,
-                     number_toml(units::to_um(m.compliance)));
+                     leg_compliance_toml(m.leg_compliance), leg_offset_toml(m.leg_offset));
   out += fmt::format("tool = {{ length_mm = {} }}\n", number_toml(units::to_mm(m.tool_length)));
   out += joint_limit_toml(m.joint);
   if (m.home.height_given) {
@@ -203,6 +214,25 @@ std::string to_toml(const SliderHexapod& m) {
     out += fmt::format("home = {{ slider = {} }}\n", number_toml(m.home_slider));
   }
   return out + provenance_toml(m.provenance);
+}
+
+Result<SliderHexapod> with_parameters(const SliderHexapod& m, std::span<const double> p) {
+  SliderHexapod out = m;
+  for (int i = 0; i < kLegs; ++i) {
+    const double* leg = p.data() + 10 * i;
+    const Vec3 outer(leg[1], leg[2], leg[3]), direction(leg[4], leg[5], leg[6]);
+    if (leg[0] != m.length_of_leg(i)) out.leg_offset[i] = leg[0] - m.leg_length;
+    if (outer != m.rail_outer[i] || direction != m.rail_direction[i]) {
+      out.rail_outer[i] = outer;
+      out.rail_inner[i] = outer + m.rail_length[i] * direction.normalized();
+      out.rail_pairs.reset();
+    }
+    out.platform_joint[i] = Vec3(leg[7], leg[8], leg[9]);
+  }
+  out.tool_length = p[60];
+  if (out.platform_joint != m.platform_joint) out.platform_circle.reset();
+  POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
+  return slider_hexapod_from(table);
 }
 
 }  // namespace polypod::machine

@@ -56,6 +56,8 @@ Result<StrutHexapod> strut_hexapod_from(const config::Table& table) {
   POLYPOD_ASSIGN(length_max, leg.number("length_max_mm", config::kPositive));
   POLYPOD_ASSIGN(diameter, leg.optional_number("diameter_mm", 0, config::kNotNegative));
   POLYPOD_ASSIGN(compliance, leg.optional_number("compliance_um_per_N", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(each, read_six_numbers(leg, "compliance_each_um_per_N", compliance, config::kNotNegative));
+  POLYPOD_ASSIGN(offset, read_six_numbers(leg, "offset_mm", 0));
   POLYPOD_TRY(leg.finish());
   if (length_min > length_max) {
     return fail("MA123", fmt::format("leg: length_min_mm = {:g} is above length_max_mm = {:g}", length_min, length_max),
@@ -64,7 +66,11 @@ Result<StrutHexapod> strut_hexapod_from(const config::Table& table) {
   m.length_min = units::from_mm(length_min);
   m.length_max = units::from_mm(length_max);
   m.leg_diameter = units::from_mm(diameter);
-  m.compliance = units::from_um(compliance);
+  for (int i = 0; i < kLegs; ++i) {
+    m.leg_compliance[i] = units::from_um(each[i]);
+    m.leg_offset[i] = units::from_mm(offset[i]);
+  }
+  m.compliance = mean_of(m.leg_compliance);
   POLYPOD_ASSIGN(tool_length, read_tool_length(table));
   m.tool_length = tool_length;
   POLYPOD_ASSIGN(joint, read_joint_limit(table));
@@ -101,7 +107,7 @@ Result<StrutHexapod> strut_hexapod_from(const config::Table& table) {
 std::vector<Parameter> parameters(const StrutHexapod& m) {
   std::vector<Parameter> out;
   for (int i = 0; i < kLegs; ++i) {
-    out.push_back({fmt::format("leg.length[{}]", i + 1), 0.0, "mm"});
+    out.push_back({fmt::format("leg.length[{}]", i + 1), m.leg_offset[i], "mm"});
     for (int k = 0; k < 3; ++k)
       out.push_back({fmt::format("base.joint[{}].{}", i + 1, "xyz"[k]), m.base_joint[i][k], "mm"});
     for (int k = 0; k < 3; ++k)
@@ -128,15 +134,31 @@ std::string to_toml(const StrutHexapod& m) {
   std::string out = common_toml(m.name, std::string(StrutHexapod::kFamily), m.description);
   out += joints_toml("base", m.base_joint, m.base_circle);
   out += joints_toml("platform", m.platform_joint, m.platform_circle);
-  out += fmt::format("leg = {{ length_min_mm = {}, length_max_mm = {}, diameter_mm = {}, compliance_um_per_N = {} }}\n",
+  out += fmt::format("leg = {{ length_min_mm = {}, length_max_mm = {}, diameter_mm = {}{}{} }}\n",
                      number_toml(units::to_mm(m.length_min)), number_toml(units::to_mm(m.length_max)),
-                     number_toml(units::to_mm(m.leg_diameter)), number_toml(units::to_um(m.compliance)));
+                     number_toml(units::to_mm(m.leg_diameter)), leg_compliance_toml(m.leg_compliance),
+                     leg_offset_toml(m.leg_offset));
   out += fmt::format("tool = {{ length_mm = {} }}\n", number_toml(units::to_mm(m.tool_length)));
   out += joint_limit_toml(m.joint);
   if (m.home.height_given) {
     out += fmt::format("home = {{ height_mm = {} }}\n", number_toml(units::to_mm(*m.home.height_given)));
   }
   return out + provenance_toml(m.provenance);
+}
+
+Result<StrutHexapod> with_parameters(const StrutHexapod& m, std::span<const double> p) {
+  StrutHexapod out = m;
+  for (int i = 0; i < kLegs; ++i) {
+    const double* leg = p.data() + 7 * i;
+    out.leg_offset[i] = leg[0];
+    out.base_joint[i] = Vec3(leg[1], leg[2], leg[3]);
+    out.platform_joint[i] = Vec3(leg[4], leg[5], leg[6]);
+  }
+  out.tool_length = p[42];
+  if (out.base_joint != m.base_joint) out.base_circle.reset();
+  if (out.platform_joint != m.platform_joint) out.platform_circle.reset();
+  POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
+  return strut_hexapod_from(table);
 }
 
 }  // namespace polypod::machine

@@ -30,7 +30,7 @@ std::optional<SixLegMachine> six_leg_machine(const AnyMachine& machine) {
     out.end = slider->platform_joint;
     for (std::size_t i = 0; i < 6; ++i) {
       out.rail_length[i] = slider->rail_length[i];
-      out.leg_length[i] = slider->leg_length;
+      out.leg_length[i] = slider->length_of_leg(static_cast<int>(i));
     }
     tool = slider->tool_length;
   } else {

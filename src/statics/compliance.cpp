@@ -33,6 +33,9 @@ Columns columns_of(const SerialArm& arm, const JointVector& q, const Pose*) {
 double column_compliance(const SerialArm& arm, int i) {
   return arm.dh[static_cast<std::size_t>(i)].compliance;
 }
+void set_column_compliance(SerialArm& arm, int i, double c) {
+  arm.dh[static_cast<std::size_t>(i)].compliance = c;
+}
 std::string column_name(const SerialArm&, int i) {
   return fmt::format("joint {}", i + 1);
 }
@@ -47,8 +50,14 @@ Columns columns_of(const Hexapod& m, const JointVector& q, const Pose* X_MT) {
   return {X, machine::jacobian(m, X, q)};
 }
 template <class Hexapod>
-double column_compliance(const Hexapod& m, int) {
-  return m.compliance;
+double column_compliance(const Hexapod& m, int i) {
+  return m.leg_compliance[static_cast<std::size_t>(i)];
+}
+template <class Hexapod>
+void set_column_compliance(Hexapod& m, int i, double c) {
+  m.leg_compliance[static_cast<std::size_t>(i)] = c;
+  m.compliance = 0;
+  for (const double each : m.leg_compliance) m.compliance += each / machine::kLegs;
 }
 template <class Hexapod>
 requires(!std::derived_from<Hexapod, machine::Delta>) std::string column_name(const Hexapod&, int i) {
@@ -126,6 +135,31 @@ std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, 
         return out;
       },
       machine);
+}
+
+std::vector<double> column_compliances(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        std::vector<double> out;
+        for (int i = 0; i < column_count(m); ++i) out.push_back(column_compliance(m, i));
+        return out;
+      },
+      machine);
+}
+
+Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector<double>& compliances) {
+  AnyMachine out = machine;
+  return std::visit(
+      [&](auto& m) -> Result<AnyMachine> {
+        if (static_cast<int>(compliances.size()) != column_count(m)) {
+          return fail("MA105", fmt::format("{} compliances for {} joints", compliances.size(), column_count(m)));
+        }
+        for (int i = 0; i < column_count(m); ++i) {
+          set_column_compliance(m, i, compliances[static_cast<std::size_t>(i)]);
+        }
+        return AnyMachine(m);
+      },
+      out);
 }
 
 std::vector<std::string> column_names(const AnyMachine& machine) {

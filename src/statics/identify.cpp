@@ -5,11 +5,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <map>
 
-#include "polypod/core/files.hpp"
+#include "polypod/core/csv.hpp"
+#include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::statics {
@@ -19,32 +18,8 @@ namespace {
 constexpr double kUnbelievable = 0.05;
 // Columns whose scaled equations are worse conditioned than this cannot be told apart.
 constexpr double kNotApart = 1e8;
-constexpr double kOutlier = 3.5;          // robust standard deviations
-constexpr double kNormalPerMad = 1.4826;  // standard deviation over median absolute deviation of a normal distribution
-
-std::vector<std::string> cells_of(const std::string& line) {
-  std::vector<std::string> cells;
-  std::string cell;
-  for (const char c : line) {
-    if (c == ',') {
-      cells.push_back(cell);
-      cell.clear();
-    } else if (c != '\r' && c != ' ' && c != '\t') {
-      cell += c;
-    }
-  }
-  cells.push_back(cell);
-  return cells;
-}
-
-/// Two-sided 95 % quantile of Student's t (Cornish-Fisher in 1/n to third order: within 0.2 % from 3 degrees of
-/// freedom).
-double student_95(double n) {
-  constexpr double z = 1.959963984540054;
-  const double z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
-  return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n) +
-         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * n * n * n);
-}
+constexpr double kAlike = 0.9;    // correlation of two estimates from which on the sum is known better than the two
+constexpr double kOutlier = 3.5;  // robust standard deviations
 
 /// Least squares with c >= 0 from the normal equations H c = g (H positive definite), by an active set: held at 0 is
 /// what would be negative, and let go again what would grow. `free` says which are not held.
@@ -83,52 +58,31 @@ Eigen::VectorXd not_negative(const Eigen::MatrixXd& H, const Eigen::VectorXd& g,
 }  // namespace
 
 Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
-  POLYPOD_ASSIGN(text, files::read(path));
+  POLYPOD_ASSIGN(table, csv::read(path));
   static constexpr const char* kAxes = "xyz";
-  std::map<std::string, std::size_t> column;
+  std::vector<std::string> needed{"x_mm", "y_mm", "z_mm", "force_N"};
+  for (int f = 0; f < 3; ++f)
+    for (int d = 0; d < 3; ++d) needed.push_back(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f]));
+  POLYPOD_TRY(table.needs(needed));
   std::vector<MeasuredPoint> points;
-  int line_number = 0;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find('\n', at), text.size());
-    const std::string line = text.substr(at, end - at);
-    at = end + 1;
-    ++line_number;
-    if (line.empty() || line[0] == '#' || line == "\r") continue;
-    const std::vector<std::string> cells = cells_of(line);
-    if (column.empty()) {
-      for (std::size_t i = 0; i < cells.size(); ++i) column[cells[i]] = i;
-      std::vector<std::string> needed{"x_mm", "y_mm", "z_mm", "force_N"};
-      for (int f = 0; f < 3; ++f)
-        for (int d = 0; d < 3; ++d) needed.push_back(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f]));
-      for (const std::string& name : needed) {
-        if (!column.contains(name)) {
-          return fail("ID100", fmt::format("the column {} is missing", name), Place{path, line_number, 1},
-                      "the first line names the columns");
-        }
-      }
-      continue;
-    }
-    Status bad;
-    const auto number = [&](const std::string& name, bool needed = true) {
-      const auto it = column.find(name);
-      if (it == column.end() && !needed) return 0.0;
-      double value = 0;
-      const std::string cell = it->second < cells.size() ? cells[it->second] : "";
-      const auto [rest, code] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-      if ((code != std::errc{} || rest != cell.data() + cell.size() || !std::isfinite(value)) && bad) {
-        bad = fail("ID101", fmt::format("{} = \"{}\" is not a finite number", name, cell), Place{path, line_number, 1});
-      }
-      return value;
-    };
+  for (const csv::Table::Row& row : table.rows) {
     MeasuredPoint p;
-    p.place = Place{path, line_number, 1};
-    p.X_MT.p = units::from_mm(1) * Vec3(number("x_mm"), number("y_mm"), number("z_mm"));
-    p.X_MT.R = rotation_abc(units::from_deg(number("a_deg", false)), units::from_deg(number("b_deg", false)), 0);
-    p.force = number("force_N");
+    p.place = table.place_of(row);
+    POLYPOD_ASSIGN(x, table.number(row, "x_mm"));
+    POLYPOD_ASSIGN(y, table.number(row, "y_mm"));
+    POLYPOD_ASSIGN(z, table.number(row, "z_mm"));
+    POLYPOD_ASSIGN(a, table.number(row, "a_deg", 0));
+    POLYPOD_ASSIGN(b, table.number(row, "b_deg", 0));
+    POLYPOD_ASSIGN(c, table.number(row, "c_deg", 0));
+    p.X_MT = Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)),
+                  units::from_mm(1) * Vec3(x, y, z)};
+    POLYPOD_ASSIGN(force, table.number(row, "force_N"));
+    p.force = force;
     for (int f = 0; f < 3; ++f)
-      for (int d = 0; d < 3; ++d)
-        p.displacement(d, f) = units::from_um(number(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f])));
-    POLYPOD_TRY(bad);
+      for (int d = 0; d < 3; ++d) {
+        POLYPOD_ASSIGN(um, table.number(row, fmt::format("d{}_F{}_um", kAxes[d], kAxes[f])));
+        p.displacement(d, f) = units::from_um(um);
+      }
     if (!(p.force > 0)) {
       return fail("ID104", fmt::format("force_N = {:g} must be above 0", p.force), p.place);
     }
@@ -138,15 +92,9 @@ Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
                               units::to_mm(p.displacement.cwiseAbs().maxCoeff())),
                   p.place, "displacements are in um; are these nm, or the force in another unit?");
     }
-    for (const MeasuredPoint& other : points) {
-      if (other.X_MT.p == p.X_MT.p && other.X_MT.R == p.X_MT.R && other.displacement == p.displacement) {
-        return fail("ID103", fmt::format("the row stands already in line {}", other.place.line), p.place,
-                    "a row that stands twice would count twice");
-      }
-    }
     points.push_back(p);
   }
-  if (points.empty()) return fail("ID102", "the file has no rows", Place{path, 0, 0});
+  POLYPOD_TRY(csv::no_row_twice(table));
   return points;
 }
 
@@ -183,10 +131,15 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     return fail("ID112", "these poses do not load every joint", {}, "measure at other poses");
   }
   const Eigen::MatrixXd S = A * scale.cwiseInverse().asDiagonal();
-  const Eigen::VectorXd sigma = S.bdcSvd().singularValues();
+  const std::vector<std::string> names = column_names(machine);
+  const auto svd = S.bdcSvd(Eigen::ComputeThinV);
+  const Eigen::VectorXd sigma = svd.singularValues();
   out.condition = sigma[0] / sigma[n - 1];
   if (!(out.condition < kNotApart)) {
-    return fail("ID112", "these poses cannot tell the joints apart", {}, "measure at other poses");
+    std::string who;  // the joints of the direction that shows least
+    for (int k = 0; k < n; ++k)
+      if (std::abs(svd.matrixV()(k, n - 1)) > 0.1) who += (who.empty() ? "" : ", ") + names[std::size_t(k)];
+    return fail("ID112", fmt::format("these poses cannot tell apart: {}", who), {}, "measure at other poses");
   }
   std::vector<bool> free;
   const Eigen::MatrixXd H = S.transpose() * S;
@@ -195,7 +148,6 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   const double variance = r.squaredNorm() / double(out.equations - n);
   const Eigen::MatrixXd inverse = H.inverse();
   const double t = student_95(double(out.equations - n));
-  const std::vector<std::string> names = column_names(machine);
   for (int k = 0; k < n; ++k) {
     out.compliance.push_back(c[k] / scale[k]);
     const double error = free[static_cast<std::size_t>(k)] ? std::sqrt(variance * inverse(k, k)) / scale[k] : 0.0;
@@ -208,15 +160,53 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     }
   }
   out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
-  std::vector<double> sizes;
-  for (const double x : r) sizes.push_back(std::abs(x));
-  std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
-  const double limit = kOutlier * kNormalPerMad * sizes[sizes.size() / 2];
+  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise, and that shows in the direct
+  // displacements: what is askew spoils the residuals of the cross ones, but not theirs.
+  constexpr double kAskew = 1.5;
+  double direct = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (const int k : {0, 4, 8})
+      direct += r[9 * static_cast<Eigen::Index>(i) + k] * r[9 * static_cast<Eigen::Index>(i) + k];
+  }
+  direct = std::sqrt(direct / (3.0 * double(points.size())));
+  out.symmetric = out.asymmetry_rms <= kAskew * direct / std::sqrt(2.0) + 1e-12;
+  for (int k = 0; k < n; ++k)
+    for (int j = 0; j < k; ++j)
+      if (std::abs(out.correlation[std::size_t(k)][std::size_t(j)]) > kAlike) out.hardly_apart.push_back({j, k});
+  const double limit = kOutlier * robust_deviation(r);
   for (std::size_t i = 0; i < points.size(); ++i) {
     out.residuals.push_back(r.segment<9>(9 * i).reshaped(3, 3));
     for (int f = 0; f < 3; ++f)
       for (int d = 0; d < 3; ++d)
         if (std::abs(out.residuals.back()(d, f)) > limit) out.outliers.push_back({i, d, f, out.residuals.back()(d, f)});
+  }
+  return out;
+}
+
+Result<double> prediction_rms(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
+  double sum = 0;
+  for (const MeasuredPoint& point : points) {
+    const Compliance c = compliance_at(machine, point.X_MT);
+    if (!c.reachable) {
+      return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
+    }
+    sum += (point.displacement - c.linear() * point.force).squaredNorm();
+  }
+  return points.empty() ? 0.0 : std::sqrt(sum / (9.0 * double(points.size())));
+}
+
+Result<std::vector<double>> leave_one_out(const AnyMachine& machine,
+                                          const std::vector<std::vector<MeasuredPoint>>& groups) {
+  std::vector<double> out;
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    std::vector<MeasuredPoint> others;
+    for (std::size_t j = 0; j < groups.size(); ++j) {
+      if (j != i) others.insert(others.end(), groups[j].begin(), groups[j].end());
+    }
+    POLYPOD_ASSIGN(fit, identify_compliance(machine, others));
+    POLYPOD_ASSIGN(fitted, with_compliances(machine, fit.compliance));
+    POLYPOD_ASSIGN(rms, prediction_rms(fitted, groups[i]));
+    out.push_back(rms);
   }
   return out;
 }

@@ -42,8 +42,8 @@ Box span_of(const machine::StrutHexapod& m) {
   return span_of(m.base_joint, m.platform_joint, m.tool_length, m.length_max);
 }
 Box span_of(const machine::SliderHexapod& m) {
-  const Box a = span_of(m.rail_outer, m.platform_joint, m.tool_length, m.leg_length);
-  const Box b = span_of(m.rail_inner, m.platform_joint, m.tool_length, m.leg_length);
+  const Box a = span_of(m.rail_outer, m.platform_joint, m.tool_length, m.longest_leg());
+  const Box b = span_of(m.rail_inner, m.platform_joint, m.tool_length, m.longest_leg());
   return {a.low.cwiseMin(b.low), a.high.cwiseMax(b.high)};
 }
 

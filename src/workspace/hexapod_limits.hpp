@@ -291,7 +291,7 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
     low = Vec3::Constant(-1e9);
     high = Vec3::Constant(1e9);
     for (int i = 0; i < kLegs; ++i) {
-      const Vec3 shift = patch.R * end_[i], reach = Vec3::Constant(m_.leg_length);
+      const Vec3 shift = patch.R * end_[i], reach = Vec3::Constant(m_.length_of_leg(i));
       low = low.cwiseMax(m_.rail_outer[i].cwiseMin(m_.rail_inner[i]) - shift - reach);
       high = high.cwiseMin(m_.rail_outer[i].cwiseMax(m_.rail_inner[i]) - shift + reach);
     }
@@ -343,7 +343,7 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
     leg.across = leg.y - leg.along * leg.u;
     leg.radius = radius;
     leg.eta = radius + v.turn;
-    const double l2 = m_.leg_length * m_.leg_length, a2 = leg.across.squaredNorm(), a = std::sqrt(a2);
+    const double l2 = m_.length_of_leg(i) * m_.length_of_leg(i), a2 = leg.across.squaredNorm(), a = std::sqrt(a2);
     const double S2 = l2 - a2;
     Linear f;
     f.value = S2;
@@ -387,7 +387,7 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
   /// All limits of leg i on the root along + beta S (beta -1: the root nearer the outer end).
   Verdict branch(int i, double beta, const Leg& leg, const Vec3& half, const Patch& patch, const Data& d,
                  BoundList& out) const {
-    const double l = m_.leg_length, scale = leg.y.norm() + l;
+    const double l = m_.length_of_leg(i), scale = leg.y.norm() + l;
     Verdict verdict = Verdict::inside;
     const auto add = [&](const Linear& f, int limit) {
       verdict = both(verdict, weigh(f, limit, scale, half, patch, out));

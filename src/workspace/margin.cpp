@@ -77,8 +77,8 @@ class HexapodJudge {
         const Vec3& u = m_.rail_direction[i];
         const Vec3 y = origin + X.R * m_.platform_joint[i] - m_.rail_outer[i];
         const double along = u.dot(y), across = (y - along * u).norm();
-        reach = std::min(reach, m_.leg_length - across);
-        const double half = std::sqrt(std::max(0.0, m_.leg_length * m_.leg_length - across * across));
+        reach = std::min(reach, m_.length_of_leg(i) - across);
+        const double half = std::sqrt(std::max(0.0, m_.length_of_leg(i) * m_.length_of_leg(i) - across * across));
         // The root nearer the outer end where both are on the rail, else the one nearer the rail.
         const auto off = [&](double at) { return std::max({-at, at - m_.rail_length[i], 0.0}); };
         q[i] = off(along + half) < off(along - half) ? along + half : along - half;

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Any bytes as the files that runs leave and instruments write: a table of displacements, and a stock, as it is and
-// with a right beginning and checksum. They are refused with an error, or give numbers that are finite.
+// Any bytes as the files that runs leave and instruments write: tables of displacements, places and forces, and a
+// stock, as it is and with a right beginning and checksum. They are refused with an error, or give numbers that are
+// finite.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -8,6 +9,8 @@
 #include <cstdint>
 #include <string>
 
+#include "polypod/calibration/measurement.hpp"
+#include "polypod/cutting/identify.hpp"
 #include "polypod/cutting/stock.hpp"
 #include "polypod/statics/identify.hpp"
 #include "require.hpp"
@@ -72,6 +75,23 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       require(point.X_MT.p.allFinite() && point.X_MT.R.allFinite() && point.displacement.allFinite() && point.force > 0,
               "points are finite");
     }
+  }
+  static const machine::AnyMachine arm = *machine::load("lola50");
+  const auto rows = calibration::read_measurements(arm, file.path());
+  if (!rows) {
+    require_error(rows.error());
+  } else {
+    require(!rows->empty(), "a table without rows is refused");
+    for (const calibration::Measurement& row : *rows) {
+      require(row.q.allFinite() && row.X_SR.p.allFinite() && row.X_SR.R.allFinite() && row.anchor_S.allFinite() &&
+                  row.normal_S.allFinite() && std::isfinite(row.reading) && row.noise >= 0,
+              "measurements are finite");
+    }
+  }
+  const auto forces = cutting::read_forces(cutting::Cutter{"", 8e-3, 4, 0.5, 0.02}, file.path());
+  if (!forces) return require_error(forces.error()), 0;
+  for (const cutting::MeasuredForce& force : *forces) {
+    require(force.mean.allFinite() && force.feed_per_tooth > 0 && force.ap > 0 && force.ae > 0, "forces are finite");
   }
   return 0;
 }

@@ -120,14 +120,14 @@ struct NewtonResult {
 /// Forward kinematics of any machine with the parameters p: Newton on F(X, q, p) = 0 with the update on the rotation
 /// group,
 ///   [v; w] = -A^-1 F, p <- p + v, R <- exp([w]x) R,
-/// from the seed pose. Converges quadratically to the assembly mode round the seed; `converged` is false near a
-/// singularity of kind 2 or where no mode exists.
+/// from the seed pose. Converges quadratically to the assembly mode round the seed; `converged`
+/// is false near a singularity of kind 2 or where no mode exists.
 template <Machine M>
-NewtonResult forward_by_closure(const M& m, std::span<const double> q, const std::vector<double>& p, const Pose& seed,
+NewtonResult forward_by_closure(const M& m, std::span<const double> q, std::span<const double> p, const Pose& seed,
                                 const NewtonOptions& options = {}) {
   NewtonResult out{seed, 0, 0, false};
   for (; out.iterations < options.max_iterations && !out.converged; ++out.iterations) {
-    const ClosureVector F = closure(m, out.X_MT, q, std::span<const double>(p));
+    const ClosureVector F = closure(m, out.X_MT, q, p);
     const ClosureMatrix A = closure_by_pose(m, out.X_MT, q, p);
     Vec6 step = -(A.completeOrthogonalDecomposition().solve(F));
     if (!step.allFinite()) break;
@@ -137,16 +137,18 @@ NewtonResult forward_by_closure(const M& m, std::span<const double> q, const std
     out.X_MT.R = rotation_of(step.tail<3>()) * out.X_MT.R;
     out.converged = std::max(step.head<3>().norm(), options.length * step.tail<3>().norm()) <= options.tolerance;
   }
-  const ClosureVector F = closure(m, out.X_MT, q, std::span<const double>(p));
+  const ClosureVector F = closure(m, out.X_MT, q, p);
   out.residual = F.cwiseAbs().maxCoeff();
   out.converged = out.converged && out.residual < 1e-9 * (1 + out.X_MT.p.norm());
   return out;
 }
+
 /// The same with the nominal parameters.
 template <Machine M>
 NewtonResult forward_by_closure(const M& m, std::span<const double> q, const Pose& seed,
                                 const NewtonOptions& options = {}) {
-  return forward_by_closure(m, q, nominal_parameters(m), seed, options);
+  const std::vector<double> p = nominal_parameters(m);
+  return forward_by_closure(m, q, std::span<const double>(p), seed, options);
 }
 
 struct DampedOptions {

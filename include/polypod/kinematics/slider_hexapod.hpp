@@ -56,6 +56,14 @@ ClosureVectorT<T> closure(const SliderHexapod&, const PoseT<T>& X_MT, std::span<
   return F;
 }
 
+/// Rules among the parameters: |u_i|^2 - 1 = 0 of every rail.
+template <class T>
+std::vector<T> parameter_rules(const SliderHexapod&, std::span<const T> p) {
+  std::vector<T> out;
+  for (std::size_t k = 4; k < 60; k += 10) out.push_back(square(p[k]) + square(p[k + 1]) + square(p[k + 2]) - T(1.0));
+  return out;
+}
+
 /// The 45 limits in the order of HexapodLimits: q_i and rail length - q_i in m, the joints' margins, the gaps between
 /// legs in m, and the lesser of leg . n over the two planes of neighbouring rails in m (JEL (4.17): inside where leg is
 /// in front of both; the printed AND is an error).

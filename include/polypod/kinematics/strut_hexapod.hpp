@@ -17,8 +17,8 @@ inline int joint_count(const StrutHexapod&) {
 inline JointKind joint_kind(const StrutHexapod&, int) {
   return JointKind::prismatic;
 }
-inline JointRange joint_range(const StrutHexapod& m, int) {
-  return {m.length_min, m.length_max};
+inline JointRange joint_range(const StrutHexapod& m, int i) {
+  return {m.length_min - m.leg_offset[i], m.length_max - m.leg_offset[i]};
 }
 inline Task task(const StrutHexapod&) {
   return Task::pose;
@@ -55,14 +55,15 @@ ClosureVectorT<T> closure(const StrutHexapod&, const PoseT<T>& X_MT, std::span<c
   return F;
 }
 
-/// The 39 limits in the order of HexapodLimits: q_i - length_min and length_max - q_i in m, the joints' margins (no
-/// unit), the gaps between legs in m.
+/// The 39 limits in the order of HexapodLimits: l_i - length_min and length_max - l_i in m (l_i = q_i + offset_i), the
+/// joints' margins (no unit), the gaps between legs in m.
 template <class T>
 std::vector<T> limits(const StrutHexapod& m, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
   std::vector<T> g;
   g.reserve(HexapodLimits::kCountStrut);
-  for (int i = 0; i < kLegs; ++i) g.push_back(q[i] - T(m.length_min));
-  for (int i = 0; i < kLegs; ++i) g.push_back(T(m.length_max) - q[i]);
+  const auto length = [&](int i) -> T { return q[i] + p[7 * static_cast<std::size_t>(i)]; };
+  for (int i = 0; i < kLegs; ++i) g.push_back(length(i) - T(m.length_min));
+  for (int i = 0; i < kLegs; ++i) g.push_back(T(m.length_max) - length(i));
   std::array<Vector3<T>, kLegs> anchor, end;
   for (int i = 0; i < kLegs; ++i) {
     const auto leg = hexapod_detail::strut_leg(X_MT, p, i);
@@ -79,7 +80,7 @@ std::string limit_name(const StrutHexapod& m, int limit);
 /// X_MT at home: platform parallel to the base over its origin.
 Pose home_pose(const StrutHexapod& m);
 
-/// The six strut lengths, m: always one solution. Cost: 0.03 us.
+/// The joint coordinates (the six strut lengths less their offsets), m: always one solution. Cost: 0.03 us.
 void lengths(const StrutHexapod& m, const Pose& X_MT, double* out);
 
 /// One solution, branch "only". Cost: about 1 us with its violations.

@@ -2,6 +2,7 @@
 // A machine of any family, machine files and the catalogue.
 #pragma once
 
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -44,10 +45,16 @@ Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name
 /// What a designer changes, as keys of the machine file without their unit; empty for families without such keys.
 std::vector<Parameter> settings(const AnyMachine& machine);
 
+/// The machine with other values p of kinematics::parameters(machine), SI. Errors: MA104 for a family that cannot take
+/// them, MA105 for another count of values, and those of the family's reader.
+Result<AnyMachine> with_parameters(const AnyMachine& machine, std::span<const double> p);
+
 std::string to_toml(const AnyMachine& machine);
 std::string name_of(const AnyMachine& machine);
 std::string family_of(const AnyMachine& machine);
 std::string description_of(const AnyMachine& machine);
 const Provenance& provenance_of(const AnyMachine& machine);
+/// Adds to where the numbers come from, or takes its place.
+void note(AnyMachine& machine, const std::string& key, const std::string& text);
 
 }  // namespace polypod::machine

@@ -11,6 +11,7 @@ namespace polypod::machine {
 
 inline constexpr int kLegs = 6;
 using SixPoints = std::array<Vec3, kLegs>;
+using SixNumbers = std::array<double, kLegs>;
 
 /// Six joints on a circle round z in three close pairs (JEL (3.1), (3.2), Figure 3.6).
 struct PairedCircle {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -51,6 +52,9 @@ Result<SerialArm> serial_arm_from(const config::Table& table);
 
 /// The parameters of the kinematics, 4 a row: dh[i].a, dh[i].alpha, dh[i].d, dh[i].theta_offset (i from 1).
 std::vector<Parameter> parameters(const SerialArm& arm);
+
+/// The arm with other values of its parameters, in the order of `parameters`.
+Result<SerialArm> with_parameters(const SerialArm& arm, std::span<const double> p);
 
 /// Writes the arm as a machine file that reads back to the same arm.
 std::string to_toml(const SerialArm& arm);

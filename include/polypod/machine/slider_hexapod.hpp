@@ -2,6 +2,8 @@
 // Hexapods whose six legs of constant length stand on sliders on straight rails (JEL 3.2).
 #pragma once
 
+#include <algorithm>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,8 +21,8 @@ struct PairedRails {
   double spacing = 0;       ///< m, between the two rails of a pair
 };
 
-/// A hexapod on rails: |t + R b_i - (a_i + q_i u_i)| = l, 0 <= q_i <= rail length (JEL (3.11) to (3.13)). Joint
-/// coordinates: q_i, the way of slider i from the outer end of its rail, m. T as for StrutHexapod.
+/// A hexapod on rails: |t + R b_i - (a_i + q_i u_i)| = l + offset_i, 0 <= q_i <= rail length (JEL (3.11) to (3.13)).
+/// Joint coordinates: q_i, the way of slider i from the outer end of its rail, m. T as for StrutHexapod.
 struct SliderHexapod {
   static constexpr std::string_view kFamily = "slider-hexapod";
 
@@ -32,6 +34,7 @@ struct SliderHexapod {
   std::optional<PairedRails> rail_pairs;        ///< how the rails were given, if not point by point
   std::optional<PairedCircle> platform_circle;  ///< the same for the platform
   double leg_length = 0;                        ///< l, m
+  SixNumbers leg_offset{};                      ///< m, by how much each leg is longer than l
   double leg_diameter = 0;                      ///< m, 0: thin legs that may cross
   bool base_check = false;  ///< legs may not go behind the planes of neighbouring rails (JEL (4.17))
   double tool_length = 0;   ///< m, along z_P
@@ -39,11 +42,18 @@ struct SliderHexapod {
   /// Without a given height: where the sliders stand at `home_slider` of the rail from its outer end.
   HexapodHome home;
   double home_slider = kHomeSlider;
-  double compliance = 0;  ///< m/N of a slider along its rail
+  double compliance = 0;        ///< m/N of a slider along its rail, the mean of the six
+  SixNumbers leg_compliance{};  ///< m/N of each
   Provenance provenance;
 
   /// The home of JEL's tables (found from them; the source does not print it).
   static constexpr double kHomeSlider = 0.58;
+
+  /// m, of leg i
+  [[nodiscard]] double length_of_leg(int i) const { return leg_length + leg_offset[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] double longest_leg() const {
+    return leg_length + *std::max_element(leg_offset.begin(), leg_offset.end());
+  }
 
   SixPoints rail_direction{};                      ///< u_i, unit, from the outer to the inner end
   std::array<double, kLegs> rail_length{};         ///< m
@@ -56,6 +66,11 @@ Result<SliderHexapod> slider_hexapod_from(const config::Table& table);
 /// The parameters of the kinematics: leg.length[i], base.joint[i].x, .y, .z (the outer end; moves the whole rail),
 /// rail.direction[i].x, .y, .z (of the unit vector u_i), platform.joint[i].x, .y, .z and tool.length: 61, leg by leg.
 std::vector<Parameter> parameters(const SliderHexapod& m);
+
+/// The machine with other values of its parameters, in the order of `parameters`; directions are made unit vectors, and
+/// rails keep their lengths. Lists take the place of rail pairs and circles where they moved; a home that is not given
+/// is found anew. Errors: those of slider_hexapod_from.
+Result<SliderHexapod> with_parameters(const SliderHexapod& m, std::span<const double> p);
 
 /// What a designer changes: the keys of the machine file with their values.
 std::vector<Parameter> settings(const SliderHexapod& m);

@@ -42,6 +42,10 @@ Compliance compliance_at_joints(const AnyMachine& machine, const machine::JointV
 std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
 /// "joint 1", ... or "leg 1", ..., in the same order.
 std::vector<std::string> column_names(const AnyMachine& machine);
+/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut gives way), and the machine with others.
+/// Errors: MA105 for another count.
+std::vector<double> column_compliances(const AnyMachine& machine);
+Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector<double>& compliances);
 
 /// Whether any joint has a compliance.
 bool has_compliance(const AnyMachine& machine);

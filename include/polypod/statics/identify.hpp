@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "polypod/core/error.hpp"
@@ -18,9 +19,9 @@ struct MeasuredPoint {
   Place place;                       ///< the row of the file
 };
 
-/// Reads the columns x_mm, y_mm, z_mm, force_N, dx_Fx_um, dy_Fx_um, ..., dz_Fz_um (any order; a_deg and b_deg if given,
-/// else 0; lines that begin with # are remarks). Errors: ID100 a column is missing, ID101 not a number, ID102 no rows,
-/// ID103 a row twice, ID104 a force that is not above 0, ID105 displacements that look like another unit.
+/// Reads the columns x_mm, y_mm, z_mm, force_N, dx_Fx_um, dy_Fx_um, ..., dz_Fz_um (any order; a_deg, b_deg and c_deg if
+/// given, else 0; lines that begin with # are remarks). Errors: ID100 a column is missing, ID101 not a number, ID102 no
+/// rows, ID103 a row twice, ID104 a force that is not above 0, ID105 displacements that look like another unit.
 Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path);
 
 struct Outlier {
@@ -40,6 +41,8 @@ struct Identification {
   double condition = 0;                          ///< of the scaled equations: 1 tells all joints apart, 1e6 does not
   std::vector<std::vector<double>> correlation;  ///< of the estimates
   double asymmetry_rms = 0;                      ///< m, half the difference of the measured cross displacements
+  bool symmetric = true;  ///< it is not above 1.5 times what the noise of the direct displacements explains
+  std::vector<std::pair<int, int>> hardly_apart;  ///< columns whose estimates correlate by more than 0.9
   std::vector<Outlier> outliers;  ///< residuals beyond 3.5 robust standard deviations; they are kept in the fit
   std::vector<Mat3> residuals;    ///< m, measured less computed, like MeasuredPoint::displacement
 };
@@ -50,5 +53,14 @@ struct Identification {
 /// Errors: ID110 fewer equations than joints, ID111 a pose out of reach, ID112 poses that cannot tell the joints apart.
 /// Cost: linear in the points, below 1 ms for 90.
 Result<Identification> identify_compliance(const AnyMachine& machine, const std::vector<MeasuredPoint>& points);
+
+/// Measured against computed: the root of the mean square of (displacement - C_X F) over all displacements, with the
+/// compliances that the machine has, m. Errors: ID111.
+Result<double> prediction_rms(const AnyMachine& machine, const std::vector<MeasuredPoint>& points);
+
+/// How well the model foretells what it was not fitted to: for each group of points (a plane, a day) the prediction_rms
+/// of the compliances that all other groups give, m. Errors: those of identify_compliance.
+Result<std::vector<double>> leave_one_out(const AnyMachine& machine,
+                                          const std::vector<std::vector<MeasuredPoint>>& groups);
 
 }  // namespace polypod::statics

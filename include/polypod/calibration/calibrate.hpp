@@ -1,0 +1,113 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Geometric calibration of any family: the parameters of the closure from what an instrument measured (KOZ 4.6.3).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/calibration/measurement.hpp"
+
+namespace polypod::calibration {
+
+/// What a residual of r standard deviations counts for.
+enum class Loss {
+  none,   ///< r^2: right for normal noise
+  huber,  ///< r^2 up to about three, then growing with |r|: the same for normal noise, and outliers pull little
+  cauchy  ///< log(1 + r^2): outliers hardly pull at all
+};
+
+struct CalibrationOptions {
+  std::vector<std::string> only;  ///< beginnings of keys with unit, e.g. "base.joint"; empty: every parameter
+  std::vector<std::string> hold;  ///< beginnings of keys that stay nominal
+  bool estimate_frame = false;    ///< X_SM too, the machine in the instrument's frame
+  bool estimate_target = false;   ///< p_TR too, the target in the tool's frame (and R_TR where poses were measured)
+  Pose X_SM;                      ///< where the machine stands in the instrument's frame: known, or a first guess
+  Pose X_TR;                      ///< where the target sits on the tool: known, or a first guess
+  /// Standard deviations of the instrument, m and rad. Only their ratio to each other and to the priors matters for the
+  /// values; standard errors come from the residuals.
+  double noise_position = 20e-6;
+  double noise_angle = 35e-6;
+  double prior_length = 0;  ///< m: how far lengths may be off the nominal ones, as a standard deviation; 0: no prior
+  double prior_angle = 0;   ///< rad, the same for angles (and for numbers without a unit)
+  double bound_length = 0;  ///< m: hard bounds round the nominal lengths; 0: none
+  double bound_angle = 0;   ///< rad
+  Loss loss = Loss::huber;
+  double hold_back = 0.2;  ///< this share of the rows, evenly spread, is not fitted but judged; 0 to 0.5
+};
+
+/// A change of a held parameter by 1 looks like a change of this unknown by `factor` (both SI), together with its
+/// further Likes.
+struct Like {
+  std::string key, unit;
+  double factor = 0;
+};
+
+struct Estimate {
+  std::string key, unit;
+  double nominal = 0, value = 0;  ///< SI
+  double standard_error = 0;      ///< SI; 0 where it was held
+  bool identifiable = false;
+  std::vector<Like> like;  ///< of a parameter that was held, the strongest first
+};
+
+struct RowResidual {
+  std::size_t row = 0;            ///< index into the measurements
+  Eigen::VectorXd before, after;  ///< computed less measured: m, then rad (axis, pose)
+  int lengths = 0;                ///< how many of them are m
+  double weight = 1;              ///< of the robust loss, in the last step
+  bool held_back = false;
+  bool outlier = false;  ///< beyond (sqrt(equations) + 3) robust standard deviations
+};
+
+/// Root of the mean square over the equations that are lengths, m, without rows marked as outliers.
+struct Score {
+  std::size_t rows = 0, outliers = 0;
+  double rms_before = 0, rms_after = 0, max_after = 0;
+  double angle_before = 0, angle_after = 0;  ///< rad, over the equations that are angles
+};
+
+struct Calibration {
+  AnyMachine machine;  ///< with the found parameters and a note where they come from
+  std::vector<Estimate> parameters;
+  std::size_t rank = 0;  ///< parameters that these measurements tell
+  Pose X_SM, X_TR;
+  Vec6 frame_error = Vec6::Zero(), target_error = Vec6::Zero();  ///< standard errors: m, rad; 0 where given or held
+  std::vector<std::string> held_beside;                          ///< parts of frame and target that could not be told
+  Score fitted, held_back;
+  std::vector<RowResidual> residuals;  ///< one a measurement
+  std::size_t equations = 0;           ///< fitted ones
+  double condition = 0;                ///< of the equations, columns scaled to unit length
+  double noise_factor = 0;             ///< residuals over the noise that was given: 1 if it was right
+  int iterations = 0;
+};
+
+/// Minimises the squared residuals of the rows over the chosen parameters p (and frame, target, places of contact) with
+/// Levenberg-Marquardt (Ceres). Each residual is what the instrument would see of the pose X(q, p) that solves
+/// F(X, q, p) = 0, less what it saw; derivatives by dX = -A^-1 F_p dp, exact at every step. The robust loss counts in
+/// standard deviations found from the residuals themselves, so a wrong guess of the noise does no harm.
+///
+/// What the measurements cannot tell is held at its nominal value and named (see Estimate::like): an unknown whose
+/// change by 1 % of the machine's size (0.01 rad) would hide in the noise behind those before it. Order: contacts,
+/// frame, target, then parameters by their own order.
+///
+/// Errors: CA110 (not more equations than unknowns), CA111 (a row whose joints the nominal machine cannot take), CA112
+/// (the measured places lie on a line or in one point), CA113 (measured lengths are off by a factor: another unit?),
+/// CA114 (an unknown key), CA115 (the search does not converge), CA116 (an option out of range), CA117 (a place that is
+/// touched once only), MA104. Cost: about 30 us a row and step; below 0.1 s for 100 poses of a hexapod.
+Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
+                              const CalibrationOptions& options = {});
+
+/// A command for a controller that knows the nominal machine only.
+struct CorrectedTarget {
+  Pose command;        ///< what to ask the controller for
+  JointVector joints;  ///< where its nominal inverse puts the joints
+  double rest = 0;     ///< m: by how much the real machine still misses (angles times 1 m)
+  bool reached = false;
+  std::string reason;
+};
+/// The command whose nominal joints bring the real (calibrated) machine to the pose X_MT: command <- command + (X_MT -
+/// forward_real(inverse_nominal(command))) from X_MT on, which contracts by the size of the calibration's change a
+/// step. Not reached where a command leaves the nominal machine's limits.
+CorrectedTarget corrected_target(const AnyMachine& nominal, const AnyMachine& real, const Pose& X_MT);
+
+}  // namespace polypod::calibration

@@ -1,0 +1,63 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Which poses to measure: those that make the unknowns most certain, and how certain they will be.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "polypod/calibration/calibrate.hpp"
+#include "polypod/calibration/simulate.hpp"
+
+namespace polypod::calibration {
+
+/// What the equations of every candidate say of the unknowns: matrices of equations x unknowns, divided by the noise,
+/// with columns in units that compare (for geometry 1 % of the machine's size or 0.01 rad, for compliances their
+/// nominal values).
+struct Candidates {
+  std::vector<Stand> stands;
+  std::vector<Eigen::MatrixXd> equations;
+  std::vector<std::string> unknowns;  ///< keys
+  std::vector<std::string> held;      ///< keys of what no set of these poses can tell
+};
+
+/// Candidates for calibrate() with these options: `kind` as measured from `anchors` (see SimulationOptions), at stands
+/// drawn as random_stands does. Errors: CA114, CA116, CA120, CA121.
+Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, Kind kind,
+                                       const std::vector<Vec3>& anchors, const CalibrationOptions& options);
+/// The same at given stands, for the unknowns of `like`.
+std::vector<Eigen::MatrixXd> geometry_equations(const AnyMachine& machine, const std::vector<Stand>& stands, Kind kind,
+                                                const std::vector<Vec3>& anchors, const CalibrationOptions& options,
+                                                const Candidates& like);
+
+/// Candidates for statics::identify_compliance with a force (N) along each axis and this noise of a displacement (m).
+/// Errors: CA121, CA122.
+Result<Candidates> compliance_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, double force,
+                                         double noise);
+std::vector<Eigen::MatrixXd> compliance_equations(const AnyMachine& machine, const std::vector<Stand>& stands,
+                                                  double force, double noise);
+
+enum class Criterion {
+  determinant,  ///< D: the volume of the uncertainty, det M greatest
+  eigenvalue    ///< E: the worst direction, the least eigenvalue of M greatest
+};
+
+/// `count` different candidates whose information M = sum J_i^T J_i is greatest: greedily one after another by the gain
+/// of log det M, then by exchanging one for another while the criterion grows (Fedorov). The result is a local optimum,
+/// the same for every run. Errors: CA130 (fewer equations than unknowns, or more poses than candidates). Cost: for
+/// points about a * count * unknowns^2 * 10 operations a pass, a the candidates.
+Result<std::vector<std::size_t>> choose(const std::vector<Eigen::MatrixXd>& candidates, std::size_t count,
+                                        Criterion criterion);
+
+/// What a set of equations will leave uncertain; infinite where it does not tell all unknowns.
+struct Uncertainty {
+  double reading = 0;  ///< standard deviation of what the model computes for an equation of `over`, over its noise
+  double mean = 0;     ///< geometric mean of the axes of the uncertainty's ellipsoid, det(M)^(-1/2n), column units
+  double worst = 0;    ///< its longest axis, column units
+};
+Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std::vector<Eigen::MatrixXd>& over);
+
+/// `count` stands on a regular grid of places in the box of the given ones, as one would measure without a plan: the
+/// tool upright (R = 1) and tilted by 20 deg to four sides in turn. Fewer where the machine reaches fewer.
+std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count);
+
+}  // namespace polypod::calibration

@@ -1,0 +1,32 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Numbers of statistics that several rooms need.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace polypod {
+
+/// Two-sided 95 % quantile of Student's t with n degrees of freedom (Cornish-Fisher in 1/n to third order: within 0.2 %
+/// from 3 degrees on).
+inline double student_95(double n) {
+  constexpr double z = 1.959963984540054;
+  const double z3 = z * z * z, z5 = z3 * z * z, z7 = z5 * z * z;
+  return z + (z3 + z) / (4 * n) + (5 * z5 + 16 * z3 + 3 * z) / (96 * n * n) +
+         (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * n * n * n);
+}
+
+/// 1.4826 times the median of |r|: the standard deviation of normal residuals, whatever a few outliers do.
+inline double robust_deviation(const Eigen::VectorXd& r) {
+  constexpr double kNormalPerMad = 1.4826;
+  if (r.size() == 0) return 0;
+  std::vector<double> sizes(static_cast<std::size_t>(r.size()));
+  for (std::size_t i = 0; i < sizes.size(); ++i) sizes[i] = std::abs(r[static_cast<Eigen::Index>(i)]);
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return kNormalPerMad * *middle;
+}
+
+}  // namespace polypod

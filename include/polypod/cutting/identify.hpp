@@ -1,0 +1,54 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Cutting coefficients from mean forces measured at several feeds (SLAV 5.2).
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "polypod/cutting/force.hpp"
+
+namespace polypod::cutting {
+
+/// One cut and the mean force that a dynamometer showed.
+struct MeasuredForce {
+  CutSide side = CutSide::slot;
+  double ae = 0, ap = 0, feed_per_tooth = 0;  ///< m
+  Vec3 mean = Vec3::Zero();                   ///< N on the tool, in the frame of the cut: along the feed, normal, axis
+  Place place;
+};
+
+/// Reads the columns feed_per_tooth_mm, ap_mm, Fx_N, Fy_N, Fz_N and, if given, direction (up, down, slot; without:
+/// slot) and ae_mm (without: the diameter). Errors: ID100 to ID103, ID106, ID120 (a depth, feed or direction out of
+/// range).
+Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::string& path);
+
+struct ForceOutlier {
+  std::size_t row = 0;  ///< index into the measurements
+  int axis = 0;         ///< 0..2
+  double residual = 0;  ///< N
+};
+
+/// The six coefficients in the order Ktc, Krc, Kac (N/m^2), Kte, Kre, Kae (N/m).
+struct CuttingIdentification {
+  Material material;
+  std::array<double, 6> value{}, standard_error{}, half_interval{};  ///< half of the 95 % interval
+  double residual_rms = 0;                                           ///< N
+  std::size_t equations = 0;
+  double condition = 0;                ///< of the equations with columns of unit length
+  std::vector<Vec3> residuals;         ///< N, measured less computed
+  std::vector<ForceOutlier> outliers;  ///< beyond 3.5 robust standard deviations of their axis, from 10 cuts on; kept
+};
+
+/// Mean forces are linear in the coefficients, F = sum_k K_k F_k with F_k = mean_force of the unit coefficient, so one
+/// linear least-squares problem answers: 3 equations a cut. Tangential and radial coefficients share the two equations
+/// across the axis, the axial ones have the third, with a variance of its own. Needs two feeds at least: one alone
+/// cannot tell cutting from edge coefficients. Exponent 1. Errors: ID121 (not more equations than coefficients), ID122
+/// (these cuts cannot tell the coefficients apart), ID123 (a tangential or radial coefficient below 0: is the sign or
+/// the direction wrong?). Cost: about 1 us a cut.
+Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::vector<MeasuredForce>& rows);
+
+/// A material file that read_material takes.
+std::string to_toml(const Material& material);
+
+}  // namespace polypod::cutting

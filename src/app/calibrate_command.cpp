@@ -1,0 +1,310 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+
+#include "calibration_options.hpp"
+#include "commands.hpp"
+#include "polypod/calibration/calibrate.hpp"
+#include "polypod/core/csv.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::app {
+
+Result<Pose> frame_argument(const std::string& text, const char* option) {
+  if (text.empty()) return Pose{};
+  POLYPOD_ASSIGN(n, numbers_of(text, option));
+  if (n.size() != 3 && n.size() != 6) {
+    return fail("AP180", fmt::format("{} {}: not three or six numbers", option, text), {}, "x,y,z or x,y,z,A,B,C");
+  }
+  n.resize(6, 0);
+  return Pose{rotation_abc(units::from_deg(n[3]), units::from_deg(n[4]), units::from_deg(n[5])),
+              units::from_mm(1) * Vec3(n[0], n[1], n[2])};
+}
+
+Result<std::vector<Vec3>> points_of(const std::vector<std::string>& texts, const char* option) {
+  std::vector<Vec3> out;
+  for (const std::string& text : texts) {
+    POLYPOD_ASSIGN(n, numbers_of(text, option));
+    if (n.size() != 3) return fail("AP180", fmt::format("{} {}: not three numbers", option, text));
+    out.push_back(units::from_mm(1) * Vec3(n[0], n[1], n[2]));
+  }
+  return out;
+}
+
+namespace {
+
+using calibration::Calibration;
+
+struct Options {
+  std::string machine, out, frame, target, residuals, targets, corrected, loss = "huber";
+  std::vector<std::string> sets, files, estimate, only, hold;
+  double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
+};
+
+double for_user(double si, const std::string& unit) {
+  return unit == "mm" ? units::to_mm(si) : unit == "deg" ? units::to_deg(si) : si;
+}
+
+std::string with_unit(const std::string& key, const std::string& unit) {
+  return unit.empty() ? key : key + "_" + unit;
+}
+/// mm or deg of `other` a mm or deg of `held`.
+double factor_for_user(const calibration::Estimate& held, const calibration::Like& other) {
+  return other.factor * for_user(1, other.unit) / for_user(1, held.unit);
+}
+
+Result<calibration::CalibrationOptions> options_of(const Options& o) {
+  calibration::CalibrationOptions out;
+  out.only = o.only;
+  out.hold = o.hold;
+  for (const std::string& what : o.estimate) {
+    if (what != "frame" && what != "target") {
+      return fail("AP183", fmt::format("--estimate {}: not frame or target", what));
+    }
+    (what == "frame" ? out.estimate_frame : out.estimate_target) = true;
+  }
+  if (o.loss == "none") {
+    out.loss = calibration::Loss::none;
+  } else if (o.loss == "cauchy") {
+    out.loss = calibration::Loss::cauchy;
+  } else if (o.loss != "huber") {
+    return fail("AP183", fmt::format("--loss {}: not none, huber or cauchy", o.loss));
+  }
+  POLYPOD_ASSIGN(X_SM, frame_argument(o.frame, "--frame"));
+  POLYPOD_ASSIGN(X_TR, frame_argument(o.target, "--target"));
+  out.X_SM = X_SM;
+  out.X_TR = X_TR;
+  out.noise_position = units::from_um(o.noise_um);
+  out.noise_angle = units::from_deg(o.noise_deg);
+  out.prior_length = units::from_mm(o.prior_mm);
+  out.prior_angle = units::from_deg(o.prior_deg);
+  out.bound_length = units::from_mm(o.bound_mm);
+  out.bound_angle = units::from_deg(o.bound_deg);
+  out.hold_back = o.hold_back / 100;
+  return out;
+}
+
+/// Poses of a file (x_mm, y_mm, z_mm and the angles of the task) as commands for the nominal machine.
+Result<std::string> corrected_targets(const machine::AnyMachine& nominal, const machine::AnyMachine& real,
+                                      const std::string& path, std::size_t& missed) {
+  POLYPOD_ASSIGN(table, csv::read(path));
+  POLYPOD_TRY(table.needs({"x_mm", "y_mm", "z_mm"}));
+  std::string out = "x_mm,y_mm,z_mm,a_deg,b_deg,c_deg";
+  for (int i = 0; i < kinematics::joint_count(nominal); ++i) out += fmt::format(",q{}", i + 1);
+  out += ",reached\n";
+  for (const csv::Table::Row& row : table.rows) {
+    std::vector<double> c;
+    for (const char* name : {"x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"}) {
+      POLYPOD_ASSIGN(value, table.number(row, name, 0));
+      c.push_back(c.size() < 3 ? units::from_mm(value) : units::from_deg(value));
+    }
+    const Pose wanted = kinematics::pose_of(kinematics::task(nominal), c);
+    const calibration::CorrectedTarget found = calibration::corrected_target(nominal, real, wanted);
+    std::vector<double> numbers = pose_for_user(nominal, found.reached ? found.command : wanted);
+    numbers.resize(6, 0);
+    for (std::size_t i = 0; i < numbers.size(); ++i) out += fmt::format("{}{:.6f}", i == 0 ? "" : ",", numbers[i]);
+    for (int i = 0; i < kinematics::joint_count(nominal); ++i) {
+      out += found.reached ? fmt::format(",{:.6f}", joints_for_user(nominal, found.joints)[std::size_t(i)]) : ",";
+    }
+    out += found.reached ? ",1\n" : ",0\n";
+    missed += found.reached ? 0 : 1;
+  }
+  return out;
+}
+
+std::string residuals_csv(const Calibration& c, const std::vector<calibration::Measurement>& rows) {
+  std::string out = "file,line,kind,held_back,outlier,weight,before_um,after_um\n";
+  for (const calibration::RowResidual& r : c.residuals) {
+    const calibration::Measurement& row = rows[r.row];
+    out += fmt::format("{},{},{},{:d},{:d},{:.4g},{:.4g},{:.4g}\n", row.place.file, row.place.line,
+                       calibration::name_of(row.kind), r.held_back, r.outlier, r.weight,
+                       units::to_um(r.before.head(r.lengths).norm()), units::to_um(r.after.head(r.lengths).norm()));
+  }
+  return out;
+}
+
+Json parameters_json(const Calibration& c) {
+  Json out = Json::array();
+  for (const calibration::Estimate& p : c.parameters) {
+    Json one{{"key", with_unit(p.key, p.unit)},
+             {"nominal", for_user(p.nominal, p.unit)},
+             {"value", for_user(p.value, p.unit)},
+             {"standard_error", for_user(p.standard_error, p.unit)},
+             {"identifiable", p.identifiable}};
+    if (!p.identifiable) {
+      Json like = Json::array();
+      for (const calibration::Like& other : p.like)
+        like.push_back({{"key", with_unit(other.key, other.unit)}, {"factor", factor_for_user(p, other)}});
+      one["like"] = like;
+    }
+    out.push_back(one);
+  }
+  return out;
+}
+
+Json score_json(const calibration::Score& s) {
+  return {{"rows", s.rows},
+          {"outliers", s.outliers},
+          {"rms_before_mm", units::to_mm(s.rms_before)},
+          {"rms_after_mm", units::to_mm(s.rms_after)},
+          {"max_after_mm", units::to_mm(s.max_after)},
+          {"angle_before_deg", units::to_deg(s.angle_before)},
+          {"angle_after_deg", units::to_deg(s.angle_after)}};
+}
+
+Json frame_json(const Pose& X, const Vec6& error) {
+  const Vec3 p = X.p * units::kMmPerMetre, abc = angles_abc(X.R) / units::kRadPerDeg;
+  return {{"pose", Json::array({p.x(), p.y(), p.z(), abc.x(), abc.y(), abc.z()})},
+          {"standard_error_mm", vector_json(error.head<3>() * units::kMmPerMetre)},
+          {"standard_error_deg", vector_json(error.tail<3>() / units::kRadPerDeg)}};
+}
+
+Json outliers_json(const Calibration& c, const std::vector<calibration::Measurement>& rows) {
+  Json out = Json::array();
+  for (const calibration::RowResidual& r : c.residuals) {
+    if (!r.outlier) continue;
+    out.push_back({{"file", rows[r.row].place.file},
+                   {"line", rows[r.row].place.line},
+                   {"residual_mm", units::to_mm(r.after.head(r.lengths).norm())},
+                   {"weight", r.weight},
+                   {"held_back", r.held_back}});
+  }
+  return out;
+}
+
+void print_score(const char* what, const calibration::Score& s) {
+  if (s.rows == 0) return;
+  fmt::print("{:<10} {:4} rows, rms {:.4f} mm before, {:.4f} mm after, at most {:.4f} mm", what, s.rows,
+             units::to_mm(s.rms_before), units::to_mm(s.rms_after), units::to_mm(s.max_after));
+  if (s.angle_before > 0)
+    fmt::print("; angles {:.4f} and {:.4f} deg", units::to_deg(s.angle_before), units::to_deg(s.angle_after));
+  if (s.outliers > 0) fmt::print(" ({} outliers aside)", s.outliers);
+  fmt::print("\n");
+}
+
+void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
+  fmt::print("{} rows, {} equations fitted; {} of {} parameters told, condition {:.3g}\n", rows, c.equations, c.rank,
+             c.parameters.size(), c.condition);
+  print_score("fitted", c.fitted);
+  print_score("held back", c.held_back);
+  fmt::print("the residuals show {:.2f} times the noise that was given\n\n", c.noise_factor);
+  fmt::print("{:<22} {:>14} {:>14} {:>10}\n", "parameter", "nominal", "value", "+- 1 sd");
+  for (const calibration::Estimate& p : c.parameters) {
+    const double nominal = for_user(p.nominal, p.unit), value = for_user(p.value, p.unit);
+    if (p.identifiable) {
+      fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}\n", p.key, nominal, value, for_user(p.standard_error, p.unit),
+                 p.unit);
+      continue;
+    }
+    fmt::print("{:<22} {:14.5f}           held            {}", p.key, nominal, p.unit);
+    for (std::size_t i = 0; i < p.like.size() && i < 3; ++i)
+      fmt::print("{} {:.3g} {}", i == 0 ? "  acts like" : ",", factor_for_user(p, p.like[i]), p.like[i].key);
+    fmt::print("{}\n", p.like.empty() ? "  no effect on these measurements" : p.like.size() > 3 ? ", ..." : "");
+  }
+  const auto frame = [](const char* what, const Pose& X, const Vec6& error) {
+    if (error.isZero(0)) return;
+    const Vec3 p = X.p * units::kMmPerMetre, abc = angles_abc(X.R) / units::kRadPerDeg;
+    const Vec3 sd = error.head<3>() * units::kMmPerMetre;
+    fmt::print("{:<8} {:.4f}, {:.4f}, {:.4f} mm (+- {:.4f}, {:.4f}, {:.4f}), {:.5f}, {:.5f}, {:.5f} deg\n", what, p.x(),
+               p.y(), p.z(), sd.x(), sd.y(), sd.z(), abc.x(), abc.y(), abc.z());
+  };
+  frame("frame", c.X_SM, c.frame_error);
+  frame("target", c.X_TR, c.target_error);
+  for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
+  for (const Json& x : outliers) {
+    fmt::print("outlier{}: {}:{} is off by {:.3f} mm, weight {:.2g}\n", x["held_back"].get<bool>() ? ", held back" : "",
+               x["file"].get<std::string>(), x["line"].get<int>(), x["residual_mm"].get<double>(),
+               x["weight"].get<double>());
+  }
+}
+
+}  // namespace
+
+Command calibrate_command() {
+  auto o = std::make_shared<Options>();
+  return {"calibrate", "The parameters of a machine from measured poses, points, distances, gauge readings or contacts",
+          "polypod calibrate hexapod-strut data.csv -o measured.toml",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.positional("DATA", o->files,
+                         "CSV files: q1,...,qn and x_mm,y_mm,z_mm[,a_deg,b_deg[,c_deg]], "
+                         "distance_mm,anchor_x_mm,..., gauge_mm,plane_x_mm,...,normal_x,... or contact");
+            a.option("-o,--output", o->out, "The calibrated machine, as a machine file", true);
+            a.option("--estimate", o->estimate,
+                     "frame, target: find where the machine stands in the instrument's "
+                     "frame, where the target sits on the tool (repeatable)");
+            a.option("--frame", o->frame, kFrameHelp);
+            a.option("--target", o->target, kTargetHelp);
+            a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
+            a.option("--hold", o->hold, "Beginning of a key: keep these as they are (repeatable)");
+            a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
+            a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
+            a.option("--prior-mm", o->prior_mm, "Lengths are off by about this much (default: nothing is known)");
+            a.option("--prior-deg", o->prior_deg, "... angles and directions");
+            a.option("--bound-mm", o->bound_mm, "Lengths are off by no more than this (default: no bound)");
+            a.option("--bound-deg", o->bound_deg, "... angles and directions");
+            a.option("--loss", o->loss, "none, huber (default) or cauchy: what outliers count for");
+            a.option("--hold-back", o->hold_back,
+                     "Percent of the rows that are judged, not fitted, where enough are left (default 20, 0 to 50)");
+            a.option("--residuals", o->residuals, "Every row before and after, CSV");
+            a.option("--targets", o->targets, "Poses that the real machine shall take, CSV: x_mm,y_mm,z_mm,a_deg,...");
+            a.option("--corrected", o->corrected, "What to ask the nominal controller for, CSV");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(options, options_of(*o));
+            if (o->targets.empty() != o->corrected.empty()) {
+              return fail("AP183", "--targets and --corrected go together");
+            }
+            for (const std::string* path : {&o->out, &o->residuals, &o->corrected})
+              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            std::vector<calibration::Measurement> rows;
+            for (const std::string& file : o->files) {
+              POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
+              rows.insert(rows.end(), more.begin(), more.end());
+            }
+            POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
+            std::size_t missed = 0;
+            std::string corrected;
+            if (!o->targets.empty()) {
+              POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
+              corrected = text;
+            }
+            POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(c.machine)));
+            if (!o->residuals.empty()) POLYPOD_TRY(files::write_whole(o->residuals, residuals_csv(c, rows)));
+            if (!o->corrected.empty()) POLYPOD_TRY(files::write_whole(o->corrected, corrected));
+            const Json outliers = outliers_json(c, rows);
+            if (context.json) {
+              Json document{{"parameters", parameters_json(c)},
+                            {"rms_before_mm", units::to_mm(c.fitted.rms_before)},
+                            {"rms_after_mm", units::to_mm(c.fitted.rms_after)},
+                            {"rank", c.rank},
+                            {"parameters_total", c.parameters.size()},
+                            {"fitted", score_json(c.fitted)},
+                            {"held_back", score_json(c.held_back)},
+                            {"frame", frame_json(c.X_SM, c.frame_error)},
+                            {"target", frame_json(c.X_TR, c.target_error)},
+                            {"held_beside", c.held_beside},
+                            {"rows", rows.size()},
+                            {"equations", c.equations},
+                            {"condition", c.condition},
+                            {"noise_factor", c.noise_factor},
+                            {"outliers", outliers},
+                            {"iterations", c.iterations},
+                            {"file", o->out}};
+              if (!o->corrected.empty()) document["targets_missed"] = missed;
+              print_json(document);
+            } else {
+              print_text(c, outliers, rows.size());
+              for (const std::string* path : {&o->out, &o->residuals, &o->corrected})
+                if (!path->empty()) fmt::print("wrote {}\n", *path);
+              if (missed > 0) fmt::print("{} targets are out of the nominal machine's reach\n", missed);
+            }
+            return missed > 0 ? kAnswerIsNo : kDone;
+          }};
+}
+
+}  // namespace polypod::app

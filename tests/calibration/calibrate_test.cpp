@@ -1,0 +1,494 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/calibration/calibrate.hpp"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+
+#include "model.hpp"
+#include "polypod/calibration/simulate.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/random.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::calibration {
+namespace {
+
+using testing::HasSubstr;
+using testing::Values;
+
+constexpr double kNoise = 20e-6;         // a laser tracker, m a coordinate
+constexpr double kLengthError = 0.1e-3;  // a workshop's, m
+constexpr double kAngleError = 1e-3;     // rad
+
+AnyMachine named(const std::string& name) {
+  return *machine::load(name);
+}
+AnyMachine off(const AnyMachine& m, std::uint64_t seed = 7) {
+  auto out = perturbed(m, kLengthError, kAngleError, seed);
+  EXPECT_TRUE(out) << (out ? "" : to_string(out.error()));
+  return *out;
+}
+std::vector<Measurement> measured(const AnyMachine& nominal, const AnyMachine& truth, Kind kind, std::size_t count,
+                                  double noise, std::uint64_t seed = 3,
+                                  const std::function<void(SimulationOptions&)>& change = {}) {
+  SimulationOptions o;
+  o.kind = kind;
+  o.count = count;
+  o.seed = seed;
+  o.noise_position = noise;
+  o.noise_angle = noise;  // of a target one metre across
+  if (change) change(o);
+  auto rows = simulate(nominal, truth, o);
+  EXPECT_TRUE(rows) << (rows ? "" : to_string(rows.error()));
+  return *rows;
+}
+
+/// By how much two machines put their tools apart at stands that no measurement used: root of the mean square of a
+/// coordinate, m; `aligned` after the best common motion of all places. Stands where the Jacobian's condition is above
+/// 20 are left out: there the rails' machine amplifies whatever noise is left.
+double apart(const AnyMachine& a, const AnyMachine& b, bool aligned = false) {
+  std::vector<Stand> stands = random_stands(a, 200, 991);
+  std::erase_if(stands, [&](const Stand& s) { return kinematics::dexterity(a, s.X_MT, s.q).condition > 20; });
+  EXPECT_GT(stands.size(), 100u);
+  Eigen::Matrix3Xd from(3, stands.size()), to(3, stands.size());
+  for (std::size_t i = 0; i < stands.size(); ++i) {
+    from.col(static_cast<Eigen::Index>(i)) = kinematics::forward(a, stands[i].q).poses.at(0).p;
+    to.col(static_cast<Eigen::Index>(i)) = kinematics::forward(b, stands[i].q).poses.at(0).p;
+  }
+  if (aligned) {
+    const Eigen::Matrix4d T = Eigen::umeyama(from, to, false);
+    from = (T.topLeftCorner<3, 3>() * from).colwise() + T.topRightCorner<3, 1>().eval();
+  }
+  return (from - to).norm() / std::sqrt(double(from.size()));
+}
+
+Calibration calibrated(const AnyMachine& nominal, const std::vector<Measurement>& rows,
+                       const CalibrationOptions& options = {}) {
+  auto out = calibrate(nominal, rows, options);
+  EXPECT_TRUE(out) << (out ? "" : to_string(out.error()));
+  return out ? *out : Calibration{};
+}
+
+class EveryFamily : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Catalogue, EveryFamily,
+                         Values("hexapod-strut", "hexapod-slider", "lola50", "hexapod-octahedral", "hexapod-hexam"));
+
+TEST_P(EveryFamily, ParametersGoInAndComeOut) {
+  const AnyMachine m = named(GetParam());
+  std::vector<double> p;
+  for (const auto& parameter : kinematics::parameters(m)) p.push_back(parameter.value);
+  const auto same = machine::with_parameters(m, p);
+  ASSERT_TRUE(same) << to_string(same.error());
+  EXPECT_EQ(machine::to_toml(*same), machine::to_toml(m));
+
+  const AnyMachine moved = off(m);
+  const auto read = machine::from_text(machine::to_toml(moved), "moved.toml");
+  ASSERT_TRUE(read) << to_string(read.error());
+  const auto a = kinematics::parameters(moved), b = kinematics::parameters(*read);
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i].value, b[i].value, 1e-11) << a[i].key;
+  EXPECT_EQ(machine::with_parameters(m, std::vector<double>(3)).error().id, "MA105");
+}
+
+TEST_P(EveryFamily, ChangedMachinesKeepTheirInvariants) {
+  const AnyMachine m = off(named(GetParam()), 21);
+  for (const Stand& stand : random_stands(m, 20, 5)) {
+    std::visit(
+        [&](const auto& family) {
+          const auto p = kinematics::nominal_parameters(family);
+          const auto F =
+              closure(family, stand.X_MT, std::span<const double>(stand.q.data(), std::size_t(stand.q.size())),
+                      std::span<const double>(p));
+          EXPECT_LT(F.cwiseAbs().maxCoeff(), 1e-11);
+        },
+        m);
+    const auto inverse = kinematics::inverse(m, stand.X_MT);
+    const bool found = std::any_of(inverse.solutions.begin(), inverse.solutions.end(),
+                                   [&](const auto& s) { return (s.joints - stand.q).norm() < 1e-7; });
+    EXPECT_TRUE(found) << GetParam();
+  }
+}
+
+// Every kind of measurement, every unknown, against central differences.
+TEST_P(EveryFamily, DerivativesAgainstDifferences) {
+  const AnyMachine any = off(named(GetParam()));
+  const std::vector<Stand> stands = random_stands(any, 3, 11);
+  Random random(5);
+  std::vector<Measurement> rows;
+  for (const Kind kind : {Kind::point, Kind::axis, Kind::pose, Kind::distance, Kind::gauge, Kind::contact}) {
+    for (const Stand& stand : stands) {
+      Measurement row;
+      row.kind = kind;
+      row.q = stand.q;
+      row.X_SR = stand.X_MT;
+      row.X_SR.p += Vec3(1e-3, -2e-3, 3e-3);
+      row.X_SR.R = rotation_of(Vec3(0.1, -0.2, 0.3)) * row.X_SR.R;
+      row.anchor_S = Vec3(0.1, -0.3, 0.05);
+      row.normal_S = Vec3(1, 2, 3).normalized();
+      row.reading = 0.3;
+      row.contact = "a";
+      rows.push_back(row);
+    }
+  }
+  const Noise noise{1, 1};
+  std::visit(
+      [&](const auto& m) {
+        const auto nominal = kinematics::nominal_parameters(m);
+        const Layout layout = layout_of(rows, nominal.size());
+        Eigen::VectorXd x(layout.count);
+        for (double& value : x) value = 0.05 * random.normal();
+        for (std::size_t i = 0; i < nominal.size(); ++i) x[layout.parameters + int(i)] = nominal[i];
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+          const Pose seed = stands[i % stands.size()].X_MT;
+          Equations e, low, high;
+          ASSERT_TRUE(equations_of(m, rows[i], seed, layout, x, noise, true, e));
+          constexpr double kStep = 1e-6;
+          for (int j = 0; j < layout.count; ++j) {
+            Eigen::VectorXd y = x;
+            y[j] = x[j] + kStep;
+            ASSERT_TRUE(equations_of(m, rows[i], seed, layout, y, noise, false, high));
+            y[j] = x[j] - kStep;
+            ASSERT_TRUE(equations_of(m, rows[i], seed, layout, y, noise, false, low));
+            const Eigen::VectorXd difference = (high.r - low.r) / (2 * kStep);
+            EXPECT_LT((difference - e.J.col(j)).norm(), 2e-6 * (1 + e.J.col(j).norm()))
+                << name_of(rows[i].kind) << ", unknown " << j << " of " << layout.count;
+          }
+        }
+      },
+      any);
+}
+
+// Without noise the parameters that points tell give the very machine back, wherever its tool goes.
+TEST_P(EveryFamily, ExactPointsGiveTheExactMachine) {
+  const AnyMachine nominal = named(GetParam()), truth = off(nominal);
+  CalibrationOptions exact;
+  exact.noise_position = 1e-9;  // or what hides in 20 um would be held
+  const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::point, 120, 0), exact);
+  EXPECT_GT(apart(nominal, truth), 50e-6);
+  EXPECT_LT(apart(c.machine, truth), 1e-8);
+  EXPECT_LT(c.held_back.rms_after, 1e-8);
+  EXPECT_GT(c.held_back.rows, 0u);
+}
+
+// A laser tracker's 70 points: what is left at places that were not measured is below the tracker's own noise. Least
+// squares of n unknowns on N equations leave sqrt(n / N) of the noise on average over the measured places; twice that
+// for places farther out.
+TEST_P(EveryFamily, SeventyPointsBringTheErrorDownToTheNoise) {
+  const AnyMachine nominal = named(GetParam()), truth = off(nominal);
+  CalibrationOptions all;
+  all.hold_back = 0;
+  const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::point, 70, kNoise), all);
+  EXPECT_LT(apart(c.machine, truth), 2 * kNoise * std::sqrt(double(c.rank) / double(c.equations)));
+  EXPECT_NEAR(c.noise_factor, 1, 0.2);  // 140 to 190 free equations: three standard deviations
+  const Calibration held = calibrated(nominal, measured(nominal, truth, Kind::point, 70, kNoise));
+  EXPECT_EQ(held.held_back.rows, 14u);
+  EXPECT_LT(held.held_back.rms_after, 2 * kNoise);
+  EXPECT_GT(held.held_back.rms_before, 4 * held.held_back.rms_after);
+}
+
+// The closures say how many there must be: a strut machine has 43, the tool's length only moves the platform's joints
+// along z; points at the tip do not see the platform's frame turn about it. Rails: 61 less the same.
+TEST(Calibrate, RankIsWhatTheGeometrySays) {
+  const AnyMachine strut = named("hexapod-strut"), slider = named("hexapod-slider"), lola = named("lola50");
+  EXPECT_EQ(calibrated(strut, measured(strut, off(strut), Kind::pose, 70, kNoise)).rank, 42u);
+  EXPECT_EQ(calibrated(strut, measured(strut, off(strut), Kind::point, 70, kNoise)).rank, 39u);
+  EXPECT_EQ(calibrated(slider, measured(slider, off(slider), Kind::pose, 70, kNoise)).rank, 60u);
+  const Calibration arm = calibrated(lola, measured(lola, off(lola), Kind::point, 70, kNoise));
+  // Axes 2 and 3 are parallel: d_3 acts like d_2. The turn of the last frame about the tool does not move its tip.
+  EXPECT_EQ(arm.rank, 18u);
+  for (const Estimate& p : arm.parameters) {
+    EXPECT_EQ(p.identifiable, p.key != "dh[3].d" && p.key != "dh[5].alpha") << p.key;
+    if (p.key != "dh[3].d") continue;
+    ASSERT_EQ(p.like.size(), 1u);
+    EXPECT_EQ(p.like[0].key, "dh[2].d");
+    EXPECT_NEAR(p.like[0].factor, 1, 1e-6);
+  }
+}
+
+TEST(Calibrate, FrameTakesSixFreedomsOfTheMachine) {
+  const AnyMachine nominal = named("hexapod-strut"), truth = off(nominal);
+  const Pose X_SM{rotation_abc(0.3, -0.7, 2.1), Vec3(1.5, -0.4, 0.8)};
+  CalibrationOptions o;
+  o.estimate_frame = true;
+  const Calibration c = calibrated(
+      nominal, measured(nominal, truth, Kind::pose, 70, kNoise, 3, [&](SimulationOptions& s) { s.X_SM = X_SM; }), o);
+  EXPECT_EQ(c.rank, 36u);
+  EXPECT_LT(apart(c.machine, truth, true), kNoise);
+  EXPECT_LT(c.held_back.rms_after, 2 * kNoise);
+  EXPECT_GT(c.frame_error.minCoeff(), 0);
+}
+
+TEST(Calibrate, TheTargetOnTheToolIsFound) {
+  const AnyMachine nominal = named("lola50");
+  const Vec3 p_TR(12e-3, -7e-3, 30e-3);
+  CalibrationOptions o;
+  o.estimate_target = true;
+  o.hold = {"dh"};
+  const Calibration c = calibrated(
+      nominal, measured(nominal, nominal, Kind::point, 30, kNoise, 3, [&](SimulationOptions& s) { s.X_TR.p = p_TR; }),
+      o);
+  EXPECT_LT((c.X_TR.p - p_TR).norm(), 4 * c.target_error.head<3>().norm());
+  EXPECT_LT(c.target_error.head<3>().norm(), kNoise);
+  EXPECT_EQ(c.rank, 0u);
+}
+
+// A ball-bar from three balls, 210 readings.
+TEST(Calibrate, BallBarAlone) {
+  const AnyMachine nominal = named("hexapod-strut"), truth = off(nominal);
+  const auto balls = [](SimulationOptions& s) {
+    s.anchors = {Vec3(0.2, 0, 0), Vec3(-0.1, 0.17, 0), Vec3(-0.1, -0.17, 0.05)};
+  };
+  const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::distance, 210, kNoise, 3, balls));
+  EXPECT_LT(apart(c.machine, truth), 3 * kNoise);
+  EXPECT_LT(c.held_back.rms_after, 3 * kNoise);
+  EXPECT_EQ(c.rank, 39u);
+}
+
+// From one ball alone nobody sees the machine turn about it: three directions fewer, and they are named. (Motion
+// across the bar shows only through the machine's stiffness of form: places stay less certain than distances.)
+TEST(Calibrate, OneBallCannotSeeTheMachineTurnAboutIt) {
+  const AnyMachine nominal = named("hexapod-strut"), truth = off(nominal);
+  const auto ball = [](SimulationOptions& s) { s.anchors = {Vec3(0.06, 0, 0)}; };
+  const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::distance, 210, kNoise, 3, ball));
+  EXPECT_EQ(c.rank, 36u);
+  int held = 0;
+  for (const Estimate& p : c.parameters) {
+    if (p.identifiable) continue;
+    ++held;
+    EXPECT_FALSE(p.like.empty()) << p.key;
+    EXPECT_EQ(p.value, p.nominal);
+    EXPECT_EQ(p.standard_error, 0);
+  }
+  EXPECT_EQ(held, 7);
+  EXPECT_LT(c.held_back.rms_after, 3 * kNoise);
+}
+
+TEST(Calibrate, GaugesOnThreePlanesAndContacts) {
+  const AnyMachine nominal = named("lola50"), truth = off(nominal);
+  std::vector<Measurement> rows = measured(nominal, truth, Kind::gauge, 150, kNoise);
+  for (std::size_t i = 0; i < rows.size(); ++i) {  // the same readings of three planes
+    const Vec3 tip = kinematics::forward(truth, rows[i].q).poses.at(0).p;
+    const double noise = rows[i].reading - tip.z();
+    rows[i].normal_S = Vec3::Unit(static_cast<int>(i % 3));
+    rows[i].reading = tip[static_cast<int>(i % 3)] + noise;
+  }
+  EXPECT_LT(apart(calibrated(nominal, rows).machine, truth), 2 * kNoise);
+
+  // A socket that is touched again and again tells shapes, but no unit of length and no place: what it hardly tells
+  // needs a prior.
+  CalibrationOptions o;
+  o.prior_length = kLengthError;
+  o.prior_angle = kAngleError;
+  o.hold_back = 0;
+  const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::contact, 200, kNoise), o);
+  EXPECT_LT(c.fitted.rms_after, 1.2 * kNoise);
+  EXPECT_LT(apart(c.machine, truth, true), 0.5 * apart(nominal, truth, true));
+}
+
+TEST(Calibrate, OutliersAreFlaggedAndPullLittle) {
+  const AnyMachine nominal = named("lola50"), truth = off(nominal);
+  const auto bad = [](SimulationOptions& s) { s.outliers = 0.05; };
+  const std::vector<Measurement> clean = measured(nominal, truth, Kind::point, 100, kNoise);
+  const std::vector<Measurement> rows = measured(nominal, truth, Kind::point, 100, kNoise, 3, bad);
+  double with_loss = 0;
+  for (const Loss loss : {Loss::huber, Loss::cauchy}) {
+    CalibrationOptions o;
+    o.loss = loss;
+    const Calibration c = calibrated(nominal, rows, o);
+    EXPECT_EQ(c.residuals.size(), rows.size());
+    std::size_t spoilt = 0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const bool is_off = (rows[i].X_SR.p - clean[i].X_SR.p).norm() > 0.5e-3;
+      spoilt += is_off ? 1 : 0;
+      EXPECT_EQ(c.residuals[i].outlier, is_off) << i;
+    }
+    EXPECT_GT(spoilt, 1u);
+    with_loss = std::max(with_loss, apart(c.machine, truth));
+    EXPECT_LT(with_loss, kNoise);
+  }
+  CalibrationOptions plain;
+  plain.loss = Loss::none;
+  EXPECT_GT(apart(calibrated(nominal, rows, plain).machine, truth), 1.5 * with_loss);
+}
+
+// Standard errors mean what they say: of 200 x 18 intervals of two of them, 95 % hold the truth (2.5 % is far more than
+// the count's own spread of 0.4 %; the errors of one trial hang together).
+TEST(Calibrate, StandardErrorsCoverTheTruth) {
+  const AnyMachine nominal = named("lola50"), truth = off(nominal);
+  const auto p = kinematics::parameters(truth), n = kinematics::parameters(nominal);
+  CalibrationOptions o;
+  o.hold_back = 0;
+  int covered = 0, count = 0;
+  for (std::uint64_t trial = 0; trial < 200; ++trial) {
+    const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::point, 40, kNoise, 100 + trial), o);
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      if (!c.parameters[i].identifiable) continue;
+      double wanted = p[i].value;
+      if (p[i].key == "dh[2].d") wanted += p[10].value - n[10].value;  // it takes on the error of dh[3].d, nearly
+      if (p[i].key == "dh[2].d") continue;
+      covered += std::abs(c.parameters[i].value - wanted) < 1.984 * c.parameters[i].standard_error ? 1 : 0;
+      ++count;
+    }
+  }
+  EXPECT_NEAR(double(covered) / count, 0.95, 0.025);
+}
+
+TEST(Calibrate, PriorsAndBoundsHold) {
+  const AnyMachine nominal = named("hexapod-strut"), truth = off(nominal);
+  const auto rows = measured(nominal, truth, Kind::point, 10, kNoise);  // 30 equations for 43 unknowns
+  EXPECT_EQ(calibrate(nominal, rows).error().id, "CA110");
+  CalibrationOptions o;
+  o.prior_length = kLengthError;
+  o.prior_angle = kAngleError;
+  const Calibration with_priors = calibrated(nominal, rows, o);
+  EXPECT_EQ(with_priors.rank, 43u);
+  EXPECT_LT(apart(with_priors.machine, truth), 0.7 * apart(nominal, truth));
+
+  CalibrationOptions bounded;
+  bounded.bound_length = 0.05e-3;
+  for (const Estimate& p : calibrated(nominal, measured(nominal, truth, Kind::point, 70, kNoise), bounded).parameters) {
+    EXPECT_LE(std::abs(p.value - p.nominal), 0.05e-3 + 1e-12) << p.key;
+  }
+}
+
+TEST(Calibrate, ChosenParametersOnly) {
+  const AnyMachine nominal = named("hexapod-strut"), truth = off(nominal);
+  CalibrationOptions o;
+  o.only = {"leg.length", "base"};
+  o.hold = {"base.joint[2]"};
+  const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::point, 70, kNoise), o);
+  EXPECT_EQ(c.parameters.size(), 21u);
+  const auto before = kinematics::parameters(nominal), after = kinematics::parameters(c.machine);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const bool mine = before[i].key.rfind("leg.length", 0) == 0 ||
+                      (before[i].key.rfind("base.joint", 0) == 0 && before[i].key.rfind("base.joint[2]", 0) != 0);
+    if (!mine) {
+      EXPECT_NEAR(after[i].value, before[i].value, 1e-12) << before[i].key;
+    }
+  }
+  CalibrationOptions wrong;
+  wrong.only = {"elbow"};
+  EXPECT_EQ(calibrate(nominal, measured(nominal, truth, Kind::point, 70, kNoise), wrong).error().id, "CA114");
+}
+
+TEST(Calibrate, ACommandForTheNominalControllerBringsTheRealToolThere) {
+  for (const char* name : {"hexapod-strut", "hexapod-slider", "lola50"}) {
+    const AnyMachine nominal = named(name), real = off(nominal);
+    int reached = 0;
+    for (const Stand& stand : random_stands(nominal, 20, 17)) {
+      const Pose wanted = kinematics::pose_of(kinematics::task(nominal),
+                                              kinematics::coordinates_of(kinematics::task(nominal), stand.X_MT));
+      const CorrectedTarget c = corrected_target(nominal, real, wanted);
+      if (!c.reached) continue;
+      ++reached;
+      const Pose got =
+          kinematics::forward(real, kinematics::inverse(nominal, c.command).reachable()->joints).poses.at(0);
+      EXPECT_LT((got.p - wanted.p).norm(), 1e-9) << name;
+      EXPECT_LT((got.R.col(2) - wanted.R.col(2)).norm(), 1e-9) << name;
+      EXPECT_GT((c.command.p - wanted.p).norm(), 1e-6) << name;
+    }
+    EXPECT_GT(reached, 15) << name;
+  }
+}
+
+TEST(Calibrate, WhatCannotBeIsNamed) {
+  const AnyMachine m = named("hexapod-strut"), truth = off(m);
+  const auto rows = measured(m, truth, Kind::point, 70, kNoise);
+  EXPECT_EQ(calibrate(m, {}).error().id, "CA110");
+  auto um = rows;
+  for (Measurement& row : um) row.X_SR.p *= 1000;
+  const auto wrong_unit = calibrate(m, um);
+  ASSERT_FALSE(wrong_unit);
+  EXPECT_EQ(wrong_unit.error().id, "CA113");
+  EXPECT_THAT(wrong_unit.error().message, HasSubstr("1e+03"));
+  std::vector<Measurement> line(60, rows[0]);  // all legs alike: straight up and down
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    line[i].q = kinematics::inverse(m, Pose{Mat3::Identity(), Vec3(0, 0, 0.07 + 1e-4 * double(i))}).solutions[0].joints;
+    line[i].X_SR.p = Vec3(0, 0, 0.07 + 1e-4 * double(i));
+  }
+  EXPECT_EQ(calibrate(m, line).error().id, "CA112");
+  auto torn = rows;
+  torn[3].q[0] = 0.2;
+  EXPECT_EQ(calibrate(m, torn).error().id, "CA111");
+  CalibrationOptions o;
+  o.noise_position = 0;
+  EXPECT_EQ(calibrate(m, rows, o).error().id, "CA116");
+  auto once = measured(m, truth, Kind::contact, 80, kNoise);
+  once[0].contact = "alone";
+  EXPECT_EQ(calibrate(m, once).error().id, "CA117");
+}
+
+TEST(Measurements, FilesGoOutAndComeBack) {
+  const AnyMachine m = named("lola50");
+  const std::string path = std::filesystem::temp_directory_path() / ("polypod-measured-" + std::to_string(::getpid()));
+  for (const Kind kind : {Kind::point, Kind::axis, Kind::pose, Kind::distance, Kind::gauge, Kind::contact}) {
+    const auto rows = measured(m, m, kind, 12, kNoise);
+    ASSERT_TRUE(files::write_whole(path, measurements_csv(m, rows)));
+    const auto back = read_measurements(m, path);
+    ASSERT_TRUE(back) << to_string(back.error());
+    ASSERT_EQ(back->size(), rows.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const Measurement &a = rows[i], &b = (*back)[i];
+      EXPECT_EQ(a.kind, b.kind);
+      EXPECT_LT((a.q - b.q).norm(), 1e-9);
+      EXPECT_NEAR(a.reading, b.reading, 1e-9);
+      EXPECT_EQ(a.contact, b.contact);
+      if (kind < Kind::distance) {
+        EXPECT_LT((a.X_SR.p - b.X_SR.p).norm(), 1e-9);
+      }
+      if (kind == Kind::pose) {
+        EXPECT_LT((a.X_SR.R - b.X_SR.R).norm(), 1e-8);
+      }
+      if (kind == Kind::axis) {
+        EXPECT_LT((a.X_SR.R.col(2) - b.X_SR.R.col(2)).norm(), 1e-8);
+      }
+    }
+  }
+  std::filesystem::remove(path);
+}
+
+TEST(Measurements, BadFilesAreNamedWithTheirLine) {
+  const AnyMachine m = named("hexapod-strut");
+  const std::string q = "q1,q2,q3,q4,q5,q6,", values = "70,70,70,70,70,70,";
+  const struct {
+    std::string text;
+    const char* id;
+    int line;
+  } cases[] = {
+      {"", "ID102", 0},
+      {q + "w\n" + values + "1\n", "CA101", 1},
+      {"q1,q2,x_mm,y_mm,z_mm\n1,2,3,4,5\n", "ID100", 1},
+      {q + "x_mm,y_mm\n", "ID100", 1},
+      {q + "x_mm,y_mm,z_mm\n", "ID102", 0},
+      {q + "x_mm,y_mm,z_mm\n" + values + "1,2,three\n", "ID101", 2},
+      {q + "x_mm,y_mm,z_mm\n" + values + "1,2\n", "ID101", 2},
+      {q + "x_mm,y_mm,z_mm\n# remark\n" + values + "1,2,3\n" + values + "1,2,3\n", "ID103", 4},
+      {q + "x_mm,y_mm,z_mm,x_mm\n", "ID106", 1},
+      {q + "x_mm,y_mm,z_mm\n70000,70,70,70,70,70,1,2,3\n", "CA103", 2},
+      {q + "distance_mm,anchor_x_mm,anchor_y_mm,anchor_z_mm\n" + values + "-5,1,2,3\n", "CA102", 2},
+      {q + "gauge_mm,plane_x_mm,plane_y_mm,plane_z_mm,normal_x,normal_y,normal_z\n" + values + "5,1,2,3,0,0,0\n",
+       "CA102", 2},
+  };
+  const std::string path = std::filesystem::temp_directory_path() / ("polypod-bad-" + std::to_string(::getpid()));
+  for (const auto& c : cases) {
+    ASSERT_TRUE(files::write_whole(path, c.text));
+    const auto r = read_measurements(m, path);
+    ASSERT_FALSE(r) << c.id << c.text;
+    EXPECT_EQ(r.error().id, c.id) << c.text;
+    EXPECT_EQ(r.error().place.line, c.line) << c.text;
+  }
+  std::filesystem::remove(path);
+}
+
+TEST(Simulate, IsTheSameForTheSameSeed) {
+  const AnyMachine m = named("hexapod-slider");
+  const auto text = [&](std::uint64_t seed) {
+    return measurements_csv(m, measured(m, off(m, seed), Kind::pose, 20, kNoise, seed));
+  };
+  EXPECT_EQ(text(4), text(4));
+  EXPECT_NE(text(4), text(5));
+}
+
+}  // namespace
+}  // namespace polypod::calibration

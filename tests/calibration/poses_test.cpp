@@ -1,0 +1,142 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/calibration/poses.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "polypod/core/random.hpp"
+
+namespace polypod::calibration {
+namespace {
+
+AnyMachine lola() {
+  return *machine::load("lola50");
+}
+std::vector<Eigen::MatrixXd> some(const std::vector<Eigen::MatrixXd>& all, const std::vector<std::size_t>& chosen) {
+  std::vector<Eigen::MatrixXd> out;
+  for (const std::size_t i : chosen) out.push_back(all[i]);
+  return out;
+}
+double determinant(const std::vector<Eigen::MatrixXd>& equations) {
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(equations[0].cols(), equations[0].cols());
+  for (const Eigen::MatrixXd& J : equations) M += J.transpose() * J;
+  return M.determinant();
+}
+
+// Every set of 4 out of 12, by brute force: the exchange's local optimum is the best one, or within 5 % of its axes.
+TEST(Poses, ExchangeAgainstEverySet) {
+  Random random(8);
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<Eigen::MatrixXd> candidates(12, Eigen::MatrixXd(1, 3));
+    for (Eigen::MatrixXd& J : candidates)
+      for (double& x : J.reshaped()) x = random.normal();
+    double best = 0;
+    for (unsigned set = 0; set < 4096; ++set) {
+      if (std::popcount(set) != 4) continue;
+      std::vector<std::size_t> chosen;
+      for (std::size_t i = 0; i < 12; ++i)
+        if ((set >> i & 1U) != 0) chosen.push_back(i);
+      best = std::max(best, determinant(some(candidates, chosen)));
+    }
+    const auto chosen = choose(candidates, 4, Criterion::determinant);
+    ASSERT_TRUE(chosen);
+    const double found = determinant(some(candidates, *chosen));
+    EXPECT_LE(found, best * (1 + 1e-9));
+    EXPECT_GT(std::pow(found / best, 1 / 6.0), 0.95);
+  }
+}
+
+TEST(Poses, UncertaintyInClosedForm) {
+  // Two unknowns, measured 4 and 9 times with derivatives 1 and 2 (in standard deviations).
+  std::vector<Eigen::MatrixXd> equations;
+  for (int i = 0; i < 4; ++i) equations.emplace_back(Eigen::RowVector2d(1, 0));
+  for (int i = 0; i < 9; ++i) equations.emplace_back(Eigen::RowVector2d(0, 2));
+  const Uncertainty u = uncertainty(equations, {Eigen::RowVector2d(3, 0)});
+  EXPECT_NEAR(u.worst, 1 / 2.0, 1e-12);
+  EXPECT_NEAR(u.mean, std::sqrt(1 / 2.0 * 1 / 6.0), 1e-12);
+  EXPECT_NEAR(u.reading, 3 / 2.0, 1e-12);
+  EXPECT_TRUE(std::isinf(uncertainty({Eigen::RowVector2d(1, 0)}, equations).worst));
+}
+
+// What is predicted is what comes out: the tip's error at other poses after calibrations from the chosen ones.
+TEST(Poses, ThePredictedUncertaintyComesTrue) {
+  const AnyMachine nominal = lola(), truth = *perturbed(nominal, 0.1e-3, 1e-3, 7);
+  CalibrationOptions options;
+  options.hold_back = 0;
+  const Candidates from = *geometry_candidates(nominal, 200, 4, Kind::point, {}, options);
+  const auto chosen = choose(from.equations, 25, Criterion::determinant);
+  ASSERT_TRUE(chosen) << to_string(chosen.error());
+  const double predicted = uncertainty(some(from.equations, *chosen), from.equations).reading * options.noise_position;
+  Random random(5);
+  double sum = 0, count = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    std::vector<Measurement> rows;
+    for (const std::size_t i : *chosen) {
+      Measurement row;
+      row.q = from.stands[i].q;
+      row.X_SR = kinematics::forward(truth, row.q).poses.at(0);
+      for (double& x : row.X_SR.p) x += options.noise_position * random.normal();
+      rows.push_back(row);
+    }
+    const auto c = calibrate(nominal, rows, options);
+    ASSERT_TRUE(c) << to_string(c.error());
+    for (std::size_t i = 0; i < from.stands.size(); i += 5) {
+      const auto& q = from.stands[i].q;
+      sum += (kinematics::forward(c->machine, q).poses.at(0).p - kinematics::forward(truth, q).poses.at(0).p)
+                 .squaredNorm();
+      count += 3;
+    }
+  }
+  EXPECT_NEAR(std::sqrt(sum / count) / predicted, 1, 0.1);  // 60 trials of 18 unknowns: 2 % and the sample of stands
+}
+
+TEST(Poses, ThirtyPercentBetterThanAGrid) {
+  const AnyMachine m = lola();
+  const Candidates geometry = *geometry_candidates(m, 400, 1, Kind::point, {}, {});
+  const std::vector<Stand> grid = grid_stands(m, geometry.stands, 40);
+  ASSERT_EQ(grid.size(), 40u);
+  const Uncertainty plain = uncertainty(geometry_equations(m, grid, Kind::point, {}, {}, geometry), geometry.equations);
+  ASSERT_TRUE(std::isfinite(plain.worst));
+  for (const Criterion criterion : {Criterion::determinant, Criterion::eigenvalue}) {
+    const Uncertainty best =
+        uncertainty(some(geometry.equations, *choose(geometry.equations, 40, criterion)), geometry.equations);
+    EXPECT_LT(best.reading, 0.7 * plain.reading);
+    EXPECT_LT(best.worst, 0.7 * plain.worst);
+  }
+  // Compliances: the 15 points of one of the source's planes (SLAV 4.3), A = B = 0.
+  const Candidates loads = *compliance_candidates(m, 400, 1, 250, 30e-6);
+  std::vector<Stand> plane;
+  for (int k = 0; k < 15; ++k) {
+    Stand stand{{}, Pose{Mat3::Identity(), Vec3(-0.6 + 0.3 * (k % 5), -1.6 + 0.3 * (k / 5), 0)}};
+    stand.q = kinematics::inverse(m, stand.X_MT).reachable()->joints;
+    plane.push_back(stand);
+  }
+  const Uncertainty source = uncertainty(compliance_equations(m, plane, 250, 30e-6), loads.equations);
+  const Uncertainty best =
+      uncertainty(some(loads.equations, *choose(loads.equations, 15, Criterion::determinant)), loads.equations);
+  EXPECT_LT(best.reading, 0.7 * source.reading);
+  EXPECT_LT(best.mean, 0.7 * source.mean);
+  EXPECT_LT(best.worst, 0.7 * source.worst);
+}
+
+TEST(Poses, TheEigenvalueCriterionNeverLosesOnTheWorstDirection) {
+  const Candidates c = *geometry_candidates(lola(), 200, 3, Kind::point, {}, {});
+  const auto d = choose(c.equations, 30, Criterion::determinant), e = choose(c.equations, 30, Criterion::eigenvalue);
+  EXPECT_LE(uncertainty(some(c.equations, *e), c.equations).worst,
+            uncertainty(some(c.equations, *d), c.equations).worst * (1 + 1e-9));
+  EXPECT_EQ(*d, *choose(c.equations, 30, Criterion::determinant));
+}
+
+TEST(Poses, WhatCannotBeIsNamed) {
+  const Candidates c = *geometry_candidates(lola(), 50, 3, Kind::point, {}, {});
+  EXPECT_EQ(choose(c.equations, 60, Criterion::determinant).error().id, "CA130");
+  EXPECT_EQ(choose(c.equations, 5, Criterion::determinant).error().id, "CA130");
+  EXPECT_EQ(compliance_candidates(*machine::load("hexapod-strut"), 10, 1, 250, 1e-6).error().id, "CA122");
+  CalibrationOptions wrong;
+  wrong.hold = {"elbow"};
+  EXPECT_EQ(geometry_candidates(lola(), 10, 1, Kind::point, {}, wrong).error().id, "CA114");
+}
+
+}  // namespace
+}  // namespace polypod::calibration

@@ -1,0 +1,128 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cutting/identify.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "polypod/core/files.hpp"
+#include "polypod/core/random.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::cutting {
+namespace {
+
+const Cutter kCutter{"8 mm", 8e-3, 4, 0.5, 20e-3};
+// SLAV (5.8), aluminium: N/m^2 and N/m.
+constexpr double kTruth[6] = {1027.78e6, 182.03e6, 64.5e6, 13.65e3, 27.95e3, 2.21e3};
+
+Material truth() {
+  Material m;
+  m.ktc = kTruth[0], m.krc = kTruth[1], m.kac = kTruth[2], m.kte = kTruth[3], m.kre = kTruth[4], m.kae = kTruth[5];
+  return m;
+}
+
+/// Forces by turning the cutter step by step, not by the closed form that the identification uses.
+std::vector<MeasuredForce> measured(double noise, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<MeasuredForce> rows;
+  for (const CutSide side : {CutSide::slot, CutSide::down, CutSide::up}) {
+    for (const double feed : {0.03e-3, 0.05e-3, 0.08e-3, 0.12e-3}) {
+      MeasuredForce row{side, side == CutSide::slot ? 8e-3 : 4e-3, 2e-3, feed, Vec3::Zero(), {}};
+      const Engagement e = straight_engagement(kCutter, side, row.ae, row.ap);
+      row.mean = force_history(kCutter, truth(), {e}, feed, 3600).mean;
+      for (double& f : row.mean) f += noise * random.normal();
+      rows.push_back(row);
+    }
+  }
+  return rows;
+}
+
+TEST(IdentifyCutting, ForcesByRotationGiveTheCoefficientsOfTheSource) {
+  const auto r = identify_cutting(kCutter, measured(0, 1));
+  ASSERT_TRUE(r) << to_string(r.error());
+  // The rotation by steps and discs is itself good to some 1e-4.
+  for (std::size_t k = 0; k < 6; ++k) EXPECT_NEAR(r->value[k], kTruth[k], 2e-3 * kTruth[k]) << k;
+  EXPECT_EQ(r->equations, 36u);
+}
+
+// 95 % intervals hold the truth in 95 % of 1000 trials; 3 % is four standard deviations of a count. The noise of 2 N is
+// far above what the steps of the rotation leave.
+TEST(IdentifyCutting, IntervalsCoverTheTruth) {
+  int covered[6] = {};
+  constexpr int kTrials = 1000;
+  const std::vector<MeasuredForce> clean = measured(0, 1);
+  Random random(3);
+  for (int trial = 0; trial < kTrials; ++trial) {
+    std::vector<MeasuredForce> rows = clean;
+    for (MeasuredForce& row : rows)
+      for (double& f : row.mean) f += 2 * random.normal();
+    const auto r = identify_cutting(kCutter, rows);
+    ASSERT_TRUE(r) << to_string(r.error());
+    for (std::size_t k = 0; k < 6; ++k) covered[k] += std::abs(r->value[k] - kTruth[k]) <= r->half_interval[k] ? 1 : 0;
+  }
+  for (const int n : covered) EXPECT_NEAR(n / double(kTrials), 0.95, 0.03);
+}
+
+TEST(IdentifyCutting, OutliersAreFlaggedAndKept) {
+  auto rows = measured(1, 5);
+  rows[4].mean.y() += 60;
+  const auto r = identify_cutting(kCutter, rows);
+  ASSERT_TRUE(r);
+  ASSERT_FALSE(r->outliers.empty());
+  bool found = false;
+  for (const ForceOutlier& x : r->outliers) found = found || (x.row == 4 && x.axis == 1);
+  EXPECT_TRUE(found);
+}
+
+TEST(IdentifyCutting, WhatCannotBeIsNamed) {
+  const auto rows = measured(0, 1);
+  EXPECT_EQ(identify_cutting(kCutter, {rows[0], rows[1]}).error().id, "ID121");
+  std::vector<MeasuredForce> one_feed;
+  for (const MeasuredForce& row : rows)
+    if (row.feed_per_tooth == 0.05e-3) one_feed.push_back(row);
+  EXPECT_EQ(identify_cutting(kCutter, one_feed).error().id, "ID122");
+  auto mirrored = rows;
+  for (MeasuredForce& row : mirrored) row.mean = -row.mean;
+  EXPECT_EQ(identify_cutting(kCutter, mirrored).error().id, "ID123");
+}
+
+TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
+  const std::string path = std::filesystem::temp_directory_path() / ("polypod-forces-" + std::to_string(::getpid()));
+  const std::string header = "feed_per_tooth_mm,ap_mm,ae_mm,direction,Fx_N,Fy_N,Fz_N\n";
+  ASSERT_TRUE(files::write_whole(path, header + "0.05,2,4,down,-5.4,110,8.5\n0.05,2,,slot,1,2,3\n"));
+  const auto good = read_forces(kCutter, path);
+  ASSERT_TRUE(good) << to_string(good.error());
+  EXPECT_EQ((*good)[0].side, CutSide::down);
+  EXPECT_DOUBLE_EQ((*good)[1].ae, 8e-3);
+  EXPECT_DOUBLE_EQ((*good)[0].mean.y(), 110);
+  const struct {
+    std::string text;
+    const char* id;
+    int line;
+  } cases[] = {
+      {"ap_mm,Fx_N,Fy_N,Fz_N\n2,1,2,3\n", "ID100", 1},
+      {header + "0.05,2,4,down,a,1,2\n", "ID101", 2},
+      {header, "ID102", 0},
+      {header + "0.05,2,4,down,3,1,2\n0.05,2,4,down,3,1,2\n", "ID103", 3},
+      {header + "0.05,2,9,down,3,1,2\n", "ID120", 2},
+      {header + "0.05,2,4,sideways,3,1,2\n", "ID120", 2},
+      {header + "0,2,4,up,3,1,2\n", "ID120", 2},
+  };
+  for (const auto& c : cases) {
+    ASSERT_TRUE(files::write_whole(path, c.text));
+    const auto r = read_forces(kCutter, path);
+    ASSERT_FALSE(r) << c.text;
+    EXPECT_EQ(r.error().id, c.id) << c.text;
+    EXPECT_EQ(r.error().place.line, c.line) << c.text;
+  }
+  ASSERT_TRUE(files::write_whole(path, to_toml(truth())));
+  const auto back = read_material(path);
+  ASSERT_TRUE(back) << to_string(back.error());
+  EXPECT_NEAR(back->ktc, kTruth[0], 1e-8 * kTruth[0]);
+  EXPECT_NEAR(back->kae, kTruth[5], 1e-8 * kTruth[5]);
+  std::filesystem::remove(path);
+}
+
+}  // namespace
+}  // namespace polypod::cutting
