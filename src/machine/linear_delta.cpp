@@ -139,4 +139,23 @@ std::string to_toml(const LinearDelta& m) {
   return out + delta_toml(m);
 }
 
+Result<LinearDelta> with_parameters(const LinearDelta& m, std::span<const double> p) {
+  LinearDelta out = m;
+  for (int i = 0; i < m.arms; ++i) {
+    const double* chain = p.data() + 10 * i;
+    out.rail_start[i] = Vec3(chain[0], chain[1], chain[2]);
+    out.rail_direction[i] = Vec3(chain[3], chain[4], chain[5]);
+    out.rod_length[i] = chain[6];
+    out.platform_joint[i] = Vec3(chain[7], chain[8], chain[9]);
+  }
+  const double* tool = p.data() + 10 * m.arms;
+  out.tool = Vec3(tool[0], tool[1], tool[2]);
+  if (out.rail_start != m.rail_start || out.rail_direction != m.rail_direction || out.rod_length != m.rod_length ||
+      out.platform_joint != m.platform_joint) {
+    out.symmetric.reset();
+  }
+  POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
+  return linear_delta_from(table);
+}
+
 }  // namespace polypod::machine

@@ -169,4 +169,25 @@ std::string to_toml(const RotaryDelta& m) {
   return out + delta_toml(m);
 }
 
+Result<RotaryDelta> with_parameters(const RotaryDelta& m, std::span<const double> p) {
+  RotaryDelta out = m;
+  for (int i = 0; i < m.arms; ++i) {
+    const double* arm = p.data() + 10 * i;
+    out.base_joint[i] = Vec3(arm[0], arm[1], arm[2]);
+    out.direction[i] = arm[3];
+    out.arm_length[i] = arm[4];
+    out.zero[i] = arm[5];
+    out.rod_length[i] = arm[6];
+    out.platform_joint[i] = Vec3(arm[7], arm[8], arm[9]);
+  }
+  const double* tool = p.data() + 10 * m.arms;
+  out.tool = Vec3(tool[0], tool[1], tool[2]);
+  if (out.base_joint != m.base_joint || out.direction != m.direction || out.arm_length != m.arm_length ||
+      out.zero != m.zero || out.rod_length != m.rod_length || out.platform_joint != m.platform_joint) {
+    out.symmetric.reset();
+  }
+  POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
+  return rotary_delta_from(table);
+}
+
 }  // namespace polypod::machine

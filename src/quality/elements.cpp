@@ -55,7 +55,7 @@ std::vector<Element> elements(const AnyMachine& machine) {
                    name.group,
                    {static_cast<int>(k)},
                    parameters[k].unit,
-                   name.group != "tool.length" && !parameters[k].unit.empty()});
+                   name.group != "tool" && name.group != "tool.length" && !parameters[k].unit.empty()});
   }
   for (int i = 0; i < kinematics::joint_count(machine); ++i) {
     const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
@@ -65,7 +65,10 @@ std::vector<Element> elements(const AnyMachine& machine) {
                    turns ? "deg" : "mm",
                    false});
   }
+  const bool hexapod =
+      std::holds_alternative<machine::StrutHexapod>(machine) || std::holds_alternative<machine::SliderHexapod>(machine);
   for (const char* platform : {"base", "platform"}) {
+    if (!hexapod) break;
     const std::string joint = std::string(platform) + ".joint", attachment = std::string(platform) + ".attachment";
     std::vector<Element> attachments;
     for (const Element& e : out)

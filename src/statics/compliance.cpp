@@ -51,13 +51,20 @@ Columns columns_of(const Hexapod& m, const JointVector& q, const Pose* X_MT) {
 }
 template <class Hexapod>
 double column_compliance(const Hexapod& m, int i) {
-  return m.leg_compliance[static_cast<std::size_t>(i)];
+  if constexpr (requires { m.leg_compliance; })
+    return m.leg_compliance[static_cast<std::size_t>(i)];
+  else
+    return m.compliance;  // a delta's drives are alike
 }
 template <class Hexapod>
 void set_column_compliance(Hexapod& m, int i, double c) {
-  m.leg_compliance[static_cast<std::size_t>(i)] = c;
-  m.compliance = 0;
-  for (const double each : m.leg_compliance) m.compliance += each / machine::kLegs;
+  if constexpr (requires { m.leg_compliance; }) {
+    m.leg_compliance[static_cast<std::size_t>(i)] = c;
+    m.compliance = 0;
+    for (const double each : m.leg_compliance) m.compliance += each / machine::kLegs;
+  } else {
+    m.compliance = (i * m.compliance + c) / (i + 1);  // a delta's file has one number for all drives: their mean
+  }
 }
 template <class Hexapod>
 requires(!std::derived_from<Hexapod, machine::Delta>) std::string column_name(const Hexapod&, int i) {

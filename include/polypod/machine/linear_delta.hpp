@@ -2,6 +2,7 @@
 // Deltas whose chains are driven by carriages on straight rails (towers).
 #pragma once
 
+#include <span>
 #include <string_view>
 
 #include "polypod/core/config.hpp"
@@ -28,5 +29,8 @@ std::vector<Parameter> parameters(const LinearDelta& m);
 /// What a designer changes: the keys of the machine file with their values.
 std::vector<Parameter> settings(const LinearDelta& m);
 std::string to_toml(const LinearDelta& m);
+/// The machine with other values of `parameters`; one that is no longer symmetric is written chain by chain. Errors:
+/// those of the reader.
+Result<LinearDelta> with_parameters(const LinearDelta& m, std::span<const double> p);
 
 }  // namespace polypod::machine

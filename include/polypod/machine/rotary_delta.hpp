@@ -2,6 +2,7 @@
 // Deltas whose chains are driven by turning arms (KOZ chapter 4).
 #pragma once
 
+#include <span>
 #include <string_view>
 
 #include "polypod/core/config.hpp"
@@ -29,5 +30,8 @@ std::vector<Parameter> parameters(const RotaryDelta& m);
 /// What a designer changes: the keys of the machine file with their values.
 std::vector<Parameter> settings(const RotaryDelta& m);
 std::string to_toml(const RotaryDelta& m);
+/// The machine with other values of `parameters`; one that is no longer symmetric is written chain by chain. Errors:
+/// those of the reader.
+Result<RotaryDelta> with_parameters(const RotaryDelta& m, std::span<const double> p);
 
 }  // namespace polypod::machine
