@@ -72,7 +72,8 @@ Calibration calibrated(const AnyMachine& nominal, const std::vector<Measurement>
 
 class EveryFamily : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Catalogue, EveryFamily,
-                         Values("hexapod-strut", "hexapod-slider", "lola50", "hexapod-octahedral", "hexapod-hexam"));
+                         Values("hexapod-strut", "hexapod-slider", "lola50", "hexapod-octahedral", "hexapod-hexam",
+                                "delta-brno"));
 
 TEST_P(EveryFamily, ParametersGoInAndComeOut) {
   const AnyMachine m = named(GetParam());

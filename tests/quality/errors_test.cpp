@@ -45,7 +45,9 @@ struct Case {
 const std::vector<Case>& cases() {
   static const std::vector<Case> all{{"hexapod-strut", {0.004, -0.006, 0.075, 0.1, -0.15, 0.02}},
                                      {"hexapod-slider", {0.004, 0.006, 0.095, 0.1, -0.05, 0.02}},
-                                     {"lola50", {0.1, -1.25, 0.05, 0.2, -0.1}}};
+                                     {"lola50", {0.1, -1.25, 0.05, 0.2, -0.1}},
+                                     {"delta-brno", {0.05, -0.03, 0.5}},
+                                     {"delta-linear", {0.05, -0.03, 0.5}}};
   return all;
 }
 

@@ -105,9 +105,9 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
 
 JacobianMatrix jacobian(const SerialArm& arm, const Pose& X_MT, const JointVector& q);
 
-/// What the tool does for a unit of each Denavit-Hartenberg parameter, 6 x 4 rows in the order of `parameters` (a, alpha,
-/// d, theta_offset): a row's a and d shift along its x and z, alpha and theta turn about them; in M, at the tip. The
-/// same as -A^-1 F_p of the closure, in closed form. Cost: 0.4 us for six rows.
+/// What the tool does for a unit of each Denavit-Hartenberg parameter, 6 x 4 rows in the order of `parameters` (a,
+/// alpha, d, theta_offset): a row's a and d shift along its x and z, alpha and theta turn about them; in M, at the tip.
+/// The same as -A^-1 F_p of the closure, in closed form. Cost: 0.4 us for six rows.
 Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm, const JointVector& q);
 
 /// All inverse solutions of the task for the pose X_MT (for Task::axis only the position and the third column count).
