@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/quality/singularity.hpp"
 #include "quality_files.hpp"
 
 namespace polypod::app {
@@ -82,6 +83,19 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     return kAnswerIsNo;
   }
   Json document{{"pose", pose_for_user(m, here.X_MT)}, {"joints", joints_for_user(m, here.joints)}};
+  // Where standing drives do not hold the tool, the smallest error moves it any way.
+  const quality::Singularity near = quality::singularity(m, here.X_MT, here.joints);
+  constexpr double kUnbounded = 1e-9;
+  if (near.kind != 0) document["singular"] = quality::in_words(here.X_MT, near);
+  if (near.control < kUnbounded) {
+    document["position_mm"] = document["orientation_rad"] = Json();
+    if (context.json) print_json(document);
+    fmt::print(stderr, "polypod: no error is bounded here: the tool {}\n", quality::in_words(here.X_MT, near));
+    return kAnswerIsNo;
+  }
+  if (near.kind != 0 && !context.json) {
+    fmt::print("close to singular, so that first order says little: it {}\n", quality::in_words(here.X_MT, near));
+  }
   if (o.tolerances.empty()) {
     const Vec6 linear = quality::known_error(m, here.X_MT, here.joints, sizes);
     const auto exact = quality::known_error_exact(m, here.X_MT, here.joints, sizes);

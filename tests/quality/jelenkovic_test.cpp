@@ -376,6 +376,14 @@ TEST(JelenkovicErrors, Table8_24_Radii) {
                  return r1 == "70" || r1 == "100" ? 0.0 : 0.05;
                }});
 }
+TEST(JelenkovicErrors, Table8_26_BestStruts) {
+  const Overrides best{{"leg.length_min_mm", "40"},
+                       {"leg.length_max_mm", "80"},
+                       {"base.pair_angle_deg", "0"},
+                       {"platform.pair_angle_deg", "0"},
+                       {"tool.length_mm", "0"}};
+  check_tolerance(strut(best, true), "all", 0.1431);
+}
 TEST(JelenkovicErrors, Table8_28_Legs) {
   check_sweep({"8_28", kSlider, kRails15, {"leg.length_mm"}});
 }
