@@ -67,10 +67,13 @@ Command predict_command() {
         options.step = units::from_mm(o->step_mm);
         options.progress = progress_line(context, "predicting");
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
+        POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
         options.progress(1);
+        const bool spread = !in.job.material.spread.empty();
         if (context.json) {
           Json moves = Json::array();
-          for (const machining::MovePrediction& m : p.moves) {
+          for (std::size_t i = 0; i < p.moves.size(); ++i) {
+            const machining::MovePrediction& m = p.moves[i];
             moves.push_back({{"line", m.line},
                              {"length_mm", to_mm(m.length)},
                              {"points", m.points},
@@ -80,17 +83,24 @@ Command predict_command() {
                              {"distance_max_um", to_um(m.largest_distance)},
                              {"mean_force_N", vector_json(m.mean_force)},
                              {"depth_max_mm", to_mm(m.largest_depth)}});
+            if (spread) moves.back()["normal_mean_band_95_um"] = to_um(band.normal_by_move[i]);
           }
-          print_json({{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
-                      {"machine", in.job.machine_name},
-                      {"model", o->at_rest ? "at rest" : "equilibrium"},
-                      {"points", p.deflection.count},
-                      {"deflection_um", {{"max", to_um(p.deflection.max)}, {"mean", to_um(p.deflection.mean)}}},
-                      {"normal_error_um", spread_json(p.normal, 1e6)},
-                      {"vertical_error_um", spread_json(p.vertical, 1e6)},
-                      {"removed_mm3", units::to_mm3(p.pass.removed)},
-                      {"moves", moves},
-                      {"notes", p.notes}});
+          Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
+                        {"machine", in.job.machine_name},
+                        {"model", o->at_rest ? "at rest" : "equilibrium"},
+                        {"points", p.deflection.count},
+                        {"deflection_um", {{"max", to_um(p.deflection.max)}, {"mean", to_um(p.deflection.mean)}}},
+                        {"normal_error_um", spread_json(p.normal, 1e6)},
+                        {"vertical_error_um", spread_json(p.vertical, 1e6)},
+                        {"removed_mm3", units::to_mm3(p.pass.removed)},
+                        {"moves", moves},
+                        {"notes", p.notes}};
+          if (spread) {
+            document["band_95_um"] = {{"deflection_max", to_um(band.deflection_max)},
+                                      {"deflection_mean", to_um(band.deflection_mean)},
+                                      {"normal_mean", to_um(band.normal_mean)}};
+          }
+          print_json(document);
           return kDone;
         }
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
@@ -102,6 +112,11 @@ Command predict_command() {
                    to_um(p.deflection.mean));
         fmt::print("normal error   {}  (+ leaves material, - gouges)\n", spread_text(p.normal));
         fmt::print("vertical error {}\n", spread_text(p.vertical));
+        if (spread) {
+          fmt::print(
+              "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
+              to_um(band.normal_mean), to_um(band.deflection_max));
+        }
         if (!p.moves.empty()) fmt::print("\n  line   length    normal error um        force N\n");
         constexpr std::size_t kMost = 40;
         for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/cutting/cutter.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "polypod/core/units.hpp"
@@ -34,6 +35,13 @@ Result<Material> material_from(const config::Table& table) {
   POLYPOD_ASSIGN(kte, table.number("Kte_N_per_mm", config::kNotNegative));
   POLYPOD_ASSIGN(kre, table.number("Kre_N_per_mm", config::kNotNegative));
   POLYPOD_ASSIGN(kae, table.number("Kae_N_per_mm"));
+  if (table.has("spread_95")) {
+    POLYPOD_ASSIGN(rows, table.points("spread_95", 6));
+    for (const std::vector<double>& row : rows) {
+      material.spread.emplace_back();
+      std::copy(row.begin(), row.end(), material.spread.back().begin());
+    }
+  }
   POLYPOD_TRY(table.finish());
   // K h^x dz: N/mm^(1+x) to N/m^(1+x), which is N/mm^2 to N/m^2 for x = 1.
   const double chip_unit = exponent == 1 ? 1 / units::kMetrePerMm : std::pow(1 / units::kMetrePerMm, exponent);
@@ -45,6 +53,9 @@ Result<Material> material_from(const config::Table& table) {
   material.kte = units::from_N_per_mm(kte);
   material.kre = units::from_N_per_mm(kre);
   material.kae = units::from_N_per_mm(kae);
+  for (std::array<double, 6>& row : material.spread) {
+    for (std::size_t k = 0; k < 6; ++k) row[k] = units::from_N_per_mm(row[k]) * (k < 3 ? chip_unit : 1);
+  }
   return material;
 }
 

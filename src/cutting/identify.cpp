@@ -44,6 +44,17 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
     out.standard_error[i] = std::sqrt(variance * inverse(k, k)) / scale[k];
     out.half_interval[i] = student_95(freedom) * out.standard_error[i];
   }
+  // The covariance as independent variations: its principal axes.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(variance * inverse);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const double reach = student_95(freedom) * std::sqrt(std::max(0.0, axes.eigenvalues()[j]));
+    std::array<double, 6> variation{};
+    for (Eigen::Index k = 0; k < n; ++k) {
+      variation[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])] =
+          reach * axes.eigenvectors()(k, j) / scale[k];
+    }
+    out.material.spread.push_back(variation);
+  }
   return {};
 }
 
@@ -152,7 +163,18 @@ std::string to_toml(const Material& m) {
     out += k < 3 ? fmt::format("{}_N_per_mm2 = {:.10g}\n", kName[k], units::to_N_per_mm2(value))
                  : fmt::format("{}_N_per_mm = {:.10g}\n", kName[k], units::to_N_per_mm(value));
   }
-  return out + fmt::format("exponent = {:g}\n", m.exponent);
+  out += fmt::format("exponent = {:g}\n", m.exponent);
+  if (m.spread.empty()) return out;
+  out += "# Variations of the six together, each to its 95 % interval; their effects add as squares.\nspread_95 = [\n";
+  for (const std::array<double, 6>& row : m.spread) {
+    out += "  [";
+    for (std::size_t k = 0; k < 6; ++k) {
+      out +=
+          fmt::format("{}{:.6g}", k > 0 ? ", " : "", k < 3 ? units::to_N_per_mm2(row[k]) : units::to_N_per_mm(row[k]));
+    }
+    out += "],\n";
+  }
+  return out + "]\n";
 }
 
 }  // namespace polypod::cutting

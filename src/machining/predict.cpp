@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "polypod/core/units.hpp"
 
 namespace polypod::machining {
@@ -92,6 +95,33 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   out.pass = std::move(pass);
   out.notes = interpretation.notes;
   for (std::string& note : pass_notes(program, out.pass)) out.notes.push_back(std::move(note));
+  return out;
+}
+
+Result<ForceBand> force_band(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                             const Prediction& prediction, const PredictOptions& options) {
+  ForceBand out;
+  out.normal_by_move.assign(prediction.moves.size(), 0);
+  PredictOptions quiet = options;
+  quiet.keep_samples = false;
+  for (const std::array<double, 6>& variation : job.material.spread) {
+    Job varied = job;
+    cutting::Material& m = varied.material;
+    m.ktc += variation[0];
+    m.krc += variation[1];
+    m.kac += variation[2];
+    m.kte += variation[3];
+    m.kre += variation[4];
+    m.kae += variation[5];
+    POLYPOD_ASSIGN(p, predict(varied, program, interpretation, quiet));
+    const auto add = [](double& sum, double change) { sum = std::hypot(sum, change); };
+    add(out.deflection_mean, p.deflection.mean - prediction.deflection.mean);
+    add(out.deflection_max, p.deflection.max - prediction.deflection.max);
+    add(out.normal_mean, p.normal.mean - prediction.normal.mean);
+    for (std::size_t i = 0; i < std::min(p.moves.size(), out.normal_by_move.size()); ++i) {
+      add(out.normal_by_move[i], p.moves[i].normal.mean - prediction.moves[i].normal.mean);
+    }
+  }
   return out;
 }
 

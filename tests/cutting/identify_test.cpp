@@ -48,6 +48,25 @@ TEST(IdentifyCutting, ForcesByRotationGiveTheCoefficientsOfTheSource) {
 
 // 95 % intervals hold the truth in 95 % of 1000 trials; 3 % is four standard deviations of a count. The noise of 2 N is
 // far above what the steps of the rotation leave.
+TEST(IdentifyCutting, TheSpreadHoldsTheIntervalsAndGoesThroughAFile) {
+  const auto r = identify_cutting(kCutter, measured(5, 3));
+  ASSERT_TRUE(r);
+  ASSERT_EQ(r->material.spread.size(), 6u);
+  const auto sum_of_squares = [](const Material& m, std::size_t k) {
+    double sum = 0;
+    for (const auto& row : m.spread) sum += row[k] * row[k];
+    return std::sqrt(sum);
+  };
+  const auto table = config::parse(to_toml(r->material), "material.toml");
+  ASSERT_TRUE(table);
+  const auto again = material_from(*table);
+  ASSERT_TRUE(again) << to_string(again.error());
+  for (std::size_t k = 0; k < 6; ++k) {
+    EXPECT_NEAR(sum_of_squares(r->material, k) / r->half_interval[k], 1, 1e-9);
+    EXPECT_NEAR(sum_of_squares(*again, k) / r->half_interval[k], 1, 1e-4);  // six digits in the file
+  }
+}
+
 TEST(IdentifyCutting, IntervalsCoverTheTruth) {
   int covered[6] = {};
   constexpr int kTrials = 1000;

@@ -98,6 +98,34 @@ TEST(Predict, EquilibriumIsABalance) {
   EXPECT_GT(p.normal.mean, 0.85 * rest.normal.mean);
 }
 
+TEST(Predict, BandOfTheCoefficients) {
+  // At rest the deflection is linear in the coefficients: all of them 10 % up is 10 % more of it.
+  testing::Example e = testing::load_example("slavkovic_square");
+  machining::PredictOptions at_rest;
+  at_rest.bend = machining::Bend::at_rest;
+  const cutting::Material& m = e.job.material;
+  const auto all = [&](double share) {
+    return std::array<double, 6>{share * m.ktc, share * m.krc, share * m.kac,
+                                 share * m.kte, share * m.kre, share * m.kae};
+  };
+  e.job.material.spread = {all(0.1)};
+  const machining::Prediction p = testing::predict(e, at_rest);
+  const auto one = machining::force_band(e.job, e.program, e.interpretation, p, at_rest);
+  ASSERT_TRUE(one);
+  constexpr double kRounding = 1e-9;
+  EXPECT_NEAR(one->deflection_mean / (0.1 * p.deflection.mean), 1, kRounding);
+  EXPECT_NEAR(one->deflection_max / (0.1 * p.deflection.max), 1, kRounding);
+  EXPECT_NEAR(one->normal_mean / (0.1 * std::abs(p.normal.mean)), 1, 1e-3);  // normal is taken at the nearest point
+  ASSERT_EQ(one->normal_by_move.size(), p.moves.size());
+  EXPECT_NEAR(one->normal_by_move[0] / (0.1 * std::abs(p.moves[0].normal.mean)), 1, 1e-3);
+  // Independent variations add as squares.
+  e.job.material.spread = {all(0.06), all(-0.08)};
+  const auto two = machining::force_band(e.job, e.program, e.interpretation, p, at_rest);
+  EXPECT_NEAR(two->deflection_mean / one->deflection_mean, 1, kRounding);
+  e.job.material.spread.clear();
+  EXPECT_EQ(machining::force_band(e.job, e.program, e.interpretation, p, at_rest)->deflection_mean, 0);
+}
+
 TEST(Predict, AirMovesDoNotBend) {
   const auto e =
       with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X0 Y0 Z20\nG1 X50 Y50 F1000\nG2 X0 Y0 R60\nM2\n");

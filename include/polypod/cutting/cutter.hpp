@@ -2,8 +2,10 @@
 // The cutter and the material: what the mechanistic force model of SLAV 5.2 needs to know.
 #pragma once
 
+#include <array>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/error.hpp"
@@ -28,15 +30,18 @@ struct Material {
   double ktc = 0, krc = 0, kac = 0;  ///< N/m^2 (for x = 1; N/m^(1+x) otherwise)
   double kte = 0, kre = 0, kae = 0;  ///< N/m
   double exponent = 1;               ///< x_1, 0 < x <= 1
+  /// How uncertain they are: variations of all six together (ktc, krc, kac, kte, kre, kae), independent of each other,
+  /// each as far as its 95 % interval; effects add as squares. Empty where nothing is known.
+  std::vector<std::array<double, 6>> spread;
 };
 
 /// Reads `diameter_mm` (> 0), `teeth` (1 to 100), `helix_deg` (0 <= helix < 90), `length_mm` (> 0) and, if given,
 /// `name` from a table and finishes it. Errors: those of config::Table, with the place of the value or of the table.
 Result<Cutter> cutter_from(const config::Table& table);
 /// Reads `Ktc_N_per_mm2, Krc_N_per_mm2, Kac_N_per_mm2, Kte_N_per_mm, Kre_N_per_mm, Kae_N_per_mm` and, if given,
-/// `exponent` (0 < x <= 1, otherwise 1) and `name` from a table and finishes it. For an exponent other than 1 the first
-/// three are in N/mm^(1+x): the chip thickness of (5.7) is in mm. The axial ones may be negative (a cutter that pushes
-/// down). Errors: those of config::Table.
+/// `exponent` (0 < x <= 1, otherwise 1), `spread_95` (rows of six, in the units of the coefficients) and `name` from a
+/// table and finishes it. For an exponent other than 1 the first three are in N/mm^(1+x): the chip thickness of (5.7)
+/// is in mm. The axial ones may be negative (a cutter that pushes down). Errors: those of config::Table.
 Result<Material> material_from(const config::Table& table);
 
 /// The same from a file whose top level is the table.

@@ -67,6 +67,16 @@ struct PredictOptions {
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options = {});
 
+/// How far a prediction is uncertain because the cutting coefficients are: half of 95 % intervals, m.
+struct ForceBand {
+  double deflection_mean = 0, deflection_max = 0, normal_mean = 0;
+  std::vector<double> normal_by_move;  ///< of each move's mean normal error
+};
+/// The material's variations one after the other through the whole prediction, their effects as squares. All 0 where
+/// the material says nothing of its spread. Cost: one prediction a variation. Errors as predict.
+Result<ForceBand> force_band(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                             const Prediction& prediction, const PredictOptions& options = {});
+
 /// A line for each incident and for points whose equilibrium did not settle.
 std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass);
 
