@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
 #include "polypod/core/units.hpp"
@@ -35,11 +36,6 @@ constexpr std::size_t kLikes = 3;  // parameters that a held one acts like, in t
 constexpr std::array<Colour, 3> kOfAxis{Colour::blue, Colour::vermillion, Colour::green};
 constexpr const char* kAxes = "xyz";
 
-/// A number as text that stands to the right of its column, or a dash for what was held.
-std::string number_or_dash(bool known, double value) {
-  return known ? fixed(value, 5) : "–";
-}
-
 std::string joined(const std::vector<std::string>& texts) {
   std::string out;
   for (const std::string& text : texts) out += (out.empty() ? "" : ", ") + text;
@@ -49,7 +45,8 @@ std::string joined(const std::vector<std::string>& texts) {
 Facts facts_of(const machine::AnyMachine& machine, const std::vector<Place>& places, const MeasuredPageOptions& how) {
   std::vector<std::string> files;
   for (const Place& place : places) {
-    if (std::find(files.begin(), files.end(), place.file) == files.end()) files.push_back(place.file);
+    const std::string name = std::filesystem::path(place.file).filename().string();
+    if (std::find(files.begin(), files.end(), name) == files.end()) files.push_back(name);
   }
   Facts out{
       {"machine", machine::name_of(machine)}, {"family", machine::family_of(machine)}, {"measurements", joined(files)}};
@@ -60,23 +57,28 @@ Facts facts_of(const machine::AnyMachine& machine, const std::vector<Place>& pla
 /// Dots over the number of their row.
 struct Dots {
   report::LinePlot plot;
+  std::size_t count;
 
-  Dots(std::string title, std::string of, std::string y, std::string unit) {
+  Dots(std::string title, std::string of, std::string y, std::string unit, std::size_t rows) : count(rows) {
     plot.title = std::move(title);
-    plot.x = {std::move(of), "", {}, {}, false};
+    plot.x = {std::move(of), "", 0, static_cast<double>(rows + 1), false};
     plot.y = {std::move(y), std::move(unit), {}, {}, true};
   }
-  /// A kind of dots; left out of the legend where there are none.
+  /// Dots of a kind at y_of(i) of row i, none where that is not a number. The same kind again goes on with it.
   template <class Y>
-  void add(const std::string& name, Colour colour, double size, std::size_t count, const Y& y_of) {
-    report::Series series{name, {}, {}, colour, LineStyle::points, size};
+  void add(const std::string& name, Colour colour, double size, const Y& y_of) {
+    report::Series dots{name, {}, {}, colour, LineStyle::points, size};
+    if (!plot.series.empty() && plot.series.back().name == name) {
+      dots = std::move(plot.series.back());
+      plot.series.pop_back();
+    }
     for (std::size_t i = 0; i < count; ++i) {
       const double y = y_of(i);
       if (!std::isfinite(y)) continue;
-      series.x.push_back(static_cast<double>(i + 1));
-      series.y.push_back(y);
+      dots.x.push_back(static_cast<double>(i + 1));
+      dots.y.push_back(y);
     }
-    if (!series.x.empty()) plot.series.push_back(std::move(series));
+    if (!dots.x.empty()) plot.series.push_back(std::move(dots));
   }
 };
 
@@ -107,17 +109,17 @@ std::string likeness(const calibration::Estimate& p) {
 
 void add_summary(report::Report& page, const std::vector<Measurement>& rows, const Calibration& c) {
   page.add_section("Summary");
-  const bool better = c.fitted.rms_after < c.fitted.rms_before;
-  page.add_verdict(
-      better ? Verdict::good : Verdict::bad,
-      fmt::format("The measured machine explains the {} fitted rows to {} µm rms a reading; the drawing to {} µm.",
-                  c.fitted.rows, fixed(to_um(c.fitted.rms_after), 1), fixed(to_um(c.fitted.rms_before), 1)));
+  const calibration::Score& judged = c.held_back.rows > 0 ? c.held_back : c.fitted;
+  const bool better = judged.rms_after < judged.rms_before;
+  std::string answer = fmt::format(
+      "The measured machine is {} than the drawing: {} instead of {} µm rms on the fitted rows",
+      better ? "better" : "not better", fixed(to_um(c.fitted.rms_after), 1), fixed(to_um(c.fitted.rms_before), 1));
   if (c.held_back.rows > 0) {
-    page.add_verdict(
-        c.held_back.rms_after < c.held_back.rms_before ? Verdict::good : Verdict::bad,
-        fmt::format("{} rows were not fitted but judged: {} µm rms with the measured machine, {} µm with the drawing.",
-                    c.held_back.rows, fixed(to_um(c.held_back.rms_after), 1), fixed(to_um(c.held_back.rms_before), 1)));
+    answer +=
+        fmt::format(", {} instead of {} µm on {} rows that were not fitted", fixed(to_um(c.held_back.rms_after), 1),
+                    fixed(to_um(c.held_back.rms_before), 1), c.held_back.rows);
   }
+  page.add_verdict(better ? Verdict::good : Verdict::bad, answer + ".");
   page.add_key_figures({{fixed(to_um(c.fitted.rms_before), 1), "µm", "rms before, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.rms_after), 1), "µm", "rms after, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.max_after), 1), "µm", "largest after, outliers aside", Verdict::neutral},
@@ -127,8 +129,8 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
   std::string text = fmt::format("{} rows, {} equations fitted in {} steps; condition {}.", rows.size(), c.equations,
                                  c.iterations, number(c.condition));
   text += outliers == 0   ? " No outliers."
-          : outliers == 1 ? " One row is an outlier: it stays in the fit with little weight."
-                          : fmt::format(" {} rows are outliers: they stay in the fit with little weight.", outliers);
+          : outliers == 1 ? " One row is an outlier, listed below with the weight it has in the fit."
+                          : fmt::format(" {} rows are outliers, listed below with their weights in the fit.", outliers);
   page.add_text(text);
   std::vector<std::string> held;
   for (const calibration::Estimate& p : c.parameters) {
@@ -151,21 +153,18 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
     const auto where = [&](const auto& chosen) {
       return [&, chosen](std::size_t i) { return chosen(c.residuals[i]) ? value(c.residuals[i]) : kNone; };
     };
-    dots.add(fitted, report::kAfter, kDot, c.residuals.size(),
-             where([](const RowResidual& r) { return !r.outlier && !r.held_back; }));
-    dots.add(held_back, Colour::green, kDot, c.residuals.size(),
-             where([](const RowResidual& r) { return !r.outlier && r.held_back; }));
-    dots.add("outliers", Colour::purple, kBigDot, c.residuals.size(),
-             where([](const RowResidual& r) { return r.outlier; }));
+    dots.add(fitted, report::kAfter, kDot, where([](const RowResidual& r) { return !r.outlier && !r.held_back; }));
+    dots.add(held_back, Colour::green, kDot, where([](const RowResidual& r) { return !r.outlier && r.held_back; }));
+    dots.add("outliers", Colour::purple, kBigDot, where([](const RowResidual& r) { return r.outlier; }));
   };
   const auto before = [](const RowResidual& r) { return length_of(r.before, r.lengths); };
   const auto after = [](const RowResidual& r) { return length_of(r.after, r.lengths); };
-  Dots both("residual of each row before and after", "row", "residual", "µm");
-  both.add("before", report::kBefore, kDot, c.residuals.size(), [&](std::size_t i) { return before(c.residuals[i]); });
+  Dots both("residual of each row before and after", "row", "residual", "µm", c.residuals.size());
+  both.add("before", report::kBefore, kDot, [&](std::size_t i) { return before(c.residuals[i]); });
   kind_of_dot(both, after, "after", "after, held back");
   page.add_figure(both.plot,
                   "Residual of each row (length of its vector) with the drawing and with the measured machine.");
-  Dots alone("residual of each row after", "row", "residual", "µm");
+  Dots alone("residual of each row after", "row", "residual", "µm", c.residuals.size());
   const auto usual = [&](const RowResidual& r) { return r.outlier ? kNone : after(r); };
   kind_of_dot(alone, usual, "after", "after, held back");
   page.add_figure(alone.plot, "The residuals after alone, outliers aside.");
@@ -189,8 +188,8 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
   spread.levels = {{"", 0, Colour::muted}};
   if (!spread.samples.empty()) page.add_figure(spread, "Spread of the residuals after, by direction, outliers aside.");
   if (angles) {
-    Dots turned("angles of each row before and after", "row", "residual", "deg");
-    turned.add("before", report::kBefore, kDot, c.residuals.size(),
+    Dots turned("angles of each row before and after", "row", "residual", "deg", c.residuals.size());
+    turned.add("before", report::kBefore, kDot,
                [&](std::size_t i) { return angle_of(c.residuals[i].before, c.residuals[i].lengths); });
     kind_of_dot(
         turned, [](const RowResidual& r) { return angle_of(r.after, r.lengths); }, "after", "after, held back");
@@ -229,8 +228,8 @@ void add_parameters(report::Report& page, const Calibration& c) {
   page.add_section("Parameters");
   report::Table table;
   table.caption = "In the unit of each; one standard error, from the residuals.";
-  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5}, {"value", "", 5},
-                   {"change", "", 5},     {"standard error", "", 5}, {"", "", -1}};
+  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},  {"value", "", 5},
+                   {"change", "", 5},     {"standard error", "", 5}, {"why held", "", -1}};
   for (const calibration::Estimate& p : c.parameters) {
     const double nominal = for_user(p.nominal, p.unit), value = for_user(p.value, p.unit);
     std::vector<report::Cell> row{p.key, p.unit, nominal};
@@ -252,9 +251,10 @@ void add_parameters(report::Report& page, const Calibration& c) {
     for (int k = 0; k < 6; ++k) {
       const bool turns = k >= 3;
       const double value = turns ? to_deg(abc[k - 3]) : to_mm(X.p[k]);
-      const bool known = error[k] != 0;
-      frames.rows.push_back({std::string(name), std::string(1, "xyzABC"[k]), std::string(turns ? "deg" : "mm"), value,
-                             number_or_dash(known, turns ? to_deg(error[k]) : to_mm(error[k]))});
+      report::Cell sure = turns ? to_deg(error[k]) : to_mm(error[k]);
+      if (error[k] == 0) sure = std::string("held");
+      frames.rows.push_back(
+          {std::string(name), std::string(1, "xyzABC"[k]), std::string(turns ? "deg" : "mm"), value, sure});
     }
   }
   if (!frames.rows.empty()) page.add_table(frames);
@@ -277,7 +277,7 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
   report::LinePlot plot;
   plot.title = "compliances with their 95 % intervals";
   const double joints = static_cast<double>(r.compliance.size());
-  plot.x = {"joint", "", 0.5, joints + 0.5, false};
+  plot.x = {"row of the table", "", 0, joints + 1, false};
   plot.y = {"compliance", shown.unit, {}, {}, true};
   report::Series interval{"95 % interval", {}, {}, Colour::ink, LineStyle::solid, 1.5};
   report::Series value{"compliance", {}, {}, Colour::blue, LineStyle::points, kBigDot};
@@ -329,8 +329,7 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
   const Shown shown = shown_of(r);
 
   page.add_section("Summary");
-  page.add_verdict(
-      r.residual_rms < checks.given_rms ? Verdict::good : Verdict::neutral,
+  page.add_text(
       fmt::format("The compliances found explain the measured displacements to {} µm rms; those of the given "
                   "machine to {} µm.",
                   fixed(to_um(r.residual_rms), 1), fixed(to_um(checks.given_rms), 1)));
@@ -341,10 +340,8 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
                         {number(r.condition), "", "condition", Verdict::neutral}});
   for (const auto& [a, b] : r.hardly_apart) {
     const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
-    page.add_verdict(Verdict::bad,
-                     fmt::format("{} and {} are hardly told apart (their estimates correlate by {}): their "
-                                 "sum is known better than each.",
-                                 r.joint[i], r.joint[j], fixed(r.correlation[i][j], 3)));
+    page.add_text(fmt::format("{} and {} are hardly told apart: their estimates correlate by {}.", r.joint[i],
+                              r.joint[j], fixed(r.correlation[i][j], 3)));
   }
   page.add_text(fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
                             fixed(to_um(r.asymmetry_rms), 1),
@@ -379,15 +376,15 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
   for (int d = 0; d < 3; ++d)
     samples.push_back({fmt::format("along {}", kAxes[d]), {}, kOfAxis[static_cast<std::size_t>(d)]});
   for (int f = 0; f < 3; ++f) {
-    Dots dots(fmt::format("residuals under the force along {}", kAxes[f]), "point", "residual", "µm");
+    Dots dots(fmt::format("residuals under the force along {}", kAxes[f]), "point", "residual", "µm", points.size());
     for (int d = 0; d < 3; ++d) {
-      dots.add(fmt::format("d{}", kAxes[d]), kOfAxis[static_cast<std::size_t>(d)], kDot, points.size(),
+      dots.add(fmt::format("d{}", kAxes[d]), kOfAxis[static_cast<std::size_t>(d)], kDot,
                [&](std::size_t i) { return is_outlier(i, d, f) ? kNone : to_um(r.residuals[i](d, f)); });
       for (const Mat3& residual : r.residuals)
         samples[static_cast<std::size_t>(d)].values.push_back(to_um(residual(d, f)));
     }
     for (int d = 0; d < 3; ++d) {
-      dots.add("outliers", Colour::purple, kBigDot, points.size(),
+      dots.add("outliers", Colour::purple, kBigDot,
                [&](std::size_t i) { return is_outlier(i, d, f) ? to_um(r.residuals[i](d, f)) : kNone; });
     }
     dots.plot.levels = {{"", 0, Colour::muted}};

@@ -93,15 +93,20 @@ TEST(CalibrationPage, ShowsAnglesWhereTheyWereMeasured) {
 }
 
 TEST(IdentificationPage, HoldsTheNumbersOfTheResult) {
-  for (const auto& [name, scale, unit] :
-       {std::tuple{"lola50", 1e7, "1e-7 rad/Nm"}, {"hexapod-strut", units::to_um_per_N(1), "µm/N"}}) {
-    const auto machine = *machine::load(name);
+  struct Case {
+    machine::AnyMachine machine;
+    double scale;
+    const char* unit;
+  };
+  for (const auto& [machine, scale, unit] :
+       {Case{*machine::load("lola50"), 1e7, "1e-7 rad/Nm"},
+        Case{*machine::load("hexapod-strut", {{"leg.compliance_um_per_N", "0.05"}}), units::to_um_per_N(1), "µm/N"}}) {
     const auto real = calibration::perturbed_compliance(machine, 0.2, 3);
-    if (!real) continue;
+    ASSERT_TRUE(real) << to_string(real.error());
     calibration::SimulationOptions options;
     options.count = 30;
     auto points = calibration::simulate_displacements(*real, 250, options);
-    if (!points) continue;      // a machine without compliances
+    ASSERT_TRUE(points) << to_string(points.error());
     const double shift = 1e-3;  // one reading far off
     (*points)[4].displacement(1, 2) += shift;
     const auto r = statics::identify_compliance(machine, *points);
