@@ -277,7 +277,7 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
   report::LinePlot plot;
   plot.title = "compliances with their 95 % intervals";
   const double joints = static_cast<double>(r.compliance.size());
-  plot.x = {"row of the table", "", 0, joints + 1, false};
+  plot.x = {"row of the table", "", 0.5, joints + 0.5, false};
   plot.y = {"compliance", shown.unit, {}, {}, true};
   report::Series interval{"95 % interval", {}, {}, Colour::ink, LineStyle::solid, 1.5};
   report::Series value{"compliance", {}, {}, Colour::blue, LineStyle::points, kBigDot};
@@ -287,6 +287,7 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
                  half = shown.scale * r.half_interval[i];
     value.x.push_back(x);
     value.y.push_back(y);
+    plot.spans.push_back({r.joint[i], x - 0.5, x + 0.5});
     const std::array<report::Point, 9> pen{{{x - kCap, y - half},
                                             {x + kCap, y - half},
                                             {x, kNone},
