@@ -397,7 +397,7 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
   spread.samples = std::move(samples);
   page.add_figure(spread, "Spread of the residuals, by the direction of the displacement.");
   report::Table by;
-  by.caption = "Rms of the residuals in µm: displacement along, under the force along";
+  by.caption = "Rms of the residuals by displacement (row) and force (column)";
   by.columns = {{"", "", -1}, {"force x", "µm", 1}, {"force y", "µm", 1}, {"force z", "µm", 1}};
   for (int d = 0; d < 3; ++d) {
     std::vector<report::Cell> row{fmt::format("d{}", kAxes[d])};
