@@ -16,7 +16,6 @@ namespace polypod::pages {
 namespace {
 
 using calibration::Calibration;
-using calibration::Kind;
 using calibration::Measurement;
 using calibration::RowResidual;
 using report::Colour;
@@ -42,10 +41,12 @@ std::string joined(const std::vector<std::string>& texts) {
   return out;
 }
 
-Facts facts_of(const machine::AnyMachine& machine, const std::vector<Place>& places, const MeasuredPageOptions& how) {
+/// `rows`: measurements or points, each with its place in a file.
+template <class Rows>
+Facts facts_of(const machine::AnyMachine& machine, const Rows& rows, const MeasuredPageOptions& how) {
   std::vector<std::string> files;
-  for (const Place& place : places) {
-    const std::string name = std::filesystem::path(place.file).filename().string();
+  for (const auto& row : rows) {
+    const std::string name = std::filesystem::path(row.place.file).filename().string();
     if (std::find(files.begin(), files.end(), name) == files.end()) files.push_back(name);
   }
   Facts out{
@@ -306,29 +307,8 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
   return plot;
 }
 
-}  // namespace
-
-std::string calibration_page(const machine::AnyMachine& nominal, const std::vector<Measurement>& rows,
-                             const Calibration& c, const MeasuredPageOptions& how) {
-  std::vector<Place> places;
-  for (const Measurement& row : rows) places.push_back(row.place);
-  report::Report page("Calibration of a machine", machine::description_of(nominal), facts_of(nominal, places, how));
-  add_summary(page, rows, c);
-  add_residuals(page, rows, c);
-  add_parameters(page, c);
-  if (!how.command.empty()) page.add_code("The command that made this page", how.command, false);
-  return page.to_html();
-}
-
-std::string identification_page(const machine::AnyMachine& machine, const std::vector<statics::MeasuredPoint>& points,
-                                const statics::Identification& r, const ComplianceChecks& checks,
-                                const MeasuredPageOptions& how) {
-  std::vector<Place> places;
-  for (const statics::MeasuredPoint& point : points) places.push_back(point.place);
-  report::Report page("Compliances from measured displacements", machine::description_of(machine),
-                      facts_of(machine, places, how));
-  const Shown shown = shown_of(r);
-
+void add_summary(report::Report& page, std::size_t points, const statics::Identification& r,
+                 const ComplianceChecks& checks) {
   page.add_section("Summary");
   page.add_text(
       fmt::format("The compliances found explain the measured displacements to {} µm rms; those of the given "
@@ -336,7 +316,7 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
                   fixed(to_um(r.residual_rms), 1), fixed(to_um(checks.given_rms), 1)));
   page.add_key_figures({{fixed(to_um(checks.given_rms), 1), "µm", "rms, given compliances", Verdict::neutral},
                         {fixed(to_um(r.residual_rms), 1), "µm", "rms, found compliances", Verdict::neutral},
-                        {std::to_string(points.size()), "", "points", Verdict::neutral},
+                        {std::to_string(points), "", "points", Verdict::neutral},
                         {std::to_string(r.equations), "", "equations", Verdict::neutral},
                         {number(r.condition), "", "condition", Verdict::neutral}});
   for (const auto& [a, b] : r.hardly_apart) {
@@ -351,13 +331,17 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
     if (r.compliance[i] == 0)
       page.add_text(fmt::format("{}: held at 0, because the best value would be negative.", r.joint[i]));
   }
+}
 
+void add_compliances(report::Report& page, const statics::Identification& r) {
+  const Shown shown = shown_of(r);
   page.add_section("Compliances");
   page.add_figure(whiskers(r, shown), "Each joint's compliance; the whisker is its 95 % interval.");
   report::Table table;
   table.caption = "Compliances in " + shown.unit;
   table.columns = {
       {"joint", "", -1}, {"compliance", "", 5}, {"standard error", "", 5}, {"± 95 %", "", 5}, {"± 95 %", "% of it", 1}};
+  table.rows.reserve(r.compliance.size());
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
     std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i], shown.scale * r.standard_error[i],
                                   shown.scale * r.half_interval[i]};
@@ -365,7 +349,10 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
     table.rows.push_back(std::move(row));
   }
   page.add_table(table);
+}
 
+void add_residuals(report::Report& page, const std::vector<statics::MeasuredPoint>& points,
+                   const statics::Identification& r) {
   page.add_section("Residuals");
   page.add_text("A residual is the measured displacement less the computed one. Outliers stay in the fit.");
   const auto is_outlier = [&](std::size_t point, int direction, int force) {
@@ -374,6 +361,7 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
     });
   };
   std::vector<report::Sample> samples;
+  samples.reserve(3);
   for (int d = 0; d < 3; ++d)
     samples.push_back({fmt::format("along {}", kAxes[d]), {}, kOfAxis[static_cast<std::size_t>(d)]});
   for (int f = 0; f < 3; ++f) {
@@ -419,7 +407,28 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
                              fmt::format("d{}_F{}", kAxes[x.direction], kAxes[x.force_axis]), to_um(x.residual)});
   }
   if (!outliers.rows.empty()) page.add_table(outliers);
+}
 
+}  // namespace
+
+std::string calibration_page(const machine::AnyMachine& nominal, const std::vector<Measurement>& rows,
+                             const Calibration& c, const MeasuredPageOptions& how) {
+  report::Report page("Calibration of a machine", machine::description_of(nominal), facts_of(nominal, rows, how));
+  add_summary(page, rows, c);
+  add_residuals(page, rows, c);
+  add_parameters(page, c);
+  if (!how.command.empty()) page.add_code("The command that made this page", how.command, false);
+  return page.to_html();
+}
+
+std::string identification_page(const machine::AnyMachine& machine, const std::vector<statics::MeasuredPoint>& points,
+                                const statics::Identification& r, const ComplianceChecks& checks,
+                                const MeasuredPageOptions& how) {
+  report::Report page("Compliances from measured displacements", machine::description_of(machine),
+                      facts_of(machine, points, how));
+  add_summary(page, points.size(), r, checks);
+  add_compliances(page, r);
+  add_residuals(page, points, r);
   if (!checks.left_out.empty()) {
     page.add_section("Foretold by the others");
     report::Table left;

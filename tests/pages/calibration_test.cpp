@@ -13,7 +13,6 @@ namespace polypod::pages {
 namespace {
 
 using calibration::Calibration;
-using calibration::CalibrationOptions;
 using calibration::Kind;
 using calibration::Measurement;
 using report::fixed;
