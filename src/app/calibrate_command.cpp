@@ -10,6 +10,8 @@
 #include "polypod/core/csv.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/pages/calibration.hpp"
+#include "quality_files.hpp"
 
 namespace polypod::app {
 
@@ -39,7 +41,7 @@ namespace {
 using calibration::Calibration;
 
 struct Options {
-  std::string machine, out, frame, target, residuals, targets, corrected, loss = "huber";
+  std::string machine, out, frame, target, residuals, targets, corrected, report, loss = "huber";
   std::vector<std::string> sets, files, estimate, only, hold;
   double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
 };
@@ -85,6 +87,34 @@ Result<calibration::CalibrationOptions> options_of(const Options& o) {
   out.bound_angle = units::from_deg(o.bound_deg);
   out.hold_back = o.hold_back / 100;
   return out;
+}
+
+std::string command_line(const Options& o) {
+  const Options usual;
+  std::string out = "polypod calibrate " + for_shell(o.machine);
+  for (const std::string& file : o.files) out += " " + for_shell(file);
+  const auto texts = [&](const char* name, const std::vector<std::string>& values) {
+    for (const std::string& value : values) out += option_in_words(name, value);
+  };
+  const auto value = [&](const char* name, double Options::*what) {
+    if (o.*what != usual.*what) out += fmt::format(" {} {}", name, o.*what);
+  };
+  texts("--set", o.sets);
+  texts("--estimate", o.estimate);
+  out += option_in_words("--frame", o.frame) + option_in_words("--target", o.target);
+  texts("--parameter", o.only);
+  texts("--hold", o.hold);
+  value("--noise-um", &Options::noise_um);
+  value("--noise-deg", &Options::noise_deg);
+  value("--prior-mm", &Options::prior_mm);
+  value("--prior-deg", &Options::prior_deg);
+  value("--bound-mm", &Options::bound_mm);
+  value("--bound-deg", &Options::bound_deg);
+  if (o.loss != usual.loss) out += option_in_words("--loss", o.loss);
+  value("--hold-back", &Options::hold_back);
+  return out + option_in_words("-o", o.out) + option_in_words("--residuals", o.residuals) +
+         option_in_words("--targets", o.targets) + option_in_words("--corrected", o.corrected) +
+         option_in_words("--report", o.report);
 }
 
 /// Poses of a file (x_mm, y_mm, z_mm and the angles of the task) as commands for the nominal machine.
@@ -250,6 +280,7 @@ Command calibrate_command() {
             a.option("--hold-back", o->hold_back,
                      "Percent of the rows that are judged, not fitted, where enough are left (default 20, 0 to 50)");
             a.option("--residuals", o->residuals, "Every row before and after, CSV");
+            a.option("--report", o->report, "An HTML page: residuals, parameters and how sure they are");
             a.option("--targets", o->targets, "Poses that the real machine shall take, CSV: x_mm,y_mm,z_mm,a_deg,...");
             a.option("--corrected", o->corrected, "What to ask the nominal controller for, CSV");
           },
@@ -259,7 +290,7 @@ Command calibrate_command() {
             if (o->targets.empty() != o->corrected.empty()) {
               return fail("AP183", "--targets and --corrected go together");
             }
-            for (const std::string* path : {&o->out, &o->residuals, &o->corrected})
+            for (const std::string* path : {&o->out, &o->residuals, &o->corrected, &o->report})
               if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
             std::vector<calibration::Measurement> rows;
             for (const std::string& file : o->files) {
@@ -276,6 +307,10 @@ Command calibrate_command() {
             POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(c.machine)));
             if (!o->residuals.empty()) POLYPOD_TRY(files::write_whole(o->residuals, residuals_csv(c, rows)));
             if (!o->corrected.empty()) POLYPOD_TRY(files::write_whole(o->corrected, corrected));
+            if (!o->report.empty()) {
+              POLYPOD_TRY(files::write_whole(o->report,
+                                             pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)})));
+            }
             const Json outliers = outliers_json(c, rows);
             if (context.json) {
               Json document{{"parameters", parameters_json(c)},
@@ -299,7 +334,7 @@ Command calibrate_command() {
               print_json(document);
             } else {
               print_text(c, outliers, rows.size());
-              for (const std::string* path : {&o->out, &o->residuals, &o->corrected})
+              for (const std::string* path : {&o->out, &o->residuals, &o->corrected, &o->report})
                 if (!path->empty()) fmt::print("wrote {}\n", *path);
               if (missed > 0) fmt::print("{} targets are out of the nominal machine's reach\n", missed);
             }

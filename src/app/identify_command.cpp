@@ -9,7 +9,9 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/identify.hpp"
+#include "polypod/pages/calibration.hpp"
 #include "polypod/statics/identify.hpp"
+#include "quality_files.hpp"
 
 namespace polypod::app {
 namespace {
@@ -30,7 +32,7 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
 
 Command identify_compliance_command() {
   struct Options {
-    std::string machine, out;
+    std::string machine, out, report;
     std::vector<std::string> sets, files;
   };
   auto o = std::make_shared<Options>();
@@ -40,10 +42,12 @@ Command identify_compliance_command() {
             declare_machine(a, o->machine, o->sets);
             a.positional("DATA", o->files, "CSV files: x_mm,y_mm,z_mm,force_N,dx_Fx_um,dy_Fx_um,...,dz_Fz_um");
             a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
+            a.option("--report", o->report, "An HTML page: compliances, residuals and how sure they are");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
+            for (const std::string* path : {&o->out, &o->report})
+              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
             std::vector<statics::MeasuredPoint> points;
             std::vector<std::vector<statics::MeasuredPoint>> groups;
             for (const std::string& file : o->files) {
@@ -60,11 +64,22 @@ Command identify_compliance_command() {
               machine::note(found, legs ? "leg compliance" : "compliance_rad_per_Nm", note_of(r, points));
               POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(found)));
             }
+            pages::ComplianceChecks checks{given_rms, {}};
             Json left_out = Json::array();
             if (groups.size() > 1) {
               POLYPOD_ASSIGN(rms, statics::leave_one_out(m, groups));
-              for (std::size_t i = 0; i < rms.size(); ++i)
+              for (std::size_t i = 0; i < rms.size(); ++i) {
+                checks.left_out.emplace_back(o->files[i], rms[i]);
                 left_out.push_back({{"file", o->files[i]}, {"prediction_rms_um", units::to_um(rms[i])}});
+              }
+            }
+            if (!o->report.empty()) {
+              std::string command = "polypod identify compliance " + for_shell(o->machine);
+              for (const std::string& file : o->files) command += " " + for_shell(file);
+              for (const std::string& set : o->sets) command += option_in_words("--set", set);
+              command += option_in_words("-o", o->out) + option_in_words("--report", o->report);
+              POLYPOD_TRY(files::write_whole(
+                  o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
             }
             static constexpr const char* kAxes = "xyz";
             Json alike = Json::array();
@@ -131,7 +146,8 @@ Command identify_compliance_command() {
               fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.0f} um\n", x["file"].get<std::string>(),
                          x["line"].get<int>(), x["displacement"].get<std::string>(), x["residual_um"].get<double>());
             }
-            if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
+            for (const std::string* path : {&o->out, &o->report})
+              if (!path->empty()) fmt::print("wrote {}\n", *path);
             return kDone;
           }};
 }

@@ -1,0 +1,444 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/calibration.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "polypod/core/units.hpp"
+#include "polypod/report/html.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using calibration::Calibration;
+using calibration::Measurement;
+using calibration::RowResidual;
+using report::Colour;
+using report::fixed;
+using report::LineStyle;
+using report::number;
+using report::Verdict;
+using units::to_deg;
+using units::to_mm;
+using units::to_um;
+using Facts = std::vector<std::pair<std::string, std::string>>;
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kDot = 2.6;       // px
+constexpr double kBigDot = 4.2;    // px
+constexpr std::size_t kLikes = 3;  // parameters that a held one acts like, in the table
+constexpr std::array<Colour, 3> kOfAxis{Colour::blue, Colour::vermillion, Colour::green};
+constexpr const char* kAxes = "xyz";
+
+std::string joined(const std::vector<std::string>& texts) {
+  std::string out;
+  for (const std::string& text : texts) out += (out.empty() ? "" : ", ") + text;
+  return out;
+}
+
+/// `rows`: measurements or points, each with its place in a file.
+template <class Rows>
+Facts facts_of(const machine::AnyMachine& machine, const Rows& rows, const MeasuredPageOptions& how) {
+  std::vector<std::string> files;
+  for (const auto& row : rows) {
+    const std::string name = std::filesystem::path(row.place.file).filename().string();
+    if (std::find(files.begin(), files.end(), name) == files.end()) files.push_back(name);
+  }
+  Facts out{
+      {"machine", machine::name_of(machine)}, {"family", machine::family_of(machine)}, {"measurements", joined(files)}};
+  if (!how.version.empty()) out.emplace_back("made with", "Polypod " + how.version);
+  return out;
+}
+
+/// Dots over the number of their row.
+struct Dots {
+  report::LinePlot plot;
+  std::size_t count;
+
+  Dots(std::string title, std::string of, std::string y, std::string unit, std::size_t rows) : count(rows) {
+    plot.title = std::move(title);
+    plot.x = {std::move(of), "", 0, static_cast<double>(rows + 1), false};
+    plot.y = {std::move(y), std::move(unit), {}, {}, true};
+  }
+  /// Dots of a kind at y_of(i) of row i, none where that is not a number. The same kind again goes on with it.
+  template <class Y>
+  void add(const std::string& name, Colour colour, double size, const Y& y_of) {
+    report::Series dots{name, {}, {}, colour, LineStyle::points, size};
+    if (!plot.series.empty() && plot.series.back().name == name) {
+      dots = std::move(plot.series.back());
+      plot.series.pop_back();
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      const double y = y_of(i);
+      if (!std::isfinite(y)) continue;
+      dots.x.push_back(static_cast<double>(i + 1));
+      dots.y.push_back(y);
+    }
+    if (!dots.x.empty()) plot.series.push_back(std::move(dots));
+  }
+};
+
+// ---------------------------------------------------------------------------------------------------- calibration
+
+double for_user(double si, const std::string& unit) {
+  return unit == "mm" ? to_mm(si) : unit == "deg" ? to_deg(si) : si;
+}
+
+double length_of(const Eigen::VectorXd& residual, int lengths) {
+  return to_um(residual.head(lengths).norm());
+}
+double angle_of(const Eigen::VectorXd& residual, int lengths) {
+  return to_deg(residual.tail(residual.size() - lengths).norm());
+}
+
+/// "acts like 1 base.joint[1].z, -1 base.joint[2].z": the change of other parameters that looks the same.
+std::string likeness(const calibration::Estimate& p) {
+  if (p.like.empty()) return "no effect on these measurements";
+  std::string out = "acts like";
+  for (std::size_t i = 0; i < std::min(p.like.size(), kLikes); ++i) {
+    const calibration::Like& other = p.like[i];
+    out += fmt::format("{} {} {}", i == 0 ? "" : ",",
+                       number(other.factor * for_user(1, other.unit) / for_user(1, p.unit)), other.key);
+  }
+  return out + (p.like.size() > kLikes ? ", …" : "");
+}
+
+void add_summary(report::Report& page, const std::vector<Measurement>& rows, const Calibration& c) {
+  page.add_section("Summary");
+  const calibration::Score& judged = c.held_back.rows > 0 ? c.held_back : c.fitted;
+  const bool better = judged.rms_after < judged.rms_before;
+  std::string answer = fmt::format(
+      "The measured machine is {} than the drawing: {} instead of {} µm rms on the fitted rows",
+      better ? "better" : "not better", fixed(to_um(c.fitted.rms_after), 1), fixed(to_um(c.fitted.rms_before), 1));
+  if (c.held_back.rows > 0) {
+    answer +=
+        fmt::format(", {} instead of {} µm on {} rows that were not fitted", fixed(to_um(c.held_back.rms_after), 1),
+                    fixed(to_um(c.held_back.rms_before), 1), c.held_back.rows);
+  }
+  page.add_verdict(better ? Verdict::good : Verdict::bad, answer + ".");
+  page.add_key_figures({{fixed(to_um(c.fitted.rms_before), 1), "µm", "rms before, fitted rows", Verdict::neutral},
+                        {fixed(to_um(c.fitted.rms_after), 1), "µm", "rms after, fitted rows", Verdict::neutral},
+                        {fixed(to_um(c.fitted.max_after), 1), "µm", "largest after, outliers aside", Verdict::neutral},
+                        {fmt::format("{} of {}", c.rank, c.parameters.size()), "", "parameters told", Verdict::neutral},
+                        {number(c.noise_factor), "×", "residuals over the given noise", Verdict::neutral}});
+  const std::size_t outliers = c.fitted.outliers + c.held_back.outliers;
+  std::string text = fmt::format("{} rows, {} equations fitted in {} steps; condition {}.", rows.size(), c.equations,
+                                 c.iterations, number(c.condition));
+  text += outliers == 0   ? " No outliers."
+          : outliers == 1 ? " One row is an outlier, listed below with the weight it has in the fit."
+                          : fmt::format(" {} rows are outliers, listed below with their weights in the fit.", outliers);
+  page.add_text(text);
+  std::vector<std::string> held;
+  for (const calibration::Estimate& p : c.parameters) {
+    if (!p.identifiable) held.push_back(fmt::format("{}: {}", p.key, likeness(p)));
+  }
+  for (const std::string& what : c.held_beside) held.push_back(what);
+  if (held.empty()) {
+    page.add_text("The measurements tell every parameter that was looked for.");
+  } else {
+    page.add_text("Held as given, because these measurements do not tell them from the others:");
+    page.add_list(held);
+  }
+}
+
+void add_residuals(report::Report& page, const std::vector<Measurement>& rows, const Calibration& c) {
+  page.add_section("Residuals");
+  page.add_text(
+      "A residual is what the instrument would see of the computed pose less what it saw. Outliers are marked.");
+  const auto kind_of_dot = [&](Dots& dots, const auto& value, const char* fitted, const char* held_back) {
+    const auto where = [&](const auto& chosen) {
+      return [&, chosen](std::size_t i) { return chosen(c.residuals[i]) ? value(c.residuals[i]) : kNone; };
+    };
+    dots.add(fitted, report::kAfter, kDot, where([](const RowResidual& r) { return !r.outlier && !r.held_back; }));
+    dots.add(held_back, Colour::green, kDot, where([](const RowResidual& r) { return !r.outlier && r.held_back; }));
+    dots.add("outliers", Colour::purple, kBigDot, where([](const RowResidual& r) { return r.outlier; }));
+  };
+  const auto before = [](const RowResidual& r) { return length_of(r.before, r.lengths); };
+  const auto after = [](const RowResidual& r) { return length_of(r.after, r.lengths); };
+  Dots both("residual of each row before and after", "row", "residual", "µm", c.residuals.size());
+  both.add("before", report::kBefore, kDot, [&](std::size_t i) { return before(c.residuals[i]); });
+  kind_of_dot(both, after, "after", "after, held back");
+  page.add_figure(both.plot,
+                  "Residual of each row (length of its vector) with the drawing and with the measured machine.");
+  Dots alone("residual of each row after", "row", "residual", "µm", c.residuals.size());
+  const auto usual = [&](const RowResidual& r) { return r.outlier ? kNone : after(r); };
+  kind_of_dot(alone, usual, "after", "after, held back");
+  page.add_figure(alone.plot, "The residuals after alone, outliers aside.");
+
+  std::array<report::Sample, 3> of_axis;
+  for (std::size_t k = 0; k < 3; ++k) of_axis[k] = {std::string(1, kAxes[k]), {}, kOfAxis[k]};
+  report::Sample readings{"readings", {}, Colour::purple};
+  bool angles = false;
+  for (const RowResidual& r : c.residuals) {
+    angles = angles || r.after.size() > r.lengths;
+    if (r.outlier) continue;
+    for (int k = 0; k < r.lengths; ++k)
+      (r.lengths == 3 ? of_axis[static_cast<std::size_t>(k)] : readings).values.push_back(to_um(r.after[k]));
+  }
+  report::Histogram spread;
+  spread.title = "spread of the residuals after";
+  spread.x = {"residual after", "µm", {}, {}, true};
+  for (report::Sample& sample : of_axis)
+    if (!sample.values.empty()) spread.samples.push_back(std::move(sample));
+  if (!readings.values.empty()) spread.samples.push_back(std::move(readings));
+  spread.levels = {{"", 0, Colour::muted}};
+  if (!spread.samples.empty()) page.add_figure(spread, "Spread of the residuals after, by direction, outliers aside.");
+  if (angles) {
+    Dots turned("angles of each row before and after", "row", "residual", "deg", c.residuals.size());
+    turned.add("before", report::kBefore, kDot,
+               [&](std::size_t i) { return angle_of(c.residuals[i].before, c.residuals[i].lengths); });
+    kind_of_dot(
+        turned, [](const RowResidual& r) { return angle_of(r.after, r.lengths); }, "after", "after, held back");
+    page.add_figure(turned.plot, "Angles of each row (length of the vector of its angles).");
+  }
+
+  report::Table table;
+  table.caption = "Rms over single readings, outliers aside";
+  table.columns = {{"", "", -1},       {"rows", "", 0},      {"outliers", "", 0},         {"before", "µm", 1},
+                   {"after", "µm", 1}, {"largest", "µm", 1}, {"angles before", "deg", 5}, {"angles after", "deg", 5}};
+  for (const auto& [name, s] : {std::pair{"fitted", c.fitted}, std::pair{"held back", c.held_back}}) {
+    if (s.rows == 0) continue;
+    table.rows.push_back({std::string(name), static_cast<double>(s.rows), static_cast<double>(s.outliers),
+                          to_um(s.rms_before), to_um(s.rms_after), to_um(s.max_after), to_deg(s.angle_before),
+                          to_deg(s.angle_after)});
+  }
+  if (!angles) {
+    table.columns.resize(table.columns.size() - 2);
+  }
+  page.add_table(table);
+  report::Table outliers;
+  outliers.caption = "Outliers";
+  outliers.columns = {{"row", "", 0},        {"file", "", -1},   {"line", "", 0}, {"kind", "", -1},
+                      {"residual", "µm", 1}, {"weight", "", -1}, {"", "", -1}};
+  for (const RowResidual& r : c.residuals) {
+    if (!r.outlier) continue;
+    const Measurement& row = rows[r.row];
+    outliers.rows.push_back({static_cast<double>(r.row + 1), row.place.file, static_cast<double>(row.place.line),
+                             calibration::name_of(row.kind), length_of(r.after, r.lengths), r.weight,
+                             std::string(r.held_back ? "held back" : "")});
+  }
+  if (!outliers.rows.empty()) page.add_table(outliers);
+}
+
+void add_parameters(report::Report& page, const Calibration& c) {
+  page.add_section("Parameters");
+  report::Table table;
+  table.caption = "In the unit of each; one standard error, from the residuals.";
+  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},  {"value", "", 5},
+                   {"change", "", 5},     {"standard error", "", 5}, {"why held", "", -1}};
+  for (const calibration::Estimate& p : c.parameters) {
+    const double nominal = for_user(p.nominal, p.unit), value = for_user(p.value, p.unit);
+    std::vector<report::Cell> row{p.key, p.unit, nominal};
+    if (p.identifiable) {
+      row.insert(row.end(), {value, value - nominal, for_user(p.standard_error, p.unit), std::string()});
+    } else {
+      row.insert(row.end(), {std::string("held"), std::string("–"), std::string("–"), likeness(p)});
+    }
+    table.rows.push_back(std::move(row));
+  }
+  page.add_table(table);
+  report::Table frames;
+  frames.caption = "Frame of the machine in the instrument's, target on the tool";
+  frames.columns = {{"", "", -1}, {"", "", -1}, {"unit", "", -1}, {"value", "", 5}, {"standard error", "", 5}};
+  for (const auto& [name, X, error] :
+       {std::tuple{"frame", c.X_SM, c.frame_error}, {"target", c.X_TR, c.target_error}}) {
+    if (error.isZero(0)) continue;
+    const Vec3 abc = angles_abc(X.R);
+    for (int k = 0; k < 6; ++k) {
+      const bool turns = k >= 3;
+      const double value = turns ? to_deg(abc[k - 3]) : to_mm(X.p[k]);
+      report::Cell sure = turns ? to_deg(error[k]) : to_mm(error[k]);
+      if (error[k] == 0) sure = std::string("held");
+      frames.rows.push_back(
+          {std::string(name), std::string(1, "xyzABC"[k]), std::string(turns ? "deg" : "mm"), value, sure});
+    }
+  }
+  if (!frames.rows.empty()) page.add_table(frames);
+}
+
+// --------------------------------------------------------------------------------------------------- compliances
+
+/// How a compliance is shown: of a leg in um/N, of a turning joint in 1e-7 rad/Nm.
+struct Shown {
+  std::string unit;
+  double scale = 1;
+};
+Shown shown_of(const statics::Identification& r) {
+  const bool legs = !r.joint.empty() && r.joint.front().rfind("leg", 0) == 0;
+  return legs ? Shown{"µm/N", units::to_um_per_N(1)} : Shown{"1e-7 rad/Nm", 1e7};
+}
+
+/// Each estimate as a dot with its 95 % interval as a whisker.
+report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) {
+  report::LinePlot plot;
+  plot.title = "compliances with their 95 % intervals";
+  const double joints = static_cast<double>(r.compliance.size());
+  plot.x = {"row of the table", "", 0.5, joints + 0.5, false};
+  plot.y = {"compliance", shown.unit, {}, {}, true};
+  report::Series interval{"95 % interval", {}, {}, Colour::ink, LineStyle::solid, 1.5};
+  report::Series value{"compliance", {}, {}, Colour::blue, LineStyle::points, kBigDot};
+  constexpr double kCap = 0.06;
+  for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+    const double x = static_cast<double>(i + 1), y = shown.scale * r.compliance[i],
+                 half = shown.scale * r.half_interval[i];
+    value.x.push_back(x);
+    value.y.push_back(y);
+    plot.spans.push_back({r.joint[i], x - 0.5, x + 0.5});
+    const std::array<report::Point, 9> pen{{{x - kCap, y - half},
+                                            {x + kCap, y - half},
+                                            {x, kNone},
+                                            {x, y - half},
+                                            {x, y + half},
+                                            {x, kNone},
+                                            {x - kCap, y + half},
+                                            {x + kCap, y + half},
+                                            {x + kCap, kNone}}};
+    for (const report::Point& p : pen) {
+      interval.x.push_back(p.x);
+      interval.y.push_back(p.y);
+    }
+  }
+  plot.series = {std::move(interval), std::move(value)};
+  return plot;
+}
+
+void add_summary(report::Report& page, std::size_t points, const statics::Identification& r,
+                 const ComplianceChecks& checks) {
+  page.add_section("Summary");
+  page.add_text(
+      fmt::format("The compliances found explain the measured displacements to {} µm rms; those of the given "
+                  "machine to {} µm.",
+                  fixed(to_um(r.residual_rms), 1), fixed(to_um(checks.given_rms), 1)));
+  page.add_key_figures({{fixed(to_um(checks.given_rms), 1), "µm", "rms, given compliances", Verdict::neutral},
+                        {fixed(to_um(r.residual_rms), 1), "µm", "rms, found compliances", Verdict::neutral},
+                        {std::to_string(points), "", "points", Verdict::neutral},
+                        {std::to_string(r.equations), "", "equations", Verdict::neutral},
+                        {number(r.condition), "", "condition", Verdict::neutral}});
+  for (const auto& [a, b] : r.hardly_apart) {
+    const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
+    page.add_text(fmt::format("{} and {} are hardly told apart: their estimates correlate by {}.", r.joint[i],
+                              r.joint[j], fixed(r.correlation[i][j], 3)));
+  }
+  page.add_text(fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
+                            fixed(to_um(r.asymmetry_rms), 1),
+                            r.symmetric ? "no more than the residuals explain" : "more than the residuals explain"));
+  for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+    if (r.compliance[i] == 0)
+      page.add_text(fmt::format("{}: held at 0, because the best value would be negative.", r.joint[i]));
+  }
+}
+
+void add_compliances(report::Report& page, const statics::Identification& r) {
+  const Shown shown = shown_of(r);
+  page.add_section("Compliances");
+  page.add_figure(whiskers(r, shown), "Each joint's compliance; the whisker is its 95 % interval.");
+  report::Table table;
+  table.caption = "Compliances in " + shown.unit;
+  table.columns = {
+      {"joint", "", -1}, {"compliance", "", 5}, {"standard error", "", 5}, {"± 95 %", "", 5}, {"± 95 %", "% of it", 1}};
+  table.rows.reserve(r.compliance.size());
+  for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+    std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i], shown.scale * r.standard_error[i],
+                                  shown.scale * r.half_interval[i]};
+    if (r.compliance[i] > 0) row.emplace_back(100 * r.half_interval[i] / r.compliance[i]);
+    table.rows.push_back(std::move(row));
+  }
+  page.add_table(table);
+}
+
+void add_residuals(report::Report& page, const std::vector<statics::MeasuredPoint>& points,
+                   const statics::Identification& r) {
+  page.add_section("Residuals");
+  page.add_text("A residual is the measured displacement less the computed one. Outliers stay in the fit.");
+  const auto is_outlier = [&](std::size_t point, int direction, int force) {
+    return std::any_of(r.outliers.begin(), r.outliers.end(), [&](const statics::Outlier& x) {
+      return x.point == point && x.direction == direction && x.force_axis == force;
+    });
+  };
+  std::vector<report::Sample> samples;
+  samples.reserve(3);
+  for (int d = 0; d < 3; ++d)
+    samples.push_back({fmt::format("along {}", kAxes[d]), {}, kOfAxis[static_cast<std::size_t>(d)]});
+  for (int f = 0; f < 3; ++f) {
+    Dots dots(fmt::format("residuals under the force along {}", kAxes[f]), "point", "residual", "µm", points.size());
+    for (int d = 0; d < 3; ++d) {
+      dots.add(fmt::format("d{}", kAxes[d]), kOfAxis[static_cast<std::size_t>(d)], kDot,
+               [&](std::size_t i) { return is_outlier(i, d, f) ? kNone : to_um(r.residuals[i](d, f)); });
+      for (const Mat3& residual : r.residuals)
+        samples[static_cast<std::size_t>(d)].values.push_back(to_um(residual(d, f)));
+    }
+    for (int d = 0; d < 3; ++d) {
+      dots.add("outliers", Colour::purple, kBigDot,
+               [&](std::size_t i) { return is_outlier(i, d, f) ? to_um(r.residuals[i](d, f)) : kNone; });
+    }
+    dots.plot.levels = {{"", 0, Colour::muted}};
+    page.add_figure(dots.plot, fmt::format("Residuals of each point under the force along {}.", kAxes[f]));
+  }
+  report::Histogram spread;
+  spread.title = "spread of the residuals by direction";
+  spread.x = {"residual", "µm", {}, {}, true};
+  spread.samples = std::move(samples);
+  page.add_figure(spread, "Spread of the residuals, by the direction of the displacement.");
+  report::Table by;
+  by.caption = "Rms of the residuals by displacement (row) and force (column)";
+  by.columns = {{"", "", -1}, {"force x", "µm", 1}, {"force y", "µm", 1}, {"force z", "µm", 1}};
+  for (int d = 0; d < 3; ++d) {
+    std::vector<report::Cell> row{fmt::format("d{}", kAxes[d])};
+    for (int f = 0; f < 3; ++f) {
+      double sum = 0;
+      for (const Mat3& residual : r.residuals) sum += residual(d, f) * residual(d, f);
+      row.emplace_back(to_um(std::sqrt(sum / static_cast<double>(std::max<std::size_t>(r.residuals.size(), 1)))));
+    }
+    by.rows.push_back(std::move(row));
+  }
+  page.add_table(by);
+  report::Table outliers;
+  outliers.caption = "Outliers";
+  outliers.columns = {
+      {"point", "", 0}, {"file", "", -1}, {"line", "", 0}, {"displacement", "", -1}, {"residual", "µm", 1}};
+  for (const statics::Outlier& x : r.outliers) {
+    const Place& place = points[x.point].place;
+    outliers.rows.push_back({static_cast<double>(x.point + 1), place.file, static_cast<double>(place.line),
+                             fmt::format("d{}_F{}", kAxes[x.direction], kAxes[x.force_axis]), to_um(x.residual)});
+  }
+  if (!outliers.rows.empty()) page.add_table(outliers);
+}
+
+}  // namespace
+
+std::string calibration_page(const machine::AnyMachine& nominal, const std::vector<Measurement>& rows,
+                             const Calibration& c, const MeasuredPageOptions& how) {
+  report::Report page("Calibration of a machine", machine::description_of(nominal), facts_of(nominal, rows, how));
+  add_summary(page, rows, c);
+  add_residuals(page, rows, c);
+  add_parameters(page, c);
+  if (!how.command.empty()) page.add_code("The command that made this page", how.command, false);
+  return page.to_html();
+}
+
+std::string identification_page(const machine::AnyMachine& machine, const std::vector<statics::MeasuredPoint>& points,
+                                const statics::Identification& r, const ComplianceChecks& checks,
+                                const MeasuredPageOptions& how) {
+  report::Report page("Compliances from measured displacements", machine::description_of(machine),
+                      facts_of(machine, points, how));
+  add_summary(page, points.size(), r, checks);
+  add_compliances(page, r);
+  add_residuals(page, points, r);
+  if (!checks.left_out.empty()) {
+    page.add_section("Foretold by the others");
+    report::Table left;
+    left.caption = "Each file, foretold by compliances from all other files";
+    left.columns = {{"file", "", -1}, {"rms", "µm", 1}};
+    for (const auto& [file, rms] : checks.left_out) left.rows.push_back({file, to_um(rms)});
+    page.add_table(left);
+  }
+  if (!how.command.empty()) page.add_code("The command that made this page", how.command, false);
+  return page.to_html();
+}
+
+}  // namespace polypod::pages
