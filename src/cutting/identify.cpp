@@ -44,14 +44,13 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
     out.standard_error[i] = std::sqrt(variance * inverse(k, k)) / scale[k];
     out.half_interval[i] = student_95(freedom) * out.standard_error[i];
   }
-  // The covariance as independent variations: its principal axes.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(variance * inverse);
+  // The covariance as independent variations: the columns of its Cholesky factor.
+  const Eigen::MatrixXd L = Eigen::MatrixXd(variance * inverse).llt().matrixL();
   for (Eigen::Index j = 0; j < n; ++j) {
-    const double reach = student_95(freedom) * std::sqrt(std::max(0.0, axes.eigenvalues()[j]));
     std::array<double, 6> variation{};
-    for (Eigen::Index k = 0; k < n; ++k) {
+    for (Eigen::Index k = j; k < n; ++k) {
       variation[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])] =
-          reach * axes.eigenvectors()(k, j) / scale[k];
+          student_95(freedom) * L(k, j) / scale[k];
     }
     out.material.spread.push_back(variation);
   }
