@@ -49,6 +49,7 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
   for (Eigen::Index j = 0; j < n; ++j) {
     std::array<double, 6> variation{};
     for (Eigen::Index k = j; k < n; ++k) {
+      if (std::abs(L(k, j)) < 1e-12 * L.row(k).norm()) continue;  // rounding
       variation[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])] =
           student_95(freedom) * L(k, j) / scale[k];
     }
