@@ -57,11 +57,7 @@ Command budget_command() {
             if (!o->force.empty()) {
               POLYPOD_ASSIGN(f, numbers_of(o->force, "--force"));
               if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o->force));
-              if (!statics::has_compliance(m)) {
-                return fail(
-                    "AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                    "give compliance_rad_per_Nm (arms) or leg.compliance_um_per_N (hexapods) in the machine file");
-              }
+              POLYPOD_TRY(needs_compliance(m));
               Vec6 wrench = Vec6::Zero();
               wrench.head<3>() = Vec3(f[0], f[1], f[2]);
               known.deflection = statics::compliance_at(m, here.X_MT).C * wrench;
@@ -88,14 +84,14 @@ Command budget_command() {
             fmt::print("{:<14} {:<14} {:>12} {:>16}\n", "source", "kind", "position um", "orientation mrad");
             for (const auto& row : b.rows) {
               fmt::print("{:<14} {:<14} {:>12.2f} {:>16.4f}  {}\n", row.source, row.kind, units::to_um(row.position),
-                         1e3 * row.orientation, row.how);
+                         units::to_mrad(row.orientation), row.how);
             }
             fmt::print("\naccuracy, all at their worst     {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.accuracy),
-                       1e3 * b.accuracy_orientation);
+                       units::to_mrad(b.accuracy_orientation));
             fmt::print("accuracy, independent (squares)  {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.accuracy_rss),
-                       1e3 * b.accuracy_rss_orientation);
+                       units::to_mrad(b.accuracy_rss_orientation));
             fmt::print("repeatability (3 sigma)          {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.repeatability),
-                       1e3 * b.repeatability_orientation);
+                       units::to_mrad(b.repeatability_orientation));
             return kDone;
           }};
 }

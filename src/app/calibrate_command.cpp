@@ -46,16 +46,12 @@ struct Options {
   double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
 };
 
-double for_user(double si, const std::string& unit) {
-  return unit == "mm" ? units::to_mm(si) : unit == "deg" ? units::to_deg(si) : si;
-}
-
 std::string with_unit(const std::string& key, const std::string& unit) {
   return unit.empty() ? key : key + "_" + unit;
 }
 /// mm or deg of `other` a mm or deg of `held`.
 double factor_for_user(const calibration::Estimate& held, const calibration::Like& other) {
-  return other.factor * for_user(1, other.unit) / for_user(1, held.unit);
+  return other.factor * units::to_user(1, other.unit) / units::to_user(1, held.unit);
 }
 
 Result<calibration::CalibrationOptions> options_of(const Options& o) {
@@ -160,9 +156,9 @@ Json parameters_json(const Calibration& c) {
   Json out = Json::array();
   for (const calibration::Estimate& p : c.parameters) {
     Json one{{"key", with_unit(p.key, p.unit)},
-             {"nominal", for_user(p.nominal, p.unit)},
-             {"value", for_user(p.value, p.unit)},
-             {"standard_error", for_user(p.standard_error, p.unit)},
+             {"nominal", units::to_user(p.nominal, p.unit)},
+             {"value", units::to_user(p.value, p.unit)},
+             {"standard_error", units::to_user(p.standard_error, p.unit)},
              {"identifiable", p.identifiable}};
     if (!p.identifiable) {
       Json like = Json::array();
@@ -223,10 +219,10 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   fmt::print("the residuals show {:.2f} times the noise that was given\n\n", c.noise_factor);
   fmt::print("{:<22} {:>14} {:>14} {:>10}\n", "parameter", "nominal", "value", "+- 1 sd");
   for (const calibration::Estimate& p : c.parameters) {
-    const double nominal = for_user(p.nominal, p.unit), value = for_user(p.value, p.unit);
+    const double nominal = units::to_user(p.nominal, p.unit), value = units::to_user(p.value, p.unit);
     if (p.identifiable) {
-      fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}\n", p.key, nominal, value, for_user(p.standard_error, p.unit),
-                 p.unit);
+      fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}\n", p.key, nominal, value,
+                 units::to_user(p.standard_error, p.unit), p.unit);
       continue;
     }
     fmt::print("{:<22} {:14.5f}           held            {}", p.key, nominal, p.unit);

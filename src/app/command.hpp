@@ -65,6 +65,10 @@ void declare_machine(Arguments& arguments, std::string& name, std::vector<std::s
 Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string& text);
 /// x, y, z in mm and the angles of the machine's task in deg.
 std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X);
+/// The same as text, `digits` after the point.
+std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits);
+/// Errors: AP105 where the machine has no compliances.
+Status needs_compliance(const machine::AnyMachine& machine);
 /// Joint values in mm or deg.
 std::vector<double> joints_for_user(const machine::AnyMachine& machine, const machine::JointVector& q);
 

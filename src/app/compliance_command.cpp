@@ -31,11 +31,7 @@ Command compliance_command() {
               if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o->force));
               force = Vec3(f[0], f[1], f[2]);
             }
-            if (!statics::has_compliance(m)) {
-              return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                          "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or "
-                          "drive.compliance_rad_per_Nm (deltas) in the machine file");
-            }
+            POLYPOD_TRY(needs_compliance(m));
             const statics::Compliance c = statics::compliance_at(m, X);
             if (!c.reachable) {
               fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", c.reason);

@@ -87,12 +87,9 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double lengt
   if (o.ellipsoids) ellipsoids = quality::ellipsoids(m, here.X_MT, here.joints);
   const int joints = static_cast<int>(here.joints.size());
   if (context.json) {
-    const auto fixed = [](double v) {
-      return Json{{"min", number_json(v)}, {"mean", number_json(v)}, {"max", number_json(v)}, {"stddev", 0.0}};
-    };
-    Json document{{"condition", fixed(d.condition)},
-                  {"sigma_min", fixed(d.sigma_min)},
-                  {"determinant", fixed(d.determinant)},
+    Json document{{"condition", constant_json(d.condition)},
+                  {"sigma_min", constant_json(d.sigma_min)},
+                  {"determinant", constant_json(d.determinant)},
                   {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
     if (o.ellipsoids) document["ellipsoids"] = ellipsoids ? ellipsoids_json(shown(m, *ellipsoids, joints)) : Json();
     print_json(document);

@@ -33,22 +33,22 @@ std::string command_line(const Options& o) {
   return out + in_words(o.where) + o.files.in_words();
 }
 
-Json fixed(double value) {
-  return {{"min", value}, {"mean", value}, {"max", value}, {"stddev", 0.0}};
-}
-
 Json twist_json(const Vec6& twist) {
   const Vec3 p = twist.head<3>() * units::kMmPerMetre;
   return {{"position_mm", vector_json(p)}, {"rotation_rad", vector_json(twist.tail<3>())}};
 }
 
-/// Each element's part, the largest first.
-Json shares_json(const machine::AnyMachine& m, const quality::WorstCase& worst) {
-  const auto all = quality::elements(m);
+/// Each element's part in the largest position error, the largest first.
+std::vector<quality::WorstCase::Share> ranked(const quality::WorstCase& worst) {
   auto shares = worst.shares;
   std::stable_sort(shares.begin(), shares.end(), [](const auto& a, const auto& b) { return a.position > b.position; });
+  return shares;
+}
+
+Json shares_json(const machine::AnyMachine& m, const quality::WorstCase& worst) {
+  const auto all = quality::elements(m);
   Json out = Json::array();
-  for (const auto& s : shares) {
+  for (const auto& s : ranked(worst)) {
     out.push_back({{"element", all[static_cast<std::size_t>(s.element)].key},
                    {"position_mm", units::to_mm(s.position)},
                    {"orientation_rad", s.orientation}});
@@ -58,8 +58,7 @@ Json shares_json(const machine::AnyMachine& m, const quality::WorstCase& worst) 
 
 void print_shares(const machine::AnyMachine& m, const quality::WorstCase& worst) {
   const auto all = quality::elements(m);
-  auto shares = worst.shares;
-  std::stable_sort(shares.begin(), shares.end(), [](const auto& a, const auto& b) { return a.position > b.position; });
+  const auto shares = ranked(worst);
   fmt::print("\nshares of the largest position error\n");
   double rest = 0;
   constexpr std::size_t kShown = 15;
@@ -101,8 +100,8 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     const auto exact = quality::known_error_exact(m, here.X_MT, here.joints, sizes);
     const double position = units::to_mm(linear.head<3>().norm());
     const double orientation = quality::orientation_error(m, here.X_MT, linear);
-    document["position_mm"] = fixed(position);
-    document["orientation_rad"] = fixed(orientation);
+    document["position_mm"] = constant_json(position);
+    document["orientation_rad"] = constant_json(orientation);
     document["error"] = twist_json(linear);
     document["error_exact"] = exact ? twist_json(*exact) : Json();
     document["linear_minus_exact_mm"] = exact ? Json(units::to_mm((linear - *exact).head<3>().norm())) : Json();
@@ -124,8 +123,8 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
   POLYPOD_ASSIGN(worst, quality::worst_case(m, here.X_MT, here.joints, sizes, tolerance));
   document["method"] = o.method;
   document["region"] = o.region;
-  document["position_mm"] = fixed(units::to_mm(worst.position));
-  document["orientation_rad"] = fixed(worst.orientation);
+  document["position_mm"] = constant_json(units::to_mm(worst.position));
+  document["orientation_rad"] = constant_json(worst.orientation);
   document["worst_position_error"] = twist_json(worst.position_error);
   document["worst_orientation_error"] = twist_json(worst.orientation_error);
   document["shares"] = shares_json(m, worst);
@@ -200,23 +199,15 @@ Command errors_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (o->errors.empty() == o->tolerances.empty()) {
-              return fail("AP163", "errors or tolerances must be given, and only one of them", {},
-                          "give --tolerance all=0.01 or --error leg.length[1]=0.01");
-            }
+            const bool tolerances = !o->tolerances.empty();
+            POLYPOD_ASSIGN(sizes, sizes_argument(m, o->errors, o->tolerances));
             quality::ToleranceOptions tolerance;
             if (o->method != "exact" && o->method != "search") {
               return fail("AP121", fmt::format("--method {}: unknown", o->method), {}, "exact or search");
             }
-            if (o->region != "box" && o->region != "sphere") {
-              return fail("AP164", fmt::format("--region {}: unknown", o->region), {}, "box or sphere");
-            }
             if (o->method == "search") tolerance.method = quality::Method::search;
-            if (o->region == "sphere") tolerance.region = quality::Region::sphere;
-            const bool tolerances = !o->tolerances.empty();
-            POLYPOD_ASSIGN(
-                keyed, keyed_numbers(tolerances ? o->tolerances : o->errors, tolerances ? "--tolerance" : "--error"));
-            POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, tolerances));
+            POLYPOD_ASSIGN(region, region_argument(o->region));
+            tolerance.region = region;
             POLYPOD_TRY(o->files.check(!o->where.pose.empty()));
             if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, context);
 
@@ -236,25 +227,20 @@ Command errors_command() {
             }
             const quality::Statistics position = quality::statistics(survey, field.position.mean);
             const quality::Statistics orientation = quality::statistics(survey, field.orientation.mean);
-            const auto worst =
-                static_cast<std::size_t>(std::max_element(field.position.worst.begin(), field.position.worst.end()) -
-                                         field.position.worst.begin());
-            const Pose worst_pose = quality::pose_at(survey, worst, field.position.worst_direction[worst]);
-            const double worst_position = field.position.worst[worst];
-            const double worst_orientation =
-                *std::max_element(field.orientation.worst.begin(), field.orientation.worst.end());
+            const quality::Extreme worst = quality::worst_of(survey, field.position);
+            const quality::Extreme worst_turned = quality::worst_of(survey, field.orientation);
             quality::WorstCase case_there;
-            if (const auto q = quality::joints_at(m, worst_pose); tolerances && q) {
-              POLYPOD_ASSIGN(found, quality::worst_case(m, worst_pose, *q, sizes, tolerance));
+            if (const auto q = quality::joints_at(m, worst.X_MT); tolerances && q) {
+              POLYPOD_ASSIGN(found, quality::worst_case(m, worst.X_MT, *q, sizes, tolerance));
               case_there = found;
             }
             if (context.json) {
               Json document{{"position_mm", statistics_json(position, units::kMmPerMetre)},
                             {"orientation_rad", statistics_json(orientation)},
                             {"worst",
-                             {{"position_mm", number_json(units::to_mm(worst_position))},
-                              {"orientation_rad", number_json(worst_orientation)},
-                              {"pose", pose_for_user(m, worst_pose)}}},
+                             {{"position_mm", number_json(units::to_mm(worst.value))},
+                              {"orientation_rad", number_json(worst_turned.value)},
+                              {"pose", pose_for_user(m, worst.X_MT)}}},
                             {"points", survey.inside.size()},
                             {"directions", survey.orientations.size()},
                             {"volume_mm3", units::to_mm3(survey.volume)}};
@@ -275,10 +261,7 @@ Command errors_command() {
             fmt::print("orientation {:>10.7f}  {:>10.7f}  {:>12.7f}  {:>10.7f} rad\n", orientation.min,
                        orientation.mean, orientation.max, orientation.stddev);
             fmt::print("largest mean at {:.1f}, {:.1f}, {:.1f} mm\n", at.x(), at.y(), at.z());
-            std::string pose;
-            for (const double c : pose_for_user(m, worst_pose))
-              pose += fmt::format("{}{:.2f}", pose.empty() ? "" : ", ", c);
-            fmt::print("worst pose: {:.6f} mm at {}\n", units::to_mm(worst_position), pose);
+            fmt::print("worst pose: {:.6f} mm at {}\n", units::to_mm(worst.value), pose_text(m, worst.X_MT, 2));
             if (tolerances) print_shares(m, case_there);
             o->files.print();
             return kDone;

@@ -14,6 +14,7 @@
 #include "interrupt.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/statics/compliance.hpp"
 
 namespace polypod::app {
 
@@ -91,6 +92,19 @@ std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose
   std::vector<double> c = kinematics::coordinates_of(kinematics::task(machine), X);
   for (std::size_t i = 0; i < c.size(); ++i) c[i] = i < 3 ? units::to_mm(c[i]) : units::to_deg(c[i]);
   return c;
+}
+
+std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits) {
+  std::string out;
+  for (const double c : pose_for_user(machine, X)) out += fmt::format("{}{:.{}f}", out.empty() ? "" : ", ", c, digits);
+  return out;
+}
+
+Status needs_compliance(const machine::AnyMachine& machine) {
+  if (statics::has_compliance(machine)) return {};
+  return fail("AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
+              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm "
+              "(deltas) in the machine file");
 }
 
 std::vector<double> joints_for_user(const machine::AnyMachine& machine, const machine::JointVector& q) {

@@ -33,19 +33,15 @@ const char* unit_of(const machine::AnyMachine& m, int joint) {
   return kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? "deg" : "mm";
 }
 
-double for_user(double si, const std::string& unit) {
-  if (unit == "mm") return units::to_mm(si);
-  if (unit == "deg") return units::to_deg(si);
-  return si;
-}
-
 Json joint_ranges_json(const machine::AnyMachine& m) {
   Json out = Json::array();
   for (int i = 0; i < kinematics::joint_count(m); ++i) {
     const auto range = kinematics::joint_range(m, i);
     const std::string unit = unit_of(m, i);
-    out.push_back(
-        {{"joint", i + 1}, {"unit", unit}, {"min", for_user(range.min, unit)}, {"max", for_user(range.max, unit)}});
+    out.push_back({{"joint", i + 1},
+                   {"unit", unit},
+                   {"min", units::to_user(range.min, unit)},
+                   {"max", units::to_user(range.max, unit)}});
   }
   return out;
 }
@@ -114,10 +110,10 @@ Command info_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             Json parameters = Json::object();
             for (const machine::Parameter& p : machine::settings(m)) {
-              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = for_user(p.value, p.unit);
+              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = units::to_user(p.value, p.unit);
             }
             for (const machine::Parameter& p : kinematics::parameters(m)) {
-              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = for_user(p.value, p.unit);
+              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = units::to_user(p.value, p.unit);
             }
             Json document{{"name", machine::name_of(m)},
                           {"family", machine::family_of(m)},

@@ -360,11 +360,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   const Mat3 R_MT = kinematics::pose_of(task, coordinates).R;
 
   POLYPOD_ASSIGN(paths, paths_of(o));
-  if (!paths.empty() && !statics::has_compliance(m)) {
-    return fail("AP105", fmt::format("{} has no compliances", machine::name_of(m)), {},
-                "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm "
-                "(deltas) in the machine file");
-  }
+  if (!paths.empty()) POLYPOD_TRY(needs_compliance(m));
   bool found = false;
   POLYPOD_TRY(lay_plane(o, R_MT, map, found));
   POLYPOD_ASSIGN(count, resolution_of(o.resolution, map.rectangle));

@@ -69,10 +69,7 @@ Command singularities_command() {
                             {"reached", p.reached},
                             {"stopped_by", p.stopped_by}});
               } else {
-                std::string at;
-                for (const double c : pose_for_user(m, p.X_MT))
-                  at += fmt::format("{}{:.2f}", at.empty() ? "" : ", ", c);
-                fmt::print("nearest to singular at {:.2f} % of the path: {}\n", 100 * p.share, at);
+                fmt::print("nearest to singular at {:.2f} % of the path: {}\n", 100 * p.share, pose_text(m, p.X_MT, 2));
                 fmt::print("there it {}{}\n", p.at.kind != 0 ? "" : "is ", quality::in_words(p.X_MT, p.at));
                 if (p.crossed) fmt::print("the path passes through a singular pose\n");
                 if (p.reached < 1) fmt::print("stopped at {:.1f} %: {}\n", 100 * p.reached, p.stopped_by);
@@ -102,11 +99,8 @@ Command singularities_command() {
               fmt::print("the machine {}{}\n", s.kind != 0 ? "" : "is ", quality::in_words(X, s));
               if (!here.reachable) fmt::print("(beyond its limits: {})\n", here.reason);
               if (near && s.kind == 0) {
-                std::string at;
-                for (const double c : pose_for_user(m, near->X_MT))
-                  at += fmt::format("{}{:.1f}", at.empty() ? "" : ", ", c);
                 fmt::print("a singular pose near it: {:.1f} mm and {:.1f} deg away, at {}\n",
-                           units::to_mm(near->translation), units::to_deg(near->rotation), at);
+                           units::to_mm(near->translation), units::to_deg(near->rotation), pose_text(m, near->X_MT, 1));
               }
             }
             return s.kind != 0 ? kAnswerIsNo : kDone;

@@ -65,6 +65,27 @@ Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vec
   return out;
 }
 
+Json constant_json(double value) {
+  return {{"min", number_json(value)}, {"mean", number_json(value)}, {"max", number_json(value)}, {"stddev", 0.0}};
+}
+
+Result<std::vector<quality::Sized>> sizes_argument(const machine::AnyMachine& m, const std::vector<std::string>& errors,
+                                                   const std::vector<std::string>& tolerances) {
+  if (errors.empty() == tolerances.empty()) {
+    return fail("AP163", "errors or tolerances must be given, and only one of them", {},
+                "give --tolerance all=0.01 or --error leg.length[1]=0.01");
+  }
+  const bool tolerance = errors.empty();
+  POLYPOD_ASSIGN(keyed, tolerance ? keyed_numbers(tolerances, "--tolerance") : keyed_numbers(errors, "--error"));
+  return quality::sized(m, keyed, tolerance);
+}
+
+Result<quality::Region> region_argument(const std::string& text) {
+  if (text == "box") return quality::Region::box;
+  if (text == "sphere") return quality::Region::sphere;
+  return fail("AP164", fmt::format("--region {}: unknown", text), {}, "box or sphere");
+}
+
 Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& text) {
   POLYPOD_ASSIGN(X, pose_argument(m, text));
   PoseJoints out{X, {}, false, {}};
@@ -74,11 +95,7 @@ Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& 
     out.reachable = true;
     return out;
   }
-  out.reason = result.reason;
-  if (!result.solutions.empty()) {
-    for (const std::string& name : kinematics::limit_names(m, result.solutions.front().violations))
-      out.reason += (out.reason.empty() ? "" : ", ") + name;
-  }
+  out.reason = kinematics::reason_of(m, result);
   return out;
 }
 

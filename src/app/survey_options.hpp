@@ -18,11 +18,19 @@ struct SurveyArguments {
 
 /// {min, mean, max, stddev, min_at_mm, max_at_mm}; a number that is not finite is null. `scale` makes the unit.
 Json statistics_json(const quality::Statistics& s, double scale = 1);
+/// The same of one value.
+Json constant_json(double value);
 /// A number, or null where it is not finite.
 Json number_json(double value);
 /// "KEY=value" as key and number. Errors: AP160.
 Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
                                                                   const char* option);
+
+/// The elements of --error or --tolerance, whichever was given. Errors: AP160, AP163, and those of quality::sized.
+Result<std::vector<quality::Sized>> sizes_argument(const machine::AnyMachine& m, const std::vector<std::string>& errors,
+                                                   const std::vector<std::string>& tolerances);
+/// "box" or "sphere". Error: AP164.
+Result<quality::Region> region_argument(const std::string& text);
 
 /// The pose and its joints, or the reason why it has none.
 struct PoseJoints {

@@ -103,12 +103,7 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
                    Json::object()};
   }
   const bool tolerances = !o.tolerances.empty();
-  if (tolerances != o.errors.empty()) {
-    return fail("AP163", "errors or tolerances must be given, and only one of them", {},
-                "give --tolerance all=0.01 or --error leg.length[1]=0.01");
-  }
-  POLYPOD_ASSIGN(keyed, keyed_numbers(tolerances ? o.tolerances : o.errors, tolerances ? "--tolerance" : "--error"));
-  POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, tolerances));
+  POLYPOD_ASSIGN(sizes, sizes_argument(m, o.errors, o.tolerances));
   POLYPOD_ASSIGN(f, tolerances ? quality::tolerance_field(m, survey, options, sizes)
                                : quality::known_error_field(m, survey, options, sizes));
   const auto position = quality::statistics(survey, f.position.mean),

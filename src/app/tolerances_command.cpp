@@ -9,15 +9,6 @@
 #include "survey_options.hpp"
 
 namespace polypod::app {
-namespace {
-
-/// A size of an element as a person reads it: mm, deg or as it is.
-double for_user(double size, const std::string& unit) {
-  return unit == "mm" ? units::to_mm(size) : unit == "deg" ? units::to_deg(size) : size;
-}
-
-}  // namespace
-
 Command tolerances_command() {
   struct Options {
     std::string machine, region = "box", rule = "weighted";
@@ -49,14 +40,12 @@ Command tolerances_command() {
             if (o->rule != "weighted" && o->rule != "cost") {
               return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
             }
-            if (o->region != "box" && o->region != "sphere") {
-              return fail("AP164", fmt::format("--region {}: unknown", o->region), {}, "box or sphere");
-            }
             quality::DesignOptions design;
             design.position = units::from_mm(o->wanted_mm);
             if (o->wanted_rad != 0) design.orientation = o->wanted_rad;
             if (o->rule == "cost") design.rule = quality::DesignRule::cost;
-            if (o->region == "sphere") design.region = quality::Region::sphere;
+            POLYPOD_ASSIGN(region, region_argument(o->region));
+            design.region = region;
             if (o->groups.empty()) o->groups = {"all=1"};
             POLYPOD_ASSIGN(keyed, keyed_numbers(o->groups, "--group"));
             std::vector<quality::ToleranceGroup> groups;
@@ -69,7 +58,7 @@ Command tolerances_command() {
               Json parts = Json::array();
               for (const auto& p : d.parts) {
                 parts.push_back({{"key", p.key},
-                                 {"tolerance", for_user(p.tolerance, p.unit)},
+                                 {"tolerance", units::to_user(p.tolerance, p.unit)},
                                  {"unit", p.unit},
                                  {"elements", p.elements},
                                  {"share_percent", 100 * p.share}});
@@ -85,11 +74,10 @@ Command tolerances_command() {
             } else {
               for (const auto& p : d.parts) {
                 fmt::print("{:<24} {:>10.5f} {:<4} {:>3} elements, {:>5.1f} % of the error\n", p.key,
-                           for_user(p.tolerance, p.unit), p.unit, p.elements, 100 * p.share);
+                           units::to_user(p.tolerance, p.unit), p.unit, p.elements, 100 * p.share);
               }
-              std::string at;
-              for (const double c : pose_for_user(m, d.worst)) at += fmt::format("{}{:.2f}", at.empty() ? "" : ", ", c);
-              fmt::print("largest error {:.6f} mm, {:.7f} rad, at {}\n", units::to_mm(d.position), d.orientation, at);
+              fmt::print("largest error {:.6f} mm, {:.7f} rad, at {}\n", units::to_mm(d.position), d.orientation,
+                         pose_text(m, d.worst, 2));
               if (!survey.whole_box && !o->where.box.empty()) {
                 fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
                            survey.grid.size());

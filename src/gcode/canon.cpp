@@ -573,7 +573,8 @@ class Printer {
     Axes end = current_;
     for (std::size_t k = 0; k < 6; ++k) {
       const Word* word = axes ? find(kAxisLetters[k]) : nullptr;
-      if (word != nullptr) end[k] = word->value + (incremental_ ? current_[k] : 0);
+      // No 0 is added: is printed with its sign.
+      if (word != nullptr) end[k] = incremental_ ? current_[k] + word->value : word->value;
     }
     if (motion_ == 0) {
       call("STRAIGHT_TRAVERSE({})", list(end));
@@ -616,8 +617,8 @@ class Printer {
       c2 = (current_[second] + end[second]) / 2 + along * std::sin(side);
     } else {
       constexpr std::string_view kOffsets = "IJK";
-      c1 = value(kOffsets[first]) + (arc_absolute_ ? 0 : current_[first]);
-      c2 = value(kOffsets[second]) + (arc_absolute_ ? 0 : current_[second]);
+      c1 = arc_absolute_ ? value(kOffsets[first]) : current_[first] + value(kOffsets[first]);
+      c2 = arc_absolute_ ? value(kOffsets[second]) : current_[second] + value(kOffsets[second]);
     }
     const double turns = value('P', 1);
     if (inverse_) {

@@ -2,6 +2,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 
 #include "polypod/kinematics/closure.hpp"
@@ -134,6 +135,16 @@ LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVec
 
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
   return std::visit([&](const auto& m) { return inverse(m, X_MT); }, machine);
+}
+
+std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
+  if (result.solutions.empty()) return result.reason;
+  const auto best = std::min_element(
+      result.solutions.begin(), result.solutions.end(),
+      [](const Solution& a, const Solution& b) { return std::popcount(a.violations) < std::popcount(b.violations); });
+  std::string out;
+  for (const std::string& name : limit_names(machine, best->violations)) out += (out.empty() ? "" : ", ") + name;
+  return out;
 }
 
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {

@@ -76,14 +76,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         }
       }
       if (best == nullptr) {
-        const auto fewest = std::min_element(inverse.solutions.begin(), inverse.solutions.end(), [](auto& a, auto& b) {
-          return std::popcount(a.violations) < std::popcount(b.violations);
-        });
-        std::string names;
-        for (const std::string& name : kinematics::limit_names(machine, fewest->violations)) {
-          names += (names.empty() ? "" : ", ") + name;
-        }
-        problem(limit, "limit", fmt::format("{}: {}", where(), names));
+        problem(limit, "limit", fmt::format("{}: {}", where(), kinematics::reason_of(machine, inverse)));
         last.resize(0);
         continue;
       }

@@ -85,10 +85,6 @@ struct Dots {
 
 // ---------------------------------------------------------------------------------------------------- calibration
 
-double for_user(double si, const std::string& unit) {
-  return unit == "mm" ? to_mm(si) : unit == "deg" ? to_deg(si) : si;
-}
-
 double length_of(const Eigen::VectorXd& residual, int lengths) {
   return to_um(residual.head(lengths).norm());
 }
@@ -103,7 +99,7 @@ std::string likeness(const calibration::Estimate& p) {
   for (std::size_t i = 0; i < std::min(p.like.size(), kLikes); ++i) {
     const calibration::Like& other = p.like[i];
     out += fmt::format("{} {} {}", i == 0 ? "" : ",",
-                       number(other.factor * for_user(1, other.unit) / for_user(1, p.unit)), other.key);
+                       number(other.factor * units::to_user(1, other.unit) / units::to_user(1, p.unit)), other.key);
   }
   return out + (p.like.size() > kLikes ? ", …" : "");
 }
@@ -232,10 +228,10 @@ void add_parameters(report::Report& page, const Calibration& c) {
   table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},  {"value", "", 5},
                    {"change", "", 5},     {"standard error", "", 5}, {"why held", "", -1}};
   for (const calibration::Estimate& p : c.parameters) {
-    const double nominal = for_user(p.nominal, p.unit), value = for_user(p.value, p.unit);
+    const double nominal = units::to_user(p.nominal, p.unit), value = units::to_user(p.value, p.unit);
     std::vector<report::Cell> row{p.key, p.unit, nominal};
     if (p.identifiable) {
-      row.insert(row.end(), {value, value - nominal, for_user(p.standard_error, p.unit), std::string()});
+      row.insert(row.end(), {value, value - nominal, units::to_user(p.standard_error, p.unit), std::string()});
     } else {
       row.insert(row.end(), {std::string("held"), std::string("–"), std::string("–"), likeness(p)});
     }

@@ -196,8 +196,7 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   page.add_section("Inputs");
   std::vector<std::pair<std::string, std::string>> inputs;
   for (const machine::Parameter& p : machine::settings(machine)) {
-    const double value = p.unit == "deg" ? units::to_deg(p.value) : p.unit == "mm" ? to_mm(p.value) : p.value;
-    inputs.emplace_back(p.key, fmt::format("{:.6g} {}", value, p.unit));
+    inputs.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
   }
   for (const auto& [key, text] : machine::provenance_of(machine)) inputs.emplace_back("source of " + key, text);
   page.add_definitions(inputs);

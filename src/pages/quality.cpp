@@ -21,12 +21,6 @@ using quality::SurveyOptions;
 using units::to_mm;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPerThousand = 1000;  // mrad
-
-/// A mean over directions none of which has joints is no number.
-double mean_of(const Quantity& q, std::size_t i) {
-  return std::isnan(q.worst[i]) ? kNone : q.mean[i];
-}
 
 /// A column of the files: its name, its scale and its quantity.
 struct Column {
@@ -75,10 +69,10 @@ Result<QualityFields> quality_fields(const AnyMachine& machine, const SurveyOpti
 
 std::vector<double> shown_means(const QualityFields& f, QualityValue value) {
   const Column column = columns_of(f)[static_cast<std::size_t>(value)];
-  const double scale = value == QualityValue::orientation ? kPerThousand : column.scale;
+  const double scale = value == QualityValue::orientation ? units::kMradPerRad : column.scale;
   std::vector<double> out;
   out.reserve(column.values.mean.size());
-  for (std::size_t i = 0; i < column.values.mean.size(); ++i) out.push_back(scale * mean_of(column.values, i));
+  for (std::size_t i = 0; i < column.values.mean.size(); ++i) out.push_back(scale * column.values.mean[i]);
   return out;
 }
 
@@ -91,7 +85,7 @@ std::string quality_csv(const QualityFields& f) {
   for (std::size_t i = 0; i < f.survey.inside.size(); ++i) {
     const Vec3 p = f.survey.grid.at(f.survey.inside[i]);
     std::vector<report::Csv::Field> row{to_mm(p.x()), to_mm(p.y()), to_mm(p.z())};
-    for (const Column& c : columns) row.emplace_back(c.scale * mean_of(c.values, i));
+    for (const Column& c : columns) row.emplace_back(c.scale * c.values.mean[i]);
     for (const Column& c : columns) row.emplace_back(c.scale * c.values.worst[i]);
     csv.add(row);
   }
@@ -115,7 +109,7 @@ Result<report::VtkImage> quality_image(const QualityFields& f) {
   };
   array("inside", 0, [](std::size_t) { return 1.0; });
   for (const Column& c : columns_of(f)) {
-    array(c.mean_name(), kNone, [&](std::size_t i) { return c.scale * mean_of(c.values, i); });
+    array(c.mean_name(), kNone, [&](std::size_t i) { return c.scale * c.values.mean[i]; });
     array(c.worst_name(), kNone, [&](std::size_t i) { return c.scale * c.values.worst[i]; });
   }
   return image;

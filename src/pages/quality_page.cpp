@@ -20,6 +20,7 @@ namespace polypod::pages {
 namespace {
 
 using machine::AnyMachine;
+using quality::Extreme;
 using quality::Statistics;
 using quality::SurveyOptions;
 using report::fixed;
@@ -31,7 +32,6 @@ using units::to_mm;
 using Entries = std::vector<std::pair<std::string, std::string>>;
 
 constexpr double kSingularCondition = 1000;  // a direction above counts as near singular
-constexpr double kPerThousand = 1000;        // mrad
 constexpr std::size_t kShown = 14;           // elements in a chart
 constexpr std::array kConditioning{QualityValue::condition, QualityValue::sigma_min, QualityValue::determinant};
 constexpr std::array kErrors{QualityValue::position, QualityValue::orientation};
@@ -56,23 +56,6 @@ std::string pose_in_words(const AnyMachine& machine, const Pose& X) {
 /// A number as it was given.
 std::string plain(double value) {
   return fmt::format("{:.6g}", value);
-}
-
-std::size_t largest_of(const std::vector<double>& values) {
-  std::size_t best = 0;
-  for (std::size_t i = 1; i < values.size(); ++i)
-    if (std::isnan(values[best]) || values[i] > values[best]) best = i;
-  return best;
-}
-
-/// A pose of a survey at which a quantity is worst.
-struct Extreme {
-  Pose X;
-  double value = 0;
-};
-Extreme extreme_of(const quality::Survey& survey, const quality::Quantity& q) {
-  const std::size_t at = largest_of(q.worst);
-  return {quality::pose_at(survey, at, q.worst_direction[at]), q.worst[at]};
 }
 
 /// The middle of the points inside; of a hollow or split workspace the point nearest to it.
@@ -107,8 +90,9 @@ std::vector<Extreme> apart(const quality::Survey& survey, const quality::Quantit
   for (const std::size_t i : order) {
     if (out.size() == most || !(q.worst[i] > kSingularCondition)) break;
     const Pose X = quality::pose_at(survey, i, q.worst_direction[i]);
-    const bool near = std::any_of(
-        out.begin(), out.end(), [&](const Extreme& e) { return (e.X.p - X.p).norm() < kApart * (high - low).norm(); });
+    const bool near = std::any_of(out.begin(), out.end(), [&](const Extreme& e) {
+      return (e.X_MT.p - X.p).norm() < kApart * (high - low).norm();
+    });
     if (!near) out.push_back({X, q.worst[i]});
   }
   return out;
@@ -202,8 +186,8 @@ class Page {
 
   Status measure() {
     middle_ = middle_of(fields_.survey);
-    worst_ = extreme_of(fields_.survey, fields_.errors.position);
-    worst_turned_ = extreme_of(fields_.survey, fields_.errors.orientation);
+    worst_ = quality::worst_of(fields_.survey, fields_.errors.position);
+    worst_turned_ = quality::worst_of(fields_.survey, fields_.errors.orientation);
     for (const int axis : {1, 0, 2}) {
       auto section = survey_section(machine_, options_, question_, axis, middle_[axis], page_.resolution);
       if (!section && section.error().id == "QP100") continue;  // thinner than the spacing there
@@ -216,7 +200,7 @@ class Page {
   void answer() {
     const Statistics p = quality::statistics(fields_.survey, shown_means(fields_, QualityValue::position));
     const Statistics o = quality::statistics(fields_.survey, shown_means(fields_, QualityValue::orientation));
-    const double most = to_mm(worst_.value), most_turned = kPerThousand * worst_turned_.value;
+    const double most = to_mm(worst_.value), most_turned = units::kMradPerRad * worst_turned_.value;
     report_.add_section("How far the tool is off");
     if (page_.assumed) {
       report_.add_text(
@@ -245,8 +229,8 @@ class Page {
                              {shown(most), "mm", "its largest value", Verdict::neutral},
                              {shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral},
                              {shown(most_turned), "mrad", "its largest value", Verdict::neutral}});
-    report_.add_list({fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X)),
-                      fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X))});
+    report_.add_list({fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X_MT)),
+                      fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X_MT))});
     statistics_table(kErrors);
   }
 
@@ -327,7 +311,8 @@ class Page {
     report_.add_section("How often");
     int far = 0, far_turned = 0;
     const auto position = histogram(QualityValue::position, fields_.errors.position, units::kMmPerMetre, far);
-    const auto turned = histogram(QualityValue::orientation, fields_.errors.orientation, kPerThousand, far_turned);
+    const auto turned =
+        histogram(QualityValue::orientation, fields_.errors.orientation, units::kMradPerRad, far_turned);
     report_.add_figure_grid(2, {{"the tip", position}, {"the orientation", turned}},
                             "Share of the points of the workspace, per cent." + beyond(std::max(far, far_turned)));
   }
@@ -366,7 +351,7 @@ class Page {
   }
 
   void parts() {
-    const std::vector<Part> at_tip = parts_at(worst_.X), at_turn = parts_at(worst_turned_.X);
+    const std::vector<Part> at_tip = parts_at(worst_.X_MT), at_turn = parts_at(worst_turned_.X_MT);
     if (at_tip.empty() || at_turn.empty()) return;
     report_.add_section("Which parts make it");
     report_.add_text(
@@ -375,11 +360,11 @@ class Page {
             : "At the worst pose, what each error would do alone. Together they add as vectors.");
     report_.add_figure_grid(
         2,
-        {{fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X)),
+        {{fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X_MT)),
           bars(at_tip, &Part::position, units::kMmPerMetre, "mm")},
-         {fmt::format("orientation, {} mrad at {}", shown(kPerThousand * worst_turned_.value),
-                      pose_in_words(machine_, worst_turned_.X)),
-          bars(at_turn, &Part::orientation, kPerThousand, "mrad")}},
+         {fmt::format("orientation, {} mrad at {}", shown(units::kMradPerRad * worst_turned_.value),
+                      pose_in_words(machine_, worst_turned_.X_MT)),
+          bars(at_turn, &Part::orientation, units::kMradPerRad, "mrad")}},
         fmt::format("At most {} of {} elements, ranked by their part of the largest error.",
                     std::min(kShown, at_tip.size()), at_tip.size()));
   }
@@ -411,15 +396,15 @@ class Page {
   void near_singular() {
     const quality::Quantity& condition = fields_.dexterity.condition;
     const auto count = near_singular_count();
-    const Extreme worst = extreme_of(fields_.survey, condition);
+    const Extreme worst = quality::worst_of(fields_.survey, condition);
     report_.add_section("Near singular");
     if (count == 0) {
       report_.add_verdict(
           Verdict::neutral,
           fmt::format("No pose that was looked at has a κ above {}. The largest is {}, at {}; there the "
                       "machine is {}.",
-                      number(kSingularCondition), shown(worst.value), pose_in_words(machine_, worst.X),
-                      words_at(worst.X)));
+                      number(kSingularCondition), shown(worst.value), pose_in_words(machine_, worst.X_MT),
+                      words_at(worst.X_MT)));
       return;
     }
     report_.add_verdict(
@@ -427,13 +412,13 @@ class Page {
         fmt::format("{} of {} points have a tool direction with κ above {}: a singular pose is near, and the means "
                     "above hide it. The worst κ is {}, at {}.",
                     count, condition.worst.size(), number(kSingularCondition), shown(worst.value),
-                    pose_in_words(machine_, worst.X)));
+                    pose_in_words(machine_, worst.X_MT)));
     report::Table table;
     table.caption = "The worst of them, no two close together";
     table.columns = {{"pose", ""}, {"κ", ""}, {"what the machine does there", ""}};
     constexpr std::size_t kNamed = 5;
     for (const Extreme& e : apart(fields_.survey, condition, kNamed))
-      table.rows.push_back({pose_in_words(machine_, e.X), shown(e.value), words_at(e.X)});
+      table.rows.push_back({pose_in_words(machine_, e.X_MT), shown(e.value), words_at(e.X_MT)});
     report_.add_table(table);
   }
 

@@ -594,8 +594,7 @@ class Page {
     if (const std::string about = machine::description_of(machine_); !about.empty()) report_.add_text(about);
     Entries settings;
     for (const machine::Parameter& p : machine::settings(machine_)) {
-      const double shown = p.unit == "mm" ? to_mm(p.value) : p.unit == "deg" ? to_deg(p.value) : p.value;
-      settings.emplace_back(p.key, fmt::format("{:.6g} {}", shown, p.unit));
+      settings.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
     }
     report_.add_definitions(settings);
     Entries sources;

@@ -98,8 +98,7 @@ Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<st
     for (std::size_t e = 0; e < all.size(); ++e) {
       if (!(key == "all" ? all[e].in_all : key == all[e].key || key == all[e].group)) continue;
       known = true;
-      const std::string& unit = all[e].unit;
-      found[static_cast<int>(e)] += unit == "mm" ? units::from_mm(size) : unit == "deg" ? units::from_deg(size) : size;
+      found[static_cast<int>(e)] += units::from_user(size, all[e].unit);
     }
     if (known) continue;
     std::string groups;

@@ -6,9 +6,9 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <random>
 
 #include "plan.hpp"
+#include "polypod/core/random.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -47,6 +47,14 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
         return -(A.completeOrthogonalDecomposition().solve(F));
       },
       machine);
+}
+
+Vec6 linear_error(const AnyMachine& machine, const Pose& X, const JointVector& q, const Plan& plan) {
+  const Columns E = error_columns(machine, X, q, plan);
+  Vec6 out = Vec6::Zero();
+  for (const Plan::Part& part : plan.parts)
+    for (const int c : part.columns) out += part.size * E.col(c);
+  return out;
 }
 
 Result<std::vector<Generator>> generators(const Pose& X, const Columns& E, const Plan& plan, Region region) {
@@ -100,12 +108,7 @@ Farthest farthest(const std::vector<Generator>& list, const Plan& plan, Vec3 Gen
 }
 
 Vec6 known_error(const AnyMachine& machine, const Pose& X, const JointVector& q, const std::vector<Sized>& errors) {
-  const Plan plan(machine, errors);
-  const Columns E = error_columns(machine, X, q, plan);
-  Vec6 out = Vec6::Zero();
-  for (const Plan::Part& part : plan.parts)
-    for (const int c : part.columns) out += part.size * E.col(c);
-  return out;
+  return linear_error(machine, X, q, Plan(machine, errors));
 }
 
 double orientation_error(const AnyMachine& machine, const Pose& X, const Vec6& error) {
@@ -192,20 +195,17 @@ Result<Spread> spread(const AnyMachine& machine, const Pose& X, const JointVecto
   out.rss_position = longest_axis(position);
   out.rss_orientation = longest_axis(orientation);
 
-  // Numbers of a distribution from whole numbers of the generator, so that every library gives the same.
-  std::mt19937_64 random(options.seed);
-  const auto unit = [&] { return (static_cast<double>(random() >> 11) + 0.5) * 0x1p-53; };
-  const auto draw = [&]() -> double {
+  Random random(options.seed);
+  const auto draw = [&] {
     switch (options.distribution) {
       case Distribution::uniform:
-        return 2 * unit() - 1;
+        return random.uniform(-1, 1);
       case Distribution::triangular:
-        return unit() - unit();
+        return random.uniform() - random.uniform();
       case Distribution::normal:
         break;
     }
-    const double radius = std::sqrt(-2 * std::log(unit())), angle = 2 * std::numbers::pi * unit();
-    return radius * std::cos(angle) / 3;
+    return random.normal() / 3;
   };
   const auto count = static_cast<std::size_t>(options.samples);
   std::vector<double> p(count), w(count);

@@ -77,11 +77,15 @@ bool LegKernel::set_sizes(const AnyMachine& machine, const std::vector<Sized>& s
     } else if (e.group == "joint") {
       leg.joint += size;
     } else if (e.group == "base.joint" || e.group == "base.attachment") {
-      (ball ? leg.base_ball : leg.length) += ball ? size : 0;
-      if (!ball) leg.base += Vec3::Constant(size);
+      if (ball)
+        leg.base_ball += size;
+      else
+        leg.base += Vec3::Constant(size);
     } else if (e.group == "platform.joint" || e.group == "platform.attachment") {
-      (ball ? leg.platform_ball : leg.length) += ball ? size : 0;
-      if (!ball) leg.platform += Vec3::Constant(size);
+      if (ball)
+        leg.platform_ball += size;
+      else
+        leg.platform += Vec3::Constant(size);
     } else if (e.group == "rail.direction" && !ball) {
       leg.direction += Vec3::Constant(size);
     } else {

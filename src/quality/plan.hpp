@@ -50,6 +50,9 @@ using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 /// name may be 0. Of a machine of Task::axis the pose with the turn about the tool axis that it really has counts.
 Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan);
 
+/// dX of all parts at once (known_error).
+Vec6 linear_error(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan);
+
 /// The part of a rotation vector that is an error: for Task::axis the turn about the tool axis is none.
 Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w);
 

@@ -102,10 +102,7 @@ std::optional<JointVector> follow(const AnyMachine& machine, const Pose& X, cons
     }
   }
   if (best != nullptr) return best->joints;
-  reason = result.reason;
-  if (!result.solutions.empty())
-    for (const std::string& name : kinematics::limit_names(machine, result.solutions.front().violations))
-      reason += (reason.empty() ? "" : ", ") + name;
+  reason = kinematics::reason_of(machine, result);
   return {};
 }
 
@@ -234,7 +231,10 @@ PathSingularity along_path(const AnyMachine& machine, const Pose& from, const Po
   constexpr double kGolden = 0.6180339887498949;
   while (high - low > 1e-6 * samples) {
     const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
-    (value(a) <= value(b) ? high : low) = value(a) <= value(b) ? b : a;
+    if (value(a) <= value(b))
+      high = b;
+    else
+      low = a;
   }
   double k = 0.5 * (low + high);
   if (value(k) > least) k = least_at;

@@ -62,7 +62,7 @@ LegKernel::Answer pose_by_pose(const AnyMachine& machine, const Survey& survey, 
       }
     }
   }
-  for (double& mean : answer.mean) mean /= std::max(1, count);
+  for (double& mean : answer.mean) mean = count > 0 ? mean / count : std::numeric_limits<double>::quiet_NaN();
   return answer;
 }
 
@@ -141,6 +141,13 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   return out;
 }
 
+Extreme worst_of(const Survey& survey, const Quantity& q) {
+  std::size_t at = 0;
+  for (std::size_t i = 1; i < q.worst.size(); ++i)
+    if (std::isnan(q.worst[at]) || q.worst[i] > q.worst[at]) at = i;
+  return {pose_at(survey, at, q.worst_direction[at]), q.worst[at]};
+}
+
 Statistics statistics(const Survey& survey, const std::vector<double>& values) {
   Statistics s{std::numeric_limits<double>::infinity(), 0, -std::numeric_limits<double>::infinity(), 0, {}, {}};
   double count = 0, square = 0;
@@ -202,10 +209,7 @@ Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& su
   const Plan plan(machine, errors);
   POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) {
     return pose_by_pose(machine, survey, p, false, [&](const Pose& X, const JointVector& q) {
-      const Columns E = error_columns(machine, X, q, plan);
-      Vec6 error = Vec6::Zero();
-      for (const Plan::Part& part : plan.parts)
-        for (const int c : part.columns) error += part.size * E.col(c);
+      const Vec6 error = linear_error(machine, X, q, plan);
       return std::array<double, 3>{error.head<3>().norm(), heeded(plan.task, X, error.tail<3>()).norm(), 0};
     });
   }));

@@ -83,19 +83,6 @@ int column_count(const machine::Delta& m) {
   return m.arms;
 }
 
-std::string reason_of(const AnyMachine& machine, const kinematics::InverseResult& result) {
-  if (result.solutions.empty()) return result.reason;
-  // Name the limits of the solution that breaks the fewest.
-  const kinematics::Solution* best = &result.solutions.front();
-  for (const auto& s : result.solutions)
-    if (std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
-  std::string out;
-  for (const std::string& name : kinematics::limit_names(machine, best->violations)) {
-    out += (out.empty() ? "" : ", ") + name;
-  }
-  return out;
-}
-
 Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {
   Compliance out;
   std::visit(
@@ -126,7 +113,7 @@ Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT) {
   if (const kinematics::Solution* s = result.reachable()) return compliance_of(machine, s->joints, &X_MT);
   Compliance out;
   out.X_MT = X_MT;
-  out.reason = reason_of(machine, result);
+  out.reason = kinematics::reason_of(machine, result);
   return out;
 }
 
@@ -233,7 +220,7 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
 }
 
 std::string Probe::why() const {
-  return reason_of(impl_->machine, kinematics::inverse(impl_->machine, Pose{impl_->R_MT, impl_->last}));
+  return kinematics::reason_of(impl_->machine, kinematics::inverse(impl_->machine, Pose{impl_->R_MT, impl_->last}));
 }
 
 const JointVector& Probe::joints() const {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <numbers>
+#include <string_view>
 
 namespace polypod::units {
 
@@ -13,6 +14,7 @@ inline constexpr double kMmPerMetre = 1e3;
 inline constexpr double kUmPerMetre = 1e6;
 inline constexpr double kMm2PerSquareMetre = 1e6;
 inline constexpr double kMetrePerInch = 25.4e-3;
+inline constexpr double kMradPerRad = 1e3;
 inline constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 constexpr double from_mm(double mm) {
@@ -38,6 +40,16 @@ constexpr double from_deg(double deg) {
 }
 constexpr double to_deg(double rad) {
   return rad / kRadPerDeg;
+}
+constexpr double to_mrad(double rad) {
+  return rad * kMradPerRad;
+}
+/// SI to what a person sees and back, by the unit of a parameter: "mm", "deg"; any other number stays as it is.
+constexpr double to_user(double si, std::string_view unit) {
+  return unit == "mm" ? to_mm(si) : unit == "deg" ? to_deg(si) : si;
+}
+constexpr double from_user(double value, std::string_view unit) {
+  return unit == "mm" ? from_mm(value) : unit == "deg" ? from_deg(value) : value;
 }
 constexpr double from_mm_per_min(double v) {
   return v * (kMetrePerMm / 60.0);

@@ -47,6 +47,9 @@ std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, 
 /// The limits that the pose breaks with these joints; one that is missed by rounding alone (1e-10) is kept.
 LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
+/// Why an inverse gives nothing within the limits: its own reason, or the limits of the solution that breaks the
+/// fewest.
+std::string reason_of(const AnyMachine& machine, const InverseResult& result);
 /// 6 x joints, twist in M per joint speed.
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 

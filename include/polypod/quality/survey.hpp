@@ -36,7 +36,7 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options);
 
 /// One number at each point inside: its mean over the directions, as JEL takes it, and its worst.
 struct Quantity {
-  std::vector<double> mean, worst;
+  std::vector<double> mean, worst;   ///< no number where no direction has joints
   std::vector<int> worst_direction;  ///< of Survey::orientations
 };
 
@@ -47,6 +47,13 @@ struct Statistics {
 };
 /// Of one number a point. Values that are not finite count for min and max alone.
 Statistics statistics(const Survey& survey, const std::vector<double>& values);
+
+/// Where a quantity is largest of all its worst values.
+struct Extreme {
+  Pose X_MT;
+  double value = 0;
+};
+Extreme worst_of(const Survey& survey, const Quantity& quantity);
 
 struct DexterityField {
   Quantity condition, sigma_min, determinant;  ///< as kinematics::dexterity; |det|; worst: largest, least, least
