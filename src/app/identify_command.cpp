@@ -10,7 +10,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/identify.hpp"
 #include "polypod/pages/calibration.hpp"
-#include "polypod/statics/identify.hpp"
+#include "polypod/statics/measured_map.hpp"
 #include "quality_files.hpp"
 
 namespace polypod::app {
@@ -26,6 +26,12 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
   for (const double e : r.standard_error) errors += fmt::format("{}{:.3g}", errors.empty() ? "" : ", ", e);
   return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}",
                      points.size(), files, units::to_um(r.residual_rms), errors);
+}
+
+constexpr std::size_t kLeastHeldOut = 10;  // two points in each of five parts
+
+Json um_or_null(const std::optional<double>& metres) {
+  return metres ? Json(units::to_um(*metres)) : Json();
 }
 
 }  // namespace
@@ -67,11 +73,20 @@ Command identify_compliance_command() {
             pages::ComplianceChecks checks{given_rms, {}};
             Json left_out = Json::array();
             if (groups.size() > 1) {
-              POLYPOD_ASSIGN(rms, statics::leave_one_out(m, groups));
-              for (std::size_t i = 0; i < rms.size(); ++i) {
-                checks.left_out.emplace_back(o->files[i], rms[i]);
-                left_out.push_back({{"file", o->files[i]}, {"prediction_rms_um", units::to_um(rms[i])}});
+              POLYPOD_ASSIGN(foretold, statics::leave_one_out(m, groups));
+              for (std::size_t i = 0; i < foretold.size(); ++i) {
+                checks.left_out.emplace_back(o->files[i], foretold[i].joints);
+                left_out.push_back({{"file", o->files[i]},
+                                    {"prediction_rms_um", units::to_um(foretold[i].joints)},
+                                    {"map_rms_um", um_or_null(foretold[i].map)}});
               }
+            }
+            // Dealt out, where each part leaves enough; a plane left out is the harder question.
+            statics::Foretold dealt{};
+            const bool held_out = points.size() >= kLeastHeldOut;
+            if (held_out) {
+              POLYPOD_ASSIGN(foretold, statics::hold_out(m, points));
+              dealt = foretold;
             }
             if (!o->report.empty()) {
               std::string command = "polypod identify compliance " + for_shell(o->machine);
@@ -104,6 +119,9 @@ Command identify_compliance_command() {
                             {"residual_rms_um", units::to_um(r.residual_rms)},
                             {"given_rms_um", units::to_um(given_rms)},
                             {"leave_one_out", left_out},
+                            {"hold_out", held_out ? Json{{"prediction_rms_um", units::to_um(dealt.joints)},
+                                                         {"map_rms_um", um_or_null(dealt.map)}}
+                                                  : Json()},
                             {"equations", r.equations},
                             {"points", points.size()},
                             {"condition", r.condition},
@@ -130,10 +148,19 @@ Command identify_compliance_command() {
             }
             fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
                        units::to_um(given_rms));
+            const auto by_map = [](const Json& x) {
+              return x["map_rms_um"].is_null()
+                         ? std::string()
+                         : fmt::format(" (a map without joints: {:.1f} um)", x["map_rms_um"].get<double>());
+            };
+            if (held_out) {
+              fmt::print("a fifth of the points at a time predicted from the others: {:.1f} um rms{}\n",
+                         units::to_um(dealt.joints), by_map({{"map_rms_um", um_or_null(dealt.map)}}));
+            }
             for (const Json& x : left_out) {
-              fmt::print("{}: predicted from the other files to {:.1f} um rms\n",
+              fmt::print("{}: predicted from the other files to {:.1f} um rms{}\n",
                          std::filesystem::path(x["file"].get<std::string>()).filename().string(),
-                         x["prediction_rms_um"].get<double>());
+                         x["prediction_rms_um"].get<double>(), by_map(x));
             }
             fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
                        units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than the residuals explain");

@@ -195,20 +195,4 @@ Result<double> prediction_rms(const AnyMachine& machine, const std::vector<Measu
   return points.empty() ? 0.0 : std::sqrt(sum / (9.0 * double(points.size())));
 }
 
-Result<std::vector<double>> leave_one_out(const AnyMachine& machine,
-                                          const std::vector<std::vector<MeasuredPoint>>& groups) {
-  std::vector<double> out;
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    std::vector<MeasuredPoint> others;
-    for (std::size_t j = 0; j < groups.size(); ++j) {
-      if (j != i) others.insert(others.end(), groups[j].begin(), groups[j].end());
-    }
-    POLYPOD_ASSIGN(fit, identify_compliance(machine, others));
-    POLYPOD_ASSIGN(fitted, with_compliances(machine, fit.compliance));
-    POLYPOD_ASSIGN(rms, prediction_rms(fitted, groups[i]));
-    out.push_back(rms);
-  }
-  return out;
-}
-
 }  // namespace polypod::statics

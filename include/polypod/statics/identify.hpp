@@ -58,9 +58,4 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
 /// compliances that the machine has, m. Errors: ID111.
 Result<double> prediction_rms(const AnyMachine& machine, const std::vector<MeasuredPoint>& points);
 
-/// How well the model foretells what it was not fitted to: for each group of points (a plane, a day) the prediction_rms
-/// of the compliances that all other groups give, m. Errors: those of identify_compliance.
-Result<std::vector<double>> leave_one_out(const AnyMachine& machine,
-                                          const std::vector<std::vector<MeasuredPoint>>& groups);
-
 }  // namespace polypod::statics
