@@ -23,6 +23,8 @@ struct Options {
   double noise_um = 20, noise_deg = 0.002, force = 250;
 };
 
+constexpr double kGridTilt = 20;  // deg
+
 constexpr std::array<const char*, 5> kKinds = {"points", "axes", "poses", "distances", "gauge"};
 
 Json number_or_null(double x) {
@@ -32,6 +34,13 @@ Json json_of(const calibration::Uncertainty& u, double noise) {
   return {{"reading_um", number_or_null(units::to_um(u.reading * noise))},
           {"mean_percent", number_or_null(100 * u.mean)},
           {"worst_percent", number_or_null(100 * u.worst)}};
+}
+
+std::optional<calibration::Criterion> criterion_named(const std::string& name) {
+  if (name == "d") return calibration::Criterion::determinant;
+  if (name == "e") return calibration::Criterion::eigenvalue;
+  if (name == "v") return calibration::Criterion::reading;
+  return std::nullopt;
 }
 
 std::string stands_csv(const machine::AnyMachine& m, const std::vector<calibration::Stand>& stands,
@@ -60,8 +69,8 @@ Command poses_command() {
             a.option("--for", o->what, "geometry (default) or compliance");
             a.option("--kind", o->kind, "What will be measured: points (default), axes, poses, distances or gauge");
             a.option("--criterion", o->criterion,
-                     "d: the least volume of uncertainty (default); e: the best worst "
-                     "direction");
+                     "d: the least volume of uncertainty (default); e: the best worst direction; v: what the model "
+                     "then says is most certain");
             a.option("--candidates", o->candidates, "Poses to choose from (default 400)");
             a.option("--seed", o->seed, "Of the candidates (default 1)");
             a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate or displacement (default 20)");
@@ -81,11 +90,11 @@ Command poses_command() {
             if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
             const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
             const bool compliance = o->what == "compliance";
-            if ((!compliance && o->what != "geometry") || kind == kKinds.end() ||
-                (o->criterion != "d" && o->criterion != "e") || o->count < 1 || o->candidates < o->count ||
-                o->candidates > 5000 || o->seed < 0) {
+            const auto criterion = criterion_named(o->criterion);
+            if ((!compliance && o->what != "geometry") || kind == kKinds.end() || !criterion || o->count < 1 ||
+                o->candidates < o->count || o->candidates > 5000 || o->seed < 0) {
               return fail("AP184", "an option of poses is unknown or out of range", {},
-                          "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e, "
+                          "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e|v, "
                           "--count up to --candidates, --candidates up to 5000");
             }
             calibration::CalibrationOptions options;
@@ -113,28 +122,32 @@ Command poses_command() {
                                 : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options);
             };
             POLYPOD_ASSIGN(from, make());
-            const auto criterion =
-                o->criterion == "d" ? calibration::Criterion::determinant : calibration::Criterion::eigenvalue;
             const auto pick = [&](const std::vector<std::size_t>& chosen) {
               std::vector<Eigen::MatrixXd> out;
               for (const std::size_t i : chosen) out.push_back(from.equations[i]);
               return calibration::uncertainty(out, from.equations);
             };
-            POLYPOD_ASSIGN(chosen, calibration::choose(from.equations, static_cast<std::size_t>(o->count), criterion));
+            POLYPOD_ASSIGN(chosen, calibration::choose(from.equations, static_cast<std::size_t>(o->count), *criterion));
             const calibration::Uncertainty best = pick(chosen);
-            const std::vector<calibration::Stand> grid =
-                calibration::grid_stands(m, from.stands, static_cast<std::size_t>(o->count));
-            const auto grid_equations =
-                compliance ? calibration::compliance_equations(m, grid, o->force, options.noise_position)
-                           : calibration::geometry_equations(m, grid, measured_kind, anchors, options, from);
-            const calibration::Uncertainty plain = calibration::uncertainty(grid_equations, from.equations);
+            const auto grid = [&](double tilt_deg) {
+              const auto stands = calibration::grid_stands(m, from.stands, static_cast<std::size_t>(o->count),
+                                                           units::from_deg(tilt_deg));
+              return calibration::uncertainty(
+                  compliance ? calibration::compliance_equations(m, stands, o->force, options.noise_position)
+                             : calibration::geometry_equations(m, stands, measured_kind, anchors, options, from),
+                  from.equations);
+            };
+            const calibration::Uncertainty upright = grid(0), tilted = grid(kGridTilt);
+            POLYPOD_ASSIGN(densest,
+                           calibration::choose(from.equations, chosen.size(), calibration::Criterion::determinant));
+            const double least = calibration::least_mean(from.equations, densest);
             std::vector<std::size_t> first(static_cast<std::size_t>(o->count));
             for (std::size_t i = 0; i < first.size(); ++i) first[i] = i;
             const calibration::Uncertainty random = pick(first);
             Json curve = Json::array();
             for (const double n : counts) {
               if (!(n >= 1) || n > o->candidates) return fail("AP184", fmt::format("--curve: {:g} poses", n));
-              POLYPOD_ASSIGN(some, calibration::choose(from.equations, static_cast<std::size_t>(n), criterion));
+              POLYPOD_ASSIGN(some, calibration::choose(from.equations, static_cast<std::size_t>(n), *criterion));
               Json point = json_of(pick(some), options.noise_position);
               point["count"] = some.size();
               curve.push_back(point);
@@ -151,7 +164,9 @@ Command poses_command() {
                           {"held", from.held},
                           {"chosen", json_of(best, options.noise_position)},
                           {"random", json_of(random, options.noise_position)},
-                          {"grid", json_of(plain, options.noise_position)},
+                          {"grid", json_of(tilted, options.noise_position)},
+                          {"grid_upright", json_of(upright, options.noise_position)},
+                          {"least_mean_percent", 100 * least},
                           {"curve", curve}});
               return kDone;
             }
@@ -165,7 +180,10 @@ Command poses_command() {
             fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
             line("chosen", best);
             line("random", random);
-            line("grid", plain);
+            line("grid, upright", upright);
+            line("grid, tilted", tilted);
+            fmt::print("{:<14} {:>12} {:12.3f}   (proven: no {} of these candidates come below)\n", "bound", "",
+                       100 * least, chosen.size());
             for (const Json& point : curve) {
               fmt::print("{:<14} {:12.3f} {:12.3f} {:12.3f}\n", fmt::format("{} chosen", point["count"].get<int>()),
                          point["reading_um"].get<double>(), point["mean_percent"].get<double>(),

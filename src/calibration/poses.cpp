@@ -27,35 +27,47 @@ double log_determinant(const Eigen::MatrixXd& M) {
   return 2 * factor.matrixLLT().diagonal().array().log().sum();
 }
 
-/// log det(I +- J V J^T): by how much log det M changes when J comes (+1) or goes (-1), V = M^-1.
-double gain(const Eigen::MatrixXd& J, const Eigen::MatrixXd& V, double sign) {
-  Eigen::MatrixXd small = sign * (J * V * J.transpose());
-  small.diagonal().array() += 1;
-  return log_determinant(small);
+/// What a candidate J adds to a set with M = V^-1: by how much log det M grows, log det(I + J V J^T), or, where `over`
+/// is the mean of J_i^T J_i over all candidates, by how much the mean variance of a reading, trace(over V), falls.
+struct Worth {
+  const Eigen::MatrixXd* over = nullptr;
+
+  double operator()(const Eigen::MatrixXd& J, const Eigen::MatrixXd& V) const {
+    const Eigen::MatrixXd JV = J * V;
+    Eigen::MatrixXd small = JV * J.transpose();
+    small.diagonal().array() += 1;
+    if (over == nullptr) return log_determinant(small);
+    return small.llt().solve(JV * *over * JV.transpose()).trace();
+  }
+};
+
+/// The free candidate that adds most to a set with M = V^-1, if it adds more than `than`; else `otherwise`.
+std::size_t most_worth(const std::vector<Eigen::MatrixXd>& candidates, const std::vector<bool>& taken,
+                       const Eigen::MatrixXd& V, const Worth& worth, double than, std::size_t otherwise) {
+  for (std::size_t j = 0; j < candidates.size(); ++j) {
+    if (taken[j]) continue;
+    const double w = worth(candidates[j], V);
+    if (w > than) {
+      than = w;
+      otherwise = j;
+    }
+  }
+  return otherwise;
 }
 
-/// Exchanges by the determinant until no single one helps.
-void exchange_by_determinant(const std::vector<Eigen::MatrixXd>& candidates, const Eigen::MatrixXd& floor,
-                             std::vector<std::size_t>& chosen, std::vector<bool>& taken) {
+/// Exchanges one for another until no single one helps.
+void exchange(const std::vector<Eigen::MatrixXd>& candidates, const Eigen::MatrixXd& floor, const Worth& worth,
+              std::vector<std::size_t>& chosen, std::vector<bool>& taken) {
   constexpr int kPasses = 20;
-  constexpr double kWorth = 1e-6;
+  constexpr double kGain = 1e-6;  // least gain: of log det, or as a share of the variance
   for (int pass = 0; pass < kPasses; ++pass) {
     bool better = false;
     for (std::size_t& mine : chosen) {
       const Eigen::MatrixXd M = information(candidates, chosen) + floor;
-      const Eigen::MatrixXd without = M - candidates[mine].transpose() * candidates[mine];
-      const Eigen::MatrixXd V = without.inverse();
-      const double own = gain(candidates[mine], V, 1);
-      std::size_t best = mine;
-      double most = own + kWorth;
-      for (std::size_t j = 0; j < candidates.size(); ++j) {
-        if (taken[j]) continue;
-        const double g = gain(candidates[j], V, 1);
-        if (g > most) {
-          most = g;
-          best = j;
-        }
-      }
+      const Eigen::MatrixXd V = (M - candidates[mine].transpose() * candidates[mine]).inverse();
+      const double unit = worth.over == nullptr ? 1.0 : (*worth.over * V).trace();
+      const double own = worth(candidates[mine], V) + kGain * unit;
+      const std::size_t best = most_worth(candidates, taken, V, worth, own, mine);
       if (best == mine) continue;
       taken[mine] = false;
       taken[best] = true;
@@ -247,23 +259,18 @@ Result<std::vector<std::size_t>> choose(const std::vector<Eigen::MatrixXd>& cand
   std::vector<bool> taken(candidates.size(), false);
   Eigen::MatrixXd M = floor;
   while (chosen.size() < count) {
-    const Eigen::MatrixXd V = M.inverse();
-    std::size_t best = candidates.size();
-    double most = -kInfinite;
-    for (std::size_t j = 0; j < candidates.size(); ++j) {
-      if (taken[j]) continue;
-      const double g = gain(candidates[j], V, 1);
-      if (g > most) {
-        most = g;
-        best = j;
-      }
-    }
+    const std::size_t best = most_worth(candidates, taken, M.inverse(), Worth{}, -kInfinite, candidates.size());
     taken[best] = true;
     chosen.push_back(best);
     M += candidates[best].transpose() * candidates[best];
   }
-  exchange_by_determinant(candidates, floor, chosen, taken);
-  if (criterion == Criterion::eigenvalue) exchange_by_eigenvalue(candidates, chosen, taken);
+  exchange(candidates, floor, Worth{}, chosen, taken);
+  if (criterion == Criterion::reading) {
+    const Eigen::MatrixXd over = information(candidates, all) / double(candidates.size());
+    exchange(candidates, floor, Worth{&over}, chosen, taken);
+  } else if (criterion == Criterion::eigenvalue) {
+    exchange_by_eigenvalue(candidates, chosen, taken);
+  }
   std::sort(chosen.begin(), chosen.end());
   return chosen;
 }
@@ -289,16 +296,26 @@ Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std:
   return out;
 }
 
-std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count) {
-  constexpr int kMost = 30;     // points a side
-  constexpr double kTilt = 20;  // deg
+double least_mean(const std::vector<Eigen::MatrixXd>& candidates, const std::vector<std::size_t>& chosen) {
+  const Eigen::MatrixXd M = information(candidates, chosen);
+  const double n = static_cast<double>(M.rows()), logarithm = log_determinant(M);
+  if (!std::isfinite(logarithm)) return 0;
+  const Eigen::MatrixXd V = M.inverse();
+  double most = 0;
+  for (const Eigen::MatrixXd& J : candidates) most = std::max(most, (J * V * J.transpose()).trace());
+  return std::exp(-(logarithm + most * static_cast<double>(chosen.size()) - n) / (2 * n));
+}
+
+std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count,
+                               double grid_tilt) {
+  constexpr int kMost = 30;  // points a side
   Vec3 low = Vec3::Constant(kInfinite), high = -low;
   for (const Stand& stand : box) {
     low = low.cwiseMin(stand.X_MT.p);
     high = high.cwiseMax(stand.X_MT.p);
   }
   const bool turns = kinematics::task(machine) != machine::Task::point;
-  const double tilt = turns ? units::from_deg(kTilt) : 0.0;
+  const double tilt = turns ? grid_tilt : 0.0;
   const Vec3 tilts[] = {Vec3::Zero(), Vec3(tilt, 0, 0), Vec3(0, tilt, 0), Vec3(-tilt, 0, 0), Vec3(0, -tilt, 0)};
   std::vector<Stand> reached;
   for (int side = 2; side <= kMost && reached.size() < count; ++side) {

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 
 #include "polypod/core/random.hpp"
+#include "polypod/core/units.hpp"
 
 namespace polypod::calibration {
 namespace {
@@ -94,7 +95,7 @@ TEST(Poses, ThePredictedUncertaintyComesTrue) {
 TEST(Poses, ThirtyPercentBetterThanAGrid) {
   const AnyMachine m = lola();
   const Candidates geometry = *geometry_candidates(m, 400, 1, Kind::point, {}, {});
-  const std::vector<Stand> grid = grid_stands(m, geometry.stands, 40);
+  const std::vector<Stand> grid = grid_stands(m, geometry.stands, 40, units::from_deg(20));
   ASSERT_EQ(grid.size(), 40u);
   const Uncertainty plain = uncertainty(geometry_equations(m, grid, Kind::point, {}, {}, geometry), geometry.equations);
   ASSERT_TRUE(std::isfinite(plain.worst));
@@ -104,8 +105,19 @@ TEST(Poses, ThirtyPercentBetterThanAGrid) {
     EXPECT_LT(best.reading, 0.7 * plain.reading);
     EXPECT_LT(best.worst, 0.7 * plain.worst);
   }
-  // Compliances: the 15 points of one of the source's planes (SLAV 4.3), A = B = 0.
+  // Compliances, against a grid with the tool upright, as the source measures.
   const Candidates loads = *compliance_candidates(m, 400, 1, 250, 30e-6);
+  const std::vector<Stand> upright = grid_stands(m, loads.stands, 15, 0);
+  ASSERT_EQ(upright.size(), 15u);
+  for (const Stand& stand : upright) EXPECT_TRUE(stand.X_MT.R.col(2).isApprox(Vec3::UnitZ()));
+  const Uncertainty plain_loads = uncertainty(compliance_equations(m, upright, 250, 30e-6), loads.equations);
+  for (const Criterion criterion : {Criterion::determinant, Criterion::reading}) {
+    const Uncertainty best =
+        uncertainty(some(loads.equations, *choose(loads.equations, 15, criterion)), loads.equations);
+    EXPECT_LT(best.reading, 0.7 * plain_loads.reading);
+    EXPECT_LT(best.worst, 0.7 * plain_loads.worst);
+  }
+  // The 15 points of one of the source's planes (SLAV 4.3) are worse still.
   std::vector<Stand> plane;
   for (int k = 0; k < 15; ++k) {
     Stand stand{{}, Pose{Mat3::Identity(), Vec3(-0.6 + 0.3 * (k % 5), -1.6 + 0.3 * (k / 5), 0)}};
@@ -118,6 +130,32 @@ TEST(Poses, ThirtyPercentBetterThanAGrid) {
   EXPECT_LT(best.reading, 0.7 * source.reading);
   EXPECT_LT(best.mean, 0.7 * source.mean);
   EXPECT_LT(best.worst, 0.7 * source.worst);
+}
+
+TEST(Poses, EachCriterionIsBestAtItsOwn) {
+  const Candidates c = *compliance_candidates(lola(), 300, 2, 250, 30e-6);
+  const auto of = [&](Criterion criterion) {
+    return uncertainty(some(c.equations, *choose(c.equations, 12, criterion)), c.equations);
+  };
+  const Uncertainty d = of(Criterion::determinant), e = of(Criterion::eigenvalue), v = of(Criterion::reading);
+  EXPECT_LE(d.mean, std::min(e.mean, v.mean) * (1 + 1e-6));
+  EXPECT_LE(e.worst, std::min(d.worst, v.worst) * (1 + 1e-6));
+  EXPECT_LE(v.reading, std::min(d.reading, e.reading) * (1 + 1e-6));
+}
+
+// Every set of 3 out of 12 candidates stays above the bound, from whichever set it was computed, and near the best one
+// it is tight.
+TEST(Poses, NoSetComesBelowTheBound) {
+  const Candidates c = *compliance_candidates(lola(), 12, 5, 250, 30e-6);
+  double least = 1e300, bound = 0;
+  for (std::size_t i = 0; i < 12; ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      for (std::size_t k = 0; k < j; ++k) {
+        least = std::min(least, uncertainty(some(c.equations, {i, j, k}), c.equations).mean);
+        bound = std::max(bound, least_mean(c.equations, {i, j, k}));
+      }
+  EXPECT_LE(bound, least);
+  EXPECT_GT(bound, 0.8 * least);
 }
 
 TEST(Poses, TheEigenvalueCriterionNeverLosesOnTheWorstDirection) {

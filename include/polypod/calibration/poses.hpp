@@ -38,7 +38,8 @@ std::vector<Eigen::MatrixXd> compliance_equations(const AnyMachine& machine, con
 
 enum class Criterion {
   determinant,  ///< D: the volume of the uncertainty, det M greatest
-  eigenvalue    ///< E: the worst direction, the least eigenvalue of M greatest
+  eigenvalue,   ///< E: the worst direction, the least eigenvalue of M greatest
+  reading       ///< V: what the model then says for a reading, its mean variance over all candidates least
 };
 
 /// `count` different candidates whose information M = sum J_i^T J_i is greatest: greedily one after another by the gain
@@ -56,8 +57,14 @@ struct Uncertainty {
 };
 Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std::vector<Eigen::MatrixXd>& over);
 
+/// Below this no set of as many candidates comes with Uncertainty::mean, chosen however, not even if it may hold some
+/// twice: log det is concave in M, so log det M' <= log det M + N max_j trace(J_j M^-1 J_j^T) - n for every set of N
+/// candidates (Kiefer and Wolfowitz 1960). 0 where the set leaves something untold.
+double least_mean(const std::vector<Eigen::MatrixXd>& candidates, const std::vector<std::size_t>& chosen);
+
 /// `count` stands on a regular grid of places in the box of the given ones, as one would measure without a plan: the
-/// tool upright (R = 1) and tilted by 20 deg to four sides in turn. Fewer where the machine reaches fewer.
-std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count);
+/// tool upright (R = 1) and tilted by `tilt` (rad) to four sides in turn. Fewer where the machine reaches fewer.
+std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count,
+                               double tilt);
 
 }  // namespace polypod::calibration
