@@ -180,8 +180,9 @@ Command poses_command() {
             fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
             line("chosen", best);
             line("random", random);
-            line("grid, upright", upright);
-            line("grid, tilted", tilted);
+            const bool turns = kinematics::task(m) != machine::Task::point;
+            line(turns ? "grid, upright" : "grid", upright);
+            if (turns) line("grid, tilted", tilted);
             fmt::print("{:<14} {:>12} {:12.3f}   (proven: no {} of these candidates come below)\n", "bound", "",
                        100 * least, chosen.size());
             for (const Json& point : curve) {

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "model.hpp"
+#include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::calibration {
@@ -31,6 +32,25 @@ double size_of(const AnyMachine& machine) {
     if (p.unit == "mm") size = std::max(size, std::abs(p.value));
   }
   return size > 0 ? size : 1.0;
+}
+
+Start start_of(const AnyMachine& machine, const Layout& layout, const Pose& X_SM, const Pose& X_TR) {
+  constexpr double kOnePercent = 0.01;
+  const double length = kOnePercent * size_of(machine);
+  Start out{Eigen::VectorXd::Zero(layout.count), Eigen::VectorXd::Constant(layout.count, kOnePercent)};
+  for (const auto& [first, X] : {std::pair{layout.frame, &X_SM}, std::pair{layout.target, &X_TR}}) {
+    out.x.segment<3>(first) = X->p;
+    out.x.segment<3>(first + 3) = rotation_vector(X->R);
+    out.scale.segment<3>(first).setConstant(length);
+  }
+  for (const auto& [name, first] : layout.contact) out.scale.segment<3>(first).setConstant(length);
+  int column = layout.parameters;
+  for (const machine::Parameter& p : kinematics::parameters(machine)) {
+    out.x[column] = p.value;
+    if (p.unit == "mm") out.scale[column] = length;
+    ++column;
+  }
+  return out;
 }
 
 Identifiability identifiable(const Eigen::MatrixXd& J, const std::vector<int>& order, const Eigen::VectorXd& scale) {
@@ -132,10 +152,6 @@ machine::Parameter unknown_of(const AnyMachine& machine, const Layout& layout, i
 
 namespace {
 
-constexpr double kOnePercent = 0.01;  // of the machine's size, or 0.01 rad: what an unknown must be told to
-// A median over the normal distribution's standard deviation.
-constexpr double kNormalPerMad = 1.4826;
-
 /// Where a robust loss begins to bend for rows of n equations, in standard deviations: beyond what normal noise does.
 double bend_of(int n) {
   return std::sqrt(double(n)) + 2;
@@ -169,32 +185,22 @@ struct Problem {
   /// Rules and priors as further equations: r(x) and J (over all unknowns).
   void extra(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
     constexpr double kRuleNoise = 1e-7;  // rules hold to this: a length error of 0.1 um on a metre
-    std::vector<kinematics::Dual> p(nominal.size());
-    for (std::size_t i = 0; i < p.size(); ++i) p[i] = kinematics::Dual(x[column(i)]);
-    const std::size_t rules = rules_of(m, std::span<const kinematics::Dual>(p)).size();
+    Eigen::VectorXd rule;
+    Eigen::MatrixXd by_unknowns;
+    rules_at(m, layout, x, rule, by_unknowns);
     std::vector<std::pair<std::size_t, double>> priors;
-    for (std::size_t i = 0; i < p.size(); ++i) {
+    for (std::size_t i = 0; i < nominal.size(); ++i) {
       const double prior = is_length(i) ? options.prior_length : options.prior_angle;
       if (chosen[i] && prior > 0) priors.emplace_back(i, prior);
     }
-    const Eigen::Index n = static_cast<Eigen::Index>(rules + priors.size());
+    const Eigen::Index rules = rule.size(), n = rules + static_cast<Eigen::Index>(priors.size());
     r.setZero(n);
     J.setZero(n, layout.count);
-    for (std::size_t first = 0; rules > 0 && first < p.size(); first += 6) {
-      const std::size_t count = std::min<std::size_t>(6, p.size() - first);
-      for (std::size_t j = 0; j < count; ++j) p[first + j].v[static_cast<int>(j)] = 1;
-      const auto values = rules_of(m, std::span<const kinematics::Dual>(p));
-      for (std::size_t i = 0; i < rules; ++i) {
-        r[static_cast<int>(i)] = values[i].a / kRuleNoise;
-        for (std::size_t j = 0; j < count; ++j) {
-          J(static_cast<int>(i), column(first + j)) = values[i].v[static_cast<int>(j)] / kRuleNoise;
-        }
-      }
-      for (std::size_t j = 0; j < count; ++j) p[first + j].v.setZero();
-    }
+    r.head(rules) = rule / kRuleNoise;
+    J.topRows(rules) = by_unknowns / kRuleNoise;
     for (std::size_t k = 0; k < priors.size(); ++k) {
       const auto [i, sigma] = priors[k];
-      const int row = static_cast<int>(rules + k);
+      const Eigen::Index row = rules + static_cast<Eigen::Index>(k);
       r[row] = (x[column(i)] - start[column(i)]) / sigma;
       J(row, column(i)) = 1 / sigma;
     }
@@ -255,15 +261,13 @@ double weight_of(Loss loss, double bend, double squared_norm) {
 /// Robust standard deviation of whitened residuals of the fitted rows: 1 where the noise was guessed right.
 double robust_scale(const std::vector<Eigen::VectorXd>& residuals, const std::vector<bool>& held_back,
                     std::size_t unknowns) {
-  std::vector<double> sizes;
-  for (std::size_t i = 0; i < residuals.size(); ++i) {
-    if (held_back[i]) continue;
-    for (const double r : residuals[i]) sizes.push_back(std::abs(r));
-  }
-  if (sizes.size() <= unknowns) return 1;
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return kNormalPerMad * *middle * std::sqrt(double(sizes.size()) / double(sizes.size() - unknowns));
+  std::vector<double> all;
+  for (std::size_t i = 0; i < residuals.size(); ++i)
+    if (!held_back[i]) all.insert(all.end(), residuals[i].begin(), residuals[i].end());
+  if (all.size() <= unknowns) return 1;
+  const auto n = double(all.size());
+  return robust_deviation(Eigen::Map<const Eigen::VectorXd>(all.data(), std::ssize(all))) *
+         std::sqrt(n / (n - double(unknowns)));
 }
 
 /// Instrument against nominal machine, before anything is fitted: line, unit.
@@ -380,19 +384,9 @@ Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Mea
   POLYPOD_TRY(check_extent(rows, problem.seed, X_SM, options.X_TR));
 
   // Start and scale of every unknown.
-  const double size = size_of(any);
-  Eigen::VectorXd &start = problem.start, &scale = problem.scale;
-  start.setZero(layout.count);
-  scale.setConstant(layout.count, kOnePercent);
-  start.segment<3>(layout.frame) = X_SM.p;
-  start.segment<3>(layout.frame + 3) = rotation_vector(X_SM.R);
-  start.segment<3>(layout.target) = options.X_TR.p;
-  start.segment<3>(layout.target + 3) = rotation_vector(options.X_TR.R);
-  for (const int first : {layout.frame, layout.target}) scale.segment<3>(first).setConstant(kOnePercent * size);
-  for (std::size_t i = 0; i < nominal.size(); ++i) {
-    start[problem.column(i)] = nominal[i].value;
-    if (problem.is_length(i)) scale[problem.column(i)] = kOnePercent * size;
-  }
+  const Start from = start_of(any, layout, X_SM, options.X_TR);
+  problem.start = from.x;
+  problem.scale = from.scale;
   for (const auto& [name, first] : layout.contact) {
     Vec3 sum = Vec3::Zero();
     int touched = 0;
@@ -407,8 +401,7 @@ Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Mea
       return fail("CA117", fmt::format("the place \"{}\" is touched once only", name), example->place,
                   "touch it at least twice, with other joints");
     }
-    start.segment<3>(first) = sum / touched;
-    scale.segment<3>(first).setConstant(kOnePercent * size);
+    problem.start.template segment<3>(first) = sum / touched;
   }
 
   // Which unknowns to look for, and rows to hold back where enough are left.

@@ -191,8 +191,38 @@ std::vector<kinematics::Dual> rules_of(const M& m, std::span<const kinematics::D
   }
 }
 
+/// Their values at the unknowns x, and the derivatives by all unknowns (rules x unknowns). Dual numbers carry six
+/// derivatives at a time.
+template <class M>
+void rules_at(const M& m, const Layout& layout, const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) {
+  constexpr int kAtATime = 6;
+  const int count = layout.count - layout.parameters;
+  std::vector<kinematics::Dual> p(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) p[static_cast<std::size_t>(i)] = kinematics::Dual(x[layout.parameters + i]);
+  const auto rules = static_cast<Eigen::Index>(rules_of(m, std::span<const kinematics::Dual>(p)).size());
+  r.setZero(rules);
+  J.setZero(rules, layout.count);
+  for (int first = 0; rules > 0 && first < count; first += kAtATime) {
+    const int some = std::min(kAtATime, count - first);
+    for (int j = 0; j < some; ++j) p[static_cast<std::size_t>(first + j)].v[j] = 1;
+    const auto values = rules_of(m, std::span<const kinematics::Dual>(p));
+    for (Eigen::Index i = 0; i < rules; ++i) {
+      r[i] = values[static_cast<std::size_t>(i)].a;
+      J.row(i).segment(layout.parameters + first, some) = values[static_cast<std::size_t>(i)].v.head(some).transpose();
+    }
+    for (int j = 0; j < some; ++j) p[static_cast<std::size_t>(first + j)].v.setZero();
+  }
+}
+
 /// A size of the machine, m: the largest of its lengths.
 double size_of(const AnyMachine& machine);
+
+/// Where the unknowns begin (the nominal parameters, the first guesses of frame and target, contacts at 0) and how far
+/// each must be told: 1 % of the machine's size, or 0.01 rad.
+struct Start {
+  Eigen::VectorXd x, scale;
+};
+Start start_of(const AnyMachine& machine, const Layout& layout, const Pose& X_SM, const Pose& X_TR);
 
 /// Which unknowns the equations can tell from those before them, in the order of the columns of J: unknown j is held
 /// where a change by `scale[j]`, less the best that the others before it can do to look alike, stays below the noise

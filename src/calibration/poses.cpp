@@ -124,34 +124,37 @@ Measurement row_at(const Stand& stand, Kind kind, const std::vector<Vec3>& ancho
   return row;
 }
 
+/// Takes the rules that parameters keep into the equations' columns: of each rule the parameter that it holds most
+/// follows from the others, so its effect goes to theirs and its own column becomes 0.
+void apply_rules(const Eigen::MatrixXd& rules, Eigen::MatrixXd& J) {
+  for (Eigen::Index i = 0; i < rules.rows(); ++i) {
+    Eigen::Index follows = 0;
+    const double most = rules.row(i).cwiseAbs().maxCoeff(&follows);
+    if (most == 0) continue;
+    J -= J.col(follows).eval() * (rules.row(i) / rules(i, follows));
+    J.col(follows).setZero();
+  }
+}
+
 /// Equations by all unknowns of the layout, in units that compare.
 std::vector<Eigen::MatrixXd> all_equations(const AnyMachine& any, const std::vector<Stand>& stands, Kind kind,
                                            const std::vector<Vec3>& anchors, const CalibrationOptions& options,
-                                           Layout& layout, Eigen::VectorXd& scale) {
-  constexpr double kOnePercent = 0.01;
+                                           Layout& layout) {
   return std::visit(
       [&](const auto& m) {
-        const auto parameters_of = parameters(m);
-        layout = layout_of({}, parameters_of.size());
-        const double size = size_of(any);
-        Eigen::VectorXd x = Eigen::VectorXd::Zero(layout.count);
-        scale = Eigen::VectorXd::Constant(layout.count, kOnePercent);
-        x.segment<3>(layout.frame) = options.X_SM.p;
-        x.segment<3>(layout.frame + 3) = rotation_vector(options.X_SM.R);
-        x.segment<3>(layout.target) = options.X_TR.p;
-        x.segment<3>(layout.target + 3) = rotation_vector(options.X_TR.R);
-        for (const int first : {layout.frame, layout.target}) scale.segment<3>(first).setConstant(kOnePercent * size);
-        for (std::size_t i = 0; i < parameters_of.size(); ++i) {
-          x[layout.parameters + static_cast<int>(i)] = parameters_of[i].value;
-          if (parameters_of[i].unit == "mm") scale[layout.parameters + static_cast<int>(i)] = kOnePercent * size;
-        }
+        layout = layout_of({}, parameters(m).size());
+        const Start start = start_of(any, layout, options.X_SM, options.X_TR);
+        Eigen::VectorXd unused;
+        Eigen::MatrixXd rules;
+        rules_at(m, layout, start.x, unused, rules);
         std::vector<Eigen::MatrixXd> out;
         const Noise noise{options.noise_position, options.noise_angle};
         Equations e;
         for (std::size_t i = 0; i < stands.size(); ++i) {
-          equations_of(m, row_at(stands[i], kind, anchors, options, i), stands[i].X_MT, layout, x, noise, true, e,
+          equations_of(m, row_at(stands[i], kind, anchors, options, i), stands[i].X_MT, layout, start.x, noise, true, e,
                        Lost::first_order);
-          out.emplace_back(e.J * scale.asDiagonal());
+          apply_rules(rules, e.J);
+          out.emplace_back(e.J * start.scale.asDiagonal());
         }
         return out;
       },
@@ -176,8 +179,7 @@ Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t co
     return fail("CA121", fmt::format("only {} of {} poses found within the limits", out.stands.size(), count));
   }
   Layout layout;
-  Eigen::VectorXd scale;
-  const auto all = all_equations(machine, out.stands, kind, anchors, options, layout, scale);
+  const auto all = all_equations(machine, out.stands, kind, anchors, options, layout);
   Eigen::MatrixXd J(static_cast<Eigen::Index>(all.size()) * all.front().rows(), layout.count);
   for (std::size_t i = 0; i < all.size(); ++i) {
     J.middleRows(static_cast<Eigen::Index>(i) * all[i].rows(), all[i].rows()) = all[i];
@@ -196,12 +198,13 @@ std::vector<Eigen::MatrixXd> geometry_equations(const AnyMachine& machine, const
                                                 const std::vector<Vec3>& anchors, const CalibrationOptions& options,
                                                 const Candidates& like) {
   Layout layout;
-  Eigen::VectorXd scale;
-  std::vector<Eigen::MatrixXd> out = all_equations(machine, stands, kind, anchors, options, layout, scale);
+  std::vector<Eigen::MatrixXd> out = all_equations(machine, stands, kind, anchors, options, layout);
   std::vector<int> kept;
   for (int j = 0; j < layout.count; ++j) {
     const std::string key = unknown_of(machine, layout, j).key;
-    if (std::find(like.unknowns.begin(), like.unknowns.end(), key) != like.unknowns.end()) kept.push_back(j);
+    const bool follows = std::all_of(out.begin(), out.end(), [&](const auto& J) { return J.col(j).isZero(0); });
+    if (!follows && std::find(like.unknowns.begin(), like.unknowns.end(), key) != like.unknowns.end())
+      kept.push_back(j);
   }
   for (Eigen::MatrixXd& one : out) one = columns(one, kept);
   return out;

@@ -24,7 +24,7 @@ struct Candidates {
 /// drawn as random_stands does. Errors: CA114, CA116, CA120, CA121.
 Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, Kind kind,
                                        const std::vector<Vec3>& anchors, const CalibrationOptions& options);
-/// The same at given stands, for the unknowns of `like`.
+/// The same at given stands, for the unknowns of `like`; without those of which nothing shows there at all.
 std::vector<Eigen::MatrixXd> geometry_equations(const AnyMachine& machine, const std::vector<Stand>& stands, Kind kind,
                                                 const std::vector<Vec3>& anchors, const CalibrationOptions& options,
                                                 const Candidates& like);

@@ -145,6 +145,17 @@ requires DeltaFamily<M> ClosureVectorT<T> closure(const M& m, const PoseT<T>& X_
   return F;
 }
 
+/// Rules among the parameters: |u_i|^2 - 1 = 0 of every rail.
+template <class T>
+std::vector<T> parameter_rules(const LinearDelta& m, std::span<const T> p) {
+  std::vector<T> out;
+  for (int i = 0; i < m.arms; ++i) {
+    const Vector3<T> u = delta_detail::vector_at(p, delta_detail::kStride * static_cast<std::size_t>(i) + 3);
+    out.push_back(square(u[0]) + square(u[1]) + square(u[2]) - T(1.0));
+  }
+  return out;
+}
+
 /// The limits in the order of DeltaLimits; 1 where a limit is not given.
 template <class M, class T>
 requires DeltaFamily<M> std::vector<T> limits(const M& m, const PoseT<T>& X_MT, std::span<const T> q,
