@@ -157,10 +157,8 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
     }
     place_C -= craig.d[0] * along;
   }
-  for (int k = 0; k < 3; ++k)
-    if (std::abs(place_C[k]) < kRounding) place_C[k] = 0;
-  s.work_rotation = -first.gamma;
-  s.work_offset = -place_C;
+  s.work_rotation = first.gamma == 0 ? 0 : -first.gamma;
+  for (int k = 0; k < 3; ++k) s.work_offset[k] = std::abs(place_C[k]) < kRounding ? 0 : -place_C[k];
   for (std::size_t i = 1; i < kJoints; ++i) {
     const CommonNormal normal = common_normal(K[i]);
     turned[i - 1] += normal.gamma;
@@ -226,7 +224,7 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
       "the joint reads 0; for a switch at a reading q write this value + q.");
   if (!backwards.empty()) {
     s.notes.push_back(
-        fmt::format("Joint {} counts against its reading: change the sign of its SCALE, and write "
+        fmt::format("Counting against the drive's reading: joint {}. Change the sign of SCALE there, and write "
                     "HOME_OFFSET - q for a switch at a reading q.",
                     backwards));
   }

@@ -394,7 +394,8 @@ Result<Settings> delta_settings_of(const M& m, Controller controller, const Sett
       kRotary ? "arms" : "rails", chains_in_words(order), backwards.empty() ? "+" : "- (+ where it counts up)"));
   if (!backwards.empty()) {
     s.notes.push_back(fmt::format(
-        "Joints are the carriages' heights: joint {} counts against its reading, change the sign of its SCALE.",
+        "Joints are the carriages' heights. Counting against the drive's reading: joint {}. Change the sign of SCALE "
+        "there.",
         backwards));
   }
   return s;

@@ -82,13 +82,13 @@ Result<Settings> settings_for(const AnyMachine& machine, Controller controller, 
 std::string text_of(const Settings& s) {
   const bool klipper = s.controller == Controller::klipper;
   std::string out = remark(fmt::format("{} for {}: {}", s.machine, klipper ? "Klipper" : "LinuxCNC", s.module));
-  if (s.fitted) {
+  if (s.fitted && !s.exact) {
     out += remark(fmt::format("The tool misses the asked points (at {} of the workspace) by", s.points));
     out += remark(fmt::format("  mean values:    {}", misses_text(s.before)));
     out += remark(fmt::format("  these settings: {}", misses_text(s.after)));
     out += remark("If that is too much: polypod calibrate --targets.");
   } else if (s.exact) {
-    out += remark("These settings are exact.");
+    out += remark("These settings stand for the machine to rounding.");
   } else {
     out += remark(fmt::format("The tool misses the asked points (at {} of the workspace) by {}.", s.points,
                               misses_text(s.after)));
