@@ -230,6 +230,7 @@ TEST(Control, ToolBesideTheAxisIsAWorkOffset) {
   ASSERT_TRUE(m) << to_string(m.error());
   const Settings s = settings_of(*m, Controller::klipper);
   EXPECT_TRUE(s.exact);
+  EXPECT_LT(s.before.max, 1e-12);
   EXPECT_NEAR(s.work_offset.x(), -12e-3, 1e-9);
   EXPECT_NEAR(s.work_offset.y(), -7e-3, 1e-9);
 }
@@ -273,6 +274,25 @@ TEST(Control, KlipperDeltaGivesBackItsOwnParameters) {
     EXPECT_NEAR(of(got, stepper + "position_endstop"), wanted[i].endstop, 1e-6);
   }
   EXPECT_LT(s.work_offset.norm(), 1e-9);
+}
+// Three upright towers anywhere stand on one circle, whose middle is the work offset.
+TEST(Control, UprightTowersAnywhereFitKlipper) {
+  const auto m = machine::from_text(R"(name = "k"
+family = "linear-delta"
+arms = [
+{ direction_deg = 31, rod_mm = 341, platform_mm = [33, 22, 1], start_mm = [170, 101, 3], along = [0, 0, 1] },
+{ direction_deg = 149, rod_mm = 339, platform_mm = [-36, 21, -2], start_mm = [-174, 97, 0], along = [0, 0, 1] },
+{ direction_deg = 270, rod_mm = 340, platform_mm = [1, -41, 0], start_mm = [2, -203, -4], along = [0, 0, 1] },
+]
+rail = { length_mm = 500 }
+joint = { platform_deg = 80 }
+)",
+                                    "k.toml");
+  ASSERT_TRUE(m) << to_string(m.error());
+  const Settings s = settings_of(*m, Controller::klipper);
+  EXPECT_TRUE(s.exact) << s.after.max;
+  EXPECT_GT(s.before.rms, 1e-4);
+  EXPECT_FALSE(settings_of(*m).exact);
 }
 TEST(Control, KlipperRotaryDeltaGivesBackItsOwnParameters) {
   constexpr double kShoulder = 160, kHeight = 640, kPlatform = 80, kTable = 700, kEndstop = 42;  // mm, deg
@@ -344,7 +364,10 @@ TEST(Control, WhatNoModuleStandsForIsRefused) {
   EXPECT_EQ(refused(machine_of("lola50"), Controller::klipper), "CN101");
   EXPECT_EQ(refused(*machine::load("delta-brno", {{"arm.count", "4"}}), Controller::linuxcnc), "CN101");
   EXPECT_EQ(refused(*machine::load(data("six_joints.toml"), {{"tool.x_mm", "80"}}), Controller::linuxcnc), "CN102");
-  EXPECT_EQ(refused(*machine::load("delta-linear", {{"rail.incline_deg", "40"}}), Controller::klipper), "CN103");
+  const auto lying = settings_for(*machine::load("delta-linear", {{"rail.incline_deg", "40"}}), Controller::klipper);
+  ASSERT_FALSE(lying);
+  EXPECT_EQ(lying.error().id, "CN103");
+  EXPECT_NE(lying.error().message.find("leans"), std::string::npos) << lying.error().message;
   const auto four = machine::from_text(
       "name = \"a\"\nfamily = \"serial\"\ntask = \"point\"\nconvention = \"standard\"\n"
       "dh = [ { a_mm = 0, alpha_deg = 90, d_mm = 100, theta_offset_deg = 0 },\n"
