@@ -56,9 +56,8 @@ struct Settings {
 ///   before, theta and d to the one after. Five joints get a sixth without a motor about the tool axis, which takes the
 ///   C of the program; with six, a tool beside axis 6 is left out and its miss is said.
 /// - Deltas of three chains, LinuxCNC lineardeltakins and rotarydeltakins, Klipper delta and rotary_delta: least
-/// squares
-///   over the misses p_controller(q) - p_C(q) at random stands (Levenberg-Marquardt, Ceres), judged at others. Home
-///   offsets, endstop positions and the work offset are fitted, too.
+///   squares over the misses p_controller(q) - p_C(q) at random stands (Levenberg-Marquardt, Ceres), judged at others.
+///   Home offsets, endstop positions and the work offset are fitted, too.
 ///
 /// {F} is {M} for hexapods and arms. A delta's M has z downwards: {F} is M turned by half a turn about x, for Klipper
 /// with z = 0 at the table (or the largest z). Errors: CN101 (no module of this controller for the machine), CN102 (an
