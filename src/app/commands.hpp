@@ -28,6 +28,7 @@ Command identify_compliance_command();
 Command simulate_measurement_command();
 Command calibrate_command();
 Command poses_command();
+Command controller_command();
 Command identify_cutting_command();
 Command force_command();
 Command predict_command();

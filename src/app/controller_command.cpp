@@ -1,0 +1,86 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/control/settings.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::app {
+namespace {
+
+struct Options {
+  std::string machine, controller, out;
+  std::vector<std::string> sets;
+  int points = 400, seed = 1;
+};
+
+Json json_of(const control::Settings& s) {
+  Json settings = Json::array();
+  for (const control::Setting& setting : s.settings) {
+    settings.push_back({{"section", setting.section},
+                        {"key", setting.key},
+                        {"value", setting.text.empty() ? Json(setting.value) : Json(setting.text)}});
+  }
+  const auto mm = [](bool known, double si) { return known ? Json(units::to_mm(si)) : Json(); };
+  return {{"module", s.module},
+          {"exact", s.exact},
+          {"settings", settings},
+          {"points", s.points},
+          {"rms_before_mm", mm(s.fitted, s.before.rms)},
+          {"max_before_mm", mm(s.fitted, s.before.max)},
+          {"rms_after_mm", units::to_mm(s.after.rms)},
+          {"max_after_mm", units::to_mm(s.after.max)},
+          {"angle_after_deg", units::to_deg(s.angle_after)},
+          {"work_offset_mm", vector_json(s.work_offset * units::kMmPerMetre)},
+          {"work_rotation_deg", units::to_deg(s.work_rotation)},
+          {"notes", s.notes}};
+}
+
+}  // namespace
+
+Command controller_command() {
+  auto o = std::make_shared<Options>();
+  return {"controller", "The settings with which LinuxCNC's or Klipper's own kinematics stand for a machine",
+          "polypod controller measured.toml --for linuxcnc -o settings.txt",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--for", o->controller, "linuxcnc or klipper", true);
+            a.option("--points", o->points, "Poses to fit to, and as many to judge by (default 400)");
+            a.option("--seed", o->seed, "Of the poses (default 1)");
+            a.option("-o,--output", o->out, "The settings, text to paste");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
+            const bool klipper = o->controller == "klipper";
+            if ((!klipper && o->controller != "linuxcnc") || o->points < 30 || o->points > 100000 || o->seed < 0) {
+              return fail("AP185", "an option of controller is unknown or out of range", {},
+                          "--for linuxcnc|klipper, --points 30 to 100000");
+            }
+            control::SettingsOptions options;
+            options.points = static_cast<std::size_t>(o->points);
+            options.seed = static_cast<std::uint64_t>(o->seed);
+            POLYPOD_ASSIGN(
+                found, control::settings_for(m, klipper ? control::Controller::klipper : control::Controller::linuxcnc,
+                                             options));
+            const std::string text = control::text_of(found);
+            if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, text));
+            if (context.json) {
+              print_json(json_of(found));
+            } else if (o->out.empty()) {
+              fmt::print("{}", text);
+            } else {
+              fmt::print("{}{}: wrote {}\n", found.module,
+                         found.exact ? ", exact"
+                                     : fmt::format(", misses rms {:.4f} mm, max {:.4f} mm",
+                                                   units::to_mm(found.after.rms), units::to_mm(found.after.max)),
+                         o->out);
+            }
+            return kDone;
+          }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,57 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the families share on their way to settings.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "polypod/control/settings.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::control {
+
+Result<Settings> hexapod_settings(const machine::StrutHexapod& m);
+Result<Settings> arm_settings(const machine::SerialArm& arm, const SettingsOptions& options);
+Result<Settings> delta_settings(const machine::RotaryDelta& m, Controller controller, const SettingsOptions& options);
+Result<Settings> delta_settings(const machine::LinearDelta& m, Controller controller, const SettingsOptions& options);
+
+/// One of many misses.
+class MissCount {
+ public:
+  void add(double miss) {
+    square_ += miss * miss;
+    max_ = std::max(max_, miss);
+    ++count_;
+  }
+  [[nodiscard]] Misses misses() const {
+    return {count_ == 0 ? 0 : std::sqrt(square_ / static_cast<double>(count_)), max_};
+  }
+
+ private:
+  double square_ = 0, max_ = 0;
+  std::size_t count_ = 0;
+};
+
+inline void put(Settings& s, std::string section, std::string key, double value) {
+  s.settings.push_back({std::move(section), std::move(key), value, ""});
+}
+inline void put(Settings& s, std::string section, std::string key, std::string text) {
+  s.settings.push_back({std::move(section), std::move(key), 0, std::move(text)});
+}
+
+/// A joint's home and limits in LinuxCNC, mm or deg. `offset` is the joint where the drive reads 0, `home` where it
+/// goes after homing.
+inline void put_joint(Settings& s, int joint, bool turns, double offset, double home, double low, double high) {
+  const std::string section = fmt::format("JOINT_{}", joint);
+  put(s, section, "TYPE", turns ? "ANGULAR" : "LINEAR");
+  put(s, section, "HOME_OFFSET", offset);
+  put(s, section, "HOME", std::clamp(home, low, high));
+  put(s, section, "MIN_LIMIT", low);
+  put(s, section, "MAX_LIMIT", high);
+}
+
+inline constexpr const char* kTargetsHint =
+    "polypod calibrate --targets corrects points for a controller that knows only the nominal machine";
+
+}  // namespace polypod::control
