@@ -348,7 +348,7 @@ class Pass {
       if (!map.covers(p)) {
         return fail("MC211", "no compliance is known there: in M " + map.why_not(p), place(move),
                     statics::has_compliance(job_.machine)
-                        ? "measure there too, or leave the measured compliance out: the joints' own holds everywhere"
+                        ? "measure there too, or leave the measured compliance out and take that of the joints"
                         : "measure there too");
       }
       C_M = map.at(p);

@@ -366,7 +366,7 @@ class Page {
     if (band_.normal.count > 0) {
       items.push_back(
           fmt::format("The measured compliance is not known exactly: the bend across the path is uncertain by ± {} on "
-                      "average and up to {} (95 %), which the tube does not hold.",
+                      "average and up to {} (95 %). The check against the tube does not count this.",
                       um(band_.normal.mean), um(band_.normal.max)));
     }
     items.push_back(
