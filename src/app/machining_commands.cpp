@@ -35,11 +35,50 @@ struct Input {
   gcode::Interpretation interpretation;
 };
 
-Result<Input> read_input(const std::string& program_path, const std::string& job_path) {
+constexpr const char* kMeasuredHelp =
+    "Measured displacements (the files of identify compliance): the compliance is interpolated from these alone, "
+    "without the joints' (repeatable; default: the job's)";
+
+/// `measured`: files in the place of the job's measured compliance, if there are any.
+Result<Input> read_input(const std::string& program_path, const std::string& job_path,
+                         const std::vector<std::string>& measured) {
   POLYPOD_ASSIGN(job, machining::read_job(job_path));
+  if (!measured.empty()) {
+    POLYPOD_ASSIGN(compliance, machining::read_measured(measured));
+    job.measured = std::move(compliance);
+  }
   POLYPOD_ASSIGN(program, gcode::read(program_path));
   POLYPOD_ASSIGN(interpretation, gcode::interpret(program, job.interpret_options()));
   return Input{std::move(job), std::move(program), std::move(interpretation)};
+}
+
+/// Adds what the measured compliance is made of and how far it is known; nothing where the job has none.
+void add_map(Json& document, const machining::Job& job, const machining::MapBand& band) {
+  if (!job.measured) return;
+  const auto mean_and_max = [](const machining::Spread& s) {
+    return Json{{"mean", to_um(s.mean)}, {"max", to_um(s.max)}};
+  };
+  const statics::MeasuredMap& map = job.measured->map;
+  document["measured_compliance"] = {{"files", job.measured->files},
+                                     {"points", map.size()},
+                                     {"correlation_length_mm", to_mm(map.correlation_length())}};
+  document["map_band_95_um"] = mean_and_max(band.normal);
+  if (band.joints.count > 0) document["model_difference_um"] = mean_and_max(band.joints);
+}
+
+void print_map(const machining::Job& job, const machining::MapBand& band) {
+  if (!job.measured) return;
+  const statics::MeasuredMap& map = job.measured->map;
+  fmt::print("compliance     interpolated from {} measured points, correlation length {:.0f} mm\n", map.size(),
+             to_mm(map.correlation_length()));
+  if (band.normal.count > 0) {
+    fmt::print("its band       +- {:.1f} um of the normal error, up to {:.1f} um (95 %, at {} points)\n",
+               to_um(band.normal.mean), to_um(band.normal.max), band.normal.count);
+  }
+  if (band.joints.count > 0) {
+    fmt::print("joints' model  deflections {:.1f} um from these, up to {:.1f} um\n", to_um(band.joints.mean),
+               to_um(band.joints.max));
+  }
 }
 
 }  // namespace
@@ -47,6 +86,7 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
 Command predict_command() {
   struct Options {
     std::string program, job;
+    std::vector<std::string> measured;
     double step_mm = 0;
     bool at_rest = false;
   };
@@ -56,18 +96,20 @@ Command predict_command() {
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");
         a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+        a.option("--measured", o->measured, kMeasuredHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
         a.flag("--at-rest", o->at_rest, "Force at the commanded point, without the feedback of the bend on the cut");
       },
       [o](const Context& context) -> Result<int> {
         if (o->step_mm < 0) return fail("AP120", fmt::format("--step {:g} must be above 0 mm", o->step_mm));
-        POLYPOD_ASSIGN(in, read_input(o->program, o->job));
+        POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
         machining::PredictOptions options;
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
         options.step = units::from_mm(o->step_mm);
         options.progress = progress_line(context, "predicting");
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
+        const machining::MapBand map = machining::map_band(in.job, p);
         options.progress(1);
         const bool spread = !in.job.material.spread.empty();
         if (context.json) {
@@ -100,6 +142,7 @@ Command predict_command() {
                                       {"deflection_mean", to_um(band.deflection_mean)},
                                       {"normal_mean", to_um(band.normal_mean)}};
           }
+          add_map(document, in.job, map);
           print_json(document);
           return kDone;
         }
@@ -117,6 +160,7 @@ Command predict_command() {
               "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
               to_um(band.normal_mean), to_um(band.deflection_max));
         }
+        print_map(in.job, map);
         if (!p.moves.empty()) fmt::print("\n  line   length    normal error um        force N\n");
         constexpr std::size_t kMost = 40;
         for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {
@@ -133,6 +177,7 @@ Command predict_command() {
 Command correct_command() {
   struct Options {
     std::string program, job, output, report, method = "tube";
+    std::vector<std::string> measured;
     int points = 10;
     double tolerance_um = 0;
   };
@@ -144,6 +189,7 @@ Command correct_command() {
             a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
             a.option("-o,--output", o->output, "The corrected program", true);
             a.option("--report", o->report, "An HTML report of what will happen and why");
+            a.option("--measured", o->measured, kMeasuredHelp);
             a.option("--tolerance", o->tolerance_um, "Radius of the tube, um (default: the job's)");
             a.option("--method", o->method, "tube, or mirror: one step at --points points a move, for comparison");
             a.option("--points", o->points, "Pieces a move for --method mirror");
@@ -160,7 +206,7 @@ Command correct_command() {
             if (o->tolerance_um < 0) return fail("AP122", "--tolerance must be above 0 um");
             POLYPOD_TRY(files::may_write(o->output));
             if (!o->report.empty()) POLYPOD_TRY(files::may_write(o->report));
-            POLYPOD_ASSIGN(in, read_input(o->program, o->job));
+            POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
             if (o->tolerance_um > 0) in.job.tolerance = units::from_um(o->tolerance_um);
             options.keep_samples = !o->report.empty();
             const char* current = "";
@@ -181,10 +227,12 @@ Command correct_command() {
               page.method = options.method;
               page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
                                          for_shell(o->job), for_shell(o->output), for_shell(o->report));
+              for (const std::string& file : o->measured) page.command += " --measured " + for_shell(file);
               if (o->tolerance_um > 0) page.command += fmt::format(" --tolerance {}", o->tolerance_um);
               if (o->method == "mirror") page.command += fmt::format(" --method mirror --points {}", o->points);
               POLYPOD_TRY(files::write_whole(o->report, pages::correction_page(in.job, in.program, c, page)));
             }
+            const machining::MapBand map = machining::map_band(in.job, c.before);
             if (context.json) {
               Json moves = Json::array();
               for (const machining::MoveOutcome& m : c.moves) {
@@ -200,26 +248,28 @@ Command correct_command() {
               }
               std::vector<std::string> notes = c.before.notes;
               for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
-              print_json({{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
-                          {"machine", in.job.machine_name},
-                          {"method", o->method},
-                          {"before_um", spread_json(c.before.normal, 1e6)},
-                          {"after_um", spread_json(c.after.normal, 1e6)},
-                          {"distance_before_um", to_um(c.before.largest_distance)},
-                          {"distance_after_um", to_um(c.largest_distance)},
-                          {"lines_in", c.lines_in},
-                          {"lines_out", c.lines_out},
-                          {"moves_rewritten", c.rewritten_moves},
-                          {"segments", c.pieces},
-                          {"transitions", c.transitions},
-                          {"rounds", c.rounds},
-                          {"points_checked", c.after.pass.points},
-                          {"tolerance_um", to_um(c.tolerance)},
-                          {"within_tolerance", c.within_tolerance},
-                          {"reason", c.reason},
-                          {"moves", moves},
-                          {"notes", notes},
-                          {"report", o->report}});
+              Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
+                            {"machine", in.job.machine_name},
+                            {"method", o->method},
+                            {"before_um", spread_json(c.before.normal, 1e6)},
+                            {"after_um", spread_json(c.after.normal, 1e6)},
+                            {"distance_before_um", to_um(c.before.largest_distance)},
+                            {"distance_after_um", to_um(c.largest_distance)},
+                            {"lines_in", c.lines_in},
+                            {"lines_out", c.lines_out},
+                            {"moves_rewritten", c.rewritten_moves},
+                            {"segments", c.pieces},
+                            {"transitions", c.transitions},
+                            {"rounds", c.rounds},
+                            {"points_checked", c.after.pass.points},
+                            {"tolerance_um", to_um(c.tolerance)},
+                            {"within_tolerance", c.within_tolerance},
+                            {"reason", c.reason},
+                            {"moves", moves},
+                            {"notes", notes},
+                            {"report", o->report}};
+              add_map(document, in.job, map);
+              print_json(document);
             } else {
               fmt::print("normal error before  {}\n", spread_text(c.before.normal));
               fmt::print("normal error after   {}\n", spread_text(c.after.normal));
@@ -228,6 +278,7 @@ Command correct_command() {
               fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
                          c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
               fmt::print("checked at {} points after reading the new program back\n", c.after.pass.points);
+              print_map(in.job, map);
               for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
               for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
               if (writes) fmt::print("wrote {}\n", o->output);

@@ -324,12 +324,16 @@ class Corrector {
       replacements.push_back(std::move(r));
     }
     POLYPOD_ASSIGN(rewritten, gcode::rewrite(program_, interpretation_, replacements, rewrite_options));
-    const std::vector<std::string> header{
+    std::vector<std::string> header{
         fmt::format("Polypod: corrected for the static compliance of {}", machine::name_of(job_.machine)),
         fmt::format("Polypod: tube radius {:g} um, cutter {:g} mm with {} teeth, origin X{:g} Y{:g} Z{:g} mm",
                     units::to_um(job_.tolerance), units::to_mm(job_.cutter.diameter), job_.cutter.teeth,
                     units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z())),
         fmt::format("Polypod: {} of {} moves rewritten, do not correct again", out_.rewritten_moves, moves_.size())};
+    if (job_.measured) {
+      header.insert(header.begin() + 1,
+                    fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
+    }
     const gcode::Program with_header = gcode::with_header(rewritten.program, header);
     out_.text = gcode::to_text(with_header);
     // From here on only what was written counts.

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "polypod/core/config.hpp"
@@ -18,6 +20,18 @@ Result<config::Table> table_or_file(const config::Table& table, const std::strin
     return config::read_file(config::beside(job_path, file));
   }
   return table.table(key);
+}
+
+// The tool axis of a map and that of the job count as one up to this angle, deg.
+constexpr double kOneDirection = 1;
+
+Status read_measured_key(const config::Table& table, Job& job) {
+  POLYPOD_ASSIGN(files, table.optional_texts("measured_compliance"));
+  for (std::string& file : files) file = config::beside(job.path, file);
+  if (files.empty()) return {};
+  POLYPOD_ASSIGN(measured, read_measured(files, table.place_of("measured_compliance")));
+  job.measured = std::move(measured);
+  return {};
 }
 
 Status read_workpiece(const config::Table& table, Job& job) {
@@ -58,6 +72,36 @@ Status read_tools(const config::Table& table, Job& job) {
 
 }  // namespace
 
+Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
+                                                                const Place& place) {
+  if (files.empty()) return nullptr;
+  // What has no line of its own, a file that is not there, is wrong where it is asked for.
+  const auto placed = [&](Error error) {
+    if (error.place.line == 0 && !place.file.empty()) {
+      if (!error.place.file.empty()) error.message = error.place.file + ": " + error.message;
+      error.place = place;
+    }
+    return tl::unexpected<Error>(std::move(error));
+  };
+  std::vector<statics::MeasuredPoint> points;
+  for (const std::string& file : files) {
+    auto more = statics::read_displacements(file);
+    if (!more) return placed(std::move(more.error()));
+    points.insert(points.end(), more->begin(), more->end());
+  }
+  auto map = statics::MeasuredMap::of(points);
+  if (!map) return placed(std::move(map.error()));
+  const double off = std::acos(std::clamp(map->axis().z(), -1.0, 1.0));
+  if (off > units::from_deg(kOneDirection)) {
+    return fail("MC102",
+                fmt::format("the tool axis of the measured displacements is {:.1f} deg off that of the job, z of M",
+                            units::to_deg(off)),
+                place.file.empty() ? points.front().place : place,
+                "the measured compliance holds for one direction of the tool: measure with the tool upright");
+  }
+  return std::make_shared<const MeasuredCompliance>(MeasuredCompliance{files, std::move(*map)});
+}
+
 Result<Job> read_job(const std::string& path) {
   POLYPOD_ASSIGN(table, config::read_file(path));
   Job job;
@@ -86,6 +130,7 @@ Result<Job> read_job(const std::string& path) {
   job.step = units::from_mm(step);
   POLYPOD_ASSIGN(block_delete, table.optional_boolean("block_delete", false));
   job.block_delete = block_delete;
+  POLYPOD_TRY(read_measured_key(table, job));
   POLYPOD_TRY(table.finish());
   return job;
 }

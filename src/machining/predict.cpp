@@ -7,8 +7,35 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {
+namespace {
+
+// Half of a 95 % interval in standard deviations.
+constexpr double kHalf95 = 1.96;
+
+/// Of any number of points in a row at most 200, at equal distances: where they are too many, every other goes.
+class Few {
+ public:
+  void add(const Sample& sample) {
+    if (seen_++ % stride_ != 0) return;
+    if (kept_.size() == kMost) {
+      for (std::size_t i = 0; 2 * i < kMost; ++i) kept_[i] = kept_[2 * i];
+      kept_.resize(kMost / 2);
+      stride_ *= 2;  // kMost is even, so this sample is the next in the wider row
+    }
+    kept_.push_back(sample);
+  }
+  std::vector<Sample> take() { return std::move(kept_); }
+
+ private:
+  static constexpr std::size_t kMost = 200;
+  std::vector<Sample> kept_;
+  std::size_t seen_ = 0, stride_ = 1;
+};
+
+}  // namespace
 
 PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away) {
   const Vec3 off = bent - programmed.point(programmed.nearest(bent));
@@ -61,6 +88,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   pass_options.bend = options.bend;
   pass_options.step = options.step > 0 ? options.step : job.step;
   pass_options.progress = options.progress;
+  Few few;
   int current = -1;
   const auto visit = [&](const Sample& sample) {
     if (!sample.cutting) {
@@ -79,6 +107,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
     MovePrediction& m = out.moves.back();
     const PathError e = path_error(move, sample.bent(), sample.away);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
+    few.add(sample);
     ++m.points;
     m.deflection.add(sample.deflection.norm());
     m.normal.add(e.normal);
@@ -93,6 +122,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   };
   POLYPOD_ASSIGN(pass, run_pass(job, program, moves, stock, pass_options, visit));
   out.pass = std::move(pass);
+  out.few = few.take();
   out.notes = interpretation.notes;
   for (std::string& note : pass_notes(program, out.pass)) out.notes.push_back(std::move(note));
   return out;
@@ -121,6 +151,29 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
     for (std::size_t i = 0; i < std::min(p.moves.size(), out.normal_by_move.size()); ++i) {
       add(out.normal_by_move[i], p.moves[i].normal.mean - prediction.moves[i].normal.mean);
     }
+  }
+  return out;
+}
+
+MapBand map_band(const Job& job, const Prediction& prediction) {
+  MapBand out;
+  if (!job.measured) return out;
+  const statics::MeasuredMap& map = job.measured->map;
+  const bool joints = statics::has_compliance(job.machine);
+  statics::Probe probe(job.machine, Mat3::Identity());
+  for (const Sample& sample : prediction.few) {
+    const Vec3 p = job.X_MW * sample.command, F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
+    const Mat3 sd = map.deviation(p);
+    double square = 0;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j) {
+        const double lever = i == j ? n[i] * F[i] : n[i] * F[j] + n[j] * F[i];
+        square += lever * lever * sd(i, j) * sd(i, j);
+      }
+    }
+    out.normal.add(kHalf95 * std::sqrt(square));
+    Mat3 C;
+    if (joints && probe.at(p, C)) out.joints.add(((map.at(p) - C) * F).norm());
   }
   return out;
 }

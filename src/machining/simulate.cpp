@@ -336,12 +336,22 @@ class Pass {
   /// Compliance of the tip in W at the command point x_W.
   Status compliance(const gcode::Move& move, const Vec3& x_W, Mat3& C) {
     Mat3 C_M;
-    if (!probe_.at(job_.X_MW * x_W, C_M)) {
-      const Vec3 p = job_.X_MW * x_W;
+    const Vec3 p = job_.X_MW * x_W;
+    if (!probe_.at(p, C_M)) {
       return fail("MC210",
                   fmt::format("the machine cannot stand at x {:.3f} y {:.3f} z {:.3f} mm in M: {}", units::to_mm(p.x()),
                               units::to_mm(p.y()), units::to_mm(p.z()), probe_.why()),
                   place(move), "move the workpiece origin");
+    }
+    if (job_.measured) {
+      const statics::MeasuredMap& map = job_.measured->map;
+      if (!map.covers(p)) {
+        return fail("MC211", "no compliance is known there: in M " + map.why_not(p), place(move),
+                    statics::has_compliance(job_.machine)
+                        ? "measure there too, or leave the measured compliance out and take that of the joints"
+                        : "measure there too");
+      }
+      C_M = map.at(p);
     }
     C.noalias() = job_.X_MW.R.transpose() * C_M * job_.X_MW.R;
     return {};

@@ -76,6 +76,7 @@ class Page {
         program_(program),
         c_(c),
         options_(options),
+        band_(machining::map_band(job, c.before)),
         tracks_(program, c),
         report_(title(), subtitle(), facts()) {}
 
@@ -221,9 +222,9 @@ class Page {
     const PartMap map = part_map(job_, c_, tracks_);
     report_.add_figure_grid(
         3, compliance_panels(job_, map),
-        fmt::format("Compliance of the tool tip in the workpiece frame at z = {} mm, µm per N: Cxy is the displacement "
+        fmt::format("{} of the tool tip in the workpiece frame at z = {} mm, µm per N: Cxy is the displacement "
                     "along x under 1 N along y. Each picture has colours of its own; the lines are the moves that cut.",
-                    number(map.z, 4)));
+                    job_.measured ? "Measured and interpolated compliance" : "Compliance", number(map.z, 4)));
     const JointShares shares = joint_shares(job_, tracks_);
     if (shares.joints.empty()) return;
     report::BarChart bars;
@@ -358,9 +359,16 @@ class Page {
         "ripple "
         "from tooth to tooth.");
     items.push_back(
-        "Only the joints (or legs) give way, in proportion to their load. Cutter, spindle, workpiece and clamping are "
-        "taken as rigid; play, friction, weight, heat, geometric errors and the controller's own path errors are left "
-        "out.");
+        fmt::format("{} Cutter, spindle, workpiece and clamping are taken as rigid; play, friction, weight, heat, "
+                    "geometric errors and the controller's own path errors are left out.",
+                    job_.measured ? "The machine gives way as it did where it was measured, in proportion to the force."
+                                  : "Only the joints (or legs) give way, in proportion to their load."));
+    if (band_.normal.count > 0) {
+      items.push_back(
+          fmt::format("The measured compliance is not known exactly: the bend across the path is uncertain by ± {} on "
+                      "average and up to {} (95 %). The check against the tube does not count this.",
+                      um(band_.normal.mean), um(band_.normal.max)));
+    }
     items.push_back(
         fmt::format("The stock is a height map of {} mm squares; the engagement is known to a fraction of "
                     "one. Between checked points, at most 0.5 mm apart, nothing is said.",
@@ -374,6 +382,27 @@ class Page {
                                        cutter.teeth, given(units::to_deg(cutter.helix)), given(to_mm(cutter.length))));
   }
 
+  /// Which of the two models the answer rests on.
+  void compliance_entries(Entries& out) const {
+    if (!job_.measured) {
+      out.emplace_back("compliance", "that of the joints (or legs)");
+      return;
+    }
+    const statics::MeasuredMap& map = job_.measured->map;
+    std::string text = fmt::format("interpolated from {} measured points, correlation length {} mm", map.size(),
+                                   fixed(to_mm(map.correlation_length()), 0));
+    if (band_.normal.count > 0) {
+      text += fmt::format(", band ± {} of the normal error on average, up to {} (95 %)", um(band_.normal.mean),
+                          um(band_.normal.max));
+    }
+    out.emplace_back("compliance", text);
+    for (const std::string& file : job_.measured->files) out.emplace_back("measured displacements", file);
+    if (band_.joints.count > 0) {
+      out.emplace_back("with the joints' compliances", fmt::format("other deflections by {} on average, up to {}",
+                                                                   um(band_.joints.mean), um(band_.joints.max)));
+    }
+  }
+
   void inputs() {
     report_.add_section("Inputs");
     report_.add_heading("Job");
@@ -384,6 +413,7 @@ class Page {
       if (job_.work_offsets[i].isZero(0)) continue;
       job.emplace_back(fmt::format("origin of G{} in W", 54 + i), vector_mm(job_.work_offsets[i]));
     }
+    compliance_entries(job);
     job.emplace_back("tolerance (tube radius)", fmt::format("{} {}", given(to_um(c_.tolerance)), kUm));
     job.emplace_back("step between evaluated points", given(to_mm(job_.step)) + " mm");
     job.emplace_back("step of the check", given(to_mm(std::min(job_.step, 0.5e-3))) + " mm");
@@ -487,6 +517,7 @@ class Page {
   const gcode::Program& program_;
   const Correction& c_;
   const CorrectionPageOptions& options_;
+  machining::MapBand band_;
   Tracks tracks_;
   Report report_;
 };

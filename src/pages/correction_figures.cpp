@@ -417,6 +417,14 @@ PartMap part_map(const Job& job, const Correction& c, const Tracks& tracks) {
   statics::PlaneGrid grid{job.X_MW * corner_W, job.X_MW.R * Vec3(units::from_mm(width), 0, 0),
                           job.X_MW.R * Vec3(0, units::from_mm(height), 0), count(width), count(height)};
   out.map = statics::compliance_map(job.machine, grid, Mat3::Identity());
+  if (job.measured) {
+    for (statics::MapPoint& point : out.map.points) {
+      statics::Compliance& there = point.compliance;
+      there.reachable = there.reachable && job.measured->map.covers(point.p_M);
+      there.C.setZero();
+      there.C.topLeftCorner<3, 3>() = job.measured->map.at(point.p_M);
+    }
+  }
   return out;
 }
 
@@ -453,6 +461,7 @@ std::vector<std::pair<std::string, report::Figure>> compliance_panels(const Job&
 JointShares joint_shares(const Job& job, const Tracks& tracks) {
   constexpr std::size_t kPoints = 2000;
   JointShares out;
+  if (job.measured) return out;
   std::vector<const Dot*> cutting;
   for (const Dot& d : tracks.before) {
     if (d.sample->cutting) cutting.push_back(&d);

@@ -70,7 +70,8 @@ struct PartMap {
 PartMap part_map(const machining::Job& job, const machining::Correction& c, const Tracks& tracks);
 std::vector<std::pair<std::string, report::Figure>> compliance_panels(const machining::Job& job, const PartMap& map);
 
-/// What each joint adds to the bend across the path of the program as it is: means over points that cut, um.
+/// What each joint adds to the bend across the path of the program as it is: means over points that cut, um. Nothing
+/// where the compliance is a measured one: it knows no joints.
 struct JointShares {
   std::vector<std::string> joints;
   std::vector<double> all;

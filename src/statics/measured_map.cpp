@@ -104,7 +104,7 @@ Eigen::VectorXd MeasuredMap::basis(const Vec3& p) const {
 
 Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
   if (points.size() < kFewest) {
-    return fail("ID120", fmt::format("{} points make no map", points.size()), {},
+    return fail("ID130", fmt::format("{} points make no map", points.size()), {},
                 fmt::format("measure at least {}, spread over the region of the work", kFewest));
   }
   MeasuredMap map;
@@ -114,7 +114,7 @@ Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
   for (const MeasuredPoint& point : points) {
     const double apart = std::acos(std::clamp(point.X_MT.R.col(2).dot(map.axis_), -1.0, 1.0));
     if (apart > units::from_deg(kOneDirection)) {
-      return fail("ID121", "the tool axis differs from that of the other points", point.place,
+      return fail("ID131", "the tool axis differs from that of the other points", point.place,
                   "a map without a model of the joints holds for one direction of the tool: give points of one only");
     }
     map.places_.push_back(point.X_MT.p);
@@ -122,7 +122,7 @@ Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
   const auto n = static_cast<Eigen::Index>(points.size());
   const Eigen::MatrixXd distance = distances(map.places_);
   map.span_ = distance.maxCoeff();
-  if (!(map.span_ > 1e-6)) return fail("ID120", "all points are at one place", points.front().place);
+  if (!(map.span_ > 1e-6)) return fail("ID130", "all points are at one place", points.front().place);
   map.low_ = map.high_ = map.places_.front();
   map.middle_.setZero();
   for (const Vec3& p : map.places_) {
@@ -270,7 +270,7 @@ Result<std::vector<Foretold>> leave_one_out(const AnyMachine& machine,
 Result<Foretold> hold_out(const AnyMachine& machine, const std::vector<MeasuredPoint>& points, int parts) {
   const auto count = static_cast<std::size_t>(std::max(parts, 2));
   if (points.size() < count) {
-    return fail("ID122", fmt::format("{} points cannot be dealt out into {} parts", points.size(), count));
+    return fail("ID132", fmt::format("{} points cannot be dealt out into {} parts", points.size(), count));
   }
   std::vector<std::vector<MeasuredPoint>> groups(count);
   // Shuffled first: every fifth point of a grid of five columns would be a column.

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 
@@ -51,6 +52,42 @@ inline machining::Prediction predict(const Example& e, const machining::PredictO
 
 inline machining::Correction correct(const Example& e, const machining::CorrectOptions& options = {}) {
   return unwrap(machining::correct(e.job, e.program, e.interpretation, options));
+}
+
+/// The checks that every correction must pass, from the outside: what was read back is simulated by its own pass and
+/// compared with the programmed path by a plain search for the nearest point, not by what the corrector reports.
+inline void expect_in_tube(const Example& e, const machining::Correction& c) {
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_LE(c.largest_distance, e.job.tolerance);
+  cutting::Stock stock = e.job.stock;
+  machining::PassOptions options;
+  options.step = 0.4e-3;  // not the corrector's own step
+  double worst = 0;
+  std::size_t cutting_points = 0;
+  const auto result =
+      machining::run_pass(e.job, c.program, c.commanded, stock, options, [&](const machining::Sample& s) {
+        if (!s.cutting) return;
+        ++cutting_points;
+        double nearest = 1;
+        const int source = c.source[static_cast<std::size_t>(s.move)];
+        for (int i = std::max(0, source - 1); i <= source + 1; ++i) {
+          if (i >= static_cast<int>(e.interpretation.moves.size())) continue;
+          const gcode::Move& move = e.interpretation.moves[static_cast<std::size_t>(i)];
+          if (move.kind == gcode::MoveKind::rapid ||
+              (i != source && !c.commanded[static_cast<std::size_t>(s.move)].transition)) {
+            continue;
+          }
+          const int n = 4000;
+          for (int k = 0; k <= n; ++k)
+            nearest = std::min(nearest, (s.bent() - move.point(move.length() * k / n)).norm());
+        }
+        worst = std::max(worst, nearest);
+      });
+  ASSERT_TRUE(result) << to_string(result.error());
+  EXPECT_GT(cutting_points, 50u);
+  // Another step meets other cells of the stock: 3 um of force noise; the search's own spacing adds up to 1 um here.
+  constexpr double kSlack = 4e-6;
+  EXPECT_LE(worst, e.job.tolerance + kSlack);
 }
 
 /// A folder that goes with the test.

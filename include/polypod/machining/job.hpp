@@ -4,20 +4,31 @@
 
 #include <array>
 #include <map>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "polypod/core/error.hpp"
 #include "polypod/cutting/cutter.hpp"
 #include "polypod/cutting/stock.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/machine/any_machine.hpp"
+#include "polypod/statics/measured_map.hpp"
 
 namespace polypod::machining {
+
+/// A compliance that was measured near the work, and the files that it comes from.
+struct MeasuredCompliance {
+  std::vector<std::string> files;
+  statics::MeasuredMap map;
+};
 
 struct Job {
   std::string path;
   std::string machine_name;
   machine::AnyMachine machine;
+  /// In the place of the joints' compliances, if it is there; reach and limits are the machine's all the same.
+  std::shared_ptr<const MeasuredCompliance> measured;
   Pose X_MW;  ///< workpiece frame (that of G54) in the machine frame; turned about z_M only
   std::array<Vec3, 6> work_offsets{Vec3::Zero(), Vec3::Zero(), Vec3::Zero(),
                                    Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};  ///< origins of G54..G59 in W, m
@@ -40,6 +51,12 @@ struct Job {
     return options;
   }
 };
+
+/// One map from all the files (the columns of `polypod identify compliance`); no files make no map. `place` is where
+/// they are asked for, if that is a file. Errors: ID1xx of the files, ID130 and ID131 of the map, MC102 the tool axis
+/// of the measurements is more than 1 deg off z_M, the tool axis of every job.
+Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
+                                                                const Place& place = {});
 
 /// Reads a job file (docs/job-files.md); paths in it are relative to it. Errors: MC1xx and those of the parts.
 Result<Job> read_job(const std::string& path);

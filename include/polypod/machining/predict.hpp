@@ -50,6 +50,7 @@ struct MovePrediction {
 struct Prediction {
   std::vector<MovePrediction> moves;    ///< those that cut, in order
   std::vector<Sample> samples;          ///< every evaluated point, if they were asked for
+  std::vector<Sample> few;              ///< at most 200 of the points that cut, at equal distances in their order
   Spread deflection, normal, vertical;  ///< over all points that cut, m
   double largest_distance = 0;          ///< m
   PassResult pass;
@@ -76,6 +77,20 @@ struct ForceBand {
 /// the material says nothing of its spread. Cost: one prediction a variation. Errors as predict.
 Result<ForceBand> force_band(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                              const Prediction& prediction, const PredictOptions& options = {});
+
+/// How far a prediction is uncertain because the measured compliance is, and how far the joints' is from it, both at
+/// the forces of the prediction.
+struct MapBand {
+  /// Half of 95 % intervals of the deflection along the normal n of the path, m: 1.96 sd with
+  /// sd^2 = sum_i (n_i F_i sd C_ii)^2 + sum_{i<j} ((n_i F_j + n_j F_i) sd C_ij)^2, entries of C independent, in M.
+  Spread normal;
+  /// |(C_map - C_joints) F|, m; `count` 0 where the machine has no compliances.
+  Spread joints;
+};
+/// Over `prediction.few`; nothing is counted where the job has no measured compliance. Says how well the compliance
+/// itself is known; what one reading would scatter round it is MeasuredMap::noise. Cost: 0.1 ms a point for 90 measured
+/// points.
+MapBand map_band(const Job& job, const Prediction& prediction);
 
 /// A line for each incident and for points whose equilibrium did not settle.
 std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass);

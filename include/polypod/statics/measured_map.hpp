@@ -22,8 +22,8 @@ inline constexpr int kEntries = 6;
 /// trend, and not through their noise; far from them it says nothing and `covers` is false.
 class MeasuredMap {
  public:
-  /// From the displacements under forces along x, y and z: C = (D + D^T) / 2F. Errors: ID120 fewer than 6 points or
-  /// all at one place, ID121 tool axes that differ by more than 1 deg. Cost: n^3, 20 ms for 90 points.
+  /// From the displacements under forces along x, y and z: C = (D + D^T) / 2F. Errors: ID130 fewer than 6 points or
+  /// all at one place, ID131 tool axes that differ by more than 1 deg. Cost: n^3, 20 ms for 90 points.
   static Result<MeasuredMap> of(const std::vector<MeasuredPoint>& points);
 
   /// C at the tip position p in M, m/N: symmetric, and positive semidefinite (negative eigenvalues, which noise may
@@ -78,7 +78,7 @@ struct Foretold {
 Result<std::vector<Foretold>> leave_one_out(const AnyMachine& machine,
                                             const std::vector<std::vector<MeasuredPoint>>& groups);
 /// The points shuffled (always the same way) and dealt out into `parts` groups, each foretold from the others; both
-/// numbers over all points. Errors: as above; ID122 fewer points than parts.
+/// numbers over all points. Errors: as above; ID132 fewer points than parts.
 Result<Foretold> hold_out(const AnyMachine& machine, const std::vector<MeasuredPoint>& points, int parts = 5);
 
 /// Measured against the map, m rms over all displacements.
