@@ -196,7 +196,8 @@ Json outliers_json(const Calibration& c, const std::vector<calibration::Measurem
                    {"line", rows[r.row].place.line},
                    {"residual_mm", units::to_mm(r.after.head(r.lengths).norm())},
                    {"weight", r.weight},
-                   {"held_back", r.held_back}});
+                   {"held_back", r.held_back},
+                   {"lost", r.lost}});
   }
   return out;
 }
@@ -241,6 +242,11 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   frame("target", c.X_TR, c.target_error);
   for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
   for (const Json& x : outliers) {
+    if (x["lost"].get<bool>()) {
+      fmt::print("left out: {}:{}: the calibrated machine does not assemble there (near a singular pose)\n",
+                 x["file"].get<std::string>(), x["line"].get<int>());
+      continue;
+    }
     fmt::print("outlier{}: {}:{} is off by {:.3f} mm, weight {:.2g}\n", x["held_back"].get<bool>() ? ", held back" : "",
                x["file"].get<std::string>(), x["line"].get<int>(), x["residual_mm"].get<double>(),
                x["weight"].get<double>());

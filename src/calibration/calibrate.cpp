@@ -169,8 +169,8 @@ struct Problem {
   std::vector<machine::Parameter> nominal;
   Layout layout;
   Noise noise;
-  std::vector<Pose> seed;  ///< the nominal pose of every row
-  std::vector<bool> held_back;
+  std::vector<Pose> seed;        ///< the nominal pose of every row
+  std::vector<bool> not_fitted;  ///< held back, or lost
   Eigen::VectorXd start, scale;
   std::vector<bool> chosen;  ///< of the parameters
   std::vector<int> free;
@@ -259,11 +259,11 @@ double weight_of(Loss loss, double bend, double squared_norm) {
 }
 
 /// Robust standard deviation of whitened residuals of the fitted rows: 1 where the noise was guessed right.
-double robust_scale(const std::vector<Eigen::VectorXd>& residuals, const std::vector<bool>& held_back,
+double robust_scale(const std::vector<Eigen::VectorXd>& residuals, const std::vector<bool>& not_fitted,
                     std::size_t unknowns) {
   std::vector<double> all;
   for (std::size_t i = 0; i < residuals.size(); ++i)
-    if (!held_back[i]) all.insert(all.end(), residuals[i].begin(), residuals[i].end());
+    if (!not_fitted[i]) all.insert(all.end(), residuals[i].begin(), residuals[i].end());
   if (all.size() <= unknowns) return 1;
   const auto n = double(all.size());
   return robust_deviation(Eigen::Map<const Eigen::VectorXd>(all.data(), std::ssize(all))) *
@@ -355,153 +355,198 @@ Score score_of(const std::vector<RowResidual>& residuals, bool held_back) {
   return s;
 }
 
+/// One calibration: prepare, then search and judge until every fitted row assembles, then what was found.
 template <kinematics::Machine M>
-Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Measurement>& rows,
-                        const CalibrationOptions& options) {
-  Problem<M> problem{m,  rows, options, parameters(m), {}, {options.noise_position, options.noise_angle}, {}, {}, {},
-                     {}, {},   {}};
-  const std::vector<machine::Parameter>& nominal = problem.nominal;
-  const Layout& layout = problem.layout = layout_of(rows, nominal.size());
+class Fit {
+ public:
+  Fit(const AnyMachine& any, const M& m, const std::vector<Measurement>& rows, const CalibrationOptions& options)
+      : any_(any), rows_(rows), options_(options), problem_{m,       rows,
+                                                            options, parameters(m),
+                                                            {},      {options.noise_position, options.noise_angle},
+                                                            {},      {},
+                                                            {},      {},
+                                                            {},      {}} {}
 
-  POLYPOD_ASSIGN(wished, chosen_parameters(nominal, options));
-  problem.chosen = wished;
-  const auto chosen = std::count(problem.chosen.begin(), problem.chosen.end(), true);
-
-  // Where the nominal machine stands in every row: the seeds of Newton.
-  for (const Measurement& row : rows) {
-    const Pose guess = forward(m, row.q);
-    const std::vector<double> p = kinematics::nominal_parameters(m);
-    const auto at =
-        kinematics::forward_by_closure(m, std::span<const double>(row.q.data(), static_cast<std::size_t>(row.q.size())),
-                                       std::span<const double>(p), guess);
-    if (!at.converged) {
-      return fail("CA111", "the machine cannot take these joints", row.place, "check the joints and the machine");
-    }
-    problem.seed.push_back(at.X_MT);
-  }
-  Pose X_SM = options.X_SM;
-  if (options.estimate_frame) X_SM = fitted_frame(rows, problem.seed, options.X_TR).value_or(X_SM);
-  POLYPOD_TRY(check_extent(rows, problem.seed, X_SM, options.X_TR));
-
-  // Start and scale of every unknown.
-  const Start from = start_of(any, layout, X_SM, options.X_TR);
-  problem.start = from.x;
-  problem.scale = from.scale;
-  for (const auto& [name, first] : layout.contact) {
-    Vec3 sum = Vec3::Zero();
-    int touched = 0;
-    const Measurement* example = nullptr;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      if (rows[i].kind != Kind::contact || rows[i].contact != name) continue;
-      sum += (X_SM * problem.seed[i] * options.X_TR).p;
-      ++touched;
-      example = &rows[i];
-    }
-    if (touched < 2) {
-      return fail("CA117", fmt::format("the place \"{}\" is touched once only", name), example->place,
-                  "touch it at least twice, with other joints");
-    }
-    problem.start.template segment<3>(first) = sum / touched;
+  Result<Calibration> run() {
+    POLYPOD_TRY(place_rows());
+    POLYPOD_TRY(start());
+    POLYPOD_TRY(choose_rows());
+    do {
+      POLYPOD_TRY(tell_unknowns());
+      POLYPOD_TRY(search());
+    } while (leave_out_lost());
+    POLYPOD_TRY(judge());
+    say_unknowns();
+    POLYPOD_TRY(make_machine());
+    return std::move(out_);
   }
 
-  // Which unknowns to look for, and rows to hold back where enough are left.
-  bool turns = false;
-  for (const Measurement& row : rows) turns = turns || row.kind == Kind::pose || row.kind == Kind::axis;
-  const std::vector<int> wanted = wanted_unknowns(layout, problem.chosen, options, turns);
-  std::size_t all_equations = 0;
-  for (const Measurement& row : rows) all_equations += static_cast<std::size_t>(equation_count(row.kind));
-  const bool priors = options.prior_length > 0 && options.prior_angle > 0;
-  if (!priors && all_equations <= wanted.size()) {
-    return fail("CA110", fmt::format("{} equations for {} unknowns", all_equations, wanted.size()), {},
-                "measure more poses, choose parameters, or give priors");
-  }
-  problem.held_back.assign(rows.size(), false);
-  if (options.hold_back > 0) {
-    const auto every = static_cast<std::size_t>(std::lround(1 / options.hold_back));
-    std::size_t left = all_equations;
-    for (std::size_t i = every - 1; i < rows.size(); i += every) {
-      problem.held_back[i] = rows[i].kind != Kind::contact;
-      if (problem.held_back[i]) left -= static_cast<std::size_t>(equation_count(rows[i].kind));
+ private:
+  /// Where the nominal machine stands in every row: the seeds of Newton.
+  Status place_rows() {
+    const std::vector<double> p = kinematics::nominal_parameters(problem_.m);
+    for (const Measurement& row : rows_) {
+      const std::span<const double> q(row.q.data(), static_cast<std::size_t>(row.q.size()));
+      const auto at =
+          kinematics::forward_by_closure(problem_.m, q, std::span<const double>(p), forward(problem_.m, row.q));
+      if (!at.converged) {
+        return fail("CA111", "the machine cannot take these joints", row.place, "check the joints and the machine");
+      }
+      problem_.seed.push_back(at.X_MT);
     }
-    if (2 * left < 3 * wanted.size()) problem.held_back.assign(rows.size(), false);
+    out_.X_SM = options_.X_SM;
+    out_.X_TR = options_.X_TR;
+    if (options_.estimate_frame) out_.X_SM = fitted_frame(rows_, problem_.seed, out_.X_TR).value_or(out_.X_SM);
+    return check_extent(rows_, problem_.seed, out_.X_SM, out_.X_TR);
   }
 
-  Calibration out;
-  out.X_SM = X_SM;
-  out.X_TR = options.X_TR;
-  // All equations of the fitted rows at x, one under another, rows weighted by `weights` if given.
-  const auto stacked = [&](const Eigen::VectorXd& x, const std::vector<double>* weights) {
-    Eigen::MatrixXd J(0, layout.count);
+  /// The unknowns, where they begin, and which of them are asked for.
+  Status start() {
+    POLYPOD_ASSIGN(chosen, chosen_parameters(problem_.nominal, options_));
+    problem_.chosen = chosen;
+    problem_.layout = layout_of(rows_, problem_.nominal.size());
+    Start from = start_of(any_, problem_.layout, out_.X_SM, out_.X_TR);
+    problem_.start = std::move(from.x);
+    problem_.scale = std::move(from.scale);
+    for (const auto& [name, first] : problem_.layout.contact) {
+      Vec3 sum = Vec3::Zero();
+      int touched = 0;
+      const Measurement* example = nullptr;
+      for (std::size_t i = 0; i < rows_.size(); ++i) {
+        if (rows_[i].kind != Kind::contact || rows_[i].contact != name) continue;
+        sum += (out_.X_SM * problem_.seed[i] * out_.X_TR).p;
+        ++touched;
+        example = &rows_[i];
+      }
+      if (touched < 2) {
+        return fail("CA117", fmt::format("the place \"{}\" is touched once only", name), example->place,
+                    "touch it at least twice, with other joints");
+      }
+      problem_.start.template segment<3>(first) = sum / touched;
+    }
+    bool turns = false;
+    for (const Measurement& row : rows_) turns = turns || row.kind == Kind::pose || row.kind == Kind::axis;
+    wanted_ = wanted_unknowns(problem_.layout, problem_.chosen, options_, turns);
+    return {};
+  }
+
+  /// Rows to hold back where enough are left, and the residuals before.
+  Status choose_rows() {
+    std::size_t all = 0;
+    for (const Measurement& row : rows_) all += static_cast<std::size_t>(equation_count(row.kind));
+    const bool priors = options_.prior_length > 0 && options_.prior_angle > 0;
+    if (!priors && all <= wanted_.size()) {
+      return fail("CA110", fmt::format("{} equations for {} unknowns", all, wanted_.size()), {},
+                  "measure more poses, choose parameters, or give priors");
+    }
+    std::vector<bool> held_back(rows_.size(), false);
+    if (options_.hold_back > 0) {
+      const auto every = static_cast<std::size_t>(std::lround(1 / options_.hold_back));
+      std::size_t left = all;
+      for (std::size_t i = every - 1; i < rows_.size(); i += every) {
+        held_back[i] = rows_[i].kind != Kind::contact;
+        if (held_back[i]) left -= static_cast<std::size_t>(equation_count(rows_[i].kind));
+      }
+      if (2 * left < 3 * wanted_.size()) held_back.assign(rows_.size(), false);
+    }
+    problem_.not_fitted = held_back;
+    Equations e;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      problem_.equations(i, problem_.start, false, e);
+      RowResidual r;
+      r.row = i;
+      r.before = e.r.cwiseProduct(e.sigma);
+      r.lengths = e.lengths;
+      r.held_back = held_back[i];
+      out_.residuals.push_back(std::move(r));
+    }
+    return {};
+  }
+
+  /// Which unknowns the fitted rows tell.
+  Status tell_unknowns() {
+    known_ = identifiable(stacked(problem_.start, nullptr), wanted_, problem_.scale);
+    problem_.free = known_.kept;
+    out_.condition = known_.condition;
+    if (problem_.free.empty()) return fail("CA112", "the measurements tell nothing of the chosen parameters");
+    return {};
+  }
+
+  /// All equations of the fitted rows at x, one under another, rows weighted by `weights` if given.
+  Eigen::MatrixXd stacked(const Eigen::VectorXd& x, const std::vector<double>* weights) const {
     std::vector<Eigen::MatrixXd> parts;
     Eigen::Index n = 0;
     Equations e;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      if (problem.held_back[i]) continue;
-      problem.equations(i, x, true, e);
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      if (problem_.not_fitted[i]) continue;
+      problem_.equations(i, x, true, e);
       parts.push_back(weights == nullptr ? e.J : Eigen::MatrixXd(std::sqrt((*weights)[i]) * e.J));
       n += e.r.size();
     }
-    problem.extra(x, e.r, e.J);
+    problem_.extra(x, e.r, e.J);
     parts.push_back(e.J);
-    J.resize(n + e.J.rows(), layout.count);
+    Eigen::MatrixXd J(n + e.J.rows(), problem_.layout.count);
     n = 0;
     for (const Eigen::MatrixXd& part : parts) {
       J.middleRows(n, part.rows()) = part;
       n += part.rows();
     }
     return J;
-  };
-  const Identifiability known = identifiable(stacked(problem.start, nullptr), wanted, problem.scale);
-  problem.free = known.kept;
-  out.condition = known.condition;
-  if (problem.free.empty()) return fail("CA112", "the measurements tell nothing of the chosen parameters");
-
-  std::vector<Eigen::VectorXd> whitened(rows.size());
-  const auto whiten = [&](const Eigen::VectorXd& x) {
-    Equations e;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      problem.equations(i, x, false, e);
-      whitened[i] = e.r;
-    }
-  };
-  whiten(problem.start);
-  out.residuals.resize(rows.size());
-  Equations e;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    problem.equations(i, problem.start, false, e);
-    out.residuals[i].row = i;
-    out.residuals[i].before = e.r.cwiseProduct(e.sigma);
-    out.residuals[i].lengths = e.lengths;
-    out.residuals[i].held_back = problem.held_back[i];
-    if (!problem.held_back[i]) out.equations += static_cast<std::size_t>(e.r.size());
   }
 
-  std::vector<double> block;
-  for (const int j : problem.free) block.push_back(problem.start[j]);
-  Eigen::VectorXd x = problem.start;
-  // The loss bends at what the residuals themselves show of the noise: first those of the nominal machine, where nearly
-  // everything is within the bend, then those that were found.
-  double noise_scale = std::max(1.0, robust_scale(whitened, problem.held_back, problem.free.size()));
-  constexpr int kRounds = 10;
-  for (int round = 0; round < kRounds; ++round) {
+  void whiten() {
+    whitened_.resize(rows_.size());
+    Equations e;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      problem_.equations(i, x_, false, e);
+      whitened_[i] = e.r;
+    }
+  }
+
+  /// Levenberg-Marquardt. The loss bends at what the residuals themselves show of the noise: first those of the nominal
+  /// machine, where nearly everything is within the bend, then those that were found.
+  Status search() {
+    constexpr int kRounds = 10;
+    constexpr double kSettled = 0.05, kLeastNoise = 1e-12;
+    x_ = problem_.start;
+    whiten();
+    std::vector<double> block;
+    for (const int j : problem_.free) block.push_back(x_[j]);
+    noise_scale_ = std::max(1.0, robust_scale(whitened_, problem_.not_fitted, problem_.free.size()));
+    for (int round = 0; round < kRounds; ++round) {
+      POLYPOD_TRY(solve(block));
+      for (std::size_t k = 0; k < problem_.free.size(); ++k) x_[problem_.free[k]] = block[k];
+      whiten();
+      const double found = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, problem_.free.size()));
+      const bool settled = std::abs(found / noise_scale_ - 1) < kSettled;
+      noise_scale_ = found;
+      if (options_.loss == Loss::none || settled) break;
+    }
+    return {};
+  }
+
+  /// One search from `block` with the bend where it is now.
+  Status solve(std::vector<double>& block) {
     ceres::Problem search;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      if (problem.held_back[i]) continue;
-      const int n = equation_count(rows[i].kind);
-      search.AddResidualBlock(new RowCost<M>(problem, i, n), loss_of(options.loss, noise_scale * bend_of(n)),
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      if (problem_.not_fitted[i]) continue;
+      const int n = equation_count(rows_[i].kind);
+      search.AddResidualBlock(new RowCost<M>(problem_, i, n), loss_of(options_.loss, noise_scale_ * bend_of(n)),
                               block.data());
     }
-    problem.extra(x, e.r, e.J);
-    if (e.r.size() > 0)
-      search.AddResidualBlock(new RowCost<M>(problem, rows.size(), static_cast<int>(e.r.size())), nullptr,
+    Equations e;
+    problem_.extra(x_, e.r, e.J);
+    if (e.r.size() > 0) {
+      search.AddResidualBlock(new RowCost<M>(problem_, rows_.size(), static_cast<int>(e.r.size())), nullptr,
                               block.data());
-    for (std::size_t k = 0; k < problem.free.size(); ++k) {
-      if (problem.free[k] < layout.parameters) continue;
-      const auto i = static_cast<std::size_t>(problem.free[k] - layout.parameters);
-      const double bound = problem.is_length(i) ? options.bound_length : options.bound_angle;
+    }
+    for (std::size_t k = 0; k < problem_.free.size(); ++k) {
+      if (problem_.free[k] < problem_.layout.parameters) continue;
+      const auto i = static_cast<std::size_t>(problem_.free[k] - problem_.layout.parameters);
+      const double bound = problem_.is_length(i) ? options_.bound_length : options_.bound_angle;
       if (!(bound > 0)) continue;
-      search.SetParameterLowerBound(block.data(), static_cast<int>(k), nominal[i].value - bound);
-      search.SetParameterUpperBound(block.data(), static_cast<int>(k), nominal[i].value + bound);
+      search.SetParameterLowerBound(block.data(), static_cast<int>(k), problem_.nominal[i].value - bound);
+      search.SetParameterUpperBound(block.data(), static_cast<int>(k), problem_.nominal[i].value + bound);
     }
     ceres::Solver::Options how;
     how.linear_solver_type = ceres::DENSE_QR;
@@ -514,97 +559,142 @@ Result<Calibration> run(const AnyMachine& any, const M& m, const std::vector<Mea
     how.num_threads = 1;
     ceres::Solver::Summary summary;
     ceres::Solve(how, &search, &summary);
-    out.iterations += static_cast<int>(summary.iterations.size());
+    out_.iterations += static_cast<int>(summary.iterations.size());
     if (!summary.IsSolutionUsable()) return fail("CA115", "the search failed: " + summary.message);
-    for (std::size_t k = 0; k < problem.free.size(); ++k) x[problem.free[k]] = block[k];
     if (summary.termination_type == ceres::NO_CONVERGENCE) {
       return fail("CA115", fmt::format("no convergence in {} steps", summary.iterations.size()), {},
                   "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
     }
-    whiten(x);
-    const double found = std::max(1e-12, robust_scale(whitened, problem.held_back, problem.free.size()));
-    const bool settled = std::abs(found / noise_scale - 1) < 0.05;
-    noise_scale = found;
-    if (options.loss == Loss::none || settled) break;
+    return {};
   }
 
-  // Weights, outliers, and the standard errors that the residuals show: s^2 (J^T W J)^-1 with
-  // s^2 = sum w^2 |r|^2 / (sum w n - unknowns) (Huber 1973 in its simplest form).
-  std::vector<double> weights(rows.size(), 1);
-  double sum = 0, count = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const int n = static_cast<int>(whitened[i].size());
-    const double square = whitened[i].squaredNorm();
-    weights[i] = weight_of(options.loss, noise_scale * bend_of(n), square);
-    if (!problem.equations(i, x, false, e, Lost::fail)) {
-      return fail("CA115", "with the parameters that were found the machine does not assemble here", rows[i].place,
-                  "is the row near a singular pose? leave it out, or give priors");
+  /// Marks the rows where the machine does not assemble with what was found: near a singular pose an error of a tenth
+  /// of a millimetre moves the tool by many, and beyond it there is no pose. True where a fitted row is among them,
+  /// which has drawn the search aside; it begins again without.
+  bool leave_out_lost() {
+    bool again = false;
+    Equations e;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      RowResidual& r = out_.residuals[i];
+      if (r.lost || problem_.equations(i, x_, false, e, Lost::fail)) continue;
+      r.lost = true;
+      again = again || !problem_.not_fitted[i];
+      problem_.not_fitted[i] = true;
     }
-    RowResidual& r = out.residuals[i];
-    r.after = e.r.cwiseProduct(e.sigma);
-    r.weight = weights[i];
-    r.outlier = std::sqrt(square) > noise_scale * outlier_of(n) && r.after.cwiseAbs().maxCoeff() > 1e-9;
-    if (problem.held_back[i]) continue;
-    sum += weights[i] * weights[i] * square;
-    count += weights[i] * n;
-  }
-  const double unknowns = static_cast<double>(problem.free.size());
-  out.noise_factor = std::sqrt(sum / std::max(1.0, count - unknowns));
-  const Eigen::MatrixXd all = stacked(x, &weights);
-  Eigen::MatrixXd J(all.rows(), static_cast<Eigen::Index>(problem.free.size()));
-  for (std::size_t k = 0; k < problem.free.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = all.col(problem.free[k]);
-  const Eigen::VectorXd lengths = J.colwise().norm().cwiseMax(1e-300);
-  J = J * lengths.cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd R = J.householderQr().matrixQR().topRows(J.cols()).triangularView<Eigen::Upper>();
-  const Eigen::MatrixXd inverse = R.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(J.cols(), J.cols()));
-  Eigen::VectorXd error = Eigen::VectorXd::Zero(layout.count);
-  for (std::size_t k = 0; k < problem.free.size(); ++k) {
-    const auto row = static_cast<Eigen::Index>(k);
-    error[problem.free[k]] = out.noise_factor * inverse.row(row).norm() / lengths[row];
+    return again;
   }
 
-  const auto unknown = [&](int j) { return unknown_of(any, layout, j); };
-  std::vector<double> p;
-  for (std::size_t i = 0; i < nominal.size(); ++i) {
-    p.push_back(x[problem.column(i)]);
-    if (!problem.chosen[i]) continue;
-    Estimate one{nominal[i].key, nominal[i].unit, nominal[i].value, p.back(), error[problem.column(i)], true, {}};
-    const auto tie = known.ties.find(problem.column(i));
-    if (tie != known.ties.end()) {
-      one.identifiable = false;
-      for (int j = 0; j < layout.count; ++j) {
-        // A factor by which a change of 1 % here shows as less than 0.01 % there is none.
-        const double share = tie->second[j] * problem.scale[problem.column(i)] / problem.scale[j];
-        if (std::abs(share) > 0.01) one.like.push_back({unknown(j).key, unknown(j).unit, tie->second[j]});
+  /// Weights, outliers, and the standard errors that the residuals show: s^2 (J^T W J)^-1 with
+  /// s^2 = sum w^2 |r|^2 / (sum w n - unknowns) (Huber 1973 in its simplest form).
+  Status judge() {
+    std::vector<double> weights(rows_.size(), 1);
+    double sum = 0, count = 0;
+    std::size_t lost = 0;
+    const Measurement* example = nullptr;
+    Equations e;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      const int n = static_cast<int>(whitened_[i].size());
+      const double square = whitened_[i].squaredNorm();
+      problem_.equations(i, x_, false, e);
+      RowResidual& r = out_.residuals[i];
+      r.after = e.r.cwiseProduct(e.sigma);
+      weights[i] = r.lost ? 0 : weight_of(options_.loss, noise_scale_ * bend_of(n), square);
+      r.weight = weights[i];
+      r.outlier = r.lost || (std::sqrt(square) > noise_scale_ * outlier_of(n) && r.after.cwiseAbs().maxCoeff() > 1e-9);
+      if (r.lost) {
+        ++lost;
+        example = &rows_[i];
       }
-      std::stable_sort(one.like.begin(), one.like.end(),
-                       [](const auto& a, const auto& b) { return std::abs(a.factor) > std::abs(b.factor); });
-    } else {
-      ++out.rank;
+      if (problem_.not_fitted[i]) continue;
+      out_.equations += static_cast<std::size_t>(n);
+      sum += weights[i] * weights[i] * square;
+      count += weights[i] * n;
     }
-    out.parameters.push_back(std::move(one));
+    constexpr double kMostLost = 0.1;  // of the rows: more is no row near a singular pose, but a wrong machine
+    if (double(lost) > std::max(1.0, kMostLost * double(rows_.size()))) {
+      return fail("CA115",
+                  fmt::format("with the parameters that were found the machine does not assemble in {} of {} rows",
+                              lost, rows_.size()),
+                  example->place, "are they near singular poses? leave them out, or give priors");
+    }
+    out_.noise_factor = std::sqrt(sum / std::max(1.0, count - static_cast<double>(problem_.free.size())));
+    const Eigen::MatrixXd all = stacked(x_, &weights);
+    const auto unknowns = static_cast<Eigen::Index>(problem_.free.size());
+    Eigen::MatrixXd J(all.rows(), unknowns);
+    for (Eigen::Index k = 0; k < unknowns; ++k) J.col(k) = all.col(problem_.free[static_cast<std::size_t>(k)]);
+    const Eigen::VectorXd lengths = J.colwise().norm().cwiseMax(1e-300);
+    J = J * lengths.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd R = J.householderQr().matrixQR().topRows(unknowns).template triangularView<Eigen::Upper>();
+    const Eigen::MatrixXd inverse =
+        R.template triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
+    error_ = Eigen::VectorXd::Zero(problem_.layout.count);
+    for (Eigen::Index k = 0; k < unknowns; ++k) {
+      error_[problem_.free[static_cast<std::size_t>(k)]] = out_.noise_factor * inverse.row(k).norm() / lengths[k];
+    }
+    out_.fitted = score_of(out_.residuals, false);
+    out_.held_back = score_of(out_.residuals, true);
+    return {};
   }
-  for (const int j : wanted)
-    if (j < layout.parameters && known.ties.contains(j)) out.held_beside.push_back(unknown(j).key);
-  out.X_SM = pose_from(x.data() + layout.frame);
-  out.X_TR = pose_from(x.data() + layout.target);
-  out.frame_error = error.segment<6>(layout.frame);
-  out.target_error = error.segment<6>(layout.target);
-  out.fitted = score_of(out.residuals, false);
-  out.held_back = score_of(out.residuals, true);
 
-  POLYPOD_ASSIGN(calibrated, machine::with_parameters(any, p));
-  std::set<std::string> kinds;
-  for (const Measurement& row : rows) kinds.insert(name_of(row.kind));
-  std::string what;
-  for (const std::string& kind : kinds) what += (what.empty() ? "" : " and ") + kind;
-  machine::note(
-      calibrated, "calibration",
-      fmt::format("{} of {} parameters from {} measured {}; rms {:.1f} um before, {:.1f} um after", out.rank, chosen,
-                  rows.size(), what, units::to_um(out.fitted.rms_before), units::to_um(out.fitted.rms_after)));
-  out.machine = std::move(calibrated);
-  return out;
-}
+  /// Every unknown with its standard error, or with what it acts like.
+  void say_unknowns() {
+    const Layout& layout = problem_.layout;
+    const auto unknown = [&](int j) { return unknown_of(any_, layout, j); };
+    for (std::size_t i = 0; i < problem_.nominal.size(); ++i) {
+      if (!problem_.chosen[i]) continue;
+      const machine::Parameter& p = problem_.nominal[i];
+      const int column = problem_.column(i);
+      Estimate one{p.key, p.unit, p.value, x_[column], error_[column], true, {}};
+      const auto tie = known_.ties.find(column);
+      if (tie != known_.ties.end()) {
+        one.identifiable = false;
+        for (int j = 0; j < layout.count; ++j) {
+          // A factor by which a change of 1 % here shows as less than 0.01 % there is none.
+          const double share = tie->second[j] * problem_.scale[column] / problem_.scale[j];
+          if (std::abs(share) > 0.01) one.like.push_back({unknown(j).key, unknown(j).unit, tie->second[j]});
+        }
+        std::stable_sort(one.like.begin(), one.like.end(),
+                         [](const auto& a, const auto& b) { return std::abs(a.factor) > std::abs(b.factor); });
+      } else {
+        ++out_.rank;
+      }
+      out_.parameters.push_back(std::move(one));
+    }
+    for (const int j : wanted_)
+      if (j < layout.parameters && known_.ties.contains(j)) out_.held_beside.push_back(unknown(j).key);
+    out_.X_SM = pose_from(x_.data() + layout.frame);
+    out_.X_TR = pose_from(x_.data() + layout.target);
+    out_.frame_error = error_.template segment<6>(layout.frame);
+    out_.target_error = error_.template segment<6>(layout.target);
+  }
+
+  Status make_machine() {
+    const Eigen::VectorXd p = x_.tail(static_cast<Eigen::Index>(problem_.nominal.size()));
+    POLYPOD_ASSIGN(calibrated, machine::with_parameters(any_, std::vector<double>(p.begin(), p.end())));
+    std::set<std::string> kinds;
+    for (const Measurement& row : rows_) kinds.insert(name_of(row.kind));
+    std::string what;
+    for (const std::string& kind : kinds) what += (what.empty() ? "" : " and ") + kind;
+    machine::note(calibrated, "calibration",
+                  fmt::format("{} of {} parameters from {} measured {}; rms {:.1f} um before, {:.1f} um after",
+                              out_.rank, out_.parameters.size(), rows_.size(), what,
+                              units::to_um(out_.fitted.rms_before), units::to_um(out_.fitted.rms_after)));
+    out_.machine = std::move(calibrated);
+    return {};
+  }
+
+  const AnyMachine& any_;
+  const std::vector<Measurement>& rows_;
+  const CalibrationOptions& options_;
+  Problem<M> problem_;
+  std::vector<int> wanted_;
+  Identifiability known_;
+  Eigen::VectorXd x_;                      ///< what was found so far
+  std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
+  double noise_scale_ = 1;
+  Eigen::VectorXd error_;  ///< standard errors of all unknowns
+  Calibration out_;
+};
 
 }  // namespace
 
@@ -617,7 +707,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
                 "noise must be above 0, priors and bounds not below 0, the share held back 0 to 0.5");
   }
   if (rows.empty()) return fail("CA110", "no measurements");
-  return std::visit([&](const auto& m) { return run(nominal, m, rows, options); }, nominal);
+  return std::visit([&](const auto& m) { return Fit(nominal, m, rows, options).run(); }, nominal);
 }
 
 CorrectedTarget corrected_target(const AnyMachine& nominal, const AnyMachine& real, const Pose& X_MT) {

@@ -56,7 +56,8 @@ struct RowResidual {
   int lengths = 0;                ///< how many of them are m
   double weight = 1;              ///< of the robust loss, in the last step
   bool held_back = false;
-  bool outlier = false;  ///< beyond (sqrt(equations) + 3) robust standard deviations
+  bool outlier = false;  ///< beyond (sqrt(equations) + 3) robust standard deviations, or lost
+  bool lost = false;     ///< the calibrated machine does not assemble there: near a singular pose; not fitted
 };
 
 /// Root of the mean square over the equations that are lengths, m, without rows marked as outliers.
@@ -86,13 +87,17 @@ struct Calibration {
 /// F(X, q, p) = 0, less what it saw; derivatives by dX = -A^-1 F_p dp, exact at every step. The robust loss counts in
 /// standard deviations found from the residuals themselves, so a wrong guess of the noise does no harm.
 ///
+/// Rows where the machine does not assemble with what was found stand near singular poses, where a hair of error moves
+/// the tool by millimetres or leaves no pose at all: they are marked `lost` and the search begins again without them.
+///
 /// What the measurements cannot tell is held at its nominal value and named (see Estimate::like): an unknown whose
 /// change by 1 % of the machine's size (0.01 rad) would hide in the noise behind those before it. Order: contacts,
 /// frame, target, then parameters by their own order.
 ///
 /// Errors: CA110 (not more equations than unknowns), CA111 (a row whose joints the nominal machine cannot take), CA112
 /// (the measured places lie on a line or in one point), CA113 (measured lengths are off by a factor: another unit?),
-/// CA114 (an unknown key), CA115 (the search does not converge), CA116 (an option out of range), CA117 (a place that is
+/// CA114 (an unknown key), CA115 (the search does not converge, or more than
+/// a tenth of the rows is lost), CA116 (an option out of range), CA117 (a place that is
 /// touched once only), MA104. Cost: about 30 us a row and step; below 0.1 s for 100 poses of a hexapod.
 Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
                               const CalibrationOptions& options = {});
