@@ -129,13 +129,13 @@ TEST(MeasuredMap, RefusesWhatIsNoMap) {
     const auto map = MeasuredMap::of(p);
     return map ? std::string() : map.error().id;
   };
-  EXPECT_EQ(id_of({points.begin(), points.begin() + 5}), "ID120");
-  EXPECT_EQ(id_of(std::vector<MeasuredPoint>(8, points[0])), "ID120");
+  EXPECT_EQ(id_of({points.begin(), points.begin() + 5}), "ID113");
+  EXPECT_EQ(id_of(std::vector<MeasuredPoint>(8, points[0])), "ID113");
   points[3].X_MT.R = rotation_x(units::from_deg(3));
-  EXPECT_EQ(id_of(points), "ID121");
+  EXPECT_EQ(id_of(points), "ID114");
   const auto few = hold_out(lola(), {points[0], points[1]});
   ASSERT_FALSE(few);
-  EXPECT_EQ(few.error().id, "ID122");
+  EXPECT_EQ(few.error().id, "ID115");
 }
 
 }  // namespace
