@@ -350,7 +350,7 @@ Json map_json(const pages::ComplianceMap& map, const std::vector<std::string>& w
 void print_measured(const pages::ComplianceMap& map) {
   const pages::MeasuredCompliance& m = *map.measured;
   const statics::Compared& c = m.compared;
-  fmt::print("\n{}\n", pages::measured_verdict(map, "um/N"));
+  fmt::print("\n{}\n", pages::measured_verdict(map, true));
   fmt::print("measured less computed at {} points{}, um/N; readings correlated over {:.0f} mm\n", m.judged.size(),
              m.in_plane ? " of the plane" : ", none in the plane", units::to_mm(m.map.correlation_length()));
   fmt::print("{:<20}{:>10}{:>10}{:>10}{:>12}  {}\n", "", "rms", "max", "noise", "deviation", "apart by 2 deviations");

@@ -433,9 +433,9 @@ void add_planes(report::Report& page, const machine::AnyMachine& machine,
     if (first) page.add_section("Measured and computed maps");
     first = false;
     page.add_heading(
-        fmt::format("{}: {}", std::filesystem::path(file.front().place.file).filename().string(), place_of(map)));
+        fmt::format("{}: {}", std::filesystem::path(file.front().place.file).filename().string(), shown_place(map)));
     page.add_verdict(explained(map.measured->compared) ? Verdict::good : Verdict::neutral,
-                     measured_verdict(map, "µm/N") + ".");
+                     measured_verdict(map, false) + ".");
     add_measured(page, map, false);
   }
 }

@@ -92,11 +92,12 @@ bool explained(const statics::Compared& c) {
   return c.rms_of_all <= kMoreThanNoise * c.noise_of_all;
 }
 
-std::string measured_verdict(const ComplianceMap& map, const std::string& unit) {
+std::string measured_verdict(const ComplianceMap& map, bool plain) {
   const statics::Compared& c = map.measured->compared;
   const std::string joints = statics::column_names(map.machine).front();
-  std::string out = fmt::format("The {}s explain the measured compliances to {} {} rms, ",
-                                joints.substr(0, joints.find(' ')), number(to_um_per_N(c.rms_of_all), 2), unit);
+  std::string out =
+      fmt::format("The {}s explain the measured compliances to {} {} rms, ", joints.substr(0, joints.find(' ')),
+                  number(to_um_per_N(c.rms_of_all), 2), plain ? "um/N" : "µm/N");
   out += c.noise_of_all > kNoNoise * c.rms_of_all
              ? fmt::format("{} times the noise of the readings", number(c.rms_of_all / c.noise_of_all, 2))
              : std::string("far above the noise of the readings");
@@ -106,10 +107,10 @@ std::string measured_verdict(const ComplianceMap& map, const std::string& unit) 
   for (const auto& [row, column] : statics::kEntryPlaces) {
     const double share = map.measured->beyond(row, column);
     if (share < kStandsOut) continue;
-    apart += fmt::format("{}C{}{} on {:.0f} % of the map", apart.empty() ? "" : ", ", "xyz"[row], "xyz"[column],
-                         100 * share);
+    apart += fmt::format("{}C{}{}{} on {:.0f} % of it", apart.empty() ? "" : ", ", plain ? "_" : "", "xyz"[row],
+                         "xyz"[column], 100 * share);
   }
-  return apart.empty() ? out : out + "; beyond two deviations of what is interpolated: " + apart;
+  return apart.empty() ? out : out + "; beyond two deviations of the measured map: " + apart;
 }
 
 Panels measured_panels(const ComplianceMap& map, Field::Kind kind) {

@@ -46,8 +46,8 @@ struct MeasuredCompliance {
 Result<MeasuredCompliance> measured_over(const ComplianceMap& map, const std::vector<statics::MeasuredPoint>& points);
 
 /// "The joints explain the measured compliances to 0.13 um/N rms, 1.1 times the noise of the readings: ..." (no stop),
-/// and the entries that are beyond two deviations on a quarter of the map or more.
-std::string measured_verdict(const ComplianceMap& map, const std::string& unit);
+/// and the entries that are beyond two deviations on a quarter of the map or more. `plain`: in ASCII.
+std::string measured_verdict(const ComplianceMap& map, bool plain);
 
 /// Whether the joints explain the readings: their differences are at most 1.5 times the noise of a reading.
 bool explained(const statics::Compared& compared);
