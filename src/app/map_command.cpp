@@ -356,7 +356,7 @@ void print_measured(const pages::ComplianceMap& map) {
   fmt::print("{:<20}{:>10}{:>10}{:>10}{:>12}  {}\n", "", "rms", "max", "noise", "deviation", "apart by 2 deviations");
   for (const auto& [row, column] : statics::kEntryPlaces) {
     const auto um = [&, i = row, j = column](const Mat3& C) { return units::to_um_per_N(C(i, j)); };
-    fmt::print("{:<20}{:>10.4f}{:>10.4f}{:>10.4f}{:>12.4f}  {:.0f} % of the map\n", entry_name(row, column), um(c.rms),
+    fmt::print("{:<20}{:>#10.3g}{:>#10.3g}{:>#10.3g}{:>#12.3g}  {:.0f} % of the map\n", entry_name(row, column), um(c.rms),
                std::abs(um(c.difference[worst_at(c, row, column)])), um(c.noise), um(c.deviation),
                100 * m.beyond(row, column));
   }

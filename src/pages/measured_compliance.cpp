@@ -177,14 +177,11 @@ void add_measured(report::Report& page, const ComplianceMap& map, bool with_cros
       "themselves tell it. Deviation: how sure the interpolated map is (one standard deviation); by chance alone "
       "measured and computed map are apart by two of them on about 5 % of the map.",
       m.judged.size(), m.in_plane ? " of the plane" : ", none of which lies in the plane");
-  table.columns = {{"", ""},
-                   {"rms", "", 3},
-                   {"largest", "", 3},
-                   {m.in_plane ? fmt::format("at {}, {}", "xyz"[axes.u], "xyz"[axes.v]) : "at x, y, z", "mm"},
-                   {"noise", "", 3},
-                   {"rms over noise", "×", 1},
-                   {"deviation", "", 3},
-                   {"apart by 2 deviations", "% of the map", 0}};
+  table.columns = {
+      {"", ""},          {"rms", ""},
+      {"largest", ""},   {m.in_plane ? fmt::format("at {}, {}", "xyz"[axes.u], "xyz"[axes.v]) : "at x, y, z", "mm"},
+      {"noise", ""},     {"rms over noise", "×", 1},
+      {"deviation", ""}, {"apart by 2 deviations", "% of the map", 0}};
   for (const Field& f : fields_of(map)) {
     if (f.kind != Field::Kind::direct && f.kind != Field::Kind::cross) continue;
     const std::size_t worst = c.worst[static_cast<std::size_t>(f.row)][static_cast<std::size_t>(f.column)];

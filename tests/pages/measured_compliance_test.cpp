@@ -96,9 +96,11 @@ TEST(MeasuredOver, HoldsTheNumbersOfMapAndMachine) {
     EXPECT_TRUE(m.in_plane);
     ASSERT_EQ(m.judged.size(), 15u) << "those of the plane";
     Mat3 square = Mat3::Zero();
+    std::size_t index = 0;
     for (const MeasuredPoint& p : readings("V")) {
       const Mat3 difference = (p.displacement + p.displacement.transpose()) / (2 * p.force) -
                               statics::compliance_at(map.machine, p.X_MT).linear();
+      EXPECT_LT((m.compared.difference[index++] - difference).norm(), kSame * difference.norm()) << "the sign, too";
       square += difference.cwiseAbs2() / 15;
     }
     EXPECT_LT((m.compared.rms - square.cwiseSqrt()).cwiseAbs().maxCoeff(), kSame * square.cwiseSqrt().maxCoeff());
@@ -255,10 +257,10 @@ TEST(MapPage, ShowsMeasuredComputedAndDifferenceSideBySide) {
   for (const auto& [i, j] : statics::kEntryPlaces) {
     const double rms = to_um_per_N(c.rms(i, j)), noise = to_um_per_N(c.noise(i, j));
     EXPECT_THAT(html, HasSubstr(fmt::format("<td>C{}{}</td><td class=\"r\">{}</td>", "xyz"[std::min(i, j)],
-                                            "xyz"[std::max(i, j)], report::fixed(rms, 3))));
+                                            "xyz"[std::max(i, j)], report::number(rms))));
     EXPECT_THAT(html, HasSubstr(fmt::format("<td class=\"r\">{}</td><td class=\"r\">{}</td><td class=\"r\">{}</td>",
-                                            report::fixed(noise, 3), report::fixed(rms / noise, 1),
-                                            report::fixed(to_um_per_N(c.deviation(i, j)), 3))));
+                                            report::number(noise), report::fixed(rms / noise, 1),
+                                            report::number(to_um_per_N(c.deviation(i, j))))));
   }
   // Panels in threes: measured and computed in one scale, the difference in that of all differences.
   const auto bars = bars_of(html);
@@ -291,7 +293,7 @@ TEST(IdentificationPage, ShowsThePlaneOfEachFile) {
   // With the compliances that were found, not those of the machine.
   const auto found = *statics::with_compliances(lola(), r->compliance);
   const auto compared = *statics::compare(found, *statics::MeasuredMap::of(points), readings("I"));
-  EXPECT_THAT(html, HasSubstr("<td>Cxx</td><td class=\"r\">" + report::fixed(to_um_per_N(compared.rms(0, 0)), 3)));
+  EXPECT_THAT(html, HasSubstr("<td>Cxx</td><td class=\"r\">" + report::number(to_um_per_N(compared.rms(0, 0)))));
 
   auto scattered = points;
   for (MeasuredPoint& p : scattered) p.place.file = "all.csv";
