@@ -38,22 +38,12 @@ constexpr int kMapPoints = 41;     // on the longer side of a measured plane
 constexpr std::array<Colour, 3> kOfAxis{Colour::blue, Colour::vermillion, Colour::green};
 constexpr const char* kAxes = "xyz";
 
-std::string joined(const std::vector<std::string>& texts) {
-  std::string out;
-  for (const std::string& text : texts) out += (out.empty() ? "" : ", ") + text;
-  return out;
-}
-
 /// `rows`: measurements or points, each with its place in a file.
 template <class Rows>
 Facts facts_of(const machine::AnyMachine& machine, const Rows& rows, const MeasuredPageOptions& how) {
-  std::vector<std::string> files;
-  for (const auto& row : rows) {
-    const std::string name = std::filesystem::path(row.place.file).filename().string();
-    if (std::find(files.begin(), files.end(), name) == files.end()) files.push_back(name);
-  }
-  Facts out{
-      {"machine", machine::name_of(machine)}, {"family", machine::family_of(machine)}, {"measurements", joined(files)}};
+  Facts out{{"machine", machine::name_of(machine)},
+            {"family", machine::family_of(machine)},
+            {"measurements", files_of(rows)}};
   if (!how.version.empty()) out.emplace_back("made with", "Polypod " + how.version);
   return out;
 }

@@ -2,6 +2,8 @@
 // Pictures of compliances over a plane that several pages show.
 #pragma once
 
+#include <algorithm>
+#include <filesystem>
 #include <limits>
 #include <string>
 #include <utility>
@@ -13,6 +15,19 @@
 namespace polypod::pages {
 
 using Panels = std::vector<std::pair<std::string, report::Figure>>;
+
+/// "plane_I.csv, plane_V.csv": the files of rows that know their place, each once, without folders.
+template <class Rows>
+std::string files_of(const Rows& rows) {
+  std::vector<std::string> names;
+  for (const auto& row : rows) {
+    std::string name = std::filesystem::path(row.place.file).filename().string();
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(std::move(name));
+  }
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
 
 /// The colours that several maps share.
 struct ColourScale {

@@ -225,6 +225,7 @@ class Page {
                 {std::string(1, "xyz"[axes_.v]), range_mm(map_.rectangle.v)}};
     if (!map_.angles_deg.empty()) out.emplace_back("orientation", orientation_of(map_));
     out.emplace_back("grid", fmt::format("{} × {} points", map_.map.grid.columns, map_.map.grid.rows));
+    if (map_.measured) out.emplace_back("measurements", map_.measured->files);
     if (!options_.version.empty()) out.emplace_back("made with", "Polypod " + options_.version);
     return out;
   }

@@ -57,7 +57,7 @@ std::optional<MeasuredPlane> measured_plane(const std::vector<MeasuredPoint>& po
 
 Result<MeasuredCompliance> measured_over(const ComplianceMap& map, const std::vector<MeasuredPoint>& points) {
   POLYPOD_ASSIGN(measured, statics::MeasuredMap::of(points));
-  MeasuredCompliance out{std::move(measured), points.size(), true, {}, {}, {}, {}};
+  MeasuredCompliance out{std::move(measured), points.size(), files_of(points), true, {}, {}, {}, {}};
   const MeasuredPlane in = measured_in(points, map.plane, map.at);
   for (const std::size_t i : in.points) out.judged.push_back(points[i]);
   out.in_plane = !out.judged.empty();

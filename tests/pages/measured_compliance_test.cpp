@@ -245,6 +245,7 @@ TEST(MapPage, ShowsMeasuredComputedAndDifferenceSideBySide) {
   EXPECT_EQ(html, compliance_map_page(map));
   for (const char* bad : {" nan", ">nan", "n/a"}) EXPECT_THAT(html, Not(HasSubstr(bad)));
   EXPECT_THAT(html, HasSubstr(report::escape(measured_verdict(map, false))));
+  EXPECT_THAT(html, HasSubstr("<dd>displacements_plane_V.csv</dd>"));
   std::size_t at = 0;
   for (const char* part : {"At a glance</h2>", "The joints explain", "Measured against computed</h2>", ">Cxx measured<",
                            ">Cxx computed<", ">Cxx measured − computed<", ">Cyz measured − computed<",
@@ -274,6 +275,23 @@ TEST(MapPage, ShowsMeasuredComputedAndDifferenceSideBySide) {
   EXPECT_NE(bars[0], bars[3]) << "Cxx and Cyy have scales of their own";
 }
 
+// Readings of a machine half as soft: the scale of both maps must reach the computed values, too.
+TEST(MapPage, TheScaleHoldsMeasuredAndComputed) {
+  std::vector<double> c = statics::column_compliances(lola());
+  for (double& x : c) x /= 2;
+  const std::string html = compliance_map_page(map_of(readings_of(*statics::with_compliances(lola(), c), 0)));
+  const std::size_t from = html.find("<svg class=\"pp\"");
+  const std::string panel = html.substr(from, html.find("</svg>", from) - from);
+  const std::regex tick("class=\"n\" font-size=\"11\">([0-9.]+)<");
+  double low = 1e9, high = 0;
+  for (auto it = std::sregex_iterator(panel.begin(), panel.end(), tick); it != std::sregex_iterator(); ++it) {
+    low = std::min(low, std::stod((*it)[1]));
+    high = std::max(high, std::stod((*it)[1]));
+  }
+  EXPECT_LT(low, 1.2) << "least measured C_xx is 0.64";
+  EXPECT_GT(high, 2.2) << "greatest computed C_xx is 2.96";
+}
+
 TEST(MapPicture, HasMeasuredPanels) {
   const std::string svg = report::standalone_svg(map_picture(map_of(both())), 1200);
   EXPECT_EQ(report::what_is_wrong(svg), "");
@@ -285,12 +303,15 @@ TEST(IdentificationPage, ShowsThePlaneOfEachFile) {
   const auto points = both();
   const auto r = statics::identify_compliance(lola(), points);
   ASSERT_TRUE(r);
-  const std::string html = identification_page(lola(), points, *r, {});
+  std::vector<double> doubled = statics::column_compliances(lola());
+  for (double& x : doubled) x *= 2;
+  const auto given = *statics::with_compliances(lola(), doubled);
+  const std::string html = identification_page(given, points, *r, {});
   EXPECT_EQ(report::what_is_wrong(html), "");
   EXPECT_THAT(html, HasSubstr("displacements_plane_I.csv: z = −400 mm</h3>"));
   EXPECT_THAT(html, HasSubstr("displacements_plane_V.csv: z = 0 mm</h3>"));
   EXPECT_THAT(html, Not(HasSubstr(">Cxy measured<"))) << "direct ones only";
-  // With the compliances that were found, not those of the machine.
+  // With the compliances that were found, not those of the given machine.
   const auto found = *statics::with_compliances(lola(), r->compliance);
   const auto compared = *statics::compare(found, *statics::MeasuredMap::of(points), readings("I"));
   EXPECT_THAT(html, HasSubstr("<td>Cxx</td><td class=\"r\">" + report::number(to_um_per_N(compared.rms(0, 0)))));

@@ -32,6 +32,7 @@ MeasuredPlane measured_in(const std::vector<statics::MeasuredPoint>& points, sta
 struct MeasuredCompliance {
   statics::MeasuredMap map;                    ///< from all points
   std::size_t points = 0;                      ///< that it was made from
+  std::string files;                           ///< that they stand in, "plane_I.csv, plane_V.csv"
   bool in_plane = true;                        ///< whether any of them lie in the plane
   std::vector<statics::MeasuredPoint> judged;  ///< those of the plane; all of them where none lies in it
   statics::Compared compared;                  ///< with the machine, at the judged points
