@@ -30,6 +30,8 @@ class Arguments {
   virtual void option(const char* names, int& value, const char* help, bool required = false) = 0;
   /// May be given several times.
   virtual void option(const char* names, std::vector<std::string>& values, const char* help, bool required = false) = 0;
+  /// Takes all values that follow it, and may be given several times.
+  virtual void options(const char* names, std::vector<std::string>& values, const char* help) = 0;
   virtual void flag(const char* names, bool& value, const char* help) = 0;
 };
 

@@ -35,6 +35,9 @@ class CliArguments : public Arguments {
   void option(const char* names, std::vector<std::string>& values, const char* help, bool required) override {
     app_.add_option(names, values, help)->required(required)->allow_extra_args(false);
   }
+  void options(const char* names, std::vector<std::string>& values, const char* help) override {
+    app_.add_option(names, values, help);
+  }
   void flag(const char* names, bool& value, const char* help) override { app_.add_flag(names, value, help); }
 
  private:

@@ -20,11 +20,12 @@ using pages::tidy_mm;
 constexpr int kMostPerSide = 301;
 constexpr double kFarthest_mm = 1e6;  // 1 km: beyond it lies a wrong unit
 constexpr int kMostPathPoints = 10'001;
+constexpr double kOneDirection = 1.0;  // deg, between tool axes that count as one
 
 struct MapOptions {
-  std::string machine, plane = "xy", at, angles, resolution = "41", force, path_csv;
+  std::string machine, plane, at, angles, resolution = "41", force, path_csv;
   std::array<std::string, 3> range;
-  std::vector<std::string> sets, paths, outputs;
+  std::vector<std::string> sets, measured, paths, outputs;
   int points = 61;
 };
 
@@ -38,13 +39,48 @@ Result<std::array<double, 2>> range_of(const std::string& text, const std::strin
   return std::array{units::from_mm(n[0]), units::from_mm(n[1])};
 }
 
-/// The plane, where it lies and how far the map goes. `found` is false where the machine reaches nothing of it.
-Status lay_plane(const MapOptions& o, const Mat3& R_MT, pages::ComplianceMap& map, bool& found) {
-  const auto plane = statics::plane_named(o.plane);
-  if (!plane) return fail("AP140", fmt::format("--plane {}: not xy, xz or yz", o.plane));
-  map.plane = *plane;
+using Measured = std::vector<statics::MeasuredPoint>;
+
+/// The measured points of all files. Errors: those of read_displacements.
+Result<Measured> measured_of(const MapOptions& o) {
+  Measured out;
+  for (const std::string& file : o.measured) {
+    POLYPOD_ASSIGN(more, statics::read_displacements(file));
+    out.insert(out.end(), more.begin(), more.end());
+  }
+  return out;
+}
+
+/// The rectangle of the measured points of the plane; of all of them, with the margin of a map, where none lies in it
+/// or they lie on a line.
+statics::Rectangle measured_rectangle(const pages::ComplianceMap& map, const Measured& measured) {
   const statics::PlaneAxes axes = statics::axes_of(map.plane);
-  map.at = statics::middle_of_work(map.machine)[axes.normal];
+  statics::Rectangle out = pages::measured_in(measured, map.plane, map.at).rectangle;
+  const auto field = statics::MeasuredMap::of(measured);
+  if (!field) return out;  // said later
+  for (const auto& [axis, range] : {std::pair{axes.u, &out.u}, std::pair{axes.v, &out.v}}) {
+    if ((*range)[1] - (*range)[0] < units::from_mm(1)) *range = {field->low()[axis], field->high()[axis]};
+  }
+  return out;
+}
+
+/// The plane, where it lies and how far the map goes: those of the measured points, if there are any. `found` is false
+/// where the machine reaches nothing of it.
+Status lay_plane(const MapOptions& o, const Mat3& R_MT, const Measured& measured, pages::ComplianceMap& map,
+                 bool& found) {
+  const auto first = pages::measured_plane(measured);
+  if (!o.plane.empty()) {
+    const auto plane = statics::plane_named(o.plane);
+    if (!plane) return fail("AP140", fmt::format("--plane {}: not xy, xz or yz", o.plane));
+    map.plane = *plane;
+  } else if (first) {
+    map.plane = first->plane;
+  } else if (!measured.empty() && o.at.empty()) {
+    return fail("AP148", "no plane parallel to two axes holds the first measured point and others round it",
+                measured.front().place, "say over which plane with --plane and --at");
+  }
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  map.at = measured.empty() ? statics::middle_of_work(map.machine)[axes.normal] : measured.front().X_MT.p[axes.normal];
   if (!o.at.empty()) {
     POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
     if (at.size() != 1 || std::abs(at[0]) > kFarthest_mm) {
@@ -57,11 +93,13 @@ Status lay_plane(const MapOptions& o, const Mat3& R_MT, pages::ComplianceMap& ma
   if (!text(axes.normal).empty()) {
     return fail("AP141",
                 fmt::format("{} {}: a map over the plane {} has no range of {}", option(axes.normal), text(axes.normal),
-                            o.plane, "xyz"[axes.normal]),
+                            statics::name_of(map.plane), "xyz"[axes.normal]),
                 {}, fmt::format("say where the plane lies with --at, or choose another --plane"));
   }
   found = true;
-  if (text(axes.u).empty() || text(axes.v).empty()) {
+  if (!measured.empty()) {
+    map.rectangle = measured_rectangle(map, measured);
+  } else if (text(axes.u).empty() || text(axes.v).empty()) {
     const auto reached = statics::reached_rectangle(map.machine, map.plane, map.at, R_MT);
     found = reached.has_value();
     if (found) map.rectangle = *reached;
@@ -83,12 +121,7 @@ Result<std::array<int, 2>> resolution_of(const std::string& text, const statics:
                 {}, "points on the longer side, or columns,rows");
   }
   if (n.size() == 2) return std::array{static_cast<int>(n[0]), static_cast<int>(n[1])};
-  const double width = r.u[1] - r.u[0], height = r.v[1] - r.v[0], longer = std::max(width, height);
-  const int fewest = std::min(11, static_cast<int>(n[0]));  // a narrow map still shows how it changes across
-  const auto count = [&](double side) {
-    return longer > 0 ? std::max(fewest, static_cast<int>(std::lround((n[0] - 1) * side / longer)) + 1) : fewest;
-  };
-  return std::array{count(width), count(height)};
+  return pages::grid_counts(r, static_cast<int>(n[0]));
 }
 
 /// "x,y,z:x,y,z" in mm. Error: AP144.
@@ -168,6 +201,7 @@ std::string command_line(const MapOptions& o) {
     if (!value.empty()) out += fmt::format(" {} {}", option, for_shell(value));
   };
   for (const std::string& set : o.sets) add("--set", set);
+  for (const std::string& file : o.measured) add("--measured", file);
   add("--plane", o.plane);
   add("--at", o.at);
   add("--x", o.range[0]);
@@ -246,6 +280,38 @@ Json path_json(const pages::ComplianceMap& map, const pages::LoadedPath& path) {
           {"along_force_um", force}};
 }
 
+std::string entry_name(int row, int column) {
+  return fmt::format("C_{}{}", "xyz"[row], "xyz"[column]);
+}
+
+/// The largest difference of an entry, at that reading.
+std::size_t worst_at(const statics::Compared& c, int row, int column) {
+  return c.worst[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)];
+}
+
+Json measured_json(const pages::MeasuredCompliance& m) {
+  const statics::Compared& c = m.compared;
+  Json fields = Json::object();
+  for (const auto& [row, column] : statics::kEntryPlaces) {
+    const auto um = [&, i = row, j = column](const Mat3& C) { return units::to_um_per_N(C(i, j)); };
+    const std::size_t worst = worst_at(c, row, column);
+    fields[entry_name(row, column) + "_um_per_N"] = {{"difference_rms", um(c.rms)},
+                                                     {"difference_max", std::abs(um(c.difference[worst]))},
+                                                     {"difference_max_at_mm", mm_json(m.judged[worst].X_MT.p)},
+                                                     {"noise", um(c.noise)},
+                                                     {"deviation_mean", um(c.deviation)},
+                                                     {"apart_percent", 100 * m.beyond(row, column)}};
+  }
+  return {{"points", m.points},
+          {"judged", m.judged.size()},
+          {"in_plane", m.in_plane},
+          {"correlation_length_mm", units::to_mm(m.map.correlation_length())},
+          {"difference_rms_um_per_N", units::to_um_per_N(c.rms_of_all)},
+          {"noise_um_per_N", units::to_um_per_N(c.noise_of_all)},
+          {"explained", pages::explained(c)},
+          {"fields", fields}};
+}
+
 Json map_json(const pages::ComplianceMap& map, const std::vector<std::string>& written) {
   const statics::PlaneAxes axes = statics::axes_of(map.plane);
   const auto range = [](const std::array<double, 2>& r) { return Json::array({tidy_mm(r[0]), tidy_mm(r[1])}); };
@@ -262,20 +328,38 @@ Json map_json(const pages::ComplianceMap& map, const std::vector<std::string>& w
   }
   Json paths = Json::array();
   for (const pages::LoadedPath& path : map.paths) paths.push_back(path_json(map, path));
-  return {{"machine", machine::name_of(map.machine)},
-          {"plane", statics::name_of(map.plane)},
-          {"at_mm", tidy_mm(map.at)},
-          {"angles_deg", map.angles_deg},
-          {"grid",
-           {{fmt::format("{}_mm", "xyz"[axes.u]), range(map.rectangle.u)},
-            {fmt::format("{}_mm", "xyz"[axes.v]), range(map.rectangle.v)},
-            {"columns", map.map.grid.columns},
-            {"rows", map.map.grid.rows}}},
-          {"points", map.map.points.size()},
-          {"out_of_reach", map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map))},
-          {"fields", fields},
-          {"paths", paths},
-          {"files", written}};
+  Json document{{"machine", machine::name_of(map.machine)},
+                {"plane", statics::name_of(map.plane)},
+                {"at_mm", tidy_mm(map.at)},
+                {"angles_deg", map.angles_deg},
+                {"grid",
+                 {{fmt::format("{}_mm", "xyz"[axes.u]), range(map.rectangle.u)},
+                  {fmt::format("{}_mm", "xyz"[axes.v]), range(map.rectangle.v)},
+                  {"columns", map.map.grid.columns},
+                  {"rows", map.map.grid.rows}}},
+                {"points", map.map.points.size()},
+                {"out_of_reach", map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map))},
+                {"fields", fields},
+                {"paths", paths},
+                {"files", written}};
+  if (map.measured) document["measured"] = measured_json(*map.measured);
+  return document;
+}
+
+/// "C_xx" to "C_yz" against the readings.
+void print_measured(const pages::ComplianceMap& map) {
+  const pages::MeasuredCompliance& m = *map.measured;
+  const statics::Compared& c = m.compared;
+  fmt::print("\n{}\n", pages::measured_verdict(map, true));
+  fmt::print("measured less computed at {} points{}, um/N; readings correlated over {:.0f} mm\n", m.judged.size(),
+             m.in_plane ? " of the plane" : ", none in the plane", units::to_mm(m.map.correlation_length()));
+  fmt::print("{:<20}{:>10}{:>10}{:>10}{:>12}  {}\n", "", "rms", "max", "noise", "deviation", "apart by 2 deviations");
+  for (const auto& [row, column] : statics::kEntryPlaces) {
+    const auto um = [&, i = row, j = column](const Mat3& C) { return units::to_um_per_N(C(i, j)); };
+    fmt::print("{:<20}{:>#10.3g}{:>#10.3g}{:>#10.3g}{:>#12.3g}  {:.0f} % of the map\n", entry_name(row, column), um(c.rms),
+               std::abs(um(c.difference[worst_at(c, row, column)])), um(c.noise), um(c.deviation),
+               100 * m.beyond(row, column));
+  }
 }
 
 void print_table(const pages::ComplianceMap& map) {
@@ -291,6 +375,7 @@ void print_table(const pages::ComplianceMap& map) {
     const pages::Extremes e = pages::extremes_of(f.values);
     // Of the joints' shares those in the direct compliances, if there are any: the files hold them all.
     if (f.kind == pages::Field::Kind::share && (f.row != f.column || (e.min == 0 && e.max == 0))) continue;
+    if (f.kind == pages::Field::Kind::deviation) continue;  // its mean stands below
     std::string name = f.joint.empty() ? f.name : fmt::format("  {} {}", f.joint, f.name);
     if (!f.unit.empty()) name += ", " + f.unit;
     // A quantity that is the same everywhere has no place.
@@ -335,34 +420,52 @@ void print_map(const MapOptions& o, const pages::ComplianceMap& map) {
              "xyz"[axes.v], range(map.rectangle.v), map.map.grid.columns, map.map.grid.rows,
              out == 0 ? std::string("none") : std::to_string(out));
   print_table(map);
+  if (map.measured) print_measured(map);
   for (const pages::LoadedPath& path : map.paths) print_path(map, path);
   for (const std::string& path : o.outputs) fmt::print("wrote {}\n", path);
   if (!o.path_csv.empty()) fmt::print("wrote {}\n", o.path_csv);
 }
 
+/// Error: AP149.
+Status same_axis(const Mat3& R_MT, const statics::MeasuredPoint& point, const pages::ComplianceMap& map) {
+  const Vec3 measured = point.X_MT.R.col(2);
+  const double apart = units::to_deg(std::acos(std::clamp(R_MT.col(2).dot(measured), -1.0, 1.0)));
+  if (apart <= kOneDirection) return {};
+  const std::string turned = pages::orientation_of(map);
+  return fail("AP149",
+              fmt::format("the displacements were measured with the tool {:.1f} deg away from {}", apart,
+                          turned.empty() ? "the axis of this machine's tool" : turned),
+              point.place, "a map holds for one direction of the tool: leave --angles out, or give those of the file");
+}
+
 Result<int> run_map(const MapOptions& o, const Context& context) {
   POLYPOD_TRY(check_outputs(o));
   POLYPOD_ASSIGN(m, machine_of(o.machine, o.sets));
-  pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}};
+  pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}, {}};
+  POLYPOD_ASSIGN(measured, measured_of(o));
+  if (!measured.empty()) POLYPOD_TRY(needs_compliance(m));
   const machine::Task task = kinematics::task(m);
   const auto angle_count = static_cast<std::size_t>(kinematics::coordinate_count(task) - 3);
   std::vector<double> coordinates(3 + angle_count, 0.0);
+  if (!measured.empty()) coordinates = kinematics::coordinates_of(task, measured.front().X_MT);
+  for (std::size_t i = 3; i < coordinates.size(); ++i) map.angles_deg.push_back(units::to_deg(coordinates[i]) + 0.0);
   if (!o.angles.empty()) {
     POLYPOD_ASSIGN(angles, numbers_of(o.angles, "--angles"));
     if (angles.size() > angle_count) {
       return fail("AP147", fmt::format("--angles {}: {} numbers, but this machine turns its tool by {}", o.angles,
                                        angles.size(), angle_count));
     }
-    for (std::size_t i = 0; i < angles.size(); ++i) coordinates[3 + i] = units::from_deg(angles[i]);
     map.angles_deg = angles;
+    map.angles_deg.resize(angle_count, 0.0);
+    for (std::size_t i = 0; i < angle_count; ++i) coordinates[3 + i] = units::from_deg(map.angles_deg[i]);
   }
-  map.angles_deg.resize(angle_count, 0.0);
   const Mat3 R_MT = kinematics::pose_of(task, coordinates).R;
+  if (!measured.empty()) POLYPOD_TRY(same_axis(R_MT, measured.front(), map));
 
   POLYPOD_ASSIGN(paths, paths_of(o));
   if (!paths.empty()) POLYPOD_TRY(needs_compliance(m));
   bool found = false;
-  POLYPOD_TRY(lay_plane(o, R_MT, map, found));
+  POLYPOD_TRY(lay_plane(o, R_MT, measured, map, found));
   POLYPOD_ASSIGN(count, resolution_of(o.resolution, map.rectangle));
   if (found) {
     const statics::PlaneGrid grid = statics::plane_grid(map.plane, map.at, map.rectangle, count[0], count[1]);
@@ -382,6 +485,10 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
     if (pages::reached(path) == 0) return out_of_reach("the path " + o.paths[k]);
   }
   map.paths = std::move(paths);
+  if (!measured.empty()) {
+    POLYPOD_ASSIGN(beside, pages::measured_over(map, measured));
+    map.measured = std::move(beside);
+  }
   if (!statics::has_compliance(m)) {
     fmt::print(
         stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", machine::name_of(m),
@@ -407,6 +514,10 @@ Command map_command() {
       "polypod map lola50 --at 0 --x -600,600 --y -1600,-1000 -o map.html",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
+        a.options(
+            "--measured", o->measured,
+            "Displacements measured under known forces (CSV files as for identify compliance), to be shown beside "
+            "the computed compliances; plane, range and orientation are theirs if not given");
         a.option("--plane", o->plane, "xy (default), xz or yz of M");
         a.option("--at", o->at,
                  "The plane's third coordinate, mm (default: a hexapod's tool at home, the origin of M of an arm)");

@@ -9,7 +9,9 @@
 #include <filesystem>
 #include <limits>
 
+#include "compliance_figures.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/report/html.hpp"
 
 namespace polypod::pages {
@@ -32,25 +34,16 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDot = 2.6;       // px
 constexpr double kBigDot = 4.2;    // px
 constexpr std::size_t kLikes = 3;  // parameters that a held one acts like, in the table
+constexpr int kMapPoints = 41;     // on the longer side of a measured plane
 constexpr std::array<Colour, 3> kOfAxis{Colour::blue, Colour::vermillion, Colour::green};
 constexpr const char* kAxes = "xyz";
-
-std::string joined(const std::vector<std::string>& texts) {
-  std::string out;
-  for (const std::string& text : texts) out += (out.empty() ? "" : ", ") + text;
-  return out;
-}
 
 /// `rows`: measurements or points, each with its place in a file.
 template <class Rows>
 Facts facts_of(const machine::AnyMachine& machine, const Rows& rows, const MeasuredPageOptions& how) {
-  std::vector<std::string> files;
-  for (const auto& row : rows) {
-    const std::string name = std::filesystem::path(row.place.file).filename().string();
-    if (std::find(files.begin(), files.end(), name) == files.end()) files.push_back(name);
-  }
-  Facts out{
-      {"machine", machine::name_of(machine)}, {"family", machine::family_of(machine)}, {"measurements", joined(files)}};
+  Facts out{{"machine", machine::name_of(machine)},
+            {"family", machine::family_of(machine)},
+            {"measurements", files_of(rows)}};
   if (!how.version.empty()) out.emplace_back("made with", "Polypod " + how.version);
   return out;
 }
@@ -407,6 +400,38 @@ void add_residuals(report::Report& page, const std::vector<statics::MeasuredPoin
   if (!outliers.rows.empty()) page.add_table(outliers);
 }
 
+/// The plane of each file beside what the found compliances say of it.
+void add_planes(report::Report& page, const machine::AnyMachine& machine,
+                const std::vector<statics::MeasuredPoint>& points, const statics::Identification& r) {
+  const auto found = statics::with_compliances(machine, r.compliance);
+  if (!found) return;
+  bool first = true;
+  for (auto begin = points.begin(); begin != points.end();) {
+    const auto end =
+        std::find_if(begin, points.end(), [&](const auto& p) { return p.place.file != begin->place.file; });
+    const std::vector<statics::MeasuredPoint> file(begin, end);
+    begin = end;
+    const auto plane = measured_plane(file);
+    if (!plane || plane->points.size() != file.size()) continue;
+    ComplianceMap map{*found, plane->plane, plane->at, plane->rectangle, {}, {}, {}};
+    const auto [columns, rows] = grid_counts(plane->rectangle, kMapPoints);
+    map.map = statics::compliance_map(*found, statics::plane_grid(map.plane, map.at, map.rectangle, columns, rows),
+                                      file.front().X_MT.R);
+    // From all points, or where the tool turns from file to file from this one's.
+    auto measured = measured_over(map, points);
+    if (!measured) measured = measured_over(map, file);
+    if (!measured) continue;
+    map.measured = std::move(*measured);
+    if (first) page.add_section("Measured and computed maps");
+    first = false;
+    page.add_heading(
+        fmt::format("{}: {}", std::filesystem::path(file.front().place.file).filename().string(), shown_place(map)));
+    page.add_verdict(explained(map.measured->compared) ? Verdict::good : Verdict::neutral,
+                     measured_verdict(map, false) + ".");
+    add_measured(page, map, false);
+  }
+}
+
 }  // namespace
 
 std::string calibration_page(const machine::AnyMachine& nominal, const std::vector<Measurement>& rows,
@@ -435,6 +460,7 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
     for (const auto& [file, rms] : checks.left_out) left.rows.push_back({file, to_um(rms)});
     page.add_table(left);
   }
+  add_planes(page, machine, points, r);
   if (!how.command.empty()) page.add_code("The command that made this page", how.command, false);
   return page.to_html();
 }

@@ -101,6 +101,22 @@ std::vector<Field> fields_of(const ComplianceMap& map) {
         std::find_if(out.begin(), out.end(), [](const Field& g) { return g.kind == Field::Kind::share; });
     out.insert(first_share, std::move(f));
   }
+  if (!map.measured) return out;
+  for (const bool deviation : {false, true}) {
+    for (const auto& [i, j] : kEntries) {
+      const std::string name = fmt::format("C_{}{}", "xyz"[i], "xyz"[j]);
+      Field f;
+      f.kind = deviation ? Field::Kind::deviation : Field::Kind::measured;
+      f.name = (deviation ? "deviation of measured " : "measured ") + name;
+      f.unit = "um/N";
+      f.key = fmt::format("measured_{}{}_um_per_N", name, deviation ? "_deviation" : "");
+      f.row = i;
+      f.column = j;
+      for (const Mat3& C : deviation ? map.measured->deviations : map.measured->values)
+        f.values.push_back(units::to_um_per_N(C(i, j)));
+      out.push_back(std::move(f));
+    }
+  }
   return out;
 }
 
@@ -150,6 +166,15 @@ std::string orientation_of(const ComplianceMap& map) {
     out += fmt::format("{}{} = {:g}", i == 0 ? "" : ", ", "ABC"[i], map.angles_deg[i]);
   }
   return out.empty() ? out : out + " deg";
+}
+
+std::array<int, 2> grid_counts(const statics::Rectangle& r, int longer_side) {
+  const double width = r.u[1] - r.u[0], height = r.v[1] - r.v[0], longer = std::max(width, height);
+  const int fewest = std::min(11, longer_side);  // a narrow map still shows how it changes across
+  const auto count = [&](double side) {
+    return longer > 0 ? std::max(fewest, static_cast<int>(std::lround((longer_side - 1) * side / longer)) + 1) : fewest;
+  };
+  return {count(width), count(height)};
 }
 
 std::string map_csv(const ComplianceMap& map) {

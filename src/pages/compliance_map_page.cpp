@@ -5,18 +5,78 @@
 #include <cmath>
 #include <limits>
 
+#include "compliance_figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/pages/compliance_map.hpp"
 #include "polypod/report/html.hpp"
 
 namespace polypod::pages {
+
+using report::Colour;
+using report::ColourMap;
+using report::HeatMap;
+
+std::string shown_unit(const Field& f) {
+  if (f.kind != Field::Kind::determinant) return "µm/N";
+  if (f.unit == "m^3") return "m³";
+  if (f.unit == "m^-3") return "m⁻³";
+  return f.unit;
+}
+
+std::string symbol(const Field& f) {
+  return fmt::format("C{}{}", "xyz"[f.row], "xyz"[f.column]);
+}
+
+std::string given(double value) {
+  const std::string text = fmt::format("{:.6g}", value == 0 ? 0.0 : value);
+  return text[0] == '-' ? "−" + text.substr(1) : text;
+}
+
+std::string shown_place(const ComplianceMap& map) {
+  return fmt::format("{} = {} mm", "xyz"[statics::axes_of(map.plane).normal], given(tidy_mm(map.at)));
+}
+
+void ColourScale::add(const std::vector<double>& values) {
+  const Extremes e = extremes_of(values);
+  if (e.min_at < 0) return;
+  low = std::min(low, e.min);
+  high = std::max(high, e.max);
+}
+double ColourScale::largest() const {
+  return std::max(std::abs(low), std::abs(high));
+}
+void ColourScale::set(HeatMap& map, bool round_zero) const {
+  if (round_zero) map.map = ColourMap::diverging;
+  map.min = round_zero ? -largest() : low;
+  map.max = round_zero ? largest() : high;
+}
+
+HeatMap heat_of(const ComplianceMap& map, const Field& f) {
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  HeatMap out;
+  out.title = fmt::format("{}{}{}", f.joint, f.joint.empty() ? "" : ": ", f.name);
+  out.x = {std::string(1, "xyz"[axes.u]), "mm", tidy_mm(map.rectangle.u[0]), tidy_mm(map.rectangle.u[1])};
+  out.y = {std::string(1, "xyz"[axes.v]), "mm", tidy_mm(map.rectangle.v[0]), tidy_mm(map.rectangle.v[1])};
+  out.columns = map.map.grid.columns;
+  out.rows = map.map.grid.rows;
+  out.values = f.values;
+  out.unit = shown_unit(f);
+  out.levels = 14;
+  for (const LoadedPath& path : map.paths) {
+    out.lines.push_back({"",
+                         {{tidy_mm(path.from_M[axes.u]), tidy_mm(path.from_M[axes.v])},
+                          {tidy_mm(path.to_M[axes.u]), tidy_mm(path.to_M[axes.v])}},
+                         Colour::ink,
+                         report::LineStyle::dashed,
+                         1.5});
+  }
+  return out;
+}
+
 namespace {
 
 using report::Cell;
-using report::Colour;
-using report::ColourMap;
 using report::Figure;
-using report::HeatMap;
 using report::number;
 using report::Report;
 using report::Table;
@@ -24,7 +84,6 @@ using report::Verdict;
 using units::to_um;
 
 using Entries = std::vector<std::pair<std::string, std::string>>;
-using Panels = std::vector<std::pair<std::string, Figure>>;
 using Kind = Field::Kind;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -38,22 +97,6 @@ constexpr Colour kJointColours[] = {Colour::blue,   Colour::orange, Colour::gree
 constexpr Colour kPathColours[] = {Colour::sky,   Colour::vermillion, Colour::ink,
                                    Colour::green, Colour::purple,     Colour::orange};
 
-std::string shown_unit(const Field& f) {
-  if (f.kind != Kind::determinant) return kUmPerN;
-  if (f.unit == "m^3") return "m³";
-  if (f.unit == "m^-3") return "m⁻³";
-  return f.unit;
-}
-
-/// "Cxx": what a person says; no underscores in print.
-std::string symbol(const Field& f) {
-  return fmt::format("C{}{}", "xyz"[f.row], "xyz"[f.column]);
-}
-
-std::string given(double value) {
-  const std::string text = fmt::format("{:.6g}", value == 0 ? 0.0 : value);
-  return text[0] == '-' ? "−" + text.substr(1) : text;
-}
 std::string range_mm(const std::array<double, 2>& range) {
   return fmt::format("{} … {} mm", given(tidy_mm(range[0])), given(tidy_mm(range[1])));
 }
@@ -79,19 +122,6 @@ std::string joined(const std::vector<std::string>& joints) {
   return out;
 }
 
-/// The colours that several maps share.
-struct Scale {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-  void add(const Field& f) {
-    const Extremes e = extremes_of(f.values);
-    if (e.min_at < 0) return;
-    low = std::min(low, e.min);
-    high = std::max(high, e.max);
-  }
-  [[nodiscard]] double largest() const { return std::max(std::abs(low), std::abs(high)); }
-};
-
 /// The fields of a map, and the pictures of them.
 class Figures {
  public:
@@ -116,43 +146,15 @@ class Figures {
     return out;
   }
 
-  [[nodiscard]] HeatMap heat(const Field& f) const {
-    const statics::PlaneAxes axes = statics::axes_of(map_.plane);
-    HeatMap out;
-    out.title = fmt::format("{}{}{}", f.joint, f.joint.empty() ? "" : ": ", f.name);
-    out.x = {std::string(1, "xyz"[axes.u]), "mm", tidy_mm(map_.rectangle.u[0]), tidy_mm(map_.rectangle.u[1])};
-    out.y = {std::string(1, "xyz"[axes.v]), "mm", tidy_mm(map_.rectangle.v[0]), tidy_mm(map_.rectangle.v[1])};
-    out.columns = map_.map.grid.columns;
-    out.rows = map_.map.grid.rows;
-    out.values = f.values;
-    out.unit = shown_unit(f);
-    out.levels = 14;
-    for (const LoadedPath& path : map_.paths) {
-      out.lines.push_back({"",
-                           {{tidy_mm(path.from_M[axes.u]), tidy_mm(path.from_M[axes.v])},
-                            {tidy_mm(path.to_M[axes.u]), tidy_mm(path.to_M[axes.v])}},
-                           Colour::ink,
-                           report::LineStyle::dashed,
-                           1.5});
-    }
-    return out;
-  }
   /// Maps in one scale of colours: from the least to the greatest of all of them, or round zero where they differ in
   /// sign.
   [[nodiscard]] Panels in_one_scale(const std::vector<const Field*>& fields, bool signs, bool by_joint) const {
-    Scale scale;
-    for (const Field* f : fields) scale.add(*f);
+    ColourScale scale;
+    for (const Field* f : fields) scale.add(f->values);
     Panels out;
     for (const Field* f : fields) {
-      HeatMap h = heat(*f);
-      if (signs) {
-        h.map = ColourMap::diverging;
-        h.min = -scale.largest();
-        h.max = scale.largest();
-      } else {
-        h.min = scale.low;
-        h.max = scale.high;
-      }
+      HeatMap h = heat_of(map_, *f);
+      scale.set(h, signs);
       out.emplace_back(by_joint ? f->joint : symbol(*f), h);
     }
     return out;
@@ -160,7 +162,7 @@ class Figures {
   [[nodiscard]] Panels direct() const { return in_one_scale(of(Kind::direct), false, false); }
   [[nodiscard]] Panels cross() const { return in_one_scale(of(Kind::cross), true, false); }
   [[nodiscard]] HeatMap determinant_heat() const {
-    HeatMap h = heat(*determinant());
+    HeatMap h = heat_of(map_, *determinant());
     h.title = "|det J|";
     for (double& v : h.values) v = std::abs(v);
     h.levels = 14;
@@ -197,6 +199,7 @@ class Page {
 
   std::string html() {
     glance();
+    if (map_.measured) measured();
     if (compliant_) compliances();
     determinant();
     if (compliant_) joints();
@@ -209,10 +212,7 @@ class Page {
   [[nodiscard]] std::string title() const { return "Compliance map of " + machine::name_of(map_.machine); }
   [[nodiscard]] std::string subtitle() const {
     return fmt::format("How far the tool tip gives way per newton over the plane {}, and which {} is the reason",
-                       shown_place(), compliant_ ? word() : "joint");
-  }
-  [[nodiscard]] std::string shown_place() const {
-    return fmt::format("{} = {} mm", "xyz"[axes_.normal], given(tidy_mm(map_.at)));
+                       shown_place(map_), compliant_ ? word() : "joint");
   }
   /// "joint" or "leg".
   [[nodiscard]] std::string word() const {
@@ -220,11 +220,12 @@ class Page {
     return name.substr(0, name.find(' '));
   }
   [[nodiscard]] Entries facts() const {
-    Entries out{{"plane", shown_place() + ", in the machine's frame M"},
+    Entries out{{"plane", shown_place(map_) + ", in the machine's frame M"},
                 {std::string(1, "xyz"[axes_.u]), range_mm(map_.rectangle.u)},
                 {std::string(1, "xyz"[axes_.v]), range_mm(map_.rectangle.v)}};
     if (!map_.angles_deg.empty()) out.emplace_back("orientation", orientation_of(map_));
     out.emplace_back("grid", fmt::format("{} × {} points", map_.map.grid.columns, map_.map.grid.rows));
+    if (map_.measured) out.emplace_back("measurements", map_.measured->files);
     if (!options_.version.empty()) out.emplace_back("made with", "Polypod " + options_.version);
     return out;
   }
@@ -237,6 +238,10 @@ class Page {
 
   void glance() {
     report_.add_section("At a glance");
+    if (map_.measured) {
+      report_.add_verdict(explained(map_.measured->compared) ? Verdict::good : Verdict::neutral,
+                          measured_verdict(map_, false) + ".");
+    }
     const int points = static_cast<int>(map_.map.points.size()), out_of_reach = points - reached(map_.map);
     std::vector<report::KeyFigure> figures;
     for (const Field* f : figures_.of(Kind::direct)) {
@@ -261,13 +266,23 @@ class Page {
     const std::string at = fmt::format("at {}, {}", "xyz"[axes_.u], "xyz"[axes_.v]);
     table.columns = {{"", ""}, {"least", ""}, {at, "mm"}, {"mean", ""}, {"greatest", ""}, {at, "mm"}, {"unit", ""}};
     for (const Field& f : figures_.fields()) {
-      if (f.kind == Kind::share) continue;
+      if (f.kind != Kind::direct && f.kind != Kind::cross && f.kind != Kind::determinant) continue;
       const Extremes e = extremes_of(f.values);
       if (e.min_at < 0) continue;
       table.rows.push_back({f.kind == Kind::determinant ? f.name : symbol(f), e.min, where(e.min_at), e.mean, e.max,
                             where(e.max_at), shown_unit(f)});
     }
     report_.add_table(table);
+  }
+
+  void measured() {
+    const MeasuredCompliance& m = *map_.measured;
+    report_.add_section("Measured against computed");
+    report_.add_text(fmt::format(
+        "Measured: displacements under known forces at {} points, interpolated without any model of the {}s "
+        "(correlated over {} mm). The maps are blank beside the measured points.",
+        m.points, word(), number(units::to_mm(m.map.correlation_length()))));
+    add_measured(report_, map_, true);
   }
 
   void compliances() {
@@ -531,8 +546,13 @@ report::Figure map_picture(const ComplianceMap& map) {
   const auto add = [&](const Panels& panels, const char* what) {
     for (const auto& [name, figure] : panels) grid.panels.emplace_back(fmt::format("{}, {}", name, what), figure);
   };
-  add(figures.direct(), "direct compliance");
-  add(figures.cross(), "cross compliance");
+  if (map.measured) {
+    for (const Kind kind : {Kind::direct, Kind::cross})
+      for (auto& panel : measured_panels(map, kind)) grid.panels.push_back(std::move(panel));
+  } else {
+    add(figures.direct(), "direct compliance");
+    add(figures.cross(), "cross compliance");
+  }
   if (figures.determinant() != nullptr) grid.panels.emplace_back("|det J|", figures.determinant_heat());
   grid.columns = std::min<int>(3, static_cast<int>(grid.panels.size()));
   return grid;

@@ -423,6 +423,21 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
       picture.text(l.at.x, l.at.y + 4, label_of(l.level, decimals), "on", svg::kSmallFont);
     }
   }
+  const double radius = std::clamp(picture.width / 80, 3.3, 4.2);
+  for (const Dot& dot : dots) {
+    const std::string place = fmt::format("<circle cx=\"{}\" cy=\"{}\"", px(X(dot.at.x)), px(Y(dot.at.y)));
+    const auto band = std::find_if(bands.begin(), bands.end(), [&](const BandOf& b) { return dot.value <= b.to; });
+    if (!std::isfinite(dot.value) || bands.empty()) {
+      picture.body += place + " r=\"2\" fill=\"#fff\" stroke=\"#000\" stroke-width=\".8\"/>\n";
+      continue;
+    }
+    const BandOf& in = band == bands.end() ? bands.back() : *band;
+    // A light ring and a dark one: seen on every colour of the map.
+    picture.body += place + fmt::format(" r=\"{}\" fill=\"{}\" stroke=\"#fff\" stroke-width=\".9\"/>\n", px(radius),
+                                        colour((in.from + in.to) / 2, -1));
+    picture.body +=
+        place + fmt::format(" r=\"{}\" fill=\"none\" stroke=\"#000\" stroke-width=\".6\"/>\n", px(radius + 0.7));
+  }
   for (const Marker& m : markers) {
     picture.body += fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"3.5\" class=\"{} f\"/>\n", px(X(m.at.x)),
                                 px(Y(m.at.y)), svg::class_of(m.colour));

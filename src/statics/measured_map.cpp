@@ -19,7 +19,6 @@ namespace {
 constexpr std::size_t kFewest = 6;
 constexpr double kOneDirection = 1.0;  // deg, between tool axes that count as one
 constexpr double kFlat = 0.01;         // of the span: less spread in a direction is none
-constexpr std::array<std::pair<int, int>, kEntries> kPlaces{{{0, 0}, {1, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}}};
 
 /// The x in [low, high] of the least f: the best of `steps` + 1 equal steps, then a golden section round it.
 template <class F>
@@ -91,6 +90,10 @@ double matern(double r) {
 
 }  // namespace
 
+Mat3 measured_compliance(const MeasuredPoint& point) {
+  return 0.5 / point.force * (point.displacement + point.displacement.transpose());
+}
+
 double MeasuredMap::correlation(double distance) const {
   return matern(std::sqrt(5.0) * distance / length_);
 }
@@ -146,8 +149,9 @@ Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
   for (Eigen::Index i = 0; i < n; ++i) {
     const MeasuredPoint& point = points[std::size_t(i)];
     B.row(i) = map.basis(point.X_MT.p);
-    const Mat3 C = 0.5 / point.force * (point.displacement + point.displacement.transpose());
-    for (int e = 0; e < kEntries; ++e) y(i, e) = C(kPlaces[std::size_t(e)].first, kPlaces[std::size_t(e)].second);
+    const Mat3 C = measured_compliance(point);
+    for (int e = 0; e < kEntries; ++e)
+      y(i, e) = C(kEntryPlaces[std::size_t(e)].first, kEntryPlaces[std::size_t(e)].second);
   }
   const Eigen::MatrixXd Q =
       (Eigen::MatrixXd(B.householderQr().householderQ() * Eigen::MatrixXd::Identity(n, n))).rightCols(n - known);
@@ -196,7 +200,7 @@ Mat3 MeasuredMap::at(const Vec3& p) const {
   }
   Mat3 C;
   for (std::size_t e = 0; e < value.size(); ++e) {
-    const auto [row, column] = kPlaces[e];
+    const auto [row, column] = kEntryPlaces[e];
     C(row, column) = C(column, row) = value[e];
   }
   if (C.llt().info() == Eigen::Success) return C;
@@ -213,7 +217,7 @@ Mat3 MeasuredMap::deviation(const Vec3& p) const {
     const Entry& entry = entries_[e];
     const Eigen::VectorXd rest = b - entry.solved.transpose() * k;
     const double share = 1 - k.dot(entry.factor.solve(k)) + rest.dot(entry.trend_factor.solve(rest));
-    const auto [row, column] = kPlaces[e];
+    const auto [row, column] = kEntryPlaces[e];
     out(row, column) = out(column, row) = std::sqrt(entry.variance * std::max(0.0, share));
   }
   return out;
@@ -237,6 +241,35 @@ std::string MeasuredMap::why_not(const Vec3& p) const {
 std::array<double, kEntries> MeasuredMap::noise() const {
   std::array<double, kEntries> out{};
   for (std::size_t e = 0; e < out.size(); ++e) out[e] = std::sqrt(entries_[e].variance * entries_[e].ratio);
+  return out;
+}
+
+Result<Compared> compare(const AnyMachine& machine, const MeasuredMap& map, const std::vector<MeasuredPoint>& points) {
+  Compared out;
+  Mat3 square = Mat3::Zero();
+  for (const MeasuredPoint& point : points) {
+    const Compliance c = compliance_at(machine, point.X_MT);
+    if (!c.reachable) {
+      return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
+    }
+    out.difference.push_back(measured_compliance(point) - c.linear());
+    out.deviation += map.deviation(point.X_MT.p) / double(points.size());
+    square += out.difference.back().cwiseAbs2() / double(points.size());
+  }
+  out.rms = square.cwiseSqrt();
+  const std::array<double, kEntries> noise = map.noise();
+  for (std::size_t e = 0; e < noise.size(); ++e) {
+    const auto [row, column] = kEntryPlaces[e];
+    out.noise(row, column) = out.noise(column, row) = noise[e];
+    out.rms_of_all += square(row, column) / kEntries;
+    out.noise_of_all += noise[e] * noise[e] / kEntries;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < points.size(); ++i)
+      if (std::abs(out.difference[i](row, column)) > std::abs(out.difference[worst](row, column))) worst = i;
+    out.worst[std::size_t(row)][std::size_t(column)] = out.worst[std::size_t(column)][std::size_t(row)] = worst;
+  }
+  out.rms_of_all = std::sqrt(out.rms_of_all);
+  out.noise_of_all = std::sqrt(out.noise_of_all);
   return out;
 }
 

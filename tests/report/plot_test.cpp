@@ -332,6 +332,17 @@ TEST(HeatMap, ACellWithOneCornerMissingIsHalfACell) {
   EXPECT_FALSE(std::regex_search(map(kCanvas), triangle)) << "half the cell is not known";
 }
 
+TEST(HeatMap, DotsHaveTheColourOfTheirBand) {
+  HeatMap map = ramp();
+  map.dots = {{{50, 25}, 5.4}, {{20, 10}, kNaN}, {{0, 0}, 99}};
+  const std::string svg = map(kCanvas);
+  // Bands of one unit from 0 to 10: 5.4 lies in that of 5 to 6, what is above all in the last.
+  EXPECT_EQ(count_of(svg, "fill=\"" + colour_at(ColourMap::sequential, 0.55) + "\" stroke=\"#fff\""), 1) << svg;
+  EXPECT_EQ(count_of(svg, "fill=\"" + colour_at(ColourMap::sequential, 0.95) + "\" stroke=\"#fff\""), 1);
+  EXPECT_EQ(count_of(svg, "r=\"2\" fill=\"#fff\""), 1) << "no value: a small dot";
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+}
+
 TEST(HeatMap, IsDrawnOnlyInsideItsClip) {
   HeatMap map;
   map.columns = map.rows = 11;

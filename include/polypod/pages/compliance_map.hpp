@@ -2,10 +2,13 @@
 // A map of the static compliance over a plane, as page, picture, table and VTK file (SLAV 2.4.3, 4.5, 4.6).
 #pragma once
 
+#include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/pages/measured_compliance.hpp"
 #include "polypod/report/plot.hpp"
 #include "polypod/statics/plane.hpp"
 
@@ -27,7 +30,11 @@ struct ComplianceMap {
   std::vector<double> angles_deg;  ///< A, B, C as far as the machine has them
   statics::Map map;
   std::vector<LoadedPath> paths;
+  std::optional<MeasuredCompliance> measured = {};  ///< to be shown beside the computed one
 };
+
+/// Points on the sides of a grid of about square cells: `longer` on the longer side, 11 at least on the other.
+std::array<int, 2> grid_counts(const statics::Rectangle& rectangle, int longer);
 
 /// One quantity over the plane, in the units of a person.
 struct Field {
@@ -35,20 +42,24 @@ struct Field {
     direct,       ///< C_xx, C_yy, C_zz, um/N
     cross,        ///< C_xy, C_xz, C_yz, um/N: displacement along the first letter under a force along the second
     determinant,  ///< of the task Jacobian, SI
-    share         ///< of one joint (leg) in a direct or cross compliance, um/N (SLAV (4.27))
+    share,        ///< of one joint (leg) in a direct or cross compliance, um/N (SLAV (4.27))
+    measured,     ///< C_xx to C_yz interpolated from readings, um/N
+    deviation     ///< one standard deviation of that, um/N
   };
   Kind kind = Kind::direct;
   std::string name;            ///< "C_xx", "det J"
   std::string joint;           ///< of a share: "joint 1", "leg 1"
   std::string unit;            ///< "um/N", "m^3" (of det J: m^3 less the number of prismatic joints)
-  std::string key;             ///< with the unit, for tables: "C_xx_um_per_N", "joint_1_C_xx_um_per_N", "det_J_m3"
+  std::string key;             ///< with the unit, for tables: "C_xx_um_per_N", "joint_1_C_xx_um_per_N", "det_J_m3",
+                               ///< "measured_C_xx_um_per_N", "measured_C_xx_deviation_um_per_N"
   int row = 0, column = 0;     ///< of the compliance matrix
-  std::vector<double> values;  ///< in the order of the map's points; NaN out of reach
+  std::vector<double> values;  ///< in the order of the map's points; NaN out of reach (measured: beside the
+                               ///< measured points)
 };
 
-/// Every quantity of the map: three direct and three cross compliances, det J, then each joint's shares; without the
-/// compliances where the machine has none. What is below 1e-12 of the largest compliance of the map is rounding noise
-/// of a zero and becomes 0.
+/// Every quantity of the map: three direct and three cross compliances, det J, each joint's shares, then what was
+/// measured; without the compliances where the machine has none. What is below 1e-12 of the largest compliance of the
+/// map is rounding noise of a zero and becomes 0.
 std::vector<Field> fields_of(const ComplianceMap& map);
 
 /// Least, mean and greatest of the values that are there. Of values that agree to 1e-9 the first counts, so that
@@ -82,6 +93,7 @@ std::string path_csv(const ComplianceMap& map);
 Result<std::string> map_vti(const ComplianceMap& map);
 
 /// All pictures of the map in one: direct compliances in one scale of colours, cross compliances in another, |det J|.
+/// Where there are measured ones, each compliance is a row: measured, computed and the difference.
 report::Figure map_picture(const ComplianceMap& map);
 
 struct ComplianceMapPageOptions {
@@ -89,7 +101,8 @@ struct ComplianceMapPageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
 };
 
-/// One self-contained HTML file: direct and cross compliances, |det J|, each joint's share (joints below 1 % of a
+/// One self-contained HTML file: measured compliances beside computed ones (where there are any), direct and cross
+/// compliances, |det J|, each joint's share (joints below 1 % of a
 /// compliance everywhere are named, not drawn), errors along the paths. The same input gives the same bytes. Cost:
 /// about 20 ms for 1000 points; a megabyte for 1000 points of a machine of six joints.
 std::string compliance_map_page(const ComplianceMap& map, const ComplianceMapPageOptions& options = {});

@@ -127,6 +127,12 @@ struct PathPlot {
   std::string operator()(const Canvas& canvas) const;
 };
 
+/// A reading at a place of a map.
+struct Dot {
+  Point at;
+  double value = 0;  ///< filled with its colour in the map's scale; not finite: a small dot without colour
+};
+
 enum class ColourMap {
   sequential,  ///< dark blue to yellow, lightness grows evenly
   diverging    ///< blue, light grey at zero, red; the range is made symmetric round 0
@@ -155,6 +161,7 @@ struct HeatMap {
   /// beyond then make the map run up to the line. Empty: everywhere.
   std::vector<std::vector<Point>> clip;
   std::vector<Marker> markers;
+  std::vector<Dot> dots;
 
   std::string operator()(const Canvas& canvas) const;
 };

@@ -5,6 +5,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "polypod/core/error.hpp"
@@ -14,6 +15,12 @@ namespace polypod::statics {
 
 /// The six numbers of a symmetric 3 x 3 matrix in the order xx, yy, zz, yz, xz, xy.
 inline constexpr int kEntries = 6;
+/// Row and column of each.
+inline constexpr std::array<std::pair<int, int>, kEntries> kEntryPlaces{
+    {{0, 0}, {1, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}}};
+
+/// What one point says of the compliance: (D + D^T) / 2F, m/N.
+Mat3 measured_compliance(const MeasuredPoint& point);
 
 /// C(p) by universal kriging: each entry of C is a linear function of the place p plus a Gaussian field with the
 /// correlation (1 + r + r^2/3) exp(-r), r = sqrt(5) |p - p'| / length (Matern 5/2), seen with independent noise. The
@@ -80,6 +87,18 @@ Result<std::vector<Foretold>> leave_one_out(const AnyMachine& machine,
 /// The points shuffled (always the same way) and dealt out into `parts` groups, each foretold from the others; both
 /// numbers over all points. Errors: as above; ID132 fewer points than parts.
 Result<Foretold> hold_out(const AnyMachine& machine, const std::vector<MeasuredPoint>& points, int parts = 5);
+
+/// Measured compliances less those of a machine at the same poses, and what noise there is in the readings, m/N.
+struct Compared {
+  std::vector<Mat3> difference;                       ///< measured_compliance less compliance_at, of each point
+  Mat3 rms = Mat3::Zero();                            ///< of the differences, by entry
+  Mat3 noise = Mat3::Zero();                          ///< MeasuredMap::noise: what the rms would be of a perfect model
+  Mat3 deviation = Mat3::Zero();                      ///< mean of MeasuredMap::deviation at the points
+  std::array<std::array<std::size_t, 3>, 3> worst{};  ///< the point of the largest difference, by entry
+  double rms_of_all = 0, noise_of_all = 0;            ///< root of the mean of the squares of the six entries
+};
+/// Errors: ID111 a pose out of reach. Cost: that of `deviation` a point.
+Result<Compared> compare(const AnyMachine& machine, const MeasuredMap& map, const std::vector<MeasuredPoint>& points);
 
 /// Measured against the map, m rms over all displacements.
 double prediction_rms(const MeasuredMap& map, const std::vector<MeasuredPoint>& points);
