@@ -96,7 +96,7 @@ Command predict_command() {
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");
         a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
-        a.option("--measured", o->measured, kMeasuredHelp);
+        a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
         a.flag("--at-rest", o->at_rest, "Force at the commanded point, without the feedback of the bend on the cut");
       },
@@ -189,7 +189,7 @@ Command correct_command() {
             a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
             a.option("-o,--output", o->output, "The corrected program", true);
             a.option("--report", o->report, "An HTML report of what will happen and why");
-            a.option("--measured", o->measured, kMeasuredHelp);
+            a.options("--measured", o->measured, kMeasuredHelp);
             a.option("--tolerance", o->tolerance_um, "Radius of the tube, um (default: the job's)");
             a.option("--method", o->method, "tube, or mirror: one step at --points points a move, for comparison");
             a.option("--points", o->points, "Pieces a move for --method mirror");
