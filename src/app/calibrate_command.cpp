@@ -243,7 +243,7 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
   for (const Json& x : outliers) {
     if (x["lost"].get<bool>()) {
-      fmt::print("left out: {}:{}: the calibrated machine does not assemble there (near a singular pose)\n",
+      fmt::print("left out: {}:{}: near a singular pose, where the machine does not assemble with what was found\n",
                  x["file"].get<std::string>(), x["line"].get<int>());
       continue;
     }

@@ -371,10 +371,12 @@ class Fit {
     POLYPOD_TRY(place_rows());
     POLYPOD_TRY(start());
     POLYPOD_TRY(choose_rows());
-    do {
-      POLYPOD_TRY(tell_unknowns());
-      POLYPOD_TRY(search());
-    } while (leave_out_lost());
+    POLYPOD_TRY(search_without_lost());
+    if (put_back()) POLYPOD_TRY(search_without_lost());
+    if (!converged_) {
+      return fail("CA115", fmt::format("no convergence in {} steps", out_.iterations), {},
+                  "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
+    }
     POLYPOD_TRY(judge());
     say_unknowns();
     POLYPOD_TRY(make_machine());
@@ -520,7 +522,7 @@ class Fit {
       const double found = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, problem_.free.size()));
       const bool settled = std::abs(found / noise_scale_ - 1) < kSettled;
       noise_scale_ = found;
-      if (options_.loss == Loss::none || settled) break;
+      if (options_.loss == Loss::none || settled || !converged_) break;
     }
     return {};
   }
@@ -561,11 +563,30 @@ class Fit {
     ceres::Solve(how, &search, &summary);
     out_.iterations += static_cast<int>(summary.iterations.size());
     if (!summary.IsSolutionUsable()) return fail("CA115", "the search failed: " + summary.message);
-    if (summary.termination_type == ceres::NO_CONVERGENCE) {
-      return fail("CA115", fmt::format("no convergence in {} steps", summary.iterations.size()), {},
-                  "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
-    }
+    converged_ = summary.termination_type != ceres::NO_CONVERGENCE;
     return {};
+  }
+
+  Status search_without_lost() {
+    do {
+      POLYPOD_TRY(tell_unknowns());
+      POLYPOD_TRY(search());
+    } while (leave_out_lost());
+    return {};
+  }
+
+  /// Rows that were lost only because others had drawn the search aside. True if there are any.
+  bool put_back() {
+    bool any = false;
+    Equations e;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      RowResidual& r = out_.residuals[i];
+      if (!r.lost || !problem_.equations(i, x_, false, e, Lost::fail)) continue;
+      r.lost = false;
+      problem_.not_fitted[i] = r.held_back;
+      any = any || !r.held_back;
+    }
+    return any;
   }
 
   /// Marks the rows where the machine does not assemble with what was found: near a singular pose an error of a tenth
@@ -692,6 +713,7 @@ class Fit {
   Eigen::VectorXd x_;                      ///< what was found so far
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
   double noise_scale_ = 1;
+  bool converged_ = false;
   Eigen::VectorXd error_;  ///< standard errors of all unknowns
   Calibration out_;
 };

@@ -209,7 +209,7 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
     const Measurement& row = rows[r.row];
     outliers.rows.push_back({static_cast<double>(r.row + 1), row.place.file, static_cast<double>(row.place.line),
                              calibration::name_of(row.kind), length_of(r.after, r.lengths), r.weight,
-                             std::string(r.lost        ? "does not assemble: near a singular pose"
+                             std::string(r.lost        ? "left out: near a singular pose"
                                          : r.held_back ? "held back"
                                                        : "")});
   }

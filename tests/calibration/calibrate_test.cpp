@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/calibration/calibrate.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <filesystem>
@@ -271,6 +272,30 @@ TEST(Calibrate, BallBarAlone) {
   EXPECT_LT(apart(c.machine, truth), 3 * kNoise);
   EXPECT_LT(c.held_back.rms_after, 3 * kNoise);
   EXPECT_EQ(c.rank, 39u);
+}
+
+// The same for other families, their balls within their own reach, over several workshops and days.
+TEST(Calibrate, BallBarAloneForOtherFamilies) {
+  struct Case {
+    const char* machine;
+    std::vector<Vec3> balls;
+    std::size_t rank;
+  };
+  const std::vector<Case> cases{{"delta-brno", {{0.3, 0, 0.5}, {-0.15, 0.26, 0.5}, {-0.15, -0.26, 0.55}}, 21},
+                                {"delta-linear", {{0.3, 0, 0.5}, {-0.15, 0.26, 0.5}, {-0.15, -0.26, 0.55}}, 21},
+                                {"lola50", {{0.6, -0.8, -0.5}, {-0.6, -0.8, -0.5}, {0, -2, -0.45}}, 18},
+                                {"hexapod-slider", {{0.2, 0, 0}, {-0.1, 0.17, 0}, {-0.1, -0.17, 0.05}}, 57}};
+  for (const Case& one : cases) {
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      SCOPED_TRACE(fmt::format("{} {}", one.machine, seed));
+      const AnyMachine nominal = named(one.machine), truth = off(nominal, seed);
+      const auto balls = [&](SimulationOptions& s) { s.anchors = one.balls; };
+      const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::distance, 210, kNoise, seed, balls));
+      EXPECT_LT(c.held_back.rms_after, 2 * kNoise);
+      EXPECT_LT(apart(c.machine, truth), 3 * kNoise);
+      EXPECT_EQ(c.rank, one.rank);
+    }
+  }
 }
 
 // From one ball alone nobody sees the machine turn about it: three directions fewer, and they are named. (Motion

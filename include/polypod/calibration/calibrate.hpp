@@ -88,7 +88,8 @@ struct Calibration {
 /// standard deviations found from the residuals themselves, so a wrong guess of the noise does no harm.
 ///
 /// Rows where the machine does not assemble with what was found stand near singular poses, where a hair of error moves
-/// the tool by millimetres or leaves no pose at all: they are marked `lost` and the search begins again without them.
+/// the tool by millimetres or leaves no pose at all: they are marked `lost` and the search begins again without them;
+/// those that assemble then come back once.
 ///
 /// What the measurements cannot tell is held at its nominal value and named (see Estimate::like): an unknown whose
 /// change by 1 % of the machine's size (0.01 rad) would hide in the noise behind those before it. Order: contacts,
