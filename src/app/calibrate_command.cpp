@@ -241,6 +241,7 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   frame("frame", c.X_SM, c.frame_error);
   frame("target", c.X_TR, c.target_error);
   for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
+  if (!c.orientation_told) fmt::print("{}\n", calibration::kOrientationUntold);
   for (const Json& x : outliers) {
     if (x["lost"].get<bool>()) {
       fmt::print("left out: {}:{}: near a singular pose, where the machine does not assemble with what was found\n",
@@ -292,8 +293,9 @@ Command calibrate_command() {
             if (o->targets.empty() != o->corrected.empty()) {
               return fail("AP183", "--targets and --corrected go together");
             }
-            for (const std::string* path : {&o->out, &o->residuals, &o->corrected, &o->report})
-              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            std::vector<std::string> inputs = o->files;
+            inputs.insert(inputs.end(), {o->machine, o->targets});
+            POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->corrected, o->report}));
             std::vector<calibration::Measurement> rows;
             for (const std::string& file : o->files) {
               POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
@@ -325,6 +327,7 @@ Command calibrate_command() {
                             {"frame", frame_json(c.X_SM, c.frame_error)},
                             {"target", frame_json(c.X_TR, c.target_error)},
                             {"held_beside", c.held_beside},
+                            {"orientation_told", c.orientation_told},
                             {"rows", rows.size()},
                             {"equations", c.equations},
                             {"condition", c.condition},
@@ -338,7 +341,7 @@ Command calibrate_command() {
               print_text(c, outliers, rows.size());
               for (const std::string* path : {&o->out, &o->residuals, &o->corrected, &o->report})
                 if (!path->empty()) fmt::print("wrote {}\n", *path);
-              if (missed > 0) fmt::print("{} targets are out of the nominal machine's reach\n", missed);
+              if (missed > 0) fmt::print("{} of the targets are out of the nominal machine's reach\n", missed);
             }
             return missed > 0 ? kAnswerIsNo : kDone;
           }};

@@ -69,6 +69,9 @@ Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string
 std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X);
 /// The same as text, `digits` after the point.
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits);
+/// Whether a command may read these files and write those; empty names count as not given. Errors: AP106 an output that
+/// is an input or another output too, an input that is given twice; those of files::may_write.
+Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
 /// Errors: AP105 where the machine has no compliances.
 Status needs_compliance(const machine::AnyMachine& machine);
 /// Joint values in mm or deg.

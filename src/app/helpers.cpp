@@ -9,9 +9,12 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <map>
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -100,11 +103,34 @@ std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int dig
   return out;
 }
 
+Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  std::map<std::filesystem::path, bool> seen;  // whether it is an input
+  for (const bool input : {true, false}) {
+    for (const std::string& path : input ? inputs : outputs) {
+      if (path.empty()) continue;
+      std::error_code none;
+      if (input && !std::filesystem::exists(path, none)) continue;  // a name of the catalogue, or soon an error
+      const auto whole = std::filesystem::weakly_canonical(path, none);
+      const auto [it, fresh] = seen.try_emplace(whole, input);
+      if (!fresh) {
+        return fail("AP106",
+                    fmt::format("{} is {}", path,
+                                input        ? "given twice"
+                                : it->second ? "read and would be written over"
+                                             : "named for two outputs"),
+                    {}, input ? "what stands twice would count twice" : "choose another output");
+      }
+      if (!input) POLYPOD_TRY(files::may_write(path));
+    }
+  }
+  return {};
+}
+
 Status needs_compliance(const machine::AnyMachine& machine) {
   if (statics::has_compliance(machine)) return {};
   return fail("AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
-              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm "
-              "(deltas) in the machine file");
+              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
+              "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas) in the machine file");
 }
 
 std::vector<double> joints_for_user(const machine::AnyMachine& machine, const machine::JointVector& q) {

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <memory>
@@ -28,6 +29,26 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
                      points.size(), files, units::to_um(r.residual_rms), errors);
 }
 
+constexpr double kOtherUnit = 100;
+
+/// Mean of the compliances found over those given; 1 where none are given.
+double times_given(const machine::AnyMachine& m, const statics::Identification& r) {
+  double given = 0, found = 0;
+  const std::vector<double> nominal = statics::column_compliances(m);
+  for (std::size_t i = 0; i < nominal.size(); ++i) {
+    if (!(nominal[i] > 0)) continue;
+    given += 1;
+    found += r.compliance[i] / nominal[i];
+  }
+  return given > 0 ? found / given : 1;
+}
+
+/// Of the machine's provenance.
+const char* compliance_key(const statics::Identification& r) {
+  if (r.joint.front().rfind("leg", 0) == 0) return "leg compliance";
+  return r.joint.front().rfind("drive", 0) == 0 ? "compliance of drives and rods" : "compliance_rad_per_Nm";
+}
+
 constexpr std::size_t kLeastHeldOut = 10;  // two points in each of five parts
 
 Json um_or_null(const std::optional<double>& metres) {
@@ -52,8 +73,9 @@ Command identify_compliance_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            for (const std::string* path : {&o->out, &o->report})
-              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            std::vector<std::string> inputs = o->files;
+            inputs.push_back(o->machine);
+            POLYPOD_TRY(check_files(inputs, {o->out, o->report}));
             std::vector<statics::MeasuredPoint> points;
             std::vector<std::vector<statics::MeasuredPoint>> groups;
             for (const std::string& file : o->files) {
@@ -63,11 +85,10 @@ Command identify_compliance_command() {
             }
             POLYPOD_ASSIGN(given_rms, statics::prediction_rms(m, points));
             POLYPOD_ASSIGN(r, statics::identify_compliance(m, points));
-            const bool legs = r.joint.front().rfind("leg", 0) == 0;  // m/N, not rad/Nm
             if (!o->out.empty()) {
               POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
               // The key whose numbers change, so that an older source of theirs does not stand beside it.
-              machine::note(found, legs ? "leg compliance" : "compliance_rad_per_Nm", note_of(r, points));
+              machine::note(found, compliance_key(r), note_of(r, points));
               POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(found)));
             }
             pages::ComplianceChecks checks{given_rms, {}};
@@ -110,10 +131,16 @@ Command identify_compliance_command() {
                                   {"residual_um", units::to_um(x.residual)}});
             }
             if (context.json) {
-              std::vector<double> um_per_N;
-              for (const double c : r.compliance) um_per_N.push_back(units::to_um_per_N(c));
+              // What slides or stretches is given twice: in m/N among all, in um/N of its own.
+              Json um_per_N = Json::array(), unit = Json::array();
+              for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+                um_per_N.push_back(r.turns[i] ? Json() : Json(units::to_um_per_N(r.compliance[i])));
+                unit.push_back(r.turns[i] ? "rad/Nm" : "m/N");
+              }
+              const bool all_turn = std::find(r.turns.begin(), r.turns.end(), false) == r.turns.end();
               Json document{{"joint", r.joint},
                             {"compliance_rad_per_Nm", r.compliance},
+                            {"unit", unit},
                             {"standard_error", r.standard_error},
                             {"half_interval_95", r.half_interval},
                             {"residual_rms_um", units::to_um(r.residual_rms)},
@@ -130,21 +157,32 @@ Command identify_compliance_command() {
                             {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
                             {"symmetric", r.symmetric},
                             {"outliers", outliers}};
-              if (legs) document["compliance_um_per_N"] = um_per_N;  // what a leg gives way by; the same in m/N above
+              if (!all_turn) document["compliance_um_per_N"] = um_per_N;
               print_json(document);
               return kDone;
             }
             fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(),
                        r.equations, units::to_um(r.residual_rms), r.condition);
-            fmt::print("           {:>11}   95 % interval\n", legs ? "um/N" : "1e-7 rad/Nm");
             for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-              if (legs) {
-                fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
-                           units::to_um_per_N(r.half_interval[i]));
-              } else {
+              if (i == 0 || r.turns[i] != r.turns[i - 1]) {
+                fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
+              }
+              if (r.turns[i]) {
                 fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], r.compliance[i] * 1e7,
                            r.half_interval[i] * 1e7);
+              } else {
+                fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
+                           units::to_um_per_N(r.half_interval[i]));
               }
+            }
+            for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+              if (r.compliance[i] == 0) fmt::print("{} is held at 0: its best value would be negative\n", r.joint[i]);
+            }
+            if (const double factor = times_given(m, r); factor > kOtherUnit || factor < 1 / kOtherUnit) {
+              fmt::print(
+                  "these are {:.3g} times the compliances of the given machine: are displacements in um and the "
+                  "force in N?\n",
+                  factor);
             }
             fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
                        units::to_um(given_rms));
@@ -197,7 +235,9 @@ Command identify_cutting_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(cutter, cutting::read_cutter(o->cutter));
-            if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
+            std::vector<std::string> inputs = o->files;
+            inputs.push_back(o->cutter);
+            POLYPOD_TRY(check_files(inputs, {o->out}));
             std::vector<cutting::MeasuredForce> rows;
             for (const std::string& file : o->files) {
               POLYPOD_ASSIGN(more, cutting::read_forces(cutter, file));

@@ -204,8 +204,9 @@ Command correct_command() {
             if (o->points < 1 || o->points > 100000) return fail("AP122", "--points must be 1 to 100000");
             options.mirror_points = o->points;
             if (o->tolerance_um < 0) return fail("AP122", "--tolerance must be above 0 um");
-            POLYPOD_TRY(files::may_write(o->output));
-            if (!o->report.empty()) POLYPOD_TRY(files::may_write(o->report));
+            std::vector<std::string> inputs = o->measured;
+            inputs.insert(inputs.end(), {o->program, o->job});
+            POLYPOD_TRY(check_files(inputs, {o->output, o->report}));
             POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
             if (o->tolerance_um > 0) in.job.tolerance = units::from_um(o->tolerance_um);
             options.keep_samples = !o->report.empty();

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <set>
 
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
@@ -177,22 +176,18 @@ std::string suffix_of(const std::string& path) {
   return dot == std::string::npos || path[dot] == '/' ? "" : path.substr(dot);
 }
 
-/// Whether every output is of a known kind and can be written. Errors: AP143, FI101.
+/// Whether every output is of a known kind and can be written. Errors: AP143, those of check_files.
 Status check_outputs(const MapOptions& o) {
-  std::set<std::string> names;
   for (const std::string& path : o.outputs) {
     const std::string suffix = suffix_of(path);
     if (suffix != ".csv" && suffix != ".vti" && suffix != ".svg" && suffix != ".html") {
       return fail("AP143", fmt::format("-o {}: not a .csv, .vti, .svg or .html", path));
     }
-    if (!names.insert(path).second) return fail("AP143", fmt::format("-o {}: given twice", path));
-    POLYPOD_TRY(files::may_write(path));
   }
-  if (o.path_csv.empty()) return {};
-  if (names.contains(o.path_csv)) {
-    return fail("AP143", fmt::format("--path-csv {}: given with -o too", o.path_csv));
-  }
-  return files::may_write(o.path_csv);
+  std::vector<std::string> inputs = o.measured, outputs = o.outputs;
+  inputs.push_back(o.machine);
+  outputs.push_back(o.path_csv);
+  return check_files(inputs, outputs);
 }
 
 std::string command_line(const MapOptions& o) {
@@ -356,8 +351,8 @@ void print_measured(const pages::ComplianceMap& map) {
   fmt::print("{:<20}{:>10}{:>10}{:>10}{:>12}  {}\n", "", "rms", "max", "noise", "deviation", "apart by 2 deviations");
   for (const auto& [row, column] : statics::kEntryPlaces) {
     const auto um = [&, i = row, j = column](const Mat3& C) { return units::to_um_per_N(C(i, j)); };
-    fmt::print("{:<20}{:>#10.3g}{:>#10.3g}{:>#10.3g}{:>#12.3g}  {:.0f} % of the map\n", entry_name(row, column), um(c.rms),
-               std::abs(um(c.difference[worst_at(c, row, column)])), um(c.noise), um(c.deviation),
+    fmt::print("{:<20}{:>#10.3g}{:>#10.3g}{:>#10.3g}{:>#12.3g}  {:.0f} % of the map\n", entry_name(row, column),
+               um(c.rms), std::abs(um(c.difference[worst_at(c, row, column)])), um(c.noise), um(c.deviation),
                100 * m.beyond(row, column));
   }
 }

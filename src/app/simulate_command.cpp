@@ -51,8 +51,7 @@ Command simulate_measurement_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            for (const std::string* path : {&o->out, &o->truth})
-              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            POLYPOD_TRY(check_files({o->machine}, {o->out, o->truth}));
             static constexpr std::array<const char*, 7> kKinds = {"points", "axes",     "poses",     "distances",
                                                                   "gauge",  "contacts", "compliance"};
             const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
@@ -104,7 +103,7 @@ Command simulate_measurement_command() {
             if (context.json) {
               print_json({{"rows", rows}, {"kind", o->kind}, {"file", o->out}, {"truth", o->truth}});
             } else {
-              fmt::print("{} {} of {}, seed {}\n", rows, o->kind, machine::name_of(m), o->seed);
+              fmt::print("{} rows of {} of {}, seed {}\n", rows, o->kind, machine::name_of(m), o->seed);
               for (const std::string* path : {&o->out, &o->truth})
                 if (!path->empty()) fmt::print("wrote {}\n", *path);
             }

@@ -295,9 +295,10 @@ Status check_extent(const std::vector<Measurement>& rows, const std::vector<Pose
     return centred.jacobiSvd().singularValues();
   };
   const auto off = [&](double ratio) -> Status {
-    if (ratio < 30 && ratio > 1 / 30.0) return {};
+    constexpr double kUnit = 3;  // less than an inch for a centimetre; a machine is not that far off
+    if (ratio < kUnit && ratio > 1 / kUnit) return {};
     return fail("CA113", fmt::format("measured lengths are {:.3g} times those of the machine", ratio), example->place,
-                "lengths are in mm; are these um, or m?");
+                "lengths are in mm and angles in deg; are these others, or of another machine?");
   };
   if (read > 0) POLYPOD_TRY(off(read / std::max(computed, 1e-12)));
   const Eigen::Vector3d of_model = spread(model);
@@ -429,6 +430,7 @@ class Fit {
     bool turns = false;
     for (const Measurement& row : rows_) turns = turns || row.kind == Kind::pose || row.kind == Kind::axis;
     wanted_ = wanted_unknowns(problem_.layout, problem_.chosen, options_, turns);
+    out_.orientation_told = turns || kinematics::task(any_) == machine::Task::point;
     return {};
   }
 
@@ -639,6 +641,14 @@ class Fit {
                   example->place, "are they near singular poses? leave them out, or give priors");
     }
     out_.noise_factor = std::sqrt(sum / std::max(1.0, count - static_cast<double>(problem_.free.size())));
+    constexpr double kHopeless = 100;
+    if (out_.noise_factor > kHopeless) {
+      return fail(
+          "CA118",
+          fmt::format("the residuals that are left are {:.0f} times the noise that was given", out_.noise_factor), {},
+          "coordinates mixed up, or a frame or target that is not the given one (--estimate)? If the instrument "
+          "is that coarse, give --noise-um");
+    }
     const Eigen::MatrixXd all = stacked(x_, &weights);
     const auto unknowns = static_cast<Eigen::Index>(problem_.free.size());
     Eigen::MatrixXd J(all.rows(), unknowns);
@@ -681,6 +691,7 @@ class Fit {
       }
       out_.parameters.push_back(std::move(one));
     }
+    out_.orientation_told = out_.orientation_told || out_.rank == out_.parameters.size();
     for (const int j : wanted_)
       if (j < layout.parameters && known_.ties.contains(j)) out_.held_beside.push_back(unknown(j).key);
     out_.X_SM = pose_from(x_.data() + layout.frame);

@@ -80,6 +80,9 @@ Result<Measurement> measurement_of(const AnyMachine& machine, const Table& table
     }
   }
   POLYPOD_ASSIGN(noise, table.number(row, "sigma_um", 0));
+  if (!table.text(row, "sigma_um").empty() && !(noise > 0)) {
+    return fail("CA102", fmt::format("sigma_um = {:g} must be above 0", noise), m.place);
+  }
   m.noise = units::from_um(noise);
   const double mm = units::from_mm(1);
   if (kind == Kind::point || kind == Kind::axis || kind == Kind::pose) {
@@ -106,7 +109,6 @@ Result<Measurement> measurement_of(const AnyMachine& machine, const Table& table
       return fail("CA102", fmt::format("distance_mm = {:g} must be above 0", reading), m.place);
     }
   }
-  if (m.noise < 0) return fail("CA102", fmt::format("sigma_um = {:g} must be above 0", noise), m.place);
   m.contact = table.text(row, "contact");
   return m;
 }

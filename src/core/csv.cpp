@@ -31,7 +31,8 @@ Result<Table> read(const std::string& path) {
   Table table;
   table.path = path;
   int line_number = 0;
-  for (std::size_t at = 0; at < text.size();) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // as spreadsheets put it before everything
+  for (std::size_t at = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
     const std::string_view line = std::string_view(text).substr(at, end - at);
     at = end + 1;
@@ -46,6 +47,10 @@ Result<Table> read(const std::string& path) {
         }
       }
       continue;
+    }
+    if (cells.size() > table.column.size()) {
+      return fail("ID107", fmt::format("{} cells for {} columns", cells.size(), table.column.size()),
+                  Place{path, line_number, 1}, "decimals are written with a point, cells apart with a comma");
     }
     table.rows.push_back({std::move(cells), line_number});
   }

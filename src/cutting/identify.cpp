@@ -81,6 +81,10 @@ Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::
     } else if (!direction.empty() && direction != "slot") {
       return fail("ID120", fmt::format("direction \"{}\" is not up, down or slot", direction), m.place);
     }
+    if ((direction == "up" || direction == "down") && table.text(row, "ae_mm").empty()) {
+      return fail("ID120", fmt::format("a cut {} without ae_mm", direction), m.place,
+                  "give the width of the cut, or direction slot");
+    }
     if (!(feed > 0) || !(ap > 0) || !(ae > 0) || ae > units::to_mm(cutter.diameter) * (1 + 1e-12)) {
       return fail("ID120",
                   fmt::format("feed {:g}, ap {:g}, ae {:g} mm: each above 0, ae at most the diameter", feed, ap, ae),

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "delta_file.hpp"
@@ -100,22 +101,6 @@ Status read_directions(const config::Table& part, Delta& m, SymmetricDelta& symm
 Status read_delta(const config::Table& table, const std::vector<config::Table>& chains, Delta& m,
                   std::optional<SymmetricDelta>& symmetric) {
   POLYPOD_TRY(read_common(table, m.name, m.description, m.provenance));
-  double length = 0;
-  {
-    POLYPOD_ASSIGN(rod, table.optional_table("rod"));
-    if (chains.empty()) POLYPOD_TRY(table.table("rod"));  // must be there
-    if (rod) {
-      if (chains.empty()) {
-        POLYPOD_ASSIGN(l, rod->number("length_mm", config::kPositive));
-        length = units::from_mm(l);
-      }
-      POLYPOD_ASSIGN(diameter, rod->optional_number("diameter_mm", 0, config::kNotNegative));
-      POLYPOD_ASSIGN(spacing, rod->optional_number("spacing_mm", 0, config::kNotNegative));
-      POLYPOD_TRY(rod->finish());
-      m.bodies.rod_diameter = units::from_mm(diameter);
-      m.bodies.rod_spacing = units::from_mm(spacing);
-    }
-  }
   if (chains.empty()) {
     POLYPOD_ASSIGN(base, table.table("base"));
     POLYPOD_ASSIGN(platform, table.table("platform"));
@@ -126,7 +111,6 @@ Status read_delta(const config::Table& table, const std::vector<config::Table>& 
     POLYPOD_TRY(platform.finish());
     m.bodies.base_thickness = units::from_mm(thickness);
     symmetric = SymmetricDelta{units::from_mm(base_radius), units::from_mm(platform_radius), 0};
-    m.rod_length.fill(length);
   } else {
     POLYPOD_ASSIGN(base, table.optional_table("base"));
     if (base) {
@@ -161,6 +145,55 @@ Status read_delta(const config::Table& table, const std::vector<config::Table>& 
   }
   POLYPOD_TRY(read_joint(table, m.joint));
   return read_coordinate_limits(table, m);
+}
+
+Status read_rods(const config::Table& table, bool symmetric, Delta& m) {
+  POLYPOD_ASSIGN(rod, table.optional_table("rod"));
+  if (symmetric) POLYPOD_TRY(table.table("rod"));  // must be there
+  if (!rod) return {};
+  if (symmetric) {
+    POLYPOD_ASSIGN(length, rod->number("length_mm", config::kPositive));
+    m.rod_length.fill(units::from_mm(length));
+  }
+  POLYPOD_ASSIGN(diameter, rod->optional_number("diameter_mm", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(spacing, rod->optional_number("spacing_mm", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(compliance, read_compliances(*rod, "um_per_N", units::from_um(1), m));
+  m.bodies.rod_diameter = units::from_mm(diameter);
+  m.bodies.rod_spacing = units::from_mm(spacing);
+  m.rod_compliance = compliance;
+  return rod->finish();
+}
+
+Result<PerArm<double>> read_compliances(const config::Table& part, const std::string& unit, double si_per_unit,
+                                        const Delta& m) {
+  PerArm<double> out{};
+  POLYPOD_ASSIGN(all, part.optional_number("compliance_" + unit, 0, config::kNotNegative));
+  const std::string key = "compliance_each_" + unit;
+  std::vector<double> each(static_cast<std::size_t>(m.arms), all);
+  if (part.has(key)) {
+    POLYPOD_ASSIGN(given, part.numbers(key, each.size(), config::kNotNegative));
+    each = given;
+  }
+  for (std::size_t i = 0; i < each.size(); ++i) out[i] = si_per_unit * each[i];
+  return out;
+}
+
+std::string compliances_toml(const PerArm<double>& compliances, const std::string& unit, double si_per_unit,
+                             const Delta& m) {
+  const auto end = compliances.begin() + m.arms;
+  if (std::all_of(compliances.begin(), end, [&](double c) { return c == compliances[0]; })) {
+    return fmt::format(", compliance_{} = {}", unit, number_toml(compliances[0] / si_per_unit));
+  }
+  std::string list;
+  for (auto c = compliances.begin(); c != end; ++c) list += (list.empty() ? "" : ", ") + number_toml(*c / si_per_unit);
+  return fmt::format(", compliance_each_{} = [{}]", unit, list);
+}
+
+std::string rod_toml(const Delta& m) {
+  return fmt::format("diameter_mm = {}, spacing_mm = {}", number_toml(units::to_mm(m.bodies.rod_diameter)),
+                     number_toml(units::to_mm(m.bodies.rod_spacing))) +
+         (m.rod_compliance == PerArm<double>{} ? std::string()
+                                               : compliances_toml(m.rod_compliance, "um_per_N", units::from_um(1), m));
 }
 
 Status finish_delta(const config::Table& table, Delta& m) {

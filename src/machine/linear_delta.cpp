@@ -17,16 +17,17 @@ Status read_rails(const config::Table& table, const std::vector<config::Table>& 
   POLYPOD_ASSIGN(rail, table.table("rail"));
   POLYPOD_ASSIGN(length, rail.number("length_mm", config::kPositive));
   POLYPOD_ASSIGN(diameter, rail.optional_number("diameter_mm", 0, config::kNotNegative));
-  POLYPOD_ASSIGN(compliance, rail.optional_number("compliance_um_per_N", 0, config::kNotNegative));
   if (chains.empty()) {
     POLYPOD_ASSIGN(incline, rail.optional_number("incline_deg", 0, {-90, 90}));
     POLYPOD_TRY(read_directions(rail, m, *m.symmetric));
     m.incline = units::from_deg(incline);
   }
+  POLYPOD_ASSIGN(compliance, read_compliances(rail, "um_per_N", units::from_um(1), m));
   POLYPOD_TRY(rail.finish());
+  POLYPOD_TRY(read_rods(table, chains.empty(), m));
   m.range = {0, units::from_mm(length)};
   m.bodies.arm_diameter = units::from_mm(diameter);
-  m.compliance = units::from_um(compliance);
+  m.drive_compliance = compliance;
   for (int i = 0; i < m.arms; ++i) {
     if (chains.empty()) {
       m.rail_start[i] = m.symmetric->base_radius * m.outward[i];
@@ -113,10 +114,9 @@ std::string to_toml(const LinearDelta& m) {
   const auto mm = [](double value) { return number_toml(units::to_mm(value)); };
   const auto deg = [](double value) { return number_toml(units::to_deg(value)); };
   std::string out = common_toml(m.name, std::string(LinearDelta::kFamily), m.description);
-  std::string rail = fmt::format("length_mm = {}, diameter_mm = {}, compliance_um_per_N = {}", mm(m.range.max),
-                                 mm(m.bodies.arm_diameter), number_toml(units::to_um(m.compliance)));
-  std::string rod =
-      fmt::format("diameter_mm = {}, spacing_mm = {}", mm(m.bodies.rod_diameter), mm(m.bodies.rod_spacing));
+  std::string rail = fmt::format("length_mm = {}, diameter_mm = {}{}", mm(m.range.max), mm(m.bodies.arm_diameter),
+                                 compliances_toml(m.drive_compliance, "um_per_N", units::from_um(1), m));
+  std::string rod = rod_toml(m);
   std::string base = fmt::format("thickness_mm = {}", mm(m.bodies.base_thickness));
   if (m.symmetric) {
     base += fmt::format(", radius_mm = {}", mm(m.symmetric->base_radius));

@@ -86,10 +86,11 @@ Result<RotaryDelta> rotary_delta_from(const config::Table& table) {
   POLYPOD_TRY(read_delta(table, chains, m, m.symmetric));
   POLYPOD_TRY(read_arm(table, chains.empty(), m));
   POLYPOD_TRY(read_chains(chains, m));
+  POLYPOD_TRY(read_rods(table, chains.empty(), m));
   POLYPOD_ASSIGN(drive, table.table("drive"));
   POLYPOD_ASSIGN(low, drive.number("angle_min_deg", {-360, 360}));
   POLYPOD_ASSIGN(high, drive.number("angle_max_deg", {-360, 360}));
-  POLYPOD_ASSIGN(compliance, drive.optional_number("compliance_rad_per_Nm", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(compliance, read_compliances(drive, "rad_per_Nm", 1, m));
   if (chains.empty()) {
     POLYPOD_ASSIGN(zero, drive.optional_number("zero_deg", 0));
     m.zero.fill(units::from_deg(zero));
@@ -100,7 +101,7 @@ Result<RotaryDelta> rotary_delta_from(const config::Table& table) {
                 drive.place_of("angle_min_deg"), "give a minimum below the maximum");
   }
   m.range = {units::from_deg(low), units::from_deg(high)};
-  m.compliance = compliance;
+  m.drive_compliance = compliance;
   POLYPOD_TRY(finish_delta(table, m));
   if (!find_home(m)) {
     return fail("MA144", "the rods do not close at any equal angles of the drives with the elbows outside",
@@ -148,8 +149,7 @@ std::string to_toml(const RotaryDelta& m) {
                        mm(m.symmetric->base_radius), mm(m.bodies.base_thickness), mm(m.symmetric->platform_radius));
     out += fmt::format("arm = {{ length_mm = {}, count = {}, first_deg = {}, diameter_mm = {} }}\n",
                        mm(m.arm_length[0]), m.arms, deg(m.symmetric->first), mm(m.bodies.arm_diameter));
-    out += fmt::format("rod = {{ length_mm = {}, diameter_mm = {}, spacing_mm = {} }}\n", mm(m.rod_length[0]),
-                       mm(m.bodies.rod_diameter), mm(m.bodies.rod_spacing));
+    out += fmt::format("rod = {{ length_mm = {}, {} }}\n", mm(m.rod_length[0]), rod_toml(m));
   } else {
     out += "arms = [\n";
     for (int i = 0; i < m.arms; ++i) {
@@ -160,11 +160,10 @@ std::string to_toml(const RotaryDelta& m) {
     }
     out += fmt::format("]\nbase = {{ thickness_mm = {} }}\narm = {{ diameter_mm = {} }}\n", mm(m.bodies.base_thickness),
                        mm(m.bodies.arm_diameter));
-    out += fmt::format("rod = {{ diameter_mm = {}, spacing_mm = {} }}\n", mm(m.bodies.rod_diameter),
-                       mm(m.bodies.rod_spacing));
+    out += fmt::format("rod = {{ {} }}\n", rod_toml(m));
   }
-  out += fmt::format("drive = {{ angle_min_deg = {}, angle_max_deg = {}, compliance_rad_per_Nm = {}{} }}\n",
-                     deg(m.range.min), deg(m.range.max), number_toml(m.compliance),
+  out += fmt::format("drive = {{ angle_min_deg = {}, angle_max_deg = {}{}{} }}\n", deg(m.range.min), deg(m.range.max),
+                     compliances_toml(m.drive_compliance, "rad_per_Nm", 1, m),
                      m.symmetric && m.zero[0] != 0 ? ", zero_deg = " + deg(m.zero[0]) : std::string());
   return out + delta_toml(m);
 }

@@ -122,6 +122,8 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
           : outliers == 1 ? " One row is an outlier, listed below with the weight it has in the fit."
                           : fmt::format(" {} rows are outliers, listed below with their weights in the fit.", outliers);
   page.add_text(text);
+  if (!c.orientation_told)
+    page.add_verdict(Verdict::neutral, fmt::format("Note: {}.", calibration::kOrientationUntold));
   std::vector<std::string> held;
   for (const calibration::Estimate& p : c.parameters) {
     if (!p.identifiable) held.push_back(fmt::format("{}: {}", p.key, likeness(p)));
@@ -254,28 +256,33 @@ void add_parameters(report::Report& page, const Calibration& c) {
 
 // --------------------------------------------------------------------------------------------------- compliances
 
-/// How a compliance is shown: of a leg in um/N, of a turning joint in 1e-7 rad/Nm.
+/// How compliances are shown: of what slides or stretches in um/N, of turning joints in 1e-7 rad/Nm; and which.
 struct Shown {
   std::string unit;
   double scale = 1;
+  std::vector<std::size_t> rows;
 };
-Shown shown_of(const statics::Identification& r) {
-  const bool legs = !r.joint.empty() && r.joint.front().rfind("leg", 0) == 0;
-  return legs ? Shown{"µm/N", units::to_um_per_N(1)} : Shown{"1e-7 rad/Nm", 1e7};
+std::vector<Shown> shown_of(const statics::Identification& r) {
+  Shown turning{"1e-7 rad/Nm", 1e7, {}}, sliding{"µm/N", units::to_um_per_N(1), {}};
+  for (std::size_t i = 0; i < r.turns.size(); ++i) (r.turns[i] ? turning : sliding).rows.push_back(i);
+  std::vector<Shown> out;
+  for (Shown& shown : {std::ref(turning), std::ref(sliding)})
+    if (!shown.rows.empty()) out.push_back(std::move(shown));
+  return out;
 }
 
 /// Each estimate as a dot with its 95 % interval as a whisker.
 report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) {
   report::LinePlot plot;
   plot.title = "compliances with their 95 % intervals";
-  const double joints = static_cast<double>(r.compliance.size());
+  const double joints = static_cast<double>(shown.rows.size());
   plot.x = {"row of the table", "", 0.5, joints + 0.5, false};
   plot.y = {"compliance", shown.unit, {}, {}, true};
   report::Series interval{"95 % interval", {}, {}, Colour::ink, LineStyle::solid, 1.5};
   report::Series value{"compliance", {}, {}, Colour::blue, LineStyle::points, kBigDot};
   constexpr double kCap = 0.06;
-  for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-    const double x = static_cast<double>(i + 1), y = shown.scale * r.compliance[i],
+  for (const std::size_t i : shown.rows) {
+    const double x = static_cast<double>(value.x.size() + 1), y = shown.scale * r.compliance[i],
                  half = shown.scale * r.half_interval[i];
     value.x.push_back(x);
     value.y.push_back(y);
@@ -325,21 +332,25 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
 }
 
 void add_compliances(report::Report& page, const statics::Identification& r) {
-  const Shown shown = shown_of(r);
   page.add_section("Compliances");
-  page.add_figure(whiskers(r, shown), "Each joint's compliance; the whisker is its 95 % interval.");
-  report::Table table;
-  table.caption = "Compliances in " + shown.unit;
-  table.columns = {
-      {"joint", "", -1}, {"compliance", "", 5}, {"standard error", "", 5}, {"± 95 %", "", 5}, {"± 95 %", "% of it", 1}};
-  table.rows.reserve(r.compliance.size());
-  for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-    std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i], shown.scale * r.standard_error[i],
-                                  shown.scale * r.half_interval[i]};
-    if (r.compliance[i] > 0) row.emplace_back(100 * r.half_interval[i] / r.compliance[i]);
-    table.rows.push_back(std::move(row));
+  for (const Shown& shown : shown_of(r)) {
+    page.add_figure(whiskers(r, shown), "Each joint's compliance; the whisker is its 95 % interval.");
+    report::Table table;
+    table.caption = "Compliances in " + shown.unit;
+    table.columns = {{"joint", "", -1},
+                     {"compliance", "", 5},
+                     {"standard error", "", 5},
+                     {"± 95 %", "", 5},
+                     {"± 95 %", "% of it", 1}};
+    table.rows.reserve(shown.rows.size());
+    for (const std::size_t i : shown.rows) {
+      std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i], shown.scale * r.standard_error[i],
+                                    shown.scale * r.half_interval[i]};
+      if (r.compliance[i] > 0) row.emplace_back(100 * r.half_interval[i] / r.compliance[i]);
+      table.rows.push_back(std::move(row));
+    }
+    page.add_table(table);
   }
-  page.add_table(table);
 }
 
 void add_residuals(report::Report& page, const std::vector<statics::MeasuredPoint>& points,

@@ -43,44 +43,85 @@ int column_count(const SerialArm& arm) {
   return static_cast<int>(arm.dh.size());
 }
 
-/// Parallel machines: the forward Jacobian's columns, each with the compliance of its strut or slider.
-template <class Hexapod>
-Columns columns_of(const Hexapod& m, const JointVector& q, const Pose* X_MT) {
+template <class M>
+concept SixLegged = requires(const M& m) {
+  m.leg_compliance;
+};
+
+/// Hexapods: the forward Jacobian's columns, each with the compliance of its strut or slider.
+template <SixLegged M>
+Columns columns_of(const M& m, const JointVector& q, const Pose* X_MT) {
   const Pose X = X_MT != nullptr ? *X_MT : machine::forward(m, q);
   return {X, machine::jacobian(m, X, q)};
 }
-template <class Hexapod>
-double column_compliance(const Hexapod& m, int i) {
-  if constexpr (requires { m.leg_compliance; })
-    return m.leg_compliance[static_cast<std::size_t>(i)];
-  else
-    return m.compliance;  // a delta's drives are alike
+template <SixLegged M>
+double column_compliance(const M& m, int i) {
+  return m.leg_compliance[static_cast<std::size_t>(i)];
 }
-template <class Hexapod>
-void set_column_compliance(Hexapod& m, int i, double c) {
-  if constexpr (requires { m.leg_compliance; }) {
-    m.leg_compliance[static_cast<std::size_t>(i)] = c;
-    m.compliance = 0;
-    for (const double each : m.leg_compliance) m.compliance += each / machine::kLegs;
-  } else {
-    m.compliance = (i * m.compliance + c) / (i + 1);  // a delta's file has one number for all drives: their mean
-  }
+template <SixLegged M>
+void set_column_compliance(M& m, int i, double c) {
+  m.leg_compliance[static_cast<std::size_t>(i)] = c;
+  m.compliance = 0;
+  for (const double each : m.leg_compliance) m.compliance += each / machine::kLegs;
 }
-template <class Hexapod>
-requires(!std::derived_from<Hexapod, machine::Delta>) std::string column_name(const Hexapod&, int i) {
+template <SixLegged M>
+std::string column_name(const M&, int i) {
   return fmt::format("leg {}", i + 1);
 }
-template <class Hexapod>
-requires(!std::derived_from<Hexapod, machine::Delta>) int column_count(const Hexapod&) {
+template <SixLegged M>
+int column_count(const M&) {
   return machine::kLegs;
 }
 
-/// Deltas: the same, with as many columns as drives.
-std::string column_name(const machine::Delta&, int i) {
-  return fmt::format("drive {}", i + 1);
+/// Deltas: a column of each drive, then one of each parallelogram. Chain i gives way by B_i dq_i + dc_i along its rods,
+/// A dX is what all chains give way. With four chains the loads share out as their stiffnesses K: dX is then
+/// (A^T K A)^-1 A^T K times what the chains would give way alone, and sum c_i J_i J_i^T = (A^T K A)^-1.
+template <std::derived_from<machine::Delta> M>
+Columns columns_of(const M& m, const JointVector& q, const Pose* X_MT) {
+  const Pose X = X_MT != nullptr ? *X_MT : machine::forward(m, q);
+  const machine::DeltaJacobians pair = machine::jacobians(m, X.p, q);
+  Eigen::VectorXd gives(m.arms);
+  for (int i = 0; i < m.arms; ++i) {
+    gives[i] = pair.B[i] * pair.B[i] * m.drive_compliance[std::size_t(i)] + m.rod_compliance[std::size_t(i)];
+  }
+  // A chain that gives way by a millionth of the softest one stands for a rigid one.
+  const double least = 1e-6 * gives.maxCoeff();
+  Eigen::VectorXd K = Eigen::VectorXd::Ones(m.arms);
+  if (least > 0) K = gives.cwiseMax(least).cwiseInverse();
+  const Eigen::VectorXd root = K.cwiseSqrt();
+  const Eigen::MatrixXd held =
+      (root.asDiagonal() * pair.A).completeOrthogonalDecomposition().pseudoInverse() * root.asDiagonal();
+  Columns out{X, JacobianMatrix::Zero(6, 2 * m.arms)};
+  out.J.template topRightCorner(3, m.arms) = held;
+  out.J.template topLeftCorner(3, m.arms) = held * pair.B.asDiagonal();
+  return out;
+}
+double column_compliance(const machine::Delta& m, int i) {
+  return i < m.arms ? m.drive_compliance[std::size_t(i)] : m.rod_compliance[std::size_t(i - m.arms)];
+}
+void set_column_compliance(machine::Delta& m, int i, double c) {
+  (i < m.arms ? m.drive_compliance[std::size_t(i)] : m.rod_compliance[std::size_t(i - m.arms)]) = c;
+}
+std::string column_name(const machine::Delta& m, int i) {
+  return i < m.arms ? fmt::format("drive {}", i + 1) : fmt::format("rod {}", i - m.arms + 1);
 }
 int column_count(const machine::Delta& m) {
-  return m.arms;
+  return 2 * m.arms;
+}
+
+/// Whether the column turns (rad/Nm) or slides or stretches (m/N).
+bool column_turns(const SerialArm& arm, int i) {
+  return arm.dh[static_cast<std::size_t>(i)].kind == machine::JointKind::revolute;
+}
+template <SixLegged M>
+bool column_turns(const M&, int) {
+  return false;
+}
+bool column_turns(const machine::RotaryDelta& m, int i) {
+  return i < m.arms;
+}
+bool column_turns(const machine::LinearDelta&, int) {
+  return false;
 }
 
 Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {
@@ -161,6 +202,16 @@ std::vector<std::string> column_names(const AnyMachine& machine) {
       [](const auto& m) {
         std::vector<std::string> out;
         for (int i = 0; i < column_count(m); ++i) out.push_back(column_name(m, i));
+        return out;
+      },
+      machine);
+}
+
+std::vector<bool> column_turns(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        std::vector<bool> out;
+        for (int i = 0; i < column_count(m); ++i) out.push_back(column_turns(m, i));
         return out;
       },
       machine);

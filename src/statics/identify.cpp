@@ -141,9 +141,15 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
       if (std::abs(svd.matrixV()(k, n - 1)) > 0.1) who += (who.empty() ? "" : ", ") + names[std::size_t(k)];
     return fail("ID112", fmt::format("these poses cannot tell apart: {}", who), {}, "measure at other poses");
   }
+  out.turns = column_turns(machine);
   std::vector<bool> free;
   const Eigen::MatrixXd H = S.transpose() * S;
   const Eigen::VectorXd c = not_negative(H, S.transpose() * b, free);
+  if (!(c.maxCoeff() > 0)) {
+    return fail(
+        "ID116", "no joint gives way: the tip moves against the forces", {},
+        "displacements are those of the tip in the direction of the axes, under forces on the tip; is a sign wrong?");
+  }
   const Eigen::VectorXd r = b - S * c;
   const double variance = r.squaredNorm() / double(out.equations - n);
   const Eigen::MatrixXd inverse = H.inverse();

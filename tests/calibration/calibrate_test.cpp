@@ -358,6 +358,43 @@ TEST(Calibrate, RowsNearSingularPosesAreLeftOutAndNamed) {
   EXPECT_LT(lost, 12u);
 }
 
+// Points leave the tilt of the platform open, poses and priors do not; of a delta there is nothing to tell.
+TEST(Calibrate, SaysWhetherTheOrientationIsTold) {
+  const AnyMachine strut = named("hexapod-strut"), delta = named("delta-brno");
+  EXPECT_FALSE(calibrated(strut, measured(strut, off(strut), Kind::point, 70, kNoise)).orientation_told);
+  EXPECT_TRUE(calibrated(strut, measured(strut, off(strut), Kind::pose, 70, kNoise)).orientation_told);
+  EXPECT_TRUE(calibrated(delta, measured(delta, off(delta), Kind::point, 70, kNoise)).orientation_told);
+  CalibrationOptions priors;
+  priors.prior_length = kLengthError;
+  priors.prior_angle = kAngleError;
+  const AnyMachine truth = off(strut);
+  const auto rows = measured(strut, truth, Kind::point, 70, kNoise);
+  const auto tilt = [&](const Calibration& c) {
+    double sum = 0;
+    for (const Stand& stand : good_places(strut)) {
+      const Mat3 a = kinematics::forward(c.machine, stand.q).poses.at(0).R;
+      const Mat3 b = kinematics::forward(truth, stand.q).poses.at(0).R;
+      sum += rotation_vector(a * b.transpose()).squaredNorm();
+    }
+    return std::sqrt(sum);
+  };
+  const Calibration with = calibrated(strut, rows, priors), without = calibrated(strut, rows);
+  EXPECT_TRUE(with.orientation_told);
+  EXPECT_LT(tilt(with), 0.7 * tilt(without));
+}
+
+// What no machine like this one can have moved is refused: coordinates swapped, a frame that is not the given one.
+TEST(Calibrate, HopelessResidualsAreRefused) {
+  const AnyMachine lola = named("lola50");
+  auto rows = measured(lola, off(lola), Kind::point, 70, kNoise);
+  for (Measurement& row : rows) std::swap(row.X_SR.p.x(), row.X_SR.p.y());
+  EXPECT_EQ(calibrate(lola, rows).error().id, "CA118");
+  const auto elsewhere = measured(lola, off(lola), Kind::point, 70, kNoise, 3, [](SimulationOptions& s) {
+    s.X_SM = {rotation_z(0.5), Vec3(1, -0.5, 0.3)};
+  });
+  EXPECT_EQ(calibrate(lola, elsewhere).error().id, "CA118");
+}
+
 TEST(Calibrate, OutliersAreFlaggedAndPullLittle) {
   const AnyMachine nominal = named("lola50"), truth = off(nominal);
   const auto bad = [](SimulationOptions& s) { s.outliers = 0.05; };
@@ -520,6 +557,15 @@ TEST(Measurements, FilesGoOutAndComeBack) {
   std::filesystem::remove(path);
 }
 
+TEST(Measurements, AByteOrderMarkIsNoPartOfTheFirstColumn) {
+  const std::string path = std::filesystem::temp_directory_path() / ("polypod-bom-" + std::to_string(::getpid()));
+  ASSERT_TRUE(files::write_whole(path, "\xEF\xBB\xBFq1,q2,q3,q4,q5,q6,x_mm,y_mm,z_mm\r\n70,70,70,70,70,70,1,2,3\r\n"));
+  const auto r = read_measurements(named("hexapod-strut"), path);
+  ASSERT_TRUE(r) << to_string(r.error());
+  EXPECT_NEAR(r->at(0).X_SR.p.z(), 3e-3, 1e-15);
+  std::filesystem::remove(path);
+}
+
 TEST(Measurements, BadFilesAreNamedWithTheirLine) {
   const AnyMachine m = named("hexapod-strut");
   const std::string q = "q1,q2,q3,q4,q5,q6,", values = "70,70,70,70,70,70,";
@@ -541,6 +587,8 @@ TEST(Measurements, BadFilesAreNamedWithTheirLine) {
       {q + "distance_mm,anchor_x_mm,anchor_y_mm,anchor_z_mm\n" + values + "-5,1,2,3\n", "CA102", 2},
       {q + "gauge_mm,plane_x_mm,plane_y_mm,plane_z_mm,normal_x,normal_y,normal_z\n" + values + "5,1,2,3,0,0,0\n",
        "CA102", 2},
+      {q + "x_mm,y_mm,z_mm,sigma_um\n" + values + "1,2,3,0\n", "CA102", 2},
+      {q + "x_mm,y_mm,z_mm\n" + values + "12,5,2,3\n", "ID107", 2},  // a decimal comma
   };
   const std::string path = std::filesystem::temp_directory_path() / ("polypod-bad-" + std::to_string(::getpid()));
   for (const auto& c : cases) {

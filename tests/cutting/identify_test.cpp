@@ -127,6 +127,7 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
       {header + "0.05,2,9,down,3,1,2\n", "ID120", 2},
       {header + "0.05,2,4,sideways,3,1,2\n", "ID120", 2},
       {header + "0,2,4,up,3,1,2\n", "ID120", 2},
+      {header + "0.05,2,,up,3,1,2\n", "ID120", 2},
   };
   for (const auto& c : cases) {
     ASSERT_TRUE(files::write_whole(path, c.text));

@@ -4,6 +4,8 @@
 
 #include <random>
 
+#include "machines.hpp"
+
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/delta.hpp"
 #include "polypod/motion/delta_motion.hpp"
@@ -11,14 +13,10 @@
 namespace polypod::motion {
 namespace {
 
+using test::load;
+
 using machine::LinearDelta;
 using machine::RotaryDelta;
-
-AnyMachine load(const std::string& name, const std::vector<machine::Override>& sets = {}) {
-  const auto m = machine::load(name, sets);
-  if (!m) throw std::runtime_error(to_string(m.error()));
-  return *m;
-}
 
 TEST(Path, ArcsRunThroughTheirPoints) {
   const Vec3 a(0.1, 0, 0.5), b(0, 0.1, 0.5), c(-0.1, 0, 0.5);

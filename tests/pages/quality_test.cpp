@@ -8,11 +8,15 @@
 #include <cmath>
 #include <sstream>
 
+#include "machines.hpp"
+
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::pages {
 namespace {
+
+using test::congruent;
 
 using machine::AnyMachine;
 using ::testing::HasSubstr;
@@ -53,18 +57,6 @@ std::vector<std::vector<std::string>> cells(const std::string& csv) {
     for (std::string cell; std::getline(fields, cell, ',');) out.back().push_back(cell);
   }
   return out;
-}
-
-/// Struts all parallel at R = 1: singular everywhere.
-AnyMachine congruent() {
-  return *machine::from_text(R"(
-family = "strut-hexapod"
-base = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-platform = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-leg = { length_min_mm = 50, length_max_mm = 90 }
-tool = { length_mm = 10 }
-)",
-                             "congruent.toml", {});
 }
 
 TEST(QualityFiles, RowsAreThePosesThemselves) {

@@ -6,6 +6,8 @@
 
 #include <random>
 
+#include "machines.hpp"
+
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/delta.hpp"
@@ -16,11 +18,9 @@
 namespace polypod::quality {
 namespace {
 
-using kinematics::AnyMachine;
+using test::load;
 
-AnyMachine load(const char* name) {
-  return *machine::load(name);
-}
+using kinematics::AnyMachine;
 
 struct At {
   Pose X;

@@ -291,12 +291,7 @@ TEST(JelenkovicErrors, Table8_27_Known) {
   check_known(s, {"joint", 0.00966, 0.01480, 0.00009}, 1e-5, 0.2);
 }
 
-struct Worst {
-  const char* key;
-  double position, largest;
-};
-
-void check_tolerance(const AnyMachine& m, const std::string& key, double printed, double exact_at_least = 0) {
+void check_tolerance(const AnyMachine& m, const std::string& key, double printed) {
   Surveyed s = surveyed(m, 16);
   const auto sizes = *sized(m, {{key, 0.01}}, true);
   const auto search = tolerance_field(m, s.survey, s.options, sizes, {Method::search, Region::box});
@@ -304,7 +299,6 @@ void check_tolerance(const AnyMachine& m, const std::string& key, double printed
   ASSERT_TRUE(search && exact);
   constexpr double kSearch = 0.05;
   EXPECT_NEAR(units::to_mm(statistics(s.survey, search->position.mean).mean) / printed, 1, kSearch) << key;
-  EXPECT_GE(units::to_mm(statistics(s.survey, exact->position.mean).mean), exact_at_least) << key;
   for (std::size_t i = 0; i < s.survey.inside.size(); ++i) {
     EXPECT_LE(search->position.mean[i], exact->position.mean[i] * (1 + 1e-12));
     EXPECT_LE(search->orientation.mean[i], exact->orientation.mean[i] * (1 + 1e-12));

@@ -9,22 +9,15 @@
 #include <map>
 #include <numbers>
 
+#include "machines.hpp"
+
 namespace polypod::quality {
 namespace {
 
+using test::congruent;
+
 constexpr double kAll = std::numeric_limits<double>::infinity();
 
-/// All struts parallel at R = 1: the tip's workspace is the shell 50 mm <= |p - (0, 0, 10 mm)| <= 90 mm.
-AnyMachine congruent() {
-  return *machine::from_text(R"(
-family = "strut-hexapod"
-base = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-platform = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-leg = { length_min_mm = 50, length_max_mm = 90 }
-tool = { length_mm = 10 }
-)",
-                             "congruent.toml", {});
-}
 const Vec3 kCenter(0, 0, 0.01);
 constexpr double kInner = 0.05, kOuter = 0.09;
 double ball(double r) {

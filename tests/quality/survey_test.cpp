@@ -7,6 +7,8 @@
 #include <random>
 #include <set>
 
+#include "machines.hpp"
+
 #include "leg_kernel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -22,11 +24,7 @@
 namespace polypod::quality {
 namespace {
 
-AnyMachine load(const char* name, const std::vector<machine::Override>& overrides = {}) {
-  const auto m = machine::load(name, overrides);
-  EXPECT_TRUE(m) << to_string(m.error());
-  return *m;
-}
+using test::load;
 
 SurveyOptions cone(double tilt_deg, int resolution) {
   SurveyOptions options;

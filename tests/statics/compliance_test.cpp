@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/delta.hpp"
 
 namespace polypod::statics {
 namespace {
@@ -119,6 +120,56 @@ TEST(PathError, SharesAddUpAlongTheWay) {
     EXPECT_LT((sum - e.total).norm(), 1e-15);
   }
   EXPECT_NEAR(units::to_mm(path[6].total.y()), 0.257, 5e-4);
+}
+
+/// What the chains of a delta carry when the tip has moved by `moved` from X: springs in series, the drive's about its
+/// axis and the parallelogram's along it, from distances alone.
+template <class M>
+Vec3 resistance(const M& m, const Vec3& X, const Vec3& moved, const machine::JointVector& q) {
+  constexpr double kStep = 1e-6;
+  Vec3 out = Vec3::Zero();
+  for (int i = 0; i < m.arms; ++i) {
+    const auto distance = [&](const Vec3& at, double drive) {
+      return (at + m.platform_joint[i] - m.tool - machine::driven_end(m, i, drive)).norm();
+    };
+    const double stretched = distance(X + moved, q[i]) - distance(X, q[i]);
+    const double by_drive = (distance(X, q[i] + kStep) - distance(X, q[i] - kStep)) / (2 * kStep);
+    const double gives = by_drive * by_drive * m.drive_compliance[std::size_t(i)] + m.rod_compliance[std::size_t(i)];
+    out += stretched / gives * (X + m.platform_joint[i] - m.tool - machine::driven_end(m, i, q[i])).normalized();
+  }
+  return out;
+}
+
+// Three arms, and four that share the load: the displacement C F is where the chains' springs carry F. Moves of some
+// nanometres, so that what is not linear stays below 1e-5.
+TEST(Compliance, DeltasStandWhereTheirSpringsCarryTheForce) {
+  for (const char* arms : {"3", "4"}) {
+    for (const char* name : {"delta-picker", "delta-linear"}) {
+      SCOPED_TRACE(std::string(name) + " with arms: " + arms);
+      const bool rotary = std::string(name) == "delta-picker";
+      const auto loaded = machine::load(name, {{rotary ? "arm.count" : "rail.count", arms}, {"rod.diameter_mm", "0"}});
+      ASSERT_TRUE(loaded) << to_string(loaded.error());
+      std::vector<double> c = column_compliances(*loaded);
+      ASSERT_EQ(c.size(), 2 * std::size_t(std::stoi(arms)));
+      for (std::size_t i = 0; i < c.size(); ++i) {
+        const double size = 1 + 0.3 * double(i % 3);
+        c[i] = i < c.size() / 2 && rotary ? 1e-8 * size : 3e-10 * size;
+      }
+      const machine::AnyMachine m = *with_compliances(*loaded, c);
+      const Pose X{Mat3::Identity(), rotary ? Vec3(0.1, -0.15, 0.8) : Vec3(0.03, -0.02, 0.6)};
+      const Compliance at = compliance_at(m, X);
+      ASSERT_TRUE(at.reachable) << at.reason;
+      Mat6 sum = Mat6::Zero();
+      for (const Mat6& share : at.by_joint) sum += share;
+      EXPECT_LT((sum - at.C).norm(), 1e-12 * at.C.norm());
+      for (const Vec3& force : {Vec3(10, 0, 0), Vec3(0, 10, 0), Vec3(3, -4, 9)}) {
+        const Vec3 moved = at.displacement(force);
+        const Vec3 carried = rotary ? resistance(std::get<machine::RotaryDelta>(m), X.p, moved, at.joints)
+                                    : resistance(std::get<machine::LinearDelta>(m), X.p, moved, at.joints);
+        EXPECT_LT((carried - force).norm(), 1e-5 * force.norm());
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -93,6 +93,41 @@ TEST(Identify, EachLegOfAHexapod) {
   for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(column_compliances(*file)[i], truth[i], 1e-9 * truth[i]);
 }
 
+// A delta's drives in rad/Nm and its parallelograms in m/N side by side.
+TEST(Identify, EachDriveAndRodOfADelta) {
+  const machine::AnyMachine nominal =
+      *machine::load("delta-picker", {{"drive.compliance_rad_per_Nm", "1e-5"}, {"rod.compliance_um_per_N", "0.2"}});
+  const std::vector<double> truth{1.0e-5, 1.2e-5, 0.8e-5, 0.2e-6, 0.25e-6, 0.15e-6};
+  const machine::AnyMachine real = *with_compliances(nominal, truth);
+  std::vector<MeasuredPoint> points;
+  for (int k = 0; k < 12; ++k) {
+    MeasuredPoint p;
+    p.X_MT.p = Vec3(0.3 * std::cos(2.0 * k), 0.3 * std::sin(2.0 * k), 0.75 + 0.05 * (k % 4));
+    p.force = 50;
+    const Compliance c = compliance_at(real, p.X_MT);
+    ASSERT_TRUE(c.reachable) << c.reason;
+    p.displacement = c.linear() * p.force;
+    points.push_back(p);
+  }
+  const auto r = identify_compliance(nominal, points);
+  ASSERT_TRUE(r) << to_string(r.error());
+  EXPECT_THAT(r->joint, testing::ElementsAre("drive 1", "drive 2", "drive 3", "rod 1", "rod 2", "rod 3"));
+  EXPECT_THAT(r->turns, testing::ElementsAre(true, true, true, false, false, false));
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(r->compliance[i], truth[i], 1e-7 * truth[i]);
+  const auto file = machine::from_text(machine::to_toml(*with_compliances(nominal, r->compliance)), "measured.toml");
+  ASSERT_TRUE(file) << to_string(file.error());
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(column_compliances(*file)[i], truth[i], 1e-7 * truth[i]);
+  EXPECT_THAT(column_turns(*machine::load("delta-linear")), testing::Each(false));
+}
+
+TEST(Identify, DisplacementsAgainstTheForcesAreRefused) {
+  auto points = both_planes();
+  for (MeasuredPoint& p : points) p.displacement = -p.displacement;
+  const auto r = identify_compliance(lola(), points);
+  ASSERT_FALSE(r);
+  EXPECT_EQ(r.error().id, "ID116");
+}
+
 TEST(Identify, AskewReadingsAndPosesThatTellTooLittleAreNamed) {
   std::mt19937 random(6);
   auto points = synthetic(kTable4_4, 5e-6, random);

@@ -5,6 +5,8 @@
 #include <random>
 #include <set>
 
+#include "machines.hpp"
+
 #include "delta_limits.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -15,14 +17,11 @@
 namespace polypod::workspace {
 namespace {
 
+using test::load;
+
 using machine::LinearDelta;
 using machine::RotaryDelta;
 
-AnyMachine load(const std::string& name, const std::vector<machine::Override>& sets = {}) {
-  const auto m = machine::load(name, sets);
-  if (!m) throw std::runtime_error(to_string(m.error()));
-  return *m;
-}
 Options to(double tolerance) {
   Options options;
   options.relative_tolerance = tolerance;

@@ -9,31 +9,19 @@
 #include <numbers>
 #include <random>
 
+#include "machines.hpp"
+
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::workspace {
 namespace {
 
+using test::congruent;
+using test::load;
+
 using units::from_deg;
 
-AnyMachine load(const std::string& name, const std::vector<machine::Override>& overrides = {}) {
-  const auto m = machine::load(name, overrides);
-  EXPECT_TRUE(m) << (m ? "" : to_string(m.error()));
-  return *m;
-}
-
-/// All struts parallel at R = 1: the tip's workspace is the shell 50 mm <= |p - (0, 0, 10 mm)| <= 90 mm.
-AnyMachine congruent(const std::string& length_min_mm = "50") {
-  return *machine::from_text(R"(
-family = "strut-hexapod"
-base = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-platform = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-leg = { length_min_mm = 50, length_max_mm = 90 }
-tool = { length_mm = 10 }
-)",
-                             "congruent.toml", {{"leg.length_min_mm", length_min_mm}});
-}
 const Vec3 kCenter(0, 0, 0.01);
 constexpr double kInner = 0.05, kOuter = 0.09;
 

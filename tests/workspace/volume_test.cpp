@@ -5,6 +5,8 @@
 
 #include <random>
 
+#include "machines.hpp"
+
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/strut_hexapod.hpp"
@@ -12,11 +14,8 @@
 namespace polypod::workspace {
 namespace {
 
-AnyMachine load(const std::string& name, const std::vector<machine::Override>& overrides = {}) {
-  const auto m = machine::load(name, overrides);
-  EXPECT_TRUE(m) << (m ? "" : to_string(m.error()));
-  return *m;
-}
+using test::congruent;
+using test::load;
 
 Options at_tilt(double deg, double tolerance = 0.01) {
   Options options;
@@ -66,14 +65,7 @@ Options lengths_only(const AnyMachine& m, double tolerance) {
 TEST(Volume, CongruentPlatformsGiveTheShell) {
   // Congruent: the platform's joints under the base's, so all struts are parallel; general points, because paired
   // circles of base and platform are turned against each other.
-  const auto m = *machine::from_text(R"(
-family = "strut-hexapod"
-base = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-platform = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
-leg = { length_min_mm = 50, length_max_mm = 90 }
-tool = { length_mm = 10 }
-)",
-                                     "congruent.toml");
+  const AnyMachine m = congruent();
   const Volume v = run(m, lengths_only(m, 1e-3));
   const double shell = 4.0 / 3 * std::numbers::pi * (std::pow(0.09, 3) - std::pow(0.05, 3));
   EXPECT_LE(v.lower, shell);

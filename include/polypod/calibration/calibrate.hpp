@@ -76,11 +76,19 @@ struct Calibration {
   std::vector<std::string> held_beside;                          ///< parts of frame and target that could not be told
   Score fitted, held_back;
   std::vector<RowResidual> residuals;  ///< one a measurement
-  std::size_t equations = 0;           ///< fitted ones
-  double condition = 0;                ///< of the equations, columns scaled to unit length
-  double noise_factor = 0;             ///< residuals over the noise that was given: 1 if it was right
+  /// How the tool is turned is told too: angles were measured, the tool does not turn, or nothing had to be held.
+  bool orientation_told = true;
+  std::size_t equations = 0;  ///< fitted ones
+  double condition = 0;       ///< of the equations, columns scaled to unit length
+  double noise_factor = 0;    ///< residuals over the noise that was given: 1 if it was right
   int iterations = 0;
 };
+
+/// What a person should know where orientation_told is false.
+inline constexpr const char* kOrientationUntold =
+    "these measurements tell where the tip is, not how the tool is turned: what is held leaves its tilt open, and it "
+    "may be "
+    "worse than before; where tilts matter measure axes or poses, or give priors";
 
 /// Minimises the squared residuals of the rows over the chosen parameters p (and frame, target, places of contact) with
 /// Levenberg-Marquardt (Ceres). Each residual is what the instrument would see of the pose X(q, p) that solves
@@ -99,7 +107,8 @@ struct Calibration {
 /// (the measured places lie on a line or in one point), CA113 (measured lengths are off by a factor: another unit?),
 /// CA114 (an unknown key), CA115 (the search does not converge, or more than
 /// a tenth of the rows is lost), CA116 (an option out of range), CA117 (a place that is
-/// touched once only), MA104. Cost: about 30 us a row and step; below 0.1 s for 100 poses of a hexapod.
+/// touched once only), CA118 (the residuals stay above 100 times the noise), MA104. Cost: about 30 us a row and step;
+/// below 0.1 s for 100 poses of a hexapod.
 Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
                               const CalibrationOptions& options = {});
 

@@ -35,7 +35,7 @@ struct Table {
   [[nodiscard]] Result<double> number(const Row& row, std::string_view name, double otherwise) const;
 };
 
-/// Errors: FI100, ID102 (no rows), ID106 (a column is named twice).
+/// Errors: FI100, ID102 (no rows), ID106 (a column is named twice), ID107 (a row with more cells than columns).
 Result<Table> read(const std::string& path);
 
 /// Fails with ID103 where two rows of the file hold the same cells: they would count twice.

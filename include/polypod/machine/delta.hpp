@@ -53,7 +53,8 @@ struct Delta {
   DeltaBodies bodies;
   Vec3 low = Vec3::Constant(-std::numeric_limits<double>::infinity());  ///< coordinate limits of X, m
   Vec3 high = Vec3::Constant(std::numeric_limits<double>::infinity());
-  double compliance = 0;  ///< rad/Nm or m/N of a drive
+  PerArm<double> drive_compliance{};  ///< rad/Nm or m/N of each drive, the bending of its arm (or rail) in it
+  PerArm<double> rod_compliance{};    ///< m/N of each parallelogram along its rods
   Provenance provenance;
 
   double mode_sign = 1;      ///< sign of the assembly mode's volume at home, see DeltaLimits::kMode

@@ -31,7 +31,8 @@ struct Compliance {
 };
 
 /// C_X = J C_q J^T (SLAV (4.20)) = sum over joints of c_i J_i J_i^T, symmetric and positive semidefinite; no inverse of
-/// J is needed, so it also holds at singular poses. Joints: the first inverse solution within all limits. Cost: about 2
+/// J is needed, so it also holds at singular poses. Parallel machines with more chains than freedoms (deltas of four
+/// arms) share their load as the stiffnesses are; their J is weighted with them. Joints: the first inverse solution within all limits. Cost: about 2
 /// us for a serial arm with a closed inverse.
 Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT);
 /// The same at given joints.
@@ -40,9 +41,11 @@ Compliance compliance_at_joints(const AnyMachine& machine, const machine::JointV
 /// J_k J_k^T of every joint (and of every locked one) at the pose X_MT with the joints q: the 3 x 3 compliance of the
 /// tip per unit compliance of that joint, in the order of Compliance::by_joint.
 std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
-/// "joint 1", ... or "leg 1", ..., in the same order.
+/// "joint 1", ..., "leg 1", ... or "drive 1", ..., "rod 1", ..., in the same order.
 std::vector<std::string> column_names(const AnyMachine& machine);
-/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut gives way), and the machine with others.
+/// Whether each of them turns (rad/Nm) or slides or stretches (m/N).
+std::vector<bool> column_turns(const AnyMachine& machine);
+/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut or rod gives way), and the machine with others.
 /// Errors: MA105 for another count.
 std::vector<double> column_compliances(const AnyMachine& machine);
 Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector<double>& compliances);

@@ -32,10 +32,11 @@ struct Outlier {
 };
 
 struct Identification {
-  std::vector<double> compliance;      ///< rad/Nm, one a column of the Jacobian (joint), >= 0
-  std::vector<double> standard_error;  ///< of each, rad/Nm; 0 where the bound c >= 0 holds it
-  std::vector<double> half_interval;   ///< half of the 95 % confidence interval, rad/Nm
+  std::vector<double> compliance;      ///< rad/Nm or m/N, one a column of the Jacobian (joint), >= 0
+  std::vector<double> standard_error;  ///< of each; 0 where the bound c >= 0 holds it
+  std::vector<double> half_interval;   ///< half of the 95 % confidence interval
   std::vector<std::string> joint;
+  std::vector<bool> turns;  ///< rad/Nm; else it slides or stretches, m/N
   double residual_rms = 0;  ///< m, over all displacements
   std::size_t equations = 0;
   double condition = 0;                          ///< of the scaled equations: 1 tells all joints apart, 1e6 does not
@@ -50,7 +51,8 @@ struct Identification {
 /// Least squares with c >= 0 on 9 equations a point, all displacements with equal weight:
 ///   delta_i = sum_k c_k (J_k J_k^T F)_i   (SLAV (4.38), linear in c: no starting value is needed).
 /// Standard errors from the residuals: s^2 (A^T A)^-1, s^2 = |r|^2 / (equations - joints).
-/// Errors: ID110 fewer equations than joints, ID111 a pose out of reach, ID112 poses that cannot tell the joints apart.
+/// Errors: ID110 fewer equations than joints, ID111 a pose out of reach, ID112 poses that cannot tell the joints apart,
+/// ID116 displacements against the forces.
 /// Cost: linear in the points, below 1 ms for 90.
 Result<Identification> identify_compliance(const AnyMachine& machine, const std::vector<MeasuredPoint>& points);
 

@@ -1,0 +1,33 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Machines that several tests use.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::test {
+
+/// A machine of the catalogue, some parameters changed. A name or key that is none ends the test.
+inline machine::AnyMachine load(const std::string& name, const std::vector<machine::Override>& sets = {}) {
+  const auto m = machine::load(name, sets);
+  if (!m) throw std::runtime_error(to_string(m.error()));
+  return *m;
+}
+
+/// All struts parallel at R = 1, so singular there: the tip's workspace without the joints' limits is the shell
+/// length_min <= |p - (0, 0, 10 mm)| <= 90 mm.
+inline machine::AnyMachine congruent(const std::string& length_min_mm = "50") {
+  return *machine::from_text(R"(
+family = "strut-hexapod"
+base = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
+platform = { joints_mm = [[50,0,0],[25,43,0],[-25,43,0],[-50,0,0],[-25,-43,0],[25,-43,0]] }
+leg = { length_min_mm = 50, length_max_mm = 90 }
+tool = { length_mm = 10 }
+)",
+                             "congruent.toml", {{"leg.length_min_mm", length_min_mm}});
+}
+
+}  // namespace polypod::test
