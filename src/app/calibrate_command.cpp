@@ -155,11 +155,9 @@ std::string residuals_csv(const Calibration& c, const std::vector<calibration::M
 Json parameters_json(const Calibration& c) {
   Json out = Json::array();
   for (const calibration::Estimate& p : c.parameters) {
-    Json one{{"key", with_unit(p.key, p.unit)},
-             {"nominal", units::to_user(p.nominal, p.unit)},
-             {"value", units::to_user(p.value, p.unit)},
-             {"standard_error", units::to_user(p.standard_error, p.unit)},
-             {"identifiable", p.identifiable}};
+    Json one{{"key", with_unit(p.key, p.unit)},          {"nominal", units::to_user(p.nominal, p.unit)},
+             {"value", units::to_user(p.value, p.unit)}, {"standard_error", units::to_user(p.standard_error, p.unit)},
+             {"identifiable", p.identifiable},           {"at_bound", p.at_bound}};
     if (!p.identifiable) {
       Json like = Json::array();
       for (const calibration::Like& other : p.like)
@@ -222,8 +220,8 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   for (const calibration::Estimate& p : c.parameters) {
     const double nominal = units::to_user(p.nominal, p.unit), value = units::to_user(p.value, p.unit);
     if (p.identifiable) {
-      fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}\n", p.key, nominal, value,
-                 units::to_user(p.standard_error, p.unit), p.unit);
+      fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}{}\n", p.key, nominal, value,
+                 units::to_user(p.standard_error, p.unit), p.unit, p.at_bound ? "  at its bound" : "");
       continue;
     }
     fmt::print("{:<22} {:14.5f}           held            {}", p.key, nominal, p.unit);

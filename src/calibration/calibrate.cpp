@@ -675,7 +675,9 @@ class Fit {
       if (!problem_.chosen[i]) continue;
       const machine::Parameter& p = problem_.nominal[i];
       const int column = problem_.column(i);
-      Estimate one{p.key, p.unit, p.value, x_[column], error_[column], true, {}};
+      Estimate one{p.key, p.unit, p.value, x_[column], error_[column], true, false, {}};
+      const double bound = problem_.is_length(i) ? options_.bound_length : options_.bound_angle;
+      one.at_bound = bound > 0 && std::abs(x_[column] - p.value) > bound * (1 - 1e-6);
       const auto tie = known_.ties.find(column);
       if (tie != known_.ties.end()) {
         one.identifiable = false;

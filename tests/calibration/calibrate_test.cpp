@@ -456,9 +456,14 @@ TEST(Calibrate, PriorsAndBoundsHold) {
 
   CalibrationOptions bounded;
   bounded.bound_length = 0.05e-3;
+  int at_bound = 0;
   for (const Estimate& p : calibrated(nominal, measured(nominal, truth, Kind::point, 70, kNoise), bounded).parameters) {
     EXPECT_LE(std::abs(p.value - p.nominal), 0.05e-3 + 1e-12) << p.key;
+    EXPECT_EQ(p.at_bound, std::abs(p.value - p.nominal) > 0.0499999e-3) << p.key;
+    at_bound += p.at_bound ? 1 : 0;
   }
+  EXPECT_GT(at_bound, 5);  // errors of 0.1 mm, twice the bound
+  for (const Estimate& p : with_priors.parameters) EXPECT_FALSE(p.at_bound) << p.key;
 }
 
 TEST(Calibrate, ChosenParametersOnly) {

@@ -47,6 +47,7 @@ struct Estimate {
   double nominal = 0, value = 0;  ///< SI
   double standard_error = 0;      ///< SI; 0 where it was held
   bool identifiable = false;
+  bool at_bound = false;   ///< a hard bound holds it: the error is larger than allowed, or no error of this parameter
   std::vector<Like> like;  ///< of a parameter that was held, the strongest first
 };
 

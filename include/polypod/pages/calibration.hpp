@@ -35,8 +35,8 @@ struct ComplianceChecks {
 /// the given compliances, each joint's (leg's) compliance with its 95 % interval, the residual of every point and
 /// direction in um, how well each file is foretold by the others, estimates that are hardly told apart, outliers;
 /// for each file whose points lie in a plane parallel to two axes, the direct compliances measured and computed with
-/// those found (see measured_over), as far as displacements make a map. The same input gives the same bytes. Cost: a map
-/// of 41 points a side for each plane, 50 ms.
+/// those found (see measured_over), as far as displacements make a map. The same input gives the same bytes. Cost: a
+/// map of 41 points a side for each plane, 50 ms.
 std::string identification_page(const machine::AnyMachine& machine, const std::vector<statics::MeasuredPoint>& points,
                                 const statics::Identification& r, const ComplianceChecks& checks,
                                 const MeasuredPageOptions& how = {});

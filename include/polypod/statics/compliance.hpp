@@ -32,8 +32,8 @@ struct Compliance {
 
 /// C_X = J C_q J^T (SLAV (4.20)) = sum over joints of c_i J_i J_i^T, symmetric and positive semidefinite; no inverse of
 /// J is needed, so it also holds at singular poses. Parallel machines with more chains than freedoms (deltas of four
-/// arms) share their load as the stiffnesses are; their J is weighted with them. Joints: the first inverse solution within all limits. Cost: about 2
-/// us for a serial arm with a closed inverse.
+/// arms) share their load as the stiffnesses are; their J is weighted with them. Joints: the first inverse solution
+/// within all limits. Cost: about 2 us for a serial arm with a closed inverse.
 Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT);
 /// The same at given joints.
 Compliance compliance_at_joints(const AnyMachine& machine, const machine::JointVector& q);
@@ -45,8 +45,8 @@ std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, 
 std::vector<std::string> column_names(const AnyMachine& machine);
 /// Whether each of them turns (rad/Nm) or slides or stretches (m/N).
 std::vector<bool> column_turns(const AnyMachine& machine);
-/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut or rod gives way), and the machine with others.
-/// Errors: MA105 for another count.
+/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut or rod gives way), and the machine with
+/// others. Errors: MA105 for another count.
 std::vector<double> column_compliances(const AnyMachine& machine);
 Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector<double>& compliances);
 
