@@ -276,7 +276,7 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
   report::LinePlot plot;
   plot.title = "compliances with their 95 % intervals";
   const double joints = static_cast<double>(shown.rows.size());
-  plot.x = {"row of the table", "", 0.5, joints + 0.5, false};
+  plot.x = {"row of the table", "", 0.5, joints + 0.5, false, true};
   plot.y = {"compliance", shown.unit, {}, {}, true};
   report::Series interval{"95 % interval", {}, {}, Colour::ink, LineStyle::solid, 1.5};
   report::Series value{"compliance", {}, {}, Colour::blue, LineStyle::points, kBigDot};

@@ -161,7 +161,7 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
                                   px(top), px(b - a), px(plot_height));
     }
   }
-  picture.x_axis(X, top, bottom, x_label);
+  picture.x_axis(X, top, bottom, x_label, true, x.counts);
   picture.y_axis(Y, left, right, true, true);
   const std::string clip = picture.clip("box", left, top - 1, right - left, plot_height + 2);
   picture.body += fmt::format("<g clip-path=\"{}\">\n", clip);

@@ -288,8 +288,12 @@ double Picture::legend(const std::vector<LegendEntry>& entries, double x, double
   return row - y + kRow + 4;
 }
 
-void Picture::x_axis(const Scale& scale, double top, double bottom, const std::string& label, bool grid) {
-  const std::vector<double> ticks = x_ticks(scale);
+void Picture::x_axis(const Scale& scale, double top, double bottom, const std::string& label, bool grid, bool counts) {
+  std::vector<double> ticks = x_ticks(scale);
+  if (counts) {
+    std::erase_if(ticks, [](double t) { return std::abs(t - std::round(t)) > 1e-9; });
+    for (double& t : ticks) t = std::round(t);
+  }
   const std::vector<std::string> labels = tick_labels(ticks);
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     const double x = scale(ticks[i]);

@@ -65,7 +65,8 @@ class Picture {
   /// Rows of entries from x to the right edge; returns the height used.
   double legend(const std::vector<LegendEntry>& entries, double x, double y);
   /// Grid, numbers and label of an x axis below the box, and of a y axis left of it.
-  void x_axis(const Scale& scale, double top, double bottom, const std::string& label, bool grid = true);
+  void x_axis(const Scale& scale, double top, double bottom, const std::string& label, bool grid = true,
+              bool counts = false);  ///< counts: ticks at whole numbers alone
   void y_axis(const Scale& scale, double left, double right, bool grid = true, bool mark_zero = false);
   /// A clip path of the box under the id `<id>-<name>`; returns its reference `url(#...)`.
   std::string clip(const char* name, double left, double top, double width, double height);

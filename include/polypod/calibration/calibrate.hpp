@@ -109,7 +109,7 @@ inline constexpr const char* kOrientationUntold =
 /// CA114 (an unknown key), CA115 (the search does not converge, or more than
 /// a tenth of the rows is lost), CA116 (an option out of range), CA117 (a place that is
 /// touched once only), CA118 (the residuals stay above 100 times the noise), MA104. Cost: about 30 us a row and step;
-/// below 0.1 s for 100 poses of a hexapod.
+/// below 0.3 s for 100 points of a hexapod.
 Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
                               const CalibrationOptions& options = {});
 
