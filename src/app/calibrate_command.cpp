@@ -239,7 +239,7 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   frame("frame", c.X_SM, c.frame_error);
   frame("target", c.X_TR, c.target_error);
   for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
-  if (!c.orientation_told) fmt::print("{}\n", calibration::kOrientationUntold);
+  if (!c.orientation_told) fmt::print("{}\n", pages::kOrientationUntold);
   for (const Json& x : outliers) {
     if (x["lost"].get<bool>()) {
       fmt::print("left out: {}:{}: near a singular pose, where the machine does not assemble with what was found\n",

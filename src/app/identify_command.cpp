@@ -29,19 +29,7 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
                      points.size(), files, units::to_um(r.residual_rms), errors);
 }
 
-constexpr double kOtherUnit = 100;
-
-/// Mean of the compliances found over those given; 1 where none are given.
-double times_given(const machine::AnyMachine& m, const statics::Identification& r) {
-  double given = 0, found = 0;
-  const std::vector<double> nominal = statics::column_compliances(m);
-  for (std::size_t i = 0; i < nominal.size(); ++i) {
-    if (!(nominal[i] > 0)) continue;
-    given += 1;
-    found += r.compliance[i] / nominal[i];
-  }
-  return given > 0 ? found / given : 1;
-}
+constexpr double kOtherUnit = 100;  // times the compliances that a machine had: a unit was mistaken
 
 /// Of the machine's provenance.
 const char* compliance_key(const statics::Identification& r) {
@@ -51,8 +39,12 @@ const char* compliance_key(const statics::Identification& r) {
 
 constexpr std::size_t kLeastHeldOut = 10;  // two points in each of five parts
 
-Json um_or_null(const std::optional<double>& metres) {
-  return metres ? Json(units::to_um(*metres)) : Json();
+Json json_of(const statics::Foretold& f) {
+  return {{"prediction_rms_um", units::to_um(f.joints)}, {"map_rms_um", f.map ? Json(units::to_um(*f.map)) : Json()}};
+}
+std::string in_words(const statics::Foretold& f) {
+  return fmt::format("{:.1f} um rms", units::to_um(f.joints)) +
+         (f.map ? fmt::format(" (a map without joints: {:.1f} um)", units::to_um(*f.map)) : std::string());
 }
 
 }  // namespace
@@ -93,21 +85,21 @@ Command identify_compliance_command() {
             }
             pages::ComplianceChecks checks{given_rms, {}};
             Json left_out = Json::array();
+            std::vector<statics::Foretold> foretold;
             if (groups.size() > 1) {
-              POLYPOD_ASSIGN(foretold, statics::leave_one_out(m, groups));
-              for (std::size_t i = 0; i < foretold.size(); ++i) {
-                checks.left_out.emplace_back(o->files[i], foretold[i].joints);
-                left_out.push_back({{"file", o->files[i]},
-                                    {"prediction_rms_um", units::to_um(foretold[i].joints)},
-                                    {"map_rms_um", um_or_null(foretold[i].map)}});
-              }
+              POLYPOD_ASSIGN(each, statics::leave_one_out(m, groups));
+              foretold = each;
+            }
+            for (std::size_t i = 0; i < foretold.size(); ++i) {
+              checks.left_out.emplace_back(o->files[i], foretold[i].joints);
+              left_out.push_back(json_of(foretold[i]));
+              left_out.back()["file"] = o->files[i];
             }
             // Dealt out, where each part leaves enough; a plane left out is the harder question.
-            statics::Foretold dealt{};
-            const bool held_out = points.size() >= kLeastHeldOut;
-            if (held_out) {
-              POLYPOD_ASSIGN(foretold, statics::hold_out(m, points));
-              dealt = foretold;
+            std::optional<statics::Foretold> dealt;
+            if (points.size() >= kLeastHeldOut) {
+              POLYPOD_ASSIGN(both, statics::hold_out(m, points));
+              dealt = both;
             }
             if (!o->report.empty()) {
               std::string command = "polypod identify compliance " + for_shell(o->machine);
@@ -146,9 +138,7 @@ Command identify_compliance_command() {
                             {"residual_rms_um", units::to_um(r.residual_rms)},
                             {"given_rms_um", units::to_um(given_rms)},
                             {"leave_one_out", left_out},
-                            {"hold_out", held_out ? Json{{"prediction_rms_um", units::to_um(dealt.joints)},
-                                                         {"map_rms_um", um_or_null(dealt.map)}}
-                                                  : Json()},
+                            {"hold_out", dealt ? json_of(*dealt) : Json()},
                             {"equations", r.equations},
                             {"points", points.size()},
                             {"condition", r.condition},
@@ -168,8 +158,8 @@ Command identify_compliance_command() {
                 fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
               }
               if (r.turns[i]) {
-                fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], r.compliance[i] * 1e7,
-                           r.half_interval[i] * 1e7);
+                fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], units::to_tenth_urad(r.compliance[i]),
+                           units::to_tenth_urad(r.half_interval[i]));
               } else {
                 fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
                            units::to_um_per_N(r.half_interval[i]));
@@ -178,27 +168,20 @@ Command identify_compliance_command() {
             for (std::size_t i = 0; i < r.compliance.size(); ++i) {
               if (r.compliance[i] == 0) fmt::print("{} is held at 0: its best value would be negative\n", r.joint[i]);
             }
-            if (const double factor = times_given(m, r); factor > kOtherUnit || factor < 1 / kOtherUnit) {
+            if (r.times_given > kOtherUnit || r.times_given < 1 / kOtherUnit) {
               fmt::print(
                   "these are {:.3g} times the compliances of the given machine: are displacements in um and the "
                   "force in N?\n",
-                  factor);
+                  r.times_given);
             }
             fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
                        units::to_um(given_rms));
-            const auto by_map = [](const Json& x) {
-              return x["map_rms_um"].is_null()
-                         ? std::string()
-                         : fmt::format(" (a map without joints: {:.1f} um)", x["map_rms_um"].get<double>());
-            };
-            if (held_out) {
-              fmt::print("a fifth of the points at a time predicted from the others: {:.1f} um rms{}\n",
-                         units::to_um(dealt.joints), by_map({{"map_rms_um", um_or_null(dealt.map)}}));
+            if (dealt) {
+              fmt::print("a fifth of the points at a time predicted from the others: {}\n", in_words(*dealt));
             }
-            for (const Json& x : left_out) {
-              fmt::print("{}: predicted from the other files to {:.1f} um rms{}\n",
-                         std::filesystem::path(x["file"].get<std::string>()).filename().string(),
-                         x["prediction_rms_um"].get<double>(), by_map(x));
+            for (std::size_t i = 0; i < foretold.size(); ++i) {
+              fmt::print("{}: predicted from the other files to {}\n",
+                         std::filesystem::path(o->files[i]).filename().string(), in_words(foretold[i]));
             }
             fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
                        units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than the residuals explain");

@@ -120,8 +120,8 @@ Command predict_command() {
                              {"length_mm", to_mm(m.length)},
                              {"points", m.points},
                              {"deflection_um", {{"max", to_um(m.deflection.max)}, {"mean", to_um(m.deflection.mean)}}},
-                             {"normal_error_um", spread_json(m.normal, 1e6)},
-                             {"vertical_error_um", spread_json(m.vertical, 1e6)},
+                             {"normal_error_um", spread_json(m.normal, units::kUmPerMetre)},
+                             {"vertical_error_um", spread_json(m.vertical, units::kUmPerMetre)},
                              {"distance_max_um", to_um(m.largest_distance)},
                              {"mean_force_N", vector_json(m.mean_force)},
                              {"depth_max_mm", to_mm(m.largest_depth)}});
@@ -132,8 +132,8 @@ Command predict_command() {
                         {"model", o->at_rest ? "at rest" : "equilibrium"},
                         {"points", p.deflection.count},
                         {"deflection_um", {{"max", to_um(p.deflection.max)}, {"mean", to_um(p.deflection.mean)}}},
-                        {"normal_error_um", spread_json(p.normal, 1e6)},
-                        {"vertical_error_um", spread_json(p.vertical, 1e6)},
+                        {"normal_error_um", spread_json(p.normal, units::kUmPerMetre)},
+                        {"vertical_error_um", spread_json(p.vertical, units::kUmPerMetre)},
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
                         {"moves", moves},
                         {"notes", p.notes}};
@@ -242,8 +242,8 @@ Command correct_command() {
                                  {"segments", m.pieces},
                                  {"transitions", m.transitions},
                                  {"length_mm", to_mm(m.length)},
-                                 {"before_um", spread_json(m.normal_before, 1e6)},
-                                 {"after_um", spread_json(m.normal_after, 1e6)},
+                                 {"before_um", spread_json(m.normal_before, units::kUmPerMetre)},
+                                 {"after_um", spread_json(m.normal_after, units::kUmPerMetre)},
                                  {"distance_before_um", to_um(m.distance_before)},
                                  {"distance_after_um", to_um(m.distance_after)}});
               }
@@ -252,8 +252,8 @@ Command correct_command() {
               Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
                             {"machine", in.job.machine_name},
                             {"method", o->method},
-                            {"before_um", spread_json(c.before.normal, 1e6)},
-                            {"after_um", spread_json(c.after.normal, 1e6)},
+                            {"before_um", spread_json(c.before.normal, units::kUmPerMetre)},
+                            {"after_um", spread_json(c.after.normal, units::kUmPerMetre)},
                             {"distance_before_um", to_um(c.before.largest_distance)},
                             {"distance_after_um", to_um(c.largest_distance)},
                             {"lines_in", c.lines_in},

@@ -19,7 +19,6 @@ using pages::tidy_mm;
 constexpr int kMostPerSide = 301;
 constexpr double kFarthest_mm = 1e6;  // 1 km: beyond it lies a wrong unit
 constexpr int kMostPathPoints = 10'001;
-constexpr double kOneDirection = 1.0;  // deg, between tool axes that count as one
 
 struct MapOptions {
   std::string machine, plane, at, angles, resolution = "41", force, path_csv;
@@ -423,12 +422,11 @@ void print_map(const MapOptions& o, const pages::ComplianceMap& map) {
 
 /// Error: AP149.
 Status same_axis(const Mat3& R_MT, const statics::MeasuredPoint& point, const pages::ComplianceMap& map) {
-  const Vec3 measured = point.X_MT.R.col(2);
-  const double apart = units::to_deg(std::acos(std::clamp(R_MT.col(2).dot(measured), -1.0, 1.0)));
-  if (apart <= kOneDirection) return {};
+  const double apart = angle_between(R_MT.col(2), point.X_MT.R.col(2));
+  if (apart <= statics::MeasuredMap::kOneDirection) return {};
   const std::string turned = pages::orientation_of(map);
   return fail("AP149",
-              fmt::format("the displacements were measured with the tool {:.1f} deg away from {}", apart,
+              fmt::format("the displacements were measured with the tool {:.1f} deg away from {}", units::to_deg(apart),
                           turned.empty() ? "the axis of this machine's tool" : turned),
               point.place, "a map holds for one direction of the tool: leave --angles out, or give those of the file");
 }

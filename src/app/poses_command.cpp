@@ -61,138 +61,143 @@ std::string stands_csv(const machine::AnyMachine& m, const std::vector<calibrati
 
 Command poses_command() {
   auto o = std::make_shared<Options>();
-  return {"poses", "Which poses to measure for a calibration, and how certain the machine will be then",
-          "polypod poses hexapod-strut --count 30 --kind points -o poses.csv",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.option("--count", o->count, "Poses to choose (default 30)");
-            a.option("--for", o->what, "geometry (default) or compliance");
-            a.option("--kind", o->kind, "What will be measured: points (default), axes, poses, distances or gauge");
-            a.option("--criterion", o->criterion,
-                     "d: the least volume of uncertainty (default); e: the best worst direction; v: what the model "
-                     "then says is most certain");
-            a.option("--candidates", o->candidates, "Poses to choose from (default 400)");
-            a.option("--seed", o->seed, "Of the candidates (default 1)");
-            a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate or displacement (default 20)");
-            a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
-            a.option("--force", o->force, "N, for compliance (default 250)");
-            a.option("--anchor", o->anchors, "x,y,z in mm: a ball-bar's fixed ball (repeatable, in turn)");
-            a.option("--estimate", o->estimate, "frame, target: as for `polypod calibrate` (repeatable)");
-            a.option("--frame", o->frame, kFrameHelp);
-            a.option("--target", o->target, kTargetHelp);
-            a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
-            a.option("--hold", o->hold, "Beginning of a key: keep these (repeatable)");
-            a.option("--curve", o->curve, "n1,n2,...: the uncertainty for these numbers of poses, too");
-            a.option("-o,--output", o->out, "The chosen poses, CSV");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (!o->out.empty()) POLYPOD_TRY(files::may_write(o->out));
-            const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
-            const bool compliance = o->what == "compliance";
-            const auto criterion = criterion_named(o->criterion);
-            if ((!compliance && o->what != "geometry") || kind == kKinds.end() || !criterion || o->count < 1 ||
-                o->candidates < o->count || o->candidates > 5000 || o->seed < 0) {
-              return fail("AP184", "an option of poses is unknown or out of range", {},
-                          "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e|v, "
-                          "--count up to --candidates, --candidates up to 5000");
-            }
-            calibration::CalibrationOptions options;
-            options.only = o->only;
-            options.hold = o->hold;
-            options.noise_position = units::from_um(o->noise_um);
-            options.noise_angle = units::from_deg(o->noise_deg);
-            POLYPOD_ASSIGN(X_SM, frame_argument(o->frame, "--frame"));
-            POLYPOD_ASSIGN(X_TR, frame_argument(o->target, "--target"));
-            options.X_SM = X_SM;
-            options.X_TR = X_TR;
-            options.estimate_frame = std::find(o->estimate.begin(), o->estimate.end(), "frame") != o->estimate.end();
-            options.estimate_target = std::find(o->estimate.begin(), o->estimate.end(), "target") != o->estimate.end();
-            POLYPOD_ASSIGN(anchors, points_of(o->anchors, "--anchor"));
-            std::vector<double> counts;
-            if (!o->curve.empty()) {
-              POLYPOD_ASSIGN(list, numbers_of(o->curve, "--curve"));
-              counts = list;
-            }
-            const auto measured_kind = static_cast<calibration::Kind>(kind - kKinds.begin());
-            const auto seed = static_cast<std::uint64_t>(o->seed);
-            const auto many = static_cast<std::size_t>(o->candidates);
-            const auto make = [&] {
-              return compliance ? calibration::compliance_candidates(m, many, seed, o->force, options.noise_position)
-                                : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options);
-            };
-            POLYPOD_ASSIGN(from, make());
-            const auto pick = [&](const std::vector<std::size_t>& chosen) {
-              std::vector<Eigen::MatrixXd> out;
-              for (const std::size_t i : chosen) out.push_back(from.equations[i]);
-              return calibration::uncertainty(out, from.equations);
-            };
-            POLYPOD_ASSIGN(chosen, calibration::choose(from.equations, static_cast<std::size_t>(o->count), *criterion));
-            const calibration::Uncertainty best = pick(chosen);
-            const auto grid = [&](double tilt_deg) {
-              const auto stands = calibration::grid_stands(m, from.stands, static_cast<std::size_t>(o->count),
-                                                           units::from_deg(tilt_deg));
-              return calibration::uncertainty(
-                  compliance ? calibration::compliance_equations(m, stands, o->force, options.noise_position)
-                             : calibration::geometry_equations(m, stands, measured_kind, anchors, options, from),
-                  from.equations);
-            };
-            const calibration::Uncertainty upright = grid(0), tilted = grid(kGridTilt);
-            POLYPOD_ASSIGN(densest,
-                           calibration::choose(from.equations, chosen.size(), calibration::Criterion::determinant));
-            const double least = calibration::least_mean(from.equations, densest);
-            std::vector<std::size_t> first(static_cast<std::size_t>(o->count));
-            for (std::size_t i = 0; i < first.size(); ++i) first[i] = i;
-            const calibration::Uncertainty random = pick(first);
-            Json curve = Json::array();
-            for (const double n : counts) {
-              if (!(n >= 1) || n > o->candidates) return fail("AP184", fmt::format("--curve: {:g} poses", n));
-              POLYPOD_ASSIGN(some, calibration::choose(from.equations, static_cast<std::size_t>(n), *criterion));
-              Json point = json_of(pick(some), options.noise_position);
-              point["count"] = some.size();
-              curve.push_back(point);
-            }
-            if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, stands_csv(m, from.stands, chosen)));
-            if (context.json) {
-              Json list = Json::array();
-              for (const std::size_t i : chosen) {
-                list.push_back({{"joints", joints_for_user(m, from.stands[i].q)},
-                                {"pose", pose_for_user(m, from.stands[i].X_MT)}});
-              }
-              print_json({{"poses", list},
-                          {"unknowns", from.unknowns},
-                          {"held", from.held},
-                          {"chosen", json_of(best, options.noise_position)},
-                          {"random", json_of(random, options.noise_position)},
-                          {"grid", json_of(tilted, options.noise_position)},
-                          {"grid_upright", json_of(upright, options.noise_position)},
-                          {"least_mean_percent", 100 * least},
-                          {"curve", curve}});
-              return kDone;
-            }
-            fmt::print("{} of {} poses, {} unknowns{}\n\n", chosen.size(), o->candidates, from.unknowns.size(),
-                       from.held.empty() ? "" : fmt::format(", {} held", from.held.size()));
-            const auto line = [&](const std::string& what, const calibration::Uncertainty& u) {
-              const auto cell = [](double x) { return std::isfinite(x) ? fmt::format("{:12.3f}", x) : "      untold"; };
-              fmt::print("{:<14} {} {} {}\n", what, cell(units::to_um(u.reading * options.noise_position)),
-                         cell(100 * u.mean), cell(100 * u.worst));
-            };
-            fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
-            line("chosen", best);
-            line("random", random);
-            const bool turns = kinematics::task(m) != machine::Task::point;
-            line(turns ? "grid, upright" : "grid", upright);
-            if (turns) line("grid, tilted", tilted);
-            fmt::print("{:<14} {:>12} {:12.3f}   (proven: no {} of these candidates come below)\n", "bound", "",
-                       100 * least, chosen.size());
-            for (const Json& point : curve) {
-              fmt::print("{:<14} {:12.3f} {:12.3f} {:12.3f}\n", fmt::format("{} chosen", point["count"].get<int>()),
-                         point["reading_um"].get<double>(), point["mean_percent"].get<double>(),
-                         point["worst_percent"].get<double>());
-            }
-            if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
-            return kDone;
-          }};
+  return {
+      "poses", "Which poses to measure for a calibration, and how certain the machine will be then",
+      "polypod poses hexapod-strut --count 30 --kind points -o poses.csv",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--count", o->count, "Poses to choose (default 30)");
+        a.option("--for", o->what, "geometry (default) or compliance");
+        a.option("--kind", o->kind, "What will be measured: points (default), axes, poses, distances or gauge");
+        a.option("--criterion", o->criterion,
+                 "d: the least volume of uncertainty (default); e: the best worst direction; v: what the model "
+                 "then says is most certain");
+        a.option("--candidates", o->candidates, "Poses to choose from (default 400)");
+        a.option("--seed", o->seed, "Of the candidates (default 1)");
+        a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate or displacement (default 20)");
+        a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
+        a.option("--force", o->force, "N, for compliance (default 250)");
+        a.option("--anchor", o->anchors, "x,y,z in mm: a ball-bar's fixed ball (repeatable, in turn)");
+        a.option("--estimate", o->estimate, "frame, target: as for `polypod calibrate` (repeatable)");
+        a.option("--frame", o->frame, kFrameHelp);
+        a.option("--target", o->target, kTargetHelp);
+        a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
+        a.option("--hold", o->hold, "Beginning of a key: keep these (repeatable)");
+        a.option("--curve", o->curve, "n1,n2,...: the uncertainty for these numbers of poses, too");
+        a.option("-o,--output", o->out, "The chosen poses, CSV");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_TRY(check_files({o->machine}, {o->out}));
+        const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
+        const bool compliance = o->what == "compliance";
+        const auto criterion = criterion_named(o->criterion);
+        if ((!compliance && o->what != "geometry") || kind == kKinds.end() || !criterion || o->count < 1 ||
+            o->candidates < o->count || o->candidates > 5000 || o->seed < 0) {
+          return fail("AP184", "an option of poses is unknown or out of range", {},
+                      "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e|v, "
+                      "--count up to --candidates, --candidates up to 5000");
+        }
+        calibration::CalibrationOptions options;
+        options.only = o->only;
+        options.hold = o->hold;
+        options.noise_position = units::from_um(o->noise_um);
+        options.noise_angle = units::from_deg(o->noise_deg);
+        POLYPOD_ASSIGN(X_SM, frame_argument(o->frame, "--frame"));
+        POLYPOD_ASSIGN(X_TR, frame_argument(o->target, "--target"));
+        options.X_SM = X_SM;
+        options.X_TR = X_TR;
+        options.estimate_frame = std::find(o->estimate.begin(), o->estimate.end(), "frame") != o->estimate.end();
+        options.estimate_target = std::find(o->estimate.begin(), o->estimate.end(), "target") != o->estimate.end();
+        POLYPOD_ASSIGN(anchors, points_of(o->anchors, "--anchor"));
+        std::vector<double> counts;
+        if (!o->curve.empty()) {
+          POLYPOD_ASSIGN(list, numbers_of(o->curve, "--curve"));
+          counts = list;
+        }
+        const auto measured_kind = static_cast<calibration::Kind>(kind - kKinds.begin());
+        const auto seed = static_cast<std::uint64_t>(o->seed);
+        const auto many = static_cast<std::size_t>(o->candidates);
+        const auto make = [&] {
+          return compliance ? calibration::compliance_candidates(m, many, seed, o->force, options.noise_position)
+                            : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options);
+        };
+        POLYPOD_ASSIGN(from, make());
+        const auto pick = [&](const std::vector<std::size_t>& chosen) {
+          std::vector<Eigen::MatrixXd> out;
+          for (const std::size_t i : chosen) out.push_back(from.equations[i]);
+          return calibration::uncertainty(out, from.equations);
+        };
+        POLYPOD_ASSIGN(chosen, calibration::choose(from.equations, static_cast<std::size_t>(o->count), *criterion));
+        const calibration::Uncertainty best = pick(chosen);
+        const auto grid = [&](double tilt_deg) {
+          const auto stands =
+              calibration::grid_stands(m, from.stands, static_cast<std::size_t>(o->count), units::from_deg(tilt_deg));
+          return calibration::uncertainty(
+              compliance ? calibration::compliance_equations(m, stands, o->force, options.noise_position)
+                         : calibration::geometry_equations(m, stands, measured_kind, anchors, options, from),
+              from.equations);
+        };
+        const calibration::Uncertainty upright = grid(0), tilted = grid(kGridTilt);
+        // The bound is tightest from the set of the greatest determinant.
+        std::vector<std::size_t> densest = chosen;
+        if (*criterion != calibration::Criterion::determinant) {
+          POLYPOD_ASSIGN(d, calibration::choose(from.equations, chosen.size(), calibration::Criterion::determinant));
+          densest = d;
+        }
+        const double least = calibration::least_mean(from.equations, densest);
+        std::vector<std::size_t> first(static_cast<std::size_t>(o->count));
+        for (std::size_t i = 0; i < first.size(); ++i) first[i] = i;
+        const calibration::Uncertainty random = pick(first);
+        Json curve = Json::array();
+        for (const double n : counts) {
+          if (!(n >= 1) || n > o->candidates) return fail("AP184", fmt::format("--curve: {:g} poses", n));
+          POLYPOD_ASSIGN(some, calibration::choose(from.equations, static_cast<std::size_t>(n), *criterion));
+          Json point = json_of(pick(some), options.noise_position);
+          point["count"] = some.size();
+          curve.push_back(point);
+        }
+        if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, stands_csv(m, from.stands, chosen)));
+        if (context.json) {
+          Json list = Json::array();
+          for (const std::size_t i : chosen) {
+            list.push_back(
+                {{"joints", joints_for_user(m, from.stands[i].q)}, {"pose", pose_for_user(m, from.stands[i].X_MT)}});
+          }
+          print_json({{"poses", list},
+                      {"unknowns", from.unknowns},
+                      {"held", from.held},
+                      {"chosen", json_of(best, options.noise_position)},
+                      {"random", json_of(random, options.noise_position)},
+                      {"grid", json_of(tilted, options.noise_position)},
+                      {"grid_upright", json_of(upright, options.noise_position)},
+                      {"least_mean_percent", 100 * least},
+                      {"curve", curve}});
+          return kDone;
+        }
+        fmt::print("{} of {} poses, {} unknowns{}\n\n", chosen.size(), o->candidates, from.unknowns.size(),
+                   from.held.empty() ? "" : fmt::format(", {} held", from.held.size()));
+        const auto line = [&](const std::string& what, const calibration::Uncertainty& u) {
+          const auto cell = [](double x) { return std::isfinite(x) ? fmt::format("{:12.3f}", x) : "      untold"; };
+          fmt::print("{:<14} {} {} {}\n", what, cell(units::to_um(u.reading * options.noise_position)),
+                     cell(100 * u.mean), cell(100 * u.worst));
+        };
+        fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
+        line("chosen", best);
+        line("random", random);
+        const bool turns = kinematics::task(m) != machine::Task::point;
+        line(turns ? "grid, upright" : "grid", upright);
+        if (turns) line("grid, tilted", tilted);
+        fmt::print("{:<14} {:>12} {:12.3f}   (proven: no {} of these candidates come below)\n", "bound", "",
+                   100 * least, chosen.size());
+        for (const Json& point : curve) {
+          fmt::print("{:<14} {:12.3f} {:12.3f} {:12.3f}\n", fmt::format("{} chosen", point["count"].get<int>()),
+                     point["reading_um"].get<double>(), point["mean_percent"].get<double>(),
+                     point["worst_percent"].get<double>());
+        }
+        if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
+        return kDone;
+      }};
 }
 
 }  // namespace polypod::app

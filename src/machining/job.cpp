@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <filesystem>
 
 #include "polypod/core/config.hpp"
@@ -21,9 +19,6 @@ Result<config::Table> table_or_file(const config::Table& table, const std::strin
   }
   return table.table(key);
 }
-
-// The tool axis of a map and that of the job count as one up to this angle, deg.
-constexpr double kOneDirection = 1;
 
 Status read_measured_key(const config::Table& table, Job& job) {
   POLYPOD_ASSIGN(files, table.optional_texts("measured_compliance"));
@@ -91,8 +86,8 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
   }
   auto map = statics::MeasuredMap::of(points);
   if (!map) return placed(std::move(map.error()));
-  const double off = std::acos(std::clamp(map->axis().z(), -1.0, 1.0));
-  if (off > units::from_deg(kOneDirection)) {
+  const double off = angle_between(map->axis(), Vec3::UnitZ());
+  if (off > statics::MeasuredMap::kOneDirection) {
     return fail("MC102",
                 fmt::format("the tool axis of the measured displacements is {:.1f} deg off that of the job, z of M",
                             units::to_deg(off)),

@@ -122,8 +122,7 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
           : outliers == 1 ? " One row is an outlier, listed below with the weight it has in the fit."
                           : fmt::format(" {} rows are outliers, listed below with their weights in the fit.", outliers);
   page.add_text(text);
-  if (!c.orientation_told)
-    page.add_verdict(Verdict::neutral, fmt::format("Note: {}.", calibration::kOrientationUntold));
+  if (!c.orientation_told) page.add_verdict(Verdict::neutral, fmt::format("Note: {}.", kOrientationUntold));
   std::vector<std::string> held;
   for (const calibration::Estimate& p : c.parameters) {
     if (!p.identifiable) held.push_back(fmt::format("{}: {}", p.key, likeness(p)));
@@ -263,7 +262,7 @@ struct Shown {
   std::vector<std::size_t> rows;
 };
 std::vector<Shown> shown_of(const statics::Identification& r) {
-  Shown turning{"1e-7 rad/Nm", 1e7, {}}, sliding{"µm/N", units::to_um_per_N(1), {}};
+  Shown turning{"1e-7 rad/Nm", units::to_tenth_urad(1), {}}, sliding{"µm/N", units::to_um_per_N(1), {}};
   for (std::size_t i = 0; i < r.turns.size(); ++i) (r.turns[i] ? turning : sliding).rows.push_back(i);
   std::vector<Shown> out;
   for (Shown& shown : {std::ref(turning), std::ref(sliding)})

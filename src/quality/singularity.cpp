@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "plan.hpp"
+#include "polypod/core/golden_section.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/survey.hpp"
 
@@ -221,22 +222,15 @@ PathSingularity along_path(const AnyMachine& machine, const Pose& from, const Po
     return out;
   }
   // Golden section between the neighbours of the least sample.
-  double low = std::max(0, least_at - 1), high = std::min<double>(least_at + 1, static_cast<double>(joints.size()) - 1);
+  const double low = std::max(0, least_at - 1),
+               high = std::min<double>(least_at + 1, static_cast<double>(joints.size()) - 1);
   const auto value = [&](double k) {
     const Pose X = between(from, to, k / samples);
     std::string reason;
     const auto q = follow(machine, X, &joints[static_cast<std::size_t>(least_at)], reason);
     return q ? regularity(singularity(machine, X, *q)) : 1e300;
   };
-  constexpr double kGolden = 0.6180339887498949;
-  while (high - low > 1e-6 * samples) {
-    const double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
-    if (value(a) <= value(b))
-      high = b;
-    else
-      low = a;
-  }
-  double k = 0.5 * (low + high);
+  double k = golden_section(value, low, high, 1e-6 * samples);
   if (value(k) > least) k = least_at;
   out.share = k / samples;
   out.X_MT = between(from, to, out.share);

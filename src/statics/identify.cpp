@@ -165,6 +165,14 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
       out.correlation.back().push_back(inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j)));
     }
   }
+  const std::vector<double> given = column_compliances(machine);
+  double times = 0, counted = 0;
+  for (std::size_t k = 0; k < given.size(); ++k) {
+    if (!(given[k] > 0)) continue;
+    times += out.compliance[k] / given[k];
+    ++counted;
+  }
+  if (counted > 0) out.times_given = times / counted;
   out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
   // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise, and that shows in the direct
   // displacements: what is askew spoils the residuals of the cross ones, but not theirs.

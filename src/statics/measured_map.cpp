@@ -10,6 +10,7 @@
 #include <numeric>
 #include <utility>
 
+#include "polypod/core/golden_section.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 
@@ -17,8 +18,8 @@ namespace polypod::statics {
 namespace {
 
 constexpr std::size_t kFewest = 6;
-constexpr double kOneDirection = 1.0;  // deg, between tool axes that count as one
-constexpr double kFlat = 0.01;         // of the span: less spread in a direction is none
+constexpr double kSamePlace = 1e-6;  // m
+constexpr double kFlat = 0.01;       // of the span: less spread in a direction is none
 
 /// The x in [low, high] of the least f: the best of `steps` + 1 equal steps, then a golden section round it.
 template <class F>
@@ -32,16 +33,7 @@ double least_of(F&& f, double low, double high, int steps) {
       best = low + i * step;
     }
   }
-  double a = std::max(low, best - step), b = std::min(high, best + step);
-  constexpr double kGolden = 0.6180339887498949;
-  while (b - a > 1e-3 * step) {
-    const double left = b - kGolden * (b - a), right = a + kGolden * (b - a);
-    if (f(left) <= f(right))
-      b = right;
-    else
-      a = left;
-  }
-  return 0.5 * (a + b);
+  return golden_section(f, std::max(low, best - step), std::min(high, best + step), 1e-3 * step);
 }
 
 /// What the restricted likelihood of one entry needs for any ratio of noise to field: with Q an orthonormal basis of
@@ -77,7 +69,7 @@ double half_spacing(const Eigen::MatrixXd& distance) {
   for (Eigen::Index i = 0; i < distance.rows(); ++i) {
     double least = std::numeric_limits<double>::infinity();
     for (Eigen::Index j = 0; j < distance.cols(); ++j)
-      if (distance(i, j) > 1e-6) least = std::min(least, distance(i, j));
+      if (distance(i, j) > kSamePlace) least = std::min(least, distance(i, j));
     nearest.push_back(least);
   }
   std::nth_element(nearest.begin(), nearest.begin() + std::ptrdiff_t(nearest.size() / 2), nearest.end());
@@ -115,8 +107,7 @@ Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
   for (const MeasuredPoint& point : points) axis += point.X_MT.R.col(2);
   map.axis_ = axis.normalized();
   for (const MeasuredPoint& point : points) {
-    const double apart = std::acos(std::clamp(point.X_MT.R.col(2).dot(map.axis_), -1.0, 1.0));
-    if (apart > units::from_deg(kOneDirection)) {
+    if (angle_between(point.X_MT.R.col(2), map.axis_) > kOneDirection) {
       return fail("ID131", "the tool axis differs from that of the other points", point.place,
                   "a map without a model of the joints holds for one direction of the tool: give points of one only");
     }
@@ -125,7 +116,7 @@ Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
   const auto n = static_cast<Eigen::Index>(points.size());
   const Eigen::MatrixXd distance = distances(map.places_);
   map.span_ = distance.maxCoeff();
-  if (!(map.span_ > 1e-6)) return fail("ID130", "all points are at one place", points.front().place);
+  if (!(map.span_ > kSamePlace)) return fail("ID130", "all points are at one place", points.front().place);
   map.low_ = map.high_ = map.places_.front();
   map.middle_.setZero();
   for (const Vec3& p : map.places_) {

@@ -156,9 +156,11 @@ void expect_arm(const std::string& name, const std::vector<double>& sense, bool 
     }
   }
 }
+
 TEST(Control, GenserkinsIsThePerturbedLola) {
   expect_arm("lola50", {1, 1, 1, -1, 1}, false);
 }
+
 TEST(Control, GenserkinsIsAnArmOfSixOnATiltedBase) {
   expect_arm("six_joints", {1, 1, -1, 1, 1, -1}, true);
 }
@@ -201,6 +203,7 @@ TEST(Control, RotarydeltakinsMissesAsMuchAsSaid) {
   EXPECT_LT(rms(misses), kOtherPoses * s.after.rms);
   EXPECT_GT(rms(misses), s.after.rms / kOtherPoses / 2);
 }
+
 TEST(Control, LineardeltakinsMissesAsMuchAsSaid) {
   const AnyMachine m = recorded_machine("linear_delta");
   const Settings s = settings_of(m);
@@ -235,6 +238,14 @@ TEST(Control, ToolBesideTheAxisIsAWorkOffset) {
   EXPECT_NEAR(s.work_offset.y(), -7e-3, 1e-9);
 }
 
+/// Klipper's settings of a machine that they can stand for, and that is no symmetric one.
+Settings exactly_for_klipper(const AnyMachine& m) {
+  Settings s = settings_of(m, Controller::klipper);
+  EXPECT_TRUE(s.exact) << s.after.max;
+  EXPECT_GT(s.before.rms, 1e-4);  // m
+  return s;
+}
+
 // Klipper's parameters as its configuration reference defines them; no program of it is asked.
 struct KlipperChain {
   double angle = 0, endstop = 0, rod = 0, arm = 0;  // deg, mm
@@ -262,9 +273,7 @@ TEST(Control, KlipperDeltaGivesBackItsOwnParameters) {
                                         "table = { z_mm = 900 }\njoint = { platform_deg = 80 }\n",
                                     "k.toml");
   ASSERT_TRUE(m) << to_string(m.error());
-  const Settings s = settings_of(*m, Controller::klipper);
-  EXPECT_TRUE(s.exact);
-  EXPECT_GT(s.before.rms, 1e-4);
+  const Settings s = exactly_for_klipper(*m);
   const auto got = numbers(s);
   EXPECT_NEAR(of(got, "printer.delta_radius"), kRadius, 1e-6);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -275,6 +284,7 @@ TEST(Control, KlipperDeltaGivesBackItsOwnParameters) {
   }
   EXPECT_LT(s.work_offset.norm(), 1e-9);
 }
+
 // Three upright towers anywhere stand on one circle, whose middle is the work offset.
 TEST(Control, UprightTowersAnywhereFitKlipper) {
   const auto m = machine::from_text(R"(name = "k"
@@ -289,11 +299,10 @@ joint = { platform_deg = 80 }
 )",
                                     "k.toml");
   ASSERT_TRUE(m) << to_string(m.error());
-  const Settings s = settings_of(*m, Controller::klipper);
-  EXPECT_TRUE(s.exact) << s.after.max;
-  EXPECT_GT(s.before.rms, 1e-4);
+  exactly_for_klipper(*m);
   EXPECT_FALSE(settings_of(*m).exact);
 }
+
 TEST(Control, KlipperRotaryDeltaGivesBackItsOwnParameters) {
   constexpr double kShoulder = 160, kHeight = 640, kPlatform = 80, kTable = 700, kEndstop = 42;  // mm, deg
   struct Chain {
@@ -316,9 +325,7 @@ TEST(Control, KlipperRotaryDeltaGivesBackItsOwnParameters) {
                              "]\ndrive = { angle_min_deg = 42, angle_max_deg = 200 }\n" + "table = { z_mm = 700 }\n",
                          "k.toml");
   ASSERT_TRUE(m) << to_string(m.error());
-  const Settings s = settings_of(*m, Controller::klipper);
-  EXPECT_TRUE(s.exact);
-  EXPECT_GT(s.before.rms, 1e-4);
+  const Settings s = exactly_for_klipper(*m);
   const auto got = numbers(s);
   EXPECT_NEAR(of(got, "printer.shoulder_radius"), kShoulder, 1e-5);
   EXPECT_NEAR(of(got, "printer.shoulder_height"), kHeight, 1e-5);
@@ -358,6 +365,7 @@ std::string refused(const AnyMachine& m, Controller controller) {
   const auto found = settings_for(m, controller);
   return found ? "" : found.error().id;
 }
+
 TEST(Control, WhatNoModuleStandsForIsRefused) {
   EXPECT_EQ(refused(machine_of("hexapod-slider"), Controller::linuxcnc), "CN101");
   EXPECT_EQ(refused(machine_of("hexapod-strut"), Controller::klipper), "CN101");

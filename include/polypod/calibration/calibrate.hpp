@@ -85,12 +85,6 @@ struct Calibration {
   int iterations = 0;
 };
 
-/// What a person should know where orientation_told is false.
-inline constexpr const char* kOrientationUntold =
-    "these measurements tell where the tip is, not how the tool is turned: what is held leaves its tilt open, and it "
-    "may be "
-    "worse than before; where tilts matter measure axes or poses, or give priors";
-
 /// Minimises the squared residuals of the rows over the chosen parameters p (and frame, target, places of contact) with
 /// Levenberg-Marquardt (Ceres). Each residual is what the instrument would see of the pose X(q, p) that solves
 /// F(X, q, p) = 0, less what it saw; derivatives by dX = -A^-1 F_p dp, exact at every step. The robust loss counts in

@@ -43,9 +43,9 @@ enum class Criterion {
 };
 
 /// `count` different candidates whose information M = sum J_i^T J_i is greatest: greedily one after another by the gain
-/// of log det M, then by exchanging one for another while the criterion grows (Fedorov). The result is a local optimum,
-/// the same for every run. Errors: CA130 (fewer equations than unknowns, or more poses than candidates). Cost: for
-/// points about a * count * unknowns^2 * 10 operations a pass, a the candidates.
+/// of log det M, then by exchanging one for another while the criterion grows (Fedorov 1972). The result is a local
+/// optimum, the same for every run. Errors: CA130 (fewer equations than unknowns, or more poses than candidates). Cost:
+/// for points about a * count * unknowns^2 * 10 operations a pass, a the candidates.
 Result<std::vector<std::size_t>> choose(const std::vector<Eigen::MatrixXd>& candidates, std::size_t count,
                                         Criterion criterion);
 

@@ -41,6 +41,10 @@ constexpr double from_deg(double deg) {
 constexpr double to_deg(double rad) {
   return rad / kRadPerDeg;
 }
+/// Tenths of a microrad, as compliances of joints are given: 1e-7 rad/Nm.
+constexpr double to_tenth_urad(double rad) {
+  return rad * 1e7;
+}
 constexpr double to_mrad(double rad) {
   return rad * kMradPerRad;
 }

@@ -84,6 +84,11 @@ inline Eigen::Vector2d angles_ab(const Vec3& k) {
   return {std::atan2(-k.y(), horizontal), horizontal < 1e-12 ? 0.0 : std::atan2(k.x(), k.z())};
 }
 
+/// The angle between two vectors, 0 to pi, rad: exact to rounding for all angles, unlike the arc cosine.
+inline double angle_between(const Vec3& a, const Vec3& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
 /// The rotation vector (axis times angle, 0 <= angle <= pi) of a rotation matrix.
 inline Vec3 rotation_vector(const Mat3& R) {
   const Eigen::AngleAxisd aa(R);

@@ -37,6 +37,7 @@ struct Identification {
   std::vector<double> half_interval;   ///< half of the 95 % confidence interval
   std::vector<std::string> joint;
   std::vector<bool> turns;  ///< rad/Nm; else it slides or stretches, m/N
+  double times_given = 1;   ///< mean of what was found over what the machine had; 1 where it had none
   double residual_rms = 0;  ///< m, over all displacements
   std::size_t equations = 0;
   double condition = 0;                          ///< of the scaled equations: 1 tells all joints apart, 1e6 does not

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/core/units.hpp"
 #include "polypod/statics/identify.hpp"
 
 namespace polypod::statics {
@@ -27,8 +28,14 @@ Mat3 measured_compliance(const MeasuredPoint& point);
 /// length is one for all entries; each entry has its own size of field and noise. All are those of greatest restricted
 /// likelihood, the linear function of least squares under them. Between the measured points it goes through their
 /// trend, and not through their noise; far from them it says nothing and `covers` is false.
+///
+/// Source: Rasmussen and Williams (2006), Gaussian Processes for Machine Learning, (2.41), (2.42), (4.17); restricted
+/// likelihood after Patterson and Thompson (1971).
 class MeasuredMap {
  public:
+  /// Tool axes up to this angle apart count as one, rad.
+  static constexpr double kOneDirection = units::from_deg(1);
+
   /// From the displacements under forces along x, y and z: C = (D + D^T) / 2F. Errors: ID130 fewer than 6 points or
   /// all at one place, ID131 tool axes that differ by more than 1 deg. Cost: n^3, 20 ms for 90 points.
   static Result<MeasuredMap> of(const std::vector<MeasuredPoint>& points);
