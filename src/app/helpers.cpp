@@ -127,10 +127,7 @@ Status check_files(const std::vector<std::string>& inputs, const std::vector<std
 }
 
 Status needs_compliance(const machine::AnyMachine& machine) {
-  if (statics::has_compliance(machine)) return {};
-  return fail("AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
-              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
-              "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas) in the machine file");
+  return statics::needs_compliance(machine);
 }
 
 std::vector<double> joints_for_user(const machine::AnyMachine& machine, const machine::JointVector& q) {

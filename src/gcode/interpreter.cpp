@@ -782,6 +782,7 @@ class Interpreter {
     move.work_offset = modal_.work_offset;
     move.start = position_;
     move.start_known = known_[0] && known_[1] && known_[2];
+    move.known_start = known_;
     move.axes_start = axes_;
     move.spindle_speed = spindle_speed_;
     // A rapid from wherever the machine stands is how every program begins; a feed from there is worth a word.
@@ -822,6 +823,7 @@ class Interpreter {
     if (acting_ > 0) {
       move.feed = modal_.feed_mode == FeedMode::inverse ? move.length() * find('F')->value / 60 : feed_;
     }
+    move.known_end = known_;
     position_ = move.end;
     axes_ = move.axes_end;
     out_.moves.push_back(move);

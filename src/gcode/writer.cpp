@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <numbers>
 #include <string_view>
 
 #include "polypod/core/units.hpp"
@@ -311,13 +312,14 @@ class Rewriter {
   /// A block with a new path.
   void replace(const Block& block, const Move& move, const std::vector<PathPoint>& points) {
     const Style style(block);
-    const int motion = move.kind == MoveKind::rapid ? 0 : 1;
+    const int arc_motion = move.clockwise ? 2 : 3;
     const bool turns = std::ranges::any_of(block.words, [](const Word& w) { return is_rotary(w.letter); });
 
     // The axis words of every block that is needed, and the length of its piece.
     struct Piece {
       std::string words;
       double length = 0;
+      int motion = 1;
     };
     std::vector<Piece> pieces;
     for (std::size_t i = 0; i < points.size(); ++i) {
@@ -347,6 +349,14 @@ class Rewriter {
       if (!moved && !only) continue;
       if (piece.words.empty()) piece.words = style.letter('X') + coordinate(move, 0, points[i].p.x()).number;
       piece.length = (place - written_).norm();
+      piece.motion = move.kind == MoveKind::rapid ? 0 : 1;
+      if (points[i].centre && !same_in_plane(move, place)) {
+        piece.motion = arc_motion;
+        for (const int k : axes_in_plane(move.plane)) {
+          style.add(piece.words, std::string(1, style.letter("IJK"[k])) + centre_number(move, k, *points[i].centre));
+        }
+        piece.length = arc_length(move, written_, place, *points[i].centre);
+      }
       written_ = place;
       pieces.push_back(std::move(piece));
     }
@@ -359,7 +369,8 @@ class Rewriter {
       const int figures = std::clamp(6 - static_cast<int>(std::floor(std::log10(value))), 1, kMostDecimals);
       return fmt::format("{}{}", style.letter('F'), format_number(value, figures));
     };
-    const bool inverse = move.feed_mode == FeedMode::inverse && motion == 1;
+    const bool inverse = move.feed_mode == FeedMode::inverse && move.kind != MoveKind::rapid;
+    const int motion = pieces.front().motion;
 
     // The first block: the old one with its words changed.
     Edit edit(block);
@@ -422,7 +433,9 @@ class Rewriter {
         if (digits.size() < width) digits.insert(0, width - digits.size(), '0');
         style.add(line, std::string(1, style.letter('N')) + digits);
       }
-      if (motion_word != nullptr) style.add(line, fmt::format("{}{}", style.letter('G'), motion));
+      if (motion_word != nullptr || pieces[i].motion != pieces[i - 1].motion) {
+        style.add(line, fmt::format("{}{}", style.letter('G'), pieces[i].motion));
+      }
       style.add(line, pieces[i].words);
       if (inverse) style.add(line, feed_word(pieces[i]));
       if (last && !at_end.empty()) style.add(line, at_end);
@@ -430,7 +443,40 @@ class Rewriter {
       put(line, last);
       ++out_.blocks_added;
     }
-    written_motion_ = motion;
+    written_motion_ = pieces.back().motion;
+  }
+
+  static std::array<int, 2> axes_in_plane(Plane plane) {
+    return plane == Plane::xy ? std::array{0, 1} : plane == Plane::zx ? std::array{0, 2} : std::array{1, 2};
+  }
+
+  /// Whether a place is that where the written program stands, in the plane of the arc: then G2 would be a full circle.
+  [[nodiscard]] bool same_in_plane(const Move& move, const Vec3& place) const {
+    const double grain = std::pow(10.0, -decimals(move)) * unit(move);
+    const auto [a, b] = axes_in_plane(move.plane);
+    return std::abs(place[a] - written_[a]) < 0.5 * grain && std::abs(place[b] - written_[b]) < 0.5 * grain;
+  }
+
+  /// The number of I, J or K: from where the written program stands, or under G90.1 from the origin.
+  [[nodiscard]] std::string centre_number(const Move& move, int axis, const Vec3& centre) const {
+    const double from = interpretation_.states[static_cast<std::size_t>(index_)].arc_absolute
+                            ? options_.interpret.work_offsets[static_cast<std::size_t>(move.work_offset)][axis]
+                            : written_[axis];
+    return format_number((centre[axis] - from) / unit(move), decimals(move));
+  }
+
+  static double arc_length(const Move& move, const Vec3& from, const Vec3& to, const Vec3& centre) {
+    Move arc = move;
+    arc.start = from;
+    arc.end = to;
+    arc.centre = centre;
+    const auto [a, b] = axes_in_plane(move.plane);
+    const auto angle = [&](const Vec3& p) { return std::atan2(p[b] - centre[b], p[a] - centre[a]); };
+    // (x, z) is the wrong way round for the ZX plane, whose normal is y.
+    const bool positive = (move.plane == Plane::zx) == move.clockwise;
+    const double turn = positive ? angle(to) - angle(from) : angle(from) - angle(to);
+    arc.sweep = turn > 0 ? turn : turn + 2 * std::numbers::pi;
+    return arc.length();
   }
 
   /// The step of the numbers of `count` blocks that begin with `number` and must stay below the next number; 0 for
@@ -499,7 +545,28 @@ Block ensure_motion_word(const Block& block, int motion) {
   return result;
 }
 
-Program with_header(const Program& program, std::span<const std::string> lines) {
+Block with_path_control(const Block& block, const std::string& words) {
+  const auto is_control = [](const Word& w) { return w.letter == 'G' && (w.value == 61 || w.value == 61.1 || w.value == 64); };
+  const auto control = std::ranges::find_if(block.words, is_control);
+  if (control == block.words.end()) return block;
+  const bool lower = Style(block).lower;
+  std::string text = words;
+  if (lower) std::ranges::transform(text, text.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  Edit edit(block);
+  edit.replace(*control, text);
+  if (control->value == 64) {
+    for (const Word& word : block.words) {
+      if (word.letter == 'P' || word.letter == 'Q') edit.drop(word);
+    }
+  }
+  auto changed = parse(edit.line() + block.ending, "");
+  if (!changed || changed->blocks.empty()) return block;
+  Block result = std::move(changed->blocks.front());
+  result.line = block.line;
+  return result;
+}
+
+Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code) {
   Program result;
   result.path = program.path;
   std::size_t at = 0;
@@ -533,10 +600,15 @@ Program with_header(const Program& program, std::span<const std::string> lines) 
         text += c;
       }
     }
-    Block block;
-    block.text = semicolon ? "; " + text : "(" + text + ")";
-    block.ending = ending;
-    result.blocks.push_back(std::move(block));
+    Block comment;
+    comment.text = semicolon ? "; " + text : "(" + text + ")";
+    comment.ending = ending;
+    result.blocks.push_back(std::move(comment));
+  }
+  if (!code.empty()) {
+    if (auto parsed_block = parse(code + ending, ""); parsed_block && !parsed_block->blocks.empty()) {
+      result.blocks.push_back(std::move(parsed_block->blocks.front()));
+    }
   }
   result.blocks.insert(result.blocks.end(), program.blocks.begin() + static_cast<std::ptrdiff_t>(at),
                        program.blocks.end());

@@ -7,59 +7,60 @@
 #include <cmath>
 #include <optional>
 
+#include "fit.hpp"
+#include "modes.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
+#include "polypod/machining/accept.hpp"
+#include "way.hpp"
 
 namespace polypod::machining {
 namespace {
 
-/// The bend along one move as the ideal correction sees it.
-struct Bends {
-  std::vector<double> s;
-  std::vector<Vec3> delta;
-  bool cuts = false;
-};
+// Two distances that differ by less than this are taken as equal, m: the stock's cells move them by as much.
+constexpr double kSameDistance = 1e-6;
+// A tube is not worth narrowing further for a move below this share of the tolerance.
+constexpr double kNarrowest = 0.02;
+// How often moves that became worse are given back their text before the whole program is.
+constexpr int kGiveBackRounds = 5;
+// The step of the check is at most this, m.
+constexpr double kCheckStep = 0.5e-3;
+// Remedies are tried out where a correction takes no longer than this many points.
+constexpr std::size_t kTryRemediesBelow = 200'000;
 
-/// The points of one rewritten move; `transition` marks those whose piece is a joint.
-struct Plan {
-  std::vector<Vec3> points;
-  std::vector<bool> transition;
-  int pieces = 0;
-};
+/// The blocks that stand for one rewritten move.
+using Plan = std::vector<Piece>;
 
 class Corrector {
  public:
-  Corrector(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
-            const CorrectOptions& options)
+  Corrector(const Job& job, const gcode::Program& program, const Accepted& accepted, const CorrectOptions& options)
       : job_(job),
         program_(program),
-        interpretation_(interpretation),
+        interpretation_(accepted.interpretation),
         options_(options),
-        moves_(interpretation.moves) {}
+        moves_(interpretation_.moves),
+        feed_scale_(moves_.size(), 1.0) {}
+
+  /// For what-if: the feeds of some moves are taken smaller than they are written.
+  void scale_feeds(const std::vector<bool>& which, double factor) {
+    for (std::size_t i = 0; i < moves_.size(); ++i) feed_scale_[i] = which[i] ? factor : 1.0;
+  }
 
   Result<Correction> run() {
     out_.tolerance = job_.tolerance;
     out_.lines_in = program_.blocks.size();
     out_.programmed = moves_;
-    PredictOptions predict_options;
-    predict_options.keep_samples = options_.keep_samples;
-    predict_options.progress = progress("predicting the program as it is");
-    POLYPOD_ASSIGN(before, predict(job_, program_, interpretation_, predict_options));
-    out_.before = std::move(before);
-    POLYPOD_TRY(find_bends());
+    POLYPOD_TRY(predict_as_it_is());
+    POLYPOD_TRY(find_deflections());
     fit_.assign(moves_.size(), options_.fit_share * job_.tolerance);
     choose_moves();
-    for (out_.rounds = 1;; ++out_.rounds) {
-      const std::vector<Plan> plans = plan_all();
-      POLYPOD_TRY(write(plans));
-      POLYPOD_TRY(check());
-      if (out_.within_tolerance || out_.rounds >= options_.rounds || options_.method == CorrectMethod::mirror) break;
-      if (!narrow()) break;
-      // Knots are samples: a narrower tube in the ramps of corners needs closer ones.
-      bends_step_ = std::max(0.5 * bends_step_, job_.stock.cell());
-      POLYPOD_TRY(find_bends());
+    POLYPOD_TRY(refine());
+    if (options_.method == CorrectMethod::tube) {
+      if (options_.all) POLYPOD_TRY(correct_the_rest());
+      POLYPOD_TRY(give_back_what_got_worse());
+      POLYPOD_TRY(choose_modes());
     }
-    summarise();
+    POLYPOD_TRY(judge());
     return std::move(out_);
   }
 
@@ -69,185 +70,99 @@ class Corrector {
     return [this, what](double share) { return options_.progress(what, share); };
   }
 
-  Status find_bends() {
-    std::vector<PassMove> path;
-    path.reserve(moves_.size());
-    for (const gcode::Move& move : moves_) path.push_back({move});
-    bends_.assign(moves_.size(), Bends{});
-    cutting::Stock stock = job_.stock;
-    PassOptions pass;
-    pass.bend = options_.method == CorrectMethod::mirror ? Bend::at_rest : Bend::corrected;
-    pass.step = bends_step_;
-    pass.progress = progress("finding the ideal correction");
-    const auto visit = [&](const Sample& sample) {
-      Bends& b = bends_[static_cast<std::size_t>(sample.move)];
-      b.s.push_back(sample.s);
-      b.delta.push_back(sample.deflection);
-      b.cuts = b.cuts || sample.cutting;
-    };
-    POLYPOD_ASSIGN(result, run_pass(job_, program_, path, stock, pass, visit));
-    (void)result;
+  [[nodiscard]] double check_step() const { return std::min(job_.step, kCheckStep); }
+
+  [[nodiscard]] PassMove as_programmed(std::size_t i) const {
+    PassMove out{moves_[i]};
+    out.move.feed *= feed_scale_[i];
+    return out;
+  }
+
+  Status predict_as_it_is() {
+    Way way{&program_, &moves_, {}, {}};
+    for (std::size_t i = 0; i < moves_.size(); ++i) way.moves.push_back(as_programmed(i));
+    PredictOptions options;
+    options.step = check_step();
+    options.keep_samples = options_.keep_samples;
+    options.progress = progress("predicting the program as it is");
+    POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options));
+    if (before.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
+    out_.before = std::move(before);
+    before_.assign(moves_.size(), 0);
+    for (const MovePrediction& m : out_.before.moves) before_[static_cast<std::size_t>(m.move)] = m.largest_distance;
     return {};
   }
 
-  /// Distance of p + delta from the move: across it between its ends, in full at the ends.
-  double distance(std::size_t i, std::size_t k, const Vec3& off) const {
-    const Bends& b = bends_[i];
-    if (k == 0 || k + 1 == b.s.size()) return off.norm();
-    const Vec3 along = moves_[i].direction(b.s[k]);
-    return (off - along * along.dot(off)).norm();
+  /// The deflections with the tool on the programmed path.
+  Status find_deflections() {
+    std::vector<PassMove> path;
+    path.reserve(moves_.size());
+    for (std::size_t i = 0; i < moves_.size(); ++i) path.push_back(as_programmed(i));
+    deflections_.assign(moves_.size(), Deflections{});
+    cutting::Stock stock = job_.stock;
+    PassOptions pass;
+    pass.bend = options_.method == CorrectMethod::mirror ? Bend::at_rest : Bend::corrected;
+    pass.step = sample_step_;
+    pass.progress = progress("finding the ideal correction");
+    const auto visit = [&](const Sample& sample) {
+      Deflections& d = deflections_[static_cast<std::size_t>(sample.move)];
+      d.s.push_back(sample.s);
+      d.delta.push_back(sample.deflection);
+      d.cuts = d.cuts || sample.cutting;
+    };
+    POLYPOD_ASSIGN(result, run_pass(job_, program_, path, stock, pass, visit));
+    return no_rapid_cuts(job_, program_, result);
   }
 
   /// Whether moves i and i + 1 both cut and meet: nothing lies between them.
-  [[nodiscard]] bool meet(std::size_t i) const { return i + 1 < moves_.size() && bends_[i].cuts && bends_[i + 1].cuts; }
+  [[nodiscard]] bool meet(std::size_t i) const {
+    return i + 1 < moves_.size() && deflections_[i].cuts && deflections_[i + 1].cuts;
+  }
 
   void choose_moves() {
     rewritten_.assign(moves_.size(), false);
+    frozen_.assign(moves_.size(), false);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (!bends_[i].cuts) continue;
-      if (options_.method == CorrectMethod::mirror) rewritten_[i] = true;
-      for (std::size_t k = 0; k < bends_[i].s.size() && !rewritten_[i]; ++k) {
-        rewritten_[i] = distance(i, k, bends_[i].delta[k]) > fit_[i];
-      }
+      if (!deflections_[i].cuts) continue;
+      rewritten_[i] = options_.method == CorrectMethod::mirror || before_[i] > inside();
     }
     spread_choice();
   }
 
-  /// A move that may stay is still rewritten if it meets a rewritten one in a corner where it bends by more than the
+  /// How near to the wall of the tube a move may come, m: what the cells of the stock leave open is kept free.
+  [[nodiscard]] double inside() const { return job_.tolerance - resolution(job_); }
+
+  /// Corners of move i are shared if they jump by less than this, m.
+  [[nodiscard]] double jump(std::size_t i) const {
+    const double share = std::min(1.0, fit_[i] / (options_.fit_share * job_.tolerance));
+    const double shortest = std::min(job_.controller.shortest_block(moves_[i].feed), 0.4 * job_.tolerance);
+    return std::max(options_.merge_share * job_.tolerance * share, shortest);
+  }
+
+  /// A move that may stay is still rewritten if it meets a rewritten one in a corner where it deflects by more than the
   /// corner may jump: a step back to the programmed path would leave a mark.
   void spread_choice() {
-    const double jump = options_.merge_share * job_.tolerance;
     for (std::size_t i = 0; i + 1 < moves_.size(); ++i) {
-      if (meet(i) && rewritten_[i] && bends_[i + 1].delta.front().norm() > jump) rewritten_[i + 1] = true;
+      if (meet(i) && rewritten_[i] && deflections_[i + 1].delta.front().norm() > jump(i)) take(i + 1);
     }
     for (std::size_t i = moves_.size(); i-- > 1;) {
-      if (meet(i - 1) && rewritten_[i] && bends_[i - 1].delta.back().norm() > jump) rewritten_[i - 1] = true;
+      if (meet(i - 1) && rewritten_[i] && deflections_[i - 1].delta.back().norm() > jump(i)) take(i - 1);
     }
   }
+  void take(std::size_t i) { rewritten_[i] = rewritten_[i] || !frozen_[i]; }
 
-  [[nodiscard]] Vec3 ideal(std::size_t i, std::size_t k) const {
-    return moves_[i].point(bends_[i].s[k]) - bends_[i].delta[k];
-  }
-
-  struct PieceError {
-    double largest = 0;  ///< m
-    double squares = 0;  ///< m^2, summed over the samples after the first
-  };
-
-  /// Error of the straight piece from sample a (command A) to sample b (command B); gives up above `give_up`.
-  PieceError piece_error(std::size_t i, std::size_t a, std::size_t b, const Vec3& A, const Vec3& B,
-                         double give_up) const {
-    const Bends& bend = bends_[i];
-    PieceError error;
-    for (std::size_t k = a; k <= b && error.largest <= give_up; ++k) {
-      const double u = bend.s[b] > bend.s[a] ? (bend.s[k] - bend.s[a]) / (bend.s[b] - bend.s[a]) : 1.0;
-      const Vec3 bent = A + (B - A) * u + bend.delta[k];
-      const double d = distance(i, k, bent - moves_[i].point(bend.s[k]));
-      error.largest = std::max(error.largest, d);
-      if (k > a) error.squares += d * d;
-    }
-    return error;
-  }
-
-  /// The fewest pieces, each reaching as far as it can, from command `first` to command `last`; knots are samples.
-  std::vector<std::size_t> greedy(std::size_t i, const Vec3& first, const Vec3& last, double allowed) const {
-    const std::size_t end = bends_[i].s.size() - 1;
-    std::vector<std::size_t> knots;
-    std::size_t at = 0;
-    Vec3 A = first;
-    while (at < end) {
-      const auto fits = [&](std::size_t to) {
-        return piece_error(i, at, to, A, to == end ? last : ideal(i, to), allowed).largest <= allowed;
-      };
-      std::size_t good = at + 1;  // one step between neighbouring samples is always taken
-      if (fits(end)) {
-        good = end;
-      } else {
-        std::size_t reach = 2;
-        while (at + reach < end && fits(at + reach)) {
-          good = at + reach;
-          reach *= 2;
-        }
-        std::size_t bad = std::min(at + reach, end);
-        while (bad - good > 1) {
-          const std::size_t mid = good + (bad - good) / 2;
-          (fits(mid) ? good : bad) = mid;
-        }
-      }
-      knots.push_back(good);
-      at = good;
-      A = ideal(i, at);
-    }
-    return knots;
-  }
-
-  std::vector<std::size_t> knots_of(std::size_t i, const Vec3& first, const Vec3& last) const {
-    const std::size_t samples = bends_[i].s.size();
+  [[nodiscard]] Plan pieces_of(std::size_t i, const Vec3& first, const Vec3& last) const {
     if (options_.method == CorrectMethod::mirror) {
-      std::vector<std::size_t> knots;
-      const int n = options_.mirror_points;
-      for (int j = 1; j <= n; ++j) {
-        const std::size_t k = static_cast<std::size_t>(std::lround(double(samples - 1) * j / n));
-        if (k > 0 && (knots.empty() || k > knots.back())) knots.push_back(k);
-      }
-      return knots;
+      return equal_pieces(moves_[i], deflections_[i], last, options_.mirror_points);
     }
-    std::vector<std::size_t> best = greedy(i, first, last, fit_[i]);
-    // The same number of pieces with the smallest largest error.
-    double low = 0, high = fit_[i];
-    for (int j = 0; best.size() > 1 && j < 7; ++j) {
-      const double mid = 0.5 * (low + high);
-      std::vector<std::size_t> tighter = greedy(i, first, last, mid);
-      if (tighter.size() <= best.size()) {
-        best = std::move(tighter);
-        high = mid;
-      } else {
-        low = mid;
-      }
-    }
-    smooth(i, first, last, best);
-    return best;
+    const double chord = options_.chord > 0 ? options_.chord : 0.1 * job_.tolerance;
+    const double share = std::min(1.0, fit_[i] / (options_.fit_share * job_.tolerance));
+    return fit_pieces(moves_[i], deflections_[i], first, last,
+                      {fit_[i], chord * share, job_.controller.shortest_block(moves_[i].feed)});
   }
 
-  /// Moves the knots, whose number stays, to where the squared error is smallest and the largest error still allowed:
-  /// a long piece that reaches into a ramp would else be off along its whole length. Descent knot by knot, steps of
-  /// powers of two.
-  void smooth(std::size_t i, const Vec3& first, const Vec3& last, std::vector<std::size_t>& knots) const {
-    const std::size_t end = bends_[i].s.size() - 1;
-    const double allowed = fit_[i];
-    const auto command = [&](std::size_t k) { return k == 0 ? first : k == end ? last : ideal(i, k); };
-    constexpr int kSweeps = 12;
-    bool moved = knots.size() > 1;
-    for (int sweep = 0; moved && sweep < kSweeps; ++sweep) {
-      moved = false;
-      for (std::size_t j = 0; j + 1 < knots.size(); ++j) {
-        const std::size_t a = j == 0 ? 0 : knots[j - 1], b = knots[j + 1];
-        const auto cost = [&](std::size_t k) -> std::optional<double> {
-          const PieceError left = piece_error(i, a, k, command(a), command(k), allowed);
-          if (left.largest > allowed) return std::nullopt;
-          const PieceError right = piece_error(i, k, b, command(k), command(b), allowed);
-          if (right.largest > allowed) return std::nullopt;
-          return left.squares + right.squares;
-        };
-        std::optional<double> here = cost(knots[j]);
-        const std::size_t from = knots[j];
-        for (std::size_t step = 1; step < b - a; step *= 2) {
-          for (const std::size_t k : {from + step, from - std::min(from, step)}) {
-            if (k <= a || k >= b) continue;
-            const std::optional<double> there = cost(k);
-            if (!there || (here && *there >= *here)) continue;
-            here = there;
-            knots[j] = k;
-            moved = true;
-          }
-        }
-      }
-    }
-  }
-
-  std::vector<Plan> plan_all() const {
+  [[nodiscard]] std::vector<Plan> plan_all() const {
     std::vector<Plan> plans(moves_.size());
-    const double jump = options_.merge_share * job_.tolerance;
     std::optional<Vec3> shared;  // the corner that the last rewritten move agreed on with this one
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (!rewritten_[i]) {
@@ -255,50 +170,45 @@ class Corrector {
         continue;
       }
       const gcode::Move& move = moves_[i];
-      const Bends& bend = bends_[i];
+      const Deflections& d = deflections_[i];
       Plan& plan = plans[i];
       Vec3 first = move.start;
       if (shared) {
         first = *shared;
-      } else if (bend.delta.front().norm() > jump) {
-        first = move.start - bend.delta.front();
-        plan.points.push_back(first);
-        plan.transition.push_back(true);
+      } else if (d.delta.front().norm() > jump(i)) {
+        first = move.start - d.delta.front();
+        plan.push_back({first, true});
       }
       shared.reset();
       Vec3 last = move.end;
       bool release = false;
       const bool next_too = meet(i) && rewritten_[i + 1];
-      if (next_too && (bend.delta.back() - bends_[i + 1].delta.front()).norm() <= jump) {
-        last = move.end - 0.5 * (bend.delta.back() + bends_[i + 1].delta.front());
+      if (next_too && (d.delta.back() - deflections_[i + 1].delta.front()).norm() <= jump(i)) {
+        last = move.end - 0.5 * (d.delta.back() + deflections_[i + 1].delta.front());
         shared = last;
-      } else if (bend.delta.back().norm() > jump) {
-        last = move.end - bend.delta.back();
+      } else if (d.delta.back().norm() > jump(i)) {
+        last = move.end - d.delta.back();
         release = !next_too;  // let the load go on the spot before the tool leaves
-      } else if (next_too) {
-        last = move.end;
       }
-      for (const std::size_t k : knots_of(i, first, last)) {
-        plan.points.push_back(k + 1 == bend.s.size() ? last : ideal(i, k));
-        plan.transition.push_back(false);
-        ++plan.pieces;
-      }
-      if (release) {
-        plan.points.push_back(move.end);
-        plan.transition.push_back(true);
-      }
+      for (Piece& piece : pieces_of(i, first, last)) plan.push_back(std::move(piece));
+      if (release) plan.push_back({move.end, true});
     }
     return plans;
   }
 
+  /// Writes the text, reads it back, and judges what was read.
+  Status write_and_check() {
+    POLYPOD_TRY(write(plan_all()));
+    return check();
+  }
+
   Status write(const std::vector<Plan>& plans) {
-    gcode::RewriteOptions rewrite_options;
-    rewrite_options.interpret = job_.interpret_options();
-    const gcode::Decimals decimals = gcode::decimals_of(program_, rewrite_options);
+    gcode::RewriteOptions options;
+    options.interpret = job_.interpret_options();
+    const gcode::Decimals decimals = gcode::decimals_of(program_, options);
     std::vector<gcode::Replacement> replacements;
     // A point that rounds onto the one before it gets no block: drop it here, so that blocks and points stay in step.
-    std::vector<std::vector<bool>> written(moves_.size());
-    out_.pieces = out_.transitions = out_.rewritten_moves = 0;
+    transitions_.assign(moves_.size(), {});
     Vec3 stands = Vec3::Zero();
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (!rewritten_[i]) {
@@ -310,71 +220,107 @@ class Corrector {
       const double grain = moves_[i].inches ? units::from_inch(std::pow(10.0, -decimals.inch))
                                             : units::from_mm(std::pow(10.0, -decimals.mm));
       const auto rounded = [&](const Vec3& p) { return Vec3((p / grain).array().round() * grain); };
-      for (std::size_t j = 0; j < plans[i].points.size(); ++j) {
-        const bool last = j + 1 == plans[i].points.size();
-        if ((rounded(plans[i].points[j]) - rounded(stands)).cwiseAbs().maxCoeff() < 0.5 * grain &&
-            !(last && r.points.empty())) {
-          continue;
-        }
-        r.points.push_back({plans[i].points[j], moves_[i].axes_end});
-        written[i].push_back(plans[i].transition[j]);
-        stands = plans[i].points[j];
+      for (std::size_t j = 0; j < plans[i].size(); ++j) {
+        const Piece& piece = plans[i][j];
+        const bool needed = j + 1 == plans[i].size() && r.points.empty();
+        if ((rounded(piece.end) - rounded(stands)).cwiseAbs().maxCoeff() < 0.5 * grain && !needed) continue;
+        r.points.push_back({piece.end, moves_[i].axes_end, piece.centre});
+        transitions_[i].push_back(piece.transition);
+        stands = piece.end;
       }
-      ++out_.rewritten_moves;
       replacements.push_back(std::move(r));
     }
-    POLYPOD_ASSIGN(rewritten, gcode::rewrite(program_, interpretation_, replacements, rewrite_options));
-    std::vector<std::string> header{
-        fmt::format("Polypod: corrected for the static compliance of {}", machine::name_of(job_.machine)),
-        fmt::format("Polypod: tube radius {:g} um, cutter {:g} mm with {} teeth, origin X{:g} Y{:g} Z{:g} mm",
-                    units::to_um(job_.tolerance), units::to_mm(job_.cutter.diameter), job_.cutter.teeth,
-                    units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z())),
-        fmt::format("Polypod: {} of {} moves rewritten, do not correct again", out_.rewritten_moves, moves_.size())};
-    if (job_.measured) {
-      header.insert(header.begin() + 1,
-                    fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
+    POLYPOD_ASSIGN(rewritten, gcode::rewrite(program_, interpretation_, replacements, options));
+    rewritten_text_ = std::move(rewritten);
+    return finish_text();
+  }
+
+  /// Header and path control modes, and reading back: from here on only what was written counts.
+  Status finish_text() {
+    gcode::Program program = rewritten_text_.program;
+    for (std::size_t b = 0; b < program.blocks.size(); ++b) {
+      const int source = rewritten_text_.source[b];
+      if (std::find(mode_blocks_.begin(), mode_blocks_.end(), source) == mode_blocks_.end()) continue;
+      const bool inches = interpretation_.states[static_cast<std::size_t>(source)].inches;
+      program.blocks[b] = gcode::with_path_control(program.blocks[b], path_mode_words(*mode_, inches));
     }
-    const gcode::Program with_header = gcode::with_header(rewritten.program, header);
-    out_.text = gcode::to_text(with_header);
-    // From here on only what was written counts.
+    const std::vector<std::string> header = header_lines();
+    const std::string code = mode_ ? "G21 " + path_mode_words(*mode_) : "";
+    const gcode::Program whole = gcode::with_header(program, header, code);
+    out_.text = gcode::to_text(whole);
     POLYPOD_ASSIGN(back, gcode::parse(out_.text, program_.path + " (corrected)"));
     out_.program = std::move(back);
     out_.lines_out = out_.program.blocks.size();
+    header_at_ = 0;
+    while (header_at_ < program.blocks.size() && program.blocks[header_at_].text == out_.program.blocks[header_at_].text) {
+      ++header_at_;
+    }
+    header_size_ = whole.blocks.size() - program.blocks.size();
     POLYPOD_ASSIGN(run, gcode::interpret(out_.program, job_.interpret_options()));
-    return match(run, rewritten, with_header.blocks.size() - rewritten.program.blocks.size(), written);
+    way_ = Way{&program_, &moves_, {}, {}};
+    transition_blocks_.assign(out_.program.blocks.size(), false);
+    return match(run);
+  }
+
+  [[nodiscard]] std::vector<std::string> header_lines() const {
+    std::vector<std::string> header{
+        fmt::format("{} {}", kCorrectedMark, machine::name_of(job_.machine)),
+        fmt::format("Polypod: tube radius {:g} um, cutter {:g} mm with {} teeth, origin X{:g} Y{:g} Z{:g} mm",
+                    units::to_um(job_.tolerance), units::to_mm(job_.cutter.diameter), job_.cutter.teeth,
+                    units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z()))};
+    if (job_.measured) {
+      header.push_back(fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
+    }
+    return header;
+  }
+
+  /// The block of the original that a block of the written program stands for.
+  [[nodiscard]] int source_block(int written) const {
+    auto block = static_cast<std::size_t>(written);
+    if (block >= header_at_) block -= header_size_;
+    return rewritten_text_.source[block];
   }
 
   /// Finds for every move that was read back the programmed move it stands for, and whether it is a transition.
-  Status match(const gcode::Interpretation& run, const gcode::Rewritten& rewritten, std::size_t added,
-               const std::vector<std::vector<bool>>& written) {
-    std::size_t header_at = 0;
-    while (header_at < rewritten.program.blocks.size() &&
-           rewritten.program.blocks[header_at].text == out_.program.blocks[header_at].text) {
-      ++header_at;
-    }
-    std::vector<int> move_of_block(program_.blocks.size(), -1);
-    for (std::size_t i = 0; i < moves_.size(); ++i) {
-      move_of_block[static_cast<std::size_t>(moves_[i].block)] = static_cast<int>(i);
-    }
+  Status match(const gcode::Interpretation& run) {
+    way_.moves.clear();
+    way_.source.clear();
+    const std::vector<int> move_of_block = moves_by_block(moves_);
     std::vector<std::size_t> next_point(moves_.size(), 0);
-    out_.commanded.clear();
-    out_.source.clear();
+    out_.pieces = out_.transitions = 0;
     for (const gcode::Move& move : run.moves) {
-      std::size_t block = static_cast<std::size_t>(move.block);
-      if (block >= header_at) block -= added;
-      const int source = move_of_block[static_cast<std::size_t>(rewritten.source[block])];
+      const int source = move_of_block[static_cast<std::size_t>(source_block(move.block))];
       if (source < 0) return mismatch(move);
       bool transition = false;
-      const std::size_t i = static_cast<std::size_t>(source);
+      const auto i = static_cast<std::size_t>(source);
       if (rewritten_[i]) {
-        if (next_point[i] >= written[i].size()) return mismatch(move);
-        transition = written[i][next_point[i]++];
+        if (next_point[i] >= transitions_[i].size()) return mismatch(move);
+        transition = transitions_[i][next_point[i]++];
+        transition_blocks_[static_cast<std::size_t>(move.block)] = transition;
         ++(transition ? out_.transitions : out_.pieces);
       }
-      out_.commanded.push_back({move, transition, rewritten_[i] && !transition ? &moves_[i] : nullptr});
-      out_.source.push_back(source);
+      add(way_, move, i, transition, out_.programmed, rewritten_[i]);
     }
     return {};
+  }
+
+  [[nodiscard]] std::vector<int> moves_by_block(const std::vector<gcode::Move>& moves) const {
+    std::vector<int> out(program_.blocks.size(), -1);
+    for (std::size_t i = 0; i < moves.size(); ++i) out[static_cast<std::size_t>(moves[i].block)] = static_cast<int>(i);
+    return out;
+  }
+
+  /// Adds a commanded move; what starts at a height that the program has not said starts where the original does.
+  void add(Way& way, const gcode::Move& commanded, std::size_t source, bool transition,
+           const std::vector<gcode::Move>& programmed, bool rewritten) const {
+    PassMove move{commanded, transition, rewritten && !transition ? &programmed[source] : nullptr};
+    if (!commanded.start_known && programmed[source].start_known) {
+      move.move.start = programmed[source].start;
+      move.move.start_known = true;
+    }
+    if (source < feed_scale_.size()) move.move.feed *= feed_scale_[source];
+    way.moves.push_back(std::move(move));
+    way.source.push_back(static_cast<int>(source));
   }
 
   Status mismatch(const gcode::Move& move) const {
@@ -384,79 +330,80 @@ class Corrector {
   }
 
   Status check() {
-    Prediction& after = out_.after;
-    after = Prediction{};
-    outcome_.assign(moves_.size(), MoveOutcome{});
-    cutting::Stock stock = job_.stock;
-    PassOptions pass;
-    pass.bend = Bend::equilibrium;
-    pass.step = std::min(job_.step, 0.5e-3);
-    pass.progress = progress("checking what was written");
-    const auto visit = [&](const Sample& sample) {
-      if (!sample.cutting) {
-        if (options_.keep_samples) after.samples.push_back(sample);
-        return;
-      }
-      const std::size_t c = static_cast<std::size_t>(sample.move);
-      const std::size_t i = static_cast<std::size_t>(out_.source[c]);
-      const gcode::Move& programmed = moves_[i];
-      const Vec3 bent = sample.bent();
-      PathError e = path_error(programmed, bent, sample.away);
-      MoveOutcome& outcome = outcome_[i];
-      if (out_.commanded[c].transition) {
-        // A joint belongs to the moves that it joins.
-        if (i > 0 && bends_[i - 1].cuts)
-          e.distance = std::min(e.distance, path_error(moves_[i - 1], bent, sample.away).distance);
-        if (i + 1 < moves_.size() && bends_[i + 1].cuts) {
-          e.distance = std::min(e.distance, path_error(moves_[i + 1], bent, sample.away).distance);
-        }
-        outcome.distance_after = std::max(outcome.distance_after, e.distance);
-        if (options_.keep_samples) after.samples.push_back(judged(sample, e));
-        return;
-      }
-      const bool first =
-          sample.s == 0 && (c == 0 || out_.source[c - 1] != out_.source[c] || out_.commanded[c - 1].transition);
-      const bool last =
-          sample.s >= out_.commanded[c].move.length() &&
-          (c + 1 == out_.source.size() || out_.source[c + 1] != out_.source[c] || out_.commanded[c + 1].transition);
-      if (first) e.distance = std::max(e.distance, (bent - programmed.start).norm());
-      if (last) e.distance = std::max(e.distance, (bent - programmed.end).norm());
-      if (options_.keep_samples) after.samples.push_back(judged(sample, e));
-      outcome.normal_after.add(e.normal);
-      outcome.distance_after = std::max(outcome.distance_after, e.distance);
-      after.deflection.add(sample.deflection.norm());
-      after.normal.add(e.normal);
-      after.vertical.add(e.vertical);
-    };
-    POLYPOD_ASSIGN(result, run_pass(job_, out_.program, out_.commanded, stock, pass, visit));
-    after.pass = std::move(result);
-    out_.largest_distance = 0;
-    std::size_t worst = 0;
-    for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (outcome_[i].distance_after <= out_.largest_distance) continue;
-      out_.largest_distance = outcome_[i].distance_after;
-      worst = i;
-    }
-    after.largest_distance = out_.largest_distance;
-    out_.within_tolerance = out_.largest_distance <= job_.tolerance;
-    out_.reason.clear();
-    if (!out_.within_tolerance) {
-      out_.reason =
-          fmt::format("line {}: the bent tool is up to {:.1f} um from the programmed move, the tolerance is {:g} um",
-                      line_of(worst), units::to_um(out_.largest_distance), units::to_um(job_.tolerance));
-    }
+    PredictOptions options;
+    options.step = check_step();
+    options.keep_samples = options_.keep_samples;
+    options.progress = progress("checking what was written");
+    POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way_, options));
+    out_.after = std::move(after);
+    out_.largest_distance = out_.after.largest_distance;
+    after_.assign(moves_.size(), 0);
+    for (const MovePrediction& m : out_.after.moves) after_[static_cast<std::size_t>(m.move)] = m.largest_distance;
     return {};
+  }
+
+  [[nodiscard]] bool outside(std::size_t i) const { return after_[i] > inside(); }
+  /// A rewritten move that came no closer, or one that its neighbours have pushed out of the tube.
+  [[nodiscard]] bool worse(std::size_t i) const {
+    return after_[i] > before_[i] + kSameDistance && (rewritten_[i] || outside(i));
+  }
+  [[nodiscard]] std::size_t count(bool (Corrector::*what)(std::size_t) const) const {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < moves_.size(); ++i) n += (this->*what)(i) ? 1 : 0;
+    return n;
+  }
+
+  /// The choice of a round and how good it is: moves that got worse, then moves outside, then the largest distance.
+  struct Choice {
+    std::vector<bool> rewritten;
+    std::vector<double> fit;
+    double sample_step = 0;
+    std::size_t bad = 0;
+    double largest = 0;
+    [[nodiscard]] bool better_than(const Choice& o) const {
+      return bad != o.bad ? bad < o.bad : largest < o.largest;
+    }
+  };
+  [[nodiscard]] Choice choice() const {
+    std::size_t bad = 0;
+    for (std::size_t i = 0; i < moves_.size(); ++i) bad += outside(i) || worse(i) ? 1 : 0;
+    return {rewritten_, fit_, sample_step_, bad, out_.largest_distance};
+  }
+
+  /// Fits to narrower tubes until every move is inside; the best round stays.
+  Status refine() {
+    std::optional<Choice> best;
+    for (out_.rounds = 1;; ++out_.rounds) {
+      POLYPOD_TRY(write_and_check());
+      const Choice now = choice();
+      if (!best || now.better_than(*best)) best = now;
+      if (now.bad == 0 || options_.method == CorrectMethod::mirror) return {};
+      if (out_.rounds >= options_.rounds || !narrow()) break;
+      // Knots are samples: a narrower tube in the ramps of corners needs closer ones.
+      sample_step_ = std::max(0.5 * sample_step_, job_.stock.cell());
+      POLYPOD_TRY(find_deflections());
+    }
+    return restore(*best);
+  }
+
+  Status restore(const Choice& best) {
+    rewritten_ = best.rewritten;
+    fit_ = best.fit;
+    sample_step_ = best.sample_step;
+    POLYPOD_TRY(find_deflections());
+    return write_and_check();
   }
 
   /// Narrower tubes for the moves that the check found outside; false if there is nothing left to try.
   bool narrow() {
     bool changed = false;
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (outcome_[i].distance_after <= job_.tolerance) continue;
+      if (!outside(i) && !worse(i)) continue;
       if (!rewritten_[i]) {
+        if (frozen_[i] || !deflections_[i].cuts) continue;
         rewritten_[i] = true;
         changed = true;
-      } else if (fit_[i] > 0.02 * job_.tolerance) {
+      } else if (fit_[i] > kNarrowest * job_.tolerance) {
         fit_[i] *= 0.5;
         changed = true;
       }
@@ -465,31 +412,190 @@ class Corrector {
     return changed;
   }
 
-  [[nodiscard]] int line_of(std::size_t i) const {
-    return program_.blocks[static_cast<std::size_t>(moves_[i].block)].line;
+  /// Moves inside the tube are corrected where one block does it.
+  Status correct_the_rest() {
+    std::vector<bool> extra(moves_.size(), false);
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      extra[i] = deflections_[i].cuts && !rewritten_[i] && !frozen_[i];
+      if (extra[i]) rewritten_[i] = true;
+    }
+    for (bool changed = true; changed;) {
+      changed = false;
+      const std::vector<Plan> plans = plan_all();
+      for (std::size_t i = 0; i < moves_.size(); ++i) {
+        if (!extra[i] || plans[i].size() == 1) continue;
+        extra[i] = rewritten_[i] = false;
+        changed = true;
+      }
+    }
+    return write_and_check();
   }
 
-  void summarise() {
-    std::vector<const MovePrediction*> before(program_.blocks.size(), nullptr);
-    for (const MovePrediction& m : out_.before.moves) before[static_cast<std::size_t>(m.block)] = &m;
-    for (std::size_t c = 0; c < out_.source.size(); ++c) {
-      const std::size_t i = static_cast<std::size_t>(out_.source[c]);
-      if (!rewritten_[i]) continue;
-      ++(out_.commanded[c].transition ? outcome_[i].transitions : outcome_[i].pieces);
+  /// A move that came no closer to the programmed path gets its text back; if that does not help, all do.
+  Status give_back_what_got_worse() {
+    for (int round = 0; round < kGiveBackRounds && count(&Corrector::worse) > 0; ++round) {
+      for (std::size_t i = 0; i < moves_.size(); ++i) {
+        if (!worse(i) || !rewritten_[i]) continue;
+        rewritten_[i] = false;
+        frozen_[i] = true;
+      }
+      spread_choice();
+      POLYPOD_TRY(write_and_check());
+    }
+    const bool whole_is_worse = out_.largest_distance > out_.before.largest_distance + kSameDistance;
+    if (count(&Corrector::worse) == 0 && !whole_is_worse) return {};
+    for (std::size_t i = 0; i < moves_.size(); ++i) frozen_[i] = frozen_[i] || rewritten_[i];
+    std::fill(rewritten_.begin(), rewritten_.end(), false);
+    return write_and_check();
+  }
+
+  // --- The controller --------------------------------------------------------------------------------------------
+
+  Status choose_modes() {
+    Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
+    out_.modes.time_without = now.time;
+    if (now.kept) return {};
+    mode_ = mode_for(job_, way_, now);
+    for (const int block : now.breaking) {
+      mode_blocks_.push_back(source_block(block));
+      out_.modes.replaced.push_back(program_.blocks[static_cast<std::size_t>(mode_blocks_.back())].line);
+    }
+    out_.modes.written = path_mode_words(*mode_);
+    return finish_text();
+  }
+
+  // --- The verdict -----------------------------------------------------------------------------------------------
+
+  Status judge() {
+    out_.commanded = way_.moves;
+    out_.source = way_.source;
+    POLYPOD_TRY(no_rapid_cuts(job_, out_.program, out_.after.pass));
+    gcode::Interpretation written;
+    for (const PassMove& move : way_.moves) written.moves.push_back(move.move);
+    POLYPOD_TRY(accept_reach(job_, out_.program, written));
+    Way as_it_was{&program_, &moves_, {}, {}};
+    for (std::size_t i = 0; i < moves_.size(); ++i) as_it_was.moves.push_back(as_programmed(i));
+    const Corners before = corners_of(job_, program_, as_it_was, out_.before, inside());
+    const Corners after = corners_of(job_, out_.program, way_, out_.after, inside());
+    out_.modes.corner_before = before.largest;
+    out_.modes.corner_after = after.largest;
+    out_.modes.time_before = before.time;
+    out_.modes.time_after = after.time;
+    out_.largest_before = before.largest_with;
+    out_.largest_after = after.largest_with;
+    outcomes(before, after);
+    if (options_.method == CorrectMethod::tube) POLYPOD_TRY(judge_other_switch());
+    decide();
+    out_.after.notes = pass_notes(out_.program, out_.after.pass);
+    return {};
+  }
+
+  void outcomes(const Corners& before, const Corners& after) {
+    std::vector<MoveOutcome> of(moves_.size());
+    std::vector<bool> cuts(moves_.size(), false);
+    for (const MovePrediction& m : out_.before.moves) {
+      const auto i = static_cast<std::size_t>(m.move);
+      cuts[i] = true;
+      of[i].normal_before = m.normal;
+      of[i].distance_before = m.largest_distance;
+    }
+    for (const MovePrediction& m : out_.after.moves) {
+      const auto i = static_cast<std::size_t>(m.move);
+      cuts[i] = true;
+      of[i].normal_after = m.normal;
+      of[i].distance_after = m.largest_distance;
+    }
+    for (std::size_t c = 0; c < way_.moves.size(); ++c) {
+      const auto i = static_cast<std::size_t>(way_.source[c]);
+      if (rewritten_[i]) ++(way_.moves[c].transition ? of[i].transitions : of[i].pieces);
+      of[i].corner_after = std::max(of[i].corner_after, after.deviation[c]);
+      of[i].within = (c == 0 || way_.source[c - 1] != way_.source[c] || of[i].within) && after.with[c] <= inside();
     }
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (!bends_[i].cuts) continue;
-      MoveOutcome outcome = outcome_[i];
-      outcome.line = line_of(i);
-      outcome.rewritten = rewritten_[i];
-      outcome.length = moves_[i].length();
-      if (const MovePrediction* b = before[static_cast<std::size_t>(moves_[i].block)]) {
-        outcome.normal_before = b->normal;
-        outcome.distance_before = b->largest_distance;
-      }
-      out_.moves.push_back(outcome);
+      if (rewritten_[i]) ++out_.rewritten_moves;
+      if (frozen_[i]) ++out_.left_as_they_were;
+      if (!cuts[i]) continue;
+      of[i].line = line_of(i);
+      of[i].rewritten = rewritten_[i];
+      of[i].length = moves_[i].length();
+      of[i].corner_before = before.deviation[i];
+      out_.moves.push_back(of[i]);
     }
-    out_.after.notes = pass_notes(out_.program, out_.after.pass);
+  }
+
+  /// The corrected program with the block delete switch in its other position.
+  Status judge_other_switch() {
+    const bool optional = std::any_of(moves_.begin(), moves_.end(), [&](const gcode::Move& m) {
+      return program_.blocks[static_cast<std::size_t>(m.block)].optional;
+    }) || std::any_of(program_.blocks.begin(), program_.blocks.end(), [](const gcode::Block& b) { return b.optional; });
+    if (!optional) return {};
+    OtherSwitch& other = out_.other_switch.emplace();
+    other.block_delete = !job_.block_delete;
+    gcode::InterpretOptions options = job_.interpret_options();
+    options.block_delete = other.block_delete;
+    POLYPOD_ASSIGN(programmed, gcode::interpret(program_, options));
+    POLYPOD_ASSIGN(accepted, accept(job_, program_, programmed, {true, {}}));
+    POLYPOD_ASSIGN(written, gcode::interpret(out_.program, options));
+    const std::vector<gcode::Move>& moves = accepted.interpretation.moves;
+    const std::vector<int> move_of_block = moves_by_block(moves);
+    Way as_it_was{&program_, &moves, {}, {}}, way = as_it_was;
+    for (const gcode::Move& move : moves) as_it_was.moves.push_back({move});
+    const std::vector<int> first_of_block = moves_by_block(moves_);
+    for (const gcode::Move& move : written.moves) {
+      const int block = source_block(move.block);
+      const int source = move_of_block[static_cast<std::size_t>(block)];
+      if (source < 0) return mismatch(move);
+      const int first = first_of_block[static_cast<std::size_t>(block)];
+      const bool rewritten = first >= 0 && rewritten_[static_cast<std::size_t>(first)];
+      add(way, move, static_cast<std::size_t>(source), transition_blocks_[static_cast<std::size_t>(move.block)], moves,
+          rewritten);
+    }
+    PredictOptions predict_options;
+    predict_options.step = check_step();
+    predict_options.progress = progress("checking with the other position of block delete");
+    POLYPOD_ASSIGN(before, predict_way(job_, program_, as_it_was, predict_options));
+    POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way, predict_options));
+    other.distance_before = corners_of(job_, program_, as_it_was, before, inside()).largest_with;
+    other.distance_after = corners_of(job_, out_.program, way, after, inside()).largest_with;
+    other.within_tolerance = other.distance_after <= inside() && after.not_judged.empty();
+    return {};
+  }
+
+  void decide() {
+    const MoveOutcome* worst = nullptr;
+    for (const MoveOutcome& m : out_.moves) {
+      const auto reach = [](const MoveOutcome& o) { return o.distance_after + o.corner_after; };
+      if (!m.within && (worst == nullptr || reach(m) > reach(*worst))) worst = &m;
+    }
+    const bool judged = out_.after.not_judged.empty() && out_.before.not_judged.empty();
+    const bool other = !out_.other_switch || out_.other_switch->within_tolerance;
+    out_.within_tolerance = worst == nullptr && judged && other;
+    if (worst != nullptr) {
+      out_.reason = fmt::format("line {}: the deflected tool is up to {:.1f} um from the programmed move", worst->line,
+                                units::to_um(worst->distance_after));
+      if (worst->corner_after > 0) {
+        out_.reason += fmt::format(", and the controller rounds its corner by up to {:.1f} um",
+                                   units::to_um(worst->corner_after));
+      }
+      out_.reason += fmt::format("; the tolerance is {:g} um", units::to_um(job_.tolerance));
+      if (worst->distance_after <= job_.tolerance && worst->distance_after > inside()) {
+        out_.reason += fmt::format(", of which {:.1f} um are kept free for what the cells of the stock leave open",
+                                   units::to_um(resolution(job_)));
+      }
+    } else if (!judged) {
+      const NotJudged& first =
+          out_.after.not_judged.empty() ? out_.before.not_judged.front() : out_.after.not_judged.front();
+      out_.reason = fmt::format("line {}: {}", first.line, first.why);
+    } else if (!other) {
+      out_.reason = fmt::format("with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the "
+                                "tolerance is {:g} um",
+                                out_.other_switch->block_delete ? "on" : "off",
+                                units::to_um(out_.other_switch->distance_after), units::to_um(job_.tolerance));
+    }
+  }
+
+  [[nodiscard]] int line_of(std::size_t i) const {
+    return program_.blocks[static_cast<std::size_t>(moves_[i].block)].line;
   }
 
   const Job& job_;
@@ -497,19 +603,81 @@ class Corrector {
   const gcode::Interpretation& interpretation_;
   const CorrectOptions& options_;
   const std::vector<gcode::Move>& moves_;
-  std::vector<Bends> bends_;
-  double bends_step_ = job_.step;
+  std::vector<double> feed_scale_;
+  std::vector<Deflections> deflections_;
+  double sample_step_ = job_.step;
   std::vector<double> fit_;
   std::vector<bool> rewritten_;
-  std::vector<MoveOutcome> outcome_;
+  std::vector<bool> frozen_;  // their correction was worse than none
+  std::vector<double> before_, after_;
+  gcode::Rewritten rewritten_text_;
+  std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
+  std::vector<bool> transition_blocks_;         // by block of the written program
+  std::size_t header_at_ = 0, header_size_ = 0;
+  std::optional<gcode::PathControl> mode_;
+  std::vector<int> mode_blocks_;  // of the original
+  Way way_;
   Correction out_;
 };
+
+/// What would help, tried out.
+std::vector<std::string> remedies_for(const Job& job, const gcode::Program& program, const Accepted& accepted,
+                                      const CorrectOptions& options, const Correction& result) {
+  std::vector<std::string> out;
+  if (result.after.pass.points > kTryRemediesBelow) return out;
+  CorrectOptions quiet = options;
+  quiet.keep_samples = false;
+  const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
+  Job wider = job;
+  for (const double factor : {1.1, 1.5, 2.0}) {
+    wider.tolerance = std::ceil(units::to_um(result.largest_after) * factor) * units::from_um(1);
+    if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
+    out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}", units::to_um(wider.tolerance),
+                              units::to_um(wider.tolerance)));
+    break;
+  }
+  std::vector<bool> which(result.programmed.size(), false);
+  std::string lines;
+  std::size_t named = 0;
+  double feed = 0;
+  for (std::size_t i = 0; i < result.programmed.size(); ++i) {
+    const int line = program.blocks[static_cast<std::size_t>(result.programmed[i].block)].line;
+    const auto at = std::find_if(result.moves.begin(), result.moves.end(), [&](const auto& m) { return m.line == line; });
+    if (at == result.moves.end() || at->within) continue;
+    which[i] = true;
+    feed = std::max(feed, result.programmed[i].feed);
+    if (named++ < 8) lines += fmt::format("{}{}", lines.empty() ? "" : ", ", line);
+  }
+  if (named == 0) return out;
+  if (named > 8) lines += fmt::format(" and {} more", named - 8);
+  for (const double factor : {0.75, 0.5, 0.33, 0.2, 0.1}) {
+    Corrector slower(job, program, accepted, quiet);
+    slower.scale_feeds(which, factor);
+    if (!holds(slower.run())) continue;
+    out.push_back(fmt::format("a smaller feed in line {}: {:.0f} % of it, F{:.0f} where it is largest", lines, 100 * factor,
+                              units::to_mm_per_min(feed * factor)));
+    return out;
+  }
+  out.push_back(fmt::format("no feed down to a tenth would do in line {}: take less depth or width, or a stiffer place",
+                            lines));
+  return out;
+}
 
 }  // namespace
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const CorrectOptions& options) {
-  return Corrector(job, program, interpretation, options).run();
+  std::function<bool(double)> progress;
+  if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
+  POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
+  POLYPOD_ASSIGN(out, Corrector(job, program, accepted, options).run());
+  if (!out.within_tolerance && options.method == CorrectMethod::tube) {
+    out.remedies = remedies_for(job, program, accepted, options, out);
+  }
+  std::vector<std::string> notes = std::move(accepted.notes);
+  for (std::string& note : pass_notes(program, out.before.pass)) notes.push_back(std::move(note));
+  out.before.notes = std::move(notes);
+  return out;
 }
 
 }  // namespace polypod::machining

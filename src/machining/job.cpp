@@ -42,6 +42,7 @@ Status read_workpiece(const config::Table& table, Job& job) {
       if (!offsets->has(key)) continue;
       POLYPOD_ASSIGN(p, offsets->numbers(key, 3));
       job.work_offsets[static_cast<std::size_t>(i)] = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
+      job.offset_given[static_cast<std::size_t>(i)] = true;
     }
     POLYPOD_TRY(offsets->finish());
   }
@@ -63,6 +64,26 @@ Status read_tools(const config::Table& table, Job& job) {
     POLYPOD_TRY(tool.finish());
   }
   return {};
+}
+
+/// [controller]: the planner's limits, and the shortest block.
+Status read_controller(const config::Table& table, Job& job) {
+  POLYPOD_ASSIGN(controller, table.optional_table("controller"));
+  if (!controller) return {};
+  PlannerLimits& planner = job.controller.planner;
+  POLYPOD_ASSIGN(velocity, controller->optional_number("max_velocity_mm_per_s", 200, {0.1, 1e5}));
+  POLYPOD_ASSIGN(acceleration, controller->optional_number("max_acceleration_mm_per_s2", 1000, {1, 1e6}));
+  POLYPOD_ASSIGN(feed_override, controller->optional_number("feed_override", 1, {0.1, 10}));
+  POLYPOD_ASSIGN(servo, controller->optional_number("servo_period_ms", 1, {0.01, 100}));
+  POLYPOD_ASSIGN(length, controller->optional_number("shortest_block_mm", 0, {0, 100}));
+  POLYPOD_ASSIGN(time, controller->optional_number("shortest_block_ms", 0, {0, 1e4}));
+  planner.velocity = units::from_mm(velocity);
+  planner.acceleration = units::from_mm(acceleration);
+  planner.feed_override = feed_override;
+  planner.servo_period = 1e-3 * servo;
+  job.controller.shortest_length = units::from_mm(length);
+  job.controller.shortest_time = 1e-3 * time;
+  return controller->finish();
 }
 
 }  // namespace
@@ -125,6 +146,9 @@ Result<Job> read_job(const std::string& path) {
   job.step = units::from_mm(step);
   POLYPOD_ASSIGN(block_delete, table.optional_boolean("block_delete", false));
   job.block_delete = block_delete;
+  POLYPOD_ASSIGN(rapid_volume, table.optional_number("rapid_volume_mm3", 1, {0, 1e9}));
+  job.rapid_volume = rapid_volume / units::to_mm3(1);
+  POLYPOD_TRY(read_controller(table, job));
   POLYPOD_TRY(read_measured_key(table, job));
   POLYPOD_TRY(table.finish());
   return job;

@@ -7,7 +7,9 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/machining/accept.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "way.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -77,53 +79,95 @@ std::vector<std::string> pass_notes(const gcode::Program& program, const PassRes
   return notes;
 }
 
-Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
-                           const PredictOptions& options) {
-  std::vector<PassMove> moves;
-  moves.reserve(interpretation.moves.size());
-  for (const gcode::Move& move : interpretation.moves) moves.push_back({move});
+Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
+                               const PredictOptions& options) {
+  const std::vector<gcode::Move>& programmed = *way.programmed;
   Prediction out;
-  cutting::Stock stock = job.stock;
-  PassOptions pass_options;
-  pass_options.bend = options.bend;
-  pass_options.step = options.step > 0 ? options.step : job.step;
-  pass_options.progress = options.progress;
+  out.commanded_distance.assign(way.moves.size(), 0);
   Few few;
-  int current = -1;
+  std::vector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
+  const auto entry = [&](std::size_t i) -> MovePrediction& {
+    if (index[i] < 0) {
+      index[i] = static_cast<int>(out.moves.size());
+      MovePrediction m;
+      m.move = static_cast<int>(i);
+      m.block = programmed[i].block;
+      m.line = way.lines->blocks[static_cast<std::size_t>(m.block)].line;
+      m.length = programmed[i].length();
+      out.moves.push_back(m);
+    }
+    return out.moves[static_cast<std::size_t>(index[i])];
+  };
+  const auto source = [&](std::size_t c) { return way.source.empty() ? static_cast<int>(c) : way.source[c]; };
   const auto visit = [&](const Sample& sample) {
     if (!sample.cutting) {
       if (options.keep_samples) out.samples.push_back(sample);
       return;
     }
-    const gcode::Move& move = moves[static_cast<std::size_t>(sample.move)].move;
-    if (sample.move != current) {
-      current = sample.move;
-      MovePrediction m;
-      m.block = move.block;
-      m.line = program.blocks[static_cast<std::size_t>(move.block)].line;
-      m.length = move.length();
-      out.moves.push_back(m);
+    const auto c = static_cast<std::size_t>(sample.move);
+    const auto i = static_cast<std::size_t>(source(c));
+    const Vec3 bent = sample.bent();
+    PathError e = path_error(programmed[i], bent, sample.away);
+    MovePrediction& m = entry(i);
+    if (way.moves[c].transition) {
+      // A transition belongs to the moves that it joins.
+      if (i > 0 && programmed[i - 1].kind != gcode::MoveKind::rapid) {
+        e.distance = std::min(e.distance, path_error(programmed[i - 1], bent, sample.away).distance);
+      }
+      if (i + 1 < programmed.size() && programmed[i + 1].kind != gcode::MoveKind::rapid) {
+        e.distance = std::min(e.distance, path_error(programmed[i + 1], bent, sample.away).distance);
+      }
+    } else {
+      const bool first = sample.s == 0 && (c == 0 || source(c - 1) != source(c) || way.moves[c - 1].transition);
+      const bool last =
+          sample.s >= way.moves[c].move.length() &&
+          (c + 1 == way.moves.size() || source(c + 1) != source(c) || way.moves[c + 1].transition);
+      if (first) e.distance = std::max(e.distance, (bent - programmed[i].start).norm());
+      if (last) e.distance = std::max(e.distance, (bent - programmed[i].end).norm());
     }
-    MovePrediction& m = out.moves.back();
-    const PathError e = path_error(move, sample.bent(), sample.away);
+    m.largest_distance = std::max(m.largest_distance, e.distance);
+    out.commanded_distance[c] = std::max(out.commanded_distance[c], e.distance);
+    out.largest_distance = std::max(out.largest_distance, e.distance);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
+    if (way.moves[c].transition) return;  // taken to change evenly, not computed: no part of the means
     few.add(sample);
     ++m.points;
     m.deflection.add(sample.deflection.norm());
     m.normal.add(e.normal);
     m.vertical.add(e.vertical);
-    m.largest_distance = std::max(m.largest_distance, e.distance);
     m.mean_force += (sample.force - m.mean_force) / static_cast<double>(m.points);
     m.largest_depth = std::max<double>(m.largest_depth, sample.depth);
     out.deflection.add(sample.deflection.norm());
     out.normal.add(e.normal);
     out.vertical.add(e.vertical);
-    out.largest_distance = std::max(out.largest_distance, e.distance);
   };
-  POLYPOD_ASSIGN(pass, run_pass(job, program, moves, stock, pass_options, visit));
+  cutting::Stock stock = job.stock;
+  PassOptions pass_options;
+  pass_options.bend = options.bend;
+  pass_options.step = options.step > 0 ? options.step : job.step;
+  pass_options.progress = options.progress;
+  POLYPOD_ASSIGN(pass, run_pass(job, program, way.moves, stock, pass_options, visit));
   out.pass = std::move(pass);
   out.few = few.take();
-  out.notes = interpretation.notes;
+  std::sort(out.moves.begin(), out.moves.end(), [](const auto& a, const auto& b) { return a.move < b.move; });
+  return out;
+}
+
+Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
+                                    const gcode::Interpretation& interpretation, const PredictOptions& options) {
+  Way way{&program, &interpretation.moves, {}, {}};
+  way.moves.reserve(interpretation.moves.size());
+  for (const gcode::Move& move : interpretation.moves) way.moves.push_back({move});
+  POLYPOD_ASSIGN(out, predict_way(job, program, way, options));
+  if (out.moves.empty()) return tl::unexpected(cuts_nothing(job, program, interpretation));
+  return out;
+}
+
+Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                           const PredictOptions& options) {
+  POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
+  POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation, options));
+  out.notes = std::move(accepted.notes);
   for (std::string& note : pass_notes(program, out.pass)) out.notes.push_back(std::move(note));
   return out;
 }
@@ -134,6 +178,8 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
   out.normal_by_move.assign(prediction.moves.size(), 0);
   PredictOptions quiet = options;
   quiet.keep_samples = false;
+  if (job.material.spread.empty()) return out;
+  POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
   for (const std::array<double, 6>& variation : job.material.spread) {
     Job varied = job;
     cutting::Material& m = varied.material;
@@ -143,7 +189,7 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
     m.kte += variation[3];
     m.kre += variation[4];
     m.kae += variation[5];
-    POLYPOD_ASSIGN(p, predict(varied, program, interpretation, quiet));
+    POLYPOD_ASSIGN(p, predict_accepted(varied, program, accepted.interpretation, quiet));
     const auto add = [](double& sum, double change) { sum = std::hypot(sum, change); };
     add(out.deflection_mean, p.deflection.mean - prediction.deflection.mean);
     add(out.deflection_max, p.deflection.max - prediction.deflection.max);

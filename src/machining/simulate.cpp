@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdint>
 
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -21,6 +22,12 @@ constexpr int kPlainIterations = 6;
 constexpr double kSettled = 1e-6;
 // A layer thinner than this is no cut, m: cells hold heights in single precision, and no robot is that good.
 constexpr double kNoCut = 1e-6;
+// The longest step along an arc, rad: chords between neighbouring points are off it by less than half a hundredth of R.
+constexpr double kArcStep = 0.2;
+// More points than this are refused: hours of work.
+constexpr double kMostPoints = 2e8;
+// Progress is reported, and a wish to stop heeded, this often within a move.
+constexpr std::int64_t kReportPoints = 4096;
 // Strips shallower than this share of the deepest do not make a wall.
 constexpr double kWallShare = 0.1;
 
@@ -38,17 +45,44 @@ class Pass {
         probe_(job.machine, Mat3::Identity()) {}
 
   Result<PassResult> run() {
+    POLYPOD_TRY(affordable());
     const std::size_t report_every = std::max<std::size_t>(1, moves_.size() / 200);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (options_.progress && i % report_every == 0 && !options_.progress(double(i) / double(moves_.size()))) {
-        return fail("MC299", "cancelled");
-      }
+      if (i % report_every == 0) POLYPOD_TRY(report(i));
       POLYPOD_TRY(step_to(i));
     }
     return result_;
   }
 
  private:
+  Status report(std::size_t move) {
+    if (!options_.progress || options_.progress(double(move) / double(moves_.size()))) return {};
+    return fail("MC299", "cancelled");
+  }
+
+  /// Steps of at most the option's length and, on arcs, of at most kArcStep.
+  [[nodiscard]] std::int64_t steps_of(const PassMove& pass_move, double length) const {
+    const gcode::Move& move = pass_move.move;
+    double steps = std::ceil(length / options_.step - 1e-9);
+    if (move.kind == gcode::MoveKind::arc) steps = std::max(steps, std::ceil(move.sweep / kArcStep - 1e-9));
+    return static_cast<std::int64_t>(std::clamp(steps, 1.0, kMostPoints));
+  }
+
+  /// Refuses what would run for days before it begins.
+  Status affordable() const {
+    double points = 0;
+    for (const PassMove& m : moves_) {
+      if (m.move.kind == gcode::MoveKind::rapid || !m.move.start_known) continue;
+      points += static_cast<double>(steps_of(m, m.move.length()));
+      if (points < kMostPoints) continue;
+      return fail("MC205",
+                  fmt::format("with steps of {:g} mm the program has more than {:.0e} points to evaluate",
+                              units::to_mm(options_.step), kMostPoints),
+                  place(m.move), "use a larger step_mm, or check the length and the turns (P) of this move");
+    }
+    return {};
+  }
+
   struct ToolModel {
     const cutting::Cutter* cutter;
     cutting::ProfileForce force;
@@ -80,12 +114,10 @@ class Pass {
 
   Status rapid(const gcode::Move& move, const ToolModel& tool) {
     const double radius = tool.cutter->radius();
-    const double volume = stock_.cut_line(move.start, move.end, radius);
-    // Cells at the rim that a bent pass has left stand in the way of the straight one: less than a cell deep round the
-    // cutter, a cell high, is no collision.
-    if (volume > 2 * radius * stock_.cell() * stock_.cell() * 4) {
-      result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
-    }
+    // When the cut ends the deflected tool springs back to where it is commanded, before it moves: no collision.
+    result_.removed += stock_.cut_disc(move.start, radius);
+    const double volume = stock_.cut_line(move.start, move.end, radius, true);
+    if (volume > 0) result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
     result_.removed += volume;
     last_bent_ = move.end;
     deflection_.setZero();
@@ -98,12 +130,13 @@ class Pass {
     const gcode::Move& move = moves_[static_cast<std::size_t>(index)].move;
     const double length = move.length();
     if (!(length > 0)) return {};
-    const int steps = std::max(1, static_cast<int>(std::ceil(length / options_.step - 1e-9)));
     const double radius = tool.cutter->radius();
+    const std::int64_t steps = steps_of(moves_[static_cast<std::size_t>(index)], length);
     double volume = 0;
     bool vertical = false;
-    for (int k = 0; k <= steps; ++k) {
-      const double s = length * k / steps;
+    for (std::int64_t k = 0; k <= steps; ++k) {
+      if (k % kReportPoints == kReportPoints - 1) POLYPOD_TRY(report(static_cast<std::size_t>(index)));
+      const double s = length * static_cast<double>(k) / static_cast<double>(steps);
       Sample sample;
       if (k == 0 && goes_on(index)) {
         sample = last_;
@@ -172,9 +205,9 @@ class Pass {
       const PassMove& next = moves_[index + 1];
       POLYPOD_TRY(evaluate(next, 0, next.move.length(), tool, after));
     }
-    const int steps = std::max(1, static_cast<int>(std::ceil(length / options_.step - 1e-9)));
-    for (int k = 0; k <= steps; ++k) {
-      const double share = double(k) / steps;
+    const std::int64_t steps = steps_of(moves_[index], length);
+    for (std::int64_t k = 0; k <= steps; ++k) {
+      const double share = static_cast<double>(k) / static_cast<double>(steps);
       Sample sample = after;
       sample.move = static_cast<int>(index);
       sample.s = length * share;

@@ -227,6 +227,13 @@ bool has_compliance(const AnyMachine& machine) {
       machine);
 }
 
+Status needs_compliance(const AnyMachine& machine) {
+  if (has_compliance(machine)) return {};
+  return fail("AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
+              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
+              "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas) in the machine file");
+}
+
 struct Probe::Impl {
   const AnyMachine machine;
   const SerialArm* arm = nullptr;

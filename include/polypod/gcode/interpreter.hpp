@@ -47,6 +47,8 @@ struct Move {
   /// False until the program has said where all of X, Y and Z are: the start depends on where the machine stood. What
   /// is not known is taken as 0. A new tool length offset (G43, G49) makes Z unknown again, until Z is commanded.
   bool start_known = true;
+  std::array<bool, 3> known_start{true, true, true};  ///< the same for each of X, Y, Z
+  std::array<bool, 3> known_end{true, true, true};    ///< and for its end
   bool inches = false;             ///< G20: the block's numbers are inches
   bool incremental = false;        ///< G91: the block's numbers are steps from `start`
   int block = 0;                   ///< index into Program::blocks

@@ -2,6 +2,7 @@
 // Changing a program: moves get new paths, everything else keeps its text.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,13 +13,14 @@
 
 namespace polypod::gcode {
 
-/// A point of a commanded path.
+/// A point of a commanded path, and how to get there.
 struct PathPoint {
-  Vec3 p = Vec3::Zero();     ///< p_W, m
-  Vec3 axes = Vec3::Zero();  ///< A, B, C, rad; written only where the move's block holds A, B or C
+  Vec3 p = Vec3::Zero();       ///< p_W, m
+  Vec3 axes = Vec3::Zero();    ///< A, B, C, rad; written only where the move's block holds A, B or C
+  std::optional<Vec3> centre;  ///< p_W, m: an arc about it, in the plane and the sense of the replaced arc; else a line
 };
 
-/// A new path for one move: straight pieces from wherever the written program stands to each point in turn.
+/// A new path for one move: pieces from wherever the written program stands to each point in turn.
 struct Replacement {
   int move = 0;                   ///< index into Interpretation::moves
   std::vector<PathPoint> points;  ///< at least one; the last one is the new end
@@ -42,8 +44,8 @@ struct Rewritten {
 
 /// Writes `program` with new paths for some moves.
 ///
-/// A replaced motion block becomes G1 blocks (G0 for a rapid), one a point; a point that rounds onto the one before it
-/// needs none. The first block keeps N, F, S, T, G and M words and comments; X, Y, Z are replaced, I, J, K, R and P are
+/// A replaced motion block becomes G1 blocks (G0 for a rapid; G2 or G3 for points with a centre), one a point; a point
+/// that rounds onto the one before it needs none. The first block keeps N, F, S, T, G and M words and comments; X, Y, Z are replaced, I, J, K, R and P are
 /// dropped. M0, M1, M2, M30, M60 and G9, which act at the end of a move, go to the last block. Each keeps the `/` and
 /// the line ending. Where the block was numbered, new blocks get numbers in between if the gap to the next number
 /// permits, else none. Under G91 steps are written, each from the position that the numbers before it add up to, so
@@ -78,8 +80,12 @@ std::string format_number(double value, int decimals);
 /// checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
 Block ensure_motion_word(const Block& block, int motion);
 
-/// The program with comment lines after the leading `%` and O number, in the program's own comment style; characters
-/// that cannot stand in a comment are replaced.
-Program with_header(const Program& program, std::span<const std::string> lines);
+/// The program with comment lines after the leading `%` and O number, in the program's own comment style, and `code`
+/// after them unless it is empty; characters that cannot stand in a comment are replaced.
+Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code = {});
+
+/// The block with `words` ("G64 P0.05 Q0") in the place of its path control word (G61, G61.1 or G64 with P and Q); its
+/// checksum, if any, renewed. A block without one is returned as it is.
+Block with_path_control(const Block& block, const std::string& words);
 
 }  // namespace polypod::gcode

@@ -1,11 +1,13 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Off-line correction of a program: the bent tool stays in a tube round the programmed path.
+// Off-line correction of a program: the deflected tool stays in a tolerance tube round the programmed path.
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "polypod/machining/path_mode.hpp"
 #include "polypod/machining/predict.hpp"
 
 namespace polypod::machining {
@@ -15,13 +17,27 @@ enum class CorrectMethod {
   mirror,  ///< one step, p - delta(p), at equally spaced points of every cutting move (SLAV (5.2)); for comparison
 };
 
+/// What the controller does with the blocks of a program and of its correction.
+struct PathModes {
+  std::string written;         ///< the words that the corrected program got, e.g. "G64 P0.045 Q0"; empty: none needed
+  std::vector<int> replaced;   ///< lines of the original whose mode would break the tube and was replaced
+  double corner_before = 0;    ///< m, by which the controller rounds the worst corner of a cut of the program as it is
+  double corner_after = 0;     ///< m, the same of the corrected program
+  double time_before = 0;      ///< s, with the planner's acceleration
+  double time_after = 0;       ///< s
+  double time_without = 0;     ///< s, of the corrected program with the modes that it had; the rest is their cost
+};
+
 struct CorrectOptions {
   CorrectMethod method = CorrectMethod::tube;
   int mirror_points = 10;  ///< pieces a move for `mirror`
   double fit_share = 0.8;  ///< of the tolerance that the fit of pieces may use; the rest is for what the fit leaves out
   double merge_share = 0.25;  ///< two moves share their corner if their corrections differ by less than this share of
                               ///< the tolerance, else a transition goes from one to the other
+  double chord = 0;           ///< m, how far an arc that is kept as arcs may be off the ideal command; 0: a tenth of the tube
   int rounds = 6;             ///< fits with a narrower tube where the check finds a point outside
+  bool all = false;           ///< also moves that are inside the tube, where it adds no lines
+  bool again = false;         ///< see AcceptOptions
   bool keep_samples = false;
   std::function<bool(const char* what, double share)> progress;
 };
@@ -30,11 +46,20 @@ struct CorrectOptions {
 struct MoveOutcome {
   int line = 0;  ///< in the original program
   bool rewritten = false;
-  int pieces = 0;  ///< straight pieces that stand for it, transitions not counted
+  int pieces = 0;  ///< lines and arcs that stand for it, transitions not counted
   int transitions = 0;
   double length = 0;                               ///< m
   Spread normal_before, normal_after;              ///< m
-  double distance_before = 0, distance_after = 0;  ///< m, largest from the programmed move
+  double distance_before = 0, distance_after = 0;  ///< m, largest of the deflected tool from the programmed move
+  double corner_before = 0, corner_after = 0;      ///< m, by which the controller rounds the worse of its ends
+  bool within = false;                             ///< inside the tube, corners and resolution counted
+};
+
+/// A program judged with the other position of the block delete switch.
+struct OtherSwitch {
+  bool block_delete = false;  ///< the position that was judged
+  double distance_before = 0, distance_after = 0;  ///< m, largest
+  bool within_tolerance = false;
 };
 
 struct Correction {
@@ -44,30 +69,41 @@ struct Correction {
   Prediction after;        ///< of what was read back, against the original's moves
   std::vector<MoveOutcome> moves;
   std::vector<gcode::Move> programmed;  ///< the original's moves
-  std::vector<PassMove> commanded;      ///< those read back; their `followed` points into the interpretation given
+  std::vector<PassMove> commanded;      ///< those read back; their `followed` points into `programmed`
   std::vector<int> source;              ///< for each commanded move the programmed move it stands for
   double tolerance = 0;                 ///< m
-  double largest_distance = 0;  ///< m, of a bent point from its programmed move, ends as spheres, over the dense check
-  bool within_tolerance = false;
-  std::string reason;  ///< where and why not
+  double largest_distance = 0;  ///< m, of a deflected point from its programmed move, ends as spheres, densely checked
+  double largest_before = 0, largest_after = 0;  ///< m, the same with the controller's corners
+  PathModes modes;                               ///< what the controller does with the blocks
+  bool within_tolerance = false;                 ///< every move is: judged, inside the tube, at both switch positions
+  std::string reason;                            ///< where and why not
+  std::vector<std::string> remedies;             ///< what would help, if it is not
+  std::optional<OtherSwitch> other_switch;       ///< where the program has blocks with /
   std::size_t lines_in = 0, lines_out = 0;
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
+  int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
 };
 
 /// Corrects a program so that every point of every cutting move ends within `job.tolerance` of the programmed move and
-/// its ends within spheres of the same radius (SLAV 5.5, 5.6).
+/// its ends within spheres of the same radius (SLAV 5.5, 5.6), the controller's corners counted.
 ///
-/// Where the bent tool stands exactly on the programmed path, the cutter meets what it was programmed to meet; so the
+/// Where the deflected tool is exactly on the programmed path, the cutter meets what it was programmed to meet; so the
 /// ideal command x(s) = p(s) - delta(s), delta = C(x) F(p(s)), follows from one pass along the programmed path (the
-/// fixed point is in the compliance alone). Each move is then replaced by the fewest straight pieces between points of
-/// x(s) that keep the error |lerp(x) + delta - p| below a share of the tolerance, found greedily, farthest first; with
-/// their number fixed the largest error is made as small as it goes. This meets the halving rule of SLAV 5.6 or needs
-/// fewer. The text is written, read back, and checked densely in equilibrium; where a point is outside, the move is
-/// fitted to a narrower tube and all is checked again.
+/// fixed point is in the compliance alone). A move that leaves the tube in equilibrium is replaced by the fewest pieces
+/// between points of x(s) that keep the error |command + delta - p| below a share of the tolerance (see fit_pieces):
+/// lines for a line, arcs for an arc. This meets the halving rule of SLAV 5.6 or needs fewer. The text is written, read
+/// back, and checked densely in equilibrium; where a point is outside, the move is fitted to a narrower tube and all is
+/// checked again.
 ///
-/// Moves whose bend stays within the tube keep their text, unless their neighbour's correction would make a step.
-/// Errors: those of run_pass and gcode::rewrite. A tolerance that cannot be met is no error but `within_tolerance`
-/// false. Cost: three passes of about 5 us a point, and the fit.
+/// Never worse: a move that is in the tube in equilibrium keeps its text, unless its neighbour's correction would make a
+/// step; a move that its correction does not bring closer to the programmed path gets its text back; and where the whole
+/// is not closer, the program stays as it is but for its header. The header holds the path control mode (G64 P Q0 or
+/// G61.1) that the tolerance needs; modes in the program that would break it are replaced.
+///
+/// Errors: those of accept, run_pass and gcode::rewrite; MC302 no move cuts; MC304 a rapid goes through more material
+/// than `job.rapid_volume`, when the tool is where it was programmed or in the program that was written. A tolerance
+/// that cannot be met is no error but `within_tolerance` false. Cost: a pass of about 5 us a point before, one for the
+/// ideal command, one a round, and the fit.
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const CorrectOptions& options = {});
 

@@ -2,6 +2,7 @@
 // A job: all that is needed besides the program to say what a machine will do with it.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <memory>
@@ -13,6 +14,7 @@
 #include "polypod/cutting/stock.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/machine/any_machine.hpp"
+#include "polypod/machining/path_mode.hpp"
 #include "polypod/statics/measured_map.hpp"
 
 namespace polypod::machining {
@@ -21,6 +23,19 @@ namespace polypod::machining {
 struct MeasuredCompliance {
   std::vector<std::string> files;
   statics::MeasuredMap map;
+};
+
+/// The controller that runs the program: what LinuxCNC's planner does between the blocks.
+struct Controller {
+  PlannerLimits planner;
+  double shortest_length = 0;  ///< m, no block that Polypod writes is shorter ...
+  double shortest_time = 0;    ///< s, ... nor takes less time; 0: two servo periods
+
+  [[nodiscard]] double shortest_block(double feed) const {
+    const double by_time = shortest_time > 0 ? feed * planner.feed_override * shortest_time
+                                             : machining::shortest_block(feed * planner.feed_override, planner);
+    return std::max(shortest_length, by_time);
+  }
 };
 
 struct Job {
@@ -39,6 +54,8 @@ struct Job {
   double tolerance = 0;  ///< radius delta_t of the tube, m
   double step = 0;       ///< longest distance between evaluated points, m
   bool block_delete = false;
+  Controller controller;
+  double rapid_volume = 1e-9;  ///< m^3, of material; a rapid that goes through more is a collision
 
   [[nodiscard]] const cutting::Cutter& cutter_of(int tool) const {
     const auto it = cutters.find(tool);

@@ -35,6 +35,7 @@ PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3
 Sample judged(const Sample& sample, const PathError& error);
 
 struct MovePrediction {
+  int move = 0;  ///< index of the programmed move
   int block = 0;
   int line = 0;
   double length = 0;               ///< m
@@ -42,17 +43,25 @@ struct MovePrediction {
   Spread deflection;               ///< m, |delta|
   Spread normal;                   ///< m
   Spread vertical;                 ///< m
-  double largest_distance = 0;     ///< m
+  double largest_distance = 0;     ///< m, from the programmed move, its ends as spheres
   Vec3 mean_force = Vec3::Zero();  ///< N, in W
   double largest_depth = 0;        ///< m
 };
 
+/// A move, or a part of one, of which nothing is known.
+struct NotJudged {
+  int line = 0;
+  std::string why;
+};
+
 struct Prediction {
   std::vector<MovePrediction> moves;    ///< those that cut, in order
+  std::vector<NotJudged> not_judged;    ///< moves that cut but that no model covers; they spoil every "yes"
   std::vector<Sample> samples;          ///< every evaluated point, if they were asked for
   std::vector<Sample> few;              ///< at most 200 of the points that cut, at equal distances in their order
   Spread deflection, normal, vertical;  ///< over all points that cut, m
   double largest_distance = 0;          ///< m
+  std::vector<double> commanded_distance;  ///< m, largest of each commanded move; 0 where it does not cut
   PassResult pass;
   std::vector<std::string> notes;
 };
@@ -61,10 +70,12 @@ struct PredictOptions {
   Bend bend = Bend::equilibrium;
   double step = 0;  ///< m; 0 takes the job's
   bool keep_samples = false;
+  bool again = false;  ///< see AcceptOptions
   std::function<bool(double)> progress;
 };
 
-/// Deflection along a program: at rest under the mean force, or in equilibrium (default). Errors as run_pass.
+/// Deflection along a program: at rest under the mean force, or in equilibrium (default). Distances are to the
+/// programmed moves, with a sphere at each end. Errors: those of accept and run_pass; MC302 no move cuts.
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options = {});
 

@@ -52,6 +52,8 @@ Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector
 
 /// Whether any joint has a compliance.
 bool has_compliance(const AnyMachine& machine);
+/// Errors: AP105 where the machine has none; says which keys give them.
+Status needs_compliance(const AnyMachine& machine);
 
 /// The compliance of the tip for inner loops: only the 3 x 3 part, no allocation, warm start for numeric inverses.
 /// Keeps the last joints, so one object belongs to one thread.

@@ -1,0 +1,49 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a program and a job must be before anything can be said about them: nothing is assumed in silence.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/gcode/interpreter.hpp"
+#include "polypod/machining/job.hpp"
+
+namespace polypod::machining {
+
+struct AcceptOptions {
+  bool again = false;  ///< a program that Polypod has corrected already is taken as any other
+  std::function<bool(double)> progress;
+};
+
+/// A program that can be judged from its first cut to its last.
+struct Accepted {
+  /// As it was given, but for moves that come straight down from a height that the program has not said (after G43, or
+  /// at the start): these start at the top of the stock.
+  gcode::Interpretation interpretation;
+  std::vector<std::string> notes;  ///< what was taken for granted, e.g. that such a move comes from above
+};
+
+/// Refuses what cannot be judged, or what the machine cannot do. Errors (all of them the answer "no"):
+/// MC301 the program has no feed move; MC303 a feed move whose start is not known: X, Y or Z have never been
+/// commanded, or Z not since a tool length offset (G43, G49) changed, as in LinuxCNC, which then stands at another Z
+/// without having moved; MC210 a pose that the machine cannot reach, that breaks a limit or where a joint would have to
+/// jump, in air included; MC306 a program that Polypod has corrected; MC307 G55 to G59 without an offset in the job;
+/// MC308 two tool numbers that cut with the one cutter of the job. Besides AP105, a machine without compliances.
+/// Cost: about 1 us a millimetre of path, for the reach.
+Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                        const AcceptOptions& options = {});
+
+/// Whether the machine can follow every move; MC210 with the first line where it cannot and how many others there are.
+Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                    const std::function<bool(double)>& progress = {});
+
+/// Why no point of a program that was predicted cuts: by how much its feed moves miss the stock, and what the likely
+/// reason is (inches and millimetres, the origin, the height). MC302.
+Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
+
+/// The comment by which a corrected program is known.
+inline constexpr const char* kCorrectedMark = "Polypod: corrected for the static compliance of";
+
+}  // namespace polypod::machining

@@ -1,0 +1,234 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/accept.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "polypod/core/units.hpp"
+#include "polypod/machining/check.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace polypod::machining {
+namespace {
+
+using Box = Eigen::AlignedBox3d;
+using units::to_mm;
+
+// Two heights that differ by less than this are the same, m.
+constexpr double kSame = 1e-9;
+// How many further lines an error names.
+constexpr std::size_t kNamedLines = 8;
+
+Place place_of(const gcode::Program& program, const gcode::Move& move) {
+  return {program.path, program.blocks[static_cast<std::size_t>(move.block)].line, 1};
+}
+
+/// "; likewise lines 7, 9 and 31 more", or nothing.
+std::string others(const std::vector<int>& lines) {
+  if (lines.empty()) return {};
+  std::string out;
+  for (std::size_t i = 0; i < std::min(lines.size(), kNamedLines); ++i) {
+    out += fmt::format("{}{}", i == 0 ? "" : ", ", lines[i]);
+  }
+  if (lines.size() > kNamedLines) out += fmt::format(" and {} more", lines.size() - kNamedLines);
+  return fmt::format("; likewise {} {}", lines.size() == 1 ? "line" : "lines", out);
+}
+
+Box box_of(const cutting::Stock& stock) {
+  const double x = stock.columns() * stock.cell(), y = stock.rows() * stock.cell();
+  return {Vec3(stock.x_min(), stock.y_min(), stock.bottom()),
+          Vec3(stock.x_min() + x, stock.y_min() + y, stock.top())};
+}
+
+/// The box of what a cutter of this radius sweeps on a move; arcs are taken with their whole circle.
+Box swept_box(const gcode::Move& move, double radius) {
+  Box box(move.end);
+  if (move.start_known) box.extend(move.start);
+  if (move.kind == gcode::MoveKind::arc) {
+    const double r = (move.start - move.centre).norm();
+    Vec3 low = move.centre.array() - r, high = move.centre.array() + r;
+    const int normal = move.plane == gcode::Plane::xy ? 2 : move.plane == gcode::Plane::zx ? 1 : 0;
+    low[normal] = std::min(move.start[normal], move.end[normal]);
+    high[normal] = std::max(move.start[normal], move.end[normal]);
+    box.extend(low);
+    box.extend(high);
+  }
+  return {box.min() - Vec3(radius, radius, 0), box.max() + Vec3(radius, radius, 0)};
+}
+
+/// Whether the cutter may meet the stock: it is as long as the stock is high above its tip.
+bool may_touch(const Box& swept, const Box& stock) {
+  return swept.min().z() < stock.max().z() && swept.min().x() < stock.max().x() && swept.max().x() > stock.min().x() &&
+         swept.min().y() < stock.max().y() && swept.max().y() > stock.min().y();
+}
+
+bool feeds(const gcode::Move& move) {
+  return move.kind != gcode::MoveKind::rapid;
+}
+
+Status not_corrected_before(const gcode::Program& program) {
+  for (const gcode::Block& block : program.blocks) {
+    for (const std::string_view comment : gcode::comments(block)) {
+      if (comment.find(kCorrectedMark) == std::string_view::npos) continue;
+      return fail("MC306", "this program was corrected by Polypod before; a second correction would be added to the first",
+                  Place{program.path, block.line, 1},
+                  "give the program of the CAM system, or --again if its path is really the one to be followed");
+    }
+  }
+  return {};
+}
+
+Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  for (const gcode::Move& move : interpretation.moves) {
+    const auto i = static_cast<std::size_t>(move.work_offset);
+    if (job.offset_given[i] || !job.work_offsets[i].isZero(0)) continue;
+    return fail("MC307", fmt::format("G{} is in force, but the job says nothing of its origin", 54 + i),
+                place_of(program, move),
+                fmt::format("add work_offsets_mm = {{ G{} = [x, y, z] }} under [workpiece] of {}", 54 + i, job.path));
+  }
+  return {};
+}
+
+Status known_tools(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  const Box stock = box_of(job.stock);
+  std::optional<int> number;  // the one that takes [cutter]
+  for (const gcode::Move& move : interpretation.moves) {
+    if (!feeds(move) || job.cutters.contains(move.tool)) continue;
+    if (number == move.tool || !may_touch(swept_box(move, job.cutter.radius()), stock)) continue;
+    if (number) {
+      return fail("MC308",
+                  fmt::format("T{} cuts here and T{} before, but the job has one cutter for both", move.tool, *number),
+                  place_of(program, move),
+                  fmt::format("add [[tool]] with number = {} and its cutter to {}", move.tool, job.path));
+    }
+    number = move.tool;
+  }
+  return {};
+}
+
+/// Moves that come straight down from an unknown height get the top of the stock as their start.
+Status known_starts(const Job& job, const gcode::Program& program, Accepted& out) {
+  const double top = job.stock.top();
+  std::vector<int> from_above;
+  std::optional<Place> first;
+  std::vector<int> further;
+  for (gcode::Move& move : out.interpretation.moves) {
+    if (move.start_known || !feeds(move)) continue;
+    const auto& [x, y, z] = move.known_start;
+    const Place place = place_of(program, move);
+    const bool vertical = move.kind == gcode::MoveKind::line && x && y &&
+                          std::abs(move.start.x() - move.end.x()) < kSame &&
+                          std::abs(move.start.y() - move.end.y()) < kSame;
+    if (vertical && move.known_end[2]) {
+      if (move.end.z() < top) from_above.push_back(place.line);
+      move.start.z() = std::max(top, move.end.z());
+      move.start_known = true;
+    } else if (z && std::min(move.start.z(), move.end.z()) >= top) {
+      continue;  // an approach above the stock, from wherever it comes
+    } else if (!first) {
+      first = place;
+    } else {
+      further.push_back(place.line);
+    }
+  }
+  if (first) {
+    return fail("MC303",
+                "where this move starts is not known: X, Y or Z have not been commanded since the program began, or "
+                "since a tool length offset (G43, G49) changed" +
+                    others(further),
+                *first, "command X, Y and Z with G0 before the first cut, and Z after G43");
+  }
+  if (!from_above.empty()) {
+    const std::vector<int> rest(from_above.begin() + 1, from_above.end());
+    out.notes.push_back(fmt::format(
+        "line {}: the height from which this move comes is not given; it is taken to come from above the stock{}",
+        from_above.front(), others(rest)));
+  }
+  return {};
+}
+
+}  // namespace
+
+Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                    const std::function<bool(double)>& progress) {
+  CheckOptions options;
+  options.progress = progress;
+  POLYPOD_ASSIGN(checked, check(job.machine, job.X_MW, program, interpretation, options));
+  std::optional<CheckProblem> first;
+  std::set<int> lines;
+  for (const CheckProblem& problem : checked.problems) {
+    if (problem.kind == "singular") continue;  // such a pose can be reached
+    if (!first) first = problem;
+    lines.insert(problem.line);
+  }
+  if (!first) return {};
+  lines.erase(first->line);
+  return fail("MC210",
+              fmt::format("the machine cannot follow this move: {}{}", first->detail,
+                          others({lines.begin(), lines.end()})),
+              Place{program.path, first->line, 1}, "move the workpiece origin, or change these lines");
+}
+
+Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                        const AcceptOptions& options) {
+  if (!job.measured) POLYPOD_TRY(statics::needs_compliance(job.machine));
+  if (!options.again) POLYPOD_TRY(not_corrected_before(program));
+  if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), feeds)) {
+    return fail("MC301",
+                interpretation.moves.empty() ? "the program has no moves" : "the program has only rapid moves (G0)",
+                Place{program.path, 0, 0}, "check that this is the file that was meant");
+  }
+  POLYPOD_TRY(known_offsets(job, program, interpretation));
+  POLYPOD_TRY(known_tools(job, program, interpretation));
+  Accepted out{interpretation, {}};
+  POLYPOD_TRY(known_starts(job, program, out));
+  POLYPOD_TRY(accept_reach(job, program, out.interpretation, options.progress));
+  return out;
+}
+
+Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  const Box stock = box_of(job.stock);
+  Box path;
+  const gcode::Move* first = nullptr;
+  for (const gcode::Move& move : interpretation.moves) {
+    if (!feeds(move)) continue;
+    if (first == nullptr) first = &move;
+    path.extend(swept_box(move, job.cutter_of(move.tool).radius()));
+  }
+  std::string misses;
+  for (int k = 0; k < 3; ++k) {
+    const double over = path.min()[k] - stock.max()[k], under = stock.min()[k] - path.max()[k];
+    // A tip below the stock still cuts with the edges above it.
+    const double gap = k == 2 ? over : std::max(over, under);
+    if (gap < 0) continue;
+    misses += fmt::format("{}{} mm in {}", misses.empty() ? "" : ", ",
+                          fmt::format("{:.3f}", to_mm(gap)), "XYZ"[k]);
+  }
+  const auto touches_when_scaled = [&](double scale) {
+    return may_touch({path.min() * scale, path.max() * scale}, stock);
+  };
+  std::string hint = "check the origin of the workpiece, the stock and the depth of the program";
+  const double inch = units::from_inch(1) / units::from_mm(1);
+  if (!misses.empty() && touches_when_scaled(inch)) {
+    hint = "in inches it would cut: check G20 and G21, and the unit of the CAM system";
+  } else if (!misses.empty() && touches_when_scaled(1 / inch)) {
+    hint = "in millimetres it would cut: check G20 and G21, and the unit of the CAM system";
+  } else if (misses.empty()) {
+    hint = "its box overlaps the stock's, but no point meets material: has it been cut away before?";
+  }
+  return {"MC302",
+          fmt::format("no move of the program cuts{}: its feed moves cover X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} "
+                      ".. {:.1f} mm with the cutter, the stock X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} .. {:.1f} mm",
+                      misses.empty() ? "" : "; it misses the stock by " + misses, to_mm(path.min().x()),
+                      to_mm(path.max().x()), to_mm(path.min().y()), to_mm(path.max().y()), to_mm(path.min().z()),
+                      to_mm(path.max().z()), to_mm(stock.min().x()), to_mm(stock.max().x()), to_mm(stock.min().y()),
+                      to_mm(stock.max().y()), to_mm(stock.min().z()), to_mm(stock.max().z())),
+          first != nullptr ? place_of(program, *first) : Place{program.path, 0, 0}, hint};
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,257 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "fit.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace polypod::machining {
+namespace {
+
+// An arc that turns by more than this is no better than two, and near a full turn rounding could close it, rad.
+constexpr double kMostTurn = 5.0;
+// An arc whose sagitta is below this is written as a line, m: the grain of written coordinates.
+constexpr double kFlat = 0.2e-6;
+
+/// An arc of the command in the plane of the programmed one.
+struct Arc {
+  Vec3 centre = Vec3::Zero();
+  double radius = 0;
+  double turn = 0;  ///< rad, > 0
+};
+
+/// Unit vectors of the plane, u cross v being the axis about which the move turns in the positive sense, and the axis.
+struct Frame {
+  explicit Frame(const gcode::Move& move) {
+    const int normal = move.plane == gcode::Plane::xy ? 2 : move.plane == gcode::Plane::zx ? 1 : 0;
+    w = Vec3::Unit(normal) * (move.clockwise ? -1.0 : 1.0);
+    u = Vec3::Unit((normal + 1) % 3);
+    v = w.cross(u);
+  }
+  [[nodiscard]] Eigen::Vector2d flat(const Vec3& p) const { return {u.dot(p), v.dot(p)}; }
+  Vec3 u, v, w;
+};
+
+double angle_of(const Eigen::Vector2d& p) {
+  return std::atan2(p.y(), p.x());
+}
+
+/// From angle a on to angle b in the positive sense, 0 .. 2 pi.
+double turned(double a, double b) {
+  const double turn = std::fmod(b - a, 2 * std::numbers::pi);
+  return turn < 0 ? turn + 2 * std::numbers::pi : turn;
+}
+
+class Fit {
+ public:
+  Fit(const gcode::Move& move, const Deflections& d, const Vec3& first, const Vec3& last, const FitOptions& options)
+      : move_(move),
+        d_(d),
+        first_(first),
+        last_(last),
+        options_(options),
+        frame_(move),
+        end_(d.s.size() - 1),
+        arcs_(move.kind == gcode::MoveKind::arc) {}
+
+  std::vector<Piece> run() const {
+    std::vector<std::size_t> best = greedy(options_.allowed);
+    double low = 0, high = options_.allowed;
+    for (int j = 0; best.size() > 1 && j < 7; ++j) {
+      const double mid = 0.5 * (low + high);
+      std::vector<std::size_t> tighter = greedy(mid);
+      if (tighter.size() <= best.size()) {
+        best = std::move(tighter);
+        high = mid;
+      } else {
+        low = mid;
+      }
+    }
+    lengthen_last(best);
+    smooth(best);
+    std::vector<Piece> pieces;
+    std::size_t a = 0;
+    for (const std::size_t b : best) {
+      Piece piece{command(b)};
+      if (const auto arc = arc_between(a, b)) piece.centre = arc->centre;
+      pieces.push_back(piece);
+      a = b;
+    }
+    return pieces;
+  }
+
+ private:
+  struct Error {
+    double largest = 0;  ///< m
+    double squares = 0;  ///< m^2, summed over the samples after the first
+  };
+
+  [[nodiscard]] Vec3 ideal(std::size_t k) const { return move_.point(d_.s[k]) - d_.delta[k]; }
+  [[nodiscard]] Vec3 command(std::size_t k) const { return k == 0 ? first_ : k == end_ ? last_ : ideal(k); }
+
+  /// The arc from command a to command b through the ideal command half way, if it is one that can be written.
+  [[nodiscard]] std::optional<Arc> arc_between(std::size_t a, std::size_t b) const {
+    if (!arcs_ || b - a < 2) return std::nullopt;
+    const Vec3 A = command(a), M = ideal(a + (b - a) / 2), B = command(b);
+    const Eigen::Vector2d p = frame_.flat(A), m = frame_.flat(M) - p, q = frame_.flat(B) - p;
+    const double cross = m.x() * q.y() - m.y() * q.x();
+    const double sagitta = q.norm() > 0 ? std::abs(cross) / q.norm() : 0;
+    if (!(cross > 0) || sagitta < kFlat) return std::nullopt;  // it turns the other way, or not at all
+    const Eigen::Vector2d from_a =
+        Eigen::Vector2d(q.y() * m.squaredNorm() - m.y() * q.squaredNorm(),
+                        m.x() * q.squaredNorm() - q.x() * m.squaredNorm()) /
+        (2 * cross);
+    Arc arc;
+    arc.centre = A + frame_.u * from_a.x() + frame_.v * from_a.y();
+    arc.radius = from_a.norm();
+    arc.turn = turned(angle_of(-from_a), angle_of(q - from_a));
+    if (!(arc.turn < kMostTurn)) return std::nullopt;
+    return arc;
+  }
+
+  /// Error of the piece from sample a to sample b; gives up above `give_up`. An arc off the ideal command by more than
+  /// the chord tolerance has an infinite one.
+  [[nodiscard]] Error error(std::size_t a, std::size_t b, double give_up) const {
+    const Vec3 A = command(a), B = command(b);
+    const std::optional<Arc> arc = arc_between(a, b);
+    Error out;
+    if (arcs_ && !arc && b - a > 1) return {INFINITY, INFINITY};
+    const double start = arc ? angle_of(frame_.flat(A - arc->centre)) : 0;
+    for (std::size_t k = a; k <= b && out.largest <= give_up; ++k) {
+      Vec3 commanded;
+      if (arc) {
+        const Eigen::Vector2d out_of_centre = frame_.flat(ideal(k) - arc->centre);
+        double share = turned(start, angle_of(out_of_centre)) / arc->turn;
+        if (share > 1) share = 2 * (k - a) > b - a ? 1 : 0;  // just beyond one of the ends
+        const double angle = start + share * arc->turn;
+        commanded = arc->centre + arc->radius * (frame_.u * std::cos(angle) + frame_.v * std::sin(angle)) +
+                    frame_.w * (frame_.w.dot(B - A) * share);
+        if (k > a && k < b && (commanded - ideal(k)).norm() > options_.chord) return {INFINITY, INFINITY};
+      } else {
+        const double u = d_.s[b] > d_.s[a] ? (d_.s[k] - d_.s[a]) / (d_.s[b] - d_.s[a]) : 1.0;
+        commanded = A + (B - A) * u;
+      }
+      const double off = distance_from(move_, d_, k, commanded + d_.delta[k] - move_.point(d_.s[k]));
+      out.largest = std::max(out.largest, off);
+      if (k > a) out.squares += off * off;
+    }
+    return out;
+  }
+
+  /// The first sample that is a shortest block beyond sample a.
+  [[nodiscard]] std::size_t next(std::size_t a) const {
+    const double wanted = d_.s[a] + options_.shortest * (1 - 1e-9);
+    const auto from = d_.s.begin() + static_cast<std::ptrdiff_t>(a) + 1;
+    const auto at = std::lower_bound(from, d_.s.end(), wanted);
+    return std::min(static_cast<std::size_t>(at - d_.s.begin()), end_);
+  }
+
+  [[nodiscard]] std::vector<std::size_t> greedy(double allowed) const {
+    std::vector<std::size_t> knots;
+    std::size_t at = 0;
+    while (at < end_) {
+      const auto fits = [&](std::size_t to) { return error(at, to, allowed).largest <= allowed; };
+      std::size_t good = next(at);
+      if (fits(end_)) {
+        good = end_;
+      } else {
+        std::size_t reach = 2 * (good - at);
+        while (at + reach < end_ && fits(at + reach)) {
+          good = at + reach;
+          reach *= 2;
+        }
+        std::size_t bad = std::min(at + reach, end_);
+        while (bad > good + 1) {
+          const std::size_t mid = good + (bad - good) / 2;
+          (fits(mid) ? good : bad) = mid;
+        }
+      }
+      knots.push_back(good);
+      at = good;
+    }
+    return knots;
+  }
+
+  /// Moves the last knot but one back where the last block would be too short.
+  void lengthen_last(std::vector<std::size_t>& knots) const {
+    if (knots.size() < 2 || d_.s[end_] - d_.s[knots[knots.size() - 2]] >= options_.shortest) return;
+    const std::size_t before = knots.size() > 2 ? knots[knots.size() - 3] : 0;
+    std::size_t k = knots[knots.size() - 2];
+    while (k > before + 1 && d_.s[end_] - d_.s[k] < options_.shortest) --k;
+    if (d_.s[k] - d_.s[before] >= options_.shortest) {
+      knots[knots.size() - 2] = k;
+    } else {
+      knots.erase(knots.end() - 2);  // the check of what was written says whether this is good enough
+    }
+  }
+
+  /// Descent knot by knot, steps of powers of two.
+  void smooth(std::vector<std::size_t>& knots) const {
+    constexpr int kSweeps = 12;
+    const double allowed = options_.allowed;
+    bool moved = knots.size() > 1;
+    for (int sweep = 0; moved && sweep < kSweeps; ++sweep) {
+      moved = false;
+      for (std::size_t j = 0; j + 1 < knots.size(); ++j) {
+        const std::size_t a = j == 0 ? 0 : knots[j - 1], b = knots[j + 1];
+        const auto cost = [&](std::size_t k) -> std::optional<double> {
+          const Error left = error(a, k, allowed);
+          if (left.largest > allowed) return std::nullopt;
+          const Error right = error(k, b, allowed);
+          if (right.largest > allowed) return std::nullopt;
+          return left.squares + right.squares;
+        };
+        std::optional<double> here = cost(knots[j]);
+        const std::size_t from = knots[j];
+        for (std::size_t step = 1; step < b - a; step *= 2) {
+          for (const std::size_t k : {from + step, from - std::min(from, step)}) {
+            if (k <= a || k >= b || d_.s[k] - d_.s[a] < options_.shortest || d_.s[b] - d_.s[k] < options_.shortest) {
+              continue;
+            }
+            const std::optional<double> there = cost(k);
+            if (!there || (here && *there >= *here)) continue;
+            here = there;
+            knots[j] = k;
+            moved = true;
+          }
+        }
+      }
+    }
+  }
+
+  const gcode::Move& move_;
+  const Deflections& d_;
+  const Vec3 first_, last_;
+  const FitOptions& options_;
+  const Frame frame_;
+  const std::size_t end_;
+  const bool arcs_;
+};
+
+}  // namespace
+
+double distance_from(const gcode::Move& move, const Deflections& d, std::size_t k, const Vec3& off) {
+  if (k == 0 || k + 1 == d.s.size()) return off.norm();
+  const Vec3 along = move.direction(d.s[k]);
+  return (off - along * along.dot(off)).norm();
+}
+
+std::vector<Piece> fit_pieces(const gcode::Move& move, const Deflections& deflections, const Vec3& first,
+                              const Vec3& last, const FitOptions& options) {
+  return Fit(move, deflections, first, last, options).run();
+}
+
+std::vector<Piece> equal_pieces(const gcode::Move& move, const Deflections& d, const Vec3& last, int count) {
+  std::vector<Piece> pieces;
+  std::size_t before = 0;
+  for (int j = 1; j <= count; ++j) {
+    const auto k = static_cast<std::size_t>(std::lround(double(d.s.size() - 1) * j / count));
+    if (k <= before) continue;
+    pieces.push_back({k + 1 == d.s.size() ? last : Vec3(move.point(d.s[k]) - d.delta[k])});
+    before = k;
+  }
+  return pieces;
+}
+
+}  // namespace polypod::machining

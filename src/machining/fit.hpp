@@ -1,0 +1,49 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The fewest blocks that stand for a corrected move: lines for a line, arcs for an arc.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "polypod/gcode/interpreter.hpp"
+
+namespace polypod::machining {
+
+/// The deflection along one move when the deflected tool is on the programmed path: the ideal command is p(s) - delta.
+struct Deflections {
+  std::vector<double> s;    ///< arc lengths of the samples, m, rising, both ends included
+  std::vector<Vec3> delta;  ///< m, in W
+  bool cuts = false;
+};
+
+/// A block of the corrected path.
+struct Piece {
+  Vec3 end = Vec3::Zero();     ///< p_W, m
+  bool transition = false;     ///< takes the load on or off between two moves
+  std::optional<Vec3> centre;  ///< of an arc in the plane and the sense of the programmed one
+};
+
+struct FitOptions {
+  double allowed = 0;   ///< m, largest distance of the deflected tool from the programmed move at a sample
+  double chord = 0;     ///< m, largest distance of an arc from the ideal command
+  double shortest = 0;  ///< m, no block is shorter where the move is not
+};
+
+/// Distance of p(s_k) + off from the move: across it between its ends, in full at the ends.
+double distance_from(const gcode::Move& move, const Deflections& d, std::size_t k, const Vec3& off);
+
+/// Pieces from `first` to `last` that keep to the options at every sample; their knots are samples. Found greedily, each
+/// piece reaching as far as it can, farthest first; with that number fixed the largest error is made as small as it
+/// goes, then the knots move to where the squared error is smallest (a long piece that reaches into a ramp of the
+/// deflection would else be off along its whole length).
+///
+/// A programmed arc or helix is replaced by arcs through three points of the ideal command each, in the arc's plane and
+/// with an even feed along its axis; between neighbouring samples, and where no such arc keeps within `chord`, by a
+/// straight line. A piece between neighbouring samples is always taken. Cost: O(n log n) for n samples.
+std::vector<Piece> fit_pieces(const gcode::Move& move, const Deflections& deflections, const Vec3& first,
+                              const Vec3& last, const FitOptions& options);
+
+/// Straight pieces at `count` equal parts of the move, for the mirror of SLAV (5.2).
+std::vector<Piece> equal_pieces(const gcode::Move& move, const Deflections& deflections, const Vec3& last, int count);
+
+}  // namespace polypod::machining

@@ -1,0 +1,81 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace polypod::machining {
+namespace {
+
+std::vector<gcode::Move> moves_of(const Way& way) {
+  std::vector<gcode::Move> moves;
+  moves.reserve(way.moves.size());
+  for (const PassMove& m : way.moves) moves.push_back(m.move);
+  return moves;
+}
+
+/// For each block the last block up to it that holds a path control word; -1 where there is none.
+std::vector<int> control_blocks(const gcode::Program& program) {
+  std::vector<int> out(program.blocks.size(), -1);
+  int last = -1;
+  for (std::size_t b = 0; b < program.blocks.size(); ++b) {
+    for (const gcode::Word& w : program.blocks[b].words) {
+      if (w.letter == 'G' && (w.value == 61 || w.value == 61.1 || w.value == 64)) last = static_cast<int>(b);
+    }
+    out[b] = last;
+  }
+  return out;
+}
+
+}  // namespace
+
+Corners corners_of(const Job& job, const gcode::Program& program, const Way& way, const Prediction& prediction,
+                   double inside) {
+  const std::vector<gcode::Move> moves = moves_of(way);
+  const std::vector<Corner> at = corners(moves, job.controller.planner);
+  const std::vector<double>& distance = prediction.commanded_distance;
+  const std::vector<int> control = control_blocks(program);
+  Corners out;
+  out.deviation.assign(moves.size(), 0);
+  out.with = distance;
+  out.slack.assign(moves.size(), std::numeric_limits<double>::infinity());
+  out.time = program_time(moves, job.controller.planner);
+  const auto cuts = [&](std::size_t c) { return distance[c] > 0; };
+  for (std::size_t c = 0; c + 1 < moves.size(); ++c) {
+    std::size_t next = c + 1;
+    while (next + 1 < moves.size() && !(moves[next].length() > 0)) ++next;
+    if (!cuts(c) && !cuts(next)) continue;
+    const double worst = std::max(distance[c], distance[next]);
+    out.slack[c] = inside - worst;
+    const double deviation = at[c].deviation;
+    if (deviation > std::max(out.slack[c], 0.0)) {
+      out.kept = false;
+      for (const std::size_t m : {c, next}) {
+        const int block = control[static_cast<std::size_t>(moves[m].block)];
+        if (block >= 0 && std::find(out.breaking.begin(), out.breaking.end(), block) == out.breaking.end()) {
+          out.breaking.push_back(block);
+        }
+      }
+    }
+    for (const std::size_t m : {c, next}) {
+      if (!cuts(m)) continue;
+      out.deviation[m] = std::max(out.deviation[m], deviation);
+      out.with[m] = std::max(out.with[m], worst + deviation);
+      out.largest = std::max(out.largest, deviation);
+    }
+  }
+  for (const double d : out.with) out.largest_with = std::max(out.largest_with, d);
+  return out;
+}
+
+gcode::PathControl mode_for(const Job& job, const Way& way, const Corners& corners) {
+  // A joint that is outside already asks for nothing: no mode brings it back.
+  std::vector<double> slack = corners.slack;
+  for (double& s : slack) {
+    if (!(s > 0)) s = std::numeric_limits<double>::infinity();
+  }
+  return choose_path_mode(moves_of(way), slack, job.controller.planner).control;
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,28 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Judging what was commanded against what was programmed: the same for the program as it is and for the corrected one.
+#pragma once
+
+#include <vector>
+
+#include "polypod/machining/predict.hpp"
+
+namespace polypod::machining {
+
+/// What is commanded, and which programmed move each of it stands for.
+struct Way {
+  const gcode::Program* lines = nullptr;                 ///< whose lines the answer names
+  const std::vector<gcode::Move>* programmed = nullptr;  ///< of that program
+  std::vector<PassMove> moves;                           ///< commanded
+  std::vector<int> source;                               ///< the programmed move of each; empty: its own number
+};
+
+/// Sends the bent cutter along `way.moves`, which are those of `program`, and judges it against the programmed moves:
+/// every point against its move, the first and the last point of a move against its ends. Errors: those of run_pass.
+Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
+                               const PredictOptions& options);
+
+/// `predict` for a program that `accept` has taken.
+Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
+                                    const gcode::Interpretation& interpretation, const PredictOptions& options);
+
+}  // namespace polypod::machining
