@@ -177,7 +177,7 @@ class Corrector {
         first = *shared;
       } else if (d.delta.front().norm() > jump(i)) {
         first = move.start - d.delta.front();
-        plan.push_back({first, true});
+        plan.push_back({first, true, {}});
       }
       shared.reset();
       Vec3 last = move.end;
@@ -191,7 +191,7 @@ class Corrector {
         release = !next_too;  // let the load go on the spot before the tool leaves
       }
       for (Piece& piece : pieces_of(i, first, last)) plan.push_back(std::move(piece));
-      if (release) plan.push_back({move.end, true});
+      if (release) plan.push_back({move.end, true, {}});
     }
     return plans;
   }

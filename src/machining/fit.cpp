@@ -73,7 +73,7 @@ class Fit {
     std::vector<Piece> pieces;
     std::size_t a = 0;
     for (const std::size_t b : best) {
-      Piece piece{command(b)};
+      Piece piece{command(b), false, {}};
       if (const auto arc = arc_between(a, b)) piece.centre = arc->centre;
       pieces.push_back(piece);
       a = b;
@@ -248,7 +248,7 @@ std::vector<Piece> equal_pieces(const gcode::Move& move, const Deflections& d, c
   for (int j = 1; j <= count; ++j) {
     const auto k = static_cast<std::size_t>(std::lround(double(d.s.size() - 1) * j / count));
     if (k <= before) continue;
-    pieces.push_back({k + 1 == d.s.size() ? last : Vec3(move.point(d.s[k]) - d.delta[k])});
+    pieces.push_back({k + 1 == d.s.size() ? last : Vec3(move.point(d.s[k]) - d.delta[k]), false, {}});
     before = k;
   }
   return pieces;

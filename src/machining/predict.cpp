@@ -54,29 +54,45 @@ Sample judged(const Sample& sample, const PathError& error) {
 
 std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass) {
   std::vector<std::string> notes;
-  int plunges = 0, first_plunge = 0;
-  double plunged = 0;
+  const auto line_of = [&](const Incident& i) { return program.blocks[static_cast<std::size_t>(i.block)].line; };
+  int touches = 0, first_touch = 0;
+  double touched = 0;
   for (const Incident& incident : pass.incidents) {
-    const int line = program.blocks[static_cast<std::size_t>(incident.block)].line;
-    if (incident.kind == Incident::Kind::rapid_through_stock) {
-      notes.push_back(fmt::format("{}:{}: G0 goes through {:.1f} mm3 of material", program.path, line,
-                                  units::to_mm3(incident.volume)));
-    } else {
-      if (plunges++ == 0) first_plunge = line;
-      plunged += incident.volume;
-    }
+    if (incident.kind != Incident::Kind::rapid_through_stock) continue;
+    if (touches++ == 0) first_touch = line_of(incident);
+    touched += incident.volume;
   }
-  if (plunges > 0) {
-    notes.push_back(
-        fmt::format("{} plunging moves (first in line {}) take {:.1f} mm3 with the end of the cutter: the "
-                    "force model knows only its sides, so they are predicted without bend",
-                    plunges, first_plunge, units::to_mm3(plunged)));
+  if (touches > 0) {
+    notes.push_back(fmt::format("{} rapid {} (G0; first in line {}) {} {:.2g} mm3 of material in all", touches,
+                                touches == 1 ? "move" : "moves", first_touch, touches == 1 ? "touches" : "touch",
+                                units::to_mm3(touched)));
   }
   if (pass.not_converged > 0) {
     notes.push_back(fmt::format("the equilibrium of {} of {} points still moved by up to {:.2f} um", pass.not_converged,
                                 pass.points, units::to_um(pass.largest_rest)));
   }
   return notes;
+}
+
+double resolution(const Job& job) {
+  return 0.02 * job.tolerance;
+}
+
+Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass) {
+  const Incident* worst = nullptr;
+  std::size_t others = 0;
+  for (const Incident& incident : pass.incidents) {
+    if (incident.kind != Incident::Kind::rapid_through_stock || incident.volume <= job.rapid_volume) continue;
+    ++others;
+    if (worst == nullptr || incident.volume > worst->volume) worst = &incident;
+  }
+  if (worst == nullptr) return {};
+  return fail("MC304",
+              fmt::format("this rapid move (G0) goes through {:.3g} mm3 of material{}", units::to_mm3(worst->volume),
+                          others > 1 ? fmt::format(", and {} others through some", others - 1) : ""),
+              Place{program.path, program.blocks[static_cast<std::size_t>(worst->block)].line, 1},
+              fmt::format("retract first, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
+                          units::to_mm3(job.rapid_volume)));
 }
 
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,

@@ -21,6 +21,13 @@ struct Way {
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options);
 
+/// What the cells of the stock leave open in a predicted distance, m: a prediction with cells half as large and steps a
+/// tenth as long stays within it (tests/machining/random_test.cpp). A verdict keeps this much of the tube free.
+double resolution(const Job& job);
+
+/// MC304 where a rapid goes through more than `job.rapid_volume` of material: with the line of the worst.
+Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass);
+
 /// `predict` for a program that `accept` has taken.
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
                                     const gcode::Interpretation& interpretation, const PredictOptions& options);

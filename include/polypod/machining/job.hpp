@@ -47,6 +47,8 @@ struct Job {
   Pose X_MW;  ///< workpiece frame (that of G54) in the machine frame; turned about z_M only
   std::array<Vec3, 6> work_offsets{Vec3::Zero(), Vec3::Zero(), Vec3::Zero(),
                                    Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};  ///< origins of G54..G59 in W, m
+  /// Which of them the job says; the origin of G54 is that of W unless it says otherwise.
+  std::array<bool, 6> offset_given{true, false, false, false, false, false};
   cutting::Cutter cutter;                  ///< for every tool number that has none of its own
   std::map<int, cutting::Cutter> cutters;  ///< by T number
   cutting::Material material;
