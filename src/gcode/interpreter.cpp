@@ -702,6 +702,7 @@ class Interpreter {
       modal_.inches = g == 200;
       units_known_ = true;
     }
+    if (const int g = g_code(Group::path); g >= 0) path_ = path_control(g);
     if (const int g = g_code(Group::length_offset); g >= 0) POLYPOD_TRY(length_offset(g));
     if (const int g = g_code(Group::work_offset); g >= 0) modal_.work_offset = static_cast<std::uint8_t>(g / 10 - 54);
     if (const int g = g_code(Group::distance); g >= 0) {
@@ -710,6 +711,18 @@ class Interpreter {
     }
     if (const int g = g_code(Group::arc_distance); g >= 0) modal_.arc_absolute = g == 901;
     return {};
+  }
+
+  /// G61, G61.1, G64 [P] [Q]. Called after the unit of the block is set: P and Q are lengths in it.
+  [[nodiscard]] PathControl path_control(int g) const {
+    if (g == 610) return {PathMode::exact_path, 0, 0};
+    if (g == 611) return {PathMode::exact_stop, 0, 0};
+    const auto tolerance = [&](char letter, float otherwise) {
+      const Word* word = find(letter);
+      return word == nullptr || word->value < 0 ? otherwise : static_cast<float>(metres(word->value));
+    };
+    const float p = tolerance('P', 0);
+    return {PathMode::continuous, p, tolerance('Q', p)};
   }
 
   Status length_offset(int g) {
@@ -779,6 +792,7 @@ class Interpreter {
     move.incremental = modal_.incremental;
     move.block = index_;
     move.tool = tool_;
+    move.path = path_;
     move.work_offset = modal_.work_offset;
     move.start = position_;
     move.start_known = known_[0] && known_[1] && known_[2];
@@ -949,6 +963,7 @@ class Interpreter {
 
   // What carries over.
   ModalState modal_;
+  PathControl path_;
   bool percent_ = false;
   Vec3 position_ = Vec3::Zero();  // p_W, m
   Vec3 axes_ = Vec3::Zero();      // A, B, C, rad

@@ -23,6 +23,24 @@ enum class Plane : std::uint8_t { xy, zx, yz };              ///< G17, G18, G19
 enum class FeedMode : std::uint8_t { per_minute, inverse };  ///< G94, G93
 enum class Spindle : std::uint8_t { off, clockwise, counterclockwise };
 
+enum class PathMode : std::uint8_t {
+  continuous,  ///< G64: corners are rounded to keep up the speed
+  exact_path,  ///< G61: stops at every corner that is not tangent
+  exact_stop   ///< G61.1: stops at every end of a move
+};
+
+/// The path control mode in force (G61, G61.1, G64), as LinuxCNC reads it.
+struct PathControl {
+  PathMode mode = PathMode::continuous;
+  /// P of G64: how far a rounded corner may leave the path, m; 0 without P (or with P <= 0): as far as the speed needs.
+  float blend_tolerance = 0;
+  /// Q of G64, LinuxCNC's naive cam tolerance: lines are merged whose ends stay this close to the merged one, m.
+  /// Without Q it is P; 0 merges nothing.
+  float naive_cam_tolerance = 0;
+
+  friend bool operator==(const PathControl&, const PathControl&) = default;
+};
+
 /// The modal words in force; ten bytes, one a block, for whoever rewrites blocks.
 struct ModalState {
   std::int16_t motion = -1;      ///< 0 to 3 for G0 to G3; -1 for none (before the first, after G80)
@@ -51,6 +69,7 @@ struct Move {
   bool incremental = false;        ///< G91: the block's numbers are steps from `start`
   int block = 0;                   ///< index into Program::blocks
   int tool = 0;                    ///< T number of the tool in the spindle (0: none was changed in)
+  PathControl path;                ///< in force during the move
   int work_offset = 0;             ///< 0 for G54 ... 5 for G59
   Vec3 start = Vec3::Zero();       ///< p_W, m
   Vec3 end = Vec3::Zero();         ///< p_W, m
@@ -101,7 +120,8 @@ struct Interpretation {
 /// the order in which they stand in the block. G94 forgets the feed, as in LinuxCNC. An arc may have radii at its start
 /// and end that differ by 28.3 um (under G20 by 71.8 um) or by 0.1 % of the larger one; the half chord of an R arc may
 /// exceed R by 1.27 um (LinuxCNC's tolerances). Before the program says otherwise: mm, G17, G90, G91.1, G94, G54, no
-/// motion mode, spindle off, no tool, X = Y = Z = 0. Cost: linear; one Move a motion block, one ModalState a block.
+/// motion mode, spindle off, no tool, G64 without P, X = Y = Z = 0. Cost: linear; one Move a motion block, one
+/// ModalState a block.
 Result<Interpretation> interpret(const Program& program, const InterpretOptions& options = {});
 
 }  // namespace polypod::gcode

@@ -1,0 +1,280 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/path_mode.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "polypod/core/units.hpp"
+
+namespace polypod::machining {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// Shares of the planner. Acceleration across and along an arc: sqrt(1 - 1/4) and 1/2 of the whole.
+const double kNormalShare = std::sqrt(0.75);
+constexpr double kTangentialShare = 0.5;
+/// A blend may take this share of a move's length as its tolerance.
+constexpr double kLengthShare = 0.25;
+/// The kink of two directions that counts as tangent, in parts of the acceleration.
+constexpr double kKink = 0.1;
+/// Beyond this turn, rad, the planner stops.
+constexpr double kLargestTurn = units::from_deg(178);
+/// A block takes at least this many servo periods.
+constexpr double kLeastPeriods = 1.02;
+/// Directions count as lying in a plane below this sine: rounded coordinates make more than 1e-9.
+constexpr double kInPlane = 1e-6;
+
+/// A corner of two lines; lengths in m, 0 for no tolerance.
+struct LineCorner {
+  double turn, tolerance, length_before, length_after;
+};
+struct Rounding {
+  double deviation = 0, speed = 0;
+};
+
+/// The circular blend: the largest circle that the tolerance and half of each move allow, as fast as its acceleration
+/// permits.
+Rounding blend_arc(const LineCorner& c, double v, double a) {
+  const double half = c.turn / 2;
+  const double d = std::min(
+      {c.length_before / 2, c.length_after / 2,
+       std::min({c.tolerance, kLengthShare * c.length_before, kLengthShare * c.length_after}) / std::tan(c.turn / 4)});
+  const double normal = kNormalShare * a, largest = d / std::tan(half);
+  const double speed = std::min(std::sqrt(normal * largest), v);
+  const double along = speed * std::min(std::sqrt(2 * kTangentialShare * a * d), speed) / (kTangentialShare * a);
+  const double radius = std::max(speed * speed / normal, std::min(along / c.turn, largest));
+  return {radius * (1 / std::cos(half) - 1), speed};
+}
+
+/// The parabolic blend: the next move begins while the one before slows down, each with half the acceleration.
+Rounding blend_parabola(const LineCorner& c, double v, double a) {
+  const double half = c.turn / 2, each = 0.5 * a;
+  const auto reached = [&](double length) { return std::min(std::sqrt(each * length), v); };
+  const double before = reached(c.length_before), after = reached(c.length_after);
+  double speed =
+      std::min({before, after,
+                each * std::min({c.length_before / before, c.length_after / after, std::max(before, after) / each})});
+  if (std::isfinite(c.tolerance)) speed = std::min(speed, 2 * std::sqrt(each * c.tolerance / std::sin(half)));
+  return {speed * speed * std::sin(half) / (4 * each), std::cos(half) * speed};
+}
+
+/// What two lines get: the fastest of blend arc, parabolic blend and plain kink, as the planner chooses. `v` is the
+/// largest speed there.
+Rounding round_lines(const LineCorner& c, double v, const PlannerLimits& limits) {
+  const double a = limits.acceleration;
+  const double kink = (v / limits.servo_period + a) * 2 * std::sin(c.turn / 2) / a;
+  if (kink < kKink) return {0, v};
+  if (c.turn > kLargestTurn) return {};
+  const Rounding arc = blend_arc(c, v, a), parabola = blend_parabola(c, v, a);
+  const double straight = v * kKink / kink;
+  // The parabola is compared by half its speed.
+  if (arc.speed >= std::max(straight, 0.5 * parabola.speed)) return arc;
+  if (straight >= 0.5 * parabola.speed) return {0, straight};
+  return parabola;
+}
+
+bool is_rapid(const gcode::Move& move) {
+  return move.kind == gcode::MoveKind::rapid;
+}
+bool is_arc(const gcode::Move& move) {
+  return move.kind == gcode::MoveKind::arc;
+}
+bool turns_axes(const gcode::Move& move) {
+  return move.axes_start != move.axes_end;
+}
+
+Vec3 normal_of(gcode::Plane plane) {
+  return Vec3::Unit(plane == gcode::Plane::xy ? 2 : plane == gcode::Plane::zx ? 1 : 0);
+}
+
+/// Whether a blend may leave the plane of an arc by more than its tolerance: after an arc that the next move leaves,
+/// and at both ends of a helix. (An arc that begins out of the plane of the line before it keeps the tolerance.)
+bool leaves_plane(const gcode::Move& before, const gcode::Move& after) {
+  const auto off = [](const gcode::Move& arc, const Vec3& direction) {
+    return std::abs(direction.dot(normal_of(arc.plane))) > kInPlane;
+  };
+  const Vec3 out = after.direction(0);
+  if (is_arc(before) && (off(before, before.direction(0)) || off(before, out))) return true;
+  return is_arc(after) && (off(after, out) || (is_arc(before) && before.plane != after.plane));
+}
+
+double largest_speed(const gcode::Move& move, const PlannerLimits& limits, double override) {
+  return is_rapid(move) ? limits.velocity : std::min(move.feed * override, limits.velocity);
+}
+
+/// Whether the planner comes to a stop between the moves, whatever their directions.
+bool stops(const gcode::Move& before, const gcode::Move& after) {
+  return before.path.mode == gcode::PathMode::exact_stop || is_rapid(before) != is_rapid(after) ||
+         before.tool != after.tool || before.spindle != after.spindle || before.spindle_speed != after.spindle_speed;
+}
+
+/// P of the joint, m; infinity where neither move has one.
+double blend_tolerance(const gcode::Move& before, const gcode::Move& after) {
+  double tolerance = kInfinity;
+  for (const float p : {before.path.blend_tolerance, after.path.blend_tolerance}) {
+    if (p > 0) tolerance = std::min(tolerance, static_cast<double>(p));
+  }
+  return tolerance;
+}
+
+/// The largest radius' speed on an arc: sqrt(a_n r) with the smaller of its end radii.
+double arc_speed(const gcode::Move& move, double normal_acceleration) {
+  const Vec3 normal = normal_of(move.plane);
+  const auto radius = [&](const Vec3& p) {
+    const Vec3 r = p - move.centre;
+    return (r - normal * normal.dot(r)).norm();
+  };
+  return std::sqrt(normal_acceleration * std::min(radius(move.start), radius(move.end)));
+}
+
+/// A block of the time: its length, speed and acceleration along it.
+struct TimedBlock {
+  double length, speed, acceleration, corner;
+};
+
+double block_time(const TimedBlock& block, double from, double to) {
+  const double a = block.acceleration;
+  const double top = std::min(block.speed, std::sqrt(a * block.length + 0.5 * (from * from + to * to)));
+  const double changing = (2 * top * top - from * from - to * to) / (2 * a);
+  return (2 * top - from - to) / a + std::max(0.0, block.length - changing) / top;
+}
+
+std::vector<gcode::Move> with_mode(std::span<const gcode::Move> moves, const gcode::PathControl& control) {
+  std::vector<gcode::Move> all(moves.begin(), moves.end());
+  for (gcode::Move& move : all) move.path = control;
+  return all;
+}
+
+}  // namespace
+
+Corner corner(const gcode::Move& before, const gcode::Move& after, const PlannerLimits& limits) {
+  const double length_before = before.length(), length_after = after.length();
+  Corner result;
+  if (!(length_before > 0) || !(length_after > 0)) return result;
+  const Vec3 in = before.direction(length_before), out = after.direction(0);
+  result.turn = std::atan2(in.cross(out).norm(), in.dot(out));
+  if (stops(before, after)) return result;
+
+  const double feed_before = largest_speed(before, limits, 1), feed_after = largest_speed(after, limits, 1);
+  const double v =
+      std::max(largest_speed(before, limits, limits.feed_override), largest_speed(after, limits, limits.feed_override));
+  const double tolerance = blend_tolerance(before, after);
+  const Rounding rule = round_lines({result.turn, tolerance, length_before, length_after}, v, limits);
+  result.speed = std::min({rule.speed, feed_before, feed_after});
+  if (before.path.mode == gcode::PathMode::exact_path) {
+    // What is tangent is run through; at every other end it stops.
+    if (rule.deviation > 0 || rule.speed < v) result.speed = 0;
+    return result;
+  }
+
+  const bool leaves = leaves_plane(before, after);
+  const double merged = std::max(before.path.naive_cam_tolerance, after.path.naive_cam_tolerance);
+  const double shorter = kLengthShare * std::min(length_before, length_after);
+  result.deviation = rule.deviation;
+  result.bound = is_arc(before) || is_arc(after) || feed_before != feed_after;
+  if (leaves && rule.deviation > 0) result.deviation = 2 * std::min(tolerance, shorter);
+  if (turns_axes(before) || turns_axes(after)) {
+    result.bound = true;
+    result.deviation = std::min(tolerance, shorter);
+  }
+  if (merged > 0 && !is_rapid(before)) {
+    // Merged lines are longer and turn more than their blocks.
+    result.bound = true;
+    const double rounded = std::isfinite(tolerance)
+                               ? tolerance
+                               : round_lines({kLargestTurn, kInfinity, kInfinity, kInfinity}, v, limits).deviation;
+    result.deviation = (leaves ? 2 : 1) * rounded + merged;
+  }
+  return result;
+}
+
+std::vector<Corner> corners(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
+  std::vector<Corner> result(moves.size());
+  std::size_t last = moves.size();
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    if (!(moves[i].length() > 0)) continue;
+    if (last < moves.size()) result[last] = corner(moves[last], moves[i], limits);
+    last = i;
+  }
+  return result;
+}
+
+double program_time(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
+  const std::vector<Corner> joints = corners(moves, limits);
+  std::vector<TimedBlock> blocks;
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    const gcode::Move& move = moves[i];
+    const double length = move.length();
+    if (!(length > 0)) continue;
+    const double a = limits.acceleration * (is_arc(move) ? kTangentialShare : 1);
+    double speed = std::min(largest_speed(move, limits, 1), length / (kLeastPeriods * limits.servo_period));
+    if (is_arc(move)) speed = std::min(speed, arc_speed(move, kNormalShare * limits.acceleration));
+    if (!(speed > 0)) continue;
+    blocks.push_back({length, speed, a, joints[i].speed});
+  }
+  // The speed at the end of each block: what the corner allows, what can be stopped from, what is reached.
+  const std::size_t n = blocks.size();
+  std::vector<double> end(n + 1, 0);  // end[i + 1] after block i; at rest before the first and after the last
+  for (std::size_t i = n; i-- > 1;) {
+    const double stopped = std::sqrt(end[i + 1] * end[i + 1] + 2 * blocks[i].acceleration * blocks[i].length);
+    end[i] = std::min({blocks[i - 1].corner, blocks[i - 1].speed, blocks[i].speed, stopped});
+  }
+  double time = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    end[i + 1] = std::min(end[i + 1], std::sqrt(end[i] * end[i] + 2 * blocks[i].acceleration * blocks[i].length));
+    time += block_time(blocks[i], end[i], end[i + 1]);
+  }
+  return time;
+}
+
+double shortest_block(double v, const PlannerLimits& limits) {
+  return 2 * v * limits.servo_period;
+}
+
+PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<const double> slack,
+                                const PlannerLimits& limits) {
+  PathModeChoice choice;
+  choice.time_before = program_time(moves, limits);
+  const std::vector<Corner> unlimited = corners(with_mode(moves, {}), limits);
+  double least = kInfinity;
+  std::size_t before = 0;
+  for (std::size_t i = 0; i < std::min(moves.size(), slack.size()); ++i) {
+    const double allowed = slack[i] > 0 ? slack[i] : 0;
+    if (!(unlimited[i].deviation > std::min(allowed, kLeastBlendTolerance))) continue;
+    std::size_t next = i + 1;
+    while (next < moves.size() && !(moves[next].length() > 0)) ++next;
+    const double p = next < moves.size() && leaves_plane(moves[i], moves[next]) ? 0.5 * allowed : allowed;
+    if (p >= least) continue;
+    least = p;
+    before = i;
+  }
+  if (std::isfinite(least)) {
+    choice.limiting = static_cast<int>(before);
+    constexpr double kStep = 1e-7;  // m, the last decimal that is written
+    const double p = std::floor(least / kStep + 1e-6) * kStep;
+    choice.control = p < kLeastBlendTolerance
+                         ? gcode::PathControl{gcode::PathMode::exact_stop, 0, 0}
+                         : gcode::PathControl{gcode::PathMode::continuous, static_cast<float>(p), 0};
+  }
+  choice.time_after = program_time(with_mode(moves, choice.control), limits);
+  return choice;
+}
+
+std::string path_mode_words(const gcode::PathControl& control, bool inches) {
+  if (control.mode == gcode::PathMode::exact_path) return "G61";
+  if (control.mode == gcode::PathMode::exact_stop) return "G61.1";
+  const auto number = [&](float metres) {
+    const double scale = inches ? 1e5 : 1e4, value = inches ? units::to_inch(metres) : units::to_mm(metres);
+    constexpr double kSingle = 1e-3;  // of the last decimal: what single precision may have lost
+    return fmt::format("{:g}", std::floor(value * scale + kSingle) / scale);
+  };
+  if (!(control.blend_tolerance > 0) && !(control.naive_cam_tolerance > 0)) return "G64";
+  if (!(control.blend_tolerance > 0)) return "G64 Q" + number(control.naive_cam_tolerance);
+  return "G64 P" + number(control.blend_tolerance) + " Q" + number(control.naive_cam_tolerance);
+}
+
+}  // namespace polypod::machining
