@@ -22,6 +22,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRecord = 0.2;
 /// Of the recorded time: lines and arcs are timed without the way that blends cut off.
 constexpr double kTimeShare = 0.01;
+constexpr double kShortBlockShare = 0.05;
 
 std::vector<gcode::Move> moves_of(const std::string& text) {
   return unwrap(gcode::interpret(unwrap(gcode::parse("G21 G90 G17 G94\n" + text + "\nM2\n", "test.ngc")))).moves;
@@ -191,6 +192,18 @@ TEST(ProgramTime, MeetsTheRecord) {
     for (gcode::Move& move : moves) move.path = c.mode;
     EXPECT_NEAR(program_time(moves), c.seconds, kTimeShare * c.seconds) << c.example << " " << path_mode_words(c.mode);
   }
+}
+
+TEST(ProgramTime, OfShortBlocksWithCorners) {
+  // 40 blocks of 2.5 mm, zigzag: 74 deg between neighbours.
+  std::string text = "G0 X0 Y0 Z0\nG1 F1600\n";
+  for (int k = 1; k <= 40; ++k) text += "X" + std::to_string(2 * k) + (k % 2 == 0 ? " Y0\n" : " Y1.5\n");
+  const auto recorded = [&](const char* mode, double seconds) {
+    EXPECT_NEAR(program_time(moves_of(mode + ("\n" + text))), seconds, kShortBlockShare * seconds) << mode;
+  };
+  recorded("G61", 4.720);
+  recorded("G64", 3.439);
+  recorded("G64 P0.01 Q0", 4.549);
 }
 
 TEST(ProgramTime, OfOneMoveInClosedForm) {
