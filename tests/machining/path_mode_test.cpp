@@ -185,6 +185,8 @@ TEST(ProgramTime, MeetsTheRecord) {
       {"slavkovic_square", {continuous, 1e-5f, 0}, 40.514}, {"slavkovic_square", {continuous, 5e-5f, 0}, 40.487},
       {"freecad_profile", {exact_path, 0, 0}, 113.583},     {"freecad_profile", {}, 113.326},
       {"freecad_profile", {continuous, 1e-5f, 0}, 113.762}, {"freecad_profile", {continuous, 5e-5f, 0}, 113.662},
+      {"freecad_pocket", {exact_path, 0, 0}, 165.354},      {"freecad_pocket", {}, 150.773},
+      {"freecad_pocket", {continuous, 1e-5f, 0}, 162.910},  {"freecad_pocket", {exact_stop, 0, 0}, 164.810},
   };
   for (const Case& c : cases) {
     const gcode::Program program = unwrap(gcode::read(testing::example_path(c.example, "program.ngc")));
