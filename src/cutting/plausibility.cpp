@@ -91,8 +91,8 @@ void judge_coefficient(std::string_view name, double value, CoefficientRange ran
       {1e-3, "it in GPa (kN/mm^2) instead of N/mm^2 (MPa)"},
   }};
   static constexpr std::array<Slip, 1> kEdgeSlips{{{1e3, "it in N/m instead of N/mm"}}};
-  const CoefficientRange usual = edge ? CoefficientRange{0.1, range.high} : CoefficientRange{10, range.high};
-  notes.push_back(fmt::format("{} of {:.4g} {} is outside of what is published, {:g} to {:g}{}", name, value,
+  const CoefficientRange usual = edge ? CoefficientRange{0.1, range.high} : CoefficientRange{100, range.high};
+  notes.push_back(fmt::format("{} of {:.4g} {} is outside of what is published for metals, {:g} to {:g}{}", name, value,
                               edge ? "N/mm" : "N/mm^2", range.low, range.high,
                               edge ? likely(size, usual, kEdgeSlips) : likely(size, usual, kCut)));
 }

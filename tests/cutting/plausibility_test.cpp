@@ -35,7 +35,11 @@ Material published(double ktc, double krc, double kac, double kte, double kre, d
 TEST(Plausibility, UsualCutsHaveNoNotes) {
   EXPECT_TRUE(notes(kFeed, kSpeed).empty());
   EXPECT_TRUE(notes(0, 0).empty());  // nothing to judge but the coefficients
-  EXPECT_TRUE(notes(kFeed, kSpeed, published(796, 169, 222, 27.7, 30.8, 1.4)).empty());  // aluminium 7075
+  // Published sets (doi 10.1186/s10033-021-00536-9, table 5): aluminium 6082, 7075, 7075 with a tool of high-speed
+  // steel.
+  EXPECT_TRUE(notes(kFeed, kSpeed, published(631, 99, 273, 13, 10, 2.8)).empty());
+  EXPECT_TRUE(notes(kFeed, kSpeed, published(1319.41, 788.83, 48.75, 19.65, 26.77, 2.05)).empty());
+  EXPECT_TRUE(notes(kFeed, kSpeed, published(951.365, 262.597, 323.33, 11.115, 11.314, 1.105)).empty());
   EXPECT_TRUE(notes(kFeed, kSpeed, published(2500, 1200, -800, 60, 60, -10)).empty());
   const Cutter small{"0.4 mm", 0.4e-3, 2, 0.5, 2e-3};
   EXPECT_TRUE(notes(3e-6, 1000, aluminium(), small).empty());  // micro milling at 60 000 rev/min
