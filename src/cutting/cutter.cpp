@@ -13,6 +13,24 @@ constexpr int kMaxTeeth = 100;
 constexpr config::Range kHelixRange{0, 90, false, true};
 constexpr config::Range kExponentRange{0, 1, true, false};
 
+/// The six coefficients, of the sides or of the end; `chip_unit` takes N/mm^(1+x) beyond N/mm to SI.
+template <class Coefficients>
+Status read_coefficients(const config::Table& table, double chip_unit, Coefficients& out) {
+  POLYPOD_ASSIGN(ktc, table.number("Ktc_N_per_mm2", config::kNotNegative));
+  POLYPOD_ASSIGN(krc, table.number("Krc_N_per_mm2", config::kNotNegative));
+  POLYPOD_ASSIGN(kac, table.number("Kac_N_per_mm2"));
+  POLYPOD_ASSIGN(kte, table.number("Kte_N_per_mm", config::kNotNegative));
+  POLYPOD_ASSIGN(kre, table.number("Kre_N_per_mm", config::kNotNegative));
+  POLYPOD_ASSIGN(kae, table.number("Kae_N_per_mm"));
+  out.ktc = units::from_N_per_mm(ktc) * chip_unit;
+  out.krc = units::from_N_per_mm(krc) * chip_unit;
+  out.kac = units::from_N_per_mm(kac) * chip_unit;
+  out.kte = units::from_N_per_mm(kte);
+  out.kre = units::from_N_per_mm(kre);
+  out.kae = units::from_N_per_mm(kae);
+  return {};
+}
+
 }  // namespace
 
 Result<Cutter> cutter_from(const config::Table& table) {
@@ -29,12 +47,15 @@ Result<Material> material_from(const config::Table& table) {
   Material material;
   POLYPOD_ASSIGN(name, table.optional_text("name", ""));
   POLYPOD_ASSIGN(exponent, table.optional_number("exponent", 1, kExponentRange));
-  POLYPOD_ASSIGN(ktc, table.number("Ktc_N_per_mm2", config::kNotNegative));
-  POLYPOD_ASSIGN(krc, table.number("Krc_N_per_mm2", config::kNotNegative));
-  POLYPOD_ASSIGN(kac, table.number("Kac_N_per_mm2"));
-  POLYPOD_ASSIGN(kte, table.number("Kte_N_per_mm", config::kNotNegative));
-  POLYPOD_ASSIGN(kre, table.number("Kre_N_per_mm", config::kNotNegative));
-  POLYPOD_ASSIGN(kae, table.number("Kae_N_per_mm"));
+  // K h^x dz: N/mm^(1+x) to N/m^(1+x), which is N/mm^2 to N/m^2 for x = 1.
+  const double chip_unit = exponent == 1 ? 1 / units::kMetrePerMm : std::pow(1 / units::kMetrePerMm, exponent);
+  POLYPOD_TRY(read_coefficients(table, chip_unit, material));
+  POLYPOD_ASSIGN(end_table, table.optional_table("end"));
+  if (end_table) {
+    material.end.emplace();
+    POLYPOD_TRY(read_coefficients(*end_table, 1 / units::kMetrePerMm, *material.end));
+    POLYPOD_TRY(end_table->finish());
+  }
   if (table.has("spread_95")) {
     POLYPOD_ASSIGN(rows, table.points("spread_95", 6));
     for (const std::vector<double>& row : rows) {
@@ -43,16 +64,8 @@ Result<Material> material_from(const config::Table& table) {
     }
   }
   POLYPOD_TRY(table.finish());
-  // K h^x dz: N/mm^(1+x) to N/m^(1+x), which is N/mm^2 to N/m^2 for x = 1.
-  const double chip_unit = exponent == 1 ? 1 / units::kMetrePerMm : std::pow(1 / units::kMetrePerMm, exponent);
   material.name = std::move(name);
   material.exponent = exponent;
-  material.ktc = units::from_N_per_mm(ktc) * chip_unit;
-  material.krc = units::from_N_per_mm(krc) * chip_unit;
-  material.kac = units::from_N_per_mm(kac) * chip_unit;
-  material.kte = units::from_N_per_mm(kte);
-  material.kre = units::from_N_per_mm(kre);
-  material.kae = units::from_N_per_mm(kae);
   for (std::array<double, 6>& row : material.spread) {
     for (std::size_t k = 0; k < 6; ++k) row[k] = units::from_N_per_mm(row[k]) * (k < 3 ? chip_unit : 1);
   }

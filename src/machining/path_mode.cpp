@@ -121,7 +121,7 @@ double blend_tolerance(const gcode::Move& before, const gcode::Move& after) {
   return tolerance;
 }
 
-/// The largest radius' speed on an arc: sqrt(a_n r) with the smaller of its end radii.
+/// The largest speed on an arc: sqrt(a_n r) with the smaller of its end radii.
 double arc_speed(const gcode::Move& move, double normal_acceleration) {
   const Vec3 normal = normal_of(move.plane);
   const auto radius = [&](const Vec3& p) {
@@ -137,10 +137,18 @@ struct TimedBlock {
 };
 
 double block_time(const TimedBlock& block, double from, double to) {
+  if (!(block.length > 0)) return 0;
   const double a = block.acceleration;
   const double top = std::min(block.speed, std::sqrt(a * block.length + 0.5 * (from * from + to * to)));
   const double changing = (2 * top * top - from * from - to * to) / (2 * a);
   return (2 * top - from - to) / a + std::max(0.0, block.length - changing) / top;
+}
+
+/// The length of each move that the blend arc of a corner takes the place of, m.
+double blend_cut(const Corner& c) {
+  if (!(c.deviation > 0) || !(c.speed > 0)) return 0;
+  const double half = c.turn / 2;
+  return c.deviation / (1 / std::cos(half) - 1) * std::tan(half);
 }
 
 std::vector<gcode::Move> with_mode(std::span<const gcode::Move> moves, const gcode::PathControl& control) {
@@ -206,6 +214,7 @@ std::vector<Corner> corners(std::span<const gcode::Move> moves, const PlannerLim
 double program_time(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
   const std::vector<Corner> joints = corners(moves, limits);
   std::vector<TimedBlock> blocks;
+  double time = 0, cut = 0;  // cut: what the last corner's blend takes of the move after it, m
   for (std::size_t i = 0; i < moves.size(); ++i) {
     const gcode::Move& move = moves[i];
     const double length = move.length();
@@ -214,7 +223,10 @@ double program_time(std::span<const gcode::Move> moves, const PlannerLimits& lim
     double speed = std::min(largest_speed(move, limits, 1), length / (kLeastPeriods * limits.servo_period));
     if (is_arc(move)) speed = std::min(speed, arc_speed(move, kNormalShare * limits.acceleration));
     if (!(speed > 0)) continue;
-    blocks.push_back({length, speed, a, joints[i].speed});
+    const double begin = std::min(cut, length / 2), end = std::min(blend_cut(joints[i]), length / 2);
+    cut = end;
+    if (end > 0) time += end * joints[i].turn / std::tan(joints[i].turn / 2) / joints[i].speed;
+    blocks.push_back({length - begin - end, speed, a, joints[i].speed});
   }
   // The speed at the end of each block: what the corner allows, what can be stopped from, what is reached.
   const std::size_t n = blocks.size();
@@ -223,7 +235,6 @@ double program_time(std::span<const gcode::Move> moves, const PlannerLimits& lim
     const double stopped = std::sqrt(end[i + 1] * end[i + 1] + 2 * blocks[i].acceleration * blocks[i].length);
     end[i] = std::min({blocks[i - 1].corner, blocks[i - 1].speed, blocks[i].speed, stopped});
   }
-  double time = 0;
   for (std::size_t i = 0; i < n; ++i) {
     end[i + 1] = std::min(end[i + 1], std::sqrt(end[i] * end[i] + 2 * blocks[i].acceleration * blocks[i].length));
     time += block_time(blocks[i], end[i], end[i + 1]);

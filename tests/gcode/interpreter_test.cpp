@@ -55,6 +55,18 @@ TEST(Interpret, LinesInBothUnitsAndDistanceModes) {
   EXPECT_TRUE(r.moves[3].incremental);
 }
 
+TEST(Interpret, PathControlModes) {
+  const auto r = good(
+      "G21 G90 G94\nG0 X0 Y0 Z0\nG61\nG1 X1 F600\nG61.1 X2\nG64\nX3\nG64 P0.05\nX4\nG64 P0.05 Q0\nX5\nG64 Q0.01\nX6\n"
+      "G20 G64 P0.001 Q0.002\nX7\nM2\n");
+  const PathControl expected[] = {{PathMode::continuous, 0, 0},         {PathMode::exact_path, 0, 0},
+                                  {PathMode::exact_stop, 0, 0},         {PathMode::continuous, 0, 0},
+                                  {PathMode::continuous, 5e-5f, 5e-5f}, {PathMode::continuous, 5e-5f, 0},
+                                  {PathMode::continuous, 0, 1e-5f},     {PathMode::continuous, 2.54e-5f, 5.08e-5f}};
+  ASSERT_EQ(r.moves.size(), std::size(expected));
+  for (std::size_t i = 0; i < r.moves.size(); ++i) EXPECT_EQ(r.moves[i].path, expected[i]) << i;
+}
+
 struct ArcCase {
   const char* text;
   Vec3 centre;

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,13 @@ struct Cutter {
   [[nodiscard]] double pitch_angle() const { return 2 * std::numbers::pi / teeth; }  ///< (5.5)
 };
 
+/// Cutting coefficients of the edges at the end of the cutter: dF = (K_e + K_c h) dr for the tangential, radial and
+/// axial direction, h being the axial feed per tooth (end_force.hpp).
+struct EndCoefficients {
+  double ktc = 0, krc = 0, kac = 0;  ///< N/m^2
+  double kte = 0, kre = 0, kae = 0;  ///< N/m
+};
+
 /// Cutting coefficients of (5.7): dF = (K_e + K_c h^x) dz for the tangential, radial and axial direction.
 struct Material {
   std::string name;
@@ -33,15 +41,17 @@ struct Material {
   /// How uncertain they are: variations of all six together (ktc, krc, kac, kte, kre, kae), independent of each other,
   /// each as far as its 95 % interval; effects add as squares. Empty where nothing is known.
   std::vector<std::array<double, 6>> spread;
+  std::optional<EndCoefficients> end;  ///< without them nothing can be said of plunges and ramps
 };
 
 /// Reads `diameter_mm` (> 0), `teeth` (1 to 100), `helix_deg` (0 <= helix < 90), `length_mm` (> 0) and, if given,
 /// `name` from a table and finishes it. Errors: those of config::Table, with the place of the value or of the table.
 Result<Cutter> cutter_from(const config::Table& table);
 /// Reads `Ktc_N_per_mm2, Krc_N_per_mm2, Kac_N_per_mm2, Kte_N_per_mm, Kre_N_per_mm, Kae_N_per_mm` and, if given,
-/// `exponent` (0 < x <= 1, otherwise 1), `spread_95` (rows of six, in the units of the coefficients) and `name` from a
-/// table and finishes it. For an exponent other than 1 the first three are in N/mm^(1+x): the chip thickness of (5.7)
-/// is in mm. The axial ones may be negative (a cutter that pushes down). Errors: those of config::Table.
+/// `exponent` (0 < x <= 1, otherwise 1), `spread_95` (rows of six, in the units of the coefficients), `end` (a table
+/// of the six coefficients of the end of the cutter, its K_c always in N/mm^2) and `name` from a table and finishes it.
+/// For an exponent other than 1 the first three are in N/mm^(1+x): the chip thickness of (5.7) is in mm. The axial ones
+/// may be negative (a cutter that pushes down). Errors: those of config::Table.
 Result<Material> material_from(const config::Table& table);
 
 /// The same from a file whose top level is the table.

@@ -1,0 +1,150 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cutting/end_force.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+namespace polypod::cutting {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr int kSectors = EndFootprint::kSectors;
+constexpr double kSector = 2 * kPi / kSectors;
+/// Heights are floats; what a move goes down by less than this is lost in their rounding, m.
+constexpr double kLeastDown = 1e-7;
+
+double middle_of(int sector) {
+  return (sector + 0.5) * kSector;
+}
+
+/// Sine and cosine of the middles of the sectors.
+struct Directions {
+  std::array<double, kSectors> sine{}, cosine{};
+  Directions() {
+    for (std::size_t j = 0; j < kSectors; ++j) {
+      sine[j] = std::sin(middle_of(static_cast<int>(j)));
+      cosine[j] = std::cos(middle_of(static_cast<int>(j)));
+    }
+  }
+};
+
+// Four floats that the processor handles at once; a cell's layers are two of them.
+typedef float Quad __attribute__((vector_size(16)));
+static_assert(Stock::kLayers == 8);
+
+/// The layer of the stock between two heights, looked into along rays.
+class LayerView {
+ public:
+  LayerView(const Stock& stock, double top, double down)
+      : stock_(stock),
+        inverse_cell_(1 / stock.cell()),
+        low_(static_cast<float>(std::max(top - down, stock.bottom()))),
+        most_(static_cast<float>(top) - low_),
+        per_depth_(static_cast<float>(1 / (Stock::kLayers * down))) {}
+
+  /// The sum of the shares of the layer that are material at `count` places, the first at p, `step` apart.
+  [[nodiscard]] float along(const Eigen::Vector2d& p, const Eigen::Vector2d& step, int count) const {
+    const Quad low{low_, low_, low_, low_}, most{most_, most_, most_, most_}, zero{};
+    Quad sum{};
+    double column = (p.x() - stock_.x_min()) * inverse_cell_, row = (p.y() - stock_.y_min()) * inverse_cell_;
+    const double per_column = step.x() * inverse_cell_, per_row = step.y() * inverse_cell_;
+    const double columns = stock_.columns(), rows = stock_.rows();
+    for (int k = 0; k < count; ++k, column += per_column, row += per_row) {
+      if (!(column >= 0 && row >= 0 && column < columns && row < rows)) continue;
+      const float* heights = stock_.cell_layers(static_cast<int>(column), static_cast<int>(row));
+      for (const int half : {0, 4}) {
+        Quad above;
+        std::memcpy(&above, heights + half, sizeof above);
+        above -= low;
+        above = above > zero ? above : zero;
+        sum += above < most ? above : most;
+      }
+    }
+    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) * per_depth_;
+  }
+
+ private:
+  const Stock& stock_;
+  double inverse_cell_;
+  float low_, most_, per_depth_;
+};
+
+}  // namespace
+
+double EndFootprint::mean_length() const {
+  double sum = 0;
+  for (const float l : length) sum += l;
+  return sum / kSectors;
+}
+
+void look_down(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double down,
+               EndFootprint& footprint) {
+  footprint = {};
+  if (!tip.allFinite() || !(radius > 0) || !(down > 0) || !(feed.squaredNorm() > 0.5)) return;
+  if (!(stock.top() > tip.z() - down) || !(tip.z() > stock.bottom())) return;
+  const LayerView layer(stock, tip.z(), std::max(down, kLeastDown));
+  const int steps = std::max(1, static_cast<int>(std::ceil(radius / stock.cell())));
+  const double step = radius / steps;
+  static const Directions direction;
+  for (std::size_t j = 0; j < kSectors; ++j) {
+    // phi runs from the left of the feed over the front.
+    const double forward = direction.sine[j], left = direction.cosine[j];
+    const Eigen::Vector2d ray(feed.x() * forward - feed.y() * left, feed.y() * forward + feed.x() * left);
+    const float sum = layer.along(tip.head<2>() + 0.5 * step * ray, step * ray, steps);
+    footprint.length[j] = sum * static_cast<float>(step);
+    footprint.any = footprint.any || sum > 0;
+  }
+}
+
+EndForce::EndForce(const Cutter& cutter, const EndCoefficients& c) {
+  // Integrals of cos, sin and 1 over a sector.
+  const double chord = 2 * std::sin(kSector / 2), per_turn = cutter.teeth / (2 * kPi);
+  const auto resolved = [&](double phi, double kt, double kr, double ka) {
+    const double cosine = chord * std::cos(phi), sine = chord * std::sin(phi);
+    return Vec3(per_turn * Vec3(-kt * cosine - kr * sine, kt * sine - kr * cosine, ka * kSector));
+  };
+  for (int j = 0; j < kSectors; ++j) {
+    edge_[static_cast<std::size_t>(j)] = resolved(middle_of(j), c.kte, c.kre, c.kae);
+    cut_[static_cast<std::size_t>(j)] = resolved(middle_of(j), c.ktc, c.krc, c.kac);
+  }
+}
+
+Vec3 EndForce::mean_force(const EndFootprint& footprint, double axial_feed_per_tooth, Spindle spindle) const {
+  if (!footprint.any || !(axial_feed_per_tooth > 0)) return Vec3::Zero();
+  const bool mirrored = spindle == Spindle::counterclockwise;
+  Vec3 edge = Vec3::Zero(), cut = Vec3::Zero();
+  for (int j = 0; j < kSectors; ++j) {
+    // phi becomes pi - phi, which is sector kSectors / 2 - 1 - j of a turn.
+    const int from = mirrored ? (kSectors + kSectors / 2 - 1 - j) % kSectors : j;
+    const double length = footprint.length[static_cast<std::size_t>(from)];
+    edge += length * edge_[static_cast<std::size_t>(j)];
+    cut += length * cut_[static_cast<std::size_t>(j)];
+  }
+  Vec3 force = edge + axial_feed_per_tooth * cut;
+  if (mirrored) force.y() = -force.y();
+  return force;
+}
+
+double side_model_slope(const Cutter& cutter, const Material& material, double depth, double feed_per_tooth,
+                        double share) {
+  const double side =
+      mean_force(cutter, material, straight_engagement(cutter, CutSide::slot, cutter.diameter, depth), feed_per_tooth)
+          .norm();
+  // The thrust of the whole disc, N_z R (K_ae + K_ac h) with h = s_z sin(alpha); the sides lose little by the cosine.
+  EndCoefficients end;
+  if (material.end) {
+    end = *material.end;
+  } else {
+    end.kac = material.exponent == 1 || !(feed_per_tooth > 0)
+                  ? material.ktc
+                  : material.ktc * std::pow(feed_per_tooth, material.exponent - 1);
+  }
+  const double per_chip = cutter.teeth * cutter.radius() * std::abs(end.kac) * feed_per_tooth;
+  const double left = share * side - cutter.teeth * cutter.radius() * std::abs(end.kae);
+  if (!(left > 0)) return 0;
+  return left >= per_chip ? kPi / 2 : std::asin(left / per_chip);
+}
+
+}  // namespace polypod::cutting
