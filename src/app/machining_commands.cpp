@@ -81,6 +81,65 @@ void print_map(const machining::Job& job, const machining::MapBand& band) {
   }
 }
 
+// mm; the range of --step, as that of a job's step_mm
+constexpr double kLeastStep = 0.01, kMostStep = 10;
+
+/// "The answer is no" where a rapid goes through material; the figures have been given.
+int end(const Status& collision) {
+  if (collision) return kDone;
+  fmt::print(stderr, "polypod: {}\n", to_string(collision.error()));
+  return kAnswerIsNo;
+}
+
+Json not_judged_json(const std::vector<machining::NotJudged>& moves) {
+  Json out = Json::array();
+  for (const machining::NotJudged& m : moves) out.push_back({{"line", m.line}, {"why", m.why}});
+  return out;
+}
+
+void print_not_judged(const std::vector<machining::NotJudged>& moves) {
+  for (const machining::NotJudged& m : moves) fmt::print("not judged: line {}: {}\n", m.line, m.why);
+}
+
+void add_other_switch(Json& document, const std::optional<machining::OtherSwitch>& other) {
+  if (!other) return;
+  document["other_block_delete"] = {{"block_delete", other->block_delete},
+                                    {"distance_before_um", to_um(other->distance_before)},
+                                    {"distance_after_um", to_um(other->distance_after)},
+                                    {"within_tolerance", other->within_tolerance}};
+}
+
+void print_other_switch(const std::optional<machining::OtherSwitch>& other) {
+  if (!other) return;
+  fmt::print("block delete   {}: up to {:.1f} um from the programmed path, {} the tolerance\n",
+             other->block_delete ? "on" : "off", to_um(other->distance_after),
+             other->within_tolerance ? "within" : "beyond");
+}
+
+/// um, the largest tube that makes sense
+constexpr double kMostTolerance = 1e5;
+
+void print_modes(const machining::Correction& c) {
+  const machining::PathModes& m = c.modes;
+  fmt::print("corners        rounded by the controller by up to {:.1f} um, after {:.1f} um\n", to_um(m.corner_before),
+             to_um(m.corner_after));
+  if (!m.written.empty()) {
+    fmt::print("path control   {} was written, which the tolerance needs\n", m.written);
+    for (const int line : m.replaced) fmt::print("               it replaces the mode of line {}\n", line);
+  }
+  fmt::print("time           {:.1f} s, after {:.1f} s\n", m.time_before, m.time_after);
+}
+
+void print_outside(const machining::Correction& c) {
+  for (const machining::MoveOutcome& m : c.moves) {
+    if (m.within) continue;
+    fmt::print("outside: line {}: {:.1f} um, before {:.1f} um{}{}\n", m.line, to_um(m.distance_after),
+               to_um(m.distance_before),
+               m.corner_after > 0 ? fmt::format(", its corner {:.1f} um more", to_um(m.corner_after)) : "",
+               m.rewritten ? "" : ", as it was");
+  }
+}
+
 }  // namespace
 
 Command predict_command() {
@@ -88,7 +147,7 @@ Command predict_command() {
     std::string program, job;
     std::vector<std::string> measured;
     double step_mm = 0;
-    bool at_rest = false;
+    bool at_rest = false, again = false;
   };
   auto o = std::make_shared<Options>();
   return {
@@ -98,20 +157,26 @@ Command predict_command() {
         a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
         a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
+        a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest, "Force at the commanded point, without the feedback of the bend on the cut");
       },
       [o](const Context& context) -> Result<int> {
-        if (o->step_mm < 0) return fail("AP120", fmt::format("--step {:g} must be above 0 mm", o->step_mm));
+        if (o->step_mm != 0 && !(o->step_mm >= kLeastStep && o->step_mm <= kMostStep)) {
+          return fail("AP120", fmt::format("--step {:g}: must be {:g} to {:g} mm", o->step_mm, kLeastStep, kMostStep));
+        }
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
         machining::PredictOptions options;
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
         options.step = units::from_mm(o->step_mm);
+        options.again = o->again;
         options.progress = progress_line(context, "predicting");
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
         const machining::MapBand map = machining::map_band(in.job, p);
         options.progress(1);
         const bool spread = !in.job.material.spread.empty();
+        const bool within = p.within(in.job);
+        const Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
         if (context.json) {
           Json moves = Json::array();
           for (std::size_t i = 0; i < p.moves.size(); ++i) {
@@ -134,6 +199,13 @@ Command predict_command() {
                         {"deflection_um", {{"max", to_um(p.deflection.max)}, {"mean", to_um(p.deflection.mean)}}},
                         {"normal_error_um", spread_json(p.normal, units::kUmPerMetre)},
                         {"vertical_error_um", spread_json(p.vertical, units::kUmPerMetre)},
+                        {"distance_max_um", to_um(p.largest_distance)},
+                        {"corner_deviation_um", to_um(p.corner)},
+                        {"distance_with_corners_um", to_um(p.largest_with_corners)},
+                        {"tolerance_um", to_um(in.job.tolerance)},
+                        {"within_tolerance", within},
+                        {"not_judged", not_judged_json(p.not_judged)},
+                        {"time_s", p.time},
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
                         {"moves", moves},
                         {"notes", p.notes}};
@@ -142,9 +214,11 @@ Command predict_command() {
                                       {"deflection_mean", to_um(band.deflection_mean)},
                                       {"normal_mean", to_um(band.normal_mean)}};
           }
+          add_other_switch(document, p.other_switch);
+          if (!collision) document["collision"] = to_string(collision.error());
           add_map(document, in.job, map);
           print_json(document);
-          return kDone;
+          return end(collision);
         }
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
         fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", o->program, in.job.machine_name, origin.x(),
@@ -155,6 +229,15 @@ Command predict_command() {
                    to_um(p.deflection.mean));
         fmt::print("normal error   {}  (+ leaves material, - gouges)\n", spread_text(p.normal));
         fmt::print("vertical error {}\n", spread_text(p.vertical));
+        fmt::print("distance       up to {:.1f} um from the programmed path, {} the tolerance of {:g} um\n",
+                   to_um(p.largest_distance),
+                   p.largest_distance <= in.job.tolerance - machining::resolution(in.job) ? "within" : "beyond",
+                   to_um(in.job.tolerance));
+        if (p.corner > 0) {
+          fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),
+                     within ? "" : ", see G64 P in docs/path-modes.md");
+        }
+        print_other_switch(p.other_switch);
         if (spread) {
           fmt::print(
               "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
@@ -169,8 +252,9 @@ Command predict_command() {
                      to_um(m.normal.max), m.mean_force.norm());
         }
         if (p.moves.size() > kMost) fmt::print("  ... {} more, see --json\n", p.moves.size() - kMost);
+        print_not_judged(p.not_judged);
         for (const std::string& note : p.notes) fmt::print("note: {}\n", note);
-        return kDone;
+        return end(collision);
       }};
 }
 
@@ -179,7 +263,9 @@ Command correct_command() {
     std::string program, job, output, report, method = "tube";
     std::vector<std::string> measured;
     int points = 10;
-    double tolerance_um = 0;
+    std::string tolerance;
+    double chord_um = 0;
+    bool again = false, allow_outside = false, all = false;
   };
   auto o = std::make_shared<Options>();
   return {"correct", "Correct a program so that the bent tool stays in a tube round the programmed path",
@@ -190,7 +276,13 @@ Command correct_command() {
             a.option("-o,--output", o->output, "The corrected program", true);
             a.option("--report", o->report, "An HTML report of what will happen and why");
             a.options("--measured", o->measured, kMeasuredHelp);
-            a.option("--tolerance", o->tolerance_um, "Radius of the tube, um (default: the job's)");
+            a.option("--tolerance", o->tolerance, "Radius of the tolerance tube, um (default: the job's)");
+            a.option("--chord-tolerance", o->chord_um,
+                     "How far arcs that are kept as arcs may be off the ideal path, um (default: a tenth of the tube)");
+            a.flag("--allow-outside", o->allow_outside,
+                   "Write the program even if moves stay outside of the tube: corrected as well as they go");
+            a.flag("--correct-all", o->all, "Correct moves inside the tube, too, where it adds no lines");
+            a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
             a.option("--method", o->method, "tube, or mirror: one step at --points points a move, for comparison");
             a.option("--points", o->points, "Pieces a move for --method mirror");
           },
@@ -203,12 +295,26 @@ Command correct_command() {
             }
             if (o->points < 1 || o->points > 100000) return fail("AP122", "--points must be 1 to 100000");
             options.mirror_points = o->points;
-            if (o->tolerance_um < 0) return fail("AP122", "--tolerance must be above 0 um");
+            double tolerance_um = 0;
+            if (!o->tolerance.empty()) {
+              POLYPOD_ASSIGN(given, numbers_of(o->tolerance, "--tolerance"));
+              if (given.size() != 1 || !(given[0] > 0 && given[0] <= kMostTolerance)) {
+                return fail("AP122", fmt::format("--tolerance {}: must be above 0 and at most {:g} um", o->tolerance,
+                                                 kMostTolerance));
+              }
+              tolerance_um = given[0];
+            }
+            if (!(o->chord_um >= 0 && o->chord_um <= kMostTolerance)) {
+              return fail("AP122", fmt::format("--chord-tolerance {:g}: must be 0 to {:g} um", o->chord_um, kMostTolerance));
+            }
+            options.chord = units::from_um(o->chord_um);
+            options.again = o->again;
+            options.all = o->all;
             std::vector<std::string> inputs = o->measured;
             inputs.insert(inputs.end(), {o->program, o->job});
             POLYPOD_TRY(check_files(inputs, {o->output, o->report}));
             POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
-            if (o->tolerance_um > 0) in.job.tolerance = units::from_um(o->tolerance_um);
+            if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
             options.keep_samples = !o->report.empty();
             const char* current = "";
             std::function<bool(double)> line;
@@ -219,7 +325,8 @@ Command correct_command() {
             };
             POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
             if (line) line(1);
-            const bool writes = c.within_tolerance || options.method == machining::CorrectMethod::mirror;
+            const bool writes =
+                c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
             if (writes) POLYPOD_TRY(files::write_whole(o->output, c.text));
             if (!o->report.empty()) {
               pages::CorrectionPageOptions page;
@@ -229,13 +336,17 @@ Command correct_command() {
               page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
                                          for_shell(o->job), for_shell(o->output), for_shell(o->report));
               for (const std::string& file : o->measured) page.command += " --measured " + for_shell(file);
-              if (o->tolerance_um > 0) page.command += fmt::format(" --tolerance {}", o->tolerance_um);
+              if (tolerance_um > 0) page.command += fmt::format(" --tolerance {}", tolerance_um);
+              if (o->chord_um > 0) page.command += fmt::format(" --chord-tolerance {}", o->chord_um);
+              if (o->allow_outside) page.command += " --allow-outside";
+              if (o->all) page.command += " --correct-all";
+              if (o->again) page.command += " --again";
               if (o->method == "mirror") page.command += fmt::format(" --method mirror --points {}", o->points);
               POLYPOD_TRY(files::write_whole(o->report, pages::correction_page(in.job, in.program, c, page)));
             }
             const machining::MapBand map = machining::map_band(in.job, c.before);
             if (context.json) {
-              Json moves = Json::array();
+              Json moves = Json::array(), outside = Json::array();
               for (const machining::MoveOutcome& m : c.moves) {
                 moves.push_back({{"line", m.line},
                                  {"rewritten", m.rewritten},
@@ -245,7 +356,11 @@ Command correct_command() {
                                  {"before_um", spread_json(m.normal_before, units::kUmPerMetre)},
                                  {"after_um", spread_json(m.normal_after, units::kUmPerMetre)},
                                  {"distance_before_um", to_um(m.distance_before)},
-                                 {"distance_after_um", to_um(m.distance_after)}});
+                                 {"distance_after_um", to_um(m.distance_after)},
+                                 {"corner_before_um", to_um(m.corner_before)},
+                                 {"corner_after_um", to_um(m.corner_after)},
+                                 {"within_tolerance", m.within}});
+                if (!m.within) outside.push_back(moves.back());
               }
               std::vector<std::string> notes = c.before.notes;
               for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
@@ -266,9 +381,23 @@ Command correct_command() {
                             {"tolerance_um", to_um(c.tolerance)},
                             {"within_tolerance", c.within_tolerance},
                             {"reason", c.reason},
+                            {"remedies", c.remedies},
+                            {"corner_before_um", to_um(c.modes.corner_before)},
+                            {"corner_after_um", to_um(c.modes.corner_after)},
+                            {"distance_with_corners_before_um", to_um(c.largest_before)},
+                            {"distance_with_corners_after_um", to_um(c.largest_after)},
+                            {"path_control", c.modes.written},
+                            {"path_control_replaced_in_lines", c.modes.replaced},
+                            {"time_before_s", c.modes.time_before},
+                            {"time_after_s", c.modes.time_after},
+                            {"moves_left_as_they_were", c.left_as_they_were},
+                            {"not_judged", not_judged_json(c.after.not_judged)},
+                            {"written", writes},
+                            {"outside", outside},
                             {"moves", moves},
                             {"notes", notes},
                             {"report", o->report}};
+              add_other_switch(document, c.other_switch);
               add_map(document, in.job, map);
               print_json(document);
             } else {
@@ -279,7 +408,11 @@ Command correct_command() {
               fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
                          c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
               fmt::print("checked at {} points after reading the new program back\n", c.after.pass.points);
+              print_modes(c);
+              print_other_switch(c.other_switch);
               print_map(in.job, map);
+              print_outside(c);
+              print_not_judged(c.after.not_judged);
               for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
               for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
               if (writes) fmt::print("wrote {}\n", o->output);
@@ -287,6 +420,10 @@ Command correct_command() {
             }
             if (!c.within_tolerance) {
               fmt::print(stderr, "polypod: not within the tolerance: {}\n", c.reason);
+              for (const std::string& remedy : c.remedies) fmt::print(stderr, "polypod: what would help: {}\n", remedy);
+              if (!writes) {
+                fmt::print(stderr, "polypod: no program was written; --allow-outside writes it with these lines as near as they go\n");
+              }
               return kAnswerIsNo;
             }
             return kDone;

@@ -73,6 +73,13 @@ class LayerView {
 
 }  // namespace
 
+EndCoefficients end_as_sides(const Material& material) {
+  constexpr double kUsualChip = 0.05e-3;  // m
+  const double per_chip = std::pow(kUsualChip, material.exponent - 1);
+  return {material.ktc * per_chip, material.kac * per_chip, material.krc * per_chip,
+          material.kte,            material.kae,            material.kre};
+}
+
 double EndFootprint::mean_length() const {
   double sum = 0;
   for (const float l : length) sum += l;

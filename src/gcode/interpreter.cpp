@@ -799,13 +799,6 @@ class Interpreter {
     move.known_start = known_;
     move.axes_start = axes_;
     move.spindle_speed = spindle_speed_;
-    // A rapid from wherever the machine stands is how every program begins; a feed from there is worth a word.
-    if (!move.start_known && move.kind != MoveKind::rapid && !noted_start_) {
-      noted_start_ = true;
-      note(fmt::format(
-          "line {}: where this move starts is not known; coordinates that the program has not given are taken as 0",
-          block_->line));
-    }
     if (!units_known_) {
       units_known_ = true;
       note(fmt::format("line {}: motion before G20 or G21: mm are taken", block_->line));
@@ -978,7 +971,6 @@ class Interpreter {
   int length_offset_ = 0;
   bool units_known_ = false;
   bool distance_known_ = false;
-  bool noted_start_ = false;
   bool noted_length_ = false;
   std::vector<int> noted_m_;
 };

@@ -185,7 +185,7 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   }
   POLYPOD_TRY(known_offsets(job, program, interpretation));
   POLYPOD_TRY(known_tools(job, program, interpretation));
-  Accepted out{interpretation, {}};
+  Accepted out{interpretation, interpretation.notes};
   POLYPOD_TRY(known_starts(job, program, out));
   POLYPOD_TRY(accept_reach(job, program, out.interpretation, options.progress));
   return out;

@@ -32,6 +32,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       return fail("MC299", "cancelled");
     }
     ++index;
+    if (!move.start_known && move.kind != gcode::MoveKind::rapid && out.notes.size() == interpretation.notes.size()) {
+      out.notes.push_back(fmt::format("line {}: where this move starts is not known; only its end is checked",
+                                      program.blocks[static_cast<std::size_t>(move.block)].line));
+    }
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
     bool reach = false, limit = false, singular = false, branch = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {

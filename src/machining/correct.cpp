@@ -25,11 +25,21 @@ constexpr double kNarrowest = 0.02;
 constexpr int kGiveBackRounds = 5;
 // The step of the check is at most this, m.
 constexpr double kCheckStep = 0.5e-3;
+// Sine of the slope from which on a way down is a plunge: 60 deg.
+constexpr double kSteep = 0.866;
 // Remedies are tried out where a correction takes no longer than this many points.
 constexpr std::size_t kTryRemediesBelow = 200'000;
 
 /// The blocks that stand for one rewritten move.
 using Plan = std::vector<Piece>;
+
+/// On a plunge or a steep ramp the part along the way is left out: what the thrust holds back is cut when the tool comes
+/// to rest, and a command beyond the end would gouge the floor as soon as the thrust goes.
+Vec3 across_plunge(const gcode::Move& move, const Vec3& deflection) {
+  if (move.kind != gcode::MoveKind::line || !(move.length() > 0)) return deflection;
+  const Vec3 d = move.direction(0);
+  return d.z() < -kSteep ? Vec3(deflection - d * d.dot(deflection)) : deflection;
+}
 
 class Corrector {
  public:
@@ -107,7 +117,7 @@ class Corrector {
     const auto visit = [&](const Sample& sample) {
       Deflections& d = deflections_[static_cast<std::size_t>(sample.move)];
       d.s.push_back(sample.s);
-      d.delta.push_back(sample.deflection);
+      d.delta.push_back(across_plunge(moves_[static_cast<std::size_t>(sample.move)], sample.deflection));
       d.cuts = d.cuts || sample.cutting;
     };
     POLYPOD_ASSIGN(result, run_pass(job_, program_, path, stock, pass, visit));
@@ -135,7 +145,7 @@ class Corrector {
   /// Corners of move i are shared if they jump by less than this, m.
   [[nodiscard]] double jump(std::size_t i) const {
     const double share = std::min(1.0, fit_[i] / (options_.fit_share * job_.tolerance));
-    const double shortest = std::min(job_.controller.shortest_block(moves_[i].feed), 0.4 * job_.tolerance);
+    const double shortest = std::min(job_.controller.shortest_block(moves_[i].feed), 0.6 * job_.tolerance);
     return std::max(options_.merge_share * job_.tolerance * share, shortest);
   }
 
@@ -486,7 +496,7 @@ class Corrector {
     outcomes(before, after);
     if (options_.method == CorrectMethod::tube) POLYPOD_TRY(judge_other_switch());
     decide();
-    out_.after.notes = pass_notes(out_.program, out_.after.pass);
+    out_.after.notes = pass_notes(job_, out_.program, out_.after.pass);
     return {};
   }
 
@@ -525,9 +535,7 @@ class Corrector {
 
   /// The corrected program with the block delete switch in its other position.
   Status judge_other_switch() {
-    const bool optional = std::any_of(moves_.begin(), moves_.end(), [&](const gcode::Move& m) {
-      return program_.blocks[static_cast<std::size_t>(m.block)].optional;
-    }) || std::any_of(program_.blocks.begin(), program_.blocks.end(), [](const gcode::Block& b) { return b.optional; });
+    const bool optional = std::any_of(program_.blocks.begin(), program_.blocks.end(), [](const gcode::Block& b) { return b.optional; });
     if (!optional) return {};
     OtherSwitch& other = out_.other_switch.emplace();
     other.block_delete = !job_.block_delete;
@@ -538,8 +546,8 @@ class Corrector {
     POLYPOD_ASSIGN(written, gcode::interpret(out_.program, options));
     const std::vector<gcode::Move>& moves = accepted.interpretation.moves;
     const std::vector<int> move_of_block = moves_by_block(moves);
-    Way as_it_was{&program_, &moves, {}, {}}, way = as_it_was;
-    for (const gcode::Move& move : moves) as_it_was.moves.push_back({move});
+    const Way as_it_was = way_as_programmed(program_, moves);
+    Way way{&program_, &moves, {}, {}};
     const std::vector<int> first_of_block = moves_by_block(moves_);
     for (const gcode::Move& move : written.moves) {
       const int block = source_block(move.block);
@@ -675,7 +683,8 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
     out.remedies = remedies_for(job, program, accepted, options, out);
   }
   std::vector<std::string> notes = std::move(accepted.notes);
-  for (std::string& note : pass_notes(program, out.before.pass)) notes.push_back(std::move(note));
+  for (std::string& note : condition_notes(job, out.programmed, out.before)) notes.push_back(std::move(note));
+  for (std::string& note : pass_notes(job, program, out.before.pass)) notes.push_back(std::move(note));
   out.before.notes = std::move(notes);
   return out;
 }

@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/plausibility.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "modes.hpp"
 #include "way.hpp"
 
 namespace polypod::machining {
@@ -52,13 +55,16 @@ Sample judged(const Sample& sample, const PathError& error) {
   return out;
 }
 
-std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass) {
+std::vector<std::string> pass_notes(const Job& job, const gcode::Program& program, const PassResult& pass) {
   std::vector<std::string> notes;
   const auto line_of = [&](const Incident& i) { return program.blocks[static_cast<std::size_t>(i.block)].line; };
-  int touches = 0, first_touch = 0;
+  int touches = 0, first_touch = 0, ends = 0, first_end = 0;
   double touched = 0;
   for (const Incident& incident : pass.incidents) {
-    if (incident.kind != Incident::Kind::rapid_through_stock) continue;
+    if (incident.kind == Incident::Kind::end_cut) {
+      if (ends++ == 0) first_end = line_of(incident);
+      continue;
+    }
     if (touches++ == 0) first_touch = line_of(incident);
     touched += incident.volume;
   }
@@ -67,6 +73,12 @@ std::vector<std::string> pass_notes(const gcode::Program& program, const PassRes
                                 touches == 1 ? "move" : "moves", first_touch, touches == 1 ? "touches" : "touch",
                                 units::to_mm3(touched)));
   }
+  if (ends > 0 && !job.material.end) {
+    notes.push_back(fmt::format(
+        "{} (first in line {}) with the end of the cutter; the material has no coefficients for it (its table `end`), so "
+        "those of the sides are taken: tangential as they are, radial for the thrust along the axis",
+        ends == 1 ? std::string("one move cuts") : fmt::format("{} moves cut", ends), first_end));
+  }
   if (pass.not_converged > 0) {
     notes.push_back(fmt::format("the equilibrium of {} of {} points still moved by up to {:.2f} um", pass.not_converged,
                                 pass.points, units::to_um(pass.largest_rest)));
@@ -74,8 +86,29 @@ std::vector<std::string> pass_notes(const gcode::Program& program, const PassRes
   return notes;
 }
 
+std::vector<std::string> condition_notes(const Job& job, const std::vector<gcode::Move>& programmed,
+                                         const Prediction& prediction) {
+  std::vector<std::string> notes;
+  std::set<std::string> known;
+  for (const MovePrediction& m : prediction.moves) {
+    const gcode::Move& move = programmed[static_cast<std::size_t>(m.move)];
+    const cutting::Cutter& cutter = job.cutter_of(move.tool);
+    if (!(move.spindle_speed > 0)) continue;
+    const double per_tooth = move.feed / (move.spindle_speed * cutter.teeth);
+    for (std::string& note : cutting::plausibility(cutter, job.material, per_tooth, move.spindle_speed)) {
+      if (known.size() < 8 && known.insert(note).second) notes.push_back(fmt::format("line {}: {}", m.line, note));
+    }
+  }
+  return notes;
+}
+
 double resolution(const Job& job) {
   return 0.02 * job.tolerance;
+}
+
+bool Prediction::within(const Job& job) const {
+  return not_judged.empty() && largest_with_corners <= job.tolerance - resolution(job) &&
+         (!other_switch || other_switch->within_tolerance);
 }
 
 Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass) {
@@ -149,12 +182,12 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     few.add(sample);
     ++m.points;
     m.deflection.add(sample.deflection.norm());
-    m.normal.add(e.normal);
+    if (!sample.away.isZero(0)) m.normal.add(e.normal);  // a plunge has no normal in the plane
     m.vertical.add(e.vertical);
     m.mean_force += (sample.force - m.mean_force) / static_cast<double>(m.points);
     m.largest_depth = std::max<double>(m.largest_depth, sample.depth);
     out.deflection.add(sample.deflection.norm());
-    out.normal.add(e.normal);
+    if (!sample.away.isZero(0)) out.normal.add(e.normal);
     out.vertical.add(e.vertical);
   };
   cutting::Stock stock = job.stock;
@@ -165,26 +198,67 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   POLYPOD_ASSIGN(pass, run_pass(job, program, way.moves, stock, pass_options, visit));
   out.pass = std::move(pass);
   out.few = few.take();
+  for (const Unsettled& u : out.pass.unsettled) {
+    if (u.rest <= resolution(job)) continue;
+    out.not_judged.push_back({program.blocks[static_cast<std::size_t>(u.block)].line,
+                              fmt::format("force and deflection do not settle: they still move by {:.1f} um",
+                                          units::to_um(u.rest))});
+  }
   std::sort(out.moves.begin(), out.moves.end(), [](const auto& a, const auto& b) { return a.move < b.move; });
   return out;
 }
 
+Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves) {
+  Way way{&program, &moves, {}, {}};
+  way.moves.reserve(moves.size());
+  for (const gcode::Move& move : moves) way.moves.push_back({move, false, nullptr});
+  return way;
+}
+
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
                                     const gcode::Interpretation& interpretation, const PredictOptions& options) {
-  Way way{&program, &interpretation.moves, {}, {}};
-  way.moves.reserve(interpretation.moves.size());
-  for (const gcode::Move& move : interpretation.moves) way.moves.push_back({move});
-  POLYPOD_ASSIGN(out, predict_way(job, program, way, options));
+  POLYPOD_ASSIGN(out, predict_way(job, program, way_as_programmed(program, interpretation.moves), options));
   if (out.moves.empty()) return tl::unexpected(cuts_nothing(job, program, interpretation));
   return out;
+}
+
+Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::Program& program,
+                                                   const PredictOptions& options) {
+  const bool optional =
+      std::any_of(program.blocks.begin(), program.blocks.end(), [](const gcode::Block& b) { return b.optional; });
+  if (!optional) return std::nullopt;
+  OtherSwitch other;
+  other.block_delete = !job.block_delete;
+  gcode::InterpretOptions interpret_options = job.interpret_options();
+  interpret_options.block_delete = other.block_delete;
+  POLYPOD_ASSIGN(run, gcode::interpret(program, interpret_options));
+  POLYPOD_ASSIGN(accepted, accept(job, program, run, {true, options.progress}));
+  PredictOptions quiet = options;
+  quiet.keep_samples = false;
+  const Way way = way_as_programmed(program, accepted.interpretation.moves);
+  POLYPOD_ASSIGN(p, predict_way(job, program, way, quiet));
+  other.distance_before = other.distance_after =
+      corners_of(job, program, way, p, job.tolerance - resolution(job)).largest_with;
+  other.within_tolerance = other.distance_after <= job.tolerance - resolution(job) && p.not_judged.empty();
+  return other;
 }
 
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
   POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation, options));
+  const Way way = way_as_programmed(program, accepted.interpretation.moves);
+  const Corners corners = corners_of(job, program, way, out, job.tolerance - resolution(job));
+  out.corner = corners.largest;
+  out.largest_with_corners = corners.largest_with;
+  out.time = corners.time;
+  POLYPOD_ASSIGN(other, other_switch_of(job, program, options));
+  out.other_switch = other;
   out.notes = std::move(accepted.notes);
-  for (std::string& note : pass_notes(program, out.pass)) out.notes.push_back(std::move(note));
+  for (std::string& note : condition_notes(job, accepted.interpretation.moves, out)) {
+    out.notes.push_back(std::move(note));
+  }
+  for (std::string& note : pass_notes(job, program, out.pass)) out.notes.push_back(std::move(note));
   return out;
 }
 

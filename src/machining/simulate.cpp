@@ -3,10 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/end_force.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {
@@ -28,6 +30,8 @@ constexpr double kArcStep = 0.2;
 constexpr double kMostPoints = 2e8;
 // Progress is reported, and a wish to stop heeded, this often within a move.
 constexpr std::int64_t kReportPoints = 4096;
+// Less than this on the way that is looked at is no way down, m: heights are kept in single precision.
+constexpr double kLeastFall = 0.1e-6;
 // Strips shallower than this share of the deepest do not make a wall.
 constexpr double kWallShare = 0.1;
 
@@ -86,13 +90,16 @@ class Pass {
   struct ToolModel {
     const cutting::Cutter* cutter;
     cutting::ProfileForce force;
+    cutting::EndForce end;
   };
 
   ToolModel& tool_model(int number) {
     const auto it = models_.find(number);
     if (it != models_.end()) return it->second;
     const cutting::Cutter& cutter = job_.cutter_of(number);
-    return models_.emplace(number, ToolModel{&cutter, cutting::ProfileForce(cutter, job_.material)}).first->second;
+    const cutting::EndCoefficients end = job_.material.end.value_or(cutting::end_as_sides(job_.material));
+    const ToolModel model{&cutter, cutting::ProfileForce(cutter, job_.material), cutting::EndForce(cutter, end)};
+    return models_.emplace(number, model).first->second;
   }
 
   [[nodiscard]] Place place(const gcode::Move& move) const {
@@ -133,7 +140,7 @@ class Pass {
     const double radius = tool.cutter->radius();
     const std::int64_t steps = steps_of(moves_[static_cast<std::size_t>(index)], length);
     double volume = 0;
-    bool vertical = false;
+    end_cuts_ = false;
     for (std::int64_t k = 0; k <= steps; ++k) {
       if (k % kReportPoints == kReportPoints - 1) POLYPOD_TRY(report(static_cast<std::size_t>(index)));
       const double s = length * static_cast<double>(k) / static_cast<double>(steps);
@@ -147,8 +154,7 @@ class Pass {
       }
       sample.move = index;
       sample.s = s;
-      POLYPOD_TRY(evaluate(moves_[static_cast<std::size_t>(index)], s, length, tool, sample));
-      vertical = vertical || vertical_;
+      POLYPOD_TRY(evaluate(static_cast<std::size_t>(index), s, length, tool, sample));
       // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
       // at the end looks at is cut last.
       if (k == 0 || k == steps || s <= length - 2 * stock_.cell()) {
@@ -161,9 +167,7 @@ class Pass {
       if (k == steps) last_ = sample;
     }
     result_.removed += volume;
-    if (vertical && volume > stock_.cell() * radius * radius) {
-      result_.incidents.push_back({Incident::Kind::plunge, move.block, volume});
-    }
+    if (end_cuts_) result_.incidents.push_back({Incident::Kind::end_cut, move.block, volume});
     return {};
   }
 
@@ -202,8 +206,7 @@ class Pass {
     const Vec3 before = deflection_;
     if (index + 1 < moves_.size() && moves_[index + 1].move.kind != gcode::MoveKind::rapid &&
         !moves_[index + 1].transition) {
-      const PassMove& next = moves_[index + 1];
-      POLYPOD_TRY(evaluate(next, 0, next.move.length(), tool, after));
+      POLYPOD_TRY(evaluate(index + 1, 0, moves_[index + 1].move.length(), tool, after));
     }
     const std::int64_t steps = steps_of(moves_[index], length);
     for (std::int64_t k = 0; k <= steps; ++k) {
@@ -223,40 +226,78 @@ class Pass {
     return {};
   }
 
+  /// What the sides of the cutter meet; nothing on a plunge.
+  void look(const Vec3& window, double radius, const Eigen::Vector2d& feed, double ahead, bool vertical) {
+    if (vertical) {
+      profile_ = cutting::EngagementProfile{};
+      std::fill(profile_.depth, profile_.depth + cutting::EngagementProfile::kBins, 0.0f);
+      return;
+    }
+    const bool bends = options_.bend == Bend::equilibrium;
+    cutting::look_ahead(stock_, bends ? Vec3(window + deflection_) : window, radius, feed, ahead, profile_);
+  }
+
+  /// Whether the next move goes on downwards in the direction of this one, as turns of a helix do.
+  [[nodiscard]] bool descends_on(std::size_t index) const {
+    if (index + 1 >= moves_.size()) return false;
+    const gcode::Move &now = moves_[index].move, &next = moves_[index + 1].move;
+    if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return false;
+    const Vec3 d = next.direction(0);
+    return d.z() < 0 && d.dot(now.direction(now.length())) > std::cos(options_.smooth_angle);
+  }
+
   [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
 
   /// Fills deflection, force and engagement of the point at s.
-  Status evaluate(const PassMove& pass_move, double s, double length, ToolModel& tool, Sample& sample) {
+  Status evaluate(std::size_t index, double s, double length, ToolModel& tool, Sample& sample) {
+    const PassMove& pass_move = moves_[index];
     const gcode::Move& move = pass_move.move;
     const gcode::Move& followed = pass_move.followed != nullptr ? *pass_move.followed : move;
     const Vec3 p = move.point(s);
     const Vec3 d = followed.direction(pass_move.followed != nullptr ? followed.nearest(p) : s);
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());
-    vertical_ = horizontal < kVertical;
-    if (vertical_) return {};
-    const Eigen::Vector2d feed(d.x() / horizontal, d.y() / horizontal);
+    const bool vertical = horizontal < kVertical;
+    const Eigen::Vector2d feed = vertical ? Eigen::Vector2d(1, 0) : Eigen::Vector2d(d.x() / horizontal, d.y() / horizontal);
     const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
     const double radius = tool.cutter->radius(), ahead = 2 * stock_.cell();
-    sample.away = left;
+    if (!vertical) sample.away = left;
     // What counts is what the cutter takes on its way, never what stands beyond the end: near the end the window that
     // is looked at stays behind it.
     const double beyond = std::clamp(s + ahead - length, 0.0, s);
     const Vec3 window = p - d * beyond;
+    const bool bends = options_.bend == Bend::equilibrium;
 
-    cutting::look_ahead(stock_, options_.bend == Bend::equilibrium ? Vec3(window + deflection_) : window, radius, feed,
-                        ahead, profile_);
-    if (!profile_.any && options_.bend == Bend::equilibrium && !deflection_.isZero(0)) {
+    look(window, radius, feed, ahead, vertical);
+    if (!profile_.any && bends && !deflection_.isZero(0)) {
+      const Vec3 before = deflection_;
       deflection_.setZero();  // the last bend may have lifted it out altogether
-      cutting::look_ahead(stock_, window, radius, feed, ahead, profile_);
+      look(window, radius, feed, ahead, vertical);
+      if (!profile_.any) deflection_ = before;
     }
-    if (!(profile_.max_depth > kNoCut)) return {};
+    // The end cuts as long as the tip goes down; it stops doing so at the end of the way down.
+    footprint_.any = false;
+    const double fall = -d.z() * ahead;
+    if (fall > kLeastFall && (s < length || descends_on(index))) {
+      cutting::look_down(stock_, bends ? Vec3(p + deflection_) : p, radius, feed, fall, footprint_);
+    }
+    if (!(profile_.max_depth > kNoCut) && !footprint_.any) {
+      deflection_.setZero();
+      return {};
+    }
     POLYPOD_TRY(may_cut(move));
-    const double feed_per_tooth = move.feed * horizontal / (move.spindle_speed * tool.cutter->teeth);
+    const double per_tooth = move.feed / (move.spindle_speed * tool.cutter->teeth);
+    const double feed_per_tooth = per_tooth * horizontal;
+    Vec3 end_force = Vec3::Zero();
+    if (footprint_.any) {
+      const Vec3 f = tool.end.mean_force(footprint_, -d.z() * per_tooth);
+      end_force = along * f.x() + left * f.y() + Vec3::UnitZ() * f.z();
+      end_cuts_ = true;
+    }
 
     const auto force_here = [&] {
       const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
-      return Vec3(along * f.x() + left * f.y() + Vec3::UnitZ() * f.z());
+      return Vec3(end_force + along * f.x() + left * f.y() + Vec3::UnitZ() * f.z());
     };
     // The ideal command stands off the path by about the last bend.
     Mat3 C;
@@ -276,9 +317,11 @@ class Pass {
       }
       sample.command = p - sample.deflection;
     } else {
-      const Vec3 bend = equilibrium(window, radius, feed, ahead, C, force_here, sample.force);
-      sample.deflection = bend;
-      sample.cutting = profile_.max_depth > kNoCut;
+      const auto look_again = [&](const Vec3& tip) {
+        if (!vertical) cutting::look_ahead(stock_, tip, radius, feed, ahead, profile_);
+      };
+      sample.deflection = equilibrium(move, window, look_again, C, force_here, sample.force);
+      sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
     }
     if (profile_.max_depth > tool.cutter->length * (1 + 1e-9)) {
       return fail("MC202",
@@ -296,11 +339,11 @@ class Pass {
   /// millimetre of bend. Where a thin layer is left, one row of cells more or less changes the force by a step and no
   /// cell-wise engagement balances it: then the balance is bracketed on the line between two iterates and bisected; the
   /// tool stands where it takes part of that row.
-  template <class Force>
-  Vec3 equilibrium(const Vec3& window, double radius, const Eigen::Vector2d& feed, double ahead, const Mat3& C,
-                   Force&& force_here, Vec3& force) {
+  template <class Look, class Force>
+  Vec3 equilibrium(const gcode::Move& move, const Vec3& window, Look&& look_again, const Mat3& C, Force&& force_here,
+                   Vec3& force) {
     const auto bend_at = [&](const Vec3& delta) {
-      cutting::look_ahead(stock_, window + delta, radius, feed, ahead, profile_);
+      look_again(Vec3(window + delta));
       force = force_here();
       return Vec3(C * force);
     };
@@ -328,6 +371,10 @@ class Pass {
     if (rest > kSettled) {
       ++result_.not_converged;
       result_.largest_rest = std::max(result_.largest_rest, rest);
+      if (result_.unsettled.empty() || result_.unsettled.back().block != move.block) {
+        result_.unsettled.push_back({move.block, rest});
+      }
+      result_.unsettled.back().rest = std::max(result_.unsettled.back().rest, rest);
     }
     return 0.5 * (low + high);
   }
@@ -403,7 +450,8 @@ class Pass {
   Sample last_;  ///< the end of the last feed move
   Vec3 last_bent_ = Vec3::Zero();
   Vec3 deflection_ = Vec3::Zero();
-  bool vertical_ = false;
+  cutting::EndFootprint footprint_;
+  bool end_cuts_ = false;  // on the move at hand
 };
 
 }  // namespace

@@ -16,17 +16,13 @@ struct Way {
   std::vector<int> source;                               ///< the programmed move of each; empty: its own number
 };
 
-/// Sends the bent cutter along `way.moves`, which are those of `program`, and judges it against the programmed moves:
+/// Every move commanded as it is programmed.
+Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves);
+
+/// Sends the deflected cutter along `way.moves`, which are those of `program`, and judges it against the programmed moves:
 /// every point against its move, the first and the last point of a move against its ends. Errors: those of run_pass.
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options);
-
-/// What the cells of the stock leave open in a predicted distance, m: a prediction with cells half as large and steps a
-/// tenth as long stays within it (tests/machining/random_test.cpp). A verdict keeps this much of the tube free.
-double resolution(const Job& job);
-
-/// MC304 where a rapid goes through more than `job.rapid_volume` of material: with the line of the worst.
-Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass);
 
 /// `predict` for a program that `accept` has taken.
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,

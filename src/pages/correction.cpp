@@ -316,7 +316,7 @@ class Page {
     int plunges = 0, rapids = 0;
     double plunged = 0, rammed = 0;
     for (const machining::Incident& incident : c_.after.pass.incidents) {
-      if (incident.kind == machining::Incident::Kind::plunge) {
+      if (incident.kind == machining::Incident::Kind::end_cut) {
         ++plunges;
         plunged += incident.volume;
       } else {
@@ -331,10 +331,13 @@ class Page {
                       plural(index(rapids), "rapid move", "rapid moves"), number(units::to_mm3(rammed))));
     }
     if (plunges > 0) {
-      items.push_back(
-          fmt::format("{} take {} mm³ with the end of the cutter. The force model knows only its sides, so "
-                      "they are predicted without bend and not corrected.",
-                      plural(index(plunges), "plunging move", "plunging moves"), number(units::to_mm3(plunged))));
+      items.push_back(fmt::format(
+          "{} cut {} mm³ with the end of the cutter as well (plunges and ramps). {} On a plunge the thrust along the axis "
+          "is not corrected: what it holds back is cut when the tool comes to rest.",
+          plural(index(plunges), "move", "moves"), number(units::to_mm3(plunged)),
+          job_.material.end ? "The forces of the end are those of the material's own coefficients."
+                            : "The material gives no coefficients of the end, so those of its sides are taken: an "
+                              "assumption."));
     }
     const auto settle = [&](const machining::PassResult& pass, const char* which) {
       if (pass.not_converged == 0) return;

@@ -55,13 +55,6 @@ struct MoveOutcome {
   bool within = false;                             ///< inside the tube, corners and resolution counted
 };
 
-/// A program judged with the other position of the block delete switch.
-struct OtherSwitch {
-  bool block_delete = false;  ///< the position that was judged
-  double distance_before = 0, distance_after = 0;  ///< m, largest
-  bool within_tolerance = false;
-};
-
 struct Correction {
   std::string text;        ///< the corrected program
   gcode::Program program;  ///< the same, read back

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,6 +55,14 @@ struct NotJudged {
   std::string why;
 };
 
+/// A program with the other position of the block delete switch.
+struct OtherSwitch {
+  bool block_delete = false;    ///< the position that was judged
+  double distance_before = 0;   ///< m, largest distance of the program as it is, corners counted
+  double distance_after = 0;    ///< m, the same of the corrected program
+  bool within_tolerance = false;
+};
+
 struct Prediction {
   std::vector<MovePrediction> moves;    ///< those that cut, in order
   std::vector<NotJudged> not_judged;    ///< moves that cut but that no model covers; they spoil every "yes"
@@ -61,9 +70,16 @@ struct Prediction {
   std::vector<Sample> few;              ///< at most 200 of the points that cut, at equal distances in their order
   Spread deflection, normal, vertical;  ///< over all points that cut, m
   double largest_distance = 0;          ///< m
+  double corner = 0;                    ///< m, by which the controller rounds the worst corner of a cut
+  double largest_with_corners = 0;      ///< m, distance with the corners in the path control modes of the program
+  double time = 0;                      ///< s, with the planner's acceleration
+  std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
   std::vector<double> commanded_distance;  ///< m, largest of each commanded move; 0 where it does not cut
   PassResult pass;
   std::vector<std::string> notes;
+
+  /// Whether every cut was judged and stays in the tube of the job, corners counted, at both positions of block delete.
+  [[nodiscard]] bool within(const Job& job) const;
 };
 
 struct PredictOptions {
@@ -78,6 +94,13 @@ struct PredictOptions {
 /// programmed moves, with a sphere at each end. Errors: those of accept and run_pass; MC302 no move cuts.
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options = {});
+
+/// MC304 where a rapid goes through more than `job.rapid_volume` of material: with the line of the worst.
+Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass);
+
+/// What the cells of the stock leave open in a predicted distance, m: a prediction with cells half as large and steps a
+/// tenth as long stays within it (tests/machining/random_test.cpp). A verdict keeps this much of the tube free.
+double resolution(const Job& job);
 
 /// How far a prediction is uncertain because the cutting coefficients are: half of 95 % intervals, m.
 struct ForceBand {
@@ -103,7 +126,12 @@ struct MapBand {
 /// points.
 MapBand map_band(const Job& job, const Prediction& prediction);
 
-/// A line for each incident and for points whose equilibrium did not settle.
-std::vector<std::string> pass_notes(const gcode::Program& program, const PassResult& pass);
+/// What a reader should know of a pass: rapids that touch material, cuts with the end of the cutter whose coefficients
+/// are assumed, points whose equilibrium did not settle.
+std::vector<std::string> pass_notes(const Job& job, const gcode::Program& program, const PassResult& pass);
+
+/// Implausible cutting conditions of moves that cut (cutting::plausibility), each once, with its line.
+std::vector<std::string> condition_notes(const Job& job, const std::vector<gcode::Move>& programmed,
+                                         const Prediction& prediction);
 
 }  // namespace polypod::machining

@@ -66,15 +66,25 @@ struct PassOptions {
   std::function<bool(double)> progress;  ///< called with the share done; false cancels
 };
 
-/// A rapid or unmodelled way through material, to be shown to the user.
+/// Something on the way that the user should know.
 struct Incident {
-  enum class Kind { rapid_through_stock, plunge } kind = Kind::rapid_through_stock;
+  enum class Kind {
+    rapid_through_stock,
+    end_cut  ///< the end of the cutter cuts: a plunge or a ramp
+  } kind = Kind::rapid_through_stock;
   int block = 0;
   double volume = 0;  ///< m^3
 };
 
+/// A move on which force and deflection do not settle.
+struct Unsettled {
+  int block = 0;
+  double rest = 0;  ///< m, what the deflection still moves by from one iteration to the next
+};
+
 struct PassResult {
   std::vector<Incident> incidents;
+  std::vector<Unsettled> unsettled;
   double removed = 0;             ///< m^3
   std::size_t points = 0;         ///< evaluated
   std::size_t not_converged = 0;  ///< points whose equilibrium still moved by more than the tolerance
@@ -84,7 +94,7 @@ struct PassResult {
 /// Sends the cutter along the moves and calls `visit` with every evaluated point of moves that are not rapid: both ends
 /// and between them steps of at most `options.step`. `stock` is changed. Errors, with the line of the program:
 /// MC200 spindle still in a cut, MC201 feed zero in a cut, MC202 deeper than the edges of the cutter, MC203 the spindle
-/// turns backwards, MC204 a tilted tool in a cut, MC210 a commanded pose is out of reach or breaks a limit, MC211
+/// turns backwards, MC204 a tilted tool in a cut, MC205 more than 2e8 points, MC210 a commanded pose is out of reach or breaks a limit, MC211
 /// it lies outside of what the measured compliance covers, MC299 cancelled.
 /// Cost: about 5 us a point.
 Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves,
