@@ -131,13 +131,16 @@ void print_modes(const machining::Correction& c) {
 }
 
 void print_outside(const machining::Correction& c) {
+  constexpr int kMostOutside = 20;
+  int outside = 0;
   for (const machining::MoveOutcome& m : c.moves) {
-    if (m.within) continue;
+    if (m.within || ++outside > kMostOutside) continue;
     fmt::print("outside: line {}: {:.1f} um, before {:.1f} um{}{}\n", m.line, to_um(m.distance_after),
                to_um(m.distance_before),
                m.corner_after > 0 ? fmt::format(", its corner {:.1f} um more", to_um(m.corner_after)) : "",
                m.rewritten ? "" : ", as it was");
   }
+  if (outside > kMostOutside) fmt::print("outside: {} lines more, see --json\n", outside - kMostOutside);
 }
 
 }  // namespace

@@ -75,9 +75,8 @@ class LayerView {
 
 EndCoefficients end_as_sides(const Material& material) {
   constexpr double kUsualChip = 0.05e-3;  // m
-  const double per_chip = std::pow(kUsualChip, material.exponent - 1);
-  return {material.ktc * per_chip, material.kac * per_chip, material.krc * per_chip,
-          material.kte,            material.kae,            material.kre};
+  const double k = material.ktc * std::pow(kUsualChip, material.exponent - 1);
+  return {k, 0, k, 0, 0, 0};
 }
 
 double EndFootprint::mean_length() const {

@@ -21,6 +21,8 @@ namespace {
 constexpr double kSameDistance = 1e-6;
 // A tube is not worth narrowing further for a move below this share of the tolerance.
 constexpr double kNarrowest = 0.02;
+// A narrower tube that leaves more than this share of the distance did not help: something else is wrong there.
+constexpr double kHelps = 0.98;
 // How often moves that became worse are given back their text before the whole program is.
 constexpr int kGiveBackRounds = 5;
 // The step of the check is at most this, m.
@@ -166,9 +168,8 @@ class Corrector {
       return equal_pieces(moves_[i], deflections_[i], last, options_.mirror_points);
     }
     const double chord = options_.chord > 0 ? options_.chord : 0.1 * job_.tolerance;
-    const double share = std::min(1.0, fit_[i] / (options_.fit_share * job_.tolerance));
     return fit_pieces(moves_[i], deflections_[i], first, last,
-                      {fit_[i], chord * share, job_.controller.shortest_block(moves_[i].feed)});
+                      {fit_[i], chord, job_.controller.shortest_block(moves_[i].feed)});
   }
 
   [[nodiscard]] std::vector<Plan> plan_all() const {
@@ -413,11 +414,12 @@ class Corrector {
         if (frozen_[i] || !deflections_[i].cuts) continue;
         rewritten_[i] = true;
         changed = true;
-      } else if (fit_[i] > kNarrowest * job_.tolerance) {
+      } else if (fit_[i] > kNarrowest * job_.tolerance && (last_.empty() || after_[i] < kHelps * last_[i])) {
         fit_[i] *= 0.5;
         changed = true;
       }
     }
+    last_ = after_;
     spread_choice();
     return changed;
   }
@@ -465,7 +467,9 @@ class Corrector {
     Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
     out_.modes.time_without = now.time;
     if (now.kept) return {};
-    mode_ = mode_for(job_, way_, now);
+    const gcode::PathControl control = mode_for(job_, way_, now);
+    if (control == gcode::PathControl{} && now.breaking.empty()) return {};  // no mode would help
+    mode_ = control;
     for (const int block : now.breaking) {
       mode_blocks_.push_back(source_block(block));
       out_.modes.replaced.push_back(program_.blocks[static_cast<std::size_t>(mode_blocks_.back())].line);
@@ -617,7 +621,7 @@ class Corrector {
   std::vector<double> fit_;
   std::vector<bool> rewritten_;
   std::vector<bool> frozen_;  // their correction was worse than none
-  std::vector<double> before_, after_;
+  std::vector<double> before_, after_, last_;
   gcode::Rewritten rewritten_text_;
   std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
   std::vector<bool> transition_blocks_;         // by block of the written program
@@ -658,15 +662,16 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   }
   if (named == 0) return out;
   if (named > 8) lines += fmt::format(" and {} more", named - 8);
+  lines = (named == 1 ? "line " : "lines ") + lines;
   for (const double factor : {0.75, 0.5, 0.33, 0.2, 0.1}) {
     Corrector slower(job, program, accepted, quiet);
     slower.scale_feeds(which, factor);
     if (!holds(slower.run())) continue;
-    out.push_back(fmt::format("a smaller feed in line {}: {:.0f} % of it, F{:.0f} where it is largest", lines, 100 * factor,
+    out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, F{:.0f} where it is largest", lines, 100 * factor,
                               units::to_mm_per_min(feed * factor)));
     return out;
   }
-  out.push_back(fmt::format("no feed down to a tenth would do in line {}: take less depth or width, or a stiffer place",
+  out.push_back(fmt::format("no feed down to a tenth would do in {}: take less depth or width, or a stiffer place",
                             lines));
   return out;
 }

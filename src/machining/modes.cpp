@@ -41,12 +41,12 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
   out.with = distance;
   out.slack.assign(moves.size(), std::numeric_limits<double>::infinity());
   out.time = program_time(moves, job.controller.planner);
-  const auto cuts = [&](std::size_t c) { return distance[c] > 0; };
   for (std::size_t c = 0; c + 1 < moves.size(); ++c) {
     std::size_t next = c + 1;
     while (next + 1 < moves.size() && !(moves[next].length() > 0)) ++next;
-    if (!cuts(c) && !cuts(next)) continue;
-    const double worst = std::max(distance[c], distance[next]);
+    const bool cuts_before = prediction.commanded_ends[c].end, cuts_after = prediction.commanded_ends[next].start;
+    if (!cuts_before && !cuts_after) continue;
+    const double worst = std::max(cuts_before ? distance[c] : 0, cuts_after ? distance[next] : 0);
     out.slack[c] = inside - worst;
     const double deviation = at[c].deviation;
     if (deviation > std::max(out.slack[c], 0.0)) {
@@ -59,7 +59,7 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
       }
     }
     for (const std::size_t m : {c, next}) {
-      if (!cuts(m)) continue;
+      if (!(m == c ? cuts_before : cuts_after)) continue;
       out.deviation[m] = std::max(out.deviation[m], deviation);
       out.with[m] = std::max(out.with[m], worst + deviation);
       out.largest = std::max(out.largest, deviation);

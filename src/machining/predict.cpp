@@ -19,6 +19,8 @@ namespace {
 
 // Half of a 95 % interval in standard deviations.
 constexpr double kHalf95 = 1.96;
+// A cut as near as this to the end of a move feels that the controller rounds the corner there, m.
+constexpr double kNearCorner = 1e-3;
 
 /// Of any number of points in a row at most 200, at equal distances: where they are too many, every other goes.
 class Few {
@@ -76,7 +78,7 @@ std::vector<std::string> pass_notes(const Job& job, const gcode::Program& progra
   if (ends > 0 && !job.material.end) {
     notes.push_back(fmt::format(
         "{} (first in line {}) with the end of the cutter; the material has no coefficients for it (its table `end`), so "
-        "those of the sides are taken: tangential as they are, radial for the thrust along the axis",
+        "the tangential Ktc of the sides is taken for the thrust along the axis: an assumption",
         ends == 1 ? std::string("one move cuts") : fmt::format("{} moves cut", ends), first_end));
   }
   if (pass.not_converged > 0) {
@@ -133,6 +135,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   const std::vector<gcode::Move>& programmed = *way.programmed;
   Prediction out;
   out.commanded_distance.assign(way.moves.size(), 0);
+  out.commanded_ends.assign(way.moves.size(), {});
   Few few;
   std::vector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
   const auto entry = [&](std::size_t i) -> MovePrediction& {
@@ -176,6 +179,9 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);
     out.commanded_distance[c] = std::max(out.commanded_distance[c], e.distance);
+    const double length = way.moves[c].move.length(), near = std::min(kNearCorner, 0.5 * length);
+    out.commanded_ends[c].start = out.commanded_ends[c].start || sample.s <= near;
+    out.commanded_ends[c].end = out.commanded_ends[c].end || sample.s >= length - near;
     out.largest_distance = std::max(out.largest_distance, e.distance);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
     if (way.moves[c].transition) return;  // taken to change evenly, not computed: no part of the means

@@ -10,11 +10,10 @@
 
 namespace polypod::cutting {
 
-/// Coefficients of the end where the material gives none: those of the sides, seen from an edge that lies across the axis
-/// in the place of along it. Its cutting direction is the tangential one as before; the chip's thickness lies along the
-/// axis, so K_a of the end is K_r of the sides; the direction along the edge is the radial one, so K_r of the end is K_a of
-/// the sides. The same rake and clearance are taken for both edges: an assumption, to be named wherever it is used. For
-/// an exponent other than 1 the slope at a chip of 0.05 mm is taken.
+/// Coefficients of the end where the material gives none: the tangential K_tc of the sides for the tangential force and for
+/// the thrust along the axis, which is the order of magnitude of published coefficients of plunge milling; no radial
+/// force, and no edge part, since end edges are ground hollow and a fine feed along the axis meets their corners alone.
+/// An assumption, to be named wherever it is used. For an exponent other than 1 the slope at a chip of 0.05 mm is taken.
 EndCoefficients end_as_sides(const Material& material);
 
 /// What stands below the end of the cutter: for each of kSectors tooth angles the length of end edge that would cut if

@@ -75,6 +75,10 @@ struct Prediction {
   double time = 0;                      ///< s, with the planner's acceleration
   std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
   std::vector<double> commanded_distance;  ///< m, largest of each commanded move; 0 where it does not cut
+  struct Ends {
+    bool start = false, end = false;
+  };
+  std::vector<Ends> commanded_ends;  ///< whether it cuts within a millimetre of its start and of its end
   PassResult pass;
   std::vector<std::string> notes;
 
