@@ -27,6 +27,9 @@ constexpr double kLargestTurn = units::from_deg(178);
 constexpr double kLeastPeriods = 1.02;
 /// Directions count as lying in a plane below this sine: rounded coordinates make more than 1e-9.
 constexpr double kInPlane = 1e-6;
+/// P is kept in single precision.
+constexpr double kSinglePrecision = 1 + 1e-6;
+constexpr gcode::PathControl kExactStop{gcode::PathMode::exact_stop, 0, 0};
 
 /// A corner of two lines; lengths in m, 0 for no tolerance.
 struct LineCorner {
@@ -36,14 +39,18 @@ struct Rounding {
   double deviation = 0, speed = 0;
 };
 
+/// The radius of the largest circle that touches both moves within the tolerance and half of each move, m.
+double largest_circle(const LineCorner& c) {
+  const double share = kLengthShare * std::min(c.length_before, c.length_after);
+  const double reach = std::min(c.tolerance, share) / std::tan(c.turn / 4);
+  return std::min({c.length_before / 2, c.length_after / 2, reach}) / std::tan(c.turn / 2);
+}
+
 /// The circular blend: the largest circle that the tolerance and half of each move allow, as fast as its acceleration
 /// permits.
 Rounding blend_arc(const LineCorner& c, double v, double a) {
-  const double half = c.turn / 2;
-  const double d = std::min(
-      {c.length_before / 2, c.length_after / 2,
-       std::min({c.tolerance, kLengthShare * c.length_before, kLengthShare * c.length_after}) / std::tan(c.turn / 4)});
-  const double normal = kNormalShare * a, largest = d / std::tan(half);
+  const double half = c.turn / 2, largest = largest_circle(c), d = largest * std::tan(half);
+  const double normal = kNormalShare * a;
   const double speed = std::min(std::sqrt(normal * largest), v);
   const double along = speed * std::min(std::sqrt(2 * kTangentialShare * a * d), speed) / (kTangentialShare * a);
   const double radius = std::max(speed * speed / normal, std::min(along / c.turn, largest));
@@ -102,6 +109,34 @@ bool leaves_plane(const gcode::Move& before, const gcode::Move& after) {
   return is_arc(after) && (off(after, out) || (is_arc(before) && before.plane != after.plane));
 }
 
+/// The radius of an arc, m: the smaller one of a spiral; infinity for a line.
+double radius_of(const gcode::Move& move) {
+  if (!is_arc(move)) return kInfinity;
+  const Vec3 normal = normal_of(move.plane);
+  const auto radius = [&](const Vec3& p) {
+    const Vec3 r = p - move.centre;
+    return (r - normal * normal.dot(r)).norm();
+  };
+  return std::min(radius(move.start), radius(move.end));
+}
+
+/// What a parabolic blend leaves at most where an arc is involved, m: while the next move begins, the one before is
+/// still under way on its circle, with a quarter of the acceleration. P does not limit it. kCurved is the share of the
+/// curvature in the sum of both motions, with a little to spare.
+double parabola_with_arcs(double turn, double v, double a, double curvature) {
+  constexpr double kCurved = 0.3;
+  const double way = v * v / a;
+  return way * std::sin(turn / 2) + kCurved * way * way * curvature;
+}
+
+/// Whether the planner may fall back to a parabola: where arcs turn over from one sense or plane to another, and where
+/// the blend's circle would be larger than an arc's.
+bool may_fall_back(const gcode::Move& before, const gcode::Move& after, double circle) {
+  const bool over =
+      is_arc(before) && is_arc(after) && (before.plane != after.plane || before.clockwise != after.clockwise);
+  return over || circle > std::min(radius_of(before), radius_of(after));
+}
+
 double largest_speed(const gcode::Move& move, const PlannerLimits& limits, double override) {
   return is_rapid(move) ? limits.velocity : std::min(move.feed * override, limits.velocity);
 }
@@ -119,16 +154,6 @@ double blend_tolerance(const gcode::Move& before, const gcode::Move& after) {
     if (p > 0) tolerance = std::min(tolerance, static_cast<double>(p));
   }
   return tolerance;
-}
-
-/// The largest speed on an arc: sqrt(a_n r) with the smaller of its end radii.
-double arc_speed(const gcode::Move& move, double normal_acceleration) {
-  const Vec3 normal = normal_of(move.plane);
-  const auto radius = [&](const Vec3& p) {
-    const Vec3 r = p - move.centre;
-    return (r - normal * normal.dot(r)).norm();
-  };
-  return std::sqrt(normal_acceleration * std::min(radius(move.start), radius(move.end)));
 }
 
 /// A block of the time: its length, speed and acceleration along it.
@@ -171,7 +196,8 @@ Corner corner(const gcode::Move& before, const gcode::Move& after, const Planner
   const double v =
       std::max(largest_speed(before, limits, limits.feed_override), largest_speed(after, limits, limits.feed_override));
   const double tolerance = blend_tolerance(before, after);
-  const Rounding rule = round_lines({result.turn, tolerance, length_before, length_after}, v, limits);
+  const LineCorner lines{result.turn, tolerance, length_before, length_after};
+  const Rounding rule = round_lines(lines, v, limits);
   result.speed = std::min({rule.speed, feed_before, feed_after});
   if (before.path.mode == gcode::PathMode::exact_path) {
     // What is tangent is run through; at every other end it stops.
@@ -185,6 +211,11 @@ Corner corner(const gcode::Move& before, const gcode::Move& after, const Planner
   result.deviation = rule.deviation;
   result.bound = is_arc(before) || is_arc(after) || feed_before != feed_after;
   if (leaves && rule.deviation > 0) result.deviation = 2 * std::min(tolerance, shorter);
+  if (rule.deviation > 0 && may_fall_back(before, after, largest_circle(lines))) {
+    const double curvature = 1 / radius_of(before) + 1 / radius_of(after);
+    const double parabola = parabola_with_arcs(result.turn, v, limits.acceleration, curvature);
+    result.deviation = std::max(result.deviation, std::min(parabola, 2 * shorter));
+  }
   if (turns_axes(before) || turns_axes(after)) {
     result.bound = true;
     result.deviation = std::min(tolerance, shorter);
@@ -221,7 +252,7 @@ double program_time(std::span<const gcode::Move> moves, const PlannerLimits& lim
     if (!(length > 0)) continue;
     const double a = limits.acceleration * (is_arc(move) ? kTangentialShare : 1);
     double speed = std::min(largest_speed(move, limits, 1), length / (kLeastPeriods * limits.servo_period));
-    if (is_arc(move)) speed = std::min(speed, arc_speed(move, kNormalShare * limits.acceleration));
+    if (is_arc(move)) speed = std::min(speed, std::sqrt(kNormalShare * limits.acceleration * radius_of(move)));
     if (!(speed > 0)) continue;
     const double begin = std::min(cut, length / 2), end = std::min(blend_cut(joints[i]), length / 2);
     cut = end;
@@ -267,9 +298,16 @@ PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<co
     choice.limiting = static_cast<int>(before);
     constexpr double kStep = 1e-7;  // m, the last decimal that is written
     const double p = std::floor(least / kStep + 1e-6) * kStep;
-    choice.control = p < kLeastBlendTolerance
-                         ? gcode::PathControl{gcode::PathMode::exact_stop, 0, 0}
-                         : gcode::PathControl{gcode::PathMode::continuous, static_cast<float>(p), 0};
+    choice.control = {gcode::PathMode::continuous, static_cast<float>(p), 0};
+    if (p < kLeastBlendTolerance) choice.control = kExactStop;
+    // What P does not limit.
+    const std::vector<Corner> kept = corners(with_mode(moves, choice.control), limits);
+    for (std::size_t i = 0; i < std::min(kept.size(), slack.size()); ++i) {
+      if (!(kept[i].deviation > std::max(slack[i], 0.0) * kSinglePrecision)) continue;
+      choice.control = kExactStop;
+      choice.limiting = static_cast<int>(i);
+      break;
+    }
   }
   choice.time_after = program_time(with_mode(moves, choice.control), limits);
   return choice;

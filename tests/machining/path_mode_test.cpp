@@ -120,6 +120,17 @@ TEST(Corner, ArcsStayBelowTheirBound) {
   EXPECT_NEAR(deviation_um(cases[7].program), 50, 1e-3);   // P
 }
 
+TEST(Corner, ParabolasWithArcsAreNotLimitedByP) {
+  // Two arcs of radius 3 mm in opposite senses, 10 deg, P = 10 um; an arc of radius 1 mm into a line, P = 5 um.
+  const std::string into_line = "G64 P0.005 Q0\nG0 X-0.909297 Y1.416147 Z0\nG3 X0 Y0 I0.909297 J-0.416147 ";
+  EXPECT_GE(deviation_um("G64 P0.01 Q0\nG0 X-2.52441 Y1.37910 Z0\nG3 X0 Y0 I2.52441 J1.62090 F1600\n"
+                         "G2 X1.759183 Y-0.221885 I0.520945 J-2.954423"),
+            31.4);
+  EXPECT_GE(deviation_um(into_line + "F1200\nG1 X1.999795 Y0.028621"), 41.5);
+  EXPECT_GE(deviation_um(into_line + "F1200\nG1 X1.999194 Y0.056759"), 37.7);
+  EXPECT_GE(deviation_um(into_line + "F2400\nG1 X1.999325 Y0.051975"), 19.3);
+}
+
 TEST(Corner, MergedLinesAddTheirTolerance) {
   // Recorded on the square under G64 P0.05, where Q = P: 91 um.
   const Corner c = corners(moves_of("G64 P0.05\nG0 X0 Y0 Z0\nG1 X10 F1600\nY10")).at(1);

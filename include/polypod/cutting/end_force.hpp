@@ -46,12 +46,12 @@ void look_down(const Stock& stock, const Vec3& tip, double radius, const Eigen::
 /// feels tangentially, radially (outwards on the material) and axially
 ///   dF_t = (K_te + K_tc h) dr,  dF_r = (K_re + K_rc h) dr,  dF_a = (K_ae + K_ac h) dr,   h = axial feed per tooth:
 /// the linear edge force model on a chip whose thickness is the axial feed per tooth and whose width is the engaged
-/// length of the end edge. This is the plunge milling model of J. H. Ko and Y. Altintas, "Time domain model of plunge
-/// milling operation", International Journal of Machine Tools and Manufacture 47 (2007) 1351-1361, for edges square to
-/// the axis, with forces resolved as in (5.9); mean forces to identify the coefficients from: F. Rafanelli, G.
-/// Campatelli, A. Scippa, "Effects of cutting conditions on forces and force coefficients in plunge milling
-/// operations", Advances in Mechanical Engineering 7 (2015), doi 10.1177/1687814015589547. With l(phi) from the
-/// footprint:
+/// length of the end edge, with the forces of sides and end added: C. Liu, G. Wang, M. S. Dargusch, "Mechanics and
+/// Dynamics of Helical Milling Operations", Strojniski vestnik 60 (2014) 716-724, doi 10.5545/sv-jme.2013.1588 (side
+/// and end edges on a helical ramp), and J. H. Ko, Y. Altintas, "Time domain model of plunge milling operation",
+/// International Journal of Machine Tools and Manufacture 47 (2007) 1351-1361 (plunges), here for edges square to the
+/// axis and with forces resolved as in (5.9). How to identify the coefficients from mean forces of plunges: Advances in
+/// Mechanical Engineering 7 (2015), doi 10.1177/1687814015589547. With l(phi) from the footprint:
 ///   F = N_z / (2 pi) * integral over 0 .. 2 pi of l [ -K_t cos - K_r sin ; K_t sin - K_r cos ; K_a ] dphi,
 ///   K = K_e + K_c h.
 /// A full plunge into solid material leaves the axial thrust alone, F_z = N_z R (K_ae + K_ac h); a half disc in front
