@@ -308,7 +308,8 @@ Command correct_command() {
               tolerance_um = given[0];
             }
             if (!(o->chord_um >= 0 && o->chord_um <= kMostTolerance)) {
-              return fail("AP122", fmt::format("--chord-tolerance {:g}: must be 0 to {:g} um", o->chord_um, kMostTolerance));
+              return fail("AP122",
+                          fmt::format("--chord-tolerance {:g}: must be 0 to {:g} um", o->chord_um, kMostTolerance));
             }
             options.chord = units::from_um(o->chord_um);
             options.again = o->again;
@@ -425,7 +426,9 @@ Command correct_command() {
               fmt::print(stderr, "polypod: not within the tolerance: {}\n", c.reason);
               for (const std::string& remedy : c.remedies) fmt::print(stderr, "polypod: what would help: {}\n", remedy);
               if (!writes) {
-                fmt::print(stderr, "polypod: no program was written; --allow-outside writes it with these lines as near as they go\n");
+                fmt::print(
+                    stderr,
+                    "polypod: no program was written; --allow-outside writes it with these lines as near as they go\n");
               }
               return kAnswerIsNo;
             }

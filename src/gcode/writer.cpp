@@ -546,12 +546,16 @@ Block ensure_motion_word(const Block& block, int motion) {
 }
 
 Block with_path_control(const Block& block, const std::string& words) {
-  const auto is_control = [](const Word& w) { return w.letter == 'G' && (w.value == 61 || w.value == 61.1 || w.value == 64); };
+  const auto is_control = [](const Word& w) {
+    return w.letter == 'G' && (w.value == 61 || w.value == 61.1 || w.value == 64);
+  };
   const auto control = std::ranges::find_if(block.words, is_control);
   if (control == block.words.end()) return block;
   const bool lower = Style(block).lower;
   std::string text = words;
-  if (lower) std::ranges::transform(text, text.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  if (lower)
+    std::ranges::transform(text, text.begin(),
+                           [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
   Edit edit(block);
   edit.replace(*control, text);
   if (control->value == 64) {

@@ -41,8 +41,7 @@ std::string others(const std::vector<int>& lines) {
 
 Box box_of(const cutting::Stock& stock) {
   const double x = stock.columns() * stock.cell(), y = stock.rows() * stock.cell();
-  return {Vec3(stock.x_min(), stock.y_min(), stock.bottom()),
-          Vec3(stock.x_min() + x, stock.y_min() + y, stock.top())};
+  return {Vec3(stock.x_min(), stock.y_min(), stock.bottom()), Vec3(stock.x_min() + x, stock.y_min() + y, stock.top())};
 }
 
 /// The box of what a cutter of this radius sweeps on a move; arcs are taken with their whole circle.
@@ -75,7 +74,8 @@ Status not_corrected_before(const gcode::Program& program) {
   for (const gcode::Block& block : program.blocks) {
     for (const std::string_view comment : gcode::comments(block)) {
       if (comment.find(kCorrectedMark) == std::string_view::npos) continue;
-      return fail("MC306", "this program was corrected by Polypod before; a second correction would be added to the first",
+      return fail("MC306",
+                  "this program was corrected by Polypod before; a second correction would be added to the first",
                   Place{program.path, block.line, 1},
                   "give the program of the CAM system, or --again if its path is really the one to be followed");
     }
@@ -168,10 +168,10 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
   }
   if (!first) return {};
   lines.erase(first->line);
-  return fail("MC210",
-              fmt::format("the machine cannot follow this move: {}{}", first->detail,
-                          others({lines.begin(), lines.end()})),
-              Place{program.path, first->line, 1}, "move the workpiece origin, or change these lines");
+  return fail(
+      "MC210",
+      fmt::format("the machine cannot follow this move: {}{}", first->detail, others({lines.begin(), lines.end()})),
+      Place{program.path, first->line, 1}, "move the workpiece origin, or change these lines");
 }
 
 Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
@@ -206,8 +206,7 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
     // A tip below the stock still cuts with the edges above it.
     const double gap = k == 2 ? over : std::max(over, under);
     if (gap < 0) continue;
-    misses += fmt::format("{}{} mm in {}", misses.empty() ? "" : ", ",
-                          fmt::format("{:.3f}", to_mm(gap)), "XYZ"[k]);
+    misses += fmt::format("{}{} mm in {}", misses.empty() ? "" : ", ", fmt::format("{:.3f}", to_mm(gap)), "XYZ"[k]);
   }
   const auto touches_when_scaled = [&](double scale) {
     return may_touch({path.min() * scale, path.max() * scale}, stock);
@@ -222,12 +221,13 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
     hint = "its box overlaps the stock's, but no point meets material: has it been cut away before?";
   }
   return {"MC302",
-          fmt::format("no move of the program cuts{}: its feed moves cover X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} "
-                      ".. {:.1f} mm with the cutter, the stock X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} .. {:.1f} mm",
-                      misses.empty() ? "" : "; it misses the stock by " + misses, to_mm(path.min().x()),
-                      to_mm(path.max().x()), to_mm(path.min().y()), to_mm(path.max().y()), to_mm(path.min().z()),
-                      to_mm(path.max().z()), to_mm(stock.min().x()), to_mm(stock.max().x()), to_mm(stock.min().y()),
-                      to_mm(stock.max().y()), to_mm(stock.min().z()), to_mm(stock.max().z())),
+          fmt::format(
+              "no move of the program cuts{}: its feed moves cover X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} "
+              ".. {:.1f} mm with the cutter, the stock X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} .. {:.1f} mm",
+              misses.empty() ? "" : "; it misses the stock by " + misses, to_mm(path.min().x()), to_mm(path.max().x()),
+              to_mm(path.min().y()), to_mm(path.max().y()), to_mm(path.min().z()), to_mm(path.max().z()),
+              to_mm(stock.min().x()), to_mm(stock.max().x()), to_mm(stock.min().y()), to_mm(stock.max().y()),
+              to_mm(stock.min().z()), to_mm(stock.max().z())),
           first != nullptr ? place_of(program, *first) : Place{program.path, 0, 0}, hint};
 }
 

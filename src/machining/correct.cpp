@@ -27,20 +27,17 @@ constexpr double kHelps = 0.98;
 constexpr int kGiveBackRounds = 5;
 // The step of the check is at most this, m.
 constexpr double kCheckStep = 0.5e-3;
-// Sine of the slope from which on a way down is a plunge: 60 deg.
-constexpr double kSteep = 0.866;
 // Remedies are tried out where a correction takes no longer than this many points.
 constexpr std::size_t kTryRemediesBelow = 200'000;
 
 /// The blocks that stand for one rewritten move.
 using Plan = std::vector<Piece>;
 
-/// On a plunge or a steep ramp the part along the way is left out: what the thrust holds back is cut when the tool comes
-/// to rest, and a command beyond the end would gouge the floor as soon as the thrust goes.
-Vec3 across_plunge(const gcode::Move& move, const Vec3& deflection) {
-  if (move.kind != gcode::MoveKind::line || !(move.length() > 0)) return deflection;
+/// What is to be corrected of a deflection: on a plunge not what is held back.
+Vec3 to_correct(const gcode::Move& move, const Vec3& deflection) {
+  if (!is_plunge(move)) return deflection;
   const Vec3 d = move.direction(0);
-  return d.z() < -kSteep ? Vec3(deflection - d * d.dot(deflection)) : deflection;
+  return deflection - d * d.dot(deflection);
 }
 
 class Corrector {
@@ -119,7 +116,7 @@ class Corrector {
     const auto visit = [&](const Sample& sample) {
       Deflections& d = deflections_[static_cast<std::size_t>(sample.move)];
       d.s.push_back(sample.s);
-      d.delta.push_back(across_plunge(moves_[static_cast<std::size_t>(sample.move)], sample.deflection));
+      d.delta.push_back(to_correct(moves_[static_cast<std::size_t>(sample.move)], sample.deflection));
       d.cuts = d.cuts || sample.cutting;
     };
     POLYPOD_ASSIGN(result, run_pass(job_, program_, path, stock, pass, visit));
@@ -174,33 +171,31 @@ class Corrector {
 
   [[nodiscard]] std::vector<Plan> plan_all() const {
     std::vector<Plan> plans(moves_.size());
-    std::optional<Vec3> shared;  // the corner that the last rewritten move agreed on with this one
+    Vec3 stands = Vec3::Zero();  // where the command is when a move begins
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (!rewritten_[i]) {
-        shared.reset();
+        stands = moves_[i].end;
         continue;
       }
       const gcode::Move& move = moves_[i];
       const Deflections& d = deflections_[i];
       Plan& plan = plans[i];
-      Vec3 first = move.start;
-      if (shared) {
-        first = *shared;
-      } else if (d.delta.front().norm() > jump(i)) {
-        first = move.start - d.delta.front();
+      Vec3 first = d.delta.front().norm() > jump(i) ? Vec3(move.start - d.delta.front()) : move.start;
+      if ((first - stands).norm() <= jump(i)) {
+        first = stands;  // a corner that both moves share, or none
+      } else {
         plan.push_back({first, true, {}});
       }
-      shared.reset();
       Vec3 last = move.end;
       bool release = false;
       const bool next_too = meet(i) && rewritten_[i + 1];
       if (next_too && (d.delta.back() - deflections_[i + 1].delta.front()).norm() <= jump(i)) {
         last = move.end - 0.5 * (d.delta.back() + deflections_[i + 1].delta.front());
-        shared = last;
       } else if (d.delta.back().norm() > jump(i)) {
         last = move.end - d.delta.back();
         release = !next_too;  // let the load go on the spot before the tool leaves
       }
+      stands = release ? move.end : last;
       for (Piece& piece : pieces_of(i, first, last)) plan.push_back(std::move(piece));
       if (release) plan.push_back({move.end, true, {}});
     }
@@ -263,7 +258,8 @@ class Corrector {
     out_.program = std::move(back);
     out_.lines_out = out_.program.blocks.size();
     header_at_ = 0;
-    while (header_at_ < program.blocks.size() && program.blocks[header_at_].text == out_.program.blocks[header_at_].text) {
+    while (header_at_ < program.blocks.size() &&
+           program.blocks[header_at_].text == out_.program.blocks[header_at_].text) {
       ++header_at_;
     }
     header_size_ = whole.blocks.size() - program.blocks.size();
@@ -280,7 +276,8 @@ class Corrector {
                     units::to_um(job_.tolerance), units::to_mm(job_.cutter.diameter), job_.cutter.teeth,
                     units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z()))};
     if (job_.measured) {
-      header.push_back(fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
+      header.push_back(
+          fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
     }
     return header;
   }
@@ -364,20 +361,18 @@ class Corrector {
     return n;
   }
 
-  /// The choice of a round and how good it is: moves that got worse, then moves outside, then the largest distance.
+  /// The choice of a round and how good it is: moves outside, then the largest distance.
   struct Choice {
     std::vector<bool> rewritten;
     std::vector<double> fit;
     double sample_step = 0;
     std::size_t bad = 0;
     double largest = 0;
-    [[nodiscard]] bool better_than(const Choice& o) const {
-      return bad != o.bad ? bad < o.bad : largest < o.largest;
-    }
+    [[nodiscard]] bool better_than(const Choice& o) const { return bad != o.bad ? bad < o.bad : largest < o.largest; }
   };
   [[nodiscard]] Choice choice() const {
     std::size_t bad = 0;
-    for (std::size_t i = 0; i < moves_.size(); ++i) bad += outside(i) || worse(i) ? 1 : 0;
+    for (std::size_t i = 0; i < moves_.size(); ++i) bad += outside(i) ? 1 : 0;
     return {rewritten_, fit_, sample_step_, bad, out_.largest_distance};
   }
 
@@ -409,7 +404,7 @@ class Corrector {
   bool narrow() {
     bool changed = false;
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (!outside(i) && !worse(i)) continue;
+      if (!outside(i)) continue;
       if (!rewritten_[i]) {
         if (frozen_[i] || !deflections_[i].cuts) continue;
         rewritten_[i] = true;
@@ -417,10 +412,22 @@ class Corrector {
       } else if (fit_[i] > kNarrowest * job_.tolerance && (last_.empty() || after_[i] < kHelps * last_[i])) {
         fit_[i] *= 0.5;
         changed = true;
+      } else {
+        changed = take_neighbours(i) || changed;
       }
     }
     last_ = after_;
     spread_choice();
+    return changed;
+  }
+
+  /// What a move meets depends on what those before it left: they are corrected too. False if they are already.
+  bool take_neighbours(std::size_t i) {
+    bool changed = false;
+    for (const std::size_t k : {i - 1, i + 1}) {
+      if (k >= moves_.size() || rewritten_[k] || frozen_[k] || !deflections_[k].cuts) continue;
+      rewritten_[k] = changed = true;
+    }
     return changed;
   }
 
@@ -539,7 +546,8 @@ class Corrector {
 
   /// The corrected program with the block delete switch in its other position.
   Status judge_other_switch() {
-    const bool optional = std::any_of(program_.blocks.begin(), program_.blocks.end(), [](const gcode::Block& b) { return b.optional; });
+    const bool optional =
+        std::any_of(program_.blocks.begin(), program_.blocks.end(), [](const gcode::Block& b) { return b.optional; });
     if (!optional) return {};
     OtherSwitch& other = out_.other_switch.emplace();
     other.block_delete = !job_.block_delete;
@@ -586,8 +594,8 @@ class Corrector {
       out_.reason = fmt::format("line {}: the deflected tool is up to {:.1f} um from the programmed move", worst->line,
                                 units::to_um(worst->distance_after));
       if (worst->corner_after > 0) {
-        out_.reason += fmt::format(", and the controller rounds its corner by up to {:.1f} um",
-                                   units::to_um(worst->corner_after));
+        out_.reason +=
+            fmt::format(", and the controller rounds its corner by up to {:.1f} um", units::to_um(worst->corner_after));
       }
       out_.reason += fmt::format("; the tolerance is {:g} um", units::to_um(job_.tolerance));
       if (worst->distance_after <= job_.tolerance && worst->distance_after > inside()) {
@@ -599,10 +607,11 @@ class Corrector {
           out_.after.not_judged.empty() ? out_.before.not_judged.front() : out_.after.not_judged.front();
       out_.reason = fmt::format("line {}: {}", first.line, first.why);
     } else if (!other) {
-      out_.reason = fmt::format("with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the "
-                                "tolerance is {:g} um",
-                                out_.other_switch->block_delete ? "on" : "off",
-                                units::to_um(out_.other_switch->distance_after), units::to_um(job_.tolerance));
+      out_.reason = fmt::format(
+          "with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the "
+          "tolerance is {:g} um",
+          out_.other_switch->block_delete ? "on" : "off", units::to_um(out_.other_switch->distance_after),
+          units::to_um(job_.tolerance));
     }
   }
 
@@ -654,7 +663,8 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   double feed = 0;
   for (std::size_t i = 0; i < result.programmed.size(); ++i) {
     const int line = program.blocks[static_cast<std::size_t>(result.programmed[i].block)].line;
-    const auto at = std::find_if(result.moves.begin(), result.moves.end(), [&](const auto& m) { return m.line == line; });
+    const auto at =
+        std::find_if(result.moves.begin(), result.moves.end(), [&](const auto& m) { return m.line == line; });
     if (at == result.moves.end() || at->within) continue;
     which[i] = true;
     feed = std::max(feed, result.programmed[i].feed);
@@ -671,8 +681,8 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
                               units::to_mm_per_min(feed * factor)));
     return out;
   }
-  out.push_back(fmt::format("no feed down to a tenth would do in {}: take less depth or width, or a stiffer place",
-                            lines));
+  out.push_back(
+      fmt::format("no feed down to a tenth would do in {}: take less depth or width, or a stiffer place", lines));
   return out;
 }
 

@@ -98,10 +98,9 @@ class Fit {
     const double cross = m.x() * q.y() - m.y() * q.x();
     const double sagitta = q.norm() > 0 ? std::abs(cross) / q.norm() : 0;
     if (!(cross > 0) || sagitta < kFlat) return std::nullopt;  // it turns the other way, or not at all
-    const Eigen::Vector2d from_a =
-        Eigen::Vector2d(q.y() * m.squaredNorm() - m.y() * q.squaredNorm(),
-                        m.x() * q.squaredNorm() - q.x() * m.squaredNorm()) /
-        (2 * cross);
+    const Eigen::Vector2d from_a = Eigen::Vector2d(q.y() * m.squaredNorm() - m.y() * q.squaredNorm(),
+                                                   m.x() * q.squaredNorm() - q.x() * m.squaredNorm()) /
+                                   (2 * cross);
     Arc arc;
     arc.centre = A + frame_.u * from_a.x() + frame_.v * from_a.y();
     arc.radius = from_a.norm();

@@ -32,9 +32,9 @@ struct FitOptions {
 /// Distance of p(s_k) + off from the move: across it between its ends, in full at the ends.
 double distance_from(const gcode::Move& move, const Deflections& d, std::size_t k, const Vec3& off);
 
-/// Pieces from `first` to `last` that keep to the options at every sample; their knots are samples. Found greedily, each
-/// piece reaching as far as it can, farthest first; with that number fixed the largest error is made as small as it
-/// goes, then the knots move to where the squared error is smallest (a long piece that reaches into a ramp of the
+/// Pieces from `first` to `last` that keep to the options at every sample; their knots are samples. Found greedily,
+/// each piece reaching as far as it can, farthest first; with that number fixed the largest error is made as small as
+/// it goes, then the knots move to where the squared error is smallest (a long piece that reaches into a ramp of the
 /// deflection would else be off along its whole length).
 ///
 /// A programmed arc or helix is replaced by arcs through three points of the ideal command each, in the arc's plane and

@@ -5,13 +5,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
+#include "modes.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/statics/compliance.hpp"
-#include "modes.hpp"
 #include "way.hpp"
 
 namespace polypod::machining {
@@ -42,11 +43,61 @@ class Few {
   std::size_t seen_ = 0, stride_ = 1;
 };
 
+/// The length of an error; on a plunge without what is held back.
+double distance_that_counts(const gcode::Move& programmed, const Vec3& off) {
+  if (!is_plunge(programmed)) return off.norm();
+  const Vec3 d = programmed.direction(0);
+  return (off - d * std::min(0.0, d.dot(off))).norm();
+}
+
+/// How near the deflected tip comes to the ends of the programmed moves at which it cuts: their spheres.
+class Ends {
+ public:
+  explicit Ends(const std::vector<gcode::Move>& moves) : moves_(moves), start_(moves.size()), end_(moves.size()) {}
+
+  /// The tip on its way along move i, which may pass an end of a neighbour.
+  void pass(std::size_t i, const Vec3& bent) {
+    near(start_, i, bent);
+    near(end_, i, bent);
+    if (i > 0) near(end_, i - 1, bent);
+    if (i + 1 < moves_.size()) near(start_, i + 1, bent);
+  }
+  void cuts_at_start(std::size_t i, std::size_t commanded) { start_[i].commanded = commanded; }
+  void cuts_at_end(std::size_t i, std::size_t commanded) { end_[i].commanded = commanded; }
+
+  template <class F>
+  void each_miss(F&& report) const {
+    for (const std::vector<Miss>* ends : {&start_, &end_}) {
+      for (std::size_t i = 0; i < ends->size(); ++i) {
+        if ((*ends)[i].commanded) report(i, *(*ends)[i].commanded, (*ends)[i].distance);
+      }
+    }
+  }
+
+ private:
+  struct Miss {
+    double distance = std::numeric_limits<double>::infinity();  ///< m, smallest
+    std::optional<std::size_t> commanded;                       ///< the commanded move that cuts there
+  };
+  void near(std::vector<Miss>& ends, std::size_t i, const Vec3& bent) {
+    const Vec3& end = &ends == &start_ ? moves_[i].start : moves_[i].end;
+    ends[i].distance = std::min(ends[i].distance, distance_that_counts(moves_[i], bent - end));
+  }
+
+  const std::vector<gcode::Move>& moves_;
+  std::vector<Miss> start_, end_;
+};
+
 }  // namespace
+
+bool is_plunge(const gcode::Move& move) {
+  constexpr double kSteep = 0.866;  // sine of 60 deg
+  return move.kind == gcode::MoveKind::line && move.length() > 0 && move.direction(0).z() < -kSteep;
+}
 
 PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away) {
   const Vec3 off = bent - programmed.point(programmed.nearest(bent));
-  return {off.dot(away), off.z(), off.norm()};
+  return {off.dot(away), off.z(), distance_that_counts(programmed, off)};
 }
 
 Sample judged(const Sample& sample, const PathError& error) {
@@ -76,10 +127,11 @@ std::vector<std::string> pass_notes(const Job& job, const gcode::Program& progra
                                 units::to_mm3(touched)));
   }
   if (ends > 0 && !job.material.end) {
-    notes.push_back(fmt::format(
-        "{} (first in line {}) with the end of the cutter; the material has no coefficients for it (its table `end`), so "
-        "the tangential Ktc of the sides is taken for the thrust along the axis: an assumption",
-        ends == 1 ? std::string("one move cuts") : fmt::format("{} moves cut", ends), first_end));
+    notes.push_back(
+        fmt::format("{} (first in line {}) with the end of the cutter; the material has no coefficients for it (its "
+                    "table `end`), so "
+                    "the tangential Ktc of the sides is taken for the thrust along the axis: an assumption",
+                    ends == 1 ? std::string("one move cuts") : fmt::format("{} moves cut", ends), first_end));
   }
   if (pass.not_converged > 0) {
     notes.push_back(fmt::format("the equilibrium of {} of {} points still moved by up to {:.2f} um", pass.not_converged,
@@ -122,12 +174,13 @@ Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassRe
     if (worst == nullptr || incident.volume > worst->volume) worst = &incident;
   }
   if (worst == nullptr) return {};
-  return fail("MC304",
-              fmt::format("this rapid move (G0) goes through {:.3g} mm3 of material{}", units::to_mm3(worst->volume),
-                          others > 1 ? fmt::format(", and {} others through some", others - 1) : ""),
-              Place{program.path, program.blocks[static_cast<std::size_t>(worst->block)].line, 1},
-              fmt::format("retract first, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
-                          units::to_mm3(job.rapid_volume)));
+  return fail(
+      "MC304",
+      fmt::format("this rapid move (G0) goes through {:.3g} mm3 of material{}", units::to_mm3(worst->volume),
+                  others > 1 ? fmt::format(", and {} others through some", others - 1) : ""),
+      Place{program.path, program.blocks[static_cast<std::size_t>(worst->block)].line, 1},
+      fmt::format("retract first, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
+                  units::to_mm3(job.rapid_volume)));
 }
 
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
@@ -151,14 +204,22 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     return out.moves[static_cast<std::size_t>(index[i])];
   };
   const auto source = [&](std::size_t c) { return way.source.empty() ? static_cast<int>(c) : way.source[c]; };
+  Ends ends(programmed);
   const auto visit = [&](const Sample& sample) {
+    const auto c = static_cast<std::size_t>(sample.move);
+    const auto i = static_cast<std::size_t>(source(c));
+    const Vec3 bent = sample.bent();
+    ends.pass(i, bent);
     if (!sample.cutting) {
       if (options.keep_samples) out.samples.push_back(sample);
       return;
     }
-    const auto c = static_cast<std::size_t>(sample.move);
-    const auto i = static_cast<std::size_t>(source(c));
-    const Vec3 bent = sample.bent();
+    if (!way.moves[c].transition) {
+      const bool first = c == 0 || source(c - 1) != source(c) || way.moves[c - 1].transition;
+      const bool last = c + 1 == way.moves.size() || source(c + 1) != source(c) || way.moves[c + 1].transition;
+      if (first && sample.s == 0) ends.cuts_at_start(i, c);
+      if (last && sample.s >= way.moves[c].move.length()) ends.cuts_at_end(i, c);
+    }
     PathError e = path_error(programmed[i], bent, sample.away);
     MovePrediction& m = entry(i);
     if (way.moves[c].transition) {
@@ -169,13 +230,6 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
       if (i + 1 < programmed.size() && programmed[i + 1].kind != gcode::MoveKind::rapid) {
         e.distance = std::min(e.distance, path_error(programmed[i + 1], bent, sample.away).distance);
       }
-    } else {
-      const bool first = sample.s == 0 && (c == 0 || source(c - 1) != source(c) || way.moves[c - 1].transition);
-      const bool last =
-          sample.s >= way.moves[c].move.length() &&
-          (c + 1 == way.moves.size() || source(c + 1) != source(c) || way.moves[c + 1].transition);
-      if (first) e.distance = std::max(e.distance, (bent - programmed[i].start).norm());
-      if (last) e.distance = std::max(e.distance, (bent - programmed[i].end).norm());
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);
     out.commanded_distance[c] = std::max(out.commanded_distance[c], e.distance);
@@ -204,11 +258,16 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   POLYPOD_ASSIGN(pass, run_pass(job, program, way.moves, stock, pass_options, visit));
   out.pass = std::move(pass);
   out.few = few.take();
+  ends.each_miss([&](std::size_t i, std::size_t c, double miss) {
+    entry(i).largest_distance = std::max(entry(i).largest_distance, miss);
+    out.commanded_distance[c] = std::max(out.commanded_distance[c], miss);
+    out.largest_distance = std::max(out.largest_distance, miss);
+  });
   for (const Unsettled& u : out.pass.unsettled) {
     if (u.rest <= resolution(job)) continue;
-    out.not_judged.push_back({program.blocks[static_cast<std::size_t>(u.block)].line,
-                              fmt::format("force and deflection do not settle: they still move by {:.1f} um",
-                                          units::to_um(u.rest))});
+    out.not_judged.push_back(
+        {program.blocks[static_cast<std::size_t>(u.block)].line,
+         fmt::format("force and deflection do not settle: they still move by {:.1f} um", units::to_um(u.rest))});
   }
   std::sort(out.moves.begin(), out.moves.end(), [](const auto& a, const auto& b) { return a.move < b.move; });
   return out;

@@ -258,7 +258,8 @@ class Pass {
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());
     const bool vertical = horizontal < kVertical;
-    const Eigen::Vector2d feed = vertical ? Eigen::Vector2d(1, 0) : Eigen::Vector2d(d.x() / horizontal, d.y() / horizontal);
+    const Eigen::Vector2d feed =
+        vertical ? Eigen::Vector2d(1, 0) : Eigen::Vector2d(d.x() / horizontal, d.y() / horizontal);
     const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
     const double radius = tool.cutter->radius(), ahead = 2 * stock_.cell();
     if (!vertical) sample.away = left;

@@ -16,11 +16,17 @@ struct Way {
   std::vector<int> source;                               ///< the programmed move of each; empty: its own number
 };
 
+/// Whether a move goes down more steeply than 60 deg. What the thrust along the axis holds back there is cut when the
+/// tool comes to rest at the end, so it is no error of the part, and a command beyond the end would gouge the floor as
+/// soon as the thrust goes: the part along the way is neither judged nor corrected.
+bool is_plunge(const gcode::Move& move);
+
 /// Every move commanded as it is programmed.
 Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves);
 
-/// Sends the deflected cutter along `way.moves`, which are those of `program`, and judges it against the programmed moves:
-/// every point against its move, the first and the last point of a move against its ends. Errors: those of run_pass.
+/// Sends the deflected cutter along `way.moves`, which are those of `program`, and judges it against the programmed
+/// moves: every point against its move, the first and the last point of a move against its ends. Errors: those of
+/// run_pass.
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options);
 

@@ -332,7 +332,8 @@ class Page {
     }
     if (plunges > 0) {
       items.push_back(fmt::format(
-          "{} cut {} mm³ with the end of the cutter as well (plunges and ramps). {} On a plunge the thrust along the axis "
+          "{} cut {} mm³ with the end of the cutter as well (plunges and ramps). {} On a plunge the thrust along the "
+          "axis "
           "is not corrected: what it holds back is cut when the tool comes to rest.",
           plural(index(plunges), "move", "moves"), number(units::to_mm3(plunged)),
           job_.material.end ? "The forces of the end are those of the material's own coefficients."

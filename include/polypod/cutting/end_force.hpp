@@ -10,10 +10,11 @@
 
 namespace polypod::cutting {
 
-/// Coefficients of the end where the material gives none: the tangential K_tc of the sides for the tangential force and for
-/// the thrust along the axis, which is the order of magnitude of published coefficients of plunge milling; no radial
-/// force, and no edge part, since end edges are ground hollow and a fine feed along the axis meets their corners alone.
-/// An assumption, to be named wherever it is used. For an exponent other than 1 the slope at a chip of 0.05 mm is taken.
+/// Coefficients of the end where the material gives none: the tangential K_tc of the sides for the tangential force and
+/// for the thrust along the axis, which is the order of magnitude of published coefficients of plunge milling; no
+/// radial force, and no edge part, since end edges are ground hollow and a fine feed along the axis meets their corners
+/// alone. An assumption, to be named wherever it is used. For an exponent other than 1 the slope at a chip of 0.05 mm
+/// is taken.
 EndCoefficients end_as_sides(const Material& material);
 
 /// What stands below the end of the cutter: for each of kSectors tooth angles the length of end edge that would cut if

@@ -45,12 +45,12 @@ struct Rewritten {
 /// Writes `program` with new paths for some moves.
 ///
 /// A replaced motion block becomes G1 blocks (G0 for a rapid; G2 or G3 for points with a centre), one a point; a point
-/// that rounds onto the one before it needs none. The first block keeps N, F, S, T, G and M words and comments; X, Y, Z are replaced, I, J, K, R and P are
-/// dropped. M0, M1, M2, M30, M60 and G9, which act at the end of a move, go to the last block. Each keeps the `/` and
-/// the line ending. Where the block was numbered, new blocks get numbers in between if the gap to the next number
-/// permits, else none. Under G91 steps are written, each from the position that the numbers before it add up to, so
-/// rounding never accumulates. Under G93 each block gets F so that the time of the whole move stays. Checksums are
-/// renewed.
+/// that rounds onto the one before it needs none. The first block keeps N, F, S, T, G and M words and comments; X, Y, Z
+/// are replaced, I, J, K, R and P are dropped. M0, M1, M2, M30, M60 and G9, which act at the end of a move, go to the
+/// last block. Each keeps the `/` and the line ending. Where the block was numbered, new blocks get numbers in between
+/// if the gap to the next number permits, else none. Under G91 steps are written, each from the position that the
+/// numbers before it add up to, so rounding never accumulates. Under G93 each block gets F so that the time of the
+/// whole move stays. Checksums are renewed.
 ///
 /// Other blocks keep their text, except that
 /// - a block that relied on a modal motion word which a rewritten block changed gets that word;

@@ -19,13 +19,13 @@ enum class CorrectMethod {
 
 /// What the controller does with the blocks of a program and of its correction.
 struct PathModes {
-  std::string written;         ///< the words that the corrected program got, e.g. "G64 P0.045 Q0"; empty: none needed
-  std::vector<int> replaced;   ///< lines of the original whose mode would break the tube and was replaced
-  double corner_before = 0;    ///< m, by which the controller rounds the worst corner of a cut of the program as it is
-  double corner_after = 0;     ///< m, the same of the corrected program
-  double time_before = 0;      ///< s, with the planner's acceleration
-  double time_after = 0;       ///< s
-  double time_without = 0;     ///< s, of the corrected program with the modes that it had; the rest is their cost
+  std::string written;        ///< the words that the corrected program got, e.g. "G64 P0.045 Q0"; empty: none needed
+  std::vector<int> replaced;  ///< lines of the original whose mode would break the tube and was replaced
+  double corner_before = 0;   ///< m, by which the controller rounds the worst corner of a cut of the program as it is
+  double corner_after = 0;    ///< m, the same of the corrected program
+  double time_before = 0;     ///< s, with the planner's acceleration
+  double time_after = 0;      ///< s
+  double time_without = 0;    ///< s, of the corrected program with the modes that it had; the rest is their cost
 };
 
 struct CorrectOptions {
@@ -34,10 +34,10 @@ struct CorrectOptions {
   double fit_share = 0.8;  ///< of the tolerance that the fit of pieces may use; the rest is for what the fit leaves out
   double merge_share = 0.25;  ///< two moves share their corner if their corrections differ by less than this share of
                               ///< the tolerance, else a transition goes from one to the other
-  double chord = 0;           ///< m, how far an arc that is kept as arcs may be off the ideal command; 0: a tenth of the tube
-  int rounds = 6;             ///< fits with a narrower tube where the check finds a point outside
-  bool all = false;           ///< also moves that are inside the tube, where it adds no lines
-  bool again = false;         ///< see AcceptOptions
+  double chord = 0;    ///< m, how far an arc that is kept as arcs may be off the ideal command; 0: a tenth of the tube
+  int rounds = 6;      ///< fits with a narrower tube where the check finds a point outside
+  bool all = false;    ///< also moves that are inside the tube, where it adds no lines
+  bool again = false;  ///< see AcceptOptions
   bool keep_samples = false;
   std::function<bool(const char* what, double share)> progress;
 };
@@ -88,10 +88,10 @@ struct Correction {
 /// back, and checked densely in equilibrium; where a point is outside, the move is fitted to a narrower tube and all is
 /// checked again.
 ///
-/// Never worse: a move that is in the tube in equilibrium keeps its text, unless its neighbour's correction would make a
-/// step; a move that its correction does not bring closer to the programmed path gets its text back; and where the whole
-/// is not closer, the program stays as it is but for its header. The header holds the path control mode (G64 P Q0 or
-/// G61.1) that the tolerance needs; modes in the program that would break it are replaced.
+/// Never worse: a move that is in the tube in equilibrium keeps its text, unless its neighbour's correction would make
+/// a step; a move that its correction does not bring closer to the programmed path gets its text back; and where the
+/// whole is not closer, the program stays as it is but for its header. The header holds the path control mode (G64 P Q0
+/// or G61.1) that the tolerance needs; modes in the program that would break it are replaced.
 ///
 /// Errors: those of accept, run_pass and gcode::rewrite; MC302 no move cuts; MC304 a rapid goes through more material
 /// than `job.rapid_volume`, when the tool is where it was programmed or in the program that was written. A tolerance

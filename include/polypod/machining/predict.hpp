@@ -57,24 +57,24 @@ struct NotJudged {
 
 /// A program with the other position of the block delete switch.
 struct OtherSwitch {
-  bool block_delete = false;    ///< the position that was judged
-  double distance_before = 0;   ///< m, largest distance of the program as it is, corners counted
-  double distance_after = 0;    ///< m, the same of the corrected program
+  bool block_delete = false;   ///< the position that was judged
+  double distance_before = 0;  ///< m, largest distance of the program as it is, corners counted
+  double distance_after = 0;   ///< m, the same of the corrected program
   bool within_tolerance = false;
 };
 
 struct Prediction {
-  std::vector<MovePrediction> moves;    ///< those that cut, in order
-  std::vector<NotJudged> not_judged;    ///< moves that cut but that no model covers; they spoil every "yes"
-  std::vector<Sample> samples;          ///< every evaluated point, if they were asked for
-  std::vector<Sample> few;              ///< at most 200 of the points that cut, at equal distances in their order
-  Spread deflection, normal, vertical;  ///< over all points that cut, m
-  double largest_distance = 0;          ///< m
-  double corner = 0;                    ///< m, by which the controller rounds the worst corner of a cut
-  double largest_with_corners = 0;      ///< m, distance with the corners in the path control modes of the program
-  double time = 0;                      ///< s, with the planner's acceleration
+  std::vector<MovePrediction> moves;        ///< those that cut, in order
+  std::vector<NotJudged> not_judged;        ///< moves that cut but that no model covers; they spoil every "yes"
+  std::vector<Sample> samples;              ///< every evaluated point, if they were asked for
+  std::vector<Sample> few;                  ///< at most 200 of the points that cut, at equal distances in their order
+  Spread deflection, normal, vertical;      ///< over all points that cut, m
+  double largest_distance = 0;              ///< m
+  double corner = 0;                        ///< m, by which the controller rounds the worst corner of a cut
+  double largest_with_corners = 0;          ///< m, distance with the corners in the path control modes of the program
+  double time = 0;                          ///< s, with the planner's acceleration
   std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
-  std::vector<double> commanded_distance;  ///< m, largest of each commanded move; 0 where it does not cut
+  std::vector<double> commanded_distance;   ///< m, largest of each commanded move; 0 where it does not cut
   struct Ends {
     bool start = false, end = false;
   };
