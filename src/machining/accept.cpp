@@ -184,6 +184,13 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
                 Place{program.path, 0, 0}, "check that this is the file that was meant");
   }
   POLYPOD_TRY(known_offsets(job, program, interpretation));
+  // A wrong unit or origin misses the stock and often the reach as well; the stock says more.
+  const Box stock = box_of(job.stock);
+  if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const gcode::Move& move) {
+        return feeds(move) && may_touch(swept_box(move, job.cutter_of(move.tool).radius()), stock);
+      })) {
+    return tl::unexpected(cuts_nothing(job, program, interpretation));
+  }
   POLYPOD_TRY(known_tools(job, program, interpretation));
   Accepted out{interpretation, interpretation.notes};
   POLYPOD_TRY(known_starts(job, program, out));

@@ -26,7 +26,7 @@ constexpr double kHelps = 0.98;
 // How often moves that became worse are given back their text before the whole program is.
 constexpr int kGiveBackRounds = 5;
 // The step of the check is at most this, m.
-constexpr double kCheckStep = 0.5e-3;
+constexpr double kCheckStep = 0.1e-3;
 // Remedies are tried out where a correction takes no longer than this many points.
 constexpr std::size_t kTryRemediesBelow = 200'000;
 

@@ -18,9 +18,9 @@ struct Deflections {
 
 /// A block of the corrected path.
 struct Piece {
-  Vec3 end = Vec3::Zero();     ///< p_W, m
-  bool transition = false;     ///< takes the load on or off between two moves
-  std::optional<Vec3> centre;  ///< of an arc in the plane and the sense of the programmed one
+  Vec3 end = Vec3::Zero();                    ///< p_W, m
+  bool transition = false;                    ///< takes the load on or off between two moves
+  std::optional<Vec3> centre = std::nullopt;  ///< of an arc in the plane and the sense of the programmed one
 };
 
 struct FitOptions {

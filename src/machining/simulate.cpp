@@ -240,6 +240,7 @@ class Pass {
   /// Whether the next move goes on downwards in the direction of this one, as turns of a helix do.
   [[nodiscard]] bool descends_on(std::size_t index) const {
     if (index + 1 >= moves_.size()) return false;
+    if (moves_[index + 1].transition) return true;  // which takes the load off
     const gcode::Move &now = moves_[index].move, &next = moves_[index + 1].move;
     if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return false;
     const Vec3 d = next.direction(0);
@@ -276,11 +277,14 @@ class Pass {
       look(window, radius, feed, ahead, vertical);
       if (!profile_.any) deflection_ = before;
     }
-    // The end cuts as long as the tip goes down; it stops doing so at the end of the way down.
+    // The end cuts as long as the tip goes down; it stops doing so at the end of the way down. What counts is the floor
+    // at the height of the command: where the thrust lifts the tool it leaves that floor higher, and still meets it.
     footprint_.any = false;
     const double fall = -d.z() * ahead;
-    if (fall > kLeastFall && (s < length || descends_on(index))) {
-      cutting::look_down(stock_, bends ? Vec3(p + deflection_) : p, radius, feed, fall, footprint_);
+    const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
+    if (fall > kLeastFall && (s < length || ideal || descends_on(index))) {
+      const Vec3 over = bends ? Vec3(p.x() + deflection_.x(), p.y() + deflection_.y(), p.z()) : p;
+      cutting::look_down(stock_, over, radius, feed, fall, footprint_);
     }
     if (!(profile_.max_depth > kNoCut) && !footprint_.any) {
       deflection_.setZero();

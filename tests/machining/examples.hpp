@@ -77,9 +77,14 @@ inline void expect_in_tube(const Example& e, const machining::Correction& c) {
               (i != source && !c.commanded[static_cast<std::size_t>(s.move)].transition)) {
             continue;
           }
+          // What the thrust holds back on a plunge is cut when the tool comes to rest.
+          const bool plunge = move.kind == gcode::MoveKind::line && move.direction(0).z() < -0.866;
           const int n = 4000;
-          for (int k = 0; k <= n; ++k)
-            nearest = std::min(nearest, (s.bent() - move.point(move.length() * k / n)).norm());
+          for (int k = 0; k <= n; ++k) {
+            Vec3 off = s.bent() - move.point(move.length() * k / n);
+            if (plunge) off -= move.direction(0) * std::min(0.0, move.direction(0).dot(off));
+            nearest = std::min(nearest, off.norm());
+          }
         }
         worst = std::max(worst, nearest);
       });

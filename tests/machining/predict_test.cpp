@@ -126,12 +126,28 @@ TEST(Predict, BandOfTheCoefficients) {
   EXPECT_EQ(machining::force_band(e.job, e.program, e.interpretation, p, at_rest)->deflection_mean, 0);
 }
 
-TEST(Predict, AirMovesDoNotBend) {
-  const auto e =
-      with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X0 Y0 Z20\nG1 X50 Y50 F1000\nG2 X0 Y0 R60\nM2\n");
-  const auto p = testing::predict(e);
-  EXPECT_EQ(p.deflection.count, 0u);
-  EXPECT_TRUE(p.moves.empty());
+TEST(Predict, AProgramThatCutsNothingIsNamedWithTheReason) {
+  const auto refused = [](const std::string& text) {
+    const auto e = with_program("slavkovic_square", text);
+    const auto p = machining::predict(e.job, e.program, e.interpretation);
+    EXPECT_FALSE(p);
+    EXPECT_EQ(p.error().id, "MC302");
+    return to_string(p.error());
+  };
+  EXPECT_THAT(refused("G21 G90 S8000 M3\nG0 X0 Y0 Z20\nG1 X50 Y50 F1000\nG2 X0 Y0 R60\nM2\n"),
+              HasSubstr("misses the stock by 20.000 mm in Z"));
+  // 250 inches beside the part: meant in millimetres.
+  EXPECT_THAT(refused("G20 G90 S8000 M3\nG0 X-130 Y125 Z1\nG1 Z-0.1 F10\nG1 X-125 Y124 F60\nG0 Z1\nM2\n"),
+              HasSubstr("in millimetres it would cut"));
+}
+
+TEST(Predict, ProgramsWithoutAFeedMoveAreRefused) {
+  for (const char* text : {"M2\n", "G21 G90\nG0 X0 Y0 Z5\nM2\n"}) {
+    const auto e = with_program("slavkovic_square", text);
+    const auto p = machining::predict(e.job, e.program, e.interpretation);
+    ASSERT_FALSE(p);
+    EXPECT_EQ(p.error().id, "MC301");
+  }
 }
 
 TEST(Predict, SecondLapOfARigidToolMeetsNothing) {
@@ -139,9 +155,9 @@ TEST(Predict, SecondLapOfARigidToolMeetsNothing) {
   const auto e =
       with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X-125 Y-125 Z5\nG1 Z-2 F1600\n" + lap + lap + "M2\n");
   const auto p = testing::predict(e, at_rest());
-  ASSERT_EQ(p.moves.size(), 4u) << "only the first lap cuts";
+  ASSERT_EQ(p.moves.size(), 5u) << "only the plunge and the first lap cut";
   // The bent tool leaves a quarter of a millimetre to the second lap.
-  EXPECT_EQ(testing::predict(e).moves.size(), 8u);
+  EXPECT_EQ(testing::predict(e).moves.size(), 9u);
 }
 
 // A part that is turned in M bends as its program turned in W does.
@@ -207,17 +223,21 @@ TEST(Predict, OutOfReachNamesLineAndReason) {
   const auto p = machining::predict(e.job, e.program, e.interpretation);
   ASSERT_FALSE(p);
   EXPECT_EQ(p.error().id, "MC210");
-  EXPECT_EQ(p.error().place.line, 11);
+  EXPECT_EQ(p.error().place.line, 8) << "in air already";
   EXPECT_THAT(p.error().message, HasSubstr("out of reach"));
 }
 
 TEST(Predict, RapidThroughTheStockIsCalledOut) {
-  const auto e = with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X-160 Y0 Z-2\nG0 X0\nM2\n");
+  const auto e = with_program("slavkovic_square", "G21 G90 S8000 M3\nG0 X-160 Y0 Z-2\nG0 X0\nG1 X5 F800\nM2\n");
   const auto p = testing::predict(e);
   ASSERT_EQ(p.pass.incidents.size(), 1u);
-  std::string notes;
-  for (const auto& n : p.notes) notes += n;
-  EXPECT_THAT(notes, HasSubstr("test.ngc:3: G0 goes through"));
+  const Status collision = machining::no_rapid_cuts(e.job, e.program, p.pass);
+  ASSERT_FALSE(collision);
+  EXPECT_EQ(collision.error().id, "MC304");
+  EXPECT_EQ(collision.error().place.line, 3);
+  const auto c = machining::correct(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(c);
+  EXPECT_EQ(c.error().id, "MC304");
 }
 
 TEST(Predict, CancelStopsIt) {

@@ -15,9 +15,10 @@ namespace polypod::gcode {
 
 /// A point of a commanded path, and how to get there.
 struct PathPoint {
-  Vec3 p = Vec3::Zero();       ///< p_W, m
-  Vec3 axes = Vec3::Zero();    ///< A, B, C, rad; written only where the move's block holds A, B or C
-  std::optional<Vec3> centre;  ///< p_W, m: an arc about it, in the plane and the sense of the replaced arc; else a line
+  Vec3 p = Vec3::Zero();     ///< p_W, m
+  Vec3 axes = Vec3::Zero();  ///< A, B, C, rad; written only where the move's block holds A, B or C
+  std::optional<Vec3> centre =
+      std::nullopt;  ///< p_W, m: an arc about it, in the plane and the sense of the replaced arc; else a line
 };
 
 /// A new path for one move: pieces from wherever the written program stands to each point in turn.

@@ -1,0 +1,228 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// A yes is given only for what was judged: programs that once got one without.
+#include <gmock/gmock.h>
+
+#include "machining/examples.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::correct;
+using testing::Example;
+using testing::unwrap;
+using testing::with_program;
+using units::to_um;
+
+std::string trial(const std::string& file) {
+  return std::string(POLYPOD_SOURCE_DIR) + "/tests/trials/" + file;
+}
+
+Example load(const std::string& program, const std::string& job) {
+  Example e{unwrap(machining::read_job(job)), unwrap(gcode::read(program)), {}};
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  return e;
+}
+
+/// The error that both predict and correct end with.
+Error refused(const Example& e) {
+  const auto p = machining::predict(e.job, e.program, e.interpretation);
+  const auto c = machining::correct(e.job, e.program, e.interpretation);
+  EXPECT_FALSE(p);
+  EXPECT_FALSE(c);
+  if (p || c) return {};
+  EXPECT_EQ(p.error().id, c.error().id);
+  EXPECT_EQ(p.error().place.line, c.error().place.line);
+  return c.error();
+}
+
+TEST(Verdict, TheTightHelixComesNoWorse) {
+  for (const double tolerance : {100e-6, 120e-6, 150e-6}) {
+    auto e = load(trial("tight_helix.ngc"), trial("plate.toml"));
+    e.job.tolerance = tolerance;
+    const auto c = correct(e);
+    EXPECT_LE(c.largest_distance, c.before.largest_distance);
+    for (const auto& m : c.moves) {
+      if (m.rewritten) {
+        EXPECT_LE(to_um(m.distance_after), to_um(m.distance_before) + 1) << "line " << m.line;
+      }
+    }
+    EXPECT_EQ(c.within_tolerance, c.largest_after <= tolerance - machining::resolution(e.job));
+  }
+}
+
+TEST(Verdict, MovesWhoseStartIsUnknownAreRefused) {
+  Error error = refused(load(trial("cut_after_g43.ngc"), trial("slot.toml")));
+  EXPECT_EQ(error.id, "MC303");
+  EXPECT_EQ(error.place.line, 8);
+  error = refused(load(trial("no_z_at_all.ngc"), trial("slot.toml")));
+  EXPECT_EQ(error.id, "MC303");
+  EXPECT_EQ(error.place.line, 5);
+}
+
+TEST(Verdict, AWayDownFromAnUnknownHeightComesFromAbove) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  const auto plain = testing::predict(e);
+  e.program = unwrap(gcode::parse(
+      "G21 G90 G94 G17 G54\nT1 M6\nS12000 M3\nG0 X-45 Y0 Z10\nG43 H1\nG1 Z-2 F600\nG1 X45 F1800\nG0 Z10\nM30\n",
+      "test.ngc"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  const auto p = testing::predict(e);
+  EXPECT_NEAR(to_um(p.largest_distance), to_um(plain.largest_distance), 1e-6);
+  EXPECT_THAT(p.notes.back() + p.notes.front() + p.notes[p.notes.size() / 2], HasSubstr("from above"));
+}
+
+TEST(Verdict, MovesInAirBeyondTheReachAreRefused) {
+  const Error error = refused(load(trial("rapid_out_of_reach.ngc"), trial("slot.toml")));
+  EXPECT_EQ(error.id, "MC210");
+  EXPECT_EQ(error.place.line, 5);
+  EXPECT_THAT(error.message, HasSubstr("likewise lines 6, 10, 11"));
+}
+
+TEST(Verdict, ARapidThroughTheStockIsRefused) {
+  const auto e = load(trial("rapid_through_stock.ngc"), trial("plate.toml"));
+  const auto c = machining::correct(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(c);
+  EXPECT_EQ(c.error().id, "MC304");
+  EXPECT_EQ(c.error().place.line, 5);
+  // 50 mm of a slot 5 mm wide and 3 mm deep, less what stands before the edge of the stock.
+  EXPECT_THAT(c.error().message, HasSubstr("794 mm3"));
+}
+
+TEST(Verdict, AWorkOffsetThatTheJobLacksIsRefused) {
+  auto e = load(trial("square_in_g55.ngc"), testing::example_path("slavkovic_square", "job.toml"));
+  EXPECT_EQ(refused(e).id, "MC307");
+  e.job.offset_given[1] = true;
+  EXPECT_TRUE(machining::predict(e.job, e.program, e.interpretation));
+}
+
+TEST(Verdict, TwoToolsNeedTwoCutters) {
+  const auto e = with_program("slavkovic_groove",
+                              "G21 G90 T1 M6 S12000 M3\nG0 X-45 Y0 Z10\nG1 Z-2 F600\nG1 X0 F1800\nG0 Z10\n"
+                              "T2 M6\nG0 X0 Y0\nG0 Z5\nG1 Z-2 F600\nG1 X45 F1800\nG0 Z10\nM2\n");
+  const Error error = refused(e);
+  EXPECT_EQ(error.id, "MC308");
+  EXPECT_THAT(error.message, HasSubstr("T2"));
+}
+
+TEST(Verdict, AMachineWithoutCompliancesIsRefused) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  e.job.machine = unwrap(machine::load("hexapod-strut"));
+  EXPECT_EQ(refused(e).id, "AP105");
+}
+
+TEST(Verdict, ACorrectedProgramIsNotCorrectedAgain) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  e.program = unwrap(gcode::parse(correct(e).text, "again.ngc"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  EXPECT_EQ(refused(e).id, "MC306");
+  machining::CorrectOptions options;
+  options.again = true;
+  EXPECT_TRUE(machining::correct(e.job, e.program, e.interpretation, options));
+}
+
+TEST(Verdict, TheDiscKeepsItsSize) {
+  const auto e = load(trial("disc.ngc"), trial("disc.toml"));
+  const auto c = correct(e);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_THAT(c.text, HasSubstr("G2 "));
+  EXPECT_LT(std::abs(to_um(c.after.normal.mean)), 5) << "chords cut 42 um into the part on average";
+}
+
+TEST(Verdict, RampsFeelTheEndOfTheCutter) {
+  for (const char* file : {"ramps.ngc", "steep_plunge.ngc"}) {
+    const auto e = load(trial(file), trial("plate.toml"));
+    const auto p = testing::predict(e);
+    std::string notes;
+    for (const std::string& note : p.notes) notes += note;
+    EXPECT_THAT(notes, HasSubstr("with the end of the cutter")) << file;
+    EXPECT_THAT(notes, HasSubstr("assumption")) << file;
+    // The thrust pushes the tool up; with coefficients of its own ten times as large, ten times as far.
+    auto hard = e;
+    const double k = 10 * e.job.material.ktc;
+    hard.job.material.end = cutting::EndCoefficients{k, 0, k, 0, 0, 0};
+    EXPECT_GT(testing::predict(hard).vertical.max, 2 * p.vertical.max) << file;
+    EXPECT_GT(p.vertical.max, 0) << file;
+  }
+}
+
+TEST(Verdict, ThePathControlModeThatTheToleranceNeedsIsWritten) {
+  const auto e = testing::load_example("slavkovic_square");
+  const auto c = correct(e);
+  EXPECT_TRUE(c.within_tolerance);
+  // LinuxCNC rounds the corners of the square by 375 um under plain G64 (recorded).
+  EXPECT_NEAR(to_um(c.modes.corner_before), 375, 1);
+  ASSERT_THAT(c.modes.written, ::testing::StartsWith("G64 P0.0"));
+  EXPECT_THAT(c.text, HasSubstr("G21 " + c.modes.written + "\n"));
+  double written = 0;
+  std::sscanf(c.modes.written.c_str(), "G64 P%lf", &written);
+  EXPECT_LE(to_um(c.modes.corner_after), 1e3 * written + 0.1);
+  EXPECT_LE(to_um(c.largest_after), 100);
+}
+
+TEST(Verdict, AModeThatBreaksTheTubeIsReplaced) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  e.program = unwrap(gcode::parse("G21 G90 G94 G17 G54 G64 P0.3\nT1 M6\nS12000 M3\nG0 X-25 Y0 Z10\nG0 Z2\nG1 Z-2 F600\n"
+                                  "G1 X20 F1800\nG1 Y15\nG0 Z10\nM5\nM30\n",
+                                  "test.ngc"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  const auto c = correct(e);
+  EXPECT_THAT(c.modes.replaced, ::testing::ElementsAre(1));
+  EXPECT_EQ(c.text.find("P0.3"), std::string::npos);
+  EXPECT_THAT(c.text, HasSubstr("G54 " + c.modes.written));
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+}
+
+TEST(Verdict, NoBlockIsTooShortForTheController) {
+  auto e = testing::load_example("slavkovic_square");
+  e.job.controller.shortest_length = 0.3e-3;
+  const auto c = correct(e);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  for (std::size_t i = 0; i < c.commanded.size(); ++i) {
+    if (c.commanded[i].followed == nullptr) continue;  // transitions are as long as the deflection
+    EXPECT_GE(c.commanded[i].move.length(), 0.29e-3) << "move " << i;
+  }
+}
+
+TEST(Verdict, BothPositionsOfBlockDeleteAreJudged) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  e.program = unwrap(gcode::parse("G21 G90 G94 G17 G54\nT1 M6\nS12000 M3\nG0 X-45 Y0 Z10\nG0 Z2\n/G1 Z-1 F600\n/G1 X45 F1800\n"
+                                  "/G0 Z2\n/G0 X-45\nG1 Z-2 F600\nG1 X45 F1800\nG0 Z10\nM5\nM30\n",
+                                  "test.ngc"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  const auto c = correct(e);
+  ASSERT_TRUE(c.other_switch);
+  EXPECT_TRUE(c.other_switch->block_delete);
+  // Corrected for half the depth at each pass, the whole depth at once deflects the tool twice as far.
+  EXPECT_GT(to_um(c.other_switch->distance_after), 100);
+  EXPECT_FALSE(c.within_tolerance);
+  EXPECT_THAT(c.reason, HasSubstr("block delete on"));
+}
+
+TEST(Verdict, WhatWouldHelpDoes) {
+  auto e = testing::load_example("slavkovic_groove");
+  e.job.tolerance = 3e-6;
+  const auto c = correct(e);
+  ASSERT_FALSE(c.within_tolerance);
+  ASSERT_FALSE(c.remedies.empty());
+  double tube = 0;
+  ASSERT_EQ(std::sscanf(c.remedies.front().c_str(), "a tube of %lf um", &tube), 1) << c.remedies.front();
+  e.job.tolerance = units::from_um(tube);
+  EXPECT_TRUE(correct(e).within_tolerance);
+}
+
+TEST(Verdict, MovesInsideTheTubeAreCorrectedWhereItAddsNoLines) {
+  auto e = testing::load_example("slavkovic_groove");
+  e.job.tolerance = 300e-6;
+  EXPECT_EQ(correct(e).rewritten_moves, 0);
+  machining::CorrectOptions options;
+  options.all = true;
+  const auto c = correct(e, options);
+  const std::size_t header = 2 + (c.modes.written.empty() ? 0 : 1);
+  EXPECT_EQ(c.lines_out, c.lines_in + header);
+  EXPECT_LE(c.largest_distance, c.before.largest_distance);
+}
+
+}  // namespace
+}  // namespace polypod
