@@ -10,6 +10,7 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "polypod/core/files.hpp"
 
 namespace polypod::app {
 namespace {
@@ -108,6 +109,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    polypod::files::open_standard_streams();
     std::signal(SIGPIPE, SIG_IGN);
     polypod::app::catch_interrupts();
     return polypod::app::run(argc, argv);
