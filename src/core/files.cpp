@@ -331,9 +331,8 @@ Result<std::string> read(const std::string& path) {
     return fail("FI100", fmt::format("cannot read the file: {}", why), Place{path, 0, 0}, "check the path");
   };
   std::error_code ec;
-  const auto descriptor = descriptor_of(path, STDIN_FILENO);
-  if (!descriptor && std::filesystem::is_directory(path, ec)) return failed("it is a directory");
-  const int fd = descriptor ? ::fcntl(*descriptor, F_DUPFD_CLOEXEC, 3) : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (std::filesystem::is_directory(path, ec)) return failed("it is a directory");
+  const int fd = path == "-" ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 3) : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return failed(std::strerror(errno));
   std::string bytes;
   std::array<char, 1 << 16> buffer;

@@ -248,7 +248,7 @@ TEST_F(Files, AReadOnlyFolder) {
   ASSERT_EQ(::chmod(path("f").c_str(), 0666), 0);
   const pid_t child = ::fork();
   if (child == 0) {  // root may write everywhere, nobody may not
-    if (::geteuid() == 0 && ::seteuid(65534) != 0) ::_exit(3);
+    if (::geteuid() == 0 && ::setuid(65534) != 0) ::_exit(3);
     const auto before = may_write(path("f")), status = write_whole(path("f"), "new");
     const bool named = !status && status.error().message.find("Permission denied") != std::string::npos;
     ::_exit(!before && named ? 0 : 1);
