@@ -13,8 +13,8 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
-#include "polypod/core/config.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"

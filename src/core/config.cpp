@@ -22,6 +22,7 @@
 #include <toml++/toml.h>
 
 #include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 
 namespace polypod::config {
 namespace {

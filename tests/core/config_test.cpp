@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 
 namespace polypod::config {
 namespace {

@@ -33,8 +33,7 @@ inline constexpr Range kNotNegative{0, std::numeric_limits<double>::infinity(), 
 ///
 /// Ask for every key that may stand in the table (`number`, `text`, ... for those that must be there, `optional_...`
 /// for the others), then call `finish()`: it fails with CF103 on the first key that nobody asked for. Every error
-/// carries the file, line and column of the value, or of the table where a value is missing. A number under a key that
-/// ends in `_mm` must be at most 1e9 (1000 km) in size, whatever the range says.
+/// carries the file, line and column of the value, or of the table where a value is missing.
 class Table {
  public:
   Table() = default;
@@ -90,18 +89,11 @@ class Value {
   Place place;
 };
 
-/// Reads a TOML file. Errors: FI100 (cannot be read), CF101 (not TOML), CF102 (a type that no file uses), CF108 (keys,
-/// tables or arrays inside each other more than 16 deep).
+/// Reads a TOML file. Errors: FI100 (cannot be read), CF101 (not TOML), CF102 (a type that no file uses).
 Result<Table> read_file(const std::string& path);
 
 /// The same from text; `name` stands for the file in error messages.
 Result<Table> parse(std::string_view text, const std::string& name);
-
-/// The files that a TOML file names, and those that they name: every text in it that is the name of a file beside it
-/// (or an absolute one). A job names its machine, cutters, material, stock and measured displacements so, whatever the
-/// keys are called; what is written must not replace them. Empty if the file cannot be read. Cost: reads each of the
-/// TOML files once.
-std::vector<std::string> files_named_by(const std::string& path);
 
 /// `part` relative to the folder of the file `of` (unchanged if it is absolute).
 std::string beside(const std::string& of, const std::string& part);
