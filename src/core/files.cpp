@@ -132,6 +132,24 @@ int write_all(int fd, std::string_view bytes) {
   return 0;
 }
 
+/// Errors by errno's codes; EFBIG where a device or a pipe goes on and on, as /dev/zero does.
+int read_all(int fd, std::string& bytes) {
+  constexpr std::size_t kMostOfAStream = std::size_t{1} << 30;
+  struct stat info {};
+  const bool ends = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
+  std::array<char, 1 << 16> buffer;
+  while (ends || bytes.size() <= kMostOfAStream) {
+    const ssize_t n = ::read(fd, buffer.data(), buffer.size());
+    if (n == 0) return 0;
+    if (n > 0) {
+      bytes.append(buffer.data(), static_cast<std::size_t>(n));
+    } else if (errno != EINTR) {
+      return errno;
+    }
+  }
+  return EFBIG;
+}
+
 /// A name that is removed, from the disk and from the handler's list, when this ends.
 class Temporary {
  public:
@@ -335,18 +353,7 @@ Result<std::string> read(const std::string& path) {
   const int fd = path == "-" ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 3) : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return failed(std::strerror(errno));
   std::string bytes;
-  std::array<char, 1 << 16> buffer;
-  int code = 0;
-  while (true) {
-    const ssize_t n = ::read(fd, buffer.data(), buffer.size());
-    if (n == 0) break;
-    if (n > 0) {
-      bytes.append(buffer.data(), static_cast<std::size_t>(n));
-    } else if (errno != EINTR) {
-      code = errno;
-      break;
-    }
-  }
+  const int code = read_all(fd, bytes);
   ::close(fd);
   if (code != 0) return failed(std::strerror(code));
   return bytes;

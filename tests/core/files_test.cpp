@@ -260,6 +260,12 @@ TEST_F(Files, AReadOnlyFolder) {
   EXPECT_EQ(held(path("f")), "old");
 }
 
+TEST_F(Files, ADeviceWithoutEndIsAnError) {
+  const auto endless = read("/dev/zero");
+  ASSERT_FALSE(endless);
+  EXPECT_EQ(endless.error().id, "FI100");
+}
+
 /// Runs `what` in a process of its own with these descriptors closed; its exit status.
 template <class What>
 int without(std::initializer_list<int> closed, What&& what) {

@@ -11,7 +11,8 @@
 
 namespace polypod::files {
 
-/// The bytes of a file; `-` is standard input. Errors: FI100 (not there, a directory, unreadable).
+/// The bytes of a file; `-` is standard input. Errors: FI100 (not there, a directory, unreadable; a device or a pipe
+/// with more than 1 GiB).
 Result<std::string> read(const std::string& path);
 
 /// Files that appear together or not at all.
