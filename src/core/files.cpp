@@ -391,7 +391,8 @@ bool same_file(const std::string& a, const std::string& b) {
   if (to_a || to_b || is_a != is_b) return false;
   const auto whole = [](const std::string& path) {
     std::error_code none;
-    return std::filesystem::weakly_canonical(followed(path).value_or(path), none);
+    // From the root: of a name that is not there weakly_canonical makes no absolute one.
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(followed(path).value_or(path), none), none);
   };
   return whole(a) == whole(b);
 }
