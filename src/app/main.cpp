@@ -11,6 +11,7 @@
 #include "command.hpp"
 #include "interrupt.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
 
 namespace polypod::app {
 namespace {
@@ -89,7 +90,7 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
-    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", e.what());
+    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", one_line(e.what()));
     return kBadInput;
   }
   const Result<int> status = chosen(context);
