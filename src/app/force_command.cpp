@@ -19,7 +19,7 @@ struct Options {
 Result<cutting::Cutter> cutter_of(const Options& o) {
   if (!o.cutter.empty()) return cutting::read_cutter(o.cutter);
   cutting::Cutter cutter;
-  constexpr config::Range range = {0.01, 1000};
+  constexpr config::Range range = cutting::kCutterSize_mm;
   if (!(o.diameter >= range.min && o.diameter <= range.max)) {
     return fail("AP110", fmt::format("--diameter must be {:g} to {:g} mm", range.min, range.max), {},
                 "give --diameter or --cutter FILE");

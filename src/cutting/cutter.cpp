@@ -17,10 +17,10 @@ constexpr config::Range kExponentRange{0, 1, true, false};
 
 Result<Cutter> cutter_from(const config::Table& table) {
   POLYPOD_ASSIGN(name, table.optional_text("name", ""));
-  POLYPOD_ASSIGN(diameter, table.number("diameter_mm", config::Range{0.01, 1000}));
+  POLYPOD_ASSIGN(diameter, table.number("diameter_mm", kCutterSize_mm));
   POLYPOD_ASSIGN(teeth, table.integer("teeth", 1, kMaxTeeth));
   POLYPOD_ASSIGN(helix, table.number("helix_deg", kHelixRange));
-  POLYPOD_ASSIGN(length, table.number("length_mm", config::Range{0.01, 1000}));
+  POLYPOD_ASSIGN(length, table.number("length_mm", kCutterSize_mm));
   POLYPOD_TRY(table.finish());
   return Cutter{std::move(name), units::from_mm(diameter), teeth, units::from_deg(helix), units::from_mm(length)};
 }

@@ -78,8 +78,9 @@ std::string format_number(double value, int decimals);
 /// checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
 Block ensure_motion_word(const Block& block, int motion);
 
-/// The program with comment lines after the leading `%` and O number, in the program's own comment style; characters
-/// that cannot stand in a comment are replaced.
+/// The program with comment lines after the leading `%` and O number, in the program's own comment style. Each line is
+/// made a comment of one line whatever it holds: control characters become `\xNN`, `%` becomes `_`, in comments between
+/// parentheses `(`, `)` and `;` become `[`, `]` and `,`, and what is longer than 240 bytes is cut off.
 Program with_header(const Program& program, std::span<const std::string> lines);
 
 }  // namespace polypod::gcode
