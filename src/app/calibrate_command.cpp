@@ -293,7 +293,7 @@ Command calibrate_command() {
             }
             std::vector<std::string> inputs = o->files;
             inputs.insert(inputs.end(), {o->machine, o->targets});
-            POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->corrected, o->report}));
+            POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->corrected, o->report}, context.json));
             std::vector<calibration::Measurement> rows;
             for (const std::string& file : o->files) {
               POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
@@ -306,13 +306,15 @@ Command calibrate_command() {
               POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
               corrected = text;
             }
-            POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(c.machine)));
-            if (!o->residuals.empty()) POLYPOD_TRY(files::write_whole(o->residuals, residuals_csv(c, rows)));
-            if (!o->corrected.empty()) POLYPOD_TRY(files::write_whole(o->corrected, corrected));
+            files::Outputs together;
+            POLYPOD_TRY(together.add(o->out, machine::to_toml(c.machine)));
+            if (!o->residuals.empty()) POLYPOD_TRY(together.add(o->residuals, residuals_csv(c, rows)));
+            if (!o->corrected.empty()) POLYPOD_TRY(together.add(o->corrected, corrected));
             if (!o->report.empty()) {
-              POLYPOD_TRY(files::write_whole(o->report,
-                                             pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)})));
+              POLYPOD_TRY(
+                  together.add(o->report, pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)})));
             }
+            POLYPOD_TRY(together.commit());
             const Json outliers = outliers_json(c, rows);
             if (context.json) {
               Json document{{"parameters", parameters_json(c)},

@@ -24,6 +24,7 @@ Command canon_command() {
             a.flag("--block-delete", o->canon.block_delete, "Skip blocks that begin with /");
           },
           [o](const Context& context) -> Result<int> {
+            POLYPOD_TRY(check_files({o->program, o->canon.tool_table, o->canon.parameters}, {}));
             POLYPOD_ASSIGN(program, gcode::read(o->program));
             POLYPOD_ASSIGN(text, gcode::canonical_text(program, o->canon));
             if (!context.json) {

@@ -69,9 +69,12 @@ Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string
 std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X);
 /// The same as text, `digits` after the point.
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits);
-/// Whether a command may read these files and write those; empty names count as not given. Errors: AP106 an output that
-/// is an input or another output too, an input that is given twice; those of files::may_write.
-Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
+/// Whether a command may read these files and write those; empty names count as not given. Files that a TOML file among
+/// the inputs names (a job's machine, cutters, stock, ...) count as inputs. With an output to standard output, what the
+/// command prints goes to stderr from now on. Errors: AP106 an output that is an input or another output too, under
+/// whatever name, an input that is given twice; AP107 standard output is asked for twice, by --json too; those of
+/// files::may_write.
+Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs, bool json = false);
 /// Errors: AP105 where the machine has no compliances.
 Status needs_compliance(const machine::AnyMachine& machine);
 /// Joint values in mm or deg.

@@ -54,7 +54,7 @@ Command controller_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_TRY(check_files({o->machine}, {o->out}));
+            POLYPOD_TRY(check_files({o->machine}, {o->out}, context.json));
             const bool klipper = o->controller == "klipper";
             if ((!klipper && o->controller != "linuxcnc") || o->points < 30 || o->points > 100000 || o->seed < 0) {
               return fail("AP185", "an option of controller is unknown or out of range", {},

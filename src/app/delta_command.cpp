@@ -78,25 +78,26 @@ Command delta_command() {
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        for (const std::string* path : {&o->csv, &o->cloud, &o->report})
-          if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+        POLYPOD_TRY(check_files({o->machine}, {o->csv, o->cloud, o->report}, context.json));
         workspace::DeltaStudyOptions options;
         options.step = units::from_mm(o->step);
         options.d_min = units::from_mm(o->d_min);
         options.h_min = o->h_min;
         options.border = units::from_mm(o->border);
         POLYPOD_ASSIGN(study, workspace::delta_study(m, options));
-        if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, points_csv(study)));
+        files::Outputs together;
+        if (!o->csv.empty()) POLYPOD_TRY(together.add(o->csv, points_csv(study)));
         if (!o->cloud.empty()) {
           POLYPOD_ASSIGN(points, workspace::drive_cloud(m, o->steps));
           report::Csv csv({"x_mm", "y_mm", "z_mm"});
           for (const Vec3& X : points) csv.add({units::to_mm(X.x()), units::to_mm(X.y()), units::to_mm(X.z())});
-          POLYPOD_TRY(files::write_whole(o->cloud, csv.text()));
+          POLYPOD_TRY(together.add(o->cloud, csv.text()));
         }
         if (!o->report.empty()) {
           POLYPOD_ASSIGN(page, pages::delta_page(m, study, options, POLYPOD_VERSION));
-          POLYPOD_TRY(files::write_whole(o->report, page));
+          POLYPOD_TRY(together.add(o->report, std::move(page)));
         }
+        POLYPOD_TRY(together.commit());
         if (context.json) {
           Json apart = Json::array();
           constexpr std::size_t kMost = 100;

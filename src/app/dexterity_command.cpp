@@ -139,7 +139,7 @@ Command dexterity_command() {
             if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
             const double length = units::from_mm(o->length_mm);
             const bool at_one = !o->where.pose.empty();
-            POLYPOD_TRY(o->files.check(at_one));
+            POLYPOD_TRY(o->files.check(at_one, o->machine, context.json));
             if (o->ellipsoids && !at_one) return fail("AP175", "--ellipsoids are those of one pose", {}, "give --pose");
             if (at_one) return at_pose(*o, m, length, context);
             if (!o->tolerances.empty() && !o->files.any()) {

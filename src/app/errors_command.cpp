@@ -208,7 +208,7 @@ Command errors_command() {
             if (o->method == "search") tolerance.method = quality::Method::search;
             POLYPOD_ASSIGN(region, region_argument(o->region));
             tolerance.region = region;
-            POLYPOD_TRY(o->files.check(!o->where.pose.empty()));
+            POLYPOD_TRY(o->files.check(!o->where.pose.empty(), o->machine, context.json));
             if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, context);
 
             POLYPOD_ASSIGN(options, o->where.options(m, context));

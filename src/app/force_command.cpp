@@ -19,7 +19,11 @@ struct Options {
 Result<cutting::Cutter> cutter_of(const Options& o) {
   if (!o.cutter.empty()) return cutting::read_cutter(o.cutter);
   cutting::Cutter cutter;
-  if (!(o.diameter > 0)) return fail("AP110", "--diameter must be above 0 mm", {}, "give --diameter or --cutter FILE");
+  constexpr config::Range range = cutting::kCutterSize_mm;
+  if (!(o.diameter >= range.min && o.diameter <= range.max)) {
+    return fail("AP110", fmt::format("--diameter must be {:g} to {:g} mm", range.min, range.max), {},
+                "give --diameter or --cutter FILE");
+  }
   if (o.teeth < 1 || o.teeth > 100)
     return fail("AP110", "--teeth must be 1 to 100", {}, "give --teeth or --cutter FILE");
   if (!(o.helix >= 0 && o.helix < 90)) return fail("AP110", "--helix must be at least 0 and below 90 deg");

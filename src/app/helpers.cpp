@@ -10,11 +10,11 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <map>
 
 #include "command.hpp"
 #include "interrupt.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -103,27 +103,66 @@ std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int dig
   return out;
 }
 
-Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
-  std::map<std::filesystem::path, bool> seen;  // whether it is an input
-  for (const bool input : {true, false}) {
-    for (const std::string& path : input ? inputs : outputs) {
-      if (path.empty()) continue;
-      std::error_code none;
-      if (input && !std::filesystem::exists(path, none)) continue;  // a name of the catalogue, or soon an error
-      const auto whole = std::filesystem::weakly_canonical(path, none);
-      const auto [it, fresh] = seen.try_emplace(whole, input);
-      if (!fresh) {
-        return fail("AP106",
-                    fmt::format("{} is {}", path,
-                                input        ? "given twice"
-                                : it->second ? "read and would be written over"
-                                             : "named for two outputs"),
-                    {}, input ? "what stands twice would count twice" : "choose another output");
-      }
-      if (!input) POLYPOD_TRY(files::may_write(path));
+namespace {
+
+/// A file that a command reads: an argument, or what the file `from` names.
+struct Input {
+  std::string path;
+  std::string from;
+};
+
+Result<std::vector<Input>> inputs_of(const std::vector<std::string>& given) {
+  std::vector<Input> all;
+  for (const std::string& name : given) {
+    const std::string path = files::is_standard_input(name) ? "/dev/stdin" : name;
+    std::error_code none;
+    if (path.empty() || !std::filesystem::exists(path, none)) continue;  // a name of the catalogue, or soon an error
+    const auto same = [&](const Input& other) { return files::same_file(other.path, path); };
+    if (std::any_of(all.begin(), all.end(), same)) {
+      return fail("AP106", fmt::format("{} is given twice", name), {}, "what stands twice would count twice");
     }
+    all.push_back({path, ""});
   }
-  return {};
+  for (std::size_t i = 0, count = all.size(); i < count; ++i) {
+    if (!all[i].path.ends_with(".toml")) continue;
+    for (const std::string& file : config::files_named_by(all[i].path)) all.push_back({file, all[i].path});
+  }
+  return all;
+}
+
+}  // namespace
+
+Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs, bool json) {
+  POLYPOD_ASSIGN(read, inputs_of(inputs));
+  const auto clash = [](const std::string& path, const std::string& why) {
+    return fail("AP106", fmt::format("{} is {}", path, why), {}, "choose another output");
+  };
+  bool to_standard_output = false;
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const std::string& path = outputs[i];
+    if (path.empty()) continue;
+    for (const Input& input : read) {
+      if (!files::same_file(input.path, path)) continue;
+      return clash(path, input.from.empty() ? "read and would be written over"
+                                            : "named in " + input.from + " and would be written over");
+    }
+    const bool twice =
+        std::any_of(outputs.begin(), outputs.begin() + static_cast<std::ptrdiff_t>(i),
+                    [&](const std::string& other) { return !other.empty() && files::same_file(other, path); });
+    if (twice) return clash(path, "named for two outputs");
+    if (files::is_standard_output(path)) {
+      to_standard_output = true;
+    } else if (files::same_file(path, "-")) {
+      return clash(path, "where standard output goes");
+    }
+    POLYPOD_TRY(files::may_write(path));
+  }
+  if (!to_standard_output) return {};
+  if (json) {
+    return fail("AP107", "--json and an output would both go to standard output", {},
+                "give the output a file, or leave --json out");
+  }
+  return files::keep_standard_output_for_files();
 }
 
 Status needs_compliance(const machine::AnyMachine& machine) {
@@ -154,7 +193,8 @@ Json vector_json(const Vec3& v) {
 }
 
 void print_json(const Json& document) {
-  fmt::print("{}\n", document.dump(2));
+  // Names of files may hold bytes that are not UTF-8.
+  fmt::print("{}\n", document.dump(2, ' ', false, Json::error_handler_t::replace));
 }
 
 std::string for_shell(const std::string& argument) {

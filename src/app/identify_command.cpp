@@ -67,7 +67,7 @@ Command identify_compliance_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             std::vector<std::string> inputs = o->files;
             inputs.push_back(o->machine);
-            POLYPOD_TRY(check_files(inputs, {o->out, o->report}));
+            POLYPOD_TRY(check_files(inputs, {o->out, o->report}, context.json));
             std::vector<statics::MeasuredPoint> points;
             std::vector<std::vector<statics::MeasuredPoint>> groups;
             for (const std::string& file : o->files) {
@@ -77,11 +77,12 @@ Command identify_compliance_command() {
             }
             POLYPOD_ASSIGN(given_rms, statics::prediction_rms(m, points));
             POLYPOD_ASSIGN(r, statics::identify_compliance(m, points));
+            files::Outputs together;
             if (!o->out.empty()) {
               POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
               // The key whose numbers change, so that an older source of theirs does not stand beside it.
               machine::note(found, compliance_key(r), note_of(r, points));
-              POLYPOD_TRY(files::write_whole(o->out, machine::to_toml(found)));
+              POLYPOD_TRY(together.add(o->out, machine::to_toml(found)));
             }
             pages::ComplianceChecks checks{given_rms, {}};
             Json left_out = Json::array();
@@ -106,9 +107,10 @@ Command identify_compliance_command() {
               for (const std::string& file : o->files) command += " " + for_shell(file);
               for (const std::string& set : o->sets) command += option_in_words("--set", set);
               command += option_in_words("-o", o->out) + option_in_words("--report", o->report);
-              POLYPOD_TRY(files::write_whole(
-                  o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
+              POLYPOD_TRY(together.add(o->report,
+                                       pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
             }
+            POLYPOD_TRY(together.commit());
             static constexpr const char* kAxes = "xyz";
             Json alike = Json::array();
             for (const auto& [a, b] : r.hardly_apart)
@@ -220,7 +222,7 @@ Command identify_cutting_command() {
             POLYPOD_ASSIGN(cutter, cutting::read_cutter(o->cutter));
             std::vector<std::string> inputs = o->files;
             inputs.push_back(o->cutter);
-            POLYPOD_TRY(check_files(inputs, {o->out}));
+            POLYPOD_TRY(check_files(inputs, {o->out}, context.json));
             std::vector<cutting::MeasuredForce> rows;
             for (const std::string& file : o->files) {
               POLYPOD_ASSIGN(more, cutting::read_forces(cutter, file));

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/twist.hpp"
@@ -132,8 +133,8 @@ Command info_command() {
               print_json(document);
               return kDone;
             }
-            fmt::print("{} ({}): {}\n{} degrees of freedom\n", machine::name_of(m), machine::family_of(m),
-                       machine::description_of(m), kinematics::degrees_of_freedom(m));
+            fmt::print("{} ({}): {}\n{} degrees of freedom\n", one_line(machine::name_of(m)), machine::family_of(m),
+                       one_line(machine::description_of(m)), kinematics::degrees_of_freedom(m));
             if (count) {
               fmt::print("Gruebler: 6 ({} - {} - 1) + {} - {} + {} = {}\n", count->members, count->joints,
                          count->freedoms, count->idle, count->passive, count->degrees);
@@ -147,7 +148,8 @@ Command info_command() {
             for (const auto& [key, value] : parameters.items())
               fmt::print("  {:<26} {:>14.6g}\n", key, value.get<double>());
             fmt::print("\nsources\n");
-            for (const auto& [key, text] : machine::provenance_of(m)) fmt::print("  {}: {}\n", key, text);
+            for (const auto& [key, text] : machine::provenance_of(m))
+              fmt::print("  {}: {}\n", one_line(key), one_line(text));
             return kDone;
           }};
 }

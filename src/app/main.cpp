@@ -10,6 +10,8 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
 
 namespace polypod::app {
 namespace {
@@ -88,7 +90,7 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
-    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", e.what());
+    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", one_line(e.what()));
     return kBadInput;
   }
   const Result<int> status = chosen(context);
@@ -108,6 +110,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    polypod::files::open_standard_streams();
     std::signal(SIGPIPE, SIG_IGN);
     polypod::app::catch_interrupts();
     return polypod::app::run(argc, argv);

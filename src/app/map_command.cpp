@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/compliance_map.hpp"
@@ -176,7 +177,7 @@ std::string suffix_of(const std::string& path) {
 }
 
 /// Whether every output is of a known kind and can be written. Errors: AP143, those of check_files.
-Status check_outputs(const MapOptions& o) {
+Status check_outputs(const MapOptions& o, bool json) {
   for (const std::string& path : o.outputs) {
     const std::string suffix = suffix_of(path);
     if (suffix != ".csv" && suffix != ".vti" && suffix != ".svg" && suffix != ".html") {
@@ -186,7 +187,7 @@ Status check_outputs(const MapOptions& o) {
   std::vector<std::string> inputs = o.measured, outputs = o.outputs;
   inputs.push_back(o.machine);
   outputs.push_back(o.path_csv);
-  return check_files(inputs, outputs);
+  return check_files(inputs, outputs, json);
 }
 
 std::string command_line(const MapOptions& o) {
@@ -212,6 +213,7 @@ std::string command_line(const MapOptions& o) {
 }
 
 Status write_outputs(const MapOptions& o, const pages::ComplianceMap& map) {
+  files::Outputs together;
   for (const std::string& path : o.outputs) {
     const std::string suffix = suffix_of(path);
     std::string bytes;
@@ -225,10 +227,10 @@ Status write_outputs(const MapOptions& o, const pages::ComplianceMap& map) {
     } else {
       bytes = pages::compliance_map_page(map, {POLYPOD_VERSION, command_line(o)});
     }
-    POLYPOD_TRY(files::write_whole(path, bytes));
+    POLYPOD_TRY(together.add(path, std::move(bytes)));
   }
-  if (!o.path_csv.empty()) POLYPOD_TRY(files::write_whole(o.path_csv, pages::path_csv(map)));
-  return {};
+  if (!o.path_csv.empty()) POLYPOD_TRY(together.add(o.path_csv, pages::path_csv(map)));
+  return together.commit();
 }
 
 Json mm_json(const Vec3& p) {
@@ -404,7 +406,7 @@ void print_path(const pages::ComplianceMap& map, const pages::LoadedPath& path) 
 void print_map(const MapOptions& o, const pages::ComplianceMap& map) {
   const statics::PlaneAxes axes = statics::axes_of(map.plane);
   const std::string orientation = pages::orientation_of(map);
-  fmt::print("{} over the plane {}{}\n", machine::name_of(map.machine), pages::place_of(map),
+  fmt::print("{} over the plane {}{}\n", one_line(machine::name_of(map.machine)), pages::place_of(map),
              orientation.empty() ? "" : ", " + orientation);
   const auto range = [](const std::array<double, 2>& r) {
     return fmt::format("{:g} .. {:g}", tidy_mm(r[0]), tidy_mm(r[1]));
@@ -432,7 +434,7 @@ Status same_axis(const Mat3& R_MT, const statics::MeasuredPoint& point, const pa
 }
 
 Result<int> run_map(const MapOptions& o, const Context& context) {
-  POLYPOD_TRY(check_outputs(o));
+  POLYPOD_TRY(check_outputs(o, context.json));
   POLYPOD_ASSIGN(m, machine_of(o.machine, o.sets));
   pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}, {}};
   POLYPOD_ASSIGN(measured, measured_of(o));
@@ -466,7 +468,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
     found = pages::reached(map.map) > 0;
   }
   const auto out_of_reach = [&](const std::string& what) {
-    fmt::print(stderr, "polypod: {} reaches no point of {}; {}\n", machine::name_of(m), what,
+    fmt::print(stderr, "polypod: {} reaches no point of {}; {}\n", one_line(machine::name_of(m)), what,
                "try another --at, range or --angles (`polypod workspace` says what is reached)");
     if (context.json) print_json(map_json(map, {}));
     return kAnswerIsNo;
@@ -484,7 +486,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   }
   if (!statics::has_compliance(m)) {
     fmt::print(
-        stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", machine::name_of(m),
+        stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", one_line(machine::name_of(m)),
         "compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm (deltas)");
   }
   POLYPOD_TRY(write_outputs(o, map));

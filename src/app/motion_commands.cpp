@@ -103,16 +103,16 @@ struct Outputs {
     a.option("--csv", csv, "A row a sample: tool and drives with speed, acceleration and jerk");
     a.option("--report", report, "An HTML page with the curves and a picture");
   }
-  [[nodiscard]] Status check() const {
-    for (const std::string* path : {&csv, &report})
-      if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
-    return {};
+  [[nodiscard]] Status check(const std::vector<std::string>& inputs, bool json) const {
+    return check_files(inputs, {csv, report}, json);
   }
   Status write(const machine::AnyMachine& m, const motion::Run& r, const std::string& what, bool json) const {
     const std::string table = csv.empty() ? "" : pages::motion_csv(m, r);
     const std::string page = report.empty() ? "" : pages::motion_page(m, r, what, POLYPOD_VERSION);
-    if (!csv.empty()) POLYPOD_TRY(files::write_whole(csv, table));
-    if (!report.empty()) POLYPOD_TRY(files::write_whole(report, page));
+    files::Outputs together;
+    if (!csv.empty()) POLYPOD_TRY(together.add(csv, table));
+    if (!report.empty()) POLYPOD_TRY(together.add(report, page));
+    POLYPOD_TRY(together.commit());
     for (const std::string* path : {&csv, &report})
       if (!path->empty() && !json) fmt::print("wrote {}\n", *path);
     return {};
@@ -145,7 +145,7 @@ Command move_command() {
             if (o->file.empty() == o->points.empty()) {
               return fail("AP191", "the path must be given once", {}, "give --path FILE or --points");
             }
-            POLYPOD_TRY(o->outputs.check());
+            POLYPOD_TRY(o->outputs.check({o->machine, o->file}, context.json));
             motion::PathFile path;
             if (!o->file.empty()) {
               POLYPOD_ASSIGN(read, motion::read_path(o->file));
@@ -203,7 +203,7 @@ Command pick_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(from, point_of(o->from, "--from"));
             POLYPOD_ASSIGN(to, point_of(o->to, "--to"));
-            POLYPOD_TRY(o->outputs.check());
+            POLYPOD_TRY(o->outputs.check({o->machine}, context.json));
             const motion::Cycle cycle{from, to, units::from_mm(o->lift), units::from_mm(o->rounding)};
             motion::MotionLimits limits;
             limits.tool = {units::from_mm(o->tool_speed), units::from_mm(o->tool_acceleration),

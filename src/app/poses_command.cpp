@@ -88,7 +88,7 @@ Command poses_command() {
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        POLYPOD_TRY(check_files({o->machine}, {o->out}));
+        POLYPOD_TRY(check_files({o->machine}, {o->out}, context.json));
         const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
         const bool compliance = o->what == "compliance";
         const auto criterion = criterion_named(o->criterion);

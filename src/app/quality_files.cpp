@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <set>
+#include <algorithm>
 
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
@@ -60,19 +60,21 @@ Result<std::optional<double>> QualityFiles::threshold() const {
   return std::optional(numbers[0]);
 }
 
-Status QualityFiles::check(bool at_pose) const {
+Status QualityFiles::check(bool at_pose, const std::string& machine_file, bool json) const {
   if (at_pose && any()) {
     return fail("AP173", "files are of the whole workspace, not of one pose", {}, "leave out --pose, or the files");
   }
   POLYPOD_TRY(threshold());
   if (svg.empty() && !(plane.empty() && at.empty())) return fail("AP170", "--plane and --at go with --svg");
   if (!svg.empty()) POLYPOD_TRY(section());
-  std::set<std::string> seen;
+  std::vector<std::string> seen;
   for (const std::string* path : paths()) {
-    if (!seen.insert(*path).second) return fail("AP174", fmt::format("{}: named for two files", *path));
-    POLYPOD_TRY(files::may_write(*path));
+    if (std::find(seen.begin(), seen.end(), *path) != seen.end()) {
+      return fail("AP174", fmt::format("{}: named for two files", *path));
+    }
+    seen.push_back(*path);
   }
-  return {};
+  return check_files({machine_file}, seen, json);
 }
 
 Status QualityFiles::write(const QualityWork& w) const {
@@ -105,8 +107,9 @@ Status QualityFiles::write(const QualityWork& w) const {
     POLYPOD_ASSIGN(html, pages::quality_page(w.machine, w.options, w.question, w.fields, page));
     made.emplace_back(report, std::move(html));
   }
-  for (const auto& [path, bytes] : made) POLYPOD_TRY(files::write_whole(path, bytes));
-  return {};
+  files::Outputs together;
+  for (auto& [path, bytes] : made) POLYPOD_TRY(together.add(path, std::move(bytes)));
+  return together.commit();
 }
 
 void QualityFiles::print() const {

@@ -24,8 +24,9 @@ struct QualityFiles {
 
   void declare(Arguments& arguments);
   [[nodiscard]] bool any() const;
-  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, FI101.
-  [[nodiscard]] Status check(bool at_pose) const;
+  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, those of
+  /// check_files.
+  [[nodiscard]] Status check(bool at_pose, const std::string& machine_file, bool json) const;
   /// Makes all files before it writes the first.
   [[nodiscard]] Status write(const QualityWork& work) const;
   /// "wrote F" for each, as text.

@@ -72,8 +72,7 @@ Command section_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             POLYPOD_ASSIGN(plane, plane_of(*o));
-            for (const std::string* path : {&o->csv, &o->svg})
-              if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            POLYPOD_TRY(check_files({o->machine}, {o->csv, o->svg}, context.json));
             options.progress = nullptr;
             workspace::FieldOptions field_options;
             field_options.tilt = kinematics::task(m) != machine::Task::point;
@@ -82,8 +81,10 @@ Command section_command() {
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);
             const std::string svg =
                 o->svg.empty() ? "" : report::standalone_svg(pages::section_picture(m, options, s), 760);
-            if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, csv));
-            if (!o->svg.empty()) POLYPOD_TRY(files::write_whole(o->svg, svg));
+            files::Outputs together;
+            if (!o->csv.empty()) POLYPOD_TRY(together.add(o->csv, csv));
+            if (!o->svg.empty()) POLYPOD_TRY(together.add(o->svg, svg));
+            POLYPOD_TRY(together.commit());
 
             double most = -1;
             Vec3 at = Vec3::Zero();

@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "polypod/calibration/simulate.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::app {
@@ -51,7 +52,7 @@ Command simulate_measurement_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_TRY(check_files({o->machine}, {o->out, o->truth}));
+            POLYPOD_TRY(check_files({o->machine}, {o->out, o->truth}, context.json));
             static constexpr std::array<const char*, 7> kKinds = {"points", "axes",     "poses",     "distances",
                                                                   "gauge",  "contacts", "compliance"};
             const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
@@ -98,12 +99,14 @@ Command simulate_measurement_command() {
             }
             machine::note(truth, "simulation",
                           fmt::format("invented: {} with random errors, seed {}", machine::name_of(m), o->seed));
-            POLYPOD_TRY(files::write_whole(o->out, csv));
-            if (!o->truth.empty()) POLYPOD_TRY(files::write_whole(o->truth, machine::to_toml(truth)));
+            files::Outputs together;
+            POLYPOD_TRY(together.add(o->out, csv));
+            if (!o->truth.empty()) POLYPOD_TRY(together.add(o->truth, machine::to_toml(truth)));
+            POLYPOD_TRY(together.commit());
             if (context.json) {
               print_json({{"rows", rows}, {"kind", o->kind}, {"file", o->out}, {"truth", o->truth}});
             } else {
-              fmt::print("{} rows of {} of {}, seed {}\n", rows, o->kind, machine::name_of(m), o->seed);
+              fmt::print("{} rows of {} of {}, seed {}\n", rows, o->kind, one_line(machine::name_of(m)), o->seed);
               for (const std::string* path : {&o->out, &o->truth})
                 if (!path->empty()) fmt::print("wrote {}\n", *path);
             }

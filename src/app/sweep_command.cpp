@@ -139,6 +139,7 @@ Command sweep_command() {
               return fail("AP156", fmt::format("--analysis {}: unknown", o->analysis), {},
                           "known: workspace, dexterity, errors");
             }
+            POLYPOD_TRY(check_files({o->machine}, {o->csv}, context.json));
             if (!o->where.pose.empty()) return fail("AP159", "a sweep looks at workspaces, not at a pose");
             std::vector<std::string> fixed;
             POLYPOD_ASSIGN(varied, varied_of(o->sets, fixed));

@@ -113,7 +113,7 @@ Command workspace_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             if (!o->contains.empty()) return contains(m, options, o->contains, context);
-            POLYPOD_TRY(o->files.check());
+            POLYPOD_TRY(o->files.check(o->machine, context.json));
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
             Json document = volume_json(v);
             workspace::Shape shape;

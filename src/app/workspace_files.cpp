@@ -16,13 +16,11 @@ void WorkspaceFiles::declare(Arguments& a) {
   a.option("--resolution", resolution, "Points along the longest side of pictures and files, 8 to 512");
 }
 
-Status WorkspaceFiles::check() const {
+Status WorkspaceFiles::check(const std::string& machine_file, bool json) const {
   if (resolution != 0 && (resolution < 8 || resolution > 512)) {
     return fail("AP130", fmt::format("--resolution {}: must be 8 to 512", resolution));
   }
-  for (const std::string* path : {&stl, &vtp, &vti, &report})
-    if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
-  return {};
+  return check_files({machine_file}, {stl, vtp, vti, report}, json);
 }
 
 Status WorkspaceFiles::write(const machine::AnyMachine& m, const workspace::Options& options,
@@ -75,8 +73,9 @@ Status WorkspaceFiles::write(const machine::AnyMachine& m, const workspace::Opti
     POLYPOD_ASSIGN(html, pages::workspace_page(m, options, v, page));
     made.emplace_back(report, std::move(html));
   }
-  for (const auto& [path, bytes] : made) POLYPOD_TRY(files::write_whole(path, bytes));
-  return {};
+  files::Outputs together;
+  for (auto& [path, bytes] : made) POLYPOD_TRY(together.add(path, std::move(bytes)));
+  return together.commit();
 }
 
 }  // namespace polypod::app

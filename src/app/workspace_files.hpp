@@ -12,8 +12,8 @@ struct WorkspaceFiles {
   int resolution = 0;  ///< 0: 64
 
   void declare(Arguments& arguments);
-  /// Asked before the long work. Errors: FI101, AP130.
-  [[nodiscard]] Status check() const;
+  /// Asked before the long work. Errors: AP130, those of check_files.
+  [[nodiscard]] Status check(const std::string& machine_file, bool json) const;
   /// Makes all files before it writes the first, so that an interrupted run leaves none. `v` is the volume for the same
   /// options.
   [[nodiscard]] Status write(const machine::AnyMachine& m, const workspace::Options& options,

@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "controllers.hpp"
+#include "polypod/core/text.hpp"
 
 namespace polypod::control {
 namespace {
@@ -17,8 +18,9 @@ std::string number_text(double value, bool fitted) {
   return text == "-0.000000" ? "0.000000" : text;
 }
 
-/// Remarks of at most 100 characters a line.
-std::string remark(const std::string& text) {
+/// Remarks of at most 100 characters a line; names from files are in them.
+std::string remark(const std::string& raw) {
+  const std::string text = one_line(raw);
   constexpr std::size_t kWidth = 98;
   std::string out, line;
   std::size_t from = 0;

@@ -3,9 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
+#include <set>
 #define TOML_EXCEPTIONS 0   // a syntax error is a value here
 #define TOML_HEADER_ONLY 1  // the packaged library was built with exceptions
 // toml++ 3.3 marks a place as unreachable that a character beyond ASCII outside quotes does reach (is it a white
@@ -19,6 +22,7 @@
 #include <toml++/toml.h>
 
 #include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 
 namespace polypod::config {
 namespace {
@@ -96,9 +100,20 @@ std::string range_text(const Range& range) {
   return fmt::format("between {:g} and {:g}", range.min, range.max);
 }
 
+constexpr double kLongest_mm = 1e9;  // 1000 km: beyond that differences of lengths lose the micrometre in rounding
+
+/// Whether the key, or the key of the array, ends in `_mm`.
+bool is_length(std::string_view name) {
+  return name.substr(0, name.find('[', name.rfind('.') + 1)).ends_with("_mm");
+}
+
 Result<double> number_in(const std::string& name, const Value& value, const Range& range) {
   const double* x = std::get_if<double>(&value.data);
   if (x == nullptr) return wrong_kind(name, value, "a number");
+  if (is_length(name) && std::isfinite(*x) && std::abs(*x) > kLongest_mm) {
+    return fail("CF105", fmt::format("{} = {:g} must be between {:g} and {:g}", name, *x, -kLongest_mm, kLongest_mm),
+                value.place);
+  }
   const bool inside = std::isfinite(*x) && (range.open_min ? *x > range.min : *x >= range.min) &&
                       (range.open_max ? *x < range.max : *x <= range.max);
   if (!inside) {
@@ -327,7 +342,73 @@ bool Table::replace(std::string_view path, double value) {
   return rest.front() == '.' && inner != nullptr && inner->replace(rest.substr(1), value);
 }
 
+namespace {
+
+/// Refuses what nests deeper than any file of Polypod does, before it is parsed: the parser, and whatever walks through
+/// its tables, calls itself once a level. It follows TOML's strings and comments; what is not TOML is left to the
+/// parser, which stops at the first fault.
+class Nesting {
+ public:
+  Nesting(std::string_view text, const std::string& name) : text_(text), name_(name) {}
+
+  Status check() {
+    while (at_ < text_.size()) {
+      const char c = text_[at_];
+      if (c == '"' || c == '\'') {
+        skip_string(c);
+        continue;
+      }
+      if (c == '#') {
+        while (at_ < text_.size() && text_[at_] != '\n') ++at_;
+        continue;
+      }
+      if (c == '[' || c == '{') ++open_;
+      if (c == ']' || c == '}') --open_;
+      if (c == '.') ++dots_;
+      if (std::strchr("[]{}=,\n", c) != nullptr) dots_ = 0;
+      if (open_ > kDeepest || dots_ >= kDeepest) return too_deep();
+      ++at_;
+    }
+    return {};
+  }
+
+ private:
+  static constexpr int kDeepest = 16;  // the files of Polypod need four
+
+  void skip_string(char quote) {
+    const std::string three(3, quote);
+    const bool lines = text_.substr(at_).starts_with(three);
+    at_ += lines ? 3 : 1;
+    while (at_ < text_.size()) {
+      if (lines ? text_.substr(at_).starts_with(three) : text_[at_] == quote || text_[at_] == '\n') break;
+      at_ += quote == '"' && text_[at_] == '\\' ? 2 : 1;
+    }
+    at_ = std::min(at_ + (lines ? 3 : 1), text_.size());
+    if (!lines && text_[at_ - 1] == '\n') --at_;  // not closed on its line: the parser says so
+  }
+
+  [[nodiscard]] Status too_deep() const {
+    const std::string_view before = text_.substr(0, at_);
+    const std::size_t line_start = before.rfind('\n') + 1;  // npos + 1 is 0
+    const auto leads = [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; };
+    return fail("CF108", fmt::format("more than {} levels of keys, tables or arrays inside each other", kDeepest),
+                Place{name_, 1 + static_cast<int>(std::count(before.begin(), before.end(), '\n')),
+                      1 + static_cast<int>(std::count_if(before.begin() + static_cast<std::ptrdiff_t>(line_start),
+                                                         before.end(), leads))},
+                "no file of Polypod nests deeper than four");
+  }
+
+  std::string_view text_;
+  const std::string& name_;
+  std::size_t at_ = 0;
+  int open_ = 0;
+  int dots_ = 0;
+};
+
+}  // namespace
+
 Result<Table> parse(std::string_view text, const std::string& name) {
+  POLYPOD_TRY(Nesting(text, name).check());
   const toml::parse_result parsed = toml::parse(text, name);
   if (!parsed) {
     const auto& begin = parsed.error().source().begin;
@@ -340,6 +421,41 @@ Result<Table> parse(std::string_view text, const std::string& name) {
 Result<Table> read_file(const std::string& path) {
   POLYPOD_ASSIGN(text, files::read(path));
   return parse(text, path);
+}
+
+namespace {
+
+void texts_of(const toml::node& node, std::vector<std::string>& out) {
+  if (const auto* text = node.as_string()) out.push_back(text->get());
+  if (const auto* array = node.as_array()) {
+    for (const auto& element : *array) texts_of(element, out);
+  }
+  if (const auto* table = node.as_table()) {
+    for (const auto& [key, value] : *table) texts_of(value, out);
+  }
+}
+
+void add_files_named_by(const std::string& path, std::set<std::string>& found) {
+  const auto text = files::read(path);
+  if (!text || !Nesting(*text, path).check()) return;
+  const toml::parse_result parsed = toml::parse(*text, path);
+  if (!parsed) return;
+  std::vector<std::string> texts;
+  texts_of(parsed.table(), texts);
+  for (const std::string& name : texts) {
+    const std::string file = beside(path, name);
+    std::error_code none;
+    if (name.empty() || !std::filesystem::is_regular_file(file, none) || !found.insert(file).second) continue;
+    if (file.ends_with(".toml")) add_files_named_by(file, found);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> files_named_by(const std::string& path) {
+  std::set<std::string> found;
+  add_files_named_by(path, found);
+  return {found.begin(), found.end()};
 }
 
 std::string beside(const std::string& of, const std::string& part) {

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "polypod/core/text.hpp"
+
 namespace polypod {
 
 std::string to_string(const Error& error) {
@@ -13,7 +15,7 @@ std::string to_string(const Error& error) {
   }
   text += ": " + error.message;
   if (!error.hint.empty()) text += "; " + error.hint;
-  return text;
+  return one_line(text);  // values and names in it come from files and arguments
 }
 
 }  // namespace polypod

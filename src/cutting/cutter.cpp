@@ -35,10 +35,10 @@ Status read_coefficients(const config::Table& table, double chip_unit, Coefficie
 
 Result<Cutter> cutter_from(const config::Table& table) {
   POLYPOD_ASSIGN(name, table.optional_text("name", ""));
-  POLYPOD_ASSIGN(diameter, table.number("diameter_mm", config::kPositive));
+  POLYPOD_ASSIGN(diameter, table.number("diameter_mm", kCutterSize_mm));
   POLYPOD_ASSIGN(teeth, table.integer("teeth", 1, kMaxTeeth));
   POLYPOD_ASSIGN(helix, table.number("helix_deg", kHelixRange));
-  POLYPOD_ASSIGN(length, table.number("length_mm", config::kPositive));
+  POLYPOD_ASSIGN(length, table.number("length_mm", kCutterSize_mm));
   POLYPOD_TRY(table.finish());
   return Cutter{std::move(name), units::from_mm(diameter), teeth, units::from_deg(helix), units::from_mm(length)};
 }

@@ -131,7 +131,8 @@ float Stock::empty() {
 
 Result<Stock> Stock::block(const Vec3& min, const Vec3& max, double cell, std::size_t max_cells) {
   const Vec3 size = max - min;
-  if (!min.allFinite() || !max.allFinite() || !(size.minCoeff() > 0) || !(cell > 0) || !std::isfinite(cell)) {
+  const bool high = static_cast<double>(static_cast<float>(max.z())) > min.z();  // as the heights are kept
+  if (!min.allFinite() || !max.allFinite() || !(size.minCoeff() > 0) || !high || !(cell > 0) || !std::isfinite(cell)) {
     return fail("CT110",
                 fmt::format("the stock from ({:g}, {:g}, {:g}) to ({:g}, {:g}, {:g}) mm with cells of {:g} mm "
                             "holds nothing",

@@ -14,7 +14,9 @@ namespace {
 
 using Point = Eigen::Vector2d;
 
-constexpr double kMitreLimit = 4;    // longest mitre in allowances, as for lines in drawings
+constexpr double kMitreLimit = 4;           // longest mitre in allowances, as for lines in drawings
+constexpr std::size_t kMostCorners = 5000;  // each is compared with each: a quarter of a second
+constexpr config::Range kAllowanceRange_mm{0, 1000};
 constexpr double kFitSlack = 0.1;    // cells may be this much smaller so that whole numbers of them fill the stock
 constexpr double kFitEnough = 1e-3;  // of a cell: a better fit is not worth smaller cells
 
@@ -240,6 +242,11 @@ Result<std::vector<Point>> contour_from(const config::Table& table, bool closed)
     if (contour.empty() || p != contour.back()) contour.push_back(p);
   }
   if (closed && contour.size() > 1 && contour.front() == contour.back()) contour.pop_back();
+  if (contour.size() > kMostCorners) {
+    return fail("CT118",
+                fmt::format("{}.contour_mm has {} points; at most {}", table.name(), contour.size(), kMostCorners),
+                table.place_of("contour_mm"), "list the corners of the outline, not samples of its curves");
+  }
   const std::size_t least = closed ? 3 : 2;
   if (contour.size() < least) {
     return fail("CT113",
@@ -257,7 +264,7 @@ Result<std::vector<Point>> contour_from(const config::Table& table, bool closed)
 Result<Stock> allowance_from(const config::Table& table, const Cutter& cutter) {
   POLYPOD_ASSIGN(closed, table.optional_boolean("closed", true));
   POLYPOD_ASSIGN(contour, contour_from(table, closed));
-  POLYPOD_ASSIGN(allowance_mm, table.number("allowance_mm", config::kNotNegative));
+  POLYPOD_ASSIGN(allowance_mm, table.number("allowance_mm", kAllowanceRange_mm));
   POLYPOD_ASSIGN(side, table.text("side"));
   POLYPOD_ASSIGN(corners, table.optional_text("corners", "square"));
   POLYPOD_ASSIGN(top_mm, table.number("z_top_mm"));

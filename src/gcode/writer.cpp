@@ -11,6 +11,7 @@
 #include <numbers>
 #include <string_view>
 
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::gcode {
@@ -570,6 +571,25 @@ Block with_path_control(const Block& block, const std::string& words) {
   return result;
 }
 
+namespace {
+
+/// A text as it can stand in a comment, whatever it holds: LinuxCNC refuses lines of more than 255 bytes, and some
+/// controllers take a `%` anywhere as the end of the program and a `;` inside of parentheses as a comment.
+std::string comment_text(const std::string& line, bool semicolon) {
+  constexpr std::size_t kLongest = 240;
+  std::string text = one_line(line);
+  for (char& c : text) {
+    const std::size_t at = std::string_view(semicolon ? "%" : "%();").find(c);
+    if (at != std::string_view::npos) c = "_[],"[at];
+  }
+  if (text.size() <= kLongest) return text;
+  std::size_t end = kLongest;
+  while ((static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;  // a whole character of UTF-8
+  return text.substr(0, end) + " ...";
+}
+
+}  // namespace
+
 Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code) {
   Program result;
   result.path = program.path;
@@ -594,16 +614,7 @@ Program with_header(const Program& program, std::span<const std::string> lines, 
   result.blocks.assign(program.blocks.begin(), program.blocks.begin() + static_cast<std::ptrdiff_t>(at));
   if (at > 0 && !result.blocks.back().ending.ends_with('\n')) result.blocks.back().ending = ending;
   for (const std::string& line : lines) {
-    std::string text;
-    for (const char c : line) {
-      if (c == '\n' || c == '\r' || c == '\t') {
-        text += ' ';
-      } else if (!semicolon && (c == '(' || c == ')')) {
-        text += c == '(' ? '[' : ']';
-      } else {
-        text += c;
-      }
-    }
+    const std::string text = comment_text(line, semicolon);
     Block comment;
     comment.text = semicolon ? "; " + text : "(" + text + ")";
     comment.ending = ending;

@@ -45,8 +45,9 @@ Result<Pose> read_frame(const config::Table& table, const std::string& key) {
 
 std::string number_toml(double value) {
   const std::string rounded = fmt::format("{:.12g}", value);
-  const std::string text =
-      std::abs(std::stod(rounded) - value) <= 1e-12 * std::abs(value) ? rounded : fmt::format("{}", value);
+  double again = 0;  // what is below the smallest normal number is refused by std::stod, not by this
+  std::from_chars(rounded.data(), rounded.data() + rounded.size(), again);
+  const std::string text = std::abs(again - value) <= 1e-12 * std::abs(value) ? rounded : fmt::format("{}", value);
   return text == "-0" ? "0" : text;
 }
 
@@ -145,7 +146,7 @@ Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name
 
 Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides) {
   std::error_code ec;
-  if (!std::filesystem::exists(name_or_path, ec)) {
+  if (!files::is_standard_input(name_or_path) && !std::filesystem::exists(name_or_path, ec)) {
     std::string names;
     for (const CatalogueEntry& entry : catalogue()) {
       if (entry.name == name_or_path) return from_text(entry.toml, name_or_path + ".toml", overrides);

@@ -4,6 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 
 namespace polypod::config {
 namespace {
@@ -228,6 +234,70 @@ TEST(Config, AnyTextIsReadOrRefusedWithAnId) {
     const auto table = parse(text, "t");
     if (!table) RC_ASSERT(table.error().id == "CF101" || table.error().id == "CF102");
   }));
+}
+
+std::string repeated(const std::string& what, int times) {
+  std::string out;
+  for (int i = 0; i < times; ++i) out += what;
+  return out;
+}
+
+TEST(Config, CF108WhatNestsTooDeepIsNotParsed) {
+  EXPECT_EQ(where(parse("b = 1\n" + repeated("a.", 6000) + "a = 1\n", "t")), "CF108 2:32");
+  EXPECT_EQ(where(parse("[" + repeated("a.", 100'000) + "a]\n", "t")), "CF108 1:33");
+  EXPECT_EQ(where(parse("[[" + repeated("'\u00e4' . ", 6000) + "a]]\n", "t")), "CF108 1:97");
+  EXPECT_EQ(where(parse("x = " + repeated("[", 200'000), "t")), "CF108 1:21");
+  EXPECT_EQ(where(parse("x = " + repeated("{a=", 6000), "t")), "CF108 1:53");
+  EXPECT_EQ(where(parse("x = { " + repeated("a.", 17) + "a = 1 }", "t")), "CF108 1:38");
+}
+
+TEST(Config, CF108ReadsOnlyKeysAndBrackets) {
+  const std::string dots = repeated(".", 50), brackets = repeated("[", 50), three = R"(""")";
+  const Table t =
+      table_of("a = \"" + dots + "\\\"" + brackets + "\" # " + dots + brackets + "\nb = '" + brackets +
+               "'\nc = " + three + "\n" + brackets + "\"\n\\\"" + three + "\nd = '''" + dots + "'\n" + brackets +
+               "'''\ne = [" + repeated("1.5, ", 50) + "]\nh = " + repeated("[", 14) + repeated("]", 14) + "\n");
+  EXPECT_EQ(*t.text("a"), dots + "\"" + brackets);
+  EXPECT_EQ(*t.text("c"), brackets + "\"\n\"");
+  EXPECT_EQ(t.numbers("e")->size(), 50u);
+  EXPECT_EQ(where(parse("a = '" + brackets + "\nb = 1\n", "t")), "CF101 1:56") << "left to the parser";
+  EXPECT_TRUE(parse(repeated("a.", 14) + "a = 1\n", "t"));
+}
+
+TEST(Config, CF105LengthsBeyondAnyMachine) {
+  const Table t = table_of("a_mm = 1e9\nb_mm = -1.1e9\nc_mm = [1, 2e9]\nd_mm = [[1, 2e9]]\ne_N = 1e12\n");
+  EXPECT_EQ(*t.number("a_mm"), 1e9);
+  EXPECT_EQ(where(t.number("b_mm")), "CF105 2:8");
+  EXPECT_EQ(where(t.numbers("c_mm")), "CF105 3:12");
+  EXPECT_EQ(where(t.points("d_mm", 2)), "CF105 4:13");
+  EXPECT_EQ(*t.number("e_N"), 1e12);
+}
+
+TEST(Config, NumbersBelowTheSmallestNormalOne) {
+  EXPECT_EQ(*table_of("a = 4e-320\n").number("a"), 4e-320);
+}
+
+TEST(Config, FilesThatAFileNames) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::temp_directory_path() / ("polypod-named-" + std::to_string(::getpid()));
+  fs::create_directories(folder / "sub");
+  const auto put = [&](const char* name, const std::string& text) {
+    ASSERT_TRUE(files::write_whole((folder / name).string(), text));
+  };
+  put("job.toml",
+      "machine = 'm.toml'\nname = 'no such file'\nfiles = ['a.csv', 'sub/../a.csv', 'sub']\n"
+      "[[tool]]\ncutter = 'sub/cutter.toml'\n");
+  put("m.toml", "name = 'job.toml'\n");  // a circle
+  put("a.csv", "x = 'm.toml'\n");
+  put("sub/cutter.toml", "material = 'steel.toml'\n");
+  put("sub/steel.toml", "x = 1\n");
+  std::vector<std::string> found;
+  for (const std::string& file : files_named_by((folder / "job.toml").string()))
+    found.push_back(fs::relative(file, folder).string());
+  EXPECT_THAT(found,
+              ::testing::UnorderedElementsAre("job.toml", "m.toml", "a.csv", "sub/cutter.toml", "sub/steel.toml"));
+  EXPECT_TRUE(files_named_by((folder / "none.toml").string()).empty());
+  fs::remove_all(folder);
 }
 
 }  // namespace

@@ -41,5 +41,10 @@ TEST(Error, TryAndAssignLeaveWithTheFirstError) {
   EXPECT_EQ(out, 3) << "nothing is assigned after an error";
 }
 
+TEST(Error, IsOneLineWhateverTheInputHolds) {
+  EXPECT_EQ(to_string(Error{"CF103", "unknown key a\nb", Place{"x\x1b[31m.toml", 1, 2}, "c\rd"}),
+            "CF103 x\\x1b[31m.toml:1:2: unknown key a\\x0ab; c\\x0dd");
+}
+
 }  // namespace
 }  // namespace polypod

@@ -54,6 +54,10 @@ TEST(CutterFile, Errors) {
     return !cutter;
   };
   EXPECT_TRUE(bad("diameter_mm=0\nteeth=4\nhelix_deg=30\nlength_mm=20\n"));
+  EXPECT_TRUE(bad("diameter_mm=2147483648\nteeth=4\nhelix_deg=30\nlength_mm=20\n"));
+  EXPECT_TRUE(bad("diameter_mm=1000.5\nteeth=4\nhelix_deg=30\nlength_mm=20\n"));
+  EXPECT_TRUE(bad("diameter_mm=0.009\nteeth=4\nhelix_deg=30\nlength_mm=20\n"));
+  EXPECT_TRUE(bad("diameter_mm=8\nteeth=4\nhelix_deg=30\nlength_mm=1e6\n"));
   EXPECT_TRUE(bad("diameter_mm=8\nteeth=0\nhelix_deg=30\nlength_mm=20\n"));
   EXPECT_TRUE(bad("diameter_mm=8\nteeth=2.5\nhelix_deg=30\nlength_mm=20\n"));
   EXPECT_TRUE(bad("diameter_mm=8\nteeth=4\nhelix_deg=90\nlength_mm=20\n"));
@@ -287,6 +291,10 @@ TEST(AllowanceStock, OpenContour) {
 
 TEST(AllowanceStock, Errors) {
   EXPECT_EQ(error_of(allowance("[[0,0],[1,0],[0,0]]", "side='outside'\nallowance_mm=4\n")).id, "CT113");
+  std::string many;
+  for (int i = 0; i <= 5000; ++i) many += "[" + std::to_string(i) + ",0],";
+  EXPECT_EQ(error_of(allowance("[" + many + "[0,9]]", "side='outside'\nallowance_mm=4\n")).id, "CT118");
+  EXPECT_EQ(error_of(allowance("[[0,0],[9,0],[0,9]]", "side='outside'\nallowance_mm=1001\n")).id, "CF105");
   EXPECT_EQ(error_of(allowance("[[0,0],[9,9],[9,0],[0,9]]", "side='outside'\nallowance_mm=4\n")).id, "CT114");
   EXPECT_EQ(error_of(allowance(kSquare, "side='left'\nallowance_mm=4\n")).id, "CT115");
   EXPECT_EQ(error_of(allowance(kSquare, "side='outside'\nallowance_mm=4\ncorners='sharp'\n")).id, "CT116");

@@ -2,13 +2,11 @@
 // Any bytes as the files that runs leave and instruments write: tables of displacements, places and forces, and a
 // stock, as it is and with a right beginning and checksum. They are refused with an error, or give numbers that are
 // finite.
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <cmath>
 #include <cstdint>
 #include <string>
 
+#include "memory_file.hpp"
 #include "polypod/calibration/measurement.hpp"
 #include "polypod/cutting/identify.hpp"
 #include "polypod/cutting/stock.hpp"
@@ -22,24 +20,8 @@ using namespace polypod;
 using fuzz::require;
 using fuzz::require_error;
 
-/// A file in memory with a path.
-class File {
- public:
-  explicit File(const std::string& bytes) : descriptor_(memfd_create("fuzz", 0)) {
-    require(descriptor_ >= 0, "a file in memory");
-    require(write(descriptor_, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()), "a whole file");
-  }
-  ~File() { close(descriptor_); }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
-
- private:
-  int descriptor_;
-};
-
 void check_stock(const std::string& bytes) {
-  const File file(bytes);
+  const fuzz::MemoryFile file(bytes);
   const auto stock = cutting::read_stock(file.path());
   if (!stock) return require_error(stock.error());
   require(std::isfinite(stock->cell()) && stock->cell() > 0 && stock->columns() > 0 && stock->rows() > 0,
@@ -65,7 +47,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string bytes(reinterpret_cast<const char*>(data), size);
   check_stock(bytes);
   check_stock(with_checksum(bytes));
-  const File file(bytes);
+  const fuzz::MemoryFile file(bytes);
   const auto points = statics::read_displacements(file.path());
   if (!points) {
     require_error(points.error());

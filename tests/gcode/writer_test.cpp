@@ -189,12 +189,24 @@ TEST(EnsureMotionWord, AddsItOnlyWhereNeeded) {
 }
 
 TEST(Header, StandsAfterPercentAndProgramNumber) {
-  const std::vector<std::string> lines{"corrected (by 3 um)", "tube\n100 um"};
+  const std::vector<std::string> lines{"corrected (by 3 um)", "tube 100 um"};
   const Case c = load("%\r\nO1000\r\n(PART)\r\nG0 X1\r\n%\r\n");
   EXPECT_EQ(to_text(with_header(c.program, lines)),
             "%\r\nO1000\r\n(corrected [by 3 um])\r\n(tube 100 um)\r\n(PART)\r\nG0 X1\r\n%\r\n");
   const Case d = load("; a part\nG0 X1\nM2");
   EXPECT_EQ(to_text(with_header(d.program, lines)), "; corrected (by 3 um)\n; tube 100 um\n; a part\nG0 X1\nM2");
+}
+
+TEST(Header, WhateverANameHoldsStaysInItsComment) {
+  const std::vector<std::string> lines{"a)\nG0 Z-99\r(b; % \x1b[2J\xff", std::string(239, 'x') + "\u00e4" + "tail"};
+  const Case round = load("(PART)\nG0 X1\nM2\n");
+  EXPECT_EQ(to_text(with_header(round.program, lines)),
+            "(a]\\x0aG0 Z-99\\x0d[b, _ \\x1b[2J\\xff)\n(" + std::string(239, 'x') + " ...)\n(PART)\nG0 X1\nM2\n");
+  const Case semicolon = load("; a part\nG0 X1\nM2\n");
+  const std::string text = to_text(with_header(semicolon.program, lines));
+  const auto again = parse(text, "again.ngc");
+  ASSERT_TRUE(again);
+  EXPECT_EQ(interpret(*again)->moves.size(), 1u) << text;
 }
 
 }  // namespace

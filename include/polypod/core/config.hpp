@@ -33,7 +33,8 @@ inline constexpr Range kNotNegative{0, std::numeric_limits<double>::infinity(), 
 ///
 /// Ask for every key that may stand in the table (`number`, `text`, ... for those that must be there, `optional_...`
 /// for the others), then call `finish()`: it fails with CF103 on the first key that nobody asked for. Every error
-/// carries the file, line and column of the value, or of the table where a value is missing.
+/// carries the file, line and column of the value, or of the table where a value is missing. A number under a key that
+/// ends in `_mm` must be at most 1e9 (1000 km) in size, whatever the range says.
 class Table {
  public:
   Table() = default;
@@ -89,7 +90,8 @@ class Value {
   Place place;
 };
 
-/// Reads a TOML file. Errors: FI100 (cannot be read), CF101 (not TOML), CF102 (a type that no file uses).
+/// Reads a TOML file. Errors: FI100 (cannot be read), CF101 (not TOML), CF102 (a type that no file uses), CF108 (keys,
+/// tables or arrays inside each other more than 16 deep).
 Result<Table> read_file(const std::string& path);
 
 /// The same from text; `name` stands for the file in error messages.

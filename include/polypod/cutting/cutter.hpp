@@ -44,7 +44,11 @@ struct Material {
   std::optional<EndCoefficients> end;  ///< without them nothing can be said of plunges and ramps
 };
 
-/// Reads `diameter_mm` (> 0), `teeth` (1 to 100), `helix_deg` (0 <= helix < 90), `length_mm` (> 0) and, if given,
+/// The diameters and lengths of edges that are taken, mm. Mills of the trade are 0.03 to 500 mm wide; a size far beyond
+/// has the wrong unit.
+inline constexpr config::Range kCutterSize_mm{0.01, 1000};
+
+/// Reads `diameter_mm`, `length_mm` (0.01 to 1000), `teeth` (1 to 100), `helix_deg` (0 <= helix < 90) and, if given,
 /// `name` from a table and finishes it. Errors: those of config::Table, with the place of the value or of the table.
 Result<Cutter> cutter_from(const config::Table& table);
 /// Reads `Ktc_N_per_mm2, Krc_N_per_mm2, Kac_N_per_mm2, Kte_N_per_mm, Kre_N_per_mm, Kae_N_per_mm` and, if given,
