@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include "command.hpp"
 #include "interrupt.hpp"
@@ -93,6 +94,7 @@ int run(int argc, char** argv) {
   }
   const Result<int> status = chosen(context);
   if (!status) {
+    if (interrupted()) return kBadInput;  // what was broken off is no error of the input
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
     return exit_status(status.error());
   }
@@ -107,12 +109,20 @@ int run(int argc, char** argv) {
 }  // namespace polypod::app
 
 int main(int argc, char** argv) {
+  namespace app = polypod::app;
   try {
     std::signal(SIGPIPE, SIG_IGN);
-    polypod::app::catch_interrupts();
-    return polypod::app::run(argc, argv);
+    app::catch_interrupts();
+    const int status = app::run(argc, argv);
+    const int interrupted = app::interrupted_status();
+    return interrupted != 0 ? interrupted : status;
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr,
+                 "polypod: AP107: there is not enough memory for this; "
+                 "ask for a lower resolution or a larger tolerance, or bound it with --max-memory\n");
+    return app::kBadInput;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "polypod: this is a bug: %s\n", e.what());
-    return polypod::app::kBug;
+    return app::kBug;
   }
 }

@@ -6,12 +6,21 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 
 namespace polypod::files {
+namespace {
+/// The temporary file that is open now.
+constinit std::atomic<const char*> open_temporary{nullptr};
+}  // namespace
+
+void remove_temporaries() noexcept {
+  if (const char* path = open_temporary.exchange(nullptr)) ::unlink(path);
+}
 
 Result<std::string> read(const std::string& path) {
   const auto failed = [&](const char* why) {
@@ -57,8 +66,13 @@ Status write_whole(const std::string& path, std::string_view bytes) {
     }
   }
   const std::string temporary = fmt::format("{}.{}.tmp", path, ::getpid());
+  open_temporary = temporary.c_str();
   const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (fd < 0) return failed(errno);
+  if (fd < 0) {
+    const int code = errno;
+    open_temporary = nullptr;
+    return failed(code);
+  }
   int code = 0;
   while (code == 0 && !bytes.empty()) {
     const ssize_t n = ::write(fd, bytes.data(), bytes.size());
@@ -71,6 +85,7 @@ Status write_whole(const std::string& path, std::string_view bytes) {
   if (code == 0 && ::fsync(fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
   if (::close(fd) != 0 && code == 0) code = errno;
   if (code == 0 && ::rename(temporary.c_str(), path.c_str()) != 0) code = errno;
+  open_temporary = nullptr;
   if (code != 0) {
     ::unlink(temporary.c_str());
     return failed(code);

@@ -40,6 +40,7 @@ class ArmLimits {
     high = center + Vec3::Constant(reach);
   }
 
+  [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   /// k = R z in first order: the rest is bounded by the patch's bend.
   [[nodiscard]] Data prepare(const Patch& patch) const {
     Data data;

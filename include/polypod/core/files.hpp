@@ -20,4 +20,8 @@ Status write_whole(const std::string& path, std::string_view bytes);
 /// Long work asks first. Errors: FI101.
 Status may_write(const std::string& path);
 
+/// Removes the temporary files that are open now; safe in a signal handler. For handlers of signals that end the
+/// program.
+void remove_temporaries() noexcept;
+
 }  // namespace polypod::files
