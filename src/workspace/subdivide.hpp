@@ -9,6 +9,7 @@
 #include <bit>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <memory>
 #include <span>
@@ -128,7 +129,7 @@ class Subdivision {
   };
   /// All that a run knows.
   struct State {
-    std::vector<Box> border;
+    std::deque<Box> border;
     double inside_volume = 0, whole = 0;
     Hull reached;
     std::size_t bytes = 0;  ///< of the border
@@ -287,49 +288,54 @@ class Subdivision {
   /// that the memory is watched and a cancelled run ends soon.
   Status split_largest(State& state, Volume& out, double target) {
     const double share = 0.5 * target / static_cast<double>(state.border.size());
-    std::vector<Box> split;
-    std::size_t stay = 0;
+    std::vector<std::size_t> split;
     for (std::size_t k = 0; k < state.border.size(); ++k) {
-      Box& b = state.border[k];
-      if (b.upper - b.lower > share) {
-        split.push_back(std::move(b));
-      } else {
-        if (stay != k) state.border[stay] = std::move(b);
-        ++stay;
-      }
+      if (state.border[k].upper - state.border[k].lower > share) split.push_back(k);
     }
-    state.border.resize(stay);
     constexpr std::size_t kWave = 4096;
-    for (std::size_t first = 0; first < split.size();) {
-      const std::size_t used = memory(state, out), mean = state.bytes / (state.border.size() + split.size() - first);
-      std::size_t wave = kWave;  // as many as fit if every octant stays, with twice the patches
-      if (options_.max_memory > 0) {
-        wave = std::min(wave, (std::max(options_.max_memory, used) - used) / (16 * mean) / kChunk * kChunk);
+    std::size_t done = 0;
+    while (done < split.size()) {
+      std::size_t wave = std::min(kWave, split.size() - done);
+      if (options_.max_memory > 0) {  // as many as fit if every octant stays, with twice the patches
+        const std::size_t used = memory(state, out), mean = state.bytes / (state.border.size() - done);
+        wave = std::min(wave, (std::max(options_.max_memory, used) - used) / (16 * mean));
       }
-      if (wave == 0) {
-        out.stopped = Stopped::memory;
-        for (; first < split.size(); ++first) state.border.push_back(std::move(split[first]));
-        return {};
-      }
-      const std::size_t end = std::min(split.size(), first + wave);
-      refine_all(std::span(split).subspan(first, end - first), state, out);
-      first = end;
+      if (wave == 0) break;
+      refine_all(std::span(split).subspan(done, wave), state, out);
+      done += wave;
       if (options_.cancelled && options_.cancelled()) return fail("WS110", "the workspace run was cancelled");
     }
+    if (done < split.size()) out.stopped = Stopped::memory;
+    split.resize(done);
+    drop(split, state.border);
     return {};
   }
 
-  void refine_all(std::span<Box> boxes, State& state, Volume& out) {
-    std::vector<Chunk> results((boxes.size() + kChunk - 1) / kChunk);
+  /// Takes out the boxes of rising indices; the others keep their order.
+  static void drop(const std::vector<std::size_t>& which, std::deque<Box>& boxes) {
+    std::size_t kept = 0, next = 0;
+    for (std::size_t k = 0; k < boxes.size(); ++k) {
+      if (next < which.size() && which[next] == k) {
+        ++next;
+      } else if (kept++ != k) {
+        boxes[kept - 1] = std::move(boxes[k]);
+      }
+    }
+    boxes.resize(kept);
+  }
+
+  /// Puts what is left of the boxes at the end; they themselves give up their memory but keep their places.
+  void refine_all(std::span<const std::size_t> which, State& state, Volume& out) {
+    std::vector<Chunk> results((which.size() + kChunk - 1) / kChunk);
     tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t c) {
       Worker worker;
-      for (std::size_t k = c * kChunk; k < std::min(boxes.size(), (c + 1) * kChunk); ++k) {
-        refine(boxes[k], worker, results[c]);
+      for (std::size_t k = c * kChunk; k < std::min(which.size(), (c + 1) * kChunk); ++k) {
+        refine(state.border[which[k]], worker, results[c]);
       }
     });
-    for (Box& b : boxes) {
-      state.bytes -= b.bytes();
-      b = Box();
+    for (const std::size_t k : which) {
+      state.bytes -= state.border[k].bytes();
+      state.border[k] = Box();
     }
     for (Chunk& chunk : results) {
       state.inside_volume += chunk.inside_volume;
