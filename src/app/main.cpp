@@ -117,9 +117,11 @@ int main(int argc, char** argv) {
     const int interrupted = app::interrupted_status();
     return interrupted != 0 ? interrupted : status;
   } catch (const std::bad_alloc&) {
+    constexpr const char* kId = "AP107";
     std::fprintf(stderr,
-                 "polypod: AP107: there is not enough memory for this; "
-                 "ask for a lower resolution or a larger tolerance, or bound it with --max-memory\n");
+                 "polypod: %s: there is not enough memory for this; "
+                 "ask for a lower resolution or a larger tolerance, or bound it with --max-memory\n",
+                 kId);
     return app::kBadInput;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "polypod: this is a bug: %s\n", e.what());

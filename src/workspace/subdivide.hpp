@@ -406,9 +406,24 @@ class Subdivision {
     }
   };
 
+  /// Lets go of boxes that reach no farther than what is certainly inside: they say nothing of the sides, and their
+  /// memory is needed.
+  static void let_go(State& state) {
+    const Hull& reached = state.reached;
+    std::vector<std::size_t> within;
+    for (std::size_t k = 0; k < state.border.size(); ++k) {
+      const Box& b = state.border[k];
+      if (!((b.min.array() >= reached.min.array()).all() && (b.max.array() <= reached.max.array()).all())) continue;
+      within.push_back(k);
+      state.bytes -= b.bytes();
+    }
+    drop(within, state.border);
+  }
+
   /// The box that holds the set, and the points of it that are farthest out, until both are the same to the tolerance
   /// or as many boxes again as the volume took (at least 100 000) were looked at.
-  Status bound(const State& state, Volume& out) {
+  Status bound(State& state, Volume& out) {
+    let_go(state);
     std::array<Side, 6> sides;
     for (std::size_t s = 0; s < sides.size(); ++s) {
       Side& side = sides[s];
