@@ -29,8 +29,10 @@ namespace polypod::app {
 
 namespace {
 std::atomic<int> ending_signal{0};
+std::atomic<bool> said{false};
 
 void say_interrupted() {
+  if (said.exchange(true)) return;
   const std::string_view text =
       ::isatty(STDERR_FILENO) != 0 ? "\r\x1b[Kpolypod: interrupted\n" : "polypod: interrupted\n";
   [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());

@@ -706,7 +706,7 @@ Result<std::string> surface_stl(const Surface& s) {
 }
 
 std::string extent_text(const Volume& v, int axis) {
-  constexpr double kShare = 2e-5;  // of the largest extent: twice the tolerance of the bounds
+  constexpr double kShare = 1e-4;  // of the largest extent: ten times the tolerance of the bounds
   const double size = to_mm((v.max - v.min).maxCoeff());
   const int digits = std::clamp(size > 0 ? static_cast<int>(std::floor(-std::log10(kShare * size))) : 2, 0, 9);
   const double unit = std::pow(10.0, digits);
