@@ -55,8 +55,11 @@ void catch_interrupts() {
   std::signal(SIGINT, SIG_DFL);  // a shell that starts a program with & ignores it for the program
   sigset_t ending;
   sigemptyset(&ending);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
-    sigaddset(&ending, signal);                  // an ignored SIGHUP (nohup) never comes
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction now {};
+    sigaction(signal, nullptr, &now);
+    if (now.sa_handler != SIG_IGN) sigaddset(&ending, signal);  // nohup ignores SIGHUP for the program, and so it stays
+  }
   pthread_sigmask(SIG_BLOCK, &ending, nullptr);  // threads that are started later inherit it
   std::thread(end_on_signal, ending).detach();
 }
