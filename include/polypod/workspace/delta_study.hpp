@@ -53,8 +53,8 @@ struct DeltaStudy {
 };
 
 /// Both methods on every point of a grid over the workspace (limits as in Options without bodies). Errors: WS140 (not a
-/// delta), WS141 (a step, distance or threshold out of range), WS143 (more points than the memory holds), those of extent(). Deterministic for any number of
-/// threads. Cost: 30 us a point.
+/// delta), WS141 (a step, distance or threshold out of range), WS143 (more points than the memory holds), those of
+/// extent(). Deterministic for any number of threads. Cost: 30 us a point.
 Result<DeltaStudy> delta_study(const AnyMachine& machine, const DeltaStudyOptions& options = {});
 
 /// The tool points of every combination of `steps` positions of each drive over its range, as the source draws its
