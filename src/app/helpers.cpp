@@ -1,7 +1,11 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <pthread.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <charconv>
 #include <chrono>
@@ -10,6 +14,8 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <string_view>
+#include <thread>
 
 #include "command.hpp"
 #include "interrupt.hpp"
@@ -22,18 +28,48 @@
 namespace polypod::app {
 
 namespace {
-volatile std::sig_atomic_t interrupt_count = 0;
-extern "C" void on_interrupt(int) {
-  interrupt_count = interrupt_count + 1;
-  std::signal(SIGINT, SIG_DFL);
+std::atomic<int> ending_signal{0};
+std::atomic<bool> said{false};
+
+void say_interrupted() {
+  if (said.exchange(true)) return;
+  const std::string_view text =
+      ::isatty(STDERR_FILENO) != 0 ? "\r\x1b[Kpolypod: interrupted\n" : "polypod: interrupted\n";
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
+}
+
+/// Waits for a signal, and 150 ms later or at the next one for nobody.
+void end_on_signal(sigset_t ending) {
+  int signal = 0;
+  if (sigwait(&ending, &signal) != 0) return;
+  ending_signal = signal;
+  constexpr timespec kGrace{0, 150'000'000};
+  sigtimedwait(&ending, nullptr, &kGrace);
+  say_interrupted();
+  files::remove_temporaries();
+  ::_exit(128 + signal);
 }
 }  // namespace
 
 void catch_interrupts() {
-  std::signal(SIGINT, on_interrupt);
+  std::signal(SIGINT, SIG_DFL);  // a shell that starts a program with & ignores it for the program
+  sigset_t ending;
+  sigemptyset(&ending);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction now {};
+    sigaction(signal, nullptr, &now);
+    if (now.sa_handler != SIG_IGN) sigaddset(&ending, signal);  // nohup ignores SIGHUP for the program, and so it stays
+  }
+  pthread_sigmask(SIG_BLOCK, &ending, nullptr);  // threads that are started later inherit it
+  std::thread(end_on_signal, ending).detach();
 }
 bool interrupted() {
-  return interrupt_count > 0;
+  return ending_signal != 0;
+}
+int interrupted_status() {
+  if (!interrupted()) return 0;
+  say_interrupted();
+  return 128 + ending_signal;
 }
 
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option) {

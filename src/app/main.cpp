@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include "command.hpp"
 #include "interrupt.hpp"
@@ -95,6 +96,7 @@ int run(int argc, char** argv) {
   }
   const Result<int> status = chosen(context);
   if (!status) {
+    if (interrupted()) return kBadInput;  // what was broken off is no error of the input
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
     return exit_status(status.error());
   }
@@ -109,13 +111,26 @@ int run(int argc, char** argv) {
 }  // namespace polypod::app
 
 int main(int argc, char** argv) {
+  namespace app = polypod::app;
   try {
     polypod::files::open_standard_streams();
     std::signal(SIGPIPE, SIG_IGN);
-    polypod::app::catch_interrupts();
-    return polypod::app::run(argc, argv);
+    app::catch_interrupts();
+    const int status = app::run(argc, argv);
+    const int interrupted = app::interrupted_status();
+    return interrupted != 0 ? interrupted : status;
+  } catch (const std::bad_alloc&) {
+    constexpr const char* kId = "AP109";
+    std::fprintf(stderr,
+                 "polypod: %s: there is not enough memory for this; "
+                 "ask for a lower resolution or a larger tolerance, or bound it with --max-memory\n",
+                 kId);
+    return app::kBadInput;
+  } catch (const std::system_error& e) {  // fmt throws it where stdout or stderr cannot be written
+    std::fprintf(stderr, "polypod: cannot write to stdout: %s\n", e.what());
+    return app::kBadInput;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "polypod: this is a bug: %s\n", e.what());
-    return polypod::app::kBug;
+    return app::kBug;
   }
 }

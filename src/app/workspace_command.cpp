@@ -1,16 +1,23 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <cctype>
+#include <cstring>
 #include <memory>
 
 #include "commands.hpp"
 #include "interrupt.hpp"
+#include "polypod/core/memory.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/pages/workspace.hpp"
 #include "polypod/workspace/shape.hpp"
 #include "workspace_files.hpp"
 #include "workspace_options.hpp"
 
 namespace polypod::app {
+namespace {
+constexpr double kMbPerByte = 1e-6;
+}
 
 void WorkspaceOptions::declare(Arguments& a) {
   a.option("--tilt", tilt_deg, "Reachable with every tilt up to this angle from z, deg");
@@ -23,6 +30,9 @@ void WorkspaceOptions::declare(Arguments& a) {
       "Switch limits off: length, base-joint, platform-joint, joint, base, or joint numbers; of a delta: drive, joint, "
       "coordinates, mode, table, rods, base");
   a.option("--clearance", clearance, "Deltas: keep this far from singular poses, mm");
+  a.option("--max-memory", max_memory,
+           "Memory for the boxes, in MB or with a suffix as in 2G; the run ends with what is proven when it is used up "
+           "(default: half of the machine's)");
   a.option("--threads", threads, "How many threads (default: all; the result is the same)");
 }
 
@@ -41,17 +51,48 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   out.interference = interference;
   out.singular_distance = units::from_mm(clearance);
   out.threads = threads;
+  POLYPOD_ASSIGN(memory, memory_argument(max_memory));
+  out.max_memory = memory;
   POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));
   out.limits &= ~off;
   out.cancelled = [] { return interrupted(); };
   if (context.progress) {
     out.progress = [](const workspace::Progress& p) {
-      fmt::print(stderr, "\rworkspace {:.0f} .. {:.0f} mm3, {} boxes\x1b[K", units::to_mm3(p.lower),
-                 units::to_mm3(p.upper), p.cells);
+      fmt::print(stderr, "\rworkspace {:.0f} .. {:.0f} mm3, {} boxes, {:.0f} of about {:.0f} MB\x1b[K",
+                 units::to_mm3(p.lower), units::to_mm3(p.upper), p.cells, kMbPerByte * p.bytes,
+                 kMbPerByte * p.bytes_estimate);
       std::fflush(stderr);
     };
   }
   return out;
+}
+
+Result<std::size_t> memory_argument(const std::string& text) {
+  if (text.empty()) return machine_memory() / 2;
+  const char suffix = text.back();
+  const double unit = suffix == 'G' || suffix == 'g' ? 1e9 : 1e6;
+  const bool suffixed = std::isalpha(static_cast<unsigned char>(suffix)) != 0;
+  const auto n = numbers_of(text.substr(0, text.size() - (suffixed ? 1 : 0)), "--max-memory");
+  constexpr double kLeast = 1e6, kMost = 1e15;
+  if ((suffixed && std::strchr("GgMm", suffix) == nullptr) || !n || n->size() != 1 ||
+      !((*n)[0] * unit >= kLeast && (*n)[0] * unit <= kMost)) {
+    return fail("AP153", fmt::format("--max-memory {}: not an amount of memory of at least 1 MB", text), {},
+                "write a number of MB, or 800M, or 2G");
+  }
+  return static_cast<std::size_t>((*n)[0] * unit);
+}
+
+bool came_within(const workspace::Volume& v, const workspace::Options& options) {
+  if (v.converged) return true;
+  const std::string why = v.stopped == workspace::Stopped::memory
+                              ? fmt::format("the {:.0f} MB of --max-memory are used up",
+                                            kMbPerByte * static_cast<double>(options.max_memory))
+                              : fmt::format("{} boxes are used up", options.max_cells);
+  fmt::print(stderr,
+             "polypod: the bounds did not come within the tolerance: {}; the bounds are proven as they are. "
+             "The tolerance would take about {:.0f} MB\n",
+             why, kMbPerByte * v.memory_estimate);
+  return false;
 }
 
 Json volume_json(const workspace::Volume& v) {
@@ -62,8 +103,12 @@ Json volume_json(const workspace::Volume& v) {
           {"volume_lower_mm3", units::to_mm3(v.lower)},
           {"volume_upper_mm3", units::to_mm3(v.upper)},
           {"bounds_mm", {{"min", mm(v.min)}, {"max", mm(v.max)}}},
+          {"reached_mm", v.reached ? Json{{"min", mm(v.reached->min)}, {"max", mm(v.reached->max)}} : Json()},
           {"points", v.points},
           {"converged", v.converged},
+          {"stopped_by", v.stopped == workspace::Stopped::memory  ? Json("memory")
+                         : v.stopped == workspace::Stopped::cells ? Json("boxes")
+                                                                  : Json()},
           {"empty", v.empty},
           {"seconds", v.seconds}};
 }
@@ -136,7 +181,7 @@ Command workspace_command() {
               fmt::print("volume   {:.0f} mm3, certainly between {:.0f} and {:.0f}\n", units::to_mm3(v.volume),
                          units::to_mm3(v.lower), units::to_mm3(v.upper));
               for (int k = 0; k < 3; ++k) {
-                fmt::print("{}        {:.2f} .. {:.2f} mm\n", "xyz"[k], units::to_mm(v.min[k]), units::to_mm(v.max[k]));
+                fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
               fmt::print("boxes    {}\nseconds  {:.2f}\n", v.points, v.seconds);
               if (!o->largest.empty()) {
@@ -146,8 +191,7 @@ Command workspace_command() {
                     o->largest, 2 * h.x(), 2 * h.y(), 2 * h.z(), c.x(), c.y(), c.z(), units::to_mm3(shape.volume()));
               }
             }
-            if (!v.converged) fmt::print(stderr, "polypod: the bounds did not come within the tolerance\n");
-            return v.converged ? kDone : kAnswerIsNo;
+            return came_within(v, options) ? kDone : kAnswerIsNo;
           }};
 }
 

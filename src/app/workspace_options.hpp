@@ -13,12 +13,18 @@ struct WorkspaceOptions {
   double rel_tol = 0.01;
   bool interference = false;
   std::string without;
-  double clearance = 0;  ///< mm
+  double clearance = 0;    ///< mm
+  std::string max_memory;  ///< MB, or with M or G; default: half of the machine's
   int threads = 0;
 
   void declare(Arguments& arguments);
   [[nodiscard]] Result<workspace::Options> options(const machine::AnyMachine& m, const Context& context) const;
 };
+
+/// Bytes of --max-memory. Errors: AP153.
+Result<std::size_t> memory_argument(const std::string& text);
+/// Whether the volume came within its tolerance; if not, says on stderr why and what would help.
+bool came_within(const workspace::Volume& v, const workspace::Options& options);
 
 Json volume_json(const workspace::Volume& v);
 

@@ -375,7 +375,8 @@ class Page {
                          Verdict::neutral});
     }
     report_.add_key_figures(figures);
-    report_.add_definitions({{"certainly within x", range(0)}, {"y", range(1)}, {"z", range(2)}});
+    report_.add_definitions(
+        {{"x", extent_text(volume_, 0)}, {"y", extent_text(volume_, 1)}, {"z", extent_text(volume_, 2)}});
   }
 
   void pictures() {
@@ -422,6 +423,7 @@ class Page {
     options.relative_tolerance = std::max(options.relative_tolerance, 0.02);
     constexpr std::int64_t kCells = 30'000;
     options.max_cells = kCells;
+    options.bounds_tolerance = 0;
     return workspace::volume(machine_, options);
   }
   /// Over many directions at once the proof for an arm takes minutes: sampled volumes stand in for it.
@@ -611,9 +613,6 @@ class Page {
     text[0] = 'W';
     return text;
   }
-  [[nodiscard]] std::string range(int axis) const {
-    return fmt::format("{} … {} mm", fixed(to_mm(volume_.min[axis]), 1), fixed(to_mm(volume_.max[axis]), 1));
-  }
 
   const AnyMachine& machine_;
   Options options_;
@@ -704,6 +703,28 @@ Result<std::string> surface_stl(const Surface& s) {
   std::vector<std::array<double, 3>> points;
   for (const Vec3& p : s.points) points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
   return report::to_stl(points, s.triangles);
+}
+
+std::string extent_text(const Volume& v, int axis) {
+  constexpr double kShare = 1e-4;  // of the largest extent: ten times the tolerance of the bounds
+  const double size = to_mm((v.max - v.min).maxCoeff());
+  const int digits = std::clamp(size > 0 ? static_cast<int>(std::floor(-std::log10(kShare * size))) : 2, 0, 9);
+  const double unit = std::pow(10.0, digits);
+  // Rounded to the digit: to nearest, down or up. Adding 0 makes -0 a 0.
+  const auto text = [&](double m, double (*round)(double)) {
+    return fmt::format("{:.{}f}", round(to_mm(m) * unit) / unit + 0.0, digits);
+  };
+  const auto nearest = [](double x) { return std::round(x); };
+  const auto down = [](double x) { return std::floor(x); };
+  const auto up = [](double x) { return std::ceil(x); };
+  const std::string low = text(v.min[axis], nearest), high = text(v.max[axis], nearest);
+  if (v.reached && low == text(v.reached->min[axis], nearest) && high == text(v.reached->max[axis], nearest)) {
+    return fmt::format("{} .. {} mm", low, high);
+  }
+  const std::string beyond = fmt::format("not beyond {} .. {} mm", text(v.min[axis], down), text(v.max[axis], up));
+  if (!v.reached) return beyond;
+  return fmt::format("reached {} .. {} mm, {}", text(v.reached->min[axis], up), text(v.reached->max[axis], down),
+                     beyond);
 }
 
 Result<std::string> workspace_page(const AnyMachine& machine, const Options& options, const Volume& volume,

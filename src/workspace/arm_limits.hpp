@@ -40,6 +40,7 @@ class ArmLimits {
     high = center + Vec3::Constant(reach);
   }
 
+  [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   /// k = R z in first order: the rest is bounded by the patch's bend.
   [[nodiscard]] Data prepare(const Patch& patch) const {
     Data data;
@@ -69,7 +70,12 @@ class ArmLimits {
     const FirstOrder r2 = square(c[0], d) + square(c[1], d);
     const FirstOrder r = root(r2, d);
     const FirstOrder height = c[2] - f_.d1;
-    const FirstOrder k_out_front = times(times(c[0], k[0], d) + times(c[1], k[1], d), inverse_of_positive(r, d), d);
+    // Parts of the axis along and across the way out from joint 1: no more than its horizontal part, also where the
+    // wrist centre stands above joint 1 and that way is any.
+    const FirstOrder over_r = inverse_of_positive(r, d), level2 = square(k[0], d) + square(k[1], d);
+    const double level = std::sqrt(std::max(0.0, level2.value + level2.radius(d)));
+    const FirstOrder k_out_front = at_most(times(times(c[0], k[0], d) + times(c[1], k[1], d), over_r, d), level, d);
+    const FirstOrder k_across_front = at_most(times(times(c[1], k[0], d) - times(c[0], k[1], d), over_r, d), level, d);
 
     Verdict result = Verdict::dead;
     BoundList of_branch;
@@ -102,9 +108,7 @@ class ArmLimits {
         const FirstOrder s23 = (1 / f_.d4) * (rho - f_.a2 * c2), c23 = (1 / f_.d4) * (f_.a2 * s2 - height);
         const FirstOrder k3z = times(s23, k_out, d) - times(c23, k[2], d);
         const auto square_to_forearm = [&] {
-          const FirstOrder across = times(c[1], k[0], d) - times(c[0], k[1], d);
-          return std::array{times(c23, k_out, d) + times(s23, k[2], d),
-                            side * times(across, inverse_of_positive(r, d), d)};
+          return std::array{times(c23, k_out, d) + times(s23, k[2], d), side * k_across_front};
         };
         for (std::size_t wrist = 0; wrist < 2; ++wrist) {
           if (wrist_[wrist].verdict == Verdict::dead) continue;
@@ -161,6 +165,13 @@ class ArmLimits {
   }
 
   static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
+  /// f, of which it is known that |f| <= most.
+  static FirstOrder at_most(const FirstOrder& f, double most, const Domain& d) {
+    if (f.radius(d) <= most) return f;
+    FirstOrder out;
+    out.rest = most;
+    return out;
+  }
   static Linear linear_of(const FirstOrder& f) {
     return {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest};
   }

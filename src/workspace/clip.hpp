@@ -69,6 +69,15 @@ class Polyhedron {
   /// Nothing is left but what lies on the planes to rounding.
   [[nodiscard]] bool empty() const { return faces_.empty(); }
 
+  /// The axis-parallel box about what is left. Not for an empty body.
+  void hull(Vec3& low, Vec3& high) const {
+    low = high = vertices_.front();
+    for (const Vec3& p : vertices_) {
+      low = low.cwiseMin(p);
+      high = high.cwiseMax(p);
+    }
+  }
+
   /// Sum of the pyramids from one vertex over the faces.
   [[nodiscard]] double volume() const {
     if (faces_.size() < 4) return 0;

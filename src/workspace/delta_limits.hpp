@@ -39,6 +39,7 @@ class DeltaBounds {
 
   [[nodiscard]] int groups() const { return m_.arms + 2 + static_cast<int>(pairs_.size()); }
   [[nodiscard]] double lever() const { return m_.rod_length[0]; }
+  [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] Data prepare(const Patch&) const { return {}; }
 
   void box(Vec3& low, Vec3& high, const Directions&) const {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "margin.hpp"
+#include "polypod/core/memory.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
 
@@ -77,6 +78,15 @@ Result<DeltaStudy> study_of(const M& m, const AnyMachine& machine, const DeltaSt
     for (std::size_t k = 0; k < 3; ++k) {
       n[k] = 1 + static_cast<std::size_t>(std::ceil(size[static_cast<Eigen::Index>(k)] / options.step));
     }
+    const std::size_t most = options.max_memory > 0 ? options.max_memory : machine_memory() / 2;
+    const double bytes = sizeof(DeltaPoint) * static_cast<double>(n[0]) * static_cast<double>(n[1]) *
+                         static_cast<double>(n[2]);  // if every point were within the limits
+    if (most > 0 && bytes > static_cast<double>(most)) {
+      return fail("WS143",
+                  fmt::format("a grid of {} x {} x {} points takes up to {:.0f} MB, more than {:.0f} MB", n[0], n[1],
+                              n[2], 1e-6 * bytes, 1e-6 * static_cast<double>(most)),
+                  {}, "take a larger step");
+    }
     const Study<M> study(m, options);
     const std::size_t columns = n[0] * n[1];
     std::vector<std::vector<DeltaPoint>> column(columns);
@@ -93,12 +103,17 @@ Result<DeltaStudy> study_of(const M& m, const AnyMachine& machine, const DeltaSt
           }
         },
         nullptr));
-    for (const auto& points : column)
+    std::size_t total = 0;
+    for (const auto& points : column) total += points.size();
+    out.points.reserve(total);
+    for (auto& points : column) {
       for (const DeltaPoint& point : points) {
         count(out.all, point, options.d_min);
         if (point.deep) count(out.deep, point, options.d_min);
         out.points.push_back(point);
       }
+      points = {};
+    }
     return out;
   }
 }

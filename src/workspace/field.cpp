@@ -137,6 +137,15 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
     if (n < 1) return fail("WS130", "the grid has no points");
   }
   if (grid.size() > kMostPoints) return fail("WS130", fmt::format("{} points are more than 2e8", grid.size()));
+  constexpr std::size_t kMargin = sizeof(double) + sizeof(int), kTilt = 2 * sizeof(double) + sizeof(int);
+  const std::size_t bytes = grid.size() * (kMargin + (field_options.tilt ? kTilt : 0));
+  if (options.max_memory > 0 && bytes > options.max_memory) {
+    return fail("WS133",
+                fmt::format("a grid of {} x {} x {} points takes {:.0f} MB, more than the {:.0f} MB of --max-memory",
+                            grid.points[0], grid.points[1], grid.points[2], 1e-6 * static_cast<double>(bytes),
+                            1e-6 * static_cast<double>(options.max_memory)),
+                {}, "lower the resolution or allow more memory");
+  }
   POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
   Field out;
   out.grid = grid;
@@ -167,6 +176,7 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
 Result<Extent> extent(const AnyMachine& machine, const Options& options, bool upright_too) {
   Options coarse = options;
   coarse.keep_cells = false;
+  coarse.bounds_tolerance = 0;
   coarse.progress = nullptr;
   const auto box_of = [&](const Directions& directions, double tolerance, std::int64_t cells) -> Result<Extent> {
     coarse.directions = directions;
@@ -200,6 +210,7 @@ Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& opt
   POLYPOD_ASSIGN(judge, judge_of(machine, options, {}));
   Options coarse = options;
   coarse.keep_cells = true;
+  coarse.bounds_tolerance = 0;
   coarse.progress = nullptr;
   coarse.relative_tolerance = 0.02;
   coarse.max_cells = 100'000;

@@ -173,6 +173,7 @@ class HexapodBase {
   [[nodiscard]] int groups() const { return kLegs + static_cast<int>(pairs_.size()); }
   [[nodiscard]] double lever() const { return lever_; }
 
+  [[nodiscard]] static std::size_t bytes(const Data& d) { return d.term_normal.capacity() * sizeof(Turning); }
   [[nodiscard]] Data prepare(const Patch& patch) const {
     Data d;
     for (int i = 0; i < kLegs; ++i) d.end[i] = turning(patch, end_[i]);

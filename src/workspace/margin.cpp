@@ -443,6 +443,7 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
   probe.relative_tolerance = 1;
   probe.max_cells = 1;
   probe.keep_cells = false;
+  probe.bounds_tolerance = 0;
   probe.progress = nullptr;
   POLYPOD_TRY(volume(machine, probe));
   if (auto delta = judge_of_delta(machine, options, field_options)) return delta;

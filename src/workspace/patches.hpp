@@ -118,7 +118,8 @@ inline Patch make_sector(const std::array<double, 2>& low, const std::array<doub
 }
 
 /// A patch with what a machine's limits need of it, and its two halves, made when first asked for. Halves depend on
-/// nothing but the patch, so it does not matter which thread makes them.
+/// nothing but the patch, so it does not matter which thread makes them. `prepare` gives the data of a patch, and may
+/// count the patches that are kept.
 template <class Data>
 class PatchNode {
  public:
@@ -144,7 +145,10 @@ class PatchNode {
       const auto make = p.sector ? make_sector : make_rectangle;
       auto made = std::make_unique<Halves>(PatchNode(make(p.low, middle_high), prepare),
                                            PatchNode(make(middle_low, p.high), prepare));
-      if (halves_.compare_exchange_strong(halves, made.get(), std::memory_order_acq_rel)) halves = made.release();
+      if (halves_.compare_exchange_strong(halves, made.get(), std::memory_order_acq_rel)) {
+        halves = made.release();
+        if constexpr (requires { prepare.kept(2); }) prepare.kept(2);
+      }
     }
     return which == 0 ? halves->low : halves->high;
   }

@@ -92,6 +92,7 @@ std::vector<Vec3> border_points(const Shape& shape) {
 Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, ShapeKind kind) {
   Options coarse = options;
   coarse.keep_cells = true;
+  coarse.bounds_tolerance = 0;  // its box is only where the search starts
   coarse.relative_tolerance = std::max(options.relative_tolerance, 0.1);
   POLYPOD_ASSIGN(region, volume(machine, coarse));
   const std::vector<Mat3> orientations = sampled_orientations(options.directions);

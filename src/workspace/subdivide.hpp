@@ -9,8 +9,10 @@
 #include <bit>
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "clip.hpp"
@@ -75,6 +77,7 @@ enum class Verdict : std::uint8_t {
 ///   Data prepare(const Patch&);
 ///   int groups();                   at most 32
 ///   double lever();                 m, how far a turn of 1 rad moves what the limits see
+///   std::size_t bytes(const Data&); that a patch's data holds outside of itself
 ///   void box(Vec3& min, Vec3& max, const Directions&); a box that holds every reachable point
 ///   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch&, const Data&,
 ///                 BoundList& out);
@@ -90,13 +93,46 @@ class Subdivision {
     double lower = 0, upper = 0;
     Vec3 min = Vec3::Zero(), max = Vec3::Zero();  ///< holds the part of the box that may be inside
     std::vector<Entry> entries;
+
+    [[nodiscard]] std::size_t bytes() const { return sizeof(Box) + kHeapBlock + entries.capacity() * sizeof(Entry); }
+    [[nodiscard]] Box octant(int which) const {
+      Box child;
+      child.half = 0.5 * half;
+      for (int k = 0; k < 3; ++k) {
+        child.center[k] = center[k] + ((which >> k & 1) != 0 ? child.half[k] : -child.half[k]);
+      }
+      return child;
+    }
+  };
+  /// Gives the data of a patch and counts the patches that are kept.
+  struct Maker {
+    const Limits* limits;
+    std::atomic<std::int64_t>* patches;
+    auto operator()(const Patch& patch) const { return limits->prepare(patch); }
+    void kept(int count) const { patches->fetch_add(count, std::memory_order_relaxed); }
+  };
+  /// Points that are certainly inside: none where min > max.
+  struct Hull {
+    Vec3 min = Vec3::Constant(kInfinity), max = Vec3::Constant(-kInfinity);
+    void add(const Vec3& low, const Vec3& high) {
+      min = min.cwiseMin(low);
+      max = max.cwiseMax(high);
+    }
+    [[nodiscard]] bool empty() const { return !(min.array() <= max.array()).all(); }
   };
   struct Chunk {
     std::vector<Box> border;
     std::vector<Cell> inside;
     double inside_volume = 0;
-    Vec3 min, max;
+    Hull reached;
     std::int64_t examined = 0;
+  };
+  /// All that a run knows.
+  struct State {
+    std::deque<Box> border;
+    double inside_volume = 0, whole = 0;
+    Hull reached;
+    std::size_t bytes = 0;  ///< of the border
   };
 
  public:
@@ -105,8 +141,7 @@ class Subdivision {
   /// Whether every point of the shape is certainly inside: true is a proof; false where a point is certainly outside or
   /// the question is not settled within `max_cells` boxes.
   bool holds(const Shape& shape, std::int64_t max_cells) {
-    const auto prepare = [this](const Patch& patch) { return limits_.prepare(patch); };
-    if (!root_) root_ = std::make_unique<Node>(whole_patch(options_.directions), prepare);
+    plant();
     Worker worker;
     std::vector<Box> stack(1);
     stack[0].center = shape.center;
@@ -119,18 +154,14 @@ class Subdivision {
       Box cell;
       cell.center = parent.center;
       cell.half = parent.half;
-      const Verdict verdict = examine(parent, cell, worker, prepare);
+      const Verdict verdict = examine(parent, cell, worker);
       if (verdict == Verdict::inside) continue;
       const bool within = shape.holds_box(cell.center, cell.half);
       if (within && (verdict == Verdict::outside || cell.upper < 8 * cell.half.prod() * (1 - 1e-6))) return false;
       // An outside cell may reach out of the shape: its pieces are asked again with all that the parent knew.
       const Box& known = verdict == Verdict::outside ? parent : cell;
       for (int octant = 0; octant < 8; ++octant) {
-        Box child;
-        child.half = 0.5 * cell.half;
-        for (int k = 0; k < 3; ++k) {
-          child.center[k] = cell.center[k] + ((octant >> k & 1) != 0 ? child.half[k] : -child.half[k]);
-        }
+        Box child = cell.octant(octant);
         if (!shape.meets_box(child.center, child.half)) continue;
         child.entries = known.entries;
         stack.push_back(std::move(child));
@@ -141,84 +172,15 @@ class Subdivision {
 
   Result<Volume> run() {
     const auto start = std::chrono::steady_clock::now();
-    const auto prepare = [this](const Patch& patch) { return limits_.prepare(patch); };
-    const Node root(whole_patch(options_.directions), prepare);
+    plant();
     Volume out;
-    Vec3 low, high;
-    limits_.box(low, high, options_.directions);
-    const double inf = std::numeric_limits<double>::infinity();
-    Vec3 inside_min = Vec3::Constant(inf), inside_max = Vec3::Constant(-inf);
-    std::vector<Box> border;
-    if ((high - low).minCoeff() > 0) {
-      Box first;
-      first.center = 0.5 * (low + high);
-      first.half = 0.5 * (high - low);
-      first.upper = 8 * first.half.prod();
-      first.min = low;
-      first.max = high;
-      first.entries.push_back({&root, all_groups()});
-      border.push_back(std::move(first));
-    }
-    const double whole = border.empty() ? 0.0 : border.front().upper;
-    double inside_volume = 0;
-    for (;;) {
-      double lower = inside_volume, upper = inside_volume;
-      for (const Box& b : border) {
-        lower += b.lower;
-        upper += b.upper;
-      }
-      out.lower = lower;
-      out.upper = upper;
-      out.volume = 0.5 * (lower + upper);
-      if (options_.progress) options_.progress({lower, upper, out.points});
-      if (options_.cancelled && options_.cancelled()) {
-        return fail("WS110", "the workspace run was cancelled");
-      }
-      const double target = options_.relative_tolerance * out.volume;
-      // A set that stays below 1e-9 of the search box though it is cut finely is as good as a surface, and one below
-      // 1e-18 as good as a point: no tolerance ever fits them.
-      const bool a_surface = upper <= 1e-9 * whole && (border.size() > 10000 || upper <= 1e-18 * whole);
-      if (border.empty() || upper - lower <= target || a_surface) break;
-      if (out.points > options_.max_cells) {
-        out.converged = false;
-        break;
-      }
-      // Boxes that hold more than half their share of the gap are split, the others may stay as they are.
-      const double share = 0.5 * target / static_cast<double>(border.size());
-      std::vector<Box> stay, split;
-      for (Box& b : border) (b.upper - b.lower > share ? split : stay).push_back(std::move(b));
-      border = std::move(stay);
-      constexpr std::size_t kChunk = 32;  // fixed, so that sums do not depend on the number of threads
-      const std::size_t chunks = (split.size() + kChunk - 1) / kChunk;
-      std::vector<Chunk> results(chunks);
-      tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
-        Chunk& chunk = results[c];
-        chunk.min = Vec3::Constant(inf);
-        chunk.max = Vec3::Constant(-inf);
-        Worker worker;
-        for (std::size_t k = c * kChunk; k < std::min(split.size(), (c + 1) * kChunk); ++k) {
-          refine(split[k], worker, chunk, prepare);
-        }
-      });
-      for (Chunk& chunk : results) {
-        inside_volume += chunk.inside_volume;
-        inside_min = inside_min.cwiseMin(chunk.min);
-        inside_max = inside_max.cwiseMax(chunk.max);
-        out.points += chunk.examined;
-        for (Box& b : chunk.border) border.push_back(std::move(b));
-        if (options_.keep_cells) out.cells.insert(out.cells.end(), chunk.inside.begin(), chunk.inside.end());
-      }
-    }
-    for (const Box& b : border) {
-      inside_min = inside_min.cwiseMin(b.min);
-      inside_max = inside_max.cwiseMax(b.max);
+    State state = first_box();
+    POLYPOD_TRY(subdivide(state, out));
+    for (const Box& b : state.border) {
       if (options_.keep_cells) out.cells.push_back({b.center, b.half, b.lower, b.upper, CellState::border});
     }
-    out.empty = border.empty() && inside_volume == 0;
-    if (!out.empty) {
-      out.min = inside_min;
-      out.max = inside_max;
-    }
+    out.empty = state.border.empty() && state.inside_volume == 0;
+    if (!out.empty) POLYPOD_TRY(bound(state, out));
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return out;
   }
@@ -236,7 +198,7 @@ class Subdivision {
     double share;  ///< of the cell on the kept side
   };
   struct Worker {
-    std::vector<Entry> pending, next;
+    std::vector<Entry> pending, next, settled;
     BoundList bounds;
     std::vector<Judged> judged, worst, kept;
     std::vector<Plane> below, above;
@@ -249,22 +211,154 @@ class Subdivision {
   /// So many planes are cut from a cell one by one.
   static constexpr std::size_t kPlanes = 8;
 
-  template <class Prepare>
-  void refine(const Box& parent, Worker& worker, Chunk& chunk, const Prepare& prepare) {
-    for (int octant = 0; octant < 8; ++octant) {
-      Box child;
-      child.half = 0.5 * parent.half;
-      for (int k = 0; k < 3; ++k) {
-        child.center[k] = parent.center[k] + ((octant >> k & 1) != 0 ? child.half[k] : -child.half[k]);
+  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  static constexpr std::size_t kHeapBlock = 16;  // what an allocation costs beside its bytes
+  static constexpr std::size_t kChunk = 32;      // fixed, so that sums do not depend on the number of threads
+
+  void plant() {
+    if (!root_) root_ = std::make_unique<Node>(whole_patch(options_.directions), Maker{&limits_, &patches_});
+  }
+
+  [[nodiscard]] State first_box() const {
+    State state;
+    Vec3 low, high;
+    limits_.box(low, high, options_.directions);
+    if (!((high - low).minCoeff() > 0)) return state;
+    Box first;
+    first.center = 0.5 * (low + high);
+    first.half = 0.5 * (high - low);
+    first.upper = state.whole = 8 * first.half.prod();
+    first.min = low;
+    first.max = high;
+    first.entries.push_back({root_.get(), all_groups()});
+    state.bytes = first.bytes();
+    state.border.push_back(std::move(first));
+    return state;
+  }
+
+  [[nodiscard]] std::size_t memory(const State& state, const Volume& out) const {
+    const std::size_t patch = sizeof(Node) + kHeapBlock + limits_.bytes(root_->data());
+    return state.bytes + out.cells.capacity() * sizeof(Cell) + static_cast<std::size_t>(patches_.load()) * patch;
+  }
+  [[nodiscard]] bool fits(std::size_t bytes) const { return options_.max_memory == 0 || bytes <= options_.max_memory; }
+
+  /// What the boxes say of the volume, and the gap that is asked for.
+  [[nodiscard]] double sum(const State& state, Volume& out) const {
+    out.lower = out.upper = state.inside_volume;
+    for (const Box& b : state.border) {
+      out.lower += b.lower;
+      out.upper += b.upper;
+    }
+    out.volume = 0.5 * (out.lower + out.upper);
+    return options_.relative_tolerance * out.volume;
+  }
+  [[nodiscard]] Status report(const State& state, const Volume& out) const {
+    if (options_.progress) {
+      const double gap = out.upper - out.lower, target = options_.relative_tolerance * out.volume;
+      const auto bytes = static_cast<double>(memory(state, out));
+      // The gap falls with the square of the box, and so as the number of boxes of a surface rises.
+      options_.progress(
+          {out.lower, out.upper, out.points, bytes, target > 0 ? bytes * std::max(1.0, gap / target) : 0});
+    }
+    if (options_.cancelled && options_.cancelled()) return fail("WS110", "the workspace run was cancelled");
+    return {};
+  }
+
+  /// Splits the boxes with the largest gaps until the volume is known to the tolerance.
+  Status subdivide(State& state, Volume& out) {
+    for (;;) {
+      const double target = sum(state, out);
+      POLYPOD_TRY(report(state, out));
+      // A set that stays below 1e-9 of the search box though it is cut finely is as good as a surface, and one below
+      // 1e-18 as good as a point: no tolerance ever fits them.
+      const bool a_surface =
+          out.upper <= 1e-9 * state.whole && (state.border.size() > 10000 || out.upper <= 1e-18 * state.whole);
+      if (state.border.empty() || out.upper - out.lower <= target || a_surface) return {};
+      if (out.points > options_.max_cells) out.stopped = Stopped::cells;
+      if (out.stopped == Stopped::no) POLYPOD_TRY(split_largest(state, out, target));
+      if (out.stopped == Stopped::no) continue;
+      (void)sum(state, out);
+      out.converged = false;
+      out.memory_estimate = static_cast<double>(memory(state, out)) * (out.upper - out.lower) / target;
+      return {};
+    }
+  }
+
+  /// Boxes that hold more than half their share of the gap are split, the others may stay as they are; in waves, so
+  /// that the memory is watched and a cancelled run ends soon.
+  Status split_largest(State& state, Volume& out, double target) {
+    const double share = 0.5 * target / static_cast<double>(state.border.size());
+    std::vector<std::size_t> split;
+    for (std::size_t k = 0; k < state.border.size(); ++k) {
+      if (state.border[k].upper - state.border[k].lower > share) split.push_back(k);
+    }
+    constexpr std::size_t kWave = 4096;
+    std::size_t done = 0;
+    while (done < split.size()) {
+      std::size_t wave = std::min(kWave, split.size() - done);
+      if (options_.max_memory > 0) {  // as many as fit if every octant stays, with twice the patches
+        const std::size_t used = memory(state, out), mean = state.bytes / (state.border.size() - done);
+        wave = std::min(wave, (std::max(options_.max_memory, used) - used) / (16 * mean));
       }
+      if (wave == 0) break;
+      refine_all(std::span(split).subspan(done, wave), state, out);
+      done += wave;
+      if (options_.cancelled && options_.cancelled()) return fail("WS110", "the workspace run was cancelled");
+    }
+    if (done < split.size()) out.stopped = Stopped::memory;
+    split.resize(done);
+    drop(split, state.border);
+    return {};
+  }
+
+  /// Takes out the boxes of rising indices; the others keep their order.
+  static void drop(const std::vector<std::size_t>& which, std::deque<Box>& boxes) {
+    std::size_t kept = 0, next = 0;
+    for (std::size_t k = 0; k < boxes.size(); ++k) {
+      if (next < which.size() && which[next] == k) {
+        ++next;
+      } else if (kept++ != k) {
+        boxes[kept - 1] = std::move(boxes[k]);
+      }
+    }
+    boxes.resize(kept);
+  }
+
+  /// Puts what is left of the boxes at the end; they themselves give up their memory but keep their places.
+  void refine_all(std::span<const std::size_t> which, State& state, Volume& out) {
+    std::vector<Chunk> results((which.size() + kChunk - 1) / kChunk);
+    tbb::parallel_for(std::size_t{0}, results.size(), [&](std::size_t c) {
+      Worker worker;
+      for (std::size_t k = c * kChunk; k < std::min(which.size(), (c + 1) * kChunk); ++k) {
+        refine(state.border[which[k]], worker, results[c]);
+      }
+    });
+    for (const std::size_t k : which) {
+      state.bytes -= state.border[k].bytes();
+      state.border[k] = Box();
+    }
+    for (Chunk& chunk : results) {
+      state.inside_volume += chunk.inside_volume;
+      state.reached.add(chunk.reached.min, chunk.reached.max);
+      out.points += chunk.examined;
+      for (Box& b : chunk.border) {
+        state.bytes += b.bytes();
+        state.border.push_back(std::move(b));
+      }
+      if (options_.keep_cells) out.cells.insert(out.cells.end(), chunk.inside.begin(), chunk.inside.end());
+    }
+  }
+
+  void refine(const Box& parent, Worker& worker, Chunk& chunk) {
+    for (int octant = 0; octant < 8; ++octant) {
+      Box child = parent.octant(octant);
       ++chunk.examined;
-      const Verdict verdict = examine(parent, child, worker, prepare);
+      const Verdict verdict = examine(parent, child, worker);
       if (verdict == Verdict::outside) continue;
       if (verdict == Verdict::inside) {
         const double volume = 8 * child.half.prod();
         chunk.inside_volume += volume;
-        chunk.min = chunk.min.cwiseMin(child.center - child.half);
-        chunk.max = chunk.max.cwiseMax(child.center + child.half);
+        chunk.reached.add(child.center - child.half, child.center + child.half);
         if (options_.keep_cells) {
           chunk.inside.push_back({child.center, child.half, volume, volume, CellState::inside});
         }
@@ -274,13 +368,158 @@ class Subdivision {
     }
   }
 
+  // The six sides ----------------------------------------------------------------------------------------------------
+
+  /// One side of the set: the largest value of sign * p[axis], between `reached` and that of the box that may hold the
+  /// farthest point. Best first: the box that may reach farthest is split.
+  struct Side {
+    struct Candidate {
+      double far;
+      std::int64_t order;  ///< makes the choice among equals the same every time
+      const Box* box;
+      std::unique_ptr<Box> own;
+      bool operator<(const Candidate& other) const { return far != other.far ? far < other.far : order > other.order; }
+    };
+    int axis = 0;
+    double sign = 1;
+    std::vector<Candidate> heap;
+    Hull found;  ///< points that this side's search saw to be inside
+    std::int64_t examined = 0, order = 0;
+    std::size_t bytes = 0;
+
+    [[nodiscard]] double far(const Vec3& min, const Vec3& max) const { return sign > 0 ? max[axis] : -min[axis]; }
+    [[nodiscard]] double reached() const { return far(found.min, found.max); }
+    [[nodiscard]] double outer() const { return heap.empty() ? reached() : std::max(reached(), heap.front().far); }
+    void push(const Box* box, std::unique_ptr<Box> own) {
+      const double value = far(box->min, box->max);
+      if (!(value > reached())) return;
+      bytes += sizeof(Candidate) + (own ? own->bytes() : 0);
+      heap.push_back({value, order++, box, std::move(own)});
+      std::push_heap(heap.begin(), heap.end());
+    }
+    Candidate pop() {
+      std::pop_heap(heap.begin(), heap.end());
+      Candidate top = std::move(heap.back());
+      heap.pop_back();
+      bytes -= sizeof(Candidate) + (top.own ? top.own->bytes() : 0);
+      return top;
+    }
+  };
+
+  /// Lets go of boxes that reach no farther than what is certainly inside: they say nothing of the sides, and their
+  /// memory is needed.
+  static void let_go(State& state) {
+    const Hull& reached = state.reached;
+    std::vector<std::size_t> within;
+    for (std::size_t k = 0; k < state.border.size(); ++k) {
+      const Box& b = state.border[k];
+      if (!((b.min.array() >= reached.min.array()).all() && (b.max.array() <= reached.max.array()).all())) continue;
+      within.push_back(k);
+      state.bytes -= b.bytes();
+    }
+    drop(within, state.border);
+  }
+
+  /// The box that holds the set, and the points of it that are farthest out, until both are the same to the tolerance
+  /// or as many boxes again as the volume took (at least 100 000) were looked at.
+  Status bound(State& state, Volume& out) {
+    let_go(state);
+    std::array<Side, 6> sides;
+    for (std::size_t s = 0; s < sides.size(); ++s) {
+      Side& side = sides[s];
+      side.axis = static_cast<int>(s / 2);
+      side.sign = s % 2 == 0 ? -1 : 1;
+      side.found = state.reached;
+      for (const Box& b : state.border) side.push(&b, nullptr);
+    }
+    constexpr std::int64_t kLeastBudget = 100'000;
+    const std::int64_t budget = std::max(kLeastBudget, out.points);
+    for (std::int64_t examined = 0;;) {
+      Hull reached;
+      for (const Side& side : sides) reached.add(side.found.min, side.found.max);
+      std::size_t bytes = memory(state, out);
+      for (Side& side : sides) {
+        side.found = reached;
+        if (!std::isfinite(side.outer())) return nothing(out);
+        (side.sign > 0 ? out.max : out.min)[side.axis] = side.sign * side.outer();
+        bytes += side.bytes;
+      }
+      if (!reached.empty()) out.reached = Reached{reached.min, reached.max};
+      const double near = options_.bounds_tolerance * (out.max - out.min).maxCoeff();
+      const bool more = std::any_of(sides.begin(), sides.end(), [&](const Side& side) { return open(side, near); });
+      if (!more || !(options_.bounds_tolerance > 0) || examined > budget || !fits(bytes)) return {};
+      if (options_.cancelled && options_.cancelled()) return fail("WS110", "the workspace run was cancelled");
+      tbb::parallel_for(std::size_t{0}, sides.size(), [&](std::size_t s) { advance(sides[s], near); });
+      examined = 0;
+      for (const Side& side : sides) examined += side.examined;
+    }
+  }
+
+  /// No box is left: the finer look proved that there is no point at all.
+  static Status nothing(Volume& out) {
+    out.empty = true;
+    out.converged = true;
+    out.stopped = Stopped::no;
+    out.volume = out.lower = out.upper = 0;
+    out.min = out.max = Vec3::Zero();
+    return {};
+  }
+
+  static bool open(const Side& side, double near) {
+    return !side.heap.empty() && !(side.heap.front().far - side.reached() <= near);
+  }
+
+  /// Splits some boxes of a side.
+  void advance(Side& side, double near) {
+    constexpr int kAtOnce = 32;
+    Worker worker;
+    for (int k = 0; k < kAtOnce && open(side, near); ++k) {
+      const typename Side::Candidate top = side.pop();
+      for (int octant = 0; octant < 8; ++octant) {
+        auto child = std::make_unique<Box>(top.box->octant(octant));
+        ++side.examined;
+        const Verdict verdict = examine(*top.box, *child, worker);
+        if (verdict == Verdict::outside) continue;
+        if (verdict == Verdict::inside) {
+          side.found.add(child->center - child->half, child->center + child->half);
+        } else if (narrow(*top.box, *child, worker, side.found)) {
+          const Box* box = child.get();
+          side.push(box, std::move(child));
+        }
+      }
+    }
+  }
+
+  /// Narrows the hull of an undecided cell to the corners of what its planes leave, and adds the corners of the part
+  /// that is certainly inside to `found`. False where nothing is left.
+  static bool narrow(const Box& parent, Box& cell, Worker& worker, Hull& found) {
+    constexpr double kRound = 1e-10;  // rounding of the corners, of the cell
+    const double slack = kRound * cell.half.norm();
+    const auto cut = [&](const std::vector<Plane>& planes) {
+      worker.body.start(cell.half);
+      for (const Plane& p : planes) worker.body.cut(p.m, p.G);
+      return !worker.body.empty();
+    };
+    Vec3 low, high;
+    if (!cut(worker.above)) return false;
+    worker.body.hull(low, high);
+    cell.min = cell.min.cwiseMax(cell.center + low - Vec3::Constant(slack)).cwiseMax(parent.min);
+    cell.max = cell.max.cwiseMin(cell.center + high + Vec3::Constant(slack)).cwiseMin(parent.max);
+    if (cell.lower > 0 && cut(worker.below)) {
+      worker.body.hull(low, high);
+      found.add(cell.center + low + Vec3::Constant(slack), cell.center + high - Vec3::Constant(slack));
+    }
+    return true;
+  }
+
   /// All entries of the parent on the cell, patches split as far as they matter. What stays in `cell.entries` are the
   /// patches and groups that may cut the cell; they imply all others.
-  template <class Prepare>
-  Verdict examine(const Box& parent, Box& cell, Worker& worker, const Prepare& prepare) {
+  Verdict examine(const Box& parent, Box& cell, Worker& worker) {
     const double radius = cell.half.norm();
+    const Maker maker{&limits_, &patches_};
     std::vector<Entry>& pending = worker.pending;
     pending = parent.entries;
+    worker.settled.clear();
     worker.worst.clear();
     worker.kept.clear();
     bool open = false;
@@ -313,15 +552,16 @@ class Subdivision {
       for (const Entry& entry : pending) {
         if (entry.groups == 0) continue;
         if (entry.patch->patch().turn * limits_.lever() > kPatchShare * radius) {
-          worker.next.push_back({&entry.patch->half(0, prepare), entry.groups});
-          worker.next.push_back({&entry.patch->half(1, prepare), entry.groups});
+          worker.next.push_back({&entry.patch->half(0, maker), entry.groups});
+          worker.next.push_back({&entry.patch->half(1, maker), entry.groups});
         } else {
-          cell.entries.push_back(entry);
+          worker.settled.push_back(entry);
         }
       }
       pending.swap(worker.next);
     }
-    if (cell.entries.empty()) return Verdict::inside;
+    if (worker.settled.empty()) return Verdict::inside;
+    cell.entries.assign(worker.settled.begin(), worker.settled.end());  // no room to spare: there are many cells
     return enclose(cell, open, worker);
   }
 
@@ -465,6 +705,7 @@ class Subdivision {
 
   const Limits& limits_;
   const Options& options_;
+  mutable std::atomic<std::int64_t> patches_{0};  ///< that were kept
   std::unique_ptr<Node> root_;
 };
 

@@ -35,6 +35,11 @@ struct WorkspacePageOptions {
   std::function<void(const char*, double)> progress;  ///< what is being done, and its share
 };
 
+/// The extent along an axis (0: x) as a person reads it: "-26.55 .. 26.55 mm" where what is certainly reached and what
+/// is certainly not exceeded are the same to the printed digit, else both. Digits: as many as the tolerance of the
+/// bounds means, about 1e-4 of the largest extent.
+std::string extent_text(const workspace::Volume& volume, int axis);
+
 /// One self-contained HTML file about a workspace: the volume with its proven bounds, a picture in space with the
 /// machine at home, three sections through its middle, the volume against the tilt (proven too, with few boxes), which
 /// limit makes how much of the border and what is gained without it, all inputs. `volume` is what volume() gave for the

@@ -16,6 +16,7 @@ struct DeltaStudyOptions {
   double h_min = 1e-5;    ///< of |det A| and |det B| (4.42), (4.44) in m (the source prints 1,0^-5)
   double border = 0.020;  ///< m, points at least so far inside count as deep
   int threads = 0;
+  std::size_t max_memory = 0;  ///< bytes that the points may take; 0: half of the machine's memory
 };
 
 /// One point of the grid within all limits.
@@ -52,8 +53,8 @@ struct DeltaStudy {
 };
 
 /// Both methods on every point of a grid over the workspace (limits as in Options without bodies). Errors: WS140 (not a
-/// delta), WS141 (a step, distance or threshold out of range), those of extent(). Deterministic for any number of
-/// threads. Cost: 30 us a point.
+/// delta), WS141 (a step, distance or threshold out of range), WS143 (more points than the memory holds), those of
+/// extent(). Deterministic for any number of threads. Cost: 30 us a point.
 Result<DeltaStudy> delta_study(const AnyMachine& machine, const DeltaStudyOptions& options = {});
 
 /// The tool points of every combination of `steps` positions of each drive over its range, as the source draws its

@@ -74,8 +74,9 @@ struct Field {
 /// Samples limits over a grid. Directions are sampled (with refinement between the samples): a picture, not a proof;
 /// volume() has the proof. Of `options` the directions, interference, limits, threads and cancelled count. The same
 /// numbers for any number of threads.
-/// Errors: WS100, WS102, WS110, WS130 (a grid without points or beyond 2e8, azimuths or tilt_max out of range).
-/// Cost a point: 15 us for the margin at a tilt, 0.1 ms for the largest tilt.
+/// Errors: WS100, WS102, WS110, WS130 (a grid without points or beyond 2e8, azimuths or tilt_max out of range), WS133
+/// (the grid takes more than Options::max_memory). Cost a point: 15 us for the margin at a tilt, 0.1 ms for the largest
+/// tilt.
 Result<Field> field(const AnyMachine& machine, const Options& options, const Grid& grid,
                     const FieldOptions& field_options = {});
 

@@ -33,6 +33,8 @@ struct Progress {
   double lower = 0;  ///< m^3
   double upper = 0;  ///< m^3
   std::int64_t cells = 0;
+  double bytes = 0;           ///< of memory for boxes and patches
+  double bytes_estimate = 0;  ///< when the tolerance is met: the gap falls as the number of boxes rises
 };
 
 struct Options {
@@ -47,8 +49,15 @@ struct Options {
   /// Deltas only: poses that are nearer than this to being singular by the distances of machine::Closeness (KOZ's
   /// d_min, 10 mm there) count as out of limits, m. 0: all poses count.
   double singular_distance = 0;
-  /// Gives up refining beyond this many cells; `converged` is false then. Memory: about 200 bytes a cell of the border.
+  /// Gives up refining beyond this many cells; `converged` is false then.
   std::int64_t max_cells = 40'000'000;
+  /// Gives up refining before boxes and patches take more memory than this, bytes; `converged` is false then. A box of
+  /// the border takes 150 bytes and 16 for each patch that matters to it. 0: no bound.
+  std::size_t max_memory = 0;
+  /// After the volume, the boxes at its six sides are refined until `reached` and `min`..`max` differ by no more than
+  /// this share of the largest extent, or as many boxes were looked at as for the volume (at least 100 000). 0: the
+  /// bounds stay as the volume leaves them, which may be loose where a large box holds next to nothing.
+  double bounds_tolerance = 1e-5;
   /// Fills Volume::cells, for sections, surfaces and fields.
   bool keep_cells = false;
   int threads = 0;                                ///< 0: as many as the machine has. The result does not depend on it.
@@ -66,16 +75,29 @@ struct Cell {
   CellState state = CellState::inside;
 };
 
+/// Why a run ended before its tolerance.
+enum class Stopped : std::uint8_t { no, cells, memory };
+
+/// A box in M with a point of the workspace on each of its six sides, m.
+struct Reached {
+  Vec3 min = Vec3::Zero(), max = Vec3::Zero();
+};
+
 /// A workspace's volume between proven bounds.
 struct Volume {
   double volume = 0;        ///< m^3, the middle of the bounds
   double lower = 0;         ///< m^3
   double upper = 0;         ///< m^3
-  Vec3 min = Vec3::Zero();  ///< a box in M that certainly holds the workspace and is tight to about a border cell, m;
-  Vec3 max = Vec3::Zero();  ///< both 0 where it is empty
-  std::int64_t points = 0;  ///< boxes that were examined
-  bool converged = true;    ///< the gap is within the tolerance
-  bool empty = false;       ///< proven: no point is reachable from every direction
+  Vec3 min = Vec3::Zero();  ///< a box in M that certainly holds the workspace, m; both 0 where it is empty
+  Vec3 max = Vec3::Zero();
+  /// What is certainly reached of that box; absent where no point is known to be inside. The workspace's own extents
+  /// lie between the two.
+  std::optional<Reached> reached;
+  std::int64_t points = 0;        ///< boxes that were examined for the volume
+  bool converged = true;          ///< the gap is within the tolerance
+  Stopped stopped = Stopped::no;  ///< why it is not
+  double memory_estimate = 0;     ///< bytes that the tolerance would take, where the run stopped before it
+  bool empty = false;             ///< proven: no point is reachable from every direction
   double seconds = 0;
   std::vector<Cell> cells;
 };
@@ -86,6 +108,10 @@ struct Volume {
 /// or outside are done; in the others the border is enclosed between two planes per limit, so that the gap shrinks
 /// with the square of the box (10^4 border boxes for 0.1 %). Directions need no samples: patches that keep a limit over
 /// a whole box are dropped, the others are split with the box.
+///
+/// The extents are found by branch and bound: at each of the six sides the box that may reach farthest is split, until
+/// no box can reach farther than the corners of what is certainly inside. As both come from planes, the gap falls with
+/// the square of the box.
 ///
 /// Hexapods: exact formulas per limit. Of the two roots of a slider the one nearer the outer end counts where both are
 /// on the rail, direction by direction. Serial arms: the closed wrist inverse on interval derivatives; a point counts
