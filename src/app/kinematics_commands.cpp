@@ -9,6 +9,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/twist.hpp"
+#include "polypod/quality/singularity.hpp"
 
 namespace polypod::app {
 namespace {
@@ -128,8 +129,10 @@ Command info_command() {
                                       {"freedoms", count->freedoms}, {"idle", count->idle},
                                       {"passive", count->passive},   {"degrees", count->degrees}};
             }
+            const SingularNote singular(m, context);
             if (context.json) {
-              print_json(document);
+              document["singular_everywhere"] = singular.everywhere();
+              print_json(singular.in(document));
               return kDone;
             }
             fmt::print("{} ({}): {}\n{} degrees of freedom\n", machine::name_of(m), machine::family_of(m),
@@ -298,20 +301,40 @@ Command jacobian_command() {
           fmt::print(stderr, "polypod: the pose is out of reach: {}\n", inverse.reason);
           return kAnswerIsNo;
         }
+        const SingularNote singular(m, context);
+        // Where A of A dX + B dq = 0 has lost rank there is no matrix that gives dX from dq.
+        const quality::Singularity near = quality::singularity(m, X, s->joints);
+        const std::string words = near.kind == 0 ? "" : quality::in_words(X, near);
+        if (near.control < quality::kRankLost) {
+          if (context.json) {
+            print_json(singular.in({{"jacobian", Json()},
+                                    {"determinant", Json()},
+                                    {"condition", Json()},
+                                    {"sigma_min", 0.0},
+                                    {"characteristic_length_mm", units::to_mm(near.length)},
+                                    {"singular", words},
+                                    {"joints", joints_for_user(m, s->joints)}}));
+          }
+          fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
+          return kAnswerIsNo;
+        }
         const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
         const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
         const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
         if (context.json) {
-          print_json({{"jacobian", matrix_json(square)},
-                      {"rows", std::vector<std::string>{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"}},
-                      {"jacobian_full", matrix_json(J)},
-                      {"joints", joints_for_user(m, s->joints)},
-                      {"determinant", d.determinant},
-                      {"condition", d.condition},
-                      {"sigma_min", d.sigma_min},
-                      {"characteristic_length_mm", units::to_mm(d.characteristic_length)}});
+          Json document{{"jacobian", matrix_json(square)},
+                        {"rows", std::vector<std::string>{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"}},
+                        {"jacobian_full", matrix_json(J)},
+                        {"joints", joints_for_user(m, s->joints)},
+                        {"determinant", d.determinant},
+                        {"condition", d.condition},
+                        {"sigma_min", d.sigma_min},
+                        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
+          if (!words.empty()) document["singular"] = words;
+          print_json(singular.in(document));
           return kDone;
         }
+        if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
         fmt::print("Jacobian (m and rad per rad or m; rows v_x v_y v_z w_x w_y w_z in M)\n");
         for (int i = 0; i < square.rows(); ++i) {
           for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));

@@ -74,6 +74,7 @@ Command section_command() {
             POLYPOD_ASSIGN(plane, plane_of(*o));
             for (const std::string* path : {&o->csv, &o->svg})
               if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
+            const SingularNote singular(m, context);
             options.progress = nullptr;
             workspace::FieldOptions field_options;
             field_options.tilt = kinematics::task(m) != machine::Task::point;
@@ -130,7 +131,7 @@ Command section_command() {
                 loops.push_back(points);
               }
               document["border_mm"] = loops;
-              print_json(document);
+              print_json(singular.in(document));
             } else {
               fmt::print("area     {:.1f} mm2 reached from every required direction\n", area_mm2);
               if (reached > 0 && f.tilt.empty()) {

@@ -96,6 +96,12 @@ std::string range_text(const Range& range) {
   return fmt::format("between {:g} and {:g}", range.min, range.max);
 }
 
+/// A length in mm, by its key: "leg.length_mm", "base.joints_mm[2][1]".
+bool is_length_mm(std::string_view name) {
+  while (name.ends_with(']')) name.remove_suffix(name.size() - name.rfind('['));
+  return name.ends_with("_mm");
+}
+
 Result<double> number_in(const std::string& name, const Value& value, const Range& range) {
   const double* x = std::get_if<double>(&value.data);
   if (x == nullptr) return wrong_kind(name, value, "a number");
@@ -103,6 +109,11 @@ Result<double> number_in(const std::string& name, const Value& value, const Rang
                       (range.open_max ? *x < range.max : *x <= range.max);
   if (!inside) {
     return fail("CF105", fmt::format("{} = {:g} must be {}", name, *x, range_text(range)), value.place);
+  }
+  constexpr double kLongest_mm = 1e9;
+  if (is_length_mm(name) && std::abs(*x) > kLongest_mm) {
+    return fail("CF105", fmt::format("{} = {:g}: a length beyond 1e9 mm (1000 km) is refused", name, *x), value.place,
+                "lengths are in mm");
   }
   return *x;
 }
