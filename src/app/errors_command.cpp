@@ -281,7 +281,7 @@ Command errors_command() {
             std::string singular_there;
             if (const auto q = quality::joints_at(m, worst.X_MT)) {
               const quality::Singularity near = quality::singularity(m, worst.X_MT, *q);
-              if (near.kind != 0) singular_there = quality::in_words(worst.X_MT, near);
+              if ((near.kind & 2) != 0) singular_there = quality::in_words(worst.X_MT, near);
               if (tolerances) {
                 POLYPOD_ASSIGN(there, quality::worst_case(m, worst.X_MT, *q, sizes, tolerance));
                 case_there = there;

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "survey_options.hpp"
@@ -100,8 +101,9 @@ Command singularities_command() {
               fmt::print("the machine {}{}\n", s.kind != 0 ? "" : "is ", quality::in_words(X, s));
               if (!here.reachable) fmt::print("(beyond its limits: {})\n", here.reason);
               if (near && s.kind == 0) {
-                fmt::print("a singular pose near it: {:.1f} mm and {:.1f} deg away, at {}\n",
-                           units::to_mm(near->translation), units::to_deg(near->rotation), pose_text(m, near->X_MT, 1));
+                fmt::print("a singular pose near it: {} mm and {:.1f} deg away, at {}\n",
+                           figure(units::to_mm(near->translation), 1), units::to_deg(near->rotation),
+                           pose_text(m, near->X_MT, 1));
               }
             }
             return s.kind != 0 ? kAnswerIsNo : kDone;

@@ -126,9 +126,14 @@ std::optional<int> said_of_singular_pose(const machine::AnyMachine& m, const Pos
   const std::string words = quality::in_words(here.X_MT, s);
   document["singular"] = words;
   if (s.control >= quality::kRankLost) {
-    if (!context.json) {
-      fmt::print("close to singular (a smallest singular value below {:g}), so that figures to first order say little: it {}\n",
-                 quality::kSingularThreshold, words);
+    if (context.json) return {};
+    if (s.control < quality::kSingularThreshold) {
+      fmt::print(
+          "close to singular (the smallest singular value of A is below {:g}), so that figures to first order say "
+          "little: it {}\n",
+          quality::kSingularThreshold, words);
+    } else {
+      fmt::print("note: it {}; the figures hold all the same\n", words);
     }
     return {};
   }

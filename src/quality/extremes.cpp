@@ -38,8 +38,10 @@ class Turned {
   const workspace::Directions& d_;
 };
 
-bool in_box(const SurveyOptions& options, const Vec3& p) {
-  return !options.box || ((p - (*options.box)[0]).minCoeff() >= 0 && ((*options.box)[1] - p).minCoeff() >= 0);
+/// The point of the survey's box nearest to p.
+Vec3 in_box(const SurveyOptions& options, const Vec3& p) {
+  if (!options.box) return p;
+  return p.cwiseMax((*options.box)[0]).cwiseMin((*options.box)[1]);
 }
 
 /// Points of the grid by how good they are, no two within two spacings of each other, at most `most`; values that are
@@ -75,10 +77,8 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   const auto step = [&](int axis, double by) {
     Extreme next = best;
     if (axis < 3) {
-      next.X_MT.p += by * survey.grid.step[static_cast<std::size_t>(axis)];
-      if (!in_box(options, next.X_MT.p) ||
-          !workspace::reaches_samples(machine, options.workspace, survey.orientations, next.X_MT.p))
-        return false;
+      next.X_MT.p = in_box(options, next.X_MT.p + by * survey.grid.step[static_cast<std::size_t>(axis)]);
+      if (!workspace::reaches_samples(machine, options.workspace, survey.orientations, next.X_MT.p)) return false;
     } else {
       next.X_MT.R = turned.moved(best.X_MT.R, axis - 3, by);
     }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "plan.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/golden_section.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
@@ -165,11 +166,12 @@ std::string motion_in_words(const Pose& X, const Vec6& twist, double length) {
     out += direction == "its own axis" ? direction : "the axis through its tip along " + direction;
   } else {
     const Vec3 at = units::kMmPerMetre * (X.p + point);
-    out += fmt::format("the axis through {:.1f}, {:.1f}, {:.1f} mm along {}", plain(at.x(), 1), plain(at.y(), 1),
-                       plain(at.z(), 1), direction);
+    const int digits = Figures(std::max(at.norm(), units::to_mm(length)), 1).decimals();
+    out += fmt::format("the axis through {:.{}f}, {:.{}f}, {:.{}f} mm along {}", plain(at.x(), digits), digits,
+                       plain(at.y(), digits), digits, plain(at.z(), digits), digits, direction);
   }
   if (std::abs(pitch) > kLittle * length) {
-    out += fmt::format(" and moves along it by {:.1f} mm per rad", units::to_mm(pitch));
+    out += fmt::format(" and moves along it by {} mm per rad", figure(units::to_mm(pitch), 1));
   }
   return out;
 }
