@@ -196,7 +196,9 @@ Command dexterity_command() {
                {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}}));
           return kDone;
         }
-        print_statistics(survey, {{"condition", condition}, {"sigma_min", sigma}, {"|det|", determinant}});
+        print_statistics(
+            survey,
+            {{"condition", condition, 1, 4, ""}, {"sigma_min", sigma, 1, 4, ""}, {"|det|", determinant, 1, 4, ""}});
         fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at), place_text(condition.max_at));
         fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",
                    figure(largest_condition, 4), pose_text(m, worst.X_MT, 2), figure(least.value, 4),

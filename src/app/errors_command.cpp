@@ -63,21 +63,24 @@ void print_shares(const machine::AnyMachine& m, const quality::WorstCase& worst)
   const std::vector<quality::Bar> bars = quality::bars_of(m, values);
   if (bars.empty()) return;
   fmt::print("\nshares of the largest position error; elements with the same share are one line\n");
-  constexpr std::size_t kShown = 15, kWidth = 40;
+  constexpr std::size_t kShown = 15;
+  constexpr double kWidth = 20;
   const Figures mm(units::to_mm(bars[0].total()), 5);
   double rest = 0;
   for (std::size_t i = 0; i < bars.size(); ++i) {
+    const quality::Bar& bar = bars[i];
     if (i >= kShown) {
-      rest += bars[i].total();
+      rest += bar.total();
       continue;
     }
-    const double share = worst.position > 0 ? bars[i].total() / worst.position : 0;
-    fmt::print(
-        "  {:<{}} {:>10} mm {:>5.1f} %  {}{}\n", bars[i].name, kWidth, mm(units::to_mm(bars[i].total())), 100 * share,
-        std::string(static_cast<std::size_t>(100 * share), '#'),
-        bars[i].elements > 1 ? fmt::format(" ({} x {} mm)", bars[i].elements, mm(units::to_mm(bars[i].each))) : "");
+    const double share = worst.position > 0 ? bar.total() / worst.position : 0;
+    const std::string length(static_cast<std::size_t>(kWidth * bar.total() / bars[0].total() + 0.5), '#');
+    const std::string each =
+        bar.elements > 1 ? fmt::format(" ({} x {} mm)", bar.elements, mm(units::to_mm(bar.each))) : "";
+    fmt::print("  {:>10} mm {:>5.1f} %  {:<20}  {}{}\n", mm(units::to_mm(bar.total())), 100 * share, length, bar.name,
+               each);
   }
-  if (bars.size() > kShown) fmt::print("  {:<{}} {:>10} mm\n", "the others", kWidth, mm(units::to_mm(rest)));
+  if (bars.size() > kShown) fmt::print("  {:>10} mm {:>29}  the others\n", mm(units::to_mm(rest)), "");
 }
 
 constexpr const char* kTwoElements =

@@ -22,7 +22,9 @@ std::string Figures::operator()(double value) const {
   if (std::isinf(value)) return value > 0 ? "infinite" : "-infinite";
   if (std::abs(value) < kRounding * largest_) value = 0;
   if (exponent_) return value == 0 ? "0" : fmt::format("{:.{}e}", value, significant_ - 1);
-  return fmt::format("{:.{}f}", value, decimals_);
+  std::string out = fmt::format("{:.{}f}", value, decimals_);
+  if (out[0] == '-' && out.find_first_not_of("-0.") == std::string::npos) out.erase(0, 1);  // a zero without its sign
+  return out;
 }
 
 std::string figure(double value, int usual, int significant) {

@@ -15,6 +15,8 @@ TEST(Figures, KeepTheUsualDecimalsWhereTheyShowEnough) {
   EXPECT_EQ(figure(233574.4, 0), "233574");
   EXPECT_EQ(Figures(100, 2)(0.0123), "0.01");  // beside a large one
   EXPECT_EQ(figure(0, 2), "0.00");
+  EXPECT_EQ(Figures(55, 1)(-0.03), "0.0");
+  EXPECT_EQ(Figures(55, 1)(-0.07), "-0.1");
 }
 
 TEST(Figures, ShowThreeDigitsOfSmallOnes) {
