@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <bit>
+#include <cstdio>
 #include <memory>
 
 #include "commands.hpp"
@@ -318,7 +319,8 @@ Command jacobian_command() {
                                         {"singular", words},
                                         {"joints", joints_for_user(m, s->joints)}}));
               }
-              fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
+              std::fflush(stdout);
+          fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
               return kAnswerIsNo;
             }
             const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);

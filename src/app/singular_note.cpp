@@ -2,6 +2,8 @@
 // What commands say of machines that are singular at every pose.
 #include <fmt/format.h>
 
+#include <cstdio>
+
 #include "command.hpp"
 #include "polypod/quality/singularity.hpp"
 
@@ -12,7 +14,9 @@ SingularNote::SingularNote(const machine::AnyMachine& machine, const Context& co
   never_held_ = s.never_held();
   everywhere_ = s.everywhere();
   if (s.everywhere() || s.nearly()) text_ = "This machine is " + quality::in_words(s) + ".";
-  if (!text_.empty() && !json_) fmt::print("note: {}\n\n", text_);
+  if (text_.empty() || json_) return;
+  fmt::print("note: {}\n\n", text_);
+  std::fflush(stdout);  // it stands before what follows on stderr
 }
 
 Json SingularNote::in(const Json& document) const {
@@ -27,6 +31,7 @@ std::optional<int> SingularNote::refusal(const std::vector<std::string>& figures
   Json document = Json::object();
   for (const std::string& key : figures) document[key] = Json();
   if (json_) print_json(in(document));
+  std::fflush(stdout);
   fmt::print(stderr, "polypod: there are no figures, because the drives do not hold the platform at any pose\n");
   return kAnswerIsNo;
 }

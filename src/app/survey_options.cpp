@@ -5,6 +5,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
@@ -139,6 +140,7 @@ std::optional<int> said_of_singular_pose(const machine::AnyMachine& m, const Pos
   }
   for (const std::string& key : figures) document[key] = Json();
   if (context.json) print_json(document);
+  std::fflush(stdout);
   fmt::print(stderr, "polypod: there are no figures at this pose: the tool {}\n", words);
   return kAnswerIsNo;
 }

@@ -83,7 +83,7 @@ Command tolerances_command() {
           fmt::print("largest error seen {} mm, {} rad, at {}\n", figure(units::to_mm(d.position), 6),
                      figure(d.orientation, 7), pose_text(m, d.worst, 2));
           fmt::print(
-              "judged at {} points in {} directions each, and between the worst of them: exact at every "
+              "judged at {} points (tool directions at each: {}) and between the worst of them: exact at every "
               "pose, but not a bound on the poses between\n",
               survey.inside.size(), survey.orientations.size());
           if (!survey.whole_box && !o->where.box.empty()) {

@@ -280,7 +280,11 @@ std::vector<JudgedPose> poses_round_home(const AnyMachine& machine, const Pose& 
   const double reach = home.p.norm() > 0 ? home.p.norm() : 1;
   for (int trial = 0; trial < kTrials && within.size() < kJudged; ++trial) {
     const double scale = trial == 0 ? 0 : std::ldexp(1.0, -1 - trial % kScales);
-    const auto any = [&] { return scale * Vec3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)); };
+    const auto any = [&]() -> Vec3 {
+      Vec3 out;
+      for (double& x : out) x = scale * random.uniform(-1, 1);
+      return out;
+    };
     const Vec3 moved = reach * any(), turned = turns ? any() : Vec3(Vec3::Zero());
     const Pose X{rotation_of(turned) * home.R, home.p + moved};
     const kinematics::InverseResult result = kinematics::inverse(machine, X);
@@ -312,11 +316,7 @@ PoseIndependentSingularity pose_independent_singularity(const AnyMachine& machin
   PoseIndependentSingularity out;
   for (const JudgedPose& at : judged_poses(machine)) {
     const Singularity s = singularity(machine, at.X_MT, at.q);
-    if (out.poses++ == 0) {
-      out.X_MT = at.X_MT;
-      out.free_motion = s.free_motion;
-      out.length = s.length;
-    }
+    ++out.poses;
     out.within_limits += at.within_limits ? 1 : 0;
     out.type1 += !few && s.mobility < kRankLost ? 1 : 0;
     out.type2 += s.control < kRankLost ? 1 : 0;
@@ -340,10 +340,10 @@ std::string in_words(const PoseIndependentSingularity& s) {
   }
   if (s.never_held()) {
     return fmt::format(
-        "singular {}: type 2, architecturally singular. The drives cannot hold the platform anywhere: with all of them "
-        "locked, at home the tool {}. Base and platform need another geometry, for instance other angles between their "
-        "joints",
-        judged, motion_in_words(s.X_MT, s.free_motion, s.length));
+        "singular {}: type 2, architecturally singular. The drives cannot hold the platform anywhere: it moves though "
+        "all "
+        "of them are locked. Base and platform need another geometry, for instance other angles between their joints",
+        judged);
   }
   return fmt::format("singular {}: type 1. At every pose the tool lacks a motion that its task asks for", judged);
 }

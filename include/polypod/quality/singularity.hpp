@@ -62,14 +62,11 @@ inline constexpr double kRankLost = 1e-9;
 /// Whether a machine is singular wherever it stands: architecturally singular, as hexapods with congruent or similar
 /// regular hexagons for base and platform are.
 struct PoseIndependentSingularity {
-  int poses = 0;                    ///< at which it was judged: home (not of serial arms) and pseudo-random ones
-  int within_limits = 0;            ///< of these, poses that keep every limit
-  int type1 = 0, type2 = 0;         ///< of these, poses where B, A has lost rank (kRankLost)
-  double largest_mobility = 0;      ///< of the smallest singular values of B that were seen
-  double largest_control = 0;       ///< of those of A
-  Pose X_MT;                        ///< the first pose that was judged: home
-  Vec6 free_motion = Vec6::Zero();  ///< Singularity::free_motion there
-  double length = 0;                ///< Singularity::length there, m
+  int poses = 0;                ///< at which it was judged: home (not of serial arms) and pseudo-random ones
+  int within_limits = 0;        ///< of these, poses that keep every limit
+  int type1 = 0, type2 = 0;     ///< of these, poses where B, A has lost rank (kRankLost)
+  double largest_mobility = 0;  ///< of the smallest singular values of B that were seen
+  double largest_control = 0;   ///< of those of A
 
   /// No pose was found where the drives hold the platform (type 2).
   [[nodiscard]] bool never_held() const { return poses > 0 && type2 == poses; }
