@@ -44,6 +44,12 @@ Vec3 in_box(const SurveyOptions& options, const Vec3& p) {
   return p.cwiseMax((*options.box)[0]).cwiseMin((*options.box)[1]);
 }
 
+/// By more than rounding, so that of mirror images the first counts everywhere.
+bool better(double value, double than) {
+  constexpr double kGain = 1e-9;
+  return value > than + kGain * std::abs(than);
+}
+
 /// Points of the grid by how good they are, no two within two spacings of each other, at most `most`; values that are
 /// not finite do not count.
 std::vector<std::size_t> starts(const Survey& survey, const std::vector<double>& values, double sign,
@@ -69,7 +75,7 @@ std::vector<std::size_t> starts(const Survey& survey, const std::vector<double>&
 
 Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
               bool turn, const PoseValue& value) {
-  constexpr double kFinest = 0.02, kGain = 1e-9;
+  constexpr double kFinest = 0.02;
   constexpr int kMostValues = 400;
   const Turned turned(options.workspace.directions);
   Extreme best = start;
@@ -84,7 +90,7 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
     }
     ++asked;
     next.value = value(next.X_MT);
-    if (!(next.value > best.value + kGain * std::abs(best.value))) return false;
+    if (!better(next.value, best.value)) return false;
     best = next;
     return true;
   };
@@ -109,7 +115,7 @@ Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, cons
     for (const std::size_t i : starts(survey, quantity.mean, sign, kStarts)) {
       const Extreme start{{survey.orientations[0], survey.grid.at(survey.inside[i])}, sign * quantity.mean[i]};
       const Extreme found = climb(machine, survey, options, start, false, value);
-      if (!(found.value > sign * extreme)) continue;
+      if (!better(found.value, sign * extreme)) continue;
       extreme = sign * found.value;
       at = found.X_MT.p;
     }
@@ -134,7 +140,7 @@ Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const Survey
   for (const std::size_t i : starts(survey, quantity.worst, sign, kStarts)) {
     const Extreme start{pose_at(survey, i, quantity.worst_direction[i]), sign * quantity.worst[i]};
     const Extreme found = climb(machine, survey, options, start, true, value);
-    if (found.value > best.value) best = found;
+    if (best.value == -std::numeric_limits<double>::infinity() || better(found.value, best.value)) best = found;
   }
   best.value *= sign;
   return best;
