@@ -320,7 +320,7 @@ Command jacobian_command() {
                                         {"joints", joints_for_user(m, s->joints)}}));
               }
               std::fflush(stdout);
-          fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
+              fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
               return kAnswerIsNo;
             }
             const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
