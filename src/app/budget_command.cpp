@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/budget.hpp"
@@ -35,11 +36,16 @@ Command budget_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            const std::vector<std::string> figures{"rows", "accuracy_um", "repeatability_um"};
+            const SingularNote singular(m, context);
+            if (const auto no = singular.refusal(figures)) return *no;
             POLYPOD_ASSIGN(here, pose_joints(m, o->pose));
             if (!here.reachable) {
               fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
               return kAnswerIsNo;
             }
+            Json document = Json::object();
+            if (const auto no = said_of_singular_pose(m, here, context, document, figures)) return *no;
             const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
             const auto of_joint = [&](double v) { return turns ? units::from_deg(v) : units::from_mm(v); };
             for (const double v : {o->resolution, o->repeatability, o->backlash, o->expansion}) {
@@ -72,26 +78,33 @@ Command budget_command() {
                                 {"orientation_rad", row.orientation},
                                 {"how", row.how}});
               }
-              print_json({{"rows", rows},
-                          {"accuracy_um", units::to_um(b.accuracy)},
-                          {"accuracy_orientation_rad", b.accuracy_orientation},
-                          {"accuracy_rss_um", units::to_um(b.accuracy_rss)},
-                          {"accuracy_rss_orientation_rad", b.accuracy_rss_orientation},
-                          {"repeatability_um", units::to_um(b.repeatability)},
-                          {"repeatability_orientation_rad", b.repeatability_orientation}});
+              document.update({{"rows", rows},
+                               {"accuracy_um", units::to_um(b.accuracy)},
+                               {"accuracy_orientation_rad", b.accuracy_orientation},
+                               {"accuracy_rss_um", units::to_um(b.accuracy_rss)},
+                               {"accuracy_rss_orientation_rad", b.accuracy_rss_orientation},
+                               {"repeatability_um", units::to_um(b.repeatability)},
+                               {"repeatability_orientation_rad", b.repeatability_orientation}});
+              print_json(singular.in(document));
               return kDone;
             }
             fmt::print("{:<14} {:<14} {:>12} {:>16}\n", "source", "kind", "position um", "orientation mrad");
+            const auto um = [shown = Figures(units::to_um(std::max(b.accuracy, b.repeatability)), 2)](double m_) {
+              return shown(units::to_um(m_));
+            };
+            const auto mrad =
+                [shown = Figures(units::to_mrad(std::max(b.accuracy_orientation, b.repeatability_orientation)), 4)](
+                    double rad) { return shown(units::to_mrad(rad)); };
             for (const auto& row : b.rows) {
-              fmt::print("{:<14} {:<14} {:>12.2f} {:>16.4f}  {}\n", row.source, row.kind, units::to_um(row.position),
-                         units::to_mrad(row.orientation), row.how);
+              fmt::print("{:<14} {:<14} {:>12} {:>16}  {}\n", row.source, row.kind, um(row.position),
+                         mrad(row.orientation), row.how);
             }
-            fmt::print("\naccuracy, all at their worst     {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.accuracy),
-                       units::to_mrad(b.accuracy_orientation));
-            fmt::print("accuracy, independent (squares)  {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.accuracy_rss),
-                       units::to_mrad(b.accuracy_rss_orientation));
-            fmt::print("repeatability (3 sigma)          {:>10.2f} um {:>10.4f} mrad\n", units::to_um(b.repeatability),
-                       units::to_mrad(b.repeatability_orientation));
+            fmt::print("\naccuracy, all at their worst     {:>10} um {:>10} mrad\n", um(b.accuracy),
+                       mrad(b.accuracy_orientation));
+            fmt::print("accuracy, independent (squares)  {:>10} um {:>10} mrad\n", um(b.accuracy_rss),
+                       mrad(b.accuracy_rss_orientation));
+            fmt::print("repeatability (3 sigma)          {:>10} um {:>10} mrad\n", um(b.repeatability),
+                       mrad(b.repeatability_orientation));
             return kDone;
           }};
 }

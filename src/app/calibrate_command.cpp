@@ -299,6 +299,7 @@ Command calibrate_command() {
               POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
               rows.insert(rows.end(), more.begin(), more.end());
             }
+            if (const auto no = refused_as_singular(m, context, {"parameters", "rank"})) return *no;
             POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
             std::size_t missed = 0;
             std::string corrected;

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -67,7 +68,8 @@ void declare_machine(Arguments& arguments, std::string& name, std::vector<std::s
 Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string& text);
 /// x, y, z in mm and the angles of the machine's task in deg.
 std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X);
-/// The same as text, `digits` after the point.
+/// The same as text, `digits` after the point, more of lengths where the machine is so small that they would show
+/// nothing.
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits);
 /// Whether a command may read these files and write those; empty names count as not given. Files that a TOML file among
 /// the inputs names (a job's machine, cutters, stock, ...) count as inputs. With an output to standard output, what the
@@ -79,6 +81,31 @@ Status check_files(const std::vector<std::string>& inputs, const std::vector<std
 Status needs_compliance(const machine::AnyMachine& machine);
 /// Joint values in mm or deg.
 std::vector<double> joints_for_user(const machine::AnyMachine& machine, const machine::JointVector& q);
+
+/// What every command says of a machine that is singular at every pose, or nearly so
+/// (quality::pose_independent_singularity); it says nothing of others.
+class SingularNote {
+ public:
+  /// As text the note is printed now, so that it stands first.
+  SingularNote(const machine::AnyMachine& machine, const Context& context);
+  /// No pose was found where the drives hold the platform.
+  [[nodiscard]] bool never_held() const { return never_held_; }
+  [[nodiscard]] bool everywhere() const { return everywhere_; }
+  [[nodiscard]] const std::string& text() const { return text_; }
+  /// The document with `singular_everywhere` and `note` in front.
+  [[nodiscard]] Json in(const Json& document) const;
+  /// The exit status "no" where never_held(), for commands whose figures have no meaning then; `figures` are the keys
+  /// of the document, which are null.
+  [[nodiscard]] std::optional<int> refusal(const std::vector<std::string>& figures) const;
+
+ private:
+  bool json_ = false;
+  bool never_held_ = false, everywhere_ = false;
+  std::string text_;
+};
+/// The note, and SingularNote::refusal.
+std::optional<int> refused_as_singular(const machine::AnyMachine& machine, const Context& context,
+                                       const std::vector<std::string>& figures = {});
 
 Json matrix_json(const Eigen::MatrixXd& M);
 Json vector_json(const Vec3& v);

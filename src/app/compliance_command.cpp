@@ -6,6 +6,7 @@
 #include "commands.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "survey_options.hpp"
 
 namespace polypod::app {
 
@@ -32,11 +33,17 @@ Command compliance_command() {
               force = Vec3(f[0], f[1], f[2]);
             }
             POLYPOD_TRY(needs_compliance(m));
+            if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;
             const statics::Compliance c = statics::compliance_at(m, X);
             if (!c.reachable) {
               fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", c.reason);
               return kAnswerIsNo;
             }
+            Json document = Json::object();
+            const PoseJoints here{X, c.joints, true, {}};
+            if (const auto no =
+                    said_of_singular_pose(m, here, context, document, {"compliance_um_per_N", "displacement_um"}))
+              return *no;
             const Mat3 C = c.linear() * units::kUmPerMetre;  // m/N to um/N
             const Vec3 moved = c.displacement(force) * units::kUmPerMetre;
             if (context.json) {
@@ -47,13 +54,14 @@ Command compliance_command() {
                                   {"compliance_um_per_N", matrix_json(share * units::kUmPerMetre)},
                                   {"displacement_um", vector_json(share * force * units::kUmPerMetre)}});
               }
-              print_json({{"pose", pose_for_user(m, X)},
-                          {"joints", joints_for_user(m, c.joints)},
-                          {"compliance_um_per_N", matrix_json(C)},
-                          {"compliance_6x6_SI", matrix_json(c.C)},
-                          {"by_joint", shares},
-                          {"force_N", vector_json(force)},
-                          {"displacement_um", vector_json(moved)}});
+              document.update({{"pose", pose_for_user(m, X)},
+                               {"joints", joints_for_user(m, c.joints)},
+                               {"compliance_um_per_N", matrix_json(C)},
+                               {"compliance_6x6_SI", matrix_json(c.C)},
+                               {"by_joint", shares},
+                               {"force_N", vector_json(force)},
+                               {"displacement_um", vector_json(moved)}});
+              print_json(document);
               return kDone;
             }
             fmt::print("compliance of the tip in M, um/N\n");

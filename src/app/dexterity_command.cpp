@@ -1,12 +1,16 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <cmath>
+#include <limits>
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/ellipsoids.hpp"
+#include "polypod/quality/singularity.hpp"
 #include "quality_files.hpp"
 
 namespace polypod::app {
@@ -76,13 +80,22 @@ void print_ellipsoids(const std::array<Shown, 4>& list) {
   }
 }
 
-Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double length, const Context& context) {
+/// A condition number beyond what rounding leaves is that of a singular pose.
+double infinite_if_singular(double condition) {
+  return condition < 1 / quality::kRankLost ? condition : std::numeric_limits<double>::infinity();
+}
+
+Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double length, const SingularNote& singular,
+                    const Context& context) {
   POLYPOD_ASSIGN(here, pose_joints(m, o.where.pose));
   if (!here.reachable) {
     fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
     return kAnswerIsNo;
   }
-  const kinematics::Dexterity d = kinematics::dexterity(m, here.X_MT, here.joints, length);
+  kinematics::Dexterity d = kinematics::dexterity(m, here.X_MT, here.joints, length);
+  d.condition = infinite_if_singular(d.condition);
+  const quality::Singularity near = quality::singularity(m, here.X_MT, here.joints, length);
+  const std::string words = near.kind == 0 ? "" : quality::in_words(here.X_MT, near);
   std::optional<quality::Ellipsoids> ellipsoids;
   if (o.ellipsoids) ellipsoids = quality::ellipsoids(m, here.X_MT, here.joints);
   const int joints = static_cast<int>(here.joints.size());
@@ -92,11 +105,14 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double lengt
                   {"determinant", constant_json(d.determinant)},
                   {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
     if (o.ellipsoids) document["ellipsoids"] = ellipsoids ? ellipsoids_json(shown(m, *ellipsoids, joints)) : Json();
-    print_json(document);
+    if (!words.empty()) document["singular"] = words;
+    print_json(singular.in(document));
     return kDone;
   }
-  fmt::print("condition    {:.6g}\nsigma_min    {:.6g}\n|det|        {:.6g}\nangles on    {:.2f} mm\n", d.condition,
-             d.sigma_min, d.determinant, units::to_mm(d.characteristic_length));
+  if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
+  fmt::print("condition    {}\nsigma_min    {:.6g}\n|det|        {:.6g}\nangles on    {} mm\n",
+             std::isfinite(d.condition) ? fmt::format("{:.6g}", d.condition) : "infinite", d.sigma_min, d.determinant,
+             figure(units::to_mm(d.characteristic_length), 2));
   if (ellipsoids) print_ellipsoids(shown(m, *ellipsoids, joints));
   if (o.ellipsoids && !ellipsoids)
     fmt::print("\nno ellipsoids: at a singular pose the tool moves though the drives stand\n");
@@ -121,64 +137,75 @@ Status write_files(const Options& o, const machine::AnyMachine& m, const quality
 
 Command dexterity_command() {
   auto o = std::make_shared<Options>();
-  return {"dexterity", "Condition number, smallest singular value and |det J| over the workspace",
-          "polypod dexterity hexapod-strut --tilt 20",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.option(
-                "--length", o->length_mm,
-                "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
-            a.flag("--ellipsoids", o->ellipsoids, "With --pose: ellipsoids of velocity and force of the tool");
-            a.option("--tolerance", o->tolerances,
-                     "KEY=mm (angles deg): for the errors in the files (repeatable, default all=0.01)");
-            o->where.declare(a);
-            o->files.declare(a);
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
-            const double length = units::from_mm(o->length_mm);
-            const bool at_one = !o->where.pose.empty();
-            POLYPOD_TRY(o->files.check(at_one, o->machine, context.json));
-            if (o->ellipsoids && !at_one) return fail("AP175", "--ellipsoids are those of one pose", {}, "give --pose");
-            if (at_one) return at_pose(*o, m, length, context);
-            if (!o->tolerances.empty() && !o->files.any()) {
-              return fail("AP176", "--tolerance is for the files alone", {}, "give --report, or take `polypod errors`");
-            }
-            const std::vector<std::string> given =
-                o->tolerances.empty() ? std::vector<std::string>{"all=0.01"} : o->tolerances;
-            POLYPOD_ASSIGN(keyed, keyed_numbers(given, "--tolerance"));
-            POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));
-            POLYPOD_ASSIGN(options, o->where.options(m, context));
-            POLYPOD_ASSIGN(survey, quality::survey(m, options));
-            POLYPOD_ASSIGN(field, quality::dexterity_field(m, survey, options, length));
-            if (o->files.any()) POLYPOD_TRY(write_files(*o, m, options, sizes, length, survey, field, given));
-            const quality::Statistics condition = quality::statistics(survey, field.condition.mean);
-            const quality::Statistics sigma = quality::statistics(survey, field.sigma_min.mean);
-            const quality::Statistics determinant = quality::statistics(survey, field.determinant.mean);
-            if (context.json) {
-              print_json({{"condition", statistics_json(condition)},
-                          {"sigma_min", statistics_json(sigma)},
-                          {"determinant", statistics_json(determinant)},
-                          {"volume_mm3", units::to_mm3(survey.volume)},
-                          {"points", survey.inside.size()},
-                          {"directions", survey.orientations.size()},
-                          {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}});
-              return kDone;
-            }
-            fmt::print("means over {} directions at {} points of the workspace\n", survey.orientations.size(),
-                       survey.inside.size());
-            fmt::print("                  min        mean         max      stddev\n");
-            for (const auto& [name, s] :
-                 {std::pair{"condition", condition}, {"sigma_min", sigma}, {"|det|", determinant}}) {
-              fmt::print("{:<10} {:>10.4f}  {:>10.4f}  {:>10.4f}  {:>10.4f}\n", name, s.min, s.mean, s.max, s.stddev);
-            }
-            const Vec3 best = condition.min_at * units::kMmPerMetre, worst = condition.max_at * units::kMmPerMetre;
-            fmt::print("best conditioned at {:.1f}, {:.1f}, {:.1f} mm, worst at {:.1f}, {:.1f}, {:.1f} mm\n", best.x(),
-                       best.y(), best.z(), worst.x(), worst.y(), worst.z());
-            o->files.print();
-            return kDone;
-          }};
+  return {
+      "dexterity", "Condition number, smallest singular value and |det J| over the workspace",
+      "polypod dexterity hexapod-strut --tilt 20",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--length", o->length_mm,
+                 "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
+        a.flag("--ellipsoids", o->ellipsoids, "With --pose: ellipsoids of velocity and force of the tool");
+        a.option("--tolerance", o->tolerances,
+                 "KEY=mm (angles deg): for the errors in the files (repeatable, default all=0.01)");
+        o->where.declare(a);
+        o->files.declare(a);
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
+        const double length = units::from_mm(o->length_mm);
+        const bool at_one = !o->where.pose.empty();
+        POLYPOD_TRY(o->files.check(at_one, o->machine, context.json));
+        if (o->ellipsoids && !at_one) return fail("AP175", "--ellipsoids are those of one pose", {}, "give --pose");
+        const SingularNote singular(m, context);
+        if (const auto no = singular.refusal({"condition", "sigma_min", "determinant"})) return *no;
+        if (at_one) return at_pose(*o, m, length, singular, context);
+        if (!o->tolerances.empty() && !o->files.any()) {
+          return fail("AP176", "--tolerance is for the files alone", {}, "give --report, or take `polypod errors`");
+        }
+        const std::vector<std::string> given =
+            o->tolerances.empty() ? std::vector<std::string>{"all=0.01"} : o->tolerances;
+        POLYPOD_ASSIGN(keyed, keyed_numbers(given, "--tolerance"));
+        POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));
+        POLYPOD_ASSIGN(options, o->where.options(m, context));
+        POLYPOD_ASSIGN(survey, quality::survey(m, options));
+        POLYPOD_ASSIGN(field, quality::dexterity_field(m, survey, options, length));
+        if (o->files.any()) POLYPOD_TRY(write_files(*o, m, options, sizes, length, survey, field, given));
+        const auto seen = [&](const quality::Quantity& quantity, std::size_t number) {
+          return quality::statistics_seen(m, survey, options, quantity, field.anywhere, number);
+        };
+        const quality::Statistics condition = seen(field.condition, 0), sigma = seen(field.sigma_min, 1),
+                                  determinant = seen(field.determinant, 2);
+        const quality::Extreme worst = quality::worst_seen(m, survey, options, field.condition, field.anywhere, 0);
+        const quality::Extreme least = quality::worst_seen(m, survey, options, field.sigma_min, field.anywhere, 1, -1);
+        const double largest_condition = infinite_if_singular(worst.value);
+        if (context.json) {
+          print_json(singular.in(
+              {{"condition", statistics_json(condition)},
+               {"sigma_min", statistics_json(sigma)},
+               {"determinant", statistics_json(determinant)},
+               {"worst",
+                {{"condition", number_json(largest_condition)},
+                 {"pose", pose_for_user(m, worst.X_MT)},
+                 {"sigma_min", number_json(least.value)},
+                 {"sigma_min_pose", pose_for_user(m, least.X_MT)}}},
+               {"extremes", kSeen},
+               {"volume_mm3", units::to_mm3(survey.volume)},
+               {"points", survey.inside.size()},
+               {"directions", survey.orientations.size()},
+               {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}}));
+          return kDone;
+        }
+        print_statistics(
+            survey,
+            {{"condition", condition, 1, 4, ""}, {"sigma_min", sigma, 1, 4, ""}, {"|det|", determinant, 1, 4, ""}});
+        fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at), place_text(condition.max_at));
+        fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",
+                   figure(largest_condition, 4), pose_text(m, worst.X_MT, 2), figure(least.value, 4),
+                   pose_text(m, least.X_MT, 2));
+        o->files.print();
+        return kDone;
+      }};
 }
 
 }  // namespace polypod::app

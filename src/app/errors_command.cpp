@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "quality_files.hpp"
@@ -57,44 +58,75 @@ Json shares_json(const machine::AnyMachine& m, const quality::WorstCase& worst) 
 }
 
 void print_shares(const machine::AnyMachine& m, const quality::WorstCase& worst) {
-  const auto all = quality::elements(m);
-  const auto shares = ranked(worst);
-  fmt::print("\nshares of the largest position error\n");
-  double rest = 0;
+  std::vector<std::pair<int, double>> values;
+  for (const auto& s : worst.shares) values.emplace_back(s.element, s.position);
+  const std::vector<quality::Bar> bars = quality::bars_of(m, values);
+  if (bars.empty()) return;
+  fmt::print("\nshares of the largest position error; elements with the same share are one line\n");
   constexpr std::size_t kShown = 15;
-  for (std::size_t i = 0; i < shares.size(); ++i) {
+  constexpr double kWidth = 20;
+  const Figures mm(units::to_mm(bars[0].total()), 5);
+  double rest = 0;
+  for (std::size_t i = 0; i < bars.size(); ++i) {
+    const quality::Bar& bar = bars[i];
     if (i >= kShown) {
-      rest += shares[i].position;
+      rest += bar.total();
       continue;
     }
-    const double share = worst.position > 0 ? shares[i].position / worst.position : 0;
-    fmt::print("  {:<24} {:>10.5f} mm {:>5.1f} %  {}\n", all[static_cast<std::size_t>(shares[i].element)].key,
-               units::to_mm(shares[i].position), 100 * share, std::string(static_cast<std::size_t>(100 * share), '#'));
+    const double share = worst.position > 0 ? bar.total() / worst.position : 0;
+    const std::string length(static_cast<std::size_t>(kWidth * bar.total() / bars[0].total() + 0.5), '#');
+    const std::string each =
+        bar.elements > 1 ? fmt::format(" ({} x {} mm)", bar.elements, mm(units::to_mm(bar.each))) : "";
+    fmt::print("  {:>10} mm {:>5.1f} %  {:<20}  {}{}\n", mm(units::to_mm(bar.total())), 100 * share, length, bar.name,
+               each);
   }
-  if (shares.size() > kShown) fmt::print("  {:<24} {:>10.5f} mm\n", "the others", units::to_mm(rest));
+  if (bars.size() > kShown) fmt::print("  {:>10} mm {:>29}  the others\n", mm(units::to_mm(rest)), "");
+}
+
+constexpr const char* kTwoElements =
+    "A joint and its attachment count as two elements here, and their tolerances add up";
+
+/// Known errors or tolerances over the workspace, and where they are largest.
+struct Surveyed {
+  quality::ErrorField field;
+  quality::Statistics position, orientation;
+  quality::Extreme worst, worst_turned;
+};
+
+Result<Surveyed> surveyed(const machine::AnyMachine& m, const quality::Survey& survey,
+                          const quality::SurveyOptions& options, const std::vector<quality::Sized>& sizes,
+                          bool tolerances, const quality::ToleranceOptions& tolerance) {
+  POLYPOD_ASSIGN(f, tolerances ? quality::tolerance_field(m, survey, options, sizes, tolerance)
+                               : quality::known_error_field(m, survey, options, sizes));
+  Surveyed out;
+  out.position = quality::statistics_seen(m, survey, options, f.position, f.anywhere, 0);
+  out.orientation = quality::statistics_seen(m, survey, options, f.orientation, f.anywhere, 1);
+  out.worst = quality::worst_seen(m, survey, options, f.position, f.anywhere, 0);
+  out.worst_turned = quality::worst_seen(m, survey, options, f.orientation, f.anywhere, 1);
+  out.field = std::move(f);
+  return out;
+}
+
+/// position_mm, orientation_rad and worst of a document.
+Json surveyed_json(const machine::AnyMachine& m, const Surveyed& s) {
+  return {{"position_mm", statistics_json(s.position, units::kMmPerMetre)},
+          {"orientation_rad", statistics_json(s.orientation)},
+          {"worst",
+           {{"position_mm", number_json(units::to_mm(s.worst.value))},
+            {"orientation_rad", number_json(s.worst_turned.value)},
+            {"pose", pose_for_user(m, s.worst.X_MT)}}},
+          {"extremes", kSeen}};
 }
 
 Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::vector<quality::Sized>& sizes,
-                    const quality::ToleranceOptions& tolerance, const Context& context) {
+                    const quality::ToleranceOptions& tolerance, const SingularNote& singular, const Context& context) {
   POLYPOD_ASSIGN(here, pose_joints(m, o.where.pose));
   if (!here.reachable) {
     fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
     return kAnswerIsNo;
   }
   Json document{{"pose", pose_for_user(m, here.X_MT)}, {"joints", joints_for_user(m, here.joints)}};
-  // Where standing drives do not hold the tool, the smallest error moves it any way.
-  const quality::Singularity near = quality::singularity(m, here.X_MT, here.joints);
-  constexpr double kUnbounded = 1e-9;
-  if (near.kind != 0) document["singular"] = quality::in_words(here.X_MT, near);
-  if (near.control < kUnbounded) {
-    document["position_mm"] = document["orientation_rad"] = Json();
-    if (context.json) print_json(document);
-    fmt::print(stderr, "polypod: no error is bounded here: the tool {}\n", quality::in_words(here.X_MT, near));
-    return kAnswerIsNo;
-  }
-  if (near.kind != 0 && !context.json) {
-    fmt::print("close to singular, so that first order says little: it {}\n", quality::in_words(here.X_MT, near));
-  }
+  if (const auto no = said_of_singular_pose(m, here, context, document, {"position_mm", "orientation_rad"})) return *no;
   if (o.tolerances.empty()) {
     const Vec6 linear = quality::known_error(m, here.X_MT, here.joints, sizes);
     const auto exact = quality::known_error_exact(m, here.X_MT, here.joints, sizes);
@@ -106,14 +138,15 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     document["error_exact"] = exact ? twist_json(*exact) : Json();
     document["linear_minus_exact_mm"] = exact ? Json(units::to_mm((linear - *exact).head<3>().norm())) : Json();
     if (context.json) {
-      print_json(document);
+      print_json(singular.in(document));
       return kDone;
     }
     const Vec3 p = linear.head<3>() * units::kMmPerMetre, w = linear.tail<3>();
-    fmt::print("position     {:.6f} mm  ({:.6f}, {:.6f}, {:.6f})\n", position, p.x(), p.y(), p.z());
-    fmt::print("orientation  {:.8f} rad ({:.8f}, {:.8f}, {:.8f})\n", orientation, w.x(), w.y(), w.z());
+    const Figures mm(position, 6), rad(orientation, 8);
+    fmt::print("position     {} mm  ({}, {}, {})\n", mm(position), mm(p.x()), mm(p.y()), mm(p.z()));
+    fmt::print("orientation  {} rad ({}, {}, {})\n", rad(orientation), rad(w.x()), rad(w.y()), rad(w.z()));
     if (exact) {
-      fmt::print("exactly      {:.6f} mm, {:.3g} mm from the linear error\n", units::to_mm(exact->head<3>().norm()),
+      fmt::print("exactly      {} mm, {:.3g} mm from the linear error\n", mm(units::to_mm(exact->head<3>().norm())),
                  units::to_mm((linear - *exact).head<3>().norm()));
     } else {
       fmt::print("exactly      the erroneous machine has no pose near this one: it is close to singular\n");
@@ -125,6 +158,14 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
   document["region"] = o.region;
   document["position_mm"] = constant_json(units::to_mm(worst.position));
   document["orientation_rad"] = constant_json(worst.orientation);
+  document["extremes"] = tolerance.method == quality::Method::exact ? kBound : kSeen;
+  std::optional<quality::WorstCase> once;  // each joint
+  if (const auto fewer = quality::one_element_a_joint(m, sizes)) {
+    POLYPOD_ASSIGN(found, quality::worst_case(m, here.X_MT, here.joints, *fewer, tolerance));
+    once = found;
+    document["one_element_a_joint"] = {{"position_mm", constant_json(units::to_mm(found.position))},
+                                       {"orientation_rad", constant_json(found.orientation)}};
+  }
   document["worst_position_error"] = twist_json(worst.position_error);
   document["worst_orientation_error"] = twist_json(worst.orientation_error);
   document["shares"] = shares_json(m, worst);
@@ -160,17 +201,22 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
                               {"orientation_rad", json(spread.orientation, 1, spread.rss_orientation)}};
   }
   if (context.json) {
-    print_json(document);
+    print_json(singular.in(document));
     return kDone;
   }
-  fmt::print("largest position error     {:.6f} mm ({})\n", units::to_mm(worst.position), o.method);
-  fmt::print("largest orientation error  {:.8f} rad\n", worst.orientation);
+  const Figures mm(units::to_mm(worst.position), 6), rad(worst.orientation, 8);
+  fmt::print("largest position error     {} mm ({})\n", mm(units::to_mm(worst.position)), o.method);
+  fmt::print("largest orientation error  {} rad\n", rad(worst.orientation));
+  if (once) {
+    fmt::print("{}.\nWith one element a joint:  {} mm, {} rad\n", kTwoElements, mm(units::to_mm(once->position)),
+               rad(once->orientation));
+  }
   if (sampled) {
-    fmt::print("root sum square            {:.6f} mm, {:.8f} rad\n", units::to_mm(spread.rss_position),
-               spread.rss_orientation);
-    fmt::print("{:g} % of {} machines, {}: below {:.6f} mm ({:.6f} to {:.6f}), {:.8f} rad\n", o.confidence, o.samples,
-               o.distribution, units::to_mm(spread.position.quantile), units::to_mm(spread.position.quantile_low),
-               units::to_mm(spread.position.quantile_high), spread.orientation.quantile);
+    fmt::print("root sum square            {} mm, {} rad\n", mm(units::to_mm(spread.rss_position)),
+               rad(spread.rss_orientation));
+    fmt::print("{:g} % of {} machines, {}: below {} mm ({} to {}), {} rad\n", o.confidence, o.samples, o.distribution,
+               mm(units::to_mm(spread.position.quantile)), mm(units::to_mm(spread.position.quantile_low)),
+               mm(units::to_mm(spread.position.quantile_high)), rad(spread.orientation.quantile));
   }
   print_shares(m, worst);
   return kDone;
@@ -186,7 +232,9 @@ Command errors_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--error", o->errors,
                      "KEY=mm (angles deg): a known error; KEY: leg.length, base.joint[2], all, ... (repeatable)");
-            a.option("--tolerance", o->tolerances, "KEY=mm (angles deg): at most so much either way (repeatable)");
+            a.option("--tolerance", o->tolerances,
+                     "KEY=mm (angles deg): at most so much either way; a joint and its attachment are two elements "
+                     "(repeatable)");
             a.option("--method", o->method, "Of tolerances: exact (default), or search (JEL 5.3, never above exact)");
             a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
             a.option("--distribution", o->distribution,
@@ -209,12 +257,18 @@ Command errors_command() {
             POLYPOD_ASSIGN(region, region_argument(o->region));
             tolerance.region = region;
             POLYPOD_TRY(o->files.check(!o->where.pose.empty(), o->machine, context.json));
-            if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, context);
+            const SingularNote singular(m, context);
+            if (const auto no = singular.refusal({"position_mm", "orientation_rad"})) return *no;
+            if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, singular, context);
 
             POLYPOD_ASSIGN(options, o->where.options(m, context));
             POLYPOD_ASSIGN(survey, quality::survey(m, options));
-            POLYPOD_ASSIGN(field, tolerances ? quality::tolerance_field(m, survey, options, sizes, tolerance)
-                                             : quality::known_error_field(m, survey, options, sizes));
+            POLYPOD_ASSIGN(found, surveyed(m, survey, options, sizes, tolerances, tolerance));
+            std::optional<Surveyed> once;  // each joint
+            if (const auto fewer = quality::one_element_a_joint(m, sizes); tolerances && fewer) {
+              POLYPOD_ASSIGN(f, surveyed(m, survey, options, *fewer, true, tolerance));
+              once = std::move(f);
+            }
             if (o->files.any()) {
               POLYPOD_ASSIGN(dexterity, quality::dexterity_field(m, survey, options));
               pages::QualityPageOptions page;
@@ -223,45 +277,49 @@ Command errors_command() {
               page.sets = o->sets;
               page.given = tolerances ? o->tolerances : o->errors;
               POLYPOD_TRY(o->files.write(
-                  {m, options, {tolerances, sizes, tolerance, 0}, {survey, field, std::move(dexterity)}, page}));
+                  {m, options, {tolerances, sizes, tolerance, 0}, {survey, found.field, std::move(dexterity)}, page}));
             }
-            const quality::Statistics position = quality::statistics(survey, field.position.mean);
-            const quality::Statistics orientation = quality::statistics(survey, field.orientation.mean);
-            const quality::Extreme worst = quality::worst_of(survey, field.position);
-            const quality::Extreme worst_turned = quality::worst_of(survey, field.orientation);
+            const quality::Extreme& worst = found.worst;
             quality::WorstCase case_there;
-            if (const auto q = quality::joints_at(m, worst.X_MT); tolerances && q) {
-              POLYPOD_ASSIGN(found, quality::worst_case(m, worst.X_MT, *q, sizes, tolerance));
-              case_there = found;
+            std::string singular_there;
+            if (const auto q = quality::joints_at(m, worst.X_MT)) {
+              const quality::Singularity near = quality::singularity(m, worst.X_MT, *q);
+              if ((near.kind & 2) != 0) singular_there = quality::in_words(worst.X_MT, near);
+              if (tolerances) {
+                POLYPOD_ASSIGN(there, quality::worst_case(m, worst.X_MT, *q, sizes, tolerance));
+                case_there = there;
+              }
             }
             if (context.json) {
-              Json document{{"position_mm", statistics_json(position, units::kMmPerMetre)},
-                            {"orientation_rad", statistics_json(orientation)},
-                            {"worst",
-                             {{"position_mm", number_json(units::to_mm(worst.value))},
-                              {"orientation_rad", number_json(worst_turned.value)},
-                              {"pose", pose_for_user(m, worst.X_MT)}}},
-                            {"points", survey.inside.size()},
-                            {"directions", survey.orientations.size()},
-                            {"volume_mm3", units::to_mm3(survey.volume)}};
+              Json document = surveyed_json(m, found);
+              document["points"] = survey.inside.size();
+              document["directions"] = survey.orientations.size();
+              document["volume_mm3"] = units::to_mm3(survey.volume);
+              if (!singular_there.empty()) document["worst"]["singular"] = singular_there;
               if (tolerances) {
                 document["method"] = o->method;
                 document["region"] = o->region;
                 document["shares"] = shares_json(m, case_there);
               }
-              print_json(document);
+              if (once) document["one_element_a_joint"] = surveyed_json(m, *once);
+              print_json(singular.in(document));
               return kDone;
             }
-            const Vec3 at = position.max_at * units::kMmPerMetre;
-            fmt::print("means over {} directions at {} points of the workspace\n", survey.orientations.size(),
-                       survey.inside.size());
-            fmt::print("               min          mean           max        stddev\n");
-            fmt::print("position    {:>10.6f}  {:>10.6f}  {:>12.6f}  {:>10.6f} mm\n", units::to_mm(position.min),
-                       units::to_mm(position.mean), units::to_mm(position.max), units::to_mm(position.stddev));
-            fmt::print("orientation {:>10.7f}  {:>10.7f}  {:>12.7f}  {:>10.7f} rad\n", orientation.min,
-                       orientation.mean, orientation.max, orientation.stddev);
-            fmt::print("largest mean at {:.1f}, {:.1f}, {:.1f} mm\n", at.x(), at.y(), at.z());
-            fmt::print("worst pose: {:.6f} mm at {}\n", units::to_mm(worst.value), pose_text(m, worst.X_MT, 2));
+            print_statistics(survey, {{"position", found.position, units::kMmPerMetre, 6, "mm"},
+                                      {"orientation", found.orientation, 1, 7, "rad"}});
+            fmt::print("largest mean seen at {}\n", place_text(found.position.max_at));
+            fmt::print("worst pose seen: {} mm at {}\n", figure(units::to_mm(worst.value), 6),
+                       pose_text(m, worst.X_MT, 2));
+            if (!singular_there.empty()) {
+              fmt::print(
+                  "There it {}. First order says little so close to a singular pose, and larger errors lie "
+                  "beside it.\n",
+                  singular_there);
+            }
+            if (once) {
+              fmt::print("{}.\nWith one element a joint: mean {} mm, worst pose seen {} mm\n", kTwoElements,
+                         figure(units::to_mm(once->position.mean), 6), figure(units::to_mm(once->worst.value), 6));
+            }
             if (tolerances) print_shares(m, case_there);
             o->files.print();
             return kDone;

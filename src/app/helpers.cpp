@@ -19,6 +19,7 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/named_files.hpp"
 #include "polypod/core/units.hpp"
@@ -134,8 +135,11 @@ std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose
 }
 
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits) {
+  const Figures length(units::to_mm(X.p.norm()), digits);
   std::string out;
-  for (const double c : pose_for_user(machine, X)) out += fmt::format("{}{:.{}f}", out.empty() ? "" : ", ", c, digits);
+  int k = 0;
+  for (const double c : pose_for_user(machine, X))
+    out += (out.empty() ? "" : ", ") + (k++ < 3 ? length(c) : fmt::format("{:.{}f}", c, digits));
   return out;
 }
 

@@ -118,6 +118,7 @@ Command poses_command() {
         const auto measured_kind = static_cast<calibration::Kind>(kind - kKinds.begin());
         const auto seed = static_cast<std::uint64_t>(o->seed);
         const auto many = static_cast<std::size_t>(o->candidates);
+        if (const auto no = refused_as_singular(m, context, {"poses"})) return *no;
         const auto make = [&] {
           return compliance ? calibration::compliance_candidates(m, many, seed, o->force, options.noise_position)
                             : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options);

@@ -73,6 +73,7 @@ Command section_command() {
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             POLYPOD_ASSIGN(plane, plane_of(*o));
             POLYPOD_TRY(check_files({o->machine}, {o->csv, o->svg}, context.json));
+            const SingularNote singular(m, context);
             options.progress = nullptr;
             workspace::FieldOptions field_options;
             field_options.tilt = kinematics::task(m) != machine::Task::point;
@@ -131,7 +132,7 @@ Command section_command() {
                 loops.push_back(points);
               }
               document["border_mm"] = loops;
-              print_json(document);
+              print_json(singular.in(document));
             } else {
               fmt::print("area     {:.1f} mm2 reached from every required direction\n", area_mm2);
               if (reached > 0 && f.tilt.empty()) {

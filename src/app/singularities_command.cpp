@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "survey_options.hpp"
@@ -55,6 +56,7 @@ Command singularities_command() {
             }
             const double length = units::from_mm(o->length_mm);
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            const SingularNote singular(m, context);
             if (!o->to.empty()) {
               POLYPOD_ASSIGN(Y, pose_argument(m, o->to));
               const quality::PathSingularity p = quality::along_path(m, X, Y, o->samples);
@@ -63,11 +65,11 @@ Command singularities_command() {
                 return kAnswerIsNo;
               }
               if (context.json) {
-                print_json({{"share", p.share},
-                            {"at", singularity_json(m, p.X_MT, p.at)},
-                            {"crossed", p.crossed},
-                            {"reached", p.reached},
-                            {"stopped_by", p.stopped_by}});
+                print_json(singular.in({{"share", p.share},
+                                        {"at", singularity_json(m, p.X_MT, p.at)},
+                                        {"crossed", p.crossed},
+                                        {"reached", p.reached},
+                                        {"stopped_by", p.stopped_by}}));
               } else {
                 fmt::print("nearest to singular at {:.2f} % of the path: {}\n", 100 * p.share, pose_text(m, p.X_MT, 2));
                 fmt::print("there it {}{}\n", p.at.kind != 0 ? "" : "is ", quality::in_words(p.X_MT, p.at));
@@ -94,13 +96,14 @@ Command singularities_command() {
                                                 {"translation_mm", units::to_mm(near->translation)},
                                                 {"rotation_deg", units::to_deg(near->rotation)}}
                                          : Json();
-              print_json(document);
+              print_json(singular.in(document));
             } else {
               fmt::print("the machine {}{}\n", s.kind != 0 ? "" : "is ", quality::in_words(X, s));
               if (!here.reachable) fmt::print("(beyond its limits: {})\n", here.reason);
               if (near && s.kind == 0) {
-                fmt::print("a singular pose near it: {:.1f} mm and {:.1f} deg away, at {}\n",
-                           units::to_mm(near->translation), units::to_deg(near->rotation), pose_text(m, near->X_MT, 1));
+                fmt::print("a singular pose near it: {} mm and {:.1f} deg away, at {}\n",
+                           figure(units::to_mm(near->translation), 1), units::to_deg(near->rotation),
+                           pose_text(m, near->X_MT, 1));
               }
             }
             return s.kind != 0 ? kAnswerIsNo : kDone;

@@ -5,9 +5,12 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/quality/singularity.hpp"
 
 namespace polypod::app {
 
@@ -86,6 +89,24 @@ Result<quality::Region> region_argument(const std::string& text) {
   return fail("AP164", fmt::format("--region {}: unknown", text), {}, "box or sphere");
 }
 
+void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows) {
+  fmt::print("means over {} directions at {} points of the workspace; min and max are the least and largest seen\n",
+             survey.orientations.size(), survey.inside.size());
+  fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}\n", "", "min", "mean", "max", "stddev");
+  for (const StatisticsRow& row : rows) {
+    const Figures shown(row.scale * row.of.mean, row.decimals);
+    const auto text = [&](double value) { return shown(row.scale * value); };
+    fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}{}\n", row.name, text(row.of.min), text(row.of.mean),
+               text(row.of.max), text(row.of.stddev), row.unit.empty() ? "" : " " + row.unit);
+  }
+}
+
+std::string place_text(const Vec3& p) {
+  const Figures shown(units::to_mm(p.norm()), 1);
+  return fmt::format("{}, {}, {} mm", shown(units::to_mm(p.x())), shown(units::to_mm(p.y())),
+                     shown(units::to_mm(p.z())));
+}
+
 Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& text) {
   POLYPOD_ASSIGN(X, pose_argument(m, text));
   PoseJoints out{X, {}, false, {}};
@@ -97,6 +118,31 @@ Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& 
   }
   out.reason = kinematics::reason_of(m, result);
   return out;
+}
+
+std::optional<int> said_of_singular_pose(const machine::AnyMachine& m, const PoseJoints& here, const Context& context,
+                                         Json& document, const std::vector<std::string>& figures) {
+  const quality::Singularity s = quality::singularity(m, here.X_MT, here.joints);
+  if (s.kind == 0) return {};
+  const std::string words = quality::in_words(here.X_MT, s);
+  document["singular"] = words;
+  if (s.control >= quality::kRankLost) {
+    if (context.json) return {};
+    if (s.control < quality::kSingularThreshold) {
+      fmt::print(
+          "close to singular (the smallest singular value of A is below {:g}), so that figures to first order say "
+          "little: it {}\n",
+          quality::kSingularThreshold, words);
+    } else {
+      fmt::print("note: it {}; the figures hold all the same\n", words);
+    }
+    return {};
+  }
+  for (const std::string& key : figures) document[key] = Json();
+  if (context.json) print_json(document);
+  std::fflush(stdout);
+  fmt::print(stderr, "polypod: there are no figures at this pose: the tool {}\n", words);
+  return kAnswerIsNo;
 }
 
 }  // namespace polypod::app

@@ -32,6 +32,22 @@ Result<std::vector<quality::Sized>> sizes_argument(const machine::AnyMachine& m,
 /// "box" or "sphere". Error: AP164.
 Result<quality::Region> region_argument(const std::string& text);
 
+/// What JSON calls a least or largest value: "seen", the least or largest of the poses that were looked at, or "bound",
+/// proven not to be passed.
+inline constexpr const char* kSeen = "seen";
+inline constexpr const char* kBound = "bound";
+/// The statistics of several rows as a table; each row with the unit behind it, in figures of its own scale.
+struct StatisticsRow {
+  std::string name;
+  quality::Statistics of;
+  double scale = 1;
+  int decimals = 4;
+  std::string unit;
+};
+void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows);
+/// Three coordinates in mm.
+std::string place_text(const Vec3& p);
+
 /// The pose and its joints, or the reason why it has none.
 struct PoseJoints {
   Pose X_MT;
@@ -40,5 +56,11 @@ struct PoseJoints {
   std::string reason;
 };
 Result<PoseJoints> pose_joints(const machine::AnyMachine& m, const std::string& text);
+
+/// What a command says first of a pose that is singular or close to it (quality::singularity, threshold
+/// kSingularThreshold): `singular` in the document, or a line of text. Where the drives do not hold the tool
+/// (type 2, below kRankLost) its `figures` have no meaning: they are null, and the exit status "no" comes back.
+std::optional<int> said_of_singular_pose(const machine::AnyMachine& m, const PoseJoints& here, const Context& context,
+                                         Json& document, const std::vector<std::string>& figures);
 
 }  // namespace polypod::app

@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/quality/singularity.hpp"
 #include "survey_options.hpp"
 
 namespace polypod::app {
@@ -61,6 +62,7 @@ struct Options {
 struct Numbers {
   std::vector<std::pair<std::string, double>> values;
   bool converged = true;
+  std::string singular;        ///< that the machine is singular at every pose, in few words
   std::string missing;         ///< why there are none
   Json more = Json::object();  ///< what else the JSON document says
 };
@@ -73,6 +75,7 @@ Result<Numbers> workspace_numbers(const Options& o, const machine::AnyMachine& m
                   {"volume_upper_mm3", units::to_mm3(v.upper)}},
                  v.converged,
                  {},
+                 {},
                  volume_json(v)};
 }
 
@@ -81,15 +84,16 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
   options.progress = nullptr;
   const auto found = quality::survey(m, options);
   // A machine of the sweep without a workspace is a row without numbers, not an error.
-  if (!found && found.error().id == "QU110") return Numbers{{}, true, found.error().message, Json::object()};
+  if (!found && found.error().id == "QU110") return Numbers{{}, true, {}, found.error().message, Json::object()};
   if (!found) return tl::unexpected(found.error());
   const quality::Survey& survey = *found;
   const double volume = units::to_mm3(survey.volume);
   if (o.analysis == "dexterity") {
     POLYPOD_ASSIGN(f, quality::dexterity_field(m, survey, options));
-    const auto kappa = quality::statistics(survey, f.condition.mean),
-               sigma = quality::statistics(survey, f.sigma_min.mean),
-               det = quality::statistics(survey, f.determinant.mean);
+    const auto seen = [&](const quality::Quantity& quantity, std::size_t number) {
+      return quality::statistics_seen(m, survey, options, quantity, f.anywhere, number);
+    };
+    const auto kappa = seen(f.condition, 0), sigma = seen(f.sigma_min, 1), det = seen(f.determinant, 2);
     return Numbers{{{"condition_mean", kappa.mean},
                     {"condition_min", kappa.min},
                     {"condition_max", kappa.max},
@@ -100,14 +104,15 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
                     {"volume_mm3", volume}},
                    true,
                    {},
+                   {},
                    Json::object()};
   }
   const bool tolerances = !o.tolerances.empty();
   POLYPOD_ASSIGN(sizes, sizes_argument(m, o.errors, o.tolerances));
   POLYPOD_ASSIGN(f, tolerances ? quality::tolerance_field(m, survey, options, sizes)
                                : quality::known_error_field(m, survey, options, sizes));
-  const auto position = quality::statistics(survey, f.position.mean),
-             turn = quality::statistics(survey, f.orientation.mean);
+  const auto position = quality::statistics_seen(m, survey, options, f.position, f.anywhere, 0),
+             turn = quality::statistics_seen(m, survey, options, f.orientation, f.anywhere, 1);
   return Numbers{{{"position_mean_mm", units::to_mm(position.mean)},
                   {"position_max_mm", units::to_mm(position.max)},
                   {"orientation_mean_rad", turn.mean},
@@ -115,7 +120,25 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
                   {"volume_mm3", volume}},
                  true,
                  {},
+                 {},
                  Json::object()};
+}
+
+Result<Numbers> numbers_of_machine(const Options& o, const machine::AnyMachine& m, const Context& context) {
+  const quality::PoseIndependentSingularity s = quality::pose_independent_singularity(m);
+  const std::string words =
+      s.never_held() ? fmt::format(
+                           "singular at {0} of {0} poses that were judged (type 2): the drives do not hold the "
+                           "platform",
+                           s.poses)
+                     : "";
+  if (o.analysis == "workspace") {
+    POLYPOD_ASSIGN(numbers, workspace_numbers(o, m, context));
+    numbers.singular = words;
+    return numbers;
+  }
+  if (!words.empty()) return Numbers{{}, true, words, words, Json::object()};
+  return quality_numbers(o, m, context);
 }
 
 }  // namespace
@@ -172,22 +195,25 @@ Command sweep_command() {
                 keys.back().push_back(value);
               }
               POLYPOD_ASSIGN(m, machine_of(o->machine, sets));
-              POLYPOD_ASSIGN(numbers, o->analysis == "workspace" ? workspace_numbers(*o, m, context)
-                                                                 : quality_numbers(*o, m, context));
+              POLYPOD_ASSIGN(numbers, numbers_of_machine(*o, m, context));
               for (const auto& [name, value] : numbers.values) entry[name] = number_json(value);
               for (const auto& [name, value] : numbers.more.items()) entry[name] = value;
               entry["converged"] = numbers.converged;
               if (!numbers.missing.empty()) entry["missing"] = numbers.missing;
+              if (!numbers.singular.empty()) {
+                entry["singular_everywhere"] = true;
+                entry["note"] = numbers.singular;
+              }
               found.push_back(std::move(numbers));
               list.push_back(entry);
               if (context.progress) fmt::print(stderr, "\rsweep {} of {}\x1b[K", row + 1, rows);
             }
             if (context.progress) fmt::print(stderr, "\r\x1b[K");
-            bool all_converged = true;
+            bool all_answered = true;
             double largest = 0;
             std::vector<std::string> names;
             for (const Numbers& n : found) {
-              all_converged = all_converged && n.converged;
+              all_answered = all_answered && n.converged && (n.singular.empty() || !n.values.empty());
               if (n.values.empty()) continue;
               if (std::isfinite(n.values[0].second)) largest = std::max(largest, n.values[0].second);
               if (!names.empty()) continue;
@@ -212,11 +238,13 @@ Command sweep_command() {
               for (std::size_t row = 0; row < rows; ++row) {
                 for (const std::string& key : keys[row]) fmt::print("{:>24}", key);
                 for (const auto& [name, value] : found[row].values) fmt::print(" {:>20.6g}", value);
-                fmt::print("  {}\n",
-                           found[row].values.empty() ? found[row].missing : bar(found[row].values[0].second, largest));
+                const std::string& singular = found[row].singular;
+                fmt::print("  {}{}\n",
+                           found[row].values.empty() ? found[row].missing : bar(found[row].values[0].second, largest),
+                           singular.empty() || singular == found[row].missing ? "" : " " + singular);
               }
             }
-            return all_converged ? kDone : kAnswerIsNo;
+            return all_answered ? kDone : kAnswerIsNo;
           }};
 }
 

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/tolerance_design.hpp"
 #include "survey_options.hpp"
@@ -17,74 +18,81 @@ Command tolerances_command() {
     SurveyArguments where;
   };
   auto o = std::make_shared<Options>();
-  return {"tolerances", "The loosest tolerances that keep the tool's error below a wanted value",
-          "polypod tolerances hexapod-strut --wanted 0.05 --group leg.length=1 --group base.joint=2 --box "
-          "-10,-10,60,10,10,70 --tilt 10",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.option("--wanted", o->wanted_mm, "Largest error of the tip anywhere, mm", true);
-            a.option("--wanted-angle", o->wanted_rad, "Largest error of the orientation too, rad");
-            a.option("--group", o->groups, "KEY=weight: elements with one tolerance (repeatable; default: all alike)");
-            a.option(
-                "--rule", o->rule,
-                "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");
-            a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
-            o->where.declare(a);
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (!o->where.pose.empty()) {
-              return fail("AP167", "tolerances are chosen for a box or the workspace, not for a pose", {},
-                          "give --box x0,y0,z0,x1,y1,z1; its corners may be equal in some coordinates");
-            }
-            if (o->rule != "weighted" && o->rule != "cost") {
-              return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
-            }
-            quality::DesignOptions design;
-            design.position = units::from_mm(o->wanted_mm);
-            if (o->wanted_rad != 0) design.orientation = o->wanted_rad;
-            if (o->rule == "cost") design.rule = quality::DesignRule::cost;
-            POLYPOD_ASSIGN(region, region_argument(o->region));
-            design.region = region;
-            if (o->groups.empty()) o->groups = {"all=1"};
-            POLYPOD_ASSIGN(keyed, keyed_numbers(o->groups, "--group"));
-            std::vector<quality::ToleranceGroup> groups;
-            for (const auto& [key, weight] : keyed) groups.push_back({key, weight});
-            POLYPOD_ASSIGN(options, o->where.options(m, context));
-            options.progress = nullptr;
-            POLYPOD_ASSIGN(survey, quality::survey(m, options));
-            POLYPOD_ASSIGN(d, quality::design_tolerances(m, survey, options, groups, design));
-            if (context.json) {
-              Json parts = Json::array();
-              for (const auto& p : d.parts) {
-                parts.push_back({{"key", p.key},
-                                 {"tolerance", units::to_user(p.tolerance, p.unit)},
-                                 {"unit", p.unit},
-                                 {"elements", p.elements},
-                                 {"share_percent", 100 * p.share}});
-              }
-              print_json({{"tolerances", parts},
-                          {"position_mm", units::to_mm(d.position)},
-                          {"orientation_rad", d.orientation},
-                          {"worst_pose", pose_for_user(m, d.worst)},
-                          {"cost", d.cost},
-                          {"whole_box", survey.whole_box},
-                          {"points", survey.inside.size()},
-                          {"directions", survey.orientations.size()}});
-            } else {
-              for (const auto& p : d.parts) {
-                fmt::print("{:<24} {:>10.5f} {:<4} {:>3} elements, {:>5.1f} % of the error\n", p.key,
-                           units::to_user(p.tolerance, p.unit), p.unit, p.elements, 100 * p.share);
-              }
-              fmt::print("largest error {:.6f} mm, {:.7f} rad, at {}\n", units::to_mm(d.position), d.orientation,
-                         pose_text(m, d.worst, 2));
-              if (!survey.whole_box && !o->where.box.empty()) {
-                fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
-                           survey.grid.size());
-              }
-            }
-            return survey.whole_box || o->where.box.empty() ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "tolerances", "The loosest tolerances that keep the tool's error below a wanted value, wherever it was judged",
+      "polypod tolerances hexapod-strut --wanted 0.05 --group leg.length=1 --group base.joint=2 --box "
+      "-10,-10,60,10,10,70 --tilt 10",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--wanted", o->wanted_mm, "Largest error of the tip at the poses that are judged, mm", true);
+        a.option("--wanted-angle", o->wanted_rad, "Largest error of the orientation too, rad");
+        a.option("--group", o->groups, "KEY=weight: elements with one tolerance (repeatable; default: all alike)");
+        a.option("--rule", o->rule,
+                 "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");
+        a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
+        o->where.declare(a);
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        if (!o->where.pose.empty()) {
+          return fail("AP167", "tolerances are chosen for a box or the workspace, not for a pose", {},
+                      "give --box x0,y0,z0,x1,y1,z1; its corners may be equal in some coordinates");
+        }
+        if (o->rule != "weighted" && o->rule != "cost") {
+          return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
+        }
+        quality::DesignOptions design;
+        design.position = units::from_mm(o->wanted_mm);
+        if (o->wanted_rad != 0) design.orientation = o->wanted_rad;
+        if (o->rule == "cost") design.rule = quality::DesignRule::cost;
+        POLYPOD_ASSIGN(region, region_argument(o->region));
+        design.region = region;
+        if (o->groups.empty()) o->groups = {"all=1"};
+        POLYPOD_ASSIGN(keyed, keyed_numbers(o->groups, "--group"));
+        std::vector<quality::ToleranceGroup> groups;
+        for (const auto& [key, weight] : keyed) groups.push_back({key, weight});
+        POLYPOD_ASSIGN(options, o->where.options(m, context));
+        options.progress = nullptr;
+        const SingularNote singular(m, context);
+        if (const auto no = singular.refusal({"tolerances", "position_mm", "orientation_rad"})) return *no;
+        POLYPOD_ASSIGN(survey, quality::survey(m, options));
+        POLYPOD_ASSIGN(d, quality::design_tolerances(m, survey, options, groups, design));
+        if (context.json) {
+          Json parts = Json::array();
+          for (const auto& p : d.parts) {
+            parts.push_back({{"key", p.key},
+                             {"tolerance", units::to_user(p.tolerance, p.unit)},
+                             {"unit", p.unit},
+                             {"elements", p.elements},
+                             {"share_percent", 100 * p.share}});
+          }
+          print_json(singular.in({{"tolerances", parts},
+                                  {"position_mm", units::to_mm(d.position)},
+                                  {"orientation_rad", d.orientation},
+                                  {"worst_pose", pose_for_user(m, d.worst)},
+                                  {"extremes", kSeen},
+                                  {"cost", d.cost},
+                                  {"whole_box", survey.whole_box},
+                                  {"points", survey.inside.size()},
+                                  {"directions", survey.orientations.size()}}));
+        } else {
+          for (const auto& p : d.parts) {
+            fmt::print("{:<24} {:>10} {:<4} {:>3} elements, {:>5.1f} % of the error\n", p.key,
+                       figure(units::to_user(p.tolerance, p.unit), 5), p.unit, p.elements, 100 * p.share);
+          }
+          fmt::print("largest error seen {} mm, {} rad, at {}\n", figure(units::to_mm(d.position), 6),
+                     figure(d.orientation, 7), pose_text(m, d.worst, 2));
+          fmt::print(
+              "judged at {} points (tool directions at each: {}) and between the worst of them: exact at every "
+              "pose, but not a bound on the poses between\n",
+              survey.inside.size(), survey.orientations.size());
+          if (!survey.whole_box && !o->where.box.empty()) {
+            fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
+                       survey.grid.size());
+          }
+        }
+        return survey.whole_box || o->where.box.empty() ? kDone : kAnswerIsNo;
+      }};
 }
 
 }  // namespace polypod::app

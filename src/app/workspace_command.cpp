@@ -157,6 +157,7 @@ Command workspace_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
+            const SingularNote singular(m, context);
             if (!o->contains.empty()) return contains(m, options, o->contains, context);
             POLYPOD_TRY(o->files.check(o->machine, context.json));
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
@@ -174,7 +175,7 @@ Command workspace_command() {
             if (context.progress) fmt::print(stderr, "\r\x1b[K");
             POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
             if (context.json) {
-              print_json(document);
+              print_json(singular.in(document));
             } else if (v.empty) {
               fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
             } else {

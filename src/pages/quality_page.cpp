@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "machine_lines.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/quality.hpp"
@@ -32,7 +33,7 @@ using units::to_mm;
 using Entries = std::vector<std::pair<std::string, std::string>>;
 
 constexpr double kSingularCondition = 1000;  // a direction above counts as near singular
-constexpr std::size_t kShown = 14;           // elements in a chart
+constexpr std::size_t kShown = 14;           // bars in a chart
 constexpr std::array kConditioning{QualityValue::condition, QualityValue::sigma_min, QualityValue::determinant};
 constexpr std::array kErrors{QualityValue::position, QualityValue::orientation};
 
@@ -41,7 +42,9 @@ std::string shown(double value, int digits = 3) {
 }
 
 std::string place(const Vec3& p) {
-  return fmt::format("{}, {}, {}", fixed(to_mm(p.x()), 1), fixed(to_mm(p.y()), 1), fixed(to_mm(p.z()), 1));
+  const int decimals = Figures(to_mm(p.norm()), 1).decimals();
+  return fmt::format("{}, {}, {}", fixed(to_mm(p.x()), decimals), fixed(to_mm(p.y()), decimals),
+                     fixed(to_mm(p.z()), decimals));
 }
 
 /// "x, y, z mm; A, B, C deg".
@@ -71,7 +74,7 @@ Vec3 middle_of(const quality::Survey& survey) {
 
 /// Each element and its part of an error.
 struct Part {
-  std::string key;
+  int element = 0;
   double position = 0, orientation = 0;  ///< m, rad
 };
 
@@ -186,8 +189,18 @@ class Page {
 
   Status measure() {
     middle_ = middle_of(fields_.survey);
-    worst_ = quality::worst_of(fields_.survey, fields_.errors.position);
-    worst_turned_ = quality::worst_of(fields_.survey, fields_.errors.orientation);
+    const quality::ErrorField& errors = fields_.errors;
+    worst_ = quality::worst_seen(machine_, fields_.survey, options_, errors.position, errors.anywhere, 0);
+    worst_turned_ = quality::worst_seen(machine_, fields_.survey, options_, errors.orientation, errors.anywhere, 1);
+    if (!question_.tolerances) return sections();
+    if (const auto fewer = quality::one_element_a_joint(machine_, question_.sizes)) {
+      POLYPOD_ASSIGN(once, quality::tolerance_field(machine_, fields_.survey, options_, *fewer, question_.tolerance));
+      once_ = quality::worst_seen(machine_, fields_.survey, options_, once.position, once.anywhere, 0);
+    }
+    return sections();
+  }
+
+  Status sections() {
     for (const int axis : {1, 0, 2}) {
       auto section = survey_section(machine_, options_, question_, axis, middle_[axis], page_.resolution);
       if (!section && section.error().id == "QP100") continue;  // thinner than the spacing there
@@ -197,9 +210,25 @@ class Page {
     return {};
   }
 
+  /// The statistics of a value's means as a person reads them.
+  [[nodiscard]] Statistics seen(QualityValue value) const {
+    const quality::ErrorField& e = fields_.errors;
+    const quality::DexterityField& d = fields_.dexterity;
+    const std::array<const quality::Quantity*, 5> all{&e.position, &e.orientation, &d.condition, &d.sigma_min,
+                                                      &d.determinant};
+    const auto k = static_cast<std::size_t>(value);
+    const bool error = k < 2;
+    Statistics s = quality::statistics_seen(machine_, fields_.survey, options_, *all[k],
+                                            error ? e.anywhere : d.anywhere, error ? k : k - 2);
+    const double scale = value == QualityValue::position      ? units::kMmPerMetre
+                         : value == QualityValue::orientation ? units::kMradPerRad
+                                                              : 1;
+    for (double* x : {&s.min, &s.mean, &s.max, &s.stddev}) *x *= scale;
+    return s;
+  }
+
   void answer() {
-    const Statistics p = quality::statistics(fields_.survey, shown_means(fields_, QualityValue::position));
-    const Statistics o = quality::statistics(fields_.survey, shown_means(fields_, QualityValue::orientation));
+    const Statistics p = seen(QualityValue::position), o = seen(QualityValue::orientation);
     const double most = to_mm(worst_.value), most_turned = units::kMradPerRad * worst_turned_.value;
     report_.add_section("How far the tool is off");
     if (page_.assumed) {
@@ -210,14 +239,21 @@ class Page {
     report_.add_verdict(
         Verdict::neutral,
         question_.tolerances
-            ? fmt::format("Whatever the parts do within {}, the tip stays within {} mm of where it should be and the "
-                          "tool within {} mrad of its orientation, at every one of the {} points. At a point of "
-                          "the workspace the worst case is {} mm and {} mrad on average.",
+            ? fmt::format("The largest error of the tip that was seen, whatever the parts do within {}, is {} mm, and "
+                          "the largest of the orientation {} mrad: at {} points of the workspace and between the worst "
+                          "of them. Each is exact at its pose; poses that were not looked at may have more. At a point "
+                          "of the workspace the worst case is {} mm and {} mrad on average.",
                           given(), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean),
                           shown(o.mean))
-            : fmt::format("With the errors {} the tip is off by up to {} mm and the tool by up to {} mrad; on average "
-                          "over the workspace by {} mm and {} mrad.",
+            : fmt::format("With the errors {} the largest error of the tip that was seen is {} mm and that of the "
+                          "orientation {} mrad; on average over the workspace {} mm and {} mrad.",
                           given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean)));
+    if (once_) {
+      report_.add_text(fmt::format(
+          "A joint and its attachment count as two elements here, and their tolerances add up. With one element a "
+          "joint the largest error of the tip that was seen is {} mm.",
+          shown(to_mm(once_->value))));
+    }
     if (const auto count = near_singular_count(); count > 0) {
       report_.add_text(fmt::format(
           "{} of {} points have a direction near a singular pose. Errors are of first order and grow without bound "
@@ -226,9 +262,9 @@ class Page {
           count, fields_.survey.inside.size()));
     }
     report_.add_key_figures({{shown(p.mean), "mm", "error of the tip, mean", Verdict::neutral},
-                             {shown(most), "mm", "its largest value", Verdict::neutral},
+                             {shown(most), "mm", "the largest seen", Verdict::neutral},
                              {shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral},
-                             {shown(most_turned), "mrad", "its largest value", Verdict::neutral}});
+                             {shown(most_turned), "mrad", "the largest seen", Verdict::neutral}});
     report_.add_list({fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X_MT)),
                       fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X_MT))});
     statistics_table(kErrors);
@@ -240,11 +276,11 @@ class Page {
     table.caption = one_direction() ? "Over the points of the workspace"
                                     : "Over the points of the workspace; each point counts with the mean over its "
                                       "tool directions";
-    table.columns = {{"", ""},          {"least", ""},      {"mean", ""},        {"largest", ""},
+    table.columns = {{"", ""},          {"least seen", ""}, {"mean", ""},        {"largest seen", ""},
                      {"std. dev.", ""}, {"least at", "mm"}, {"largest at", "mm"}};
     for (const QualityValue value : values) {
       const ValueName name = name_of(value);
-      const Statistics s = quality::statistics(fields_.survey, shown_means(fields_, value));
+      const Statistics s = seen(value);
       table.rows.push_back({std::string(name.words) + (name.unit[0] != 0 ? std::string(", ") + name.unit : ""),
                             shown(s.min), shown(s.mean), shown(s.max), shown(s.stddev), place(s.min_at),
                             place(s.max_at)});
@@ -322,31 +358,35 @@ class Page {
     std::vector<Part> out;
     const auto q = quality::joints_at(machine_, X);
     if (!q) return out;
-    const auto all = quality::elements(machine_);
-    const auto key = [&](int element) { return all[static_cast<std::size_t>(element)].key; };
     if (question_.tolerances) {
       const auto worst = quality::worst_case(machine_, X, *q, question_.sizes, question_.tolerance);
       if (!worst) return out;
-      for (const auto& s : worst->shares) out.push_back({key(s.element), s.position, s.orientation});
+      for (const auto& s : worst->shares) out.push_back({s.element, s.position, s.orientation});
     } else {
       for (const quality::Sized& s : question_.sizes) {
         const Vec6 error = quality::known_error(machine_, X, *q, {s});
-        out.push_back({key(s.element), error.head<3>().norm(), quality::orientation_error(machine_, X, error)});
+        out.push_back({s.element, error.head<3>().norm(), quality::orientation_error(machine_, X, error)});
       }
     }
     return out;
   }
 
   /// The largest parts as bars, the rest as one.
-  [[nodiscard]] report::BarChart bars(std::vector<Part> parts, double Part::*of, double scale, const char* unit) const {
-    std::stable_sort(parts.begin(), parts.end(), [of](const Part& a, const Part& b) { return a.*of > b.*of; });
+  [[nodiscard]] report::BarChart bars(const std::vector<Part>& parts, double Part::*of, double scale,
+                                      const char* unit) const {
+    std::vector<std::pair<int, double>> values;
+    for (const Part& part : parts) values.emplace_back(part.element, part.*of);
+    const std::vector<quality::Bar> all = quality::bars_of(machine_, values);
     report::BarChart chart;
-    chart.title = "Share of each element";
+    chart.title = "Share of the elements";
     chart.unit = unit;
     chart.parts = {""};
-    constexpr double kNothing = 1e-9;  // of the largest
-    for (std::size_t i = 0; i < std::min(kShown, parts.size()) && parts[i].*of > kNothing * parts[0].*of; ++i)
-      chart.rows.push_back({parts[i].key, {std::max(0.0, scale * parts[i].*of)}});
+    for (std::size_t i = 0; i < std::min(kShown, all.size()); ++i) {
+      // Known errors add as vectors: a bar is what each of its elements does alone.
+      const bool one = all[i].elements == 1, together = question_.tolerances;
+      chart.rows.push_back({all[i].name + (one ? "" : fmt::format(" ({})", together ? "together" : "each")),
+                            {scale * (together ? all[i].total() : all[i].each)}});
+    }
     return chart;
   }
 
@@ -365,8 +405,9 @@ class Page {
          {fmt::format("orientation, {} mrad at {}", shown(units::kMradPerRad * worst_turned_.value),
                       pose_in_words(machine_, worst_turned_.X_MT)),
           bars(at_turn, &Part::orientation, units::kMradPerRad, "mrad")}},
-        fmt::format("At most {} of {} elements, ranked by their part of the largest error.",
-                    std::min(kShown, at_tip.size()), at_tip.size()));
+        fmt::format("The largest {} bars of {} elements, ranked by their part of the largest error; elements with the "
+                    "same part share a bar.",
+                    kShown, at_tip.size()));
   }
 
   void conditioning() {
@@ -396,9 +437,10 @@ class Page {
   void near_singular() {
     const quality::Quantity& condition = fields_.dexterity.condition;
     const auto count = near_singular_count();
-    const Extreme worst = quality::worst_of(fields_.survey, condition);
+    const Extreme worst =
+        quality::worst_seen(machine_, fields_.survey, options_, condition, fields_.dexterity.anywhere, 0);
     report_.add_section("Near singular");
-    if (count == 0) {
+    if (count == 0 && worst.value <= kSingularCondition) {
       report_.add_verdict(
           Verdict::neutral,
           fmt::format("No pose that was looked at has a κ above {}. The largest is {}, at {}; there the "
@@ -417,7 +459,9 @@ class Page {
     table.caption = "The worst of them, no two close together";
     table.columns = {{"pose", ""}, {"κ", ""}, {"what the machine does there", ""}};
     constexpr std::size_t kNamed = 5;
-    for (const Extreme& e : apart(fields_.survey, condition, kNamed))
+    std::vector<Extreme> named = apart(fields_.survey, condition, kNamed);
+    if (named.empty()) named.push_back(worst);  // it lies between the points
+    for (const Extreme& e : named)
       table.rows.push_back({pose_in_words(machine_, e.X_MT), shown(e.value), words_at(e.X_MT)});
     report_.add_table(table);
   }
@@ -568,6 +612,7 @@ class Page {
   Report report_;
   Vec3 middle_ = Vec3::Zero();
   Extreme worst_, worst_turned_;
+  std::optional<Extreme> once_;  ///< with one element a joint
   std::vector<QualitySection> sections_;
 };
 

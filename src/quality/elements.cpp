@@ -36,6 +36,25 @@ Name parsed(const std::string& key) {
   return out;
 }
 
+/// "base.joint[1,4], base.attachment[1,4]".
+std::string joined_name(const std::vector<Element>& all, const std::vector<int>& members) {
+  std::vector<std::string> groups;
+  std::map<std::string, std::string> indices;
+  for (const int e : members) {
+    const Element& element = all[static_cast<std::size_t>(e)];
+    const std::string index = parsed(element.key).index;
+    std::string& list = indices[element.group];
+    if (std::find(groups.begin(), groups.end(), element.group) == groups.end()) groups.push_back(element.group);
+    if (!index.empty()) list += (list.empty() ? "" : ",") + index.substr(1, index.size() - 2);
+  }
+  std::string out;
+  for (const std::string& group : groups) {
+    const std::string& list = indices[group];
+    out += (out.empty() ? "" : ", ") + group + (list.empty() ? "" : "[" + list + "]");
+  }
+  return out;
+}
+
 }  // namespace
 
 std::vector<Element> elements(const AnyMachine& machine) {
@@ -110,6 +129,41 @@ Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<st
   }
   std::vector<Sized> out;
   for (const auto& [element, size] : found) out.push_back({element, size});
+  return out;
+}
+
+std::optional<std::vector<Sized>> one_element_a_joint(const AnyMachine& machine, const std::vector<Sized>& sizes) {
+  const std::vector<Element> all = elements(machine);
+  const auto named = [&](const std::string& key) {
+    return std::any_of(sizes.begin(), sizes.end(), [&](const Sized& s) {
+      return s.size != 0 && all[static_cast<std::size_t>(s.element)].key == key;
+    });
+  };
+  std::vector<Sized> out = sizes;
+  const auto twice = std::erase_if(out, [&](const Sized& s) {
+    const Element& e = all[static_cast<std::size_t>(s.element)];
+    const std::string platform = e.group.substr(0, e.group.find('.'));
+    return s.size != 0 && e.group == platform + ".attachment" && named(platform + ".joint" + parsed(e.key).index);
+  });
+  if (twice == 0) return {};
+  return out;
+}
+
+std::vector<Bar> bars_of(const AnyMachine& machine, const std::vector<std::pair<int, double>>& values) {
+  constexpr double kSame = 1e-9;
+  const std::vector<Element> all = elements(machine);
+  std::vector<std::pair<int, double>> ranked = values;
+  std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::vector<Bar> out;
+  for (std::size_t i = 0; i < ranked.size();) {
+    const double largest = ranked[0].second, each = ranked[i].second;
+    if (!(each > kSame * largest)) break;
+    std::vector<int> members;
+    for (; i < ranked.size() && each - ranked[i].second <= kSame * largest; ++i) members.push_back(ranked[i].first);
+    std::sort(members.begin(), members.end());
+    out.push_back({joined_name(all, members), static_cast<int>(members.size()), each});
+  }
+  std::stable_sort(out.begin(), out.end(), [](const Bar& a, const Bar& b) { return a.total() > b.total(); });
   return out;
 }
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "polypod/quality/errors.hpp"
+#include "polypod/quality/survey.hpp"
 
 namespace polypod::quality {
 
@@ -48,10 +48,7 @@ class LegKernel {
 
   /// Means over the directions and the worst of each of the three numbers (`largest[k]`: the largest is the worst, else
   /// the least) and where.
-  struct Answer {
-    std::array<double, 3> mean{}, worst{};
-    std::array<int, 3> worst_direction{};
-  };
+  using Answer = PointValues;
   [[nodiscard]] Answer ask(LegQuestion question, const Vec3& p) const;
 
   static constexpr int kLanes = 4;

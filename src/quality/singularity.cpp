@@ -6,9 +6,13 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <vector>
 
 #include "plan.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/golden_section.hpp"
+#include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/survey.hpp"
 
@@ -162,11 +166,12 @@ std::string motion_in_words(const Pose& X, const Vec6& twist, double length) {
     out += direction == "its own axis" ? direction : "the axis through its tip along " + direction;
   } else {
     const Vec3 at = units::kMmPerMetre * (X.p + point);
-    out += fmt::format("the axis through {:.1f}, {:.1f}, {:.1f} mm along {}", plain(at.x(), 1), plain(at.y(), 1),
-                       plain(at.z(), 1), direction);
+    const int digits = Figures(std::max(at.norm(), units::to_mm(length)), 1).decimals();
+    out += fmt::format("the axis through {:.{}f}, {:.{}f}, {:.{}f} mm along {}", plain(at.x(), digits), digits,
+                       plain(at.y(), digits), digits, plain(at.z(), digits), digits, direction);
   }
   if (std::abs(pitch) > kLittle * length) {
-    out += fmt::format(" and moves along it by {:.1f} mm per rad", units::to_mm(pitch));
+    out += fmt::format(" and moves along it by {} mm per rad", figure(units::to_mm(pitch), 1));
   }
   return out;
 }
@@ -238,6 +243,109 @@ PathSingularity along_path(const AnyMachine& machine, const Pose& from, const Po
   if (const auto q = follow(machine, out.X_MT, &joints[static_cast<std::size_t>(least_at)], reason))
     out.at = singularity(machine, out.X_MT, *q);
   return out;
+}
+
+namespace {
+
+constexpr std::size_t kJudged = 33;  // home and 32 more
+
+struct JudgedPose {
+  Pose X_MT;
+  JointVector q;
+  bool within_limits = true;
+};
+
+/// Joints of an arm drawn from their ranges; turning joints without an end over one turn.
+std::vector<JudgedPose> poses_of_arm(const machine::SerialArm& arm) {
+  Random random(1);
+  std::vector<JudgedPose> out;
+  while (out.size() < kJudged) {
+    JointVector q(joint_count(arm));
+    for (int i = 0; i < q.size(); ++i) {
+      const machine::JointRange range = joint_range(arm, i);
+      q[i] = random.uniform(std::max(range.min, -std::numbers::pi), std::min(range.max, std::numbers::pi));
+    }
+    out.push_back({machine::forward(arm, q), q, true});
+  }
+  return out;
+}
+
+/// Home, then poses round it at distances from half of home's height down to a thousandth of it, so that machines of
+/// long and of short travel both give some within their limits.
+std::vector<JudgedPose> poses_round_home(const AnyMachine& machine, const Pose& home) {
+  constexpr int kTrials = 800, kScales = 10;
+  Random random(1);
+  std::vector<JudgedPose> within, beyond;
+  const bool turns = kinematics::task(machine) != machine::Task::point;
+  const double reach = home.p.norm() > 0 ? home.p.norm() : 1;
+  for (int trial = 0; trial < kTrials && within.size() < kJudged; ++trial) {
+    const double scale = trial == 0 ? 0 : std::ldexp(1.0, -1 - trial % kScales);
+    const auto any = [&]() -> Vec3 {
+      Vec3 out;
+      for (double& x : out) x = scale * random.uniform(-1, 1);
+      return out;
+    };
+    const Vec3 moved = reach * any(), turned = turns ? any() : Vec3(Vec3::Zero());
+    const Pose X{rotation_of(turned) * home.R, home.p + moved};
+    const kinematics::InverseResult result = kinematics::inverse(machine, X);
+    if (result.solutions.empty()) continue;
+    const kinematics::Solution* reached = result.reachable();
+    const bool keeps = reached != nullptr;
+    (keeps || trial == 0 ? within : beyond).push_back({X, keeps ? reached->joints : result.solutions[0].joints, keeps});
+  }
+  for (std::size_t i = 0; i < beyond.size() && within.size() < kJudged; ++i) within.push_back(beyond[i]);
+  return within;
+}
+
+std::vector<JudgedPose> judged_poses(const AnyMachine& machine) {
+  return std::visit(
+      [&](const auto& m) {
+        if constexpr (requires { home_pose(m); })
+          return poses_round_home(machine, home_pose(m));
+        else
+          return poses_of_arm(m);
+      },
+      machine);
+}
+
+}  // namespace
+
+PoseIndependentSingularity pose_independent_singularity(const AnyMachine& machine) {
+  const bool few = kinematics::is_serial(machine) &&
+                   kinematics::joint_count(machine) < kinematics::coordinate_count(kinematics::task(machine));
+  PoseIndependentSingularity out;
+  for (const JudgedPose& at : judged_poses(machine)) {
+    const Singularity s = singularity(machine, at.X_MT, at.q);
+    ++out.poses;
+    out.within_limits += at.within_limits ? 1 : 0;
+    out.type1 += !few && s.mobility < kRankLost ? 1 : 0;
+    out.type2 += s.control < kRankLost ? 1 : 0;
+    out.largest_mobility = std::max(out.largest_mobility, few ? 1.0 : s.mobility);
+    out.largest_control = std::max(out.largest_control, s.control);
+  }
+  return out;
+}
+
+std::string in_words(const PoseIndependentSingularity& s) {
+  if (!s.everywhere() && !s.nearly()) return "";
+  const bool held_least = s.largest_control <= s.largest_mobility;
+  const std::string judged =
+      fmt::format("at {0} of {0} poses that were judged, {1} of them within the limits", s.poses, s.within_limits);
+  if (!s.everywhere()) {
+    return fmt::format(
+        "close to singular {}: the smallest singular value of {} is at most {:.2g} (regular poses of good machines "
+        "have "
+        "0.1 and more). Small errors of the parts are large errors of the tool, which first order does not describe",
+        judged, held_least ? "A" : "B", std::min(s.largest_control, s.largest_mobility));
+  }
+  if (s.never_held()) {
+    return fmt::format(
+        "singular {}: type 2, architecturally singular. The drives cannot hold the platform anywhere: it moves though "
+        "all "
+        "of them are locked. Base and platform need another geometry, for instance other angles between their joints",
+        judged);
+  }
+  return fmt::format("singular {}: type 1. At every pose the tool lacks a motion that its task asks for", judged);
 }
 
 std::optional<NearSingularity> nearest(const AnyMachine& machine, const Pose& X_MT, const JointVector& q_start,

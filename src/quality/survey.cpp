@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numeric>
 
 #include "leg_kernel.hpp"
@@ -24,12 +25,12 @@ Quantity quantity_of(std::size_t points) {
   return {std::vector<double>(points), std::vector<double>(points), std::vector<int>(points)};
 }
 
-/// Fills some quantities from `ask(p, point)`, which gives a LegKernel::Answer.
-template <class Ask>
-Status fill(const Survey& survey, const SurveyOptions& options, std::vector<Quantity*> quantities, const Ask& ask) {
+/// Fills some quantities from what is asked at each point.
+Status fill(const Survey& survey, const SurveyOptions& options, const std::vector<Quantity*>& quantities,
+            const Anywhere& anywhere) {
   for (Quantity* q : quantities) *q = quantity_of(survey.inside.size());
   const bool whole = for_each_in_rounds(survey.inside.size(), parallel_options(options), [&](std::size_t i) {
-    const LegKernel::Answer answer = ask(survey.grid.at(survey.inside[i]));
+    const PointValues answer = anywhere.at_point(survey.grid.at(survey.inside[i]));
     for (std::size_t k = 0; k < quantities.size(); ++k) {
       quantities[k]->mean[i] = answer.mean[k];
       quantities[k]->worst[i] = answer.worst[k];
@@ -40,18 +41,17 @@ Status fill(const Survey& survey, const SurveyOptions& options, std::vector<Quan
   return {};
 }
 
-/// The same pose by pose: `at(X, q)` gives up to three numbers. A pose whose joints are not found does not count.
-template <class At>
-LegKernel::Answer pose_by_pose(const AnyMachine& machine, const Survey& survey, const Vec3& p, bool dexterity,
-                               const At& at) {
-  LegKernel::Answer answer;
+/// Over the directions pose by pose. A pose whose joints are not found does not count.
+PointValues pose_by_pose(const AnyMachine& machine, const std::vector<Mat3>& orientations, const Vec3& p,
+                         bool dexterity, const Anywhere& anywhere) {
+  PointValues answer;
   answer.worst.fill(std::numeric_limits<double>::quiet_NaN());
   int count = 0;
-  for (std::size_t d = 0; d < survey.orientations.size(); ++d) {
-    const Pose X{survey.orientations[d], p};
+  for (std::size_t d = 0; d < orientations.size(); ++d) {
+    const Pose X{orientations[d], p};
     const auto q = joints_at(machine, X);
     if (!q) continue;
-    const std::array<double, 3> values = at(X, *q);
+    const std::array<double, 3> values = anywhere.at_pose(X, *q);
     ++count;
     for (std::size_t v = 0; v < 3; ++v) {
       answer.mean[v] += values[v];
@@ -64,6 +64,31 @@ LegKernel::Answer pose_by_pose(const AnyMachine& machine, const Survey& survey, 
   }
   for (double& mean : answer.mean) mean = count > 0 ? mean / count : std::numeric_limits<double>::quiet_NaN();
   return answer;
+}
+
+/// Over the directions by `kernel` where there is one, else pose by pose.
+void ask_points(const AnyMachine& machine, const Survey& survey, LegQuestion question, std::optional<LegKernel> kernel,
+                Anywhere& anywhere) {
+  if (kernel) {
+    anywhere.at_point = [kernel = std::make_shared<const LegKernel>(std::move(*kernel)), question](const Vec3& p) {
+      return kernel->ask(question, p);
+    };
+    return;
+  }
+  anywhere.at_point = [&machine, orientations = survey.orientations, question,
+                       at_pose = anywhere.at_pose](const Vec3& p) {
+    return pose_by_pose(machine, orientations, p, question == LegQuestion::dexterity, {{}, at_pose});
+  };
+}
+
+/// The kernel for errors of these sizes, if the machine has one.
+std::optional<LegKernel> kernel_for(const AnyMachine& machine, const Survey& survey, const std::vector<Sized>& sizes,
+                                    Region region) {
+  const auto legs = six_leg_machine(machine);
+  if (!legs) return {};
+  LegKernel kernel(*legs, survey.orientations);
+  if (!kernel.set_sizes(machine, sizes, region)) return {};
+  return kernel;
 }
 
 }  // namespace
@@ -169,80 +194,67 @@ Statistics statistics(const Survey& survey, const std::vector<double>& values) {
     s.mean += off / count;
     square += off * (x - s.mean);
   }
-  s.stddev = count > 0 ? std::sqrt(square / count) : 0;
+  s.stddev = count > 0 ? std::sqrt(square / count) : std::numeric_limits<double>::quiet_NaN();
+  if (count == 0) s.mean = s.stddev;
   return s;
 }
 
 Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                        double length) {
   DexterityField out;
-  const std::vector<Quantity*> quantities{&out.condition, &out.sigma_min, &out.determinant};
-  if (const auto legs = six_leg_machine(machine)) {
-    LegKernel kernel(*legs, survey.orientations);
-    kernel.set_length(length);
-    out.length = kernel.length();
-    POLYPOD_TRY(
-        fill(survey, options, quantities, [&](const Vec3& p) { return kernel.ask(LegQuestion::dexterity, p); }));
-    return out;
-  }
   out.length = length;
-  POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) {
-    return pose_by_pose(machine, survey, p, true, [&](const Pose& X, const JointVector& q) {
-      const kinematics::Dexterity d = kinematics::dexterity(machine, X, q, length);
-      return std::array<double, 3>{d.condition, d.sigma_min, std::abs(d.determinant)};
-    });
-  }));
+  std::optional<LegKernel> kernel;
+  if (const auto legs = six_leg_machine(machine)) {
+    kernel.emplace(*legs, survey.orientations);
+    kernel->set_length(length);
+    out.length = kernel->length();
+  }
+  out.anywhere.at_pose = [&machine, length](const Pose& X, const JointVector& q) {
+    const kinematics::Dexterity d = kinematics::dexterity(machine, X, q, length);
+    return std::array<double, 3>{d.condition, d.sigma_min, std::abs(d.determinant)};
+  };
+  ask_points(machine, survey, LegQuestion::dexterity, std::move(kernel), out.anywhere);
+  POLYPOD_TRY(fill(survey, options, {&out.condition, &out.sigma_min, &out.determinant}, out.anywhere));
   return out;
 }
 
 Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                      const std::vector<Sized>& errors) {
   ErrorField out;
-  const std::vector<Quantity*> quantities{&out.position, &out.orientation};
-  if (const auto legs = six_leg_machine(machine)) {
-    LegKernel kernel(*legs, survey.orientations);
-    if (kernel.set_sizes(machine, errors, Region::box)) {
-      POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) { return kernel.ask(LegQuestion::known, p); }));
-      return out;
-    }
-  }
-  const Plan plan(machine, errors);
-  POLYPOD_TRY(fill(survey, options, quantities, [&](const Vec3& p) {
-    return pose_by_pose(machine, survey, p, false, [&](const Pose& X, const JointVector& q) {
-      const Vec6 error = linear_error(machine, X, q, plan);
-      return std::array<double, 3>{error.head<3>().norm(), heeded(plan.task, X, error.tail<3>()).norm(), 0};
-    });
-  }));
+  out.anywhere.at_pose = [&machine, plan = std::make_shared<const Plan>(machine, errors)](const Pose& X,
+                                                                                          const JointVector& q) {
+    const Vec6 error = linear_error(machine, X, q, *plan);
+    return std::array<double, 3>{error.head<3>().norm(), heeded(plan->task, X, error.tail<3>()).norm(), 0};
+  };
+  ask_points(machine, survey, LegQuestion::known, kernel_for(machine, survey, errors, Region::box), out.anywhere);
+  POLYPOD_TRY(fill(survey, options, {&out.position, &out.orientation}, out.anywhere));
   return out;
 }
 
 Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                    const std::vector<Sized>& tolerances, const ToleranceOptions& tolerance) {
   ErrorField out;
-  const std::vector<Quantity*> quantities{&out.position, &out.orientation};
-  if (const auto legs = six_leg_machine(machine); legs && tolerance.method == Method::exact) {
-    LegKernel kernel(*legs, survey.orientations);
-    if (kernel.set_sizes(machine, tolerances, tolerance.region)) {
-      POLYPOD_TRY(
-          fill(survey, options, quantities, [&](const Vec3& p) { return kernel.ask(LegQuestion::tolerance, p); }));
-      return out;
-    }
-  }
-  const Plan plan(machine, tolerances);
-  std::atomic<bool> failed = false;
-  Error error;
-  const auto at = [&](const Pose& X, const JointVector& q) {
-    const auto list = generators(X, error_columns(machine, X, q, plan), plan, tolerance.region);
+  /// The first error of any pose.
+  struct Failure {
+    std::atomic<bool> any = false;
+    Error error;
+  };
+  const auto failure = std::make_shared<Failure>();
+  out.anywhere.at_pose = [&machine, tolerance, failure, plan = std::make_shared<const Plan>(machine, tolerances)](
+                             const Pose& X, const JointVector& q) {
+    const auto list = generators(X, error_columns(machine, X, q, *plan), *plan, tolerance.region);
     if (!list) {
-      if (!failed.exchange(true)) error = list.error();
+      if (!failure->any.exchange(true)) failure->error = list.error();
       return std::array<double, 3>{};
     }
-    return std::array<double, 3>{farthest(*list, plan, &Generator::position, tolerance.method).distance,
-                                 farthest(*list, plan, &Generator::orientation, tolerance.method).distance, 0};
+    return std::array<double, 3>{farthest(*list, *plan, &Generator::position, tolerance.method).distance,
+                                 farthest(*list, *plan, &Generator::orientation, tolerance.method).distance, 0};
   };
-  POLYPOD_TRY(
-      fill(survey, options, quantities, [&](const Vec3& p) { return pose_by_pose(machine, survey, p, false, at); }));
-  if (failed) return tl::unexpected(error);
+  auto kernel = tolerance.method == Method::exact ? kernel_for(machine, survey, tolerances, tolerance.region)
+                                                  : std::optional<LegKernel>();
+  ask_points(machine, survey, LegQuestion::tolerance, std::move(kernel), out.anywhere);
+  POLYPOD_TRY(fill(survey, options, {&out.position, &out.orientation}, out.anywhere));
+  if (failure->any) return tl::unexpected(failure->error);
   return out;
 }
 

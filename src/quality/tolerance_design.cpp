@@ -7,6 +7,7 @@
 #include <cmath>
 #include <set>
 
+#include "compass.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -74,53 +75,31 @@ class Designer {
     return out;
   }
 
+  [[nodiscard]] double ratio_of(const WorstCase& worst) const {
+    return std::max(worst.position / design_.position, worst.orientation / design_.orientation);
+  }
+
   Status judge(const std::vector<Sized>& sizes, Found& found) const {
     const auto q = joints_at(machine_, found.X_MT);
     if (!q) return fail("QU122", "the worst pose has no joints");
     POLYPOD_ASSIGN(worst, worst_case(machine_, found.X_MT, *q, sizes, {Method::exact, design_.region}));
-    const double p = worst.position / design_.position, o = worst.orientation / design_.orientation;
-    found.ratio = std::max(p, o);
-    found.by_position = p >= o;
+    found.ratio = ratio_of(worst);
+    found.by_position = worst.position / design_.position >= worst.orientation / design_.orientation;
     found.worst = std::move(worst);
     return {};
   }
 
-  /// Steps along the coordinates, the tilt and the azimuth as long as the worst case grows, within the workspace.
+  /// The worst pose round this one, between the points and directions of the survey.
   Result<Found> refined(const std::vector<Sized>& sizes, Found best) const {
-    const auto sampled = workspace::sampled_orientations(options_.workspace.directions);
-    const workspace::Directions& d = options_.workspace.directions;
-    double share = 0.5;
-    while (share > 0.02) {
-      bool better = false;
-      for (int axis = 0; axis < 5 && !better; ++axis) {
-        for (const double side : {-1.0, 1.0}) {
-          Found next = best;
-          if (axis < 3) {
-            next.X_MT.p += side * share * survey_.grid.step[static_cast<std::size_t>(axis)];
-          } else if (d.is_ranges() || d.tilt == 0) {
-            continue;  // the corners of ranges and R = 1 are among the samples
-          } else {
-            const Vec3 turn = rotation_vector(best.X_MT.R);
-            const double tilt = turn.norm(), azimuth = std::atan2(-turn.x(), turn.y());
-            const double new_tilt = std::clamp(tilt + (axis == 3 ? side * share * d.tilt / 4 : 0), 0.0, d.tilt);
-            const double new_azimuth = azimuth + (axis == 4 ? side * share * std::numbers::pi / 6 : 0);
-            next.X_MT.R = rotation_of(new_tilt * Vec3(-std::sin(new_azimuth), std::cos(new_azimuth), 0));
-          }
-          if (axis < 3) {
-            const Vec3& p = next.X_MT.p;
-            if (options_.box && ((p - (*options_.box)[0]).minCoeff() < 0 || ((*options_.box)[1] - p).minCoeff() < 0)) {
-              continue;
-            }
-            if (!workspace::reaches_samples(machine_, options_.workspace, sampled, p)) continue;
-          }
-          if (!judge(sizes, next) || !(next.ratio > best.ratio * (1 + 1e-9))) continue;
-          best = std::move(next);
-          better = true;
-          break;
-        }
-      }
-      if (!better) share /= 2;
-    }
+    const WorstCaseAt worst_at(machine_, sizes, {Method::exact, design_.region});
+    const auto ratio = [&](const Pose& X) {
+      const auto q = joints_at(machine_, X);
+      if (!q) return std::numeric_limits<double>::quiet_NaN();
+      const auto worst = worst_at(X, *q);
+      return worst ? ratio_of(*worst) : std::numeric_limits<double>::quiet_NaN();
+    };
+    best.X_MT = climb(machine_, survey_, options_, {best.X_MT, best.ratio}, true, ratio).X_MT;
+    POLYPOD_TRY(judge(sizes, best));
     return best;
   }
 

@@ -160,6 +160,24 @@ TEST(Config, CF105OutOfRange) {
   EXPECT_THAT(t.number("zero", kPositive).error().message, HasSubstr("above 0"));
 }
 
+TEST(Config, CF105LengthsOfMoreThanAThousandKilometres) {
+  const Table t = table_of(R"(
+a_mm = 1e12
+b_mm = -1e9
+c_mm = [1, -1.1e9]
+d_mm = [[1, 2], [1e10, 4]]
+force_N = 1e12
+stiffness_N_per_mm2 = 1e12
+)");
+  EXPECT_EQ(where(t.number("a_mm")), "CF105 2:8");
+  EXPECT_EQ(where(t.optional_number("a_mm", 0)), "CF105 2:8");
+  EXPECT_TRUE(t.number("b_mm"));
+  EXPECT_EQ(where(t.numbers("c_mm")), "CF105 4:12");
+  EXPECT_EQ(where(t.points("d_mm", 2)), "CF105 5:18");
+  EXPECT_TRUE(t.number("force_N") && t.number("stiffness_N_per_mm2"));
+  EXPECT_THAT(to_string(t.number("a_mm").error()), HasSubstr("a_mm = 1e+12"));
+}
+
 TEST(Config, CF106MissingKeys) {
   const Table t = table_of("a = 1\n[tool]\nx = 1\n");
   const auto missing = t.number("b");

@@ -2,6 +2,7 @@
 // What of a machine may be off: lengths, points, angles, joint readings, by the keys of its parameters.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -43,5 +44,21 @@ struct Sized {
 /// finite, or below 0 where `tolerance`).
 Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<std::pair<std::string, double>>& sizes,
                                  bool tolerance);
+
+/// The same sizes with one element a joint: without attachments whose own joint is among the sizes, too. An attachment
+/// acts exactly like its joint, so tolerances of both add up; one that a drawing gives to the joint as a whole must
+/// count once. Nothing where no joint counts twice.
+std::optional<std::vector<Sized>> one_element_a_joint(const AnyMachine& machine, const std::vector<Sized>& sizes);
+
+/// Elements with the same value, as one bar of a chart.
+struct Bar {
+  std::string name;  ///< "base.joint[2], base.attachment[2]"
+  int elements = 0;
+  double each = 0;
+  [[nodiscard]] double total() const { return elements * each; }
+};
+/// Bars of elements and their values, the largest total first; what is below 1e-9 of the largest value is left out, and
+/// values that differ by less are the same.
+std::vector<Bar> bars_of(const AnyMachine& machine, const std::vector<std::pair<int, double>>& values);
 
 }  // namespace polypod::quality

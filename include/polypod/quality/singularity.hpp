@@ -2,6 +2,7 @@
 // Singular poses: which kind, how far, and which motion is lost or cannot be held (JEL 6.3).
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <string>
 
@@ -54,6 +55,40 @@ struct PathSingularity {
 /// From X to Y the tip moves straight and the orientation turns at a constant rate about one axis; `samples` steps,
 /// then the least of the smaller of mobility and control is refined to 1e-6 of the path. Joints follow by continuity.
 PathSingularity along_path(const AnyMachine& machine, const Pose& from_MT, const Pose& to_MT, int samples = 200);
+
+/// Below this a smallest singular value is 0 but for rounding: the side has lost rank.
+inline constexpr double kRankLost = 1e-9;
+
+/// Whether a machine is singular wherever it stands: architecturally singular, as hexapods with congruent or similar
+/// regular hexagons for base and platform are.
+struct PoseIndependentSingularity {
+  int poses = 0;                ///< at which it was judged: home (not of serial arms) and pseudo-random ones
+  int within_limits = 0;        ///< of these, poses that keep every limit
+  int type1 = 0, type2 = 0;     ///< of these, poses where B, A has lost rank (kRankLost)
+  double largest_mobility = 0;  ///< of the smallest singular values of B that were seen
+  double largest_control = 0;   ///< of those of A
+
+  /// No pose was found where the drives hold the platform (type 2).
+  [[nodiscard]] bool never_held() const { return poses > 0 && type2 == poses; }
+  /// No pose was found where the tool has all its motions (type 1).
+  [[nodiscard]] bool never_moves_freely() const { return poses > 0 && type1 == poses; }
+  [[nodiscard]] bool everywhere() const { return never_held() || never_moves_freely(); }
+  /// Not quite singular, but below `threshold` at every pose.
+  [[nodiscard]] bool nearly(double threshold = kSingularThreshold) const {
+    return poses > 0 && !everywhere() && std::min(largest_control, largest_mobility) < threshold;
+  }
+};
+
+/// Judges the rank of both sides of A dX + B dq = 0, scaled as `singularity` does, at home and at 32 pseudo-random
+/// poses round it, the same at every call, that keep all limits (where fewer are found in 800 trials: any that the
+/// joints can take). det A is an analytic function of the pose, so one that vanishes at random poses vanishes at all
+/// but for a chance of nil; that it was judged at N poses is said all the same. Arms: at joints over their ranges; one
+/// with fewer joints than its task has coordinates lacks motions by design, which is not judged.
+/// Cost: 2 ms.
+PoseIndependentSingularity pose_independent_singularity(const AnyMachine& machine);
+
+/// "singular at every pose (judged at 33 of 33 poses ...): ...", or that it is nearly so; empty where it is neither.
+std::string in_words(const PoseIndependentSingularity& s);
 
 /// A singular pose near X and its distance: Newton's steps of least length on the determinant of the side that can be
 /// singular, in the space of [p; L rotation]. Local: a nearer one may exist. Empty where 50 steps do not find it, or

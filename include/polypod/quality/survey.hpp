@@ -45,19 +45,45 @@ struct Statistics {
   double min = 0, mean = 0, max = 0, stddev = 0;
   Vec3 min_at = Vec3::Zero(), max_at = Vec3::Zero();  ///< in M, m
 };
-/// Of one number a point. Values that are not finite count for min and max alone.
+/// Of one number a point. Values that are not finite count for min and max alone; mean and stddev are no numbers where
+/// there is no finite one.
 Statistics statistics(const Survey& survey, const std::vector<double>& values);
 
-/// Where a quantity is largest of all its worst values.
+/// Where a quantity is largest of all its worst values at the points of the grid.
 struct Extreme {
   Pose X_MT;
   double value = 0;
 };
 Extreme worst_of(const Survey& survey, const Quantity& quantity);
 
+/// Up to three quantities at one point over some directions: their means and their worst.
+struct PointValues {
+  std::array<double, 3> mean{}, worst{};
+  std::array<int, 3> worst_direction{};
+};
+/// The quantities of a field, in the order of its members, wherever else one looks. The machine must outlive them.
+struct Anywhere {
+  std::function<PointValues(const Vec3& p)> at_point;  ///< p in M, m; over the survey's directions
+  std::function<std::array<double, 3>(const Pose& X_MT, const JointVector& q)> at_pose;
+};
+
+/// The statistics of the means with the least and the largest looked for between the points, too: from the best three
+/// points of the grid by a compass search over the position, steps from half the spacing to a fiftieth, within the
+/// workspace. `number` is the quantity's place in the field. These are the least and the largest SEEN, not bounds: a
+/// sharper peak may lie between. Cost: some hundred calls of at_point.
+Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                           const Quantity& quantity, const Anywhere& anywhere, std::size_t number);
+
+/// The worst pose seen: from the four best points of the grid by a compass search over the position and both angles of
+/// the direction. `sign` 1: the largest is the worst; -1: the least. Seen, not a bound. Infinite values are as they
+/// are.
+Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                   const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign = 1);
+
 struct DexterityField {
   Quantity condition, sigma_min, determinant;  ///< as kinematics::dexterity; |det|; worst: largest, least, least
   double length = 0;                           ///< the characteristic length, m; 0 where it changes with the pose
+  Anywhere anywhere;
 };
 /// Cost a pose: 0.15 us for hexapods, four at a time; 3 us for others.
 Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
@@ -65,6 +91,7 @@ Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& 
 
 struct ErrorField {
   Quantity position, orientation;  ///< m, rad
+  Anywhere anywhere;
 };
 /// The lengths of known_error at each pose.
 Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,

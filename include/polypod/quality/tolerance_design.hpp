@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// The loosest tolerances that keep the tool's error below a wanted value wherever one looks.
+// The loosest tolerances that keep the tool's error below a wanted value wherever it is judged.
 #pragma once
 
 #include <limits>
@@ -37,7 +37,7 @@ struct ToleranceDesign {
     double share = 0;  ///< of the error at the worst pose, 0 to 1
   };
   std::vector<Part> parts;
-  double position = 0, orientation = 0;  ///< the largest worst cases that these tolerances give, m and rad
+  double position = 0, orientation = 0;  ///< the largest worst cases seen with them, m and rad
   Pose worst;                            ///< where the tighter of the two wishes is met exactly
   double cost = 0;                       ///< sum of weight / tolerance (mm, deg) over the elements
   int rounds = 0;

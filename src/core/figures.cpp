@@ -1,0 +1,34 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/core/figures.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace polypod {
+
+Figures::Figures(double largest, int usual, int significant)
+    : largest_(std::isfinite(largest) ? std::abs(largest) : 0), decimals_(usual), significant_(significant) {
+  constexpr int kMostDecimals = 9;
+  if (largest_ == 0) return;
+  const int needed = significant - 1 - static_cast<int>(std::floor(std::log10(largest_)));
+  if (needed > usual) decimals_ = needed;
+  exponent_ = needed > std::max(usual, kMostDecimals);
+}
+
+std::string Figures::operator()(double value) const {
+  constexpr double kRounding = 1e-9;
+  if (std::isnan(value)) return "none";
+  if (std::isinf(value)) return value > 0 ? "infinite" : "-infinite";
+  if (std::abs(value) < kRounding * largest_) value = 0;
+  if (exponent_) return value == 0 ? "0" : fmt::format("{:.{}e}", value, significant_ - 1);
+  std::string out = fmt::format("{:.{}f}", value, decimals_);
+  if (out[0] == '-' && out.find_first_not_of("-0.") == std::string::npos) out.erase(0, 1);  // a zero without its sign
+  return out;
+}
+
+std::string figure(double value, int usual, int significant) {
+  return Figures(value, usual, significant)(value);
+}
+
+}  // namespace polypod

@@ -1,0 +1,183 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Largest and least values between the points of a grid; elements that count twice; bars of equal elements.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "machines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/quality/survey.hpp"
+
+namespace polypod::quality {
+namespace {
+
+using test::load;
+
+SurveyOptions boxed(const Vec3& low_mm, const Vec3& high_mm, int resolution, double tilt_deg) {
+  SurveyOptions options;
+  options.workspace.directions.tilt = units::from_deg(tilt_deg);
+  options.resolution = resolution;
+  options.box = {1e-3 * low_mm, 1e-3 * high_mm};
+  return options;
+}
+
+struct Looked {
+  Survey survey;
+  ErrorField errors;
+  DexterityField dexterity;
+};
+Looked look(const AnyMachine& m, const SurveyOptions& options) {
+  const auto s = survey(m, options);
+  const auto sizes = *sized(m, {{"all", 0.01}}, true);
+  return {*s, *tolerance_field(m, *s, options, sizes), *dexterity_field(m, *s, options)};
+}
+
+// Where a coarse grid and its refinement look, a grid ten times finer must not find much more, and both stay in the
+// box.
+constexpr double kMissed = 2e-3;  // as a share: the refinement ends at 1/50 of the coarse spacing
+
+TEST(Extremes, AreThoseOfAGridTenTimesFiner) {
+  const AnyMachine m = load("hexapod-strut");
+  const Vec3 low(-9, -7, 58), high(9, 11, 76);
+  const SurveyOptions coarse = boxed(low, high, 4, 10), fine = boxed(low, high, 31, 10);
+  const Looked few = look(m, coarse), many = look(m, fine);
+  struct Case {
+    const Quantity &few, &many;
+    const Anywhere& anywhere;
+    std::size_t number;
+  };
+  for (const Case& c : {Case{few.errors.position, many.errors.position, few.errors.anywhere, 0},
+                        {few.errors.orientation, many.errors.orientation, few.errors.anywhere, 1},
+                        {few.dexterity.condition, many.dexterity.condition, few.dexterity.anywhere, 0},
+                        {few.dexterity.sigma_min, many.dexterity.sigma_min, few.dexterity.anywhere, 1},
+                        {few.dexterity.determinant, many.dexterity.determinant, few.dexterity.anywhere, 2}}) {
+    const Statistics seen = statistics_seen(m, few.survey, coarse, c.few, c.anywhere, c.number);
+    const Statistics grid = statistics(few.survey, c.few.mean), dense = statistics(many.survey, c.many.mean);
+    EXPECT_GE(seen.max, grid.max);
+    EXPECT_LE(seen.min, grid.min);
+    EXPECT_GE(seen.max, dense.max * (1 - kMissed)) << c.number;
+    EXPECT_LE(seen.min, dense.min * (1 + kMissed)) << c.number;
+    EXPECT_NEAR(c.anywhere.at_point(seen.max_at).mean[c.number] / seen.max, 1, 1e-12);
+    EXPECT_NEAR(c.anywhere.at_point(seen.min_at).mean[c.number] / seen.min, 1, 1e-12);
+    for (const Vec3& at : {seen.max_at, seen.min_at}) {
+      EXPECT_GE((at - 1e-3 * low).minCoeff(), -1e-15);
+      EXPECT_GE((1e-3 * high - at).minCoeff(), -1e-15);
+    }
+    EXPECT_EQ(seen.mean, grid.mean);
+  }
+}
+
+TEST(Extremes, LieBetweenThePointsOfAnArmsGrid) {
+  // The condition number of the arm over a thin box has its least inside, which few points miss.
+  const AnyMachine m = load("lola50");
+  const Vec3 low(-150, -1450, 0), high(150, -1150, 1);
+  const SurveyOptions coarse = boxed(low, high, 3, 0), fine = boxed(low, high, 41, 0);
+  const Looked few = look(m, coarse), many = look(m, fine);
+  const Quantity& q = few.dexterity.determinant;
+  const Statistics seen = statistics_seen(m, few.survey, coarse, q, few.dexterity.anywhere, 2);
+  const Statistics dense = statistics(many.survey, many.dexterity.determinant.mean);
+  EXPECT_GE(seen.max, dense.max * (1 - kMissed));
+  EXPECT_LE(seen.min, dense.min * (1 + kMissed));
+}
+
+TEST(Extremes, WorstPosesKeepTheWorkspaceAndTheDirections) {
+  const AnyMachine m = load("hexapod-strut");
+  SurveyOptions options;
+  options.workspace.directions.tilt = units::from_deg(20);
+  options.resolution = 9;
+  const Looked f = look(m, options);
+  const Extreme grid = worst_of(f.survey, f.errors.position);
+  const Extreme seen = worst_seen(m, f.survey, options, f.errors.position, f.errors.anywhere, 0);
+  EXPECT_GT(seen.value, grid.value * 1.001);
+  const auto q = joints_at(m, seen.X_MT);
+  ASSERT_TRUE(q);
+  EXPECT_NEAR(worst_case(m, seen.X_MT, *q, *sized(m, {{"all", 0.01}}, true))->position / seen.value, 1, 1e-12);
+  EXPECT_TRUE(workspace::reaches_samples(m, options.workspace, f.survey.orientations, seen.X_MT.p));
+  EXPECT_LE(rotation_vector(seen.X_MT.R).norm(), units::from_deg(20) * (1 + 1e-12));
+  const Extreme least = worst_seen(m, f.survey, options, f.dexterity.sigma_min, f.dexterity.anywhere, 1, -1);
+  EXPECT_LE(least.value, *std::min_element(f.dexterity.sigma_min.worst.begin(), f.dexterity.sigma_min.worst.end()));
+  EXPECT_NEAR(kinematics::dexterity(m, least.X_MT, *joints_at(m, least.X_MT)).sigma_min / least.value, 1, 1e-12);
+}
+
+TEST(Extremes, OfRangesStayInTheRanges) {
+  const AnyMachine m = load("hexapod-strut");
+  SurveyOptions options = boxed({-3, -3, 66}, {3, 3, 72}, 3, 0);
+  options.workspace.directions.tilt = 0;
+  options.workspace.directions.a_range = std::array<double, 2>{units::from_deg(-4), units::from_deg(9)};
+  options.workspace.directions.b_range = std::array<double, 2>{units::from_deg(2), units::from_deg(6)};
+  const Looked f = look(m, options);
+  for (const double sign : {1.0, -1.0}) {
+    const Extreme seen = worst_seen(m, f.survey, options, f.dexterity.condition, f.dexterity.anywhere, 0, sign);
+    const Vec3 abc = angles_abc(seen.X_MT.R) / units::kRadPerDeg;
+    constexpr double kRounding = 1e-9;
+    EXPECT_GE(abc.x(), -4 - kRounding);
+    EXPECT_LE(abc.x(), 9 + kRounding);
+    EXPECT_GE(abc.y(), 2 - kRounding);
+    EXPECT_LE(abc.y(), 6 + kRounding);
+    EXPECT_NEAR(abc.z(), 0, kRounding);
+  }
+}
+
+TEST(Extremes, OfNoFiniteValueHaveNoMean) {
+  const AnyMachine m = load("hexapod-strut");
+  const auto s = survey(m, boxed({-1, -1, 66}, {1, 1, 68}, 2, 0));
+  const std::vector<double> values(s->inside.size(), std::numeric_limits<double>::infinity());
+  const Statistics none = statistics(*s, values);
+  EXPECT_TRUE(std::isnan(none.mean) && std::isnan(none.stddev));
+  EXPECT_TRUE(std::isinf(none.max));
+}
+
+TEST(OneElementAJoint, LeavesOutAttachmentsWhoseJointCounts) {
+  const AnyMachine m = load("hexapod-strut");
+  const auto both = *sized(m, {{"all", 0.01}}, true);
+  const auto once = one_element_a_joint(m, both);
+  ASSERT_TRUE(once);
+  const auto named = *sized(m, {{"leg.length", 0.01}, {"base.joint", 0.01}, {"platform.joint", 0.01}}, true);
+  ASSERT_EQ(once->size(), named.size());
+  for (std::size_t i = 0; i < named.size(); ++i) EXPECT_EQ((*once)[i].element, named[i].element);
+  // An attachment acts exactly like its joint: with all joints counted once the share of the joints is halved.
+  const Pose X{Mat3::Identity(), Vec3(0.003, -0.002, 0.07)};
+  const auto q = *joints_at(m, X);
+  const double legs = worst_case(m, X, q, *sized(m, {{"leg.length", 0.01}}, true))->position;
+  const double twice = worst_case(m, X, q, both)->position, single = worst_case(m, X, q, *once)->position;
+  EXPECT_LT(single, 0.6 * twice);
+  EXPECT_GT(single, 0.5 * twice);
+  EXPECT_NEAR(twice - single, single - legs, 0.02 * single);  // equal but for the directions of the vertices
+  EXPECT_FALSE(one_element_a_joint(m, named));
+  EXPECT_FALSE(one_element_a_joint(m, *sized(m, {{"base.attachment", 0.01}, {"platform.joint", 0.01}}, true)));
+  const AnyMachine arm = load("lola50");
+  EXPECT_FALSE(one_element_a_joint(arm, *sized(arm, {{"all", 0.01}}, true)));
+}
+
+TEST(Bars, OfEqualElementsAreOne) {
+  const AnyMachine m = load("hexapod-strut");
+  const Pose X{Mat3::Identity(), Vec3(0.003, -0.002, 0.07)};
+  const auto sizes = *sized(m, {{"all", 0.01}}, true);
+  const auto worst = worst_case(m, X, *joints_at(m, X), sizes);
+  std::vector<std::pair<int, double>> values;
+  for (const auto& s : worst->shares) values.emplace_back(s.element, s.position);
+  const auto bars = bars_of(m, values);
+  double total = 0;
+  int elements = 0;
+  for (const Bar& bar : bars) {
+    total += bar.total();
+    elements += bar.elements;
+    // A joint never stands alone: its attachment has the same share.
+    EXPECT_EQ(bar.name.find("base.joint") == std::string::npos, bar.name.find("base.attachment") == std::string::npos);
+  }
+  EXPECT_EQ(elements, 30);
+  EXPECT_LE(bars.size(), 18u);
+  EXPECT_NEAR(total / worst->position, 1, 1e-12);
+  EXPECT_TRUE(
+      std::is_sorted(bars.begin(), bars.end(), [](const Bar& a, const Bar& b) { return a.total() > b.total(); }));
+  // At the middle, upright, all six legs are alike or come in pairs.
+  const auto few = bars_of(m, {{0, 1.0}, {1, 1.0}, {2, 0.5}, {3, 0.0}});
+  ASSERT_EQ(few.size(), 2u);
+  EXPECT_EQ(few[0].name, "leg.length[1,2]");
+  EXPECT_EQ(few[0].elements, 2);
+}
+
+}  // namespace
+}  // namespace polypod::quality
