@@ -35,6 +35,8 @@ Command budget_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            if (o->warming == 0)
+              POLYPOD_TRY(refuse(context, {"--expansion"}, "it serves --warming; give the rise in K"));
             POLYPOD_ASSIGN(here, pose_joints(m, o->pose));
             if (!here.reachable) {
               fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);

@@ -39,6 +39,8 @@ class Arguments {
 struct Context {
   bool json = false;
   bool progress = false;  ///< stderr is a terminal
+  /// Whether the command line gives this option of the command ("--box").
+  std::function<bool(const std::string&)> given = [](const std::string&) { return false; };
 };
 
 struct Command {
@@ -56,6 +58,10 @@ std::vector<Command> all_commands();
 
 /// "1,2.5,-3" as numbers. Errors: AP100 with the text and the option's name.
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option);
+
+/// Errors: AP107 for the first of these options that was given although it does nothing here; `serves` says where it
+/// would: "it serves --analysis errors".
+Status refuse(const Context& context, const std::vector<std::string>& options, const std::string& serves);
 
 /// A machine by name or path with `--set key=value` applied.
 Result<machine::AnyMachine> machine_of(const std::string& name, const std::vector<std::string>& sets);

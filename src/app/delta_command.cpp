@@ -78,6 +78,7 @@ Command delta_command() {
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        if (o->cloud.empty()) POLYPOD_TRY(refuse(context, {"--steps"}, "it serves --cloud; name a file"));
         for (const std::string* path : {&o->csv, &o->cloud, &o->report})
           if (!path->empty()) POLYPOD_TRY(files::may_write(*path));
         workspace::DeltaStudyOptions options;

@@ -96,6 +96,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     fmt::print("close to singular, so that first order says little: it {}\n", quality::in_words(here.X_MT, near));
   }
   if (o.tolerances.empty()) {
+    document["method"] = "linear";
     const Vec6 linear = quality::known_error(m, here.X_MT, here.joints, sizes);
     const auto exact = quality::known_error_exact(m, here.X_MT, here.joints, sizes);
     const double position = units::to_mm(linear.head<3>().norm());
@@ -176,6 +177,19 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
   return kDone;
 }
 
+/// Options that say how tolerances, statistics or surveys are worked out, where there are none.
+Status refuse_unused(const Options& o, const Context& context) {
+  if (o.tolerances.empty()) {
+    POLYPOD_TRY(refuse(context, {"--method", "--region", "--distribution", "--samples", "--confidence", "--seed"},
+                       "it serves --tolerance; a known error has one result"));
+  }
+  if (o.where.pose.empty()) POLYPOD_TRY(refuse(context, {"--distribution"}, "it serves --pose; give a pose"));
+  if (o.distribution.empty()) {
+    POLYPOD_TRY(refuse(context, {"--samples", "--confidence", "--seed"}, "it serves --distribution; give one"));
+  }
+  return o.where.refuse_at_pose(context);
+}
+
 }  // namespace
 
 Command errors_command() {
@@ -208,6 +222,7 @@ Command errors_command() {
             if (o->method == "search") tolerance.method = quality::Method::search;
             POLYPOD_ASSIGN(region, region_argument(o->region));
             tolerance.region = region;
+            POLYPOD_TRY(refuse_unused(*o, context));
             POLYPOD_TRY(o->files.check(!o->where.pose.empty()));
             if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, context);
 
@@ -244,8 +259,8 @@ Command errors_command() {
                             {"points", survey.inside.size()},
                             {"directions", survey.orientations.size()},
                             {"volume_mm3", units::to_mm3(survey.volume)}};
+              document["method"] = tolerances ? o->method : "linear";
               if (tolerances) {
-                document["method"] = o->method;
                 document["region"] = o->region;
                 document["shares"] = shares_json(m, case_there);
               }

@@ -58,6 +58,14 @@ Result<std::vector<double>> numbers_of(const std::string& text, const std::strin
   }
 }
 
+Status refuse(const Context& context, const std::vector<std::string>& options, const std::string& serves) {
+  for (const std::string& option : options) {
+    if (!context.given(option)) continue;
+    return fail("AP107", fmt::format("{} does nothing here", option), {}, serves);
+  }
+  return {};
+}
+
 Result<machine::AnyMachine> machine_of(const std::string& name, const std::vector<std::string>& sets) {
   std::vector<machine::Override> overrides;
   for (const std::string& set : sets) {

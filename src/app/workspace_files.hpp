@@ -11,6 +11,8 @@ struct WorkspaceFiles {
   std::string stl, vtp, vti, report;
   int resolution = 0;  ///< 0: 64
 
+  /// Errors: AP107 for a resolution of files that are not asked for.
+  [[nodiscard]] Status refuse_unused(const Context& context) const;
   void declare(Arguments& arguments);
   /// Asked before the long work. Errors: FI101, AP130.
   [[nodiscard]] Status check() const;

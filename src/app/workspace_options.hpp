@@ -16,7 +16,10 @@ struct WorkspaceOptions {
   double clearance = 0;  ///< mm
   int threads = 0;
 
-  void declare(Arguments& arguments);
+  void declare(Arguments& arguments);             ///< all of them
+  void declare_directions(Arguments& arguments);  ///< --tilt, --a-range, --b-range
+  void declare_limits(Arguments& arguments);      ///< --interference, --without, --clearance
+  void declare_threads(Arguments& arguments);
   [[nodiscard]] Result<workspace::Options> options(const machine::AnyMachine& m, const Context& context) const;
 };
 
