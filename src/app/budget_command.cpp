@@ -39,6 +39,8 @@ Command budget_command() {
             const std::vector<std::string> figures{"rows", "accuracy_um", "repeatability_um"};
             const SingularNote singular(m, context);
             if (const auto no = singular.refusal(figures)) return *no;
+            if (o->warming == 0)
+              POLYPOD_TRY(refuse(context, {"--expansion"}, "it serves --warming; give the rise in K"));
             POLYPOD_ASSIGN(here, pose_joints(m, o->pose));
             if (!here.reachable) {
               fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);

@@ -40,6 +40,8 @@ class Arguments {
 struct Context {
   bool json = false;
   bool progress = false;  ///< stderr is a terminal
+  /// Whether the command line gives this option of the command ("--box").
+  std::function<bool(const std::string&)> given = [](const std::string&) { return false; };
 };
 
 struct Command {
@@ -58,6 +60,10 @@ std::vector<Command> all_commands();
 /// "1,2.5,-3" as numbers. Errors: AP100 with the text and the option's name.
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option);
 
+/// Errors: AP107 for the first of these options that was given although it does nothing here; `serves` says where it
+/// would: "it serves --analysis errors".
+Status refuse(const Context& context, const std::vector<std::string>& options, const std::string& serves);
+
 /// A machine by name or path with `--set key=value` applied.
 Result<machine::AnyMachine> machine_of(const std::string& name, const std::vector<std::string>& sets);
 
@@ -74,7 +80,7 @@ std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int dig
 /// Whether a command may read these files and write those; empty names count as not given. Files that a TOML file among
 /// the inputs names (a job's machine, cutters, stock, ...) count as inputs. With an output to standard output, what the
 /// command prints goes to stderr from now on. Errors: AP106 an output that is an input or another output too, under
-/// whatever name, an input that is given twice; AP107 standard output is asked for twice, by --json too; those of
+/// whatever name, an input that is given twice; AP114 standard output is asked for twice, by --json too; those of
 /// files::may_write.
 Status check_files(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs, bool json = false);
 /// Errors: AP105 where the machine has no compliances.

@@ -128,6 +128,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
   Json document{{"pose", pose_for_user(m, here.X_MT)}, {"joints", joints_for_user(m, here.joints)}};
   if (const auto no = said_of_singular_pose(m, here, context, document, {"position_mm", "orientation_rad"})) return *no;
   if (o.tolerances.empty()) {
+    document["method"] = "linear";
     const Vec6 linear = quality::known_error(m, here.X_MT, here.joints, sizes);
     const auto exact = quality::known_error_exact(m, here.X_MT, here.joints, sizes);
     const double position = units::to_mm(linear.head<3>().norm());
@@ -222,6 +223,19 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
   return kDone;
 }
 
+/// Options that say how tolerances, statistics or surveys are worked out, where there are none.
+Status refuse_unused(const Options& o, const Context& context) {
+  if (o.tolerances.empty()) {
+    POLYPOD_TRY(refuse(context, {"--method", "--region", "--distribution", "--samples", "--confidence", "--seed"},
+                       "it serves --tolerance; a known error has one result"));
+  }
+  if (o.where.pose.empty()) POLYPOD_TRY(refuse(context, {"--distribution"}, "it serves --pose; give a pose"));
+  if (o.distribution.empty()) {
+    POLYPOD_TRY(refuse(context, {"--samples", "--confidence", "--seed"}, "it serves --distribution; give one"));
+  }
+  return o.where.refuse_at_pose(context);
+}
+
 }  // namespace
 
 Command errors_command() {
@@ -256,6 +270,7 @@ Command errors_command() {
             if (o->method == "search") tolerance.method = quality::Method::search;
             POLYPOD_ASSIGN(region, region_argument(o->region));
             tolerance.region = region;
+            POLYPOD_TRY(refuse_unused(*o, context));
             POLYPOD_TRY(o->files.check(!o->where.pose.empty(), o->machine, context.json));
             const SingularNote singular(m, context);
             if (const auto no = singular.refusal({"position_mm", "orientation_rad"})) return *no;
@@ -296,8 +311,8 @@ Command errors_command() {
               document["directions"] = survey.orientations.size();
               document["volume_mm3"] = units::to_mm3(survey.volume);
               if (!singular_there.empty()) document["worst"]["singular"] = singular_there;
+              document["method"] = tolerances ? o->method : "linear";
               if (tolerances) {
-                document["method"] = o->method;
                 document["region"] = o->region;
                 document["shares"] = shares_json(m, case_there);
               }

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 
 #include "commands.hpp"
@@ -75,6 +76,10 @@ Command force_command() {
             a.option("--direction", o->direction, "up, down or slot", true);
           },
           [o](const Context& context) -> Result<int> {
+            if (!o->cutter.empty()) {
+              POLYPOD_TRY(refuse(context, {"--diameter", "--teeth", "--helix"}, "the cutter's file says it"));
+            }
+            if (!o->material.empty()) POLYPOD_TRY(refuse(context, {"--coefficients"}, "the material's file says them"));
             POLYPOD_ASSIGN(cutter, cutter_of(*o));
             POLYPOD_ASSIGN(material, material_of(*o));
             cutting::CutSide side;
@@ -88,6 +93,9 @@ Command force_command() {
               return fail("AP112", fmt::format("--direction {}: not up, down or slot", o->direction));
             }
             const double diameter_mm = units::to_mm(cutter.diameter);
+            if (side == cutting::CutSide::slot && std::abs(o->ae - diameter_mm) > 1e-9 * diameter_mm) {
+              POLYPOD_TRY(refuse(context, {"--ae"}, "a slot is as wide as the cutter; --ae serves up and down"));
+            }
             const double ae = side == cutting::CutSide::slot && o->ae == 0 ? diameter_mm : o->ae;
             if (!(ae > 0 && ae <= diameter_mm * (1 + 1e-12))) {
               return fail("AP113",

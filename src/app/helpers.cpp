@@ -95,6 +95,14 @@ Result<std::vector<double>> numbers_of(const std::string& text, const std::strin
   }
 }
 
+Status refuse(const Context& context, const std::vector<std::string>& options, const std::string& serves) {
+  for (const std::string& option : options) {
+    if (!context.given(option)) continue;
+    return fail("AP107", fmt::format("{} does nothing here", option), {}, serves);
+  }
+  return {};
+}
+
 Result<machine::AnyMachine> machine_of(const std::string& name, const std::vector<std::string>& sets) {
   std::vector<machine::Override> overrides;
   for (const std::string& set : sets) {
@@ -199,7 +207,7 @@ Status check_files(const std::vector<std::string>& inputs, const std::vector<std
   }
   if (!to_standard_output) return {};
   if (json) {
-    return fail("AP107", "--json and an output would both go to standard output", {},
+    return fail("AP114", "--json and an output would both go to standard output", {},
                 "give the output a file, or leave --json out");
   }
   return files::keep_standard_output_for_files();

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // machines, info, ik, fk, jacobian
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <bit>
 #include <cstdio>
@@ -50,14 +51,22 @@ Json joint_ranges_json(const machine::AnyMachine& m) {
   return out;
 }
 
+Json pose_json(const machine::AnyMachine& m, const Pose& X, double residual, const machine::JointVector& q) {
+  return {{"pose", pose_for_user(m, X)},
+          {"residual", residual},
+          {"violations", kinematics::limit_names(m, kinematics::violations(m, X, q))}};
+}
+
+std::string in_words(const std::vector<std::string>& violations) {
+  return violations.empty() ? "within all limits" : fmt::format("{}", fmt::join(violations, ", "));
+}
+
 int print_modes(const Context& context, const machine::AnyMachine& m, const machine::JointVector& q,
                 const machine::AssemblyModes& modes) {
   const std::string text = machine::description_of(modes);
   Json poses = Json::array();
   for (std::size_t i = 0; i < modes.poses.size(); ++i) {
-    poses.push_back({{"pose", pose_for_user(m, modes.poses[i])},
-                     {"residual", modes.residuals[i]},
-                     {"violations", kinematics::limit_names(m, kinematics::violations(m, modes.poses[i], q))}});
+    poses.push_back(pose_json(m, modes.poses[i], modes.residuals[i], q));
   }
   if (context.json) {
     print_json({{"poses", poses},
@@ -205,6 +214,9 @@ Command ik_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            if (kinematics::task(m) == machine::Task::point) {
+              POLYPOD_TRY(refuse(context, {"--free-twist"}, "it serves machines that can turn their tool"));
+            }
             Json twist;
             if (o->free_twist) twist = turn_freely(m, X);
             const kinematics::InverseResult result = kinematics::inverse(m, X);
@@ -236,11 +248,7 @@ Command ik_command() {
               fmt::print("no solution: {}\n", result.reason);
             } else {
               for (const kinematics::Solution& s : result.solutions) {
-                std::string limits;
-                for (const std::string& name : kinematics::limit_names(m, s.violations)) {
-                  limits += (limits.empty() ? "" : ", ") + name;
-                }
-                fmt::print("{:<32} {}{}\n  {}\n", s.branch, s.violations == 0 ? "within all limits" : limits,
+                fmt::print("{:<32} {}{}\n  {}\n", s.branch, in_words(kinematics::limit_names(m, s.violations)),
                            s.singular ? " (singular)" : "", joined(joints_for_user(m, s.joints)));
               }
             }
@@ -275,12 +283,17 @@ Command fk_command() {
         const kinematics::ForwardResult result = o->all ? kinematics::forward_all(m, q) : kinematics::forward(m, q);
         Json poses = Json::array();
         for (std::size_t i = 0; i < result.poses.size(); ++i) {
-          poses.push_back({{"pose", pose_for_user(m, result.poses[i])}, {"residual", result.residuals[i]}});
+          poses.push_back(pose_json(m, result.poses[i], result.residuals[i], q));
         }
         if (context.json) {
-          print_json({{"poses", poses}, {"complete", result.complete}});
+          Json document{{"poses", poses}, {"complete", result.complete}};
+          if (poses.empty()) document["reason"] = result.reason;
+          print_json(document);
         } else {
-          for (const Json& p : poses) fmt::print("{}\n", joined(p["pose"].get<std::vector<double>>()));
+          for (const Json& p : poses) {
+            fmt::print("{}\n  {}\n", joined(p["pose"].get<std::vector<double>>()), in_words(p["violations"]));
+          }
+          if (poses.empty()) fmt::print("no pose: {}\n", result.reason);
         }
         return poses.empty() ? kAnswerIsNo : kDone;
       }};
@@ -300,6 +313,10 @@ Command jacobian_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            if (kinematics::task(m) == machine::Task::point) {
+              POLYPOD_TRY(
+                  refuse(context, {"--length"}, "it weighs angles against lengths; this machine does not turn its tool"));
+            }
             const kinematics::InverseResult inverse = kinematics::inverse(m, X);
             const kinematics::Solution* s = inverse.reachable();
             if (s == nullptr && !inverse.solutions.empty()) s = &inverse.solutions.front();

@@ -296,6 +296,7 @@ Command correct_command() {
             } else if (o->method != "tube") {
               return fail("AP121", fmt::format("--method {}: not tube or mirror", o->method));
             }
+            if (o->method == "tube") POLYPOD_TRY(refuse(context, {"--points"}, "it serves --method mirror"));
             if (o->points < 1 || o->points > 100000) return fail("AP122", "--points must be 1 to 100000");
             options.mirror_points = o->points;
             double tolerance_um = 0;

@@ -52,6 +52,39 @@ int exit_status(const Error& error) {
   return error.id.rfind("MC21", 0) == 0 || error.id.rfind("MC3", 0) == 0 ? kAnswerIsNo : kBadInput;
 }
 
+/// The commands that know an option, "workspace, sweep"; empty where none does.
+std::string commands_with(const CLI::App& app, const std::string& option, const std::string& before = "") {
+  std::string out;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    const std::string name = before + sub->get_name();
+    std::string found = sub->get_option_no_throw(option) != nullptr ? name : commands_with(*sub, option, name + " ");
+    if (!found.empty()) out += (out.empty() ? "" : ", ") + found;
+  }
+  return out;
+}
+
+/// What is wrong with a command line that CLI11 refuses: an option of other commands alone (AP107) or a command that
+/// there is not (AP108) are named, the rest is CLI11's text.
+std::string what_is_wrong(const CLI::App& app, const CLI::ParseError& e, int argc, char** argv) {
+  const CLI::App* chosen = &app;
+  for (auto subs = app.get_subcommands(); !subs.empty(); subs = chosen->get_subcommands()) chosen = subs.front();
+  if (chosen == &app && argc > 1 && argv[1][0] != '-') {
+    return to_string(
+        Error{"AP108", fmt::format("there is no command \"{}\"", argv[1]), {}, "`polypod --help` lists the commands"});
+  }
+  for (int i = 2; i < argc && chosen != &app; ++i) {
+    const std::string option = std::string(argv[i]).substr(0, std::string(argv[i]).find('='));
+    if (option.rfind("--", 0) != 0 || chosen->get_option_no_throw(option) != nullptr) continue;
+    const std::string others = commands_with(app, option);
+    if (others.empty()) break;
+    return to_string(Error{"AP107",
+                           fmt::format("{} does nothing in `{}`", option, chosen->get_name()),
+                           {},
+                           fmt::format("it serves {}", others)});
+  }
+  return e.what();
+}
+
 int run(int argc, char** argv) {
   CLI::App app{
       "Polypod: machines that cut and handle with arms and legs.\n"
@@ -85,13 +118,20 @@ int run(int argc, char** argv) {
     command.declare(arguments);
     sub->add_flag("--json", context.json, "Print one JSON document to stdout");
     sub->footer("Example:\n  " + command.example);
-    sub->callback([&chosen, &command] { chosen = command.run; });
+    sub->callback([&chosen, &command, &context, sub] {
+      chosen = command.run;
+      context.given = [sub](const std::string& option) {
+        const CLI::Option* known = sub->get_option_no_throw(option);
+        return known != nullptr && known->count() > 0;
+      };
+    });
   }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
-    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", one_line(e.what()));
+    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n",
+               one_line(what_is_wrong(app, e, argc, argv)));
     return kBadInput;
   }
   const Result<int> status = chosen(context);

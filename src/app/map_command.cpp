@@ -434,6 +434,7 @@ Status same_axis(const Mat3& R_MT, const statics::MeasuredPoint& point, const pa
 }
 
 Result<int> run_map(const MapOptions& o, const Context& context) {
+  if (o.paths.empty()) POLYPOD_TRY(refuse(context, {"--points"}, "it serves --path; give a path"));
   POLYPOD_TRY(check_outputs(o, context.json));
   POLYPOD_ASSIGN(m, machine_of(o.machine, o.sets));
   pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}, {}};

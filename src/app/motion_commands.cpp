@@ -1,7 +1,9 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // move, pick, fit
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <cmath>
 #include <memory>
 
 #include "commands.hpp"
@@ -97,6 +99,62 @@ void print_run(const machine::AnyMachine& m, const motion::Run& r) {
   }
 }
 
+/// What a motion of this machine is judged by, whatever its speed.
+pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Run& r, std::string what,
+                                  const Context& context, double clearance_mm) {
+  pages::MotionQuestion out;
+  out.what = std::move(what);
+  out.judged = pages::limits_of_poses(m);
+  if (clearance_mm > 0) {
+    out.judged.emplace_back("distance from singular poses");
+    out.limits.push_back({"least distance from singular poses", clearance_mm, units::to_mm(r.clearance), "mm",
+                          context.given("--clearance")});
+  } else {
+    out.not_judged.emplace_back("distance from singular poses");
+  }
+  return out;
+}
+
+/// The three limits of the tool or of the drives beside the largest values met.
+void add_limits(pages::MotionQuestion& question, const Context& context, const std::string& whose,
+                const std::string& option, const motion::Peaks& limit, const motion::Peaks& met, double (*to)(double),
+                const std::string& unit) {
+  const auto add = [&](const char* what, double motion::Peaks::*of, const char* per) {
+    question.limits.push_back({fmt::format("{} of the {}", what, whose), to(limit.*of), to(met.*of), unit + per,
+                               context.given(option + "-" + what)});
+  };
+  add("speed", &motion::Peaks::speed, "/s");
+  add("acceleration", &motion::Peaks::acceleration, "/s²");
+  add("jerk", &motion::Peaks::jerk, "/s³");
+}
+
+motion::Peaks largest_of_drives(const motion::Run& r) {
+  motion::Peaks out;
+  for (int i = 0; i < r.arms; ++i) {
+    out.speed = std::max(out.speed, r.drive[i].speed);
+    out.acceleration = std::max(out.acceleration, r.drive[i].acceleration);
+    out.jerk = std::max(out.jerk, r.drive[i].jerk);
+  }
+  return out;
+}
+
+Json question_json(const pages::MotionQuestion& question) {
+  Json limits = Json::array();
+  for (const pages::MotionLimit& l : question.limits) {
+    limits.push_back({{"name", l.name}, {"limit", l.limit}, {"met", l.met}, {"unit", l.unit}, {"given", l.given}});
+  }
+  return {{"values", limits}, {"judged", question.judged}, {"not_judged", question.not_judged}};
+}
+
+void print_question(const pages::MotionQuestion& question) {
+  for (const pages::MotionLimit& l : question.limits) {
+    fmt::print("limit    {:<36} {:>12.6g} {:<6} {:<7} met {:.6g}\n", l.name, l.limit, l.unit,
+               l.given ? "given" : "assumed", l.met);
+  }
+  fmt::print("judged   {}\n", fmt::join(question.judged, ", "));
+  if (!question.not_judged.empty()) fmt::print("not judged: {}\n", fmt::join(question.not_judged, ", "));
+}
+
 struct Outputs {
   std::string csv, report;
   void declare(Arguments& a) {
@@ -106,9 +164,10 @@ struct Outputs {
   [[nodiscard]] Status check(const std::vector<std::string>& inputs, bool json) const {
     return check_files(inputs, {csv, report}, json);
   }
-  Status write(const machine::AnyMachine& m, const motion::Run& r, const std::string& what, bool json) const {
+  Status write(const machine::AnyMachine& m, const motion::Run& r, const pages::MotionQuestion& question,
+               bool json) const {
     const std::string table = csv.empty() ? "" : pages::motion_csv(m, r);
-    const std::string page = report.empty() ? "" : pages::motion_page(m, r, what, POLYPOD_VERSION);
+    const std::string page = report.empty() ? "" : pages::motion_page(m, r, question, POLYPOD_VERSION);
     files::Outputs together;
     if (!csv.empty()) POLYPOD_TRY(together.add(csv, table));
     if (!report.empty()) POLYPOD_TRY(together.add(report, page));
@@ -118,6 +177,23 @@ struct Outputs {
     return {};
   }
 };
+
+/// "fits, 12.3 mm from the boundary (there: arm 1 above its largest angle); certain within 12.2 mm".
+std::string fit_in_words(const machine::AnyMachine& m, const workspace::PointFit& p) {
+  const std::string limit = workspace::limit_label(m, p.limit);
+  if (!std::isfinite(p.distance)) {
+    return p.fits ? "fits, and no boundary was found"
+                  : fmt::format("does not fit: {}; nothing that fits was found", limit);
+  }
+  if (!p.fits) {
+    const Vec3 at = p.boundary * units::kMmPerMetre;
+    return fmt::format(
+        "does not fit: {}; the nearest point found that fits is {:.1f} mm away, at {:.1f}, {:.1f}, {:.1f}", limit,
+        units::to_mm(p.distance), at.x(), at.y(), at.z());
+  }
+  return fmt::format("fits, {:.1f} mm from the boundary found (there: {}), certain within {:.1f} mm",
+                     units::to_mm(p.distance), limit, std::floor(10 * units::to_mm(p.certain)) / 10);
+}
 
 }  // namespace
 
@@ -129,45 +205,50 @@ Command move_command() {
     Outputs outputs;
   };
   auto o = std::make_shared<Options>();
-  return {"move", "A delta's tool along lines and arcs at constant speed: how the drives move, and whether it can",
-          "polypod move delta-brno --points \"200,-200,450;-200,200,550\" --speed 500",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.option("--path", o->file, "A path file (docs/delta.md): lines and arcs");
-            a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm");
-            a.option("--speed", o->speed, "mm/s (default: the path file's)");
-            a.option("--step", o->step, "Between samples, mm (default 1)");
-            a.option("--clearance", o->clearance, "Keep this far from singular poses, mm (default 10, 0: do not look)");
-            o->outputs.declare(a);
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (o->file.empty() == o->points.empty()) {
-              return fail("AP191", "the path must be given once", {}, "give --path FILE or --points");
-            }
-            POLYPOD_TRY(o->outputs.check({o->machine, o->file}, context.json));
-            motion::PathFile path;
-            if (!o->file.empty()) {
-              POLYPOD_ASSIGN(read, motion::read_path(o->file));
-              path = std::move(read);
-            } else {
-              POLYPOD_ASSIGN(points, points_of(o->points, "--points"));
-              POLYPOD_ASSIGN(lines, motion::path_through(points));
-              path.path = std::move(lines);
-            }
-            motion::RunOptions options;
-            options.step = units::from_mm(o->step);
-            options.singular = units::from_mm(o->clearance);
-            POLYPOD_ASSIGN(r,
-                           motion::run(m, path.path, o->speed != 0 ? units::from_mm(o->speed) : path.speed, options));
-            if (context.json) {
-              print_json(run_json(m, r));
-            } else {
-              print_run(m, r);
-            }
-            POLYPOD_TRY(o->outputs.write(m, r, "A path at constant speed", context.json));
-            return r.ok() ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "move", "A delta's tool along lines and arcs at constant speed: how the drives move, and whether it can",
+      "polypod move delta-brno --points \"200,-200,450;-200,200,550\" --speed 500",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--path", o->file, "A path file (docs/delta.md): lines and arcs");
+        a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm");
+        a.option("--speed", o->speed, "mm/s (default: the path file's)");
+        a.option("--step", o->step, "Between samples, mm (default 1)");
+        a.option("--clearance", o->clearance, "Keep this far from singular poses, mm (default 10, 0: do not look)");
+        o->outputs.declare(a);
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        if (o->file.empty() == o->points.empty()) {
+          return fail("AP191", "the path must be given once", {}, "give --path FILE or --points");
+        }
+        POLYPOD_TRY(o->outputs.check({o->machine, o->file}, context.json));
+        motion::PathFile path;
+        if (!o->file.empty()) {
+          POLYPOD_ASSIGN(read, motion::read_path(o->file));
+          path = std::move(read);
+        } else {
+          POLYPOD_ASSIGN(points, points_of(o->points, "--points"));
+          POLYPOD_ASSIGN(lines, motion::path_through(points));
+          path.path = std::move(lines);
+        }
+        motion::RunOptions options;
+        options.step = units::from_mm(o->step);
+        options.singular = units::from_mm(o->clearance);
+        POLYPOD_ASSIGN(r, motion::run(m, path.path, o->speed != 0 ? units::from_mm(o->speed) : path.speed, options));
+        pages::MotionQuestion question = question_of(m, r, "A path at constant speed", context, o->clearance);
+        question.not_judged.emplace_back("speed, acceleration and jerk of tool and drives (`polypod pick` has limits)");
+        if (context.json) {
+          Json document = run_json(m, r);
+          document["limits"] = question_json(question);
+          print_json(document);
+        } else {
+          print_run(m, r);
+          print_question(question);
+        }
+        POLYPOD_TRY(o->outputs.write(m, r, question, context.json));
+        return r.ok() ? kDone : kAnswerIsNo;
+      }};
 }
 
 Command pick_command() {
@@ -216,8 +297,12 @@ Command pick_command() {
             options.singular = units::from_mm(o->clearance);
             POLYPOD_ASSIGN(plan, motion::plan(m, cycle, limits, options));
             POLYPOD_ASSIGN(r, motion::run(m, cycle, plan, o->samples, options));
+            pages::MotionQuestion question = question_of(m, r, "A pick-and-place cycle", context, o->clearance);
+            add_limits(question, context, "tool", "--tool", limits.tool, r.tool, units::to_mm, "mm");
+            add_limits(question, context, "drives", "--drive", limits.drive, largest_of_drives(r), unit.to, unit.name);
             if (context.json) {
               Json document = run_json(m, r);
+              document["limits"] = question_json(question);
               document["limited_by"] = plan.limited_by;
               document["up_s"] = plan.up;
               document["over_s"] = plan.over;
@@ -228,9 +313,10 @@ Command pick_command() {
               print_json(document);
             } else {
               print_run(m, r);
+              print_question(question);
               fmt::print("limited by {}; there and back {:.0f} times a minute\n", plan.limited_by, 30 / plan.time);
             }
-            POLYPOD_TRY(o->outputs.write(m, r, "A pick-and-place cycle", context.json));
+            POLYPOD_TRY(o->outputs.write(m, r, question, context.json));
             return kDone;
           }};
 }
@@ -247,7 +333,7 @@ Command fit_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--points", o->points, "x,y,z;x,y,z;..., mm", true);
-            o->workspace.declare(a);
+            o->workspace.declare_limits(a);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -263,9 +349,12 @@ Command fit_command() {
             if (context.json) {
               Json list = Json::array();
               for (const workspace::PointFit& p : fit.points) {
+                const bool found = std::isfinite(p.distance);
                 list.push_back({{"at_mm", vector_json(p.X * units::kMmPerMetre)},
-                                {"fits", p.margin >= 0},
-                                {"margin_mm", units::to_mm(p.margin)},
+                                {"fits", p.fits},
+                                {"margin_mm", found ? Json(units::to_mm(p.fits ? p.distance : -p.distance)) : Json()},
+                                {"boundary_at_mm", found ? vector_json(p.boundary * units::kMmPerMetre) : Json()},
+                                {"certain_margin_mm", p.fits ? Json(units::to_mm(p.certain)) : Json()},
                                 {"limit", workspace::limit_label(m, p.limit)}});
               }
               print_json({{"fits", fit.fits},
@@ -277,9 +366,7 @@ Command fit_command() {
             }
             for (const workspace::PointFit& p : fit.points) {
               const Vec3 X = p.X * units::kMmPerMetre;
-              fmt::print("{:10.2f} {:10.2f} {:10.2f}  {} by {:.1f} mm: {}\n", X.x(), X.y(), X.z(),
-                         p.margin >= 0 ? "inside" : "outside", std::abs(units::to_mm(p.margin)),
-                         workspace::limit_label(m, p.limit));
+              fmt::print("{:10.2f} {:10.2f} {:10.2f}  {}\n", X.x(), X.y(), X.z(), fit_in_words(m, p));
             }
             fmt::print("{}\n", fit.fits ? "the task fits" : "the task does not fit");
             const auto say = [](const char* what, const std::optional<workspace::FitRange>& r) {

@@ -98,6 +98,17 @@ Command poses_command() {
                       "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e|v, "
                       "--count up to --candidates, --candidates up to 5000");
         }
+        if (compliance) {
+          POLYPOD_TRY(refuse(
+              context,
+              {"--kind", "--anchor", "--estimate", "--frame", "--target", "--parameter", "--hold", "--noise-deg"},
+              "it serves --for geometry"));
+        } else {
+          POLYPOD_TRY(refuse(context, {"--force"}, "it serves --for compliance"));
+          if (o->kind == "points" || o->kind == "axes" || o->kind == "poses") {
+            POLYPOD_TRY(refuse(context, {"--anchor"}, "it serves --kind distances"));
+          }
+        }
         calibration::CalibrationOptions options;
         options.only = o->only;
         options.hold = o->hold;

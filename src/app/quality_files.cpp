@@ -133,7 +133,6 @@ std::string in_words(const SurveyArguments& where) {
   if (where.resolution != usual.resolution) out += fmt::format(" --resolution {}", where.resolution);
   if (w.tilt_deg != usual.workspace.tilt_deg) out += fmt::format(" --tilt {}", w.tilt_deg);
   out += option_in_words("--a-range", w.a_range) + option_in_words("--b-range", w.b_range);
-  if (w.rel_tol != usual.workspace.rel_tol) out += fmt::format(" --rel-tol {}", w.rel_tol);
   if (w.interference) out += " --interference";
   return out + option_in_words("--without", w.without);
 }

@@ -66,7 +66,9 @@ Command section_command() {
             a.option("--csv", o->csv, "A row a point: margin, largest tilt, limits");
             a.option("--svg", o->svg, "The picture");
             a.option("--resolution", o->resolution, "Points along the longer side, 8 to 512 (default 80)");
-            o->workspace.declare(a);
+            o->workspace.declare_directions(a);
+            o->workspace.declare_limits(a);
+            o->workspace.declare_threads(a);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));

@@ -64,6 +64,17 @@ Command simulate_measurement_command() {
                 !(o->perturb_compliance >= 0)) {
               return fail("AP182", "--count must be above 0, --seed and --perturb-... not below 0");
             }
+            if (o->kind == "compliance") {
+              POLYPOD_TRY(refuse(context, {"--perturb-mm", "--perturb-deg", "--noise-deg", "--frame", "--target"},
+                                 "it serves every --kind but compliance"));
+            } else {
+              POLYPOD_TRY(refuse(context, {"--perturb-compliance", "--force"}, "it serves --kind compliance"));
+            }
+            if (o->kind == "points" || o->kind == "axes" || o->kind == "poses" || o->kind == "compliance") {
+              POLYPOD_TRY(refuse(context, {"--anchor"}, "it serves --kind distances, gauge and contacts"));
+            }
+            if (o->outliers == 0)
+              POLYPOD_TRY(refuse(context, {"--outlier-mm"}, "it serves --outliers; give a percentage"));
             calibration::SimulationOptions how;
             how.count = static_cast<std::size_t>(o->count);
             how.seed = static_cast<std::uint64_t>(o->seed);

@@ -54,6 +54,8 @@ Command singularities_command() {
             if (o->samples < 2 || o->samples > 100'000) {
               return fail("AP166", fmt::format("--samples {}: must be 2 to 100000", o->samples));
             }
+            if (o->to.empty()) POLYPOD_TRY(refuse(context, {"--samples"}, "it serves --to; give where the path ends"));
+            if (!o->to.empty()) POLYPOD_TRY(refuse(context, {"--length"}, "it serves a single pose; leave out --to"));
             const double length = units::from_mm(o->length_mm);
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
             const SingularNote singular(m, context);

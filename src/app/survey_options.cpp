@@ -17,8 +17,10 @@ namespace polypod::app {
 void SurveyArguments::declare(Arguments& a) {
   a.option("--pose", pose, "x,y,z[,A,B[,C]] in mm and deg: at this pose instead of over the workspace");
   a.option("--box", box, "x0,y0,z0,x1,y1,z1: over this box instead of the workspace, mm");
-  a.option("--resolution", resolution, "Points along the longest side, 2 to 512 (default 24)");
-  workspace.declare(a);
+  a.option("--resolution", resolution, "Points along the longest side, 8 to 512, of a --box 2 to 512 (default 24)");
+  workspace.declare_directions(a);
+  workspace.declare_limits(a);
+  workspace.declare_threads(a);
 }
 
 Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachine& m, const Context& context) const {
@@ -37,6 +39,14 @@ Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachin
     return fail("AP161", fmt::format("--box {}: the first corner must not lie above the second", box));
   }
   return out;
+}
+
+Status SurveyArguments::refuse_at_pose(const Context& context) const {
+  if (pose.empty()) return {};
+  return refuse(context,
+                {"--box", "--resolution", "--tilt", "--a-range", "--b-range", "--interference", "--without",
+                 "--clearance", "--threads"},
+                "with --pose one pose is looked at: leave out --pose for a box or the workspace");
 }
 
 Json number_json(double value) {

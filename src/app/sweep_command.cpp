@@ -20,16 +20,42 @@ struct Varied {
   std::vector<std::string> values;
 };
 
-/// `key=a,b,c` are varied, `key=a` are fixed.
+constexpr std::size_t kMostRows = 10'000;
+
+/// a, a + step, ... up to b (and b itself, within a millionth of a step), as text that reads back to the same numbers.
+Result<std::vector<std::string>> range_of(const std::string& key, const std::string& text) {
+  const auto bad = [&](const char* why) {
+    return fail("AP154", fmt::format("--set {}={}: {}", key, text, why), {}, "write key=80:100:5, from:to:step");
+  };
+  std::string list = text;
+  std::replace(list.begin(), list.end(), ':', ',');
+  if (text.find(',') != std::string::npos) return bad("a list or a range, not both");
+  POLYPOD_ASSIGN(n, numbers_of(list, "--set"));
+  if (n.size() != 3) return bad("not from:to:step");
+  const double steps = (n[1] - n[0]) / n[2];
+  if (!(steps >= 0) || !std::isfinite(steps)) return bad("the steps do not lead from the first number to the second");
+  if (steps >= static_cast<double>(kMostRows)) return bad("more than 10000 values");
+  std::vector<std::string> out;
+  for (int k = 0; k <= steps + 1e-6; ++k) out.push_back(fmt::format("{:.12g}", n[0] + k * n[2]));
+  return out;
+}
+
+/// `key=a,b,c` and `key=a:b:step` are varied, `key=a` are fixed.
 Result<std::vector<Varied>> varied_of(const std::vector<std::string>& sets, std::vector<std::string>& fixed) {
   std::vector<Varied> out;
   for (const std::string& set : sets) {
     const std::size_t equals = set.find('=');
-    if (equals == std::string::npos || set.find(',') == std::string::npos) {
+    if (equals == std::string::npos || set.find_first_of(",:", equals) == std::string::npos) {
       fixed.push_back(set);
       continue;
     }
     Varied v{set.substr(0, equals), {}};
+    if (set.find(':', equals) != std::string::npos) {
+      POLYPOD_ASSIGN(values, range_of(v.key, set.substr(equals + 1)));
+      v.values = std::move(values);
+      out.push_back(std::move(v));
+      continue;
+    }
     POLYPOD_TRY(numbers_of(set.substr(equals + 1), "--set"));
     for (std::size_t start = equals + 1; start <= set.size();) {
       const std::size_t comma = std::min(set.find(',', start), set.size());
@@ -40,7 +66,7 @@ Result<std::vector<Varied>> varied_of(const std::vector<std::string>& sets, std:
   }
   if (out.empty()) {
     return fail("AP155", "nothing to sweep: no --set has a list of values", {},
-                "write --set leg.length_max_mm=80,90,100");
+                "write --set leg.length_max_mm=80,90,100 or leg.length_max_mm=80:100:10");
   }
   return out;
 }
@@ -141,6 +167,17 @@ Result<Numbers> numbers_of_machine(const Options& o, const machine::AnyMachine& 
   return quality_numbers(o, m, context);
 }
 
+/// Each analysis has options of its own.
+Status refuse_unused(const Options& o, const Context& context) {
+  if (o.analysis != "errors") {
+    POLYPOD_TRY(refuse(context, {"--error", "--tolerance"}, "it serves --analysis errors"));
+  }
+  if (o.analysis == "workspace") {
+    return refuse(context, {"--box", "--resolution"}, "it serves --analysis dexterity and errors");
+  }
+  return refuse(context, {"--rel-tol"}, "it serves --analysis workspace");
+}
+
 }  // namespace
 
 Command sweep_command() {
@@ -149,13 +186,15 @@ Command sweep_command() {
           "polypod sweep hexapod-strut --set leg.length_max_mm=80,90,100 --tilt 20",
           [o](Arguments& a) {
             a.positional("MACHINE", o->machine, "A machine file or a name of `polypod machines`");
-            a.option("--set", o->sets, "key=a,b,c: values to try; key=a: fixed (repeatable)", true);
+            a.option("--set", o->sets, "key=a,b,c or key=a:b:step: values to try; key=a: fixed (repeatable)", true);
             a.option("--analysis", o->analysis, "workspace (default), dexterity or errors");
             a.option("--error", o->errors, "KEY=mm: of the analysis errors (repeatable)");
             a.option("--tolerance", o->tolerances, "KEY=mm: of the analysis errors (repeatable)");
             a.flag("--together", o->together, "Several lists change together, not in all combinations");
             a.option("--csv", o->csv, "Write the table to this file too");
             o->where.declare(a);
+            a.option("--rel-tol", o->where.workspace.rel_tol,
+                     "Of the analysis workspace: gap between the bounds as a share of the volume (default 0.01)");
           },
           [o](const Context& context) -> Result<int> {
             if (o->analysis != "workspace" && o->analysis != "dexterity" && o->analysis != "errors") {
@@ -164,6 +203,7 @@ Command sweep_command() {
             }
             POLYPOD_TRY(check_files({o->machine}, {o->csv}, context.json));
             if (!o->where.pose.empty()) return fail("AP159", "a sweep looks at workspaces, not at a pose");
+            POLYPOD_TRY(refuse_unused(*o, context));
             std::vector<std::string> fixed;
             POLYPOD_ASSIGN(varied, varied_of(o->sets, fixed));
             std::size_t rows = o->together ? varied.front().values.size() : 1;
@@ -174,7 +214,6 @@ Command sweep_command() {
               }
               if (!o->together) rows *= v.values.size();
             }
-            constexpr std::size_t kMostRows = 10'000;
             if (rows > kMostRows)
               return fail("AP158", fmt::format("{} combinations are more than {}", rows, kMostRows));
 

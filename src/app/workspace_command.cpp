@@ -20,19 +20,31 @@ constexpr double kMbPerByte = 1e-6;
 }
 
 void WorkspaceOptions::declare(Arguments& a) {
+  declare_directions(a);
+  a.option("--rel-tol", rel_tol, "Gap between the bounds as a share of the volume, 1e-6 to 1 (default 0.01)");
+  declare_limits(a);
+  declare_threads(a);
+}
+
+void WorkspaceOptions::declare_directions(Arguments& a) {
   a.option("--tilt", tilt_deg, "Reachable with every tilt up to this angle from z, deg");
   a.option("--a-range", a_range, "lo,hi: reachable with every A of this range, deg");
   a.option("--b-range", b_range, "lo,hi: reachable with every B of this range, deg");
-  a.option("--rel-tol", rel_tol, "Gap between the bounds as a share of the volume (default 0.01)");
+}
+
+void WorkspaceOptions::declare_limits(Arguments& a) {
   a.flag("--interference", interference, "Legs may not touch each other");
   a.option(
       "--without", without,
-      "Switch limits off: length, base-joint, platform-joint, joint, base, or joint numbers; of a delta: drive, joint, "
-      "coordinates, mode, table, rods, base");
+      "Switch limits off. Hexapods: length, base-joint, platform-joint, joint, legs, base, coordinates; deltas: drive, "
+      "joint, coordinates, mode, table, rods, base; arms: joint numbers");
   a.option("--clearance", clearance, "Deltas: keep this far from singular poses, mm");
   a.option("--max-memory", max_memory,
            "Memory for the boxes, in MB or with a suffix as in 2G; the run ends with what is proven when it is used up "
            "(default: half of the machine's)");
+}
+
+void WorkspaceOptions::declare_threads(Arguments& a) {
   a.option("--threads", threads, "How many threads (default: all; the result is the same)");
 }
 
@@ -115,6 +127,11 @@ Json volume_json(const workspace::Volume& v) {
 
 namespace {
 
+Status refuse_beside_contains(const Context& context) {
+  return refuse(context, {"--rel-tol", "--largest", "--threads", "--report", "--stl", "--vtp", "--vti"},
+                "--contains answers for one box alone; leave one of the two out");
+}
+
 Result<int> contains(const machine::AnyMachine& m, const workspace::Options& options, const std::string& text,
                      const Context& context) {
   POLYPOD_ASSIGN(n, numbers_of(text, "--contains"));
@@ -158,7 +175,11 @@ Command workspace_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             const SingularNote singular(m, context);
-            if (!o->contains.empty()) return contains(m, options, o->contains, context);
+            POLYPOD_TRY(o->files.refuse_unused(context));
+            if (!o->contains.empty()) {
+              POLYPOD_TRY(refuse_beside_contains(context));
+              return contains(m, options, o->contains, context);
+            }
             POLYPOD_TRY(o->files.check(o->machine, context.json));
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
             Json document = volume_json(v);

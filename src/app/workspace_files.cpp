@@ -16,6 +16,11 @@ void WorkspaceFiles::declare(Arguments& a) {
   a.option("--resolution", resolution, "Points along the longest side of pictures and files, 8 to 512");
 }
 
+Status WorkspaceFiles::refuse_unused(const Context& context) const {
+  if (!(stl.empty() && vtp.empty() && vti.empty() && report.empty())) return {};
+  return refuse(context, {"--resolution"}, "it serves --report, --stl, --vtp and --vti; give one");
+}
+
 Status WorkspaceFiles::check(const std::string& machine_file, bool json) const {
   if (resolution != 0 && (resolution < 8 || resolution > 512)) {
     return fail("AP130", fmt::format("--resolution {}: must be 8 to 512", resolution));

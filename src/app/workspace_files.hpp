@@ -11,6 +11,8 @@ struct WorkspaceFiles {
   std::string stl, vtp, vti, report;
   int resolution = 0;  ///< 0: 64
 
+  /// Errors: AP107 for a resolution of files that are not asked for.
+  [[nodiscard]] Status refuse_unused(const Context& context) const;
   void declare(Arguments& arguments);
   /// Asked before the long work. Errors: AP130, those of check_files.
   [[nodiscard]] Status check(const std::string& machine_file, bool json) const;

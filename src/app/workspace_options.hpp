@@ -17,7 +17,10 @@ struct WorkspaceOptions {
   std::string max_memory;  ///< MB, or with M or G; default: half of the machine's
   int threads = 0;
 
-  void declare(Arguments& arguments);
+  void declare(Arguments& arguments);             ///< all of them
+  void declare_directions(Arguments& arguments);  ///< --tilt, --a-range, --b-range
+  void declare_limits(Arguments& arguments);      ///< --interference, --without, --clearance
+  void declare_threads(Arguments& arguments);
   [[nodiscard]] Result<workspace::Options> options(const machine::AnyMachine& m, const Context& context) const;
 };
 

@@ -306,7 +306,7 @@ Status Table::finish() const {
   return fail("CF103", fmt::format("unknown key {}", full(name_, name)), first->place, "known here: " + known);
 }
 
-bool Table::replace(std::string_view path, double value) {
+bool Table::replace(std::string_view path, double value, bool create) {
   const std::size_t end = path.find_first_of(".[");
   const std::string key(path.substr(0, end));
   if (key.empty()) return false;
@@ -314,7 +314,13 @@ bool Table::replace(std::string_view path, double value) {
   number.data = value;
   number.is_integer = value == std::floor(value);
   number.place = Place{"--set " + full(name_, key), 0, 0};
-  const auto it = values_.find(key);
+  auto it = values_.find(key);
+  if (create && it == values_.end() && end != std::string_view::npos && path[end] == '.') {
+    Value inner;
+    inner.data = Table({}, number.place, full(name_, key));
+    inner.place = number.place;
+    it = values_.emplace(key, inner).first;
+  }
   if (end == std::string_view::npos && it == values_.end()) {
     values_.emplace(key, number);
     return true;
@@ -339,7 +345,7 @@ bool Table::replace(std::string_view path, double value) {
     return true;
   }
   Table* inner = std::get_if<Table>(&value_here->data);
-  return rest.front() == '.' && inner != nullptr && inner->replace(rest.substr(1), value);
+  return rest.front() == '.' && inner != nullptr && inner->replace(rest.substr(1), value, create);
 }
 
 namespace {

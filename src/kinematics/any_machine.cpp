@@ -1,10 +1,13 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/kinematics/any_machine.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <limits>
 
+#include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
@@ -49,7 +52,10 @@ template <class M>
 ForwardResult delta_poses(const M& m, const JointVector& q) {
   ForwardResult out;
   const machine::DeltaPoses both = both_poses(m, q);
-  if (!both.real) return out;
+  if (!both.real) {
+    out.reason = "no real assembly: the rods of the first three chains do not meet in one point";
+    return out;
+  }
   const std::vector<double> p = nominal_parameters(m);
   for (const Vec3& X : {both.machine, both.other}) {
     const Pose pose{Mat3::Identity(), X};
@@ -59,7 +65,26 @@ ForwardResult delta_poses(const M& m, const JointVector& q) {
     out.poses.push_back(pose);
     out.residuals.push_back(residual);
   }
+  if (out.poses.empty()) {
+    out.reason = fmt::format(
+        "the joints cannot close: with the first three chains where they meet, rod 4 is {:.3g} mm {} for its drive",
+        units::to_mm(std::abs(both.mismatch)), both.mismatch > 0 ? "too short" : "too long");
+  }
   return out;
+}
+
+/// Why Newton's way from home ends at no pose: what is known about the poses that these six legs have.
+std::string why_no_mode(const machine::SixLegs& legs) {
+  const machine::AssemblyModes modes = machine::assembly_modes(legs);
+  if (modes.proof == machine::ModesProof::no_length) return "no real assembly: a leg has no length";
+  if (!modes.poses.empty()) {
+    return fmt::format(
+        "Newton's method did not converge from home, though {} poses exist (`polypod fk --all` lists them)",
+        modes.poses.size());
+  }
+  return modes.complete() ? "no real assembly: it is proven that the legs meet at no pose"
+                          : "Newton's method did not converge from home or from further starts; that there is no pose "
+                            "is not proven";
 }
 }  // namespace
 
@@ -92,6 +117,8 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
           if (mode.converged) {
             out.poses.push_back(mode.X_MT);
             out.residuals.push_back(mode.residual);
+          } else {
+            out.reason = why_no_mode(six_legs(m, q));
           }
           return out;
         }

@@ -50,7 +50,10 @@ std::string hexapod_limit_name(int limit) {
   for (int i = 1; i <= kLegs; ++i)
     for (int j = i + 1; j <= kLegs; ++j)
       if (pair++ == limit) return fmt::format("legs {} and {} collide", i, j);
-  return fmt::format("leg {} behind the base", (limit - HexapodLimits::kBasePlane) % kLegs + 1);
+  if (limit < HexapodLimits::kLow) return fmt::format("leg {} behind the base", limit - HexapodLimits::kBasePlane + 1);
+  if (limit < HexapodLimits::kHigh)
+    return fmt::format("{} below its smallest value", "xyz"[limit - HexapodLimits::kLow]);
+  return fmt::format("{} above its largest value", "xyz"[(limit - HexapodLimits::kHigh) % 3]);
 }
 
 Mat6 leg_rows(const Pose& X, const SixPoints& anchor, const SixPoints& end) {

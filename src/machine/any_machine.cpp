@@ -3,10 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <concepts>
 #include <filesystem>
+#include <set>
 
 #include "machine_file.hpp"
 #include "polypod/core/files.hpp"
@@ -41,6 +44,52 @@ Result<Pose> read_frame(const config::Table& table, const std::string& key) {
   POLYPOD_TRY(frame->finish());
   return Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)),
               {units::from_mm(x), units::from_mm(y), units::from_mm(z)}};
+}
+
+namespace {
+constexpr std::array<const char*, 3> kLowKeys{"x_min_mm", "y_min_mm", "z_min_mm"},
+    kHighKeys{"x_max_mm", "y_max_mm", "z_max_mm"};
+}  // namespace
+
+Status read_tip_limits(const config::Table& table, TipLimits& limits) {
+  POLYPOD_ASSIGN(part, table.optional_table("limits"));
+  if (!part) return {};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto axis = static_cast<Eigen::Index>(k);
+    for (const bool upper : {false, true}) {
+      const char* key = upper ? kHighKeys[k] : kLowKeys[k];
+      if (!part->has(key)) continue;
+      POLYPOD_ASSIGN(value, part->number(key));
+      (upper ? limits.high : limits.low)[axis] = units::from_mm(value);
+    }
+    if (!(limits.low[axis] < limits.high[axis])) {
+      return fail("MA142",
+                  fmt::format("limits: {} = {:g} is not below {} = {:g}", kLowKeys[k], units::to_mm(limits.low[axis]),
+                              kHighKeys[k], units::to_mm(limits.high[axis])),
+                  part->place_of(kHighKeys[k]));
+    }
+  }
+  return part->finish();
+}
+
+std::string tip_limits_toml(const TipLimits& limits) {
+  std::string out;
+  for (std::size_t k = 0; k < 3; ++k) {
+    for (const bool upper : {false, true}) {
+      const double value = (upper ? limits.high : limits.low)[static_cast<Eigen::Index>(k)];
+      if (!std::isfinite(value)) continue;
+      out += fmt::format("{}{} = {}", out.empty() ? "" : ", ", upper ? kHighKeys[k] : kLowKeys[k],
+                         number_toml(units::to_mm(value)));
+    }
+  }
+  return out.empty() ? out : fmt::format("limits = {{ {} }}\n", out);
+}
+
+void push_tip_limits(std::vector<Parameter>& out, const TipLimits& limits) {
+  for (int k = 0; k < 3; ++k) {
+    if (std::isfinite(limits.low[k])) out.push_back({fmt::format("limits.{}_min", "xyz"[k]), limits.low[k], "mm"});
+    if (std::isfinite(limits.high[k])) out.push_back({fmt::format("limits.{}_max", "xyz"[k]), limits.high[k], "mm"});
+  }
 }
 
 std::string number_toml(double value) {
@@ -90,35 +139,37 @@ std::string provenance_toml(const Provenance& provenance) {
 
 namespace {
 
-/// Replaces the value at a dotted path of a table; the path must exist in the file or be one that the reader knows,
-/// which its own finish() checks.
-Status apply(config::Table& table, const Override& override_) {
-  const auto number = [&]() -> Result<double> {
-    double value = 0;
-    const char* begin = override_.value.data();
-    const char* end = begin + override_.value.size();
-    if (begin != end && *begin == '+') ++begin;
-    const auto [rest, code] = std::from_chars(begin, end, value);
-    if (code != std::errc{} || rest != end || !std::isfinite(value)) {
-      return fail("MA103", fmt::format("{}={}: the value is not a finite number", override_.key, override_.value),
-                  Place{"--set", 0, 0}, "write --set key=number");
-    }
-    return value;
-  };
-  POLYPOD_ASSIGN(value, number());
-  if (!table.replace(override_.key, value)) {
-    return fail("MA102", fmt::format("unknown parameter {}", override_.key), Place{"--set", 0, 0},
-                "`polypod info MACHINE` lists the parameters");
+Result<double> number_of(const Override& override_) {
+  double value = 0;
+  const char* begin = override_.value.data();
+  const char* end = begin + override_.value.size();
+  if (begin != end && *begin == '+') ++begin;
+  const auto [rest, code] = std::from_chars(begin, end, value);
+  if (code != std::errc{} || rest != end || !std::isfinite(value)) {
+    return fail("MA103", fmt::format("{}={}: the value is not a finite number", override_.key, override_.value),
+                Place{"--set", 0, 0}, "write --set key=number");
   }
-  return {};
+  return value;
 }
 
-}  // namespace
+tl::unexpected<Error> unknown(const std::string& key) {
+  return fail("MA102", fmt::format("unknown parameter {}", key), Place{"--set", 0, 0},
+              "`polypod info MACHINE` lists the parameters");
+}
 
-Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name,
-                             const std::vector<Override>& overrides) {
-  POLYPOD_ASSIGN(table, config::parse(toml, file_name));
-  for (const Override& override_ : overrides) POLYPOD_TRY(apply(table, override_));
+/// "base.joint[3].x_mm" -> "base.joint[].x_mm".
+std::string without_indices(const std::string& key) {
+  std::string out;
+  bool inside = false;
+  for (const char c : key) {
+    inside = inside && c != ']';
+    if (!inside) out += c;
+    inside = inside || c == '[';
+  }
+  return out;
+}
+
+Result<AnyMachine> machine_from(const config::Table& table) {
   POLYPOD_ASSIGN(family, table.text("family"));
   if (family == SerialArm::kFamily) {
     POLYPOD_ASSIGN(arm, serial_arm_from(table));
@@ -142,6 +193,81 @@ Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name
   }
   return fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
               "known: serial, strut-hexapod, slider-hexapod, rotary-delta, linear-delta");
+}
+
+std::vector<Parameter> parameters_of(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return parameters(m); }, machine);
+}
+
+/// Which keys of overrides are figures of a machine, and which of these are not keys of its file.
+class Figures {
+ public:
+  /// None where the file gives no machine by itself: then every key is one of the file.
+  explicit Figures(const Result<AnyMachine>& nominal) {
+    if (!nominal) return;
+    for (const Parameter& p : settings(*nominal)) settings_.insert(key_of(p));
+    if (std::holds_alternative<SerialArm>(*nominal)) return;  // the parameters of arms are keys of their files
+    for (const Parameter& p : parameters_of(*nominal)) parameters_.insert(without_indices(key_of(p)));
+  }
+  [[nodiscard]] bool is_setting(const std::string& key) const { return settings_.contains(key); }
+  [[nodiscard]] bool is_parameter(const std::string& key) const {
+    return !is_setting(key) && parameters_.contains(without_indices(key));
+  }
+
+ private:
+  std::set<std::string> settings_, parameters_;
+};
+
+/// A number of a list, "joint.pyramid[1]_deg", as the path of a file has it: "joint.pyramid_deg[1]".
+std::string as_path(const std::string& key) {
+  const std::size_t open = key.rfind('['), close = key.rfind(']');
+  if (open == std::string::npos || close == std::string::npos || key.compare(close, 2, "]_") != 0) return key;
+  return key.substr(0, open) + key.substr(close + 1) + key.substr(open, close + 1 - open);
+}
+
+Result<AnyMachine> with_single(const AnyMachine& machine, const std::vector<Override>& overrides) {
+  const std::vector<Parameter> known = parameters_of(machine);
+  std::vector<double> p;
+  for (const Parameter& parameter : known) p.push_back(parameter.value);
+  for (const Override& override_ : overrides) {
+    POLYPOD_ASSIGN(value, number_of(override_));
+    const auto found =
+        std::find_if(known.begin(), known.end(), [&](const Parameter& k) { return key_of(k) == override_.key; });
+    if (found == known.end()) return unknown(override_.key);
+    p[static_cast<std::size_t>(found - known.begin())] = units::from_user(value, found->unit);
+  }
+  return with_parameters(machine, p);
+}
+
+}  // namespace
+
+std::string key_of(const Parameter& parameter) {
+  return parameter.unit.empty() ? parameter.key : parameter.key + "_" + parameter.unit;
+}
+
+Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name,
+                             const std::vector<Override>& overrides) {
+  POLYPOD_ASSIGN(table, config::parse(toml, file_name));
+  if (overrides.empty()) return machine_from(table);
+  POLYPOD_ASSIGN(untouched, config::parse(toml, file_name));
+  const Figures figures(machine_from(untouched));
+  std::vector<Override> single;
+  for (const Override& override_ : overrides) {
+    POLYPOD_ASSIGN(value, number_of(override_));
+    if (figures.is_parameter(override_.key)) {
+      single.push_back(override_);
+    } else if (const bool known = figures.is_setting(override_.key);
+               !table.replace(known ? as_path(override_.key) : override_.key, value, known)) {
+      return unknown(override_.key);
+    }
+  }
+  POLYPOD_ASSIGN(machine, machine_from(table));
+  if (single.empty()) return machine;
+  return with_single(machine, single);
+}
+
+Result<AnyMachine> with_value(const AnyMachine& machine, const std::string& key, double value) {
+  return from_text(to_toml(machine), name_of(machine), {{key, fmt::format("{}", value)}});
 }
 
 Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides) {

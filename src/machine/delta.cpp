@@ -13,9 +13,6 @@
 namespace polypod::machine {
 namespace {
 
-constexpr std::array<const char*, 3> kLowKeys{"x_min_mm", "y_min_mm", "z_min_mm"},
-    kHighKeys{"x_max_mm", "y_max_mm", "z_max_mm"};
-
 Result<Vec3> point_of(const config::Table& table, const std::string& key) {
   POLYPOD_ASSIGN(values, table.numbers(key, 3));
   return Vec3(units::from_mm(values[0]), units::from_mm(values[1]), units::from_mm(values[2]));
@@ -37,26 +34,6 @@ Status read_joint(const config::Table& table, RodJoint& joint) {
   }
   joint = {units::from_deg(side), units::from_deg(elbow_min), units::from_deg(elbow_max), units::from_deg(platform)};
   return {};
-}
-
-Status read_coordinate_limits(const config::Table& table, Delta& m) {
-  POLYPOD_ASSIGN(part, table.optional_table("limits"));
-  if (!part) return {};
-  for (int k = 0; k < 3; ++k) {
-    for (const bool upper : {false, true}) {
-      const char* key = upper ? kHighKeys[k] : kLowKeys[k];
-      if (!part->has(key)) continue;
-      POLYPOD_ASSIGN(value, part->number(key));
-      (upper ? m.high : m.low)[k] = units::from_mm(value);
-    }
-    if (!(m.low[k] < m.high[k])) {
-      return fail("MA142",
-                  fmt::format("limits: {} = {:g} is not below {} = {:g}", kLowKeys[k], units::to_mm(m.low[k]),
-                              kHighKeys[k], units::to_mm(m.high[k])),
-                  part->place_of(kHighKeys[k]));
-    }
-  }
-  return part->finish();
 }
 
 }  // namespace
@@ -144,7 +121,7 @@ Status read_delta(const config::Table& table, const std::vector<config::Table>& 
     m.bodies.table_z = units::from_mm(z);
   }
   POLYPOD_TRY(read_joint(table, m.joint));
-  return read_coordinate_limits(table, m);
+  return read_tip_limits(table, m);
 }
 
 Status read_rods(const config::Table& table, bool symmetric, Delta& m) {
@@ -222,7 +199,7 @@ void push_tool(std::vector<Parameter>& out, const Delta& m) {
   for (int k = 0; k < 3; ++k) out.push_back({fmt::format("tool.{}", "xyz"[k]), m.tool[k], "mm"});
 }
 
-void push_delta_settings(std::vector<Parameter>& out, const Delta& m) {
+void push_delta_settings(std::vector<Parameter>& out, const Delta& m, const std::string& driven) {
   out.push_back({"tool.length", m.tool.z(), "mm"});
   out.push_back({"joint.side", m.joint.side, "deg"});
   out.push_back({"joint.elbow_min", m.joint.elbow_min, "deg"});
@@ -230,13 +207,10 @@ void push_delta_settings(std::vector<Parameter>& out, const Delta& m) {
   out.push_back({"joint.platform", m.joint.platform, "deg"});
   out.push_back({"rod.diameter", m.bodies.rod_diameter, "mm"});
   out.push_back({"rod.spacing", m.bodies.rod_spacing, "mm"});
-  out.push_back({"arm.diameter", m.bodies.arm_diameter, "mm"});
+  out.push_back({driven + ".diameter", m.bodies.arm_diameter, "mm"});
   out.push_back({"base.thickness", m.bodies.base_thickness, "mm"});
   if (m.bodies.table_z) out.push_back({"table.z", *m.bodies.table_z, "mm"});
-  for (int k = 0; k < 3; ++k) {
-    if (std::isfinite(m.low[k])) out.push_back({fmt::format("limits.{}_min", "xyz"[k]), m.low[k], "mm"});
-    if (std::isfinite(m.high[k])) out.push_back({fmt::format("limits.{}_max", "xyz"[k]), m.high[k], "mm"});
-  }
+  push_tip_limits(out, m);
 }
 
 std::string point_toml(const Vec3& p) {
@@ -254,16 +228,7 @@ std::string delta_toml(const Delta& m) {
                      number_toml(units::to_deg(m.joint.side)), number_toml(units::to_deg(m.joint.elbow_min)),
                      number_toml(units::to_deg(m.joint.elbow_max)), number_toml(units::to_deg(m.joint.platform)));
   if (m.bodies.table_z) out += fmt::format("table = {{ z_mm = {} }}\n", number_toml(units::to_mm(*m.bodies.table_z)));
-  std::string limits;
-  for (int k = 0; k < 3; ++k) {
-    for (const bool upper : {false, true}) {
-      const double value = (upper ? m.high : m.low)[k];
-      if (!std::isfinite(value)) continue;
-      limits += fmt::format("{}{} = {}", limits.empty() ? "" : ", ", upper ? kHighKeys[k] : kLowKeys[k],
-                            number_toml(units::to_mm(value)));
-    }
-  }
-  if (!limits.empty()) out += fmt::format("limits = {{ {} }}\n", limits);
+  out += tip_limits_toml(m);
   return out + provenance_toml(m.provenance);
 }
 

@@ -38,8 +38,8 @@ Status finish_delta(const config::Table& table, Delta& m);
 
 void push_rods(std::vector<Parameter>& out, const Delta& m, int i);
 void push_tool(std::vector<Parameter>& out, const Delta& m);
-/// Settings that both families share; `drive` is "drive.angle" (deg) or "rail" (mm).
-void push_delta_settings(std::vector<Parameter>& out, const Delta& m);
+/// Settings that both families share; `driven` is the key of what is driven, "arm" or "rail", for its diameter.
+void push_delta_settings(std::vector<Parameter>& out, const Delta& m, const std::string& driven);
 /// Everything but the family's own tables.
 std::string delta_toml(const Delta& m);
 std::string point_toml(const Vec3& p);

@@ -145,20 +145,131 @@ std::string joints_toml(const std::string& key, const SixPoints& points, const s
                      number_toml(units::to_deg(circle->pair_angle)));
 }
 
-Result<JointLimit> read_joint_limit(const config::Table& table) {
-  JointLimit out;
+namespace {
+
+constexpr double kAtBase = 1, kAtPlatform = -1;  // the leg leaves the platform against its direction from the base
+constexpr double kFree = std::numbers::pi;       // an end without an angle
+
+/// One axis for all six joints or six of them, from the joint along its leg; `toward` turns it to the direction from
+/// base to platform.
+Result<SixPoints> read_seat_axes(const config::Table& part, double toward) {
+  SixPoints out;
+  if (const auto one = part.numbers("axis", 3)) {
+    out.fill(Vec3((*one)[0], (*one)[1], (*one)[2]));
+  } else {
+    POLYPOD_ASSIGN(rows, part.points("axis", 3));
+    if (rows.size() != kLegs) {
+      return fail("MA120", fmt::format("{}.axis has {} rows, but a hexapod has six joints", part.name(), rows.size()),
+                  part.place_of("axis"), "give one axis [x, y, z] for all or six");
+    }
+    for (std::size_t i = 0; i < kLegs; ++i) out[i] = Vec3(rows[i][0], rows[i][1], rows[i][2]);
+  }
+  for (Vec3& axis : out) {
+    if (!(axis.norm() > 1e-9)) {
+      return fail("MA126", fmt::format("{}.axis = [0, 0, 0] has no direction", part.name()), part.place_of("axis"),
+                  "give the direction from the joint along its leg");
+    }
+    // A unit vector to twelve digits, as a file is written, stays as it is, so that it reads back to itself.
+    if (std::abs(axis.norm() - 1) > 1e-11) axis.normalize();
+    axis *= toward;
+  }
+  return out;
+}
+
+/// One number for all six or six numbers, deg.
+Result<SixNumbers> read_cones(const config::Table& part) {
+  constexpr config::Range kAngle{0, 180, true, true};
+  SixNumbers out;
+  if (const auto each = part.numbers("cone_deg", kLegs, kAngle)) {
+    std::copy(each->begin(), each->end(), out.begin());
+  } else if (each.error().id != "CF104") {
+    return tl::unexpected(each.error());
+  } else {
+    POLYPOD_ASSIGN(all, part.number("cone_deg", kAngle));
+    out.fill(all);
+  }
+  for (double& angle : out) angle = units::from_deg(angle);
+  return out;
+}
+
+Result<JointSeats> read_seats(const config::Table& joint, const char* end, double toward) {
+  JointSeats out;
+  POLYPOD_ASSIGN(part, joint.optional_table(end));
+  if (!part) return out;
+  if (part->has("axis")) {
+    POLYPOD_ASSIGN(axes, read_seat_axes(*part, toward));
+    out.axis = axes;
+  }
+  if (part->has("cone_deg")) {
+    POLYPOD_ASSIGN(angles, read_cones(*part));
+    out.angle = angles;
+  }
+  POLYPOD_TRY(part->finish());
+  return out;
+}
+
+bool all_equal(const SixNumbers& numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [&](double x) { return x == numbers[0]; });
+}
+
+std::string seats_toml(const char* end, const JointSeats& seats, double toward) {
+  std::string out;
+  if (seats.axis) {
+    for (const Vec3& a : *seats.axis) {
+      out += fmt::format("{}[{}, {}, {}]", out.empty() ? "axis = [" : ", ", number_toml(toward * a.x()),
+                         number_toml(toward * a.y()), number_toml(toward * a.z()));
+    }
+    out += "]";
+  }
+  if (seats.angle) {
+    out += out.empty() ? "cone_deg = " : ", cone_deg = ";
+    out += all_equal(*seats.angle) ? number_toml(units::to_deg((*seats.angle)[0]))
+                                   : numbers_toml(*seats.angle, units::to_deg(1));
+  }
+  return out.empty() ? out : fmt::format(", {} = {{ {} }}", end, out);
+}
+
+void push_seats(std::vector<Parameter>& out, const std::string& end, const JointSeats& seats) {
+  if (!seats.angle) return;
+  if (all_equal(*seats.angle)) {
+    out.push_back({"joint." + end + ".cone", (*seats.angle)[0], "deg"});
+    return;
+  }
+  for (std::size_t i = 0; i < kLegs; ++i) {
+    out.push_back({fmt::format("joint.{}.cone[{}]", end, i + 1), (*seats.angle)[i], "deg"});
+  }
+}
+
+}  // namespace
+
+Result<JointsOfLegs> read_joint_limits(const config::Table& table) {
+  JointsOfLegs out;
+  JointLimit& limit = out.limit;
   POLYPOD_ASSIGN(part, table.optional_table("joint"));
   if (!part) return out;
   POLYPOD_ASSIGN(kind, part->optional_text("limit", part->has("pyramid_deg") ? "pyramid" : "cone"));
+  const bool seats = part->has("base") || part->has("platform");
+  if (seats && kind != "cone") {
+    return fail("MA126", fmt::format("joint.limit = \"{}\" has no seats of its own at base and platform", kind),
+                part->place_of(part->has("base") ? "base" : "platform"), "joint.base and joint.platform need cones");
+  }
   if (kind == "cone" || kind == "elevation") {
-    out.kind = kind == "cone" ? JointLimitKind::cone : JointLimitKind::elevation;
-    POLYPOD_ASSIGN(angle, part->number("cone_deg", {0, 180, true, true}));
-    out.angle = units::from_deg(angle);
+    limit.kind = kind == "cone" ? JointLimitKind::cone : JointLimitKind::elevation;
+    if (seats && !part->has("cone_deg")) {
+      limit.angle = kFree;
+    } else {
+      POLYPOD_ASSIGN(angle, part->number("cone_deg", {0, 180, true, true}));
+      limit.angle = units::from_deg(angle);
+    }
+    POLYPOD_ASSIGN(base, read_seats(*part, "base", kAtBase));
+    POLYPOD_ASSIGN(platform, read_seats(*part, "platform", kAtPlatform));
+    out.base = base;
+    out.platform = platform;
   } else if (kind == "pyramid") {
-    out.kind = JointLimitKind::pyramid;
+    limit.kind = JointLimitKind::pyramid;
     POLYPOD_ASSIGN(angles, part->numbers("pyramid_deg", 2, {0, 90, true, true}));
-    out.angle = units::from_deg(angles[0]);
-    out.angle_across = units::from_deg(angles[1]);
+    limit.angle = units::from_deg(angles[0]);
+    limit.angle_across = units::from_deg(angles[1]);
   } else if (kind != "none") {
     return fail("MA122",
                 fmt::format("joint.limit = \"{}\" must be \"cone\", \"elevation\", \"pyramid\" or \"none\"", kind),
@@ -168,20 +279,16 @@ Result<JointLimit> read_joint_limit(const config::Table& table) {
   return out;
 }
 
-std::string joint_limit_toml(const JointLimit& limit) {
-  switch (limit.kind) {
-    case JointLimitKind::none:
-      return "";
-    case JointLimitKind::pyramid:
-      return fmt::format("joint = {{ limit = \"pyramid\", pyramid_deg = [{}, {}] }}\n",
-                         number_toml(units::to_deg(limit.angle)), number_toml(units::to_deg(limit.angle_across)));
-    case JointLimitKind::cone:
-    case JointLimitKind::elevation:
-      break;
+std::string joint_limits_toml(const JointsOfLegs& joints) {
+  const JointLimit& limit = joints.limit;
+  if (limit.kind == JointLimitKind::none) return "";
+  if (limit.kind == JointLimitKind::pyramid) {
+    return fmt::format("joint = {{ limit = \"pyramid\", pyramid_deg = [{}, {}] }}\n",
+                       number_toml(units::to_deg(limit.angle)), number_toml(units::to_deg(limit.angle_across)));
   }
-  return fmt::format("joint = {{ limit = \"{}\", cone_deg = {} }}\n",
-                     limit.kind == JointLimitKind::cone ? "cone" : "elevation",
-                     number_toml(units::to_deg(limit.angle)));
+  return fmt::format("joint = {{ limit = \"{}\"{}{}{} }}\n", limit.kind == JointLimitKind::cone ? "cone" : "elevation",
+                     limit.angle == kFree ? "" : ", cone_deg = " + number_toml(units::to_deg(limit.angle)),
+                     seats_toml("base", joints.base, kAtBase), seats_toml("platform", joints.platform, kAtPlatform));
 }
 
 void push_circle(std::vector<Parameter>& out, const std::string& key, const std::optional<PairedCircle>& circle) {
@@ -190,9 +297,12 @@ void push_circle(std::vector<Parameter>& out, const std::string& key, const std:
   out.push_back({key + ".pair_angle", circle->pair_angle, "deg"});
 }
 
-void push_joint_limit(std::vector<Parameter>& out, const JointLimit& limit) {
+void push_joint_limits(std::vector<Parameter>& out, const JointsOfLegs& joints) {
+  const JointLimit& limit = joints.limit;
   if (limit.kind == JointLimitKind::cone || limit.kind == JointLimitKind::elevation) {
-    out.push_back({"joint.cone", limit.angle, "deg"});
+    if (limit.angle != kFree) out.push_back({"joint.cone", limit.angle, "deg"});
+    push_seats(out, "base", joints.base);
+    push_seats(out, "platform", joints.platform);
   } else if (limit.kind == JointLimitKind::pyramid) {
     out.push_back({"joint.pyramid[1]", limit.angle, "deg"});
     out.push_back({"joint.pyramid[2]", limit.angle_across, "deg"});

@@ -22,9 +22,16 @@ std::string joints_toml(const std::string& key, const SixPoints& points, const s
 Result<SixPoints> read_six(const config::Table& table, const std::string& key);
 std::string six_toml(const SixPoints& points);
 
-/// `joint = { limit = "cone" | "elevation" | "pyramid" | "none", cone_deg, pyramid_deg = [u, v] }`.
-Result<JointLimit> read_joint_limit(const config::Table& table);
-std::string joint_limit_toml(const JointLimit& limit);
+/// `joint = { limit = "cone" | "elevation" | "pyramid" | "none", cone_deg, pyramid_deg = [u, v], base, platform }` with
+/// `base` and `platform = { axis = [x, y, z] or six of them, cone_deg = one number or six }` for cones only: axes point
+/// from the joint along its leg. An end without any angle has no limit. Errors: MA122, MA126 (seats without cones, an
+/// axis without a direction).
+struct JointsOfLegs {
+  JointLimit limit;
+  JointSeats base, platform;
+};
+Result<JointsOfLegs> read_joint_limits(const config::Table& table);
+std::string joint_limits_toml(const JointsOfLegs& joints);
 
 /// `key = [six numbers]`, or six times `otherwise` where the key is absent.
 Result<SixNumbers> read_six_numbers(const config::Table& table, const std::string& key, double otherwise,
@@ -34,9 +41,9 @@ std::string leg_offset_toml(const SixNumbers& offset);
 std::string leg_compliance_toml(const SixNumbers& compliance);
 double mean_of(const SixNumbers& numbers);
 
-/// The settings of a circle and of a joint limit.
+/// The settings of a circle and of the joints' limits.
 void push_circle(std::vector<Parameter>& out, const std::string& key, const std::optional<PairedCircle>& circle);
-void push_joint_limit(std::vector<Parameter>& out, const JointLimit& limit);
+void push_joint_limits(std::vector<Parameter>& out, const JointsOfLegs& joints);
 
 /// `tool = { length_mm }`.
 Result<double> read_tool_length(const config::Table& table);

@@ -106,7 +106,7 @@ std::vector<Parameter> settings(const LinearDelta& m) {
     out.push_back({"rail.incline", m.incline, "deg"});
   }
   out.push_back({"rail.length", m.range.max, "mm"});
-  push_delta_settings(out, m);
+  push_delta_settings(out, m, "rail");
   return out;
 }
 

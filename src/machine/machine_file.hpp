@@ -15,6 +15,13 @@ Status read_common(const config::Table& table, std::string& name, std::string& d
 /// A frame `{x_mm, y_mm, z_mm, a_deg, b_deg, c_deg}` with R = R_z(C) R_y(B) R_x(A); missing numbers are 0.
 Result<Pose> read_frame(const config::Table& table, const std::string& key);
 
+/// `limits = { x_min_mm, ..., z_max_mm }`, each may be left out. Error: MA142 (a least value not below its largest).
+Status read_tip_limits(const config::Table& table, TipLimits& limits);
+/// The same as a line of a file; empty where no limit is given.
+std::string tip_limits_toml(const TipLimits& limits);
+/// Those that are given, as settings.
+void push_tip_limits(std::vector<Parameter>& out, const TipLimits& limits);
+
 std::string common_toml(const std::string& name, const std::string& family, const std::string& description);
 std::string frame_toml(const std::string& key, const Pose& X);
 std::string provenance_toml(const Provenance& provenance);

@@ -136,7 +136,7 @@ std::vector<Parameter> settings(const RotaryDelta& m) {
   }
   out.push_back({"drive.angle_min", m.range.min, "deg"});
   out.push_back({"drive.angle_max", m.range.max, "deg"});
-  push_delta_settings(out, m);
+  push_delta_settings(out, m, "arm");
   return out;
 }
 

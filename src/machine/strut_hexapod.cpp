@@ -73,8 +73,11 @@ Result<StrutHexapod> strut_hexapod_from(const config::Table& table) {
   m.compliance = mean_of(m.leg_compliance);
   POLYPOD_ASSIGN(tool_length, read_tool_length(table));
   m.tool_length = tool_length;
-  POLYPOD_ASSIGN(joint, read_joint_limit(table));
-  m.joint = joint;
+  POLYPOD_ASSIGN(joints, read_joint_limits(table));
+  m.joint = joints.limit;
+  m.base_seats = joints.base;
+  m.platform_seats = joints.platform;
+  POLYPOD_TRY(read_tip_limits(table, m));
 
   POLYPOD_ASSIGN(home, table.optional_table("home"));
   if (home && home->has("height_mm")) {
@@ -125,8 +128,9 @@ std::vector<Parameter> settings(const StrutHexapod& m) {
   out.push_back({"leg.length_max", m.length_max, "mm"});
   out.push_back({"leg.diameter", m.leg_diameter, "mm"});
   out.push_back({"tool.length", m.tool_length, "mm"});
-  push_joint_limit(out, m.joint);
+  push_joint_limits(out, {m.joint, m.base_seats, m.platform_seats});
   out.push_back({"home.height", m.home.height, "mm"});
+  push_tip_limits(out, m);
   return out;
 }
 
@@ -139,7 +143,7 @@ std::string to_toml(const StrutHexapod& m) {
                      number_toml(units::to_mm(m.leg_diameter)), leg_compliance_toml(m.leg_compliance),
                      leg_offset_toml(m.leg_offset));
   out += fmt::format("tool = {{ length_mm = {} }}\n", number_toml(units::to_mm(m.tool_length)));
-  out += joint_limit_toml(m.joint);
+  out += joint_limits_toml({m.joint, m.base_seats, m.platform_seats}) + tip_limits_toml(m);
   if (m.home.height_given) {
     out += fmt::format("home = {{ height_mm = {} }}\n", number_toml(units::to_mm(*m.home.height_given)));
   }

@@ -356,10 +356,12 @@ Run sampled(const M& m, double time, int count, double length, const RunOptions&
   out.arms = m.arms;
   out.low.fill(kInfinity);
   out.high.fill(-kInfinity);
+  out.clearance = kInfinity;
   Watch<M> watch(m, options);
   for (int k = 0; k < count; ++k) {
     const double t = time * k / (count - 1);
     Sample sample = drives(m, t, tool(t));
+    out.clearance = std::min(out.clearance, closeness(m, sample.tool.p).least());
     const std::size_t before = out.problems.size();
     watch.look(
         t, [&](double at) { return tool(at).p; }, out.problems);

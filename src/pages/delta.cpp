@@ -9,6 +9,7 @@
 
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
 #include "polypod/workspace/surface.hpp"
@@ -20,11 +21,32 @@ using machine::AnyMachine;
 using report::fixed;
 using units::to_mm;
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAcross = 70;  // points along the longer side of a section
 
 report::Point3 mm(const Vec3& p) {
   return {to_mm(p.x()), to_mm(p.y()), to_mm(p.z())};
+}
+
+/// The part of a grid's plane whose margin is not negative, and two points beyond it; all of it where there is none.
+workspace::Grid reached_part(const workspace::Field& field) {
+  const workspace::Grid& grid = field.grid;
+  std::array<int, 2> low{grid.points[0], grid.points[1]}, high{-1, -1};
+  for (int j = 0; j < grid.points[1]; ++j) {
+    for (int i = 0; i < grid.points[0]; ++i) {
+      if (field.margin[grid.index(i, j, 0)] < 0) continue;
+      low = {std::min(low[0], i), std::min(low[1], j)};
+      high = {std::max(high[0], i), std::max(high[1], j)};
+    }
+  }
+  if (high[0] < 0) return grid;
+  constexpr int kAround = 2;
+  workspace::Grid out = grid;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const int from = std::max(0, low[k] - kAround), to = std::min(grid.points[k] - 1, high[k] + kAround);
+    out.origin += from * grid.step[k];
+    out.points[k] = to - from + 1;
+  }
+  return out;
 }
 
 report::HeatMap map_on(const workspace::Grid& grid, const char* x, const char* y) {
@@ -39,34 +61,52 @@ report::HeatMap map_on(const workspace::Grid& grid, const char* x, const char* y
   };
   map.x = axis(x, 0);
   map.y = axis(y, 1);
+  map.y.downwards = y[0] == 'z';  // the machine hangs, as in its picture
   return map;
 }
 
-/// The distance from singular poses over a plane, blank outside the workspace, the near-singular zone in red.
+/// The distance from singular poses over a plane, cut to what is reached, the near-singular zone in red.
 template <class M>
-Result<report::HeatMap> distance_map(const M& m, const AnyMachine& machine, const workspace::Extent& box,
-                                     const Vec3& through, int normal, double d_min) {
+Result<report::HeatMap> distance_map(const M& m, const AnyMachine& machine, const Vec3& through, int normal,
+                                     double d_min) {
   const char* names[] = {"x", "y", "z"};
   const int u = normal == 0 ? 1 : 0, v = normal == 2 ? 1 : 2;
   const workspace::Plane plane{through, Vec3::Unit(normal)};
-  POLYPOD_ASSIGN(grid, workspace::grid_on(plane, box.low, box.high, kAcross));
   workspace::FieldOptions field_options;
   field_options.tilt = false;
-  POLYPOD_ASSIGN(field, workspace::field(machine, {}, grid, field_options));
+  POLYPOD_ASSIGN(section, workspace::section(machine, {}, plane, kAcross, field_options));
+  const workspace::Grid grid = reached_part(section.field);
   report::HeatMap map = map_on(grid, names[u], names[v]);
   map.title =
       fmt::format("distance from singular poses, {} = {} mm", names[normal], fixed(to_mm(plane.point[normal]), 0));
   map.label = "distance";
   map.unit = "mm";
-  report::Polyline near{"near-singular", {}, report::Colour::vermillion, report::LineStyle::points, 2.5};
+  std::vector<report::Polyline> near;
+  const double half = 0.3 * to_mm(grid.step[0].norm());
+  const auto within = [&](const Vec3& X) {
+    machine::JointVector q(m.arms);
+    if (!machine::drive_positions(m, X, q.data())) return false;
+    const auto bits = kinematics::violations(machine, Pose{Mat3::Identity(), X}, q);
+    return (bits & ~workspace::interference_bits(machine)) == 0;
+  };
   for (std::size_t i = 0; i < grid.size(); ++i) {
     const Vec3 X = grid.at(i);
     const machine::Closeness close = closeness(m, X);
-    const bool inside = field.margin[i] >= 0 && close.reached;
-    map.values.push_back(inside ? to_mm(close.least()) : kNone);
-    if (inside && close.least() < d_min) near.points.push_back({to_mm(X[u]), to_mm(X[v])});
+    // Beyond reach two elbows have met, and the rods hang no more: the distance went to 0 there.
+    map.values.push_back(close.reached ? std::max(0.0, to_mm(close.least())) : 0.0);
+    if (!within(X) || !close.reached || close.least() >= d_min) continue;
+    const report::Point at{to_mm(X[u]), to_mm(X[v])};  // maps have lines, no points: a short one
+    near.push_back({"near-singular", {{at.x - half, at.y}, {at.x + half, at.y}}, report::Colour::vermillion});
   }
-  if (!near.points.empty()) map.lines.push_back(std::move(near));
+  for (const workspace::Loop& loop : section.border) {
+    report::Polyline line{"", {}, report::Colour::ink, report::LineStyle::solid, 1.2};
+    for (const Vec3& X : loop) line.points.push_back({to_mm(X[u]), to_mm(X[v])});
+    if (line.points.empty()) continue;
+    map.clip.push_back(line.points);
+    line.points.push_back(line.points.front());
+    map.lines.push_back(std::move(line));
+  }
+  map.lines.insert(map.lines.end(), near.begin(), near.end());
   return map;
 }
 
@@ -177,13 +217,13 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   }
   std::vector<std::pair<std::string, report::Figure>> panels;
   for (const int normal : {1, 0, 2}) {
-    POLYPOD_ASSIGN(map, distance_map(m, machine, box, clearest, normal, options.d_min));
+    POLYPOD_ASSIGN(map, distance_map(m, machine, clearest, normal, options.d_min));
     panels.emplace_back(map.title, map);
   }
   page.add_figure_grid(
       2, panels,
-      "Through the point of the grid that is farthest from singular poses. The least of the three distances of KOZ "
-      "4.5.2.2; near-singular points are red.");
+      "Through the point of the grid that is farthest from singular poses, cut to what is reached. The least of the "
+      "three distances of KOZ 4.5.2.2; near-singular points are red. As in the picture above, z points down.");
   page.add_section("Each chain alone");
   std::vector<std::pair<std::string, report::Figure>> levels;
   for (const double share : {0.3, 0.5, 0.7, 0.95}) {

@@ -2,9 +2,11 @@
 #include "polypod/pages/motion.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/delta.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
@@ -72,6 +74,20 @@ report::LinePlot tool_plot(const Run& run, const char* name, const std::string& 
 
 }  // namespace
 
+std::vector<std::string> limits_of_poses(const machine::AnyMachine& machine) {
+  std::vector<std::string> out{"ranges of the drives", "ball joints", "assembly mode"};
+  std::visit(
+      [&]<class M>(const M& m) {
+        if constexpr (machine::DeltaFamily<M>) {
+          if (m.low.array().isFinite().any() || m.high.array().isFinite().any()) out.emplace_back("coordinates");
+          if (m.bodies.table_z) out.emplace_back("table");
+          if (m.bodies.rod_diameter > 0) out.emplace_back("collisions of rods");
+        }
+      },
+      machine);
+  return out;
+}
+
 std::string motion_csv(const machine::AnyMachine& machine, const Run& run) {
   const Unit unit = unit_of(machine);
   std::vector<std::string> columns{"t_s"};
@@ -95,16 +111,39 @@ std::string motion_csv(const machine::AnyMachine& machine, const Run& run) {
   return csv.text();
 }
 
-std::string motion_page(const machine::AnyMachine& machine, const Run& run, const std::string& what,
+namespace {
+
+/// The limits beside what was met, and what was judged at all.
+void add_limits(report::Report& page, const MotionQuestion& question) {
+  page.add_section("Limits");
+  report::Table table;
+  table.caption = "What the motion was judged by.";
+  table.columns = {{"limit", "", -1}, {"value", "", 1}, {"met", "", 1}, {"unit", "", -1}, {"where from", "", -1}};
+  for (const MotionLimit& l : question.limits) {
+    table.rows.push_back({l.name, l.limit, l.met, l.unit, std::string(l.given ? "given" : "assumed")});
+  }
+  if (!table.rows.empty()) page.add_table(table);
+  const auto list = [](const std::vector<std::string>& items) { return fmt::format("{}", fmt::join(items, ", ")); };
+  std::vector<std::pair<std::string, std::string>> judged{{"judged along the whole way", list(question.judged)}};
+  if (!question.not_judged.empty()) judged.emplace_back("not judged", list(question.not_judged));
+  page.add_definitions(judged);
+}
+
+}  // namespace
+
+std::string motion_page(const machine::AnyMachine& machine, const Run& run, const MotionQuestion& question,
                         const std::string& version) {
   const Unit unit = unit_of(machine);
   std::vector<std::pair<std::string, std::string>> facts{{"machine", machine::name_of(machine)},
                                                          {"family", machine::family_of(machine)}};
   if (!version.empty()) facts.emplace_back("made with", "Polypod " + version);
-  report::Report page(what, machine::description_of(machine), facts);
+  report::Report page(question.what, machine::description_of(machine), facts);
   page.add_section("The motion");
   if (run.ok()) {
-    page.add_verdict(report::Verdict::good, "The tool stays within all limits and clear of singular poses.");
+    page.add_verdict(report::Verdict::good, question.not_judged.empty()
+                                                ? std::string("The motion keeps every limit below.")
+                                                : fmt::format("The motion keeps every limit below. Not judged: {}.",
+                                                              fmt::join(question.not_judged, ", ")));
   }
   for (const motion::Problem& p : run.problems) {
     page.add_verdict(
@@ -128,6 +167,7 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
   hang(scene);
   page.add_figure(scene, "The base is above: z of the machine points down.");
 
+  add_limits(page, question);
   page.add_section("Drives");
   const std::string u = unit.name;
   page.add_figure(drive_plot(run, "position", u, unit.to, &DriveMotion::q), "Position of the drives.");

@@ -175,6 +175,7 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
       without_tilt(s) ? "Distance inside the limits over a section" : "Largest tilt at every azimuth over a section";
   map.x = {axis_name(u), "mm", first.x, last.x, false};
   map.y = {axis_name(v), "mm", first.y, last.y, false};
+  map.y.downwards = without_tilt(s) && v.isApprox(Vec3::UnitZ());  // the machine hangs, as in its picture
   map.columns = high[0] - low[0] + 1;
   map.rows = high[1] - low[1] + 1;
   const std::vector<double> tilt = continued_tilt(f);
@@ -385,7 +386,10 @@ class Page {
     if (!tilts()) hang(scene);
     report_.add_figure(scene,
                        "The border of the workspace, coloured by the limit that makes it, and the machine. The box of "
-                       "axes is in the machine's reference frame.");
+                       "axes is in the machine's reference frame." +
+                           std::string(tilts() ? ""
+                                               : " The base is above: z of the machine points down, here and in "
+                                                 "the sections."));
     report_.add_section("Sections");
     if (!tilts()) {
       report_.add_text(
@@ -634,7 +638,7 @@ class Page {
         []<class M>(const M& m) {
           if constexpr (std::is_same_v<M, machine::SerialArm>) return 2 * m.free_joints();
           if constexpr (std::is_base_of_v<machine::Delta, M>) return machine::DeltaLimits::kCount;
-          return std::is_same_v<M, machine::StrutHexapod> ? 39 : 45;
+          return machine::HexapodLimits::kCount;
         },
         machine);
     for (int i = 0; i < count; ++i) out[static_cast<std::size_t>(i)] = workspace::limit_kind(machine, i);

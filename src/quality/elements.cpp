@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -55,6 +56,28 @@ std::string joined_name(const std::vector<Element>& all, const std::vector<int>&
   return out;
 }
 
+std::vector<machine::Parameter> all_figures(const AnyMachine& machine) {
+  std::vector<machine::Parameter> out = kinematics::parameters(machine);
+  for (const machine::Parameter& p : machine::settings(machine)) out.push_back(p);
+  return out;
+}
+
+/// Coordinates and settings that are no element yet. Coordinates of directions have no columns of their own: a
+/// direction stays a unit vector.
+void add_figures(const AnyMachine& machine, const std::vector<machine::Parameter>& parameters,
+                 std::vector<Element>& out) {
+  std::set<std::string> known;
+  for (const Element& e : out) known.insert({e.key, e.group});
+  const std::vector<machine::Parameter> figures = all_figures(machine);
+  for (std::size_t k = 0; k < figures.size(); ++k) {
+    const machine::Parameter& p = figures[k];
+    if (!known.insert(p.key).second) continue;
+    Element e{p.key, p.key, {}, p.unit, false, true};
+    if (k < parameters.size() && !p.unit.empty()) e.columns = {static_cast<int>(k)};
+    out.push_back(std::move(e));
+  }
+}
+
 }  // namespace
 
 std::vector<Element> elements(const AnyMachine& machine) {
@@ -102,8 +125,42 @@ std::vector<Element> elements(const AnyMachine& machine) {
   std::stable_sort(out.begin(), out.end(), [&](const Element& a, const Element& b) {
     return std::pair(a.columns.size(), rank[a.group]) < std::pair(b.columns.size(), rank[b.group]);
   });
+  add_figures(machine, parameters, out);
   return out;
 }
+
+Result<Eigen::VectorXd> figure_shift(const AnyMachine& machine, const Element& figure, double size) {
+  const std::vector<machine::Parameter> before = kinematics::parameters(machine);
+  const std::vector<machine::Parameter> figures = all_figures(machine);
+  const auto at = std::find_if(figures.begin(), figures.end(), [&](const auto& p) { return p.key == figure.key; });
+  const double value = at == figures.end() ? 0.0 : at->value;
+  POLYPOD_ASSIGN(changed, machine::with_value(machine, machine::key_of({figure.key, 0, figure.unit}),
+                                              units::to_user(value + size, figure.unit)));
+  const std::vector<machine::Parameter> after = kinematics::parameters(changed);
+  Eigen::VectorXd out(static_cast<Eigen::Index>(before.size()));
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    out[static_cast<Eigen::Index>(k)] = after[k].value - before[k].value;
+  }
+  return out;
+}
+
+Result<Eigen::VectorXd> figure_rate(const AnyMachine& machine, const Element& figure) {
+  // Small against any figure, large against the twelve digits that a machine file keeps of it.
+  constexpr double kStep = 1e-5;  // m, rad or no unit
+  const auto up = figure_shift(machine, figure, kStep), down = figure_shift(machine, figure, -kStep);
+  if (up && down) return Eigen::VectorXd((*up - *down) / (2 * kStep));
+  if (up) return Eigen::VectorXd(*up / kStep);
+  if (down) return Eigen::VectorXd(*down / -kStep);
+  return fail("QU104", fmt::format("{} cannot be changed: {}", figure.key, up.error().message));
+}
+
+namespace {
+/// The element's key or its group's, with the unit or without.
+bool names(const std::string& key, const Element& e) {
+  const auto is = [&](const std::string& name) { return key == name || key == name + "_" + e.unit; };
+  return is(e.key) || is(e.group);
+}
+}  // namespace
 
 Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<std::pair<std::string, double>>& sizes,
                                  bool tolerance) {
@@ -115,17 +172,18 @@ Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<st
     }
     bool known = false;
     for (std::size_t e = 0; e < all.size(); ++e) {
-      if (!(key == "all" ? all[e].in_all : key == all[e].key || key == all[e].group)) continue;
+      if (!(key == "all" ? all[e].in_all : names(key, all[e]))) continue;
       known = true;
+      if (all[e].figure && all[e].columns.empty()) POLYPOD_TRY(figure_rate(machine, all[e]));
       found[static_cast<int>(e)] += units::from_user(size, all[e].unit);
     }
     if (known) continue;
     std::string groups;
     for (const Element& e : all)
-      if ((groups + ",").find(" " + e.group + ",") == std::string::npos)
+      if (!e.figure && (groups + ",").find(" " + e.group + ",") == std::string::npos)
         groups += (groups.empty() ? " " : ", ") + e.group;
     return fail("QU100", fmt::format("{} has no element \"{}\"", machine::name_of(machine), key), {},
-                fmt::format("elements:{}; [i] picks one; all", groups));
+                fmt::format("elements:{}; [i] picks one; all; or a figure that `polypod info` lists", groups));
   }
   std::vector<Sized> out;
   for (const auto& [element, size] : found) out.push_back({element, size});

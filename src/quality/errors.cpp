@@ -53,7 +53,7 @@ Vec6 linear_error(const AnyMachine& machine, const Pose& X, const JointVector& q
   const Columns E = error_columns(machine, X, q, plan);
   Vec6 out = Vec6::Zero();
   for (const Plan::Part& part : plan.parts)
-    for (const int c : part.columns) out += part.size * E.col(c);
+    for (const Vec6& move : moves(part, E)) out += part.size * move;
   return out;
 }
 
@@ -64,7 +64,7 @@ Result<std::vector<Generator>> generators(const Pose& X, const Columns& E, const
   };
   for (const Plan::Part& part : plan.parts) {
     if (region == Region::box || part.columns.size() < 3) {
-      for (const int c : part.columns) push(part.size * E.col(c), part.element);
+      for (const Vec6& move : moves(part, E)) push(part.size * move, part.element);
       continue;
     }
     // The ball's image is a segment where the three columns are multiples of one.
@@ -119,15 +119,22 @@ std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_M
                                       const std::vector<Sized>& errors) {
   const Pose X = settled(machine, X_MT, q);
   const Plan plan(machine, errors);
+  const std::vector<Element> all = elements(machine);
   return std::visit(
       [&](const auto& m) -> std::optional<Vec6> {
         std::vector<double> p = plan.nominal;
         std::vector<double> joints(q.data(), q.data() + q.size());
-        for (const Plan::Part& part : plan.parts)
+        for (const Plan::Part& part : plan.parts) {
+          if (part.rate.size() > 0) {
+            const auto shift = figure_shift(machine, all[static_cast<std::size_t>(part.element)], part.size);
+            if (!shift) return {};
+            for (std::size_t k = 0; k < p.size(); ++k) p[k] += (*shift)[static_cast<Eigen::Index>(k)];
+          }
           for (const int c : part.columns) {
             const auto k = static_cast<std::size_t>(c);
             (k < p.size() ? p[k] : joints[k - p.size()]) += part.size;
           }
+        }
         const kinematics::NewtonResult exact = kinematics::forward_by_closure(m, std::span<const double>(joints), p, X);
         if (!exact.converged) return {};
         Vec6 out;

@@ -19,6 +19,7 @@ struct Plan {
     double size = 0;
     std::vector<int> columns;
     std::string key;
+    Eigen::VectorXd rate{};  ///< of a figure without columns: dp for a unit of it
   };
   std::vector<Part> parts;
   bool parameters = false, joints = false;  ///< whether any column is one
@@ -33,6 +34,10 @@ struct Plan {
     for (const auto& [number, size] : sizes) {
       const Element& e = all[static_cast<std::size_t>(number)];
       parts.push_back({number, size, e.columns, e.key});
+      if (e.figure && e.columns.empty()) {
+        if (auto rate = figure_rate(machine, e)) parts.back().rate = std::move(*rate);
+        parameters = true;
+      }
       for (const int c : e.columns) (c < parameter_count ? parameters : joints) = true;
     }
   }
@@ -45,6 +50,14 @@ struct Generator {
 };
 
 using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+/// What the tool does for a unit of each column of a part; one move for a figure that changes many parameters.
+inline std::vector<Vec6> moves(const Plan::Part& part, const Columns& E) {
+  if (part.rate.size() > 0) return {E.leftCols(part.rate.size()) * part.rate};
+  std::vector<Vec6> out;
+  for (const int c : part.columns) out.push_back(E.col(c));
+  return out;
+}
 
 /// -A^-1 [F_p, F_q], 6 x (parameters + joints): what the tool does for a unit of each; those that the plan does not
 /// name may be 0. Of a machine of Task::axis the pose with the turn about the tool axis that it really has counts.

@@ -281,7 +281,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     plot_height = std::max(plot_height, 40.0);
   }
   const double right = left + plot_width, bottom = top + plot_height;
-  const Scale X{x0, x1, left, right}, Y{y0, y1, bottom, top};
+  const Scale X{x0, x1, left, right}, Y{y0, y1, y.downwards ? top : bottom, y.downwards ? bottom : top};
   picture.text(2, top - 16, svg::with_unit(y.label, y.unit), "q");
   const std::string value_label = svg::with_unit(label, unit);
   picture.text(right + bar_gap + bar_width + widest_label + 7, top - 16, value_label, "q e");

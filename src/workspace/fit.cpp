@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 #include "margin.hpp"
 #include "polypod/kinematics/delta.hpp"
+#include "polypod/workspace/shape.hpp"
 
 namespace polypod::workspace {
 namespace {
@@ -16,6 +18,97 @@ double least_margin(const PointJudge& judge, const std::vector<Vec3>& points, co
   double least = std::numeric_limits<double>::infinity();
   for (const Vec3& X : points) least = std::min(least, judge.margin(X - shift).value);
   return least;
+}
+
+/// The boundary of what is reached, seen from a point: where its margin changes the sign that it has at the point.
+class Boundary {
+ public:
+  Boundary(const PointJudge& judge, const Vec3& X, double reach)
+      : judge_(judge), X_(X), inside_(judge.margin(X).value >= 0), best_(2 * reach) {}
+
+  /// Searches all round, then turns the shortest ray until it gets no shorter.
+  void search() {
+    constexpr int kRays = 200;
+    const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
+    for (int k = 0; k < kRays; ++k) {
+      const double z = 1 - (2 * k + 1.0) / kRays, r = std::sqrt(1 - z * z);
+      shorten({r * std::cos(golden_angle * k), r * std::sin(golden_angle * k), z});
+    }
+    for (const double sign : {-1.0, 1.0})
+      for (int axis = 0; axis < 3; ++axis) shorten(sign * Vec3::Unit(axis));
+    for (double turn = 0.1; found_ && turn > 1e-5;) {
+      const Vec3 n = direction_, u = n.unitOrthogonal(), v = n.cross(u);
+      bool better = false;
+      for (const Vec3& step : {u, v, Vec3(-u), Vec3(-v)}) {
+        if (!shorten((n + turn * step).normalized())) continue;
+        better = true;
+        break;
+      }
+      if (!better) turn *= 0.5;
+    }
+  }
+  [[nodiscard]] bool found() const { return found_; }
+  [[nodiscard]] double distance() const { return best_; }
+  [[nodiscard]] Vec3 point() const { return X_ + best_ * direction_; }
+  /// The limit that is broken just beyond the boundary (or, from outside, just before it).
+  [[nodiscard]] int limit() const {
+    const double way = inside_ ? beyond_ : before_;
+    return judge_.margin(X_ + way * direction_).limit;
+  }
+
+ private:
+  [[nodiscard]] bool crossed(const Vec3& n, double way) const {
+    return (judge_.margin(X_ + way * n).value >= 0) != inside_;
+  }
+  /// Whether the boundary is met along n nearer than so far.
+  bool shorten(const Vec3& n) {
+    constexpr int kSteps = 48, kHalvings = 40;
+    for (int k = 1; k <= kSteps; ++k) {
+      double out = best_ * k / kSteps * (1 - 1e-9), in = best_ * (k - 1) / kSteps;
+      if (!crossed(n, out)) continue;
+      for (int h = 0; h < kHalvings; ++h) {
+        const double middle = 0.5 * (in + out);
+        (crossed(n, middle) ? out : in) = middle;
+      }
+      found_ = true;
+      direction_ = n;
+      before_ = in;
+      best_ = beyond_ = out;
+      return true;
+    }
+    return false;
+  }
+
+  const PointJudge& judge_;
+  Vec3 X_, direction_ = Vec3::UnitZ();
+  bool inside_, found_ = false;
+  double best_, before_ = 0, beyond_ = 0;
+};
+
+/// A ball round X of nearly `distance` that certainly fits, or of less, or none.
+Result<double> certain_distance(const AnyMachine& machine, const Options& options, const Vec3& X, double distance) {
+  for (const double share : {0.995, 0.95, 0.8, 0.5, 0.2}) {
+    const Shape ball{ShapeKind::ellipsoid, X, Vec3::Constant(share * distance)};
+    POLYPOD_ASSIGN(held, certainly_holds(machine, options, ball));
+    if (held) return share * distance;
+  }
+  return 0.0;
+}
+
+Result<PointFit> fit_of(const AnyMachine& machine, const Options& options, const PointJudge& judge, const Vec3& X,
+                        double reach) {
+  const Margin margin = judge.margin(X);
+  Boundary boundary(judge, X, reach);
+  boundary.search();
+  PointFit out{X, margin.value >= 0, std::numeric_limits<double>::infinity(), X, 0, margin.limit};
+  if (!boundary.found()) return out;
+  out.distance = boundary.distance();
+  out.boundary = boundary.point();
+  if (!out.fits) return out;
+  out.limit = boundary.limit();
+  POLYPOD_ASSIGN(certain, certain_distance(machine, options, X, out.distance));
+  out.certain = certain;
+  return out;
 }
 
 /// The values round `nominal` for which margin(value) >= 0: of all ranges that a scan finds the one nearest to it.
@@ -91,11 +184,6 @@ Result<Fit> fit_points(const AnyMachine& machine, const Options& options, const 
   POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
   Fit out;
   out.fits = true;
-  for (const Vec3& X : points) {
-    const Margin margin = judge->margin(X);
-    out.points.push_back({X, margin.value, margin.limit});
-    out.fits = out.fits && margin.value >= 0;
-  }
   return std::visit(
       [&]<class M>(const M& m) -> Result<Fit> {
         if constexpr (!machine::DeltaFamily<M>) {
@@ -105,6 +193,11 @@ Result<Fit> fit_points(const AnyMachine& machine, const Options& options, const 
           const double nominal = m.rod_length[0];
           double reach = nominal;
           if constexpr (std::is_same_v<M, machine::RotaryDelta>) reach += m.arm_length[0];
+          for (const Vec3& X : points) {
+            POLYPOD_ASSIGN(point, fit_of(machine, options, *judge, X, reach));
+            out.fits = out.fits && point.fits;
+            out.points.push_back(point);
+          }
           out.rod_length = scan(0.4 * nominal, 2.5 * nominal, nominal, [&](double length) {
             M changed = m;
             for (int i = 0; i < m.arms; ++i) changed.rod_length[i] += length - nominal;

@@ -49,16 +49,20 @@ struct JointTerm {
 };
 
 /// The joint limits of one leg as such terms (see joint_margin for their meaning).
-inline std::vector<JointTerm> joint_terms(const JointLimit& limit, const Vec3& home, int leg, LimitBits mask) {
+template <class Hexapod>
+std::vector<JointTerm> joint_terms(const Hexapod& m, int leg, LimitBits mask) {
   std::vector<JointTerm> out;
   for (const bool of_platform : {false, true}) {
     const int bit = (of_platform ? HexapodLimits::kPlatformJoint : HexapodLimits::kBaseJoint) + leg;
     if ((mask >> bit & 1U) == 0) continue;
+    const machine::JointSeats& seats = of_platform ? m.platform_seats : m.base_seats;
+    const JointLimit limit = machine::hexapod_detail::limit_of(m.joint, seats, leg);
+    const Vec3& home = machine::hexapod_detail::axis_of(seats, m.home, leg);
     switch (limit.kind) {
       case JointLimitKind::none:
         break;
       case JointLimitKind::cone:
-        out.push_back({bit, of_platform, home, std::cos(limit.angle), 1});
+        if (limit.angle < std::numbers::pi) out.push_back({bit, of_platform, home, std::cos(limit.angle), 1});
         break;
       case JointLimitKind::elevation: {
         const double e = std::acos(std::clamp(home.z(), -1.0, 1.0));
@@ -161,16 +165,21 @@ class HexapodBase {
       end_[i] = m.platform_joint[i] - Vec3(0, 0, m.tool_length);
       lever_ = std::max(lever_, end_[i].norm());
       first_term_[i] = static_cast<int>(terms_.size());
-      for (const JointTerm& t : joint_terms(m.joint, m.home.direction[i], i, mask_)) terms_.push_back(t);
+      for (const JointTerm& t : joint_terms(m, i, mask_)) terms_.push_back(t);
     }
     first_term_[kLegs] = static_cast<int>(terms_.size());
     int bit = HexapodLimits::kLegPair;
     for (int i = 0; i < kLegs; ++i)
       for (int j = i + 1; j < kLegs; ++j, ++bit)
         if (options.interference && m.leg_diameter > 0 && (mask_ >> bit & 1U) != 0) pairs_.push_back({i, j, bit});
+    for (int k = 0; k < 3; ++k) {
+      if (heeds(HexapodLimits::kLow + k) && std::isfinite(m.low[k])) tip_.push_back({k, 1, m.low[k]});
+      if (heeds(HexapodLimits::kHigh + k) && std::isfinite(m.high[k])) tip_.push_back({k, -1, m.high[k]});
+    }
   }
 
-  [[nodiscard]] int groups() const { return kLegs + static_cast<int>(pairs_.size()); }
+  /// One a leg, one a pair of legs, one for the coordinates of the tip.
+  [[nodiscard]] int groups() const { return kLegs + static_cast<int>(pairs_.size()) + (tip_.empty() ? 0 : 1); }
   [[nodiscard]] double lever() const { return lever_; }
 
   [[nodiscard]] static std::size_t bytes(const Data& d) { return d.term_normal.capacity() * sizeof(Turning); }
@@ -194,7 +203,34 @@ class HexapodBase {
   struct Pair {
     int i, j, bit;
   };
+  /// sign (x_axis - at) >= 0 of the tool tip.
+  struct TipLimit {
+    int axis;
+    double sign, at;
+  };
   [[nodiscard]] bool heeds(int limit) const { return (mask_ >> limit & 1U) != 0; }
+
+  /// The coordinates are the group behind those of the pairs.
+  [[nodiscard]] bool is_tip(int group) const { return group == kLegs + static_cast<int>(pairs_.size()); }
+  Verdict judge_tip(const Vec3& center, const Vec3& half, const Patch& patch, BoundList& out) const {
+    Verdict verdict = Verdict::inside;
+    for (const TipLimit& limit : tip_) {
+      Linear f;
+      f.value = limit.sign * (center[limit.axis] - limit.at);
+      f.G[limit.axis] = limit.sign;
+      const int id = 300 + (limit.sign > 0 ? limit.axis : 3 + limit.axis);
+      verdict = both(verdict, weigh(f, id, std::abs(center[limit.axis]) + std::abs(limit.at), half, patch, out));
+      if (verdict == Verdict::outside || verdict == Verdict::dead) break;
+    }
+    return verdict;
+  }
+  /// The box cut to the coordinate limits of the tip.
+  void cut_to_tip(Vec3& low, Vec3& high) const {
+    for (const TipLimit& limit : tip_) {
+      double& end = limit.sign > 0 ? low[limit.axis] : high[limit.axis];
+      end = limit.sign > 0 ? std::max(end, limit.at) : std::min(end, limit.at);
+    }
+  }
 
   const Hexapod& m_;
   LimitBits mask_;
@@ -203,6 +239,7 @@ class HexapodBase {
   std::vector<JointTerm> terms_;
   std::array<int, kLegs + 1> first_term_{};
   std::vector<Pair> pairs_;
+  std::vector<TipLimit> tip_;
 };
 
 class StrutLimits : public HexapodBase<StrutHexapod> {
@@ -218,10 +255,12 @@ class StrutLimits : public HexapodBase<StrutHexapod> {
       low = low.cwiseMax(center - Vec3::Constant(m_.length_max));
       high = high.cwiseMin(center + Vec3::Constant(m_.length_max));
     }
+    cut_to_tip(low, high);
   }
 
   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch& patch, const Data& d,
                 BoundList& out) const {
+    if (is_tip(group)) return judge_tip(center, half, patch, out);
     if (group >= kLegs)
       return judge_pair(pairs_[static_cast<std::size_t>(group - kLegs)], center, half, radius, patch, d, out);
     const int i = group;
@@ -296,10 +335,12 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
       low = low.cwiseMax(m_.rail_outer[i].cwiseMin(m_.rail_inner[i]) - shift - reach);
       high = high.cwiseMin(m_.rail_outer[i].cwiseMax(m_.rail_inner[i]) - shift + reach);
     }
+    cut_to_tip(low, high);
   }
 
   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch& patch, const Data& d,
                 BoundList& out) const {
+    if (is_tip(group)) return judge_tip(center, half, patch, out);
     if (group >= kLegs)
       return judge_pair(pairs_[static_cast<std::size_t>(group - kLegs)], center, half, radius, patch, d, out);
     const int i = group;

@@ -50,16 +50,9 @@ class HexapodJudge {
     } else {
       length = 0.5 * (m.length_min + m.length_max);
     }
-    const int count = kSlider ? HexapodLimits::kCountSlider : HexapodLimits::kCountStrut;
-    for (int i = 0; i < count; ++i) {
-      if ((options.limits >> i & 1U) == 0) continue;
+    for (int i = 0; i < HexapodLimits::kCount; ++i) {
+      if ((options.limits >> i & 1U) == 0 || !is_given(i, options)) continue;
       const bool of_joint = i >= HexapodLimits::kBaseJoint && i < HexapodLimits::kLegPair;
-      const bool of_pair = i >= HexapodLimits::kLegPair && i < HexapodLimits::kBasePlane;
-      if (of_joint && m.joint.kind == machine::JointLimitKind::none) continue;
-      if (of_pair && !(options.interference && m.leg_diameter > 0)) continue;
-      if constexpr (kSlider) {
-        if (i >= HexapodLimits::kBasePlane && !m.base_check) continue;
-      }
       slots.push_back({i, of_joint ? length : 1.0});
     }
     if constexpr (kSlider) slots.push_back({kOutOfReach, 1});
@@ -92,6 +85,19 @@ class HexapodJudge {
   }
 
  private:
+  /// Whether the machine has this limit at all.
+  [[nodiscard]] bool is_given(int limit, const Options& options) const {
+    using L = HexapodLimits;
+    if (limit >= L::kHigh) return std::isfinite(m_.high[limit - L::kHigh]);
+    if (limit >= L::kLow) return std::isfinite(m_.low[limit - L::kLow]);
+    if (limit >= L::kBasePlane) {
+      if constexpr (requires { m_.base_check; }) return m_.base_check;
+      return false;
+    }
+    if (limit >= L::kLegPair) return options.interference && m_.leg_diameter > 0;
+    return limit < L::kBaseJoint || m_.joint.kind != machine::JointLimitKind::none;
+  }
+
   const Hexapod& m_;
   std::vector<double> p_;
 };

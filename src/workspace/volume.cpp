@@ -137,10 +137,12 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
     } else if (name == "legs") {
       bits |= bits_between(HexapodLimits::kLegPair, HexapodLimits::kBasePlane);
     } else if (name == "base") {
-      bits |= bits_between(HexapodLimits::kBasePlane, HexapodLimits::kCountSlider);
+      bits |= bits_between(HexapodLimits::kBasePlane, HexapodLimits::kLow);
+    } else if (name == "coordinates") {
+      bits |= bits_between(HexapodLimits::kLow, HexapodLimits::kCount);
     } else {
       return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
-                  "limits: length, base-joint, platform-joint, joint, legs, base");
+                  "limits: length, base-joint, platform-joint, joint, legs, base, coordinates");
     }
   }
   return bits;

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Workspaces of deltas against closed forms, a scan, an integral over the drives and sampling of single verdicts.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <random>
@@ -388,6 +389,59 @@ TEST(Fit, ProposalsMakeTheTaskFit) {
   EXPECT_NEAR(inside->rod_length->nearest, 0.5539, 1e-12);
   EXPECT_EQ(fit_points(m, {}, {}).error().id, "WS142");
   EXPECT_EQ(fit_points(load("lola50"), {}, {Vec3(0, 0, 0.5)}).error().id, "WS140");
+}
+
+TEST(Fit, DistancesAreDistances) {
+  const auto fits = [](const AnyMachine& m, const Vec3& X) {
+    const auto solutions = kinematics::inverse(m, Pose{Mat3::Identity(), X}).solutions;
+    return !solutions.empty() && (solutions.front().violations & ~interference_bits(m)) == 0;
+  };
+  std::mt19937 engine(7);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform;
+  const auto in_ball = [&](double radius) {
+    const Vec3 n = Vec3(normal(engine), normal(engine), normal(engine)).normalized();
+    return Vec3(radius * std::cbrt(uniform(engine)) * n);
+  };
+  for (const char* name : {"delta-brno", "delta-linear"}) {
+    const AnyMachine m = load(name);
+    const double z = std::visit(
+        []<class M>(const M& f) {
+          if constexpr (machine::DeltaFamily<M>) return f.home.z();
+          return 0.0;
+        },
+        m);
+    for (const Vec3& X : {Vec3(0, 0, z), Vec3(0.05, -0.04, z + 0.02), Vec3(0.6, 0.1, z), Vec3(0.02, 0.03, z + 0.6)}) {
+      SCOPED_TRACE(fmt::format("{} at {}, {}, {}", name, X.x(), X.y(), X.z()));
+      const auto fit = fit_points(m, {}, {X});
+      ASSERT_TRUE(fit);
+      const PointFit& p = fit->points[0];
+      EXPECT_EQ(p.fits, fits(m, X));
+      ASSERT_TRUE(std::isfinite(p.distance));
+      EXPECT_NEAR((p.boundary - X).norm(), p.distance, 1e-12);
+      // The boundary is there, and no point that is nearer by more than 0.2 % is on its other side.
+      const Vec3 n = (p.boundary - X).normalized();
+      EXPECT_NE(fits(m, p.boundary - 1e-6 * n), fits(m, p.boundary + 1e-6 * n));
+      for (int k = 0; k < 4000; ++k) {
+        const Vec3 Y = X + in_ball(0.998 * p.distance);
+        ASSERT_EQ(fits(m, Y), p.fits) << Y.transpose() << " is nearer by " << p.distance - (Y - X).norm();
+      }
+      if (p.fits) {
+        EXPECT_GT(p.certain, 0.5 * p.distance);
+        EXPECT_LT(p.certain, p.distance);
+      } else {
+        EXPECT_EQ(p.certain, 0);
+      }
+    }
+  }
+  // A plane 10 mm away, and which limit that is.
+  const AnyMachine cut = load("delta-brno", {{"limits.z_max_mm", "510"}});
+  const auto near = fit_points(cut, {}, {Vec3(0.01, 0.02, 0.5), Vec3(0.01, 0.02, 0.53)});
+  EXPECT_NEAR(near->points[0].distance, 0.010, 1e-9);
+  EXPECT_EQ(limit_label(cut, near->points[0].limit), "z above its largest value");
+  EXPECT_GE(near->points[0].certain, 0.0095);
+  EXPECT_NEAR(near->points[1].distance, 0.020, 1e-9);
+  EXPECT_FALSE(near->points[1].fits);
 }
 
 }  // namespace

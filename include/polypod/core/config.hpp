@@ -65,9 +65,9 @@ class Table {
   Result<std::vector<Table>> tables(std::string_view key) const;
 
   /// Puts a number at a dotted path: `a.b`, `rows[2].x` (arrays count from 1). The table on the way must exist; the
-  /// last key may be new, so that an optional one can be given (an unknown one is found by `finish()`). False if the
-  /// way does not exist.
-  bool replace(std::string_view path, double value);
+  /// last key may be new, so that an optional one can be given (an unknown one is found by `finish()`). Tables on the
+  /// way that are not there are made where `create` says so. False if the way does not exist.
+  bool replace(std::string_view path, double value, bool create = false);
 
   /// Fails if a key of this table was never asked for (CF103).
   [[nodiscard]] Status finish() const;

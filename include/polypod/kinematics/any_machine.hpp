@@ -34,8 +34,10 @@ struct ForwardResult {
   std::vector<Pose> poses;
   std::vector<double> residuals;  ///< largest |F_i| of each, m (or the closure's unit)
   bool complete = true;           ///< the list is proven to hold every real solution
+  std::string reason;             ///< why there is no pose, where there is none
 };
-/// The pose of the joints q; for a parallel machine the mode that is reached from home, and not complete.
+/// The pose of the joints q; for a parallel machine the mode that is reached from home, and not complete. Where there
+/// is none, `reason` says whether the legs meet at no real pose (proven, or not found) or Newton's method failed.
 ForwardResult forward(const AnyMachine& machine, const JointVector& q);
 /// Every pose of the joints where a closed form has them all (deltas: both, the machine's first); otherwise `forward`.
 ForwardResult forward_all(const AnyMachine& machine, const JointVector& q);

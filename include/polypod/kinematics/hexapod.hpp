@@ -2,6 +2,7 @@
 // What the kinematics of hexapods on struts and on rails share: limits of joints and legs, and Newton on six legs.
 #pragma once
 
+#include <cmath>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,7 +13,7 @@
 
 namespace polypod::machine {
 
-/// The order of the limits of both families; `kBasePlane` only on rails.
+/// The order of the limits of both families; `kBasePlane` only on rails (struts: always kept).
 struct HexapodLimits {
   static constexpr int kMin = 0;  ///< strut too short, slider beyond the outer end
   static constexpr int kMax = 6;  ///< strut too long, slider beyond the inner end
@@ -20,8 +21,9 @@ struct HexapodLimits {
   static constexpr int kPlatformJoint = 18;
   static constexpr int kLegPair = 24;  ///< (1,2), (1,3), ..., (5,6)
   static constexpr int kBasePlane = 39;
-  static constexpr int kCountStrut = 39;
-  static constexpr int kCountSlider = 45;
+  static constexpr int kLow = 45;   ///< x, y, z of the tool tip below its smallest value
+  static constexpr int kHigh = 48;  ///< and above its largest
+  static constexpr int kCount = 51;
 };
 /// "legs 2 and 5 collide" and the others that both families share.
 std::string hexapod_limit_name(int limit);
@@ -73,11 +75,20 @@ T leg_gap(double diameter, const Vector3<T>& a, const Vector3<T>& a_end, const V
   return T(segment_distance(a, a_end, b, b_end)) - T(diameter);
 }
 
+/// The limit and the axis of joint i of an end: those of its seat where it has one.
+inline JointLimit limit_of(const JointLimit& joint, const JointSeats& seats, int i) {
+  JointLimit out = joint;
+  if (seats.angle) out.angle = (*seats.angle)[i];
+  return out;
+}
+inline const Vec3& axis_of(const JointSeats& seats, const HexapodHome& home, int i) {
+  return seats.axis ? (*seats.axis)[i] : home.direction[i];
+}
+
 /// Limits kBaseJoint to kLegPair from the six legs, anchor to platform joint.
-template <class T>
-void push_leg_limits(std::vector<T>& g, const JointLimit& joint, const HexapodHome& home, double diameter,
-                     const Matrix3<T>& R, const std::array<Vector3<T>, kLegs>& anchor,
-                     const std::array<Vector3<T>, kLegs>& end) {
+template <class T, class Hexapod>
+void push_leg_limits(std::vector<T>& g, const Hexapod& m, const Matrix3<T>& R,
+                     const std::array<Vector3<T>, kLegs>& anchor, const std::array<Vector3<T>, kLegs>& end) {
   std::array<Vector3<T>, kLegs> w;
   for (int i = 0; i < kLegs; ++i) {
     using std::sqrt;
@@ -86,10 +97,22 @@ void push_leg_limits(std::vector<T>& g, const JointLimit& joint, const HexapodHo
     for (int k = 0; k < 3; ++k) w[i][k] = y[k] / length;
   }
   const Matrix3<T> identity = Mat3::Identity().cast<T>();
-  for (int i = 0; i < kLegs; ++i) g.push_back(joint_margin<T>(joint, w[i], home.direction[i], identity));
-  for (int i = 0; i < kLegs; ++i) g.push_back(joint_margin<T>(joint, w[i], home.direction[i], R));
+  const auto push_end = [&](const JointSeats& seats, const Matrix3<T>& turned) {
+    for (int i = 0; i < kLegs; ++i) {
+      g.push_back(joint_margin<T>(limit_of(m.joint, seats, i), w[i], axis_of(seats, m.home, i), turned));
+    }
+  };
+  push_end(m.base_seats, identity);
+  push_end(m.platform_seats, R);
   for (int i = 0; i < kLegs; ++i)
-    for (int j = i + 1; j < kLegs; ++j) g.push_back(leg_gap<T>(diameter, anchor[i], end[i], anchor[j], end[j]));
+    for (int j = i + 1; j < kLegs; ++j) g.push_back(leg_gap<T>(m.leg_diameter, anchor[i], end[i], anchor[j], end[j]));
+}
+
+/// Limits kLow to kCount: how far the tip is inside its box, m; 1 where no limit is given.
+template <class T>
+void push_tip_limits(std::vector<T>& g, const TipLimits& tip, const Vector3<T>& X) {
+  for (int k = 0; k < 3; ++k) g.push_back(std::isfinite(tip.low[k]) ? T(X[k] - T(tip.low[k])) : T(1.0));
+  for (int k = 0; k < 3; ++k) g.push_back(std::isfinite(tip.high[k]) ? T(T(tip.high[k]) - X[k]) : T(1.0));
 }
 
 }  // namespace hexapod_detail

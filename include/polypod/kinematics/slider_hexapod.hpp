@@ -64,13 +64,13 @@ std::vector<T> parameter_rules(const SliderHexapod&, std::span<const T> p) {
   return out;
 }
 
-/// The 45 limits in the order of HexapodLimits: q_i and rail length - q_i in m, the joints' margins, the gaps between
-/// legs in m, and the lesser of leg . n over the two planes of neighbouring rails in m (JEL (4.17): inside where leg is
-/// in front of both; the printed AND is an error).
+/// The limits in the order of HexapodLimits: q_i and rail length - q_i in m, the joints' margins, the gaps between
+/// legs in m, the lesser of leg . n over the two planes of neighbouring rails in m (JEL (4.17): inside where leg is in
+/// front of both; the printed AND is an error), and how far the tool tip is inside its box in m.
 template <class T>
 std::vector<T> limits(const SliderHexapod& m, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
   std::vector<T> g;
-  g.reserve(HexapodLimits::kCountSlider);
+  g.reserve(HexapodLimits::kCount);
   for (int i = 0; i < kLegs; ++i) g.push_back(q[i]);
   for (int i = 0; i < kLegs; ++i) g.push_back(T(m.rail_length[i]) - q[i]);
   std::array<Vector3<T>, kLegs> anchor, end;
@@ -79,7 +79,7 @@ std::vector<T> limits(const SliderHexapod& m, const PoseT<T>& X_MT, std::span<co
     anchor[i] = leg.anchor;
     end[i] = leg.end;
   }
-  hexapod_detail::push_leg_limits(g, m.joint, m.home, m.leg_diameter, X_MT.R, anchor, end);
+  hexapod_detail::push_leg_limits(g, m, X_MT.R, anchor, end);
   for (int i = 0; i < kLegs; ++i) {
     const Vector3<T> y = end[i] - anchor[i];
     T least(1.0);
@@ -88,6 +88,7 @@ std::vector<T> limits(const SliderHexapod& m, const PoseT<T>& X_MT, std::span<co
     }
     g.push_back(least);
   }
+  hexapod_detail::push_tip_limits(g, m, X_MT.p);
   return g;
 }
 

@@ -55,12 +55,13 @@ ClosureVectorT<T> closure(const StrutHexapod&, const PoseT<T>& X_MT, std::span<c
   return F;
 }
 
-/// The 39 limits in the order of HexapodLimits: l_i - length_min and length_max - l_i in m (l_i = q_i + offset_i), the
-/// joints' margins (no unit), the gaps between legs in m.
+/// The limits in the order of HexapodLimits: l_i - length_min and length_max - l_i in m (l_i = q_i + offset_i), the
+/// joints' margins (no unit), the gaps between legs in m, six that rails have and struts keep always (1), and how far
+/// the tool tip is inside its box in m.
 template <class T>
 std::vector<T> limits(const StrutHexapod& m, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
   std::vector<T> g;
-  g.reserve(HexapodLimits::kCountStrut);
+  g.reserve(HexapodLimits::kCount);
   const auto length = [&](int i) -> T { return q[i] + p[7 * static_cast<std::size_t>(i)]; };
   for (int i = 0; i < kLegs; ++i) g.push_back(length(i) - T(m.length_min));
   for (int i = 0; i < kLegs; ++i) g.push_back(T(m.length_max) - length(i));
@@ -70,7 +71,9 @@ std::vector<T> limits(const StrutHexapod& m, const PoseT<T>& X_MT, std::span<con
     anchor[i] = leg.base;
     end[i] = leg.end;
   }
-  hexapod_detail::push_leg_limits(g, m.joint, m.home, m.leg_diameter, X_MT.R, anchor, end);
+  hexapod_detail::push_leg_limits(g, m, X_MT.R, anchor, end);
+  g.resize(HexapodLimits::kLow, T(1.0));  // no rails
+  hexapod_detail::push_tip_limits(g, m, X_MT.p);
   return g;
 }
 

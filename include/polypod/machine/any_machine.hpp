@@ -32,8 +32,13 @@ struct CatalogueEntry {
 };
 const std::vector<CatalogueEntry>& catalogue();
 
-/// A machine from a file or, if there is no such file, from the catalogue, with overrides applied before it is checked:
-/// each override replaces the value of a key of the file (dots go into tables, [i] into arrays from 1).
+/// The key under which a parameter is shown and set: with its unit, as in a machine file: "base.joint[3].x_mm".
+std::string key_of(const Parameter& parameter);
+
+/// A machine from a file or, if there is no such file, from the catalogue, with overrides applied before it is checked.
+/// Keys are those of the file (dots go into tables, [i] into arrays from 1) and those of `settings` and
+/// kinematics::parameters with their units (key_of); single parameters are changed in the machine that all other keys
+/// give.
 /// Errors: MA100 (no such machine), MA101 (unknown family), MA102 (unknown key of an override), MA103 (not a number),
 /// and those of the family's reader.
 Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides = {});
@@ -44,6 +49,10 @@ Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name
 
 /// What a designer changes, as keys of the machine file without their unit; empty for families without such keys.
 std::vector<Parameter> settings(const AnyMachine& machine);
+
+/// The machine with one figure changed: `key` as key_of gives it, of settings or parameters; `value` in its unit.
+/// Errors: those of from_text.
+Result<AnyMachine> with_value(const AnyMachine& machine, const std::string& key, double value);
 
 /// The machine with other values p of kinematics::parameters(machine), SI. Errors: MA104 for a family that cannot take
 /// them, MA105 for another count of values, and those of the family's reader.

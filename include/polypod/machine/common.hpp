@@ -2,6 +2,7 @@
 // What every family of machines is described with.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -42,6 +43,12 @@ struct Parameter {
 
 /// Where the numbers of a machine come from: key of the file -> source.
 using Provenance = std::map<std::string, std::string>;
+
+/// The box of M in which the tool tip must stay, m; infinite where no limit is given.
+struct TipLimits {
+  Vec3 low = Vec3::Constant(-std::numeric_limits<double>::infinity());
+  Vec3 high = Vec3::Constant(std::numeric_limits<double>::infinity());
+};
 
 /// The range of a joint, rad or m.
 struct JointRange {

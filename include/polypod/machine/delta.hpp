@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <limits>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -38,7 +37,7 @@ struct DeltaBodies {
 /// Chains i = 0 .. arms - 1 hold the platform by |X + P_i - tool - S_i(q_i)| = c_i at R = 1, S_i the end that is
 /// driven: the elbow of an arm or a carriage on a rail. {M}: z from the base to the platform (KOZ 4.2.1). X is the tool
 /// tip.
-struct Delta {
+struct Delta : TipLimits {
   std::string name;
   std::string description;
   int arms = 3;
@@ -51,8 +50,6 @@ struct Delta {
   JointRange range;               ///< of every drive, rad or m
   RodJoint joint;
   DeltaBodies bodies;
-  Vec3 low = Vec3::Constant(-std::numeric_limits<double>::infinity());  ///< coordinate limits of X, m
-  Vec3 high = Vec3::Constant(std::numeric_limits<double>::infinity());
   PerArm<double> drive_compliance{};  ///< rad/Nm or m/N of each drive, the bending of its arm (or rail) in it
   PerArm<double> rod_compliance{};    ///< m/N of each parallelogram along its rods
   Provenance provenance;

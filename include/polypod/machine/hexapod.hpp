@@ -39,6 +39,13 @@ struct JointLimit {
   double angle_across = 0;  ///< rad, pyramid only: the other half angle
 };
 
+/// The seats of the six joints of one end, where they differ from the common cone: each holds its leg within `angle` of
+/// `axis`, the direction from the base joint to the platform joint, in M at the base and in P at the platform.
+struct JointSeats {
+  std::optional<SixPoints> axis;    ///< unit vectors; empty: the legs' directions at home
+  std::optional<SixNumbers> angle;  ///< rad, above 0 and at most pi; empty: JointLimit::angle
+};
+
 /// The legs at the home pose: platform parallel to the base over its origin. Joint limits are centred there.
 struct HexapodHome {
   std::optional<double> height_given;  ///< m, of the platform's origin; empty: by the family's rule

@@ -23,7 +23,7 @@ struct PairedRails {
 
 /// A hexapod on rails: |t + R b_i - (a_i + q_i u_i)| = l + offset_i, 0 <= q_i <= rail length (JEL (3.11) to (3.13)).
 /// Joint coordinates: q_i, the way of slider i from the outer end of its rail, m. T as for StrutHexapod.
-struct SliderHexapod {
+struct SliderHexapod : TipLimits {
   static constexpr std::string_view kFamily = "slider-hexapod";
 
   std::string name;
@@ -36,9 +36,10 @@ struct SliderHexapod {
   double leg_length = 0;                        ///< l, m
   SixNumbers leg_offset{};                      ///< m, by how much each leg is longer than l
   double leg_diameter = 0;                      ///< m, 0: thin legs that may cross
-  bool base_check = false;  ///< legs may not go behind the planes of neighbouring rails (JEL (4.17))
-  double tool_length = 0;   ///< m, along z_P
-  JointLimit joint;
+  bool base_check = false;                ///< legs may not go behind the planes of neighbouring rails (JEL (4.17))
+  double tool_length = 0;                 ///< m, along z_P
+  JointLimit joint;                       ///< of every joint at base and platform
+  JointSeats base_seats, platform_seats;  ///< with JointLimitKind::cone only
   /// Without a given height: where the sliders stand at `home_slider` of the rail from its outer end.
   HexapodHome home;
   double home_slider = kHomeSlider;

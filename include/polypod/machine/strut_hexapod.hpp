@@ -15,7 +15,7 @@ namespace polypod::machine {
 /// A hexapod on struts: |t + R b_i - a_i| = l_i, length_min <= l_i <= length_max, with X_MP = (R, t) and the tool tip T
 /// at tool_length along the platform's normal, T parallel to P (JEL (3.3), (3.4)). Joint coordinates: what the
 /// controller reads, q_i = l_i - offset_i; without offsets the lengths l_i.
-struct StrutHexapod {
+struct StrutHexapod : TipLimits {
   static constexpr std::string_view kFamily = "strut-hexapod";
 
   std::string name;
@@ -30,6 +30,7 @@ struct StrutHexapod {
   double leg_diameter = 0;                      ///< m, 0: thin legs that may cross
   double tool_length = 0;                       ///< m, along z_P
   JointLimit joint;                             ///< of every joint at base and platform
+  JointSeats base_seats, platform_seats;        ///< with JointLimitKind::cone only
   /// Without a given height: where the struts' mean length is (length_min + length_max) / 2.
   HexapodHome home;
   double compliance = 0;        ///< m/N of a strut along its axis, the mean of the six

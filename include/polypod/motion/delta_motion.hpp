@@ -54,6 +54,8 @@ struct Run {
   Peaks tool;                      ///< m/s, m/s^2, m/s^3
   machine::PerArm<Peaks> drive{};  ///< rad or m, per s, s^2, s^3
   machine::PerArm<double> low{}, high{};
+  /// m, the least distance from a singular pose (machine::Closeness) over the samples, 0 where one is out of reach.
+  double clearance = 0;
   std::vector<Problem> problems;  ///< in the order of the path; every kind and limit once, where it is first met
   [[nodiscard]] bool ok() const { return problems.empty(); }
 };

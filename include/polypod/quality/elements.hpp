@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/geometry/pose.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::quality {
@@ -21,6 +22,9 @@ struct Element {
   std::vector<int> columns;  ///< of [p; q]: the numbers of parameters, or the count of parameters plus that of a joint
   std::string unit;          ///< of a size: "mm", "deg" or "" (no unit)
   bool in_all = true;        ///< part of the key `all`
+  /// A figure of `polypod info` that is none of the elements above: one coordinate of a point, or a setting. Without
+  /// `columns`, what it changes follows from the machine with the figure changed (figure_shift).
+  bool figure = false;
 };
 
 /// All elements of a machine, from the keys of its parameters: `leg.length[1]` is one, the three of
@@ -30,8 +34,16 @@ struct Element {
 ///   and d of JEL (5.5));
 /// - `joint[i]`: the reading of a joint: a strut, a slider, a drive's zero.
 /// Joint readings, the tool's length and numbers without a unit (directions of rails) are not in `all`.
-/// Order: single numbers, then points, group by group: the order of the search of JEL.
+/// Order: single numbers, then points, group by group: the order of the search of JEL; then, outside of `all`, every
+/// other figure of machine::settings and kinematics::parameters under its own key: `base.joint[3].x`, `base.radius`.
 std::vector<Element> elements(const AnyMachine& machine);
+
+/// How the parameters p change where a figure grows by `size` (SI). Zero for figures that are limits. Errors: those of
+/// machine::with_value.
+Result<Eigen::VectorXd> figure_shift(const AnyMachine& machine, const Element& figure, double size);
+/// The same for a unit of the figure in first order, from central differences. Errors: QU104 where the figure can be
+/// changed neither up nor down.
+Result<Eigen::VectorXd> figure_rate(const AnyMachine& machine, const Element& figure);
 
 /// An element and how much it is off, or may be, SI. A point is off by (size, size, size).
 struct Sized {
@@ -39,9 +51,9 @@ struct Sized {
   double size = 0;
 };
 
-/// The elements that `KEY=size` names, sizes in mm or deg: KEY is a key, a group (all its elements) or `all`. Named
-/// twice, the sizes add up. Errors: QU100 (no such element, the message lists the groups), QU101 (a size that is not
-/// finite, or below 0 where `tolerance`).
+/// The elements that `KEY=size` names, sizes in mm or deg: KEY is a key, a group (all its elements) or `all`, with its
+/// unit (`base.joint[3].x_mm`, as `polypod info` lists it) or without. Named twice, the sizes add up. Errors: QU100 (no
+/// such element, the message lists the groups), QU101 (a size that is not finite, or below 0 where `tolerance`).
 Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<std::pair<std::string, double>>& sizes,
                                  bool tolerance);
 

@@ -39,6 +39,7 @@ struct Axis {
   std::optional<double> min, max;  ///< taken from the data if not given
   bool with_zero = false;          ///< stretch a range taken from the data to hold 0
   bool counts = false;             ///< of an x axis: numbers that count things, ticks at whole ones alone
+  bool downwards = false;          ///< of the y axis of a colour map: grows from the top to the bottom
 };
 
 struct Series {

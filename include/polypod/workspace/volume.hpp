@@ -124,7 +124,8 @@ struct Volume {
 Result<Volume> volume(const AnyMachine& machine, const Options& options);
 
 /// The bits of a comma-separated list of limits. Hexapods: `length` (struts or rails), `base-joint`, `platform-joint`,
-/// `joint` (both), `legs`, `base` (leg against base). Serial arms: numbers of free joints. Error: WS103.
+/// `joint` (both), `legs`, `base` (leg against base), `coordinates` (of the tool tip). Serial arms: numbers of free
+/// joints. Error: WS103.
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names);
 
 /// The bits of the limits between legs.
