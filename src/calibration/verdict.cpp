@@ -13,8 +13,9 @@
 namespace polypod::calibration {
 namespace {
 
-constexpr double kOpen =
-    0.5;  // a coordinate whose standard deviation stays above this share of what it was is not told
+// A coordinate whose standard deviation stays above this share of what it was is not told: what remains then comes from
+// the drawing more than from the readings.
+constexpr double kOpen = 0.2;
 
 /// "x", "x and y", "x, y and z".
 std::string listed(const std::vector<std::string>& words) {
@@ -117,11 +118,16 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
   out.poses = stands.size();
   out.before = spread_over(nominal, stands, c.prior.cwiseAbs2().asDiagonal());
   out.after = spread_over(nominal, stands, c.covariance);
-  std::vector<std::string> told;
+  std::vector<std::string> told, shares;
   const std::vector<std::string> all = pose_coordinates(nominal);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
-    (out.after.mean[k] < kOpen * out.before.mean[k] ? told : out.left_open).push_back(all[i]);
+    const double before = out.before.mean[k], after = out.after.mean[k];
+    const bool open = !(after < kOpen * before);
+    (open ? out.left_open : told).push_back(all[i]);
+    if (!open) continue;
+    shares.push_back(before > 0 ? fmt::format("{} ({:.0f} %)", spoken(all[i]), 100 * after / before)
+                                : fmt::format("{} (not looked for)", spoken(all[i])));
   }
   const std::string refused = refusal(c);
   if (!refused.empty()) {
@@ -138,11 +144,10 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
   } else {
     out.answer = Answer::partly;
     out.text = fmt::format(
-        "In part: {} of the pose {} better than in the drawing; the measurements leave {} open, which {} as the "
-        "drawing has {}. To tell {} measure {} too.",
-        listed(spoken(told)), told.size() == 1 ? "is" : "are", listed(spoken(out.left_open)),
-        out.left_open.size() == 1 ? "stays" : "stay", out.left_open.size() == 1 ? "it" : "them",
-        out.left_open.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
+        "In part: {} of the pose {} better than in the drawing. The measurements leave open {} (in brackets: the share "
+        "of its standard deviation that is left), where the drawing still counts. To tell {} measure {} too.",
+        listed(spoken(told)), told.size() == 1 ? "is" : "are", listed(shares), shares.size() == 1 ? "it" : "them",
+        what_would_tell(nominal, rows, out.left_open));
   }
   return out;
 }

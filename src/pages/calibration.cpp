@@ -217,7 +217,7 @@ void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Ca
   page.add_text(fmt::format(
       "What is not known of the parameters, taken to the tool: predicted standard deviations of the pose over {} poses "
       "of the workspace, before (from the priors alone) and after the calibration. A coordinate is told where less "
-      "than half of its deviation is left.",
+      "than a fifth of its deviation is left.",
       v.poses));
   report::Table table;
   table.caption = "Predicted standard deviation of the tool's pose";
