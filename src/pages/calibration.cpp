@@ -213,14 +213,14 @@ std::vector<std::vector<double>> deviations_over(const machine::AnyMachine& mach
 void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Calibration& c) {
   const calibration::Verdict& v = c.verdict;
   const std::vector<std::string> all = calibration::pose_coordinates(nominal);
-  page.add_section("The tool's pose");
+  page.add_section("Pose of the tool");
   page.add_text(fmt::format(
       "What is not known of the parameters, taken to the tool: predicted standard deviations of the pose over {} poses "
       "of the workspace, before (from the priors alone) and after the calibration. A coordinate is told where less "
       "than a fifth of its deviation is left.",
       v.poses));
   report::Table table;
-  table.caption = "Predicted standard deviation of the tool's pose";
+  table.caption = "Predicted standard deviation of the pose of the tool";
   table.columns = {{"coordinate", "", -1},
                    {"unit", "", -1},
                    {"before, mean", "", -1},
