@@ -73,7 +73,7 @@ PoseSpread spread_over(const AnyMachine& machine, const std::vector<Stand>& stan
 
 /// Why the answer is no whatever the pose, or nothing.
 std::string refusal(const Calibration& c) {
-  constexpr double kMisfit = 10;  // times the noise: no instrument is stated that badly
+  constexpr double kMisfit = 5;  // times the noise: no instrument is stated that badly
   const bool held = c.held_back.rows > c.held_back.outliers;
   const Score& s = held ? c.held_back : c.fitted;
   const char* what = held ? "rows that were held back" : "fitted rows";
