@@ -1,8 +1,10 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <tuple>
 
 #include "calibration_options.hpp"
 #include "commands.hpp"
@@ -195,9 +197,50 @@ Json outliers_json(const Calibration& c, const std::vector<calibration::Measurem
                    {"residual_mm", units::to_mm(r.after.head(r.lengths).norm())},
                    {"weight", r.weight},
                    {"held_back", r.held_back},
-                   {"lost", r.lost}});
+                   {"lost", r.lost},
+                   {"untaken", r.untaken}});
   }
   return out;
+}
+
+/// "x_mm" in mm or "a_deg" in deg of what is stored in m or rad.
+double for_user(const std::string& coordinate, double value) {
+  return coordinate.ends_with("_mm") ? units::to_mm(value) : units::to_deg(value);
+}
+
+Json spread_json(const std::vector<std::string>& coordinates, const calibration::PoseSpread& spread) {
+  Json mean = Json::object(), max = Json::object();
+  for (std::size_t i = 0; i < coordinates.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    mean[coordinates[i]] = for_user(coordinates[i], spread.mean[k]);
+    max[coordinates[i]] = for_user(coordinates[i], spread.max[k]);
+  }
+  return {{"mean", mean}, {"max", max}};
+}
+
+/// What is known of the tool's pose after the calibration and, under `before`, without it.
+Json pose_json(const Calibration& c) {
+  const std::vector<std::string> coordinates = calibration::pose_coordinates(c.machine);
+  Json out = spread_json(coordinates, c.verdict.after);
+  out["before"] = spread_json(coordinates, c.verdict.before);
+  out["poses"] = c.verdict.poses;
+  return out;
+}
+
+void print_pose(const Calibration& c) {
+  const std::vector<std::string> coordinates = calibration::pose_coordinates(c.machine);
+  fmt::print("\npredicted standard deviation of the tool's pose, over {} poses of the workspace\n", c.verdict.poses);
+  fmt::print("{:<10} {:>12} {:>12} {:>12} {:>12}\n", "coordinate", "before, mean", "max", "after, mean", "max");
+  const auto& [before, after] = std::tie(c.verdict.before, c.verdict.after);
+  for (std::size_t i = 0; i < coordinates.size(); ++i) {
+    const std::string& name = coordinates[i];
+    const auto k = static_cast<Eigen::Index>(i);
+    const auto shown = [&](double value) { return for_user(name, value); };
+    const bool open =
+        std::find(c.verdict.left_open.begin(), c.verdict.left_open.end(), name) != c.verdict.left_open.end();
+    fmt::print("{:<10} {:12.5f} {:12.5f} {:12.5f} {:12.5f}{}\n", name, shown(before.mean[k]), shown(before.max[k]),
+               shown(after.mean[k]), shown(after.max[k]), open ? "  left open" : "");
+  }
 }
 
 void print_score(const char* what, const calibration::Score& s) {
@@ -224,10 +267,11 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
                  units::to_user(p.standard_error, p.unit), p.unit, p.at_bound ? "  at its bound" : "");
       continue;
     }
-    fmt::print("{:<22} {:14.5f}           held            {}", p.key, nominal, p.unit);
+    fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}  not told apart", p.key, nominal, value,
+               units::to_user(p.standard_error, p.unit), p.unit);
     for (std::size_t i = 0; i < p.like.size() && i < 3; ++i)
-      fmt::print("{} {:.3g} {}", i == 0 ? "  acts like" : ",", factor_for_user(p, p.like[i]), p.like[i].key);
-    fmt::print("{}\n", p.like.empty() ? "  no effect on these measurements" : p.like.size() > 3 ? ", ..." : "");
+      fmt::print("{} {:.3g} {}", i == 0 ? ": acts like" : ",", factor_for_user(p, p.like[i]), p.like[i].key);
+    fmt::print("{}\n", p.like.empty() ? ": no effect on these measurements" : p.like.size() > 3 ? ", ..." : "");
   }
   const auto frame = [](const char* what, const Pose& X, const Vec6& error) {
     if (error.isZero(0)) return;
@@ -239,17 +283,20 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   frame("frame", c.X_SM, c.frame_error);
   frame("target", c.X_TR, c.target_error);
   for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
-  if (!c.orientation_told) fmt::print("{}\n", pages::kOrientationUntold);
   for (const Json& x : outliers) {
     if (x["lost"].get<bool>()) {
-      fmt::print("left out: {}:{}: near a singular pose, where the machine does not assemble with what was found\n",
-                 x["file"].get<std::string>(), x["line"].get<int>());
+      fmt::print("left out: {}:{}: {}\n", x["file"].get<std::string>(), x["line"].get<int>(),
+                 x["untaken"].get<bool>()
+                     ? "the nominal machine cannot take these joints"
+                     : "near a singular pose, where the machine does not assemble with what was found");
       continue;
     }
     fmt::print("outlier{}: {}:{} is off by {:.3f} mm, weight {:.2g}\n", x["held_back"].get<bool>() ? ", held back" : "",
                x["file"].get<std::string>(), x["line"].get<int>(), x["residual_mm"].get<double>(),
                x["weight"].get<double>());
   }
+  print_pose(c);
+  fmt::print("{}\n", c.verdict.text);
 }
 
 }  // namespace
@@ -273,8 +320,9 @@ Command calibrate_command() {
             a.option("--hold", o->hold, "Beginning of a key: keep these as they are (repeatable)");
             a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
             a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
-            a.option("--prior-mm", o->prior_mm, "Lengths are off by about this much (default: nothing is known)");
-            a.option("--prior-deg", o->prior_deg, "... angles and directions");
+            a.option("--prior-mm", o->prior_mm,
+                     "Lengths are off by about this much (default: 0.1, corrected by what the data show)");
+            a.option("--prior-deg", o->prior_deg, "... angles and directions (default: 0.05, likewise)");
             a.option("--bound-mm", o->bound_mm, "Lengths are off by no more than this (default: no bound)");
             a.option("--bound-deg", o->bound_deg, "... angles and directions");
             a.option("--loss", o->loss, "none, huber (default) or cauchy: what outliers count for");
@@ -301,24 +349,37 @@ Command calibrate_command() {
             }
             if (const auto no = refused_as_singular(m, context, {"parameters", "rank"})) return *no;
             POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
+            const bool good = c.verdict.answer != calibration::Answer::no;
             std::size_t missed = 0;
             std::string corrected;
-            if (!o->targets.empty()) {
+            if (good && !o->targets.empty()) {
               POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
               corrected = text;
             }
+            // A machine that is no better than its drawing is not written; what shows why it is not, is.
             files::Outputs together;
-            POLYPOD_TRY(together.add(o->out, machine::to_toml(c.machine)));
-            if (!o->residuals.empty()) POLYPOD_TRY(together.add(o->residuals, residuals_csv(c, rows)));
-            if (!o->corrected.empty()) POLYPOD_TRY(together.add(o->corrected, corrected));
-            if (!o->report.empty()) {
-              POLYPOD_TRY(
-                  together.add(o->report, pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)})));
+            std::vector<std::string> written;
+            const auto write = [&](const std::string& path, const auto& text) -> Status {
+              if (path.empty()) return {};
+              written.push_back(path);
+              return together.add(path, text());
+            };
+            if (good) {
+              POLYPOD_TRY(write(o->out, [&] { return machine::to_toml(c.machine); }));
+              POLYPOD_TRY(write(o->corrected, [&] { return corrected; }));
             }
+            POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
+            POLYPOD_TRY(write(o->report, [&] {
+              return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
+            }));
             POLYPOD_TRY(together.commit());
             const Json outliers = outliers_json(c, rows);
             if (context.json) {
-              Json document{{"parameters", parameters_json(c)},
+              Json document{{"better", c.verdict.answer == calibration::Answer::better},
+                            {"verdict", c.verdict.text},
+                            {"left_open", c.verdict.left_open},
+                            {"pose_standard_deviation", pose_json(c)},
+                            {"parameters", parameters_json(c)},
                             {"rms_before_mm", units::to_mm(c.fitted.rms_before)},
                             {"rms_after_mm", units::to_mm(c.fitted.rms_after)},
                             {"rank", c.rank},
@@ -335,16 +396,16 @@ Command calibrate_command() {
                             {"noise_factor", c.noise_factor},
                             {"outliers", outliers},
                             {"iterations", c.iterations},
-                            {"file", o->out}};
+                            {"file", good ? o->out : ""}};
               if (!o->corrected.empty()) document["targets_missed"] = missed;
               print_json(document);
             } else {
               print_text(c, outliers, rows.size());
-              for (const std::string* path : {&o->out, &o->residuals, &o->corrected, &o->report})
-                if (!path->empty()) fmt::print("wrote {}\n", *path);
+              for (const std::string& path : written) fmt::print("wrote {}\n", path);
+              if (!good) fmt::print("not written: {}\n", o->out);
               if (missed > 0) fmt::print("{} of the targets are out of the nominal machine's reach\n", missed);
             }
-            return missed > 0 ? kAnswerIsNo : kDone;
+            return missed > 0 || !good ? kAnswerIsNo : kDone;
           }};
 }
 

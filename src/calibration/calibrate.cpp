@@ -8,147 +8,12 @@
 #include <limits>
 #include <set>
 
+#include "extent.hpp"
 #include "model.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::calibration {
-
-Layout layout_of(const std::vector<Measurement>& rows, std::size_t parameter_count) {
-  Layout out;
-  for (const Measurement& row : rows) {
-    if (row.kind == Kind::contact && out.contact.try_emplace(row.contact, out.count).second) out.count += 3;
-  }
-  out.frame = out.count;
-  out.target = out.frame + 6;
-  out.parameters = out.target + 6;
-  out.count = out.parameters + static_cast<int>(parameter_count);
-  return out;
-}
-
-double size_of(const AnyMachine& machine) {
-  double size = 0;
-  for (const machine::Parameter& p : kinematics::parameters(machine)) {
-    if (p.unit == "mm") size = std::max(size, std::abs(p.value));
-  }
-  return size > 0 ? size : 1.0;
-}
-
-Start start_of(const AnyMachine& machine, const Layout& layout, const Pose& X_SM, const Pose& X_TR) {
-  constexpr double kOnePercent = 0.01;
-  const double length = kOnePercent * size_of(machine);
-  Start out{Eigen::VectorXd::Zero(layout.count), Eigen::VectorXd::Constant(layout.count, kOnePercent)};
-  for (const auto& [first, X] : {std::pair{layout.frame, &X_SM}, std::pair{layout.target, &X_TR}}) {
-    out.x.segment<3>(first) = X->p;
-    out.x.segment<3>(first + 3) = rotation_vector(X->R);
-    out.scale.segment<3>(first).setConstant(length);
-  }
-  for (const auto& [name, first] : layout.contact) out.scale.segment<3>(first).setConstant(length);
-  int column = layout.parameters;
-  for (const machine::Parameter& p : kinematics::parameters(machine)) {
-    out.x[column] = p.value;
-    if (p.unit == "mm") out.scale[column] = length;
-    ++column;
-  }
-  return out;
-}
-
-Identifiability identifiable(const Eigen::MatrixXd& J, const std::vector<int>& order, const Eigen::VectorXd& scale) {
-  constexpr double kSame = 1e-8;  // of a column's own length: far above rounding, far below what noise leaves
-  Identifiability out;
-  const Eigen::Index n = static_cast<Eigen::Index>(order.size());
-  Eigen::MatrixXd Q(J.rows(), n), R = Eigen::MatrixXd::Zero(n, n);
-  Eigen::Index rank = 0;
-  for (const int j : order) {
-    Eigen::VectorXd column = scale[j] * J.col(j);
-    const double own = column.norm();
-    Eigen::VectorXd parts = Eigen::VectorXd::Zero(rank);
-    for (int pass = 0; pass < 2; ++pass) {  // once more, for rounding
-      const Eigen::VectorXd part = Q.leftCols(rank).transpose() * column;
-      column -= Q.leftCols(rank) * part;
-      parts += part;
-    }
-    const double left = column.norm();
-    if (left > 1 && left > kSame * own) {
-      R.col(rank).head(rank) = parts;
-      R(rank, rank) = left;
-      Q.col(rank++) = column / left;
-      out.kept.push_back(j);
-    } else {
-      const Eigen::VectorXd y = R.topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(parts);
-      Eigen::VectorXd tie = Eigen::VectorXd::Zero(J.cols());
-      for (Eigen::Index k = 0; k < rank; ++k) {
-        const int kept = out.kept[static_cast<std::size_t>(k)];
-        tie[kept] = y[k] * scale[kept] / scale[j];
-      }
-      out.ties[j] = std::move(tie);
-    }
-  }
-  if (rank > 0) {
-    Eigen::MatrixXd unit = R.topLeftCorner(rank, rank);
-    unit = unit * unit.colwise().norm().cwiseInverse().asDiagonal();
-    const Eigen::VectorXd sigma = unit.bdcSvd().singularValues();
-    out.condition = sigma[0] / sigma[rank - 1];
-  }
-  return out;
-}
-
-namespace {
-
-bool begins_with_any(const std::string& key, const std::vector<std::string>& beginnings) {
-  return std::any_of(beginnings.begin(), beginnings.end(), [&](const std::string& b) { return key.rfind(b, 0) == 0; });
-}
-
-/// As `polypod info` shows it.
-std::string full_key(const machine::Parameter& p) {
-  return p.unit.empty() ? p.key : p.key + "_" + p.unit;
-}
-
-}  // namespace
-
-Result<std::vector<bool>> chosen_parameters(const std::vector<machine::Parameter>& all,
-                                            const CalibrationOptions& options) {
-  for (const auto* list : {&options.only, &options.hold}) {
-    for (const std::string& beginning : *list) {
-      const bool known =
-          std::any_of(all.begin(), all.end(), [&](const auto& p) { return begins_with_any(full_key(p), {beginning}); });
-      if (!known) {
-        return fail("CA114", fmt::format("no parameter begins with {}", beginning), {},
-                    "`polypod info MACHINE` lists the parameters");
-      }
-    }
-  }
-  std::vector<bool> out;
-  for (const machine::Parameter& p : all) {
-    out.push_back((options.only.empty() || begins_with_any(full_key(p), options.only)) &&
-                  !begins_with_any(full_key(p), options.hold));
-  }
-  return out;
-}
-
-std::vector<int> wanted_unknowns(const Layout& layout, const std::vector<bool>& chosen,
-                                 const CalibrationOptions& options, bool turns) {
-  std::vector<int> out;
-  for (int j = 0; j < layout.frame; ++j) out.push_back(j);
-  if (options.estimate_frame)
-    for (int j = 0; j < 6; ++j) out.push_back(layout.frame + j);
-  if (options.estimate_target)
-    for (int j = 0; j < (turns ? 6 : 3); ++j) out.push_back(layout.target + j);
-  for (std::size_t i = 0; i < chosen.size(); ++i)
-    if (chosen[i]) out.push_back(layout.parameters + static_cast<int>(i));
-  return out;
-}
-
-machine::Parameter unknown_of(const AnyMachine& machine, const Layout& layout, int j) {
-  static constexpr const char* kParts[] = {"x", "y", "z", "a", "b", "c"};
-  if (j >= layout.parameters) return kinematics::parameters(machine)[static_cast<std::size_t>(j - layout.parameters)];
-  if (j >= layout.frame) {
-    const bool target = j >= layout.target;
-    const int part = j - (target ? layout.target : layout.frame);
-    return {fmt::format("{}.{}", target ? "target" : "frame", kParts[part]), 0, part < 3 ? "mm" : "deg"};
-  }
-  return {"contact", 0, "mm"};
-}
 
 namespace {
 
@@ -160,65 +25,63 @@ double outlier_of(int n) {
   return std::sqrt(double(n)) + 3;
 }
 
-/// The whole problem for one family; `x` is every unknown, `free` says which of them are searched for.
-template <kinematics::Machine M>
+/// The whole problem; `x` is every unknown, `wanted` says which of them are searched for.
 struct Problem {
-  const M& m;
+  const AnyMachine& machine;
   const std::vector<Measurement>& rows;
   const CalibrationOptions& options;
-  std::vector<machine::Parameter> nominal;
-  Layout layout;
-  Noise noise;
-  std::vector<Pose> seed;        ///< the nominal pose of every row
-  std::vector<bool> not_fitted;  ///< held back, or lost
-  Eigen::VectorXd start, scale;
-  std::vector<bool> chosen;  ///< of the parameters
-  std::vector<int> free;
+  std::vector<machine::Parameter> nominal{};
+  Layout layout{};
+  Noise noise{};
+  std::vector<Pose> seed{};        ///< the nominal pose of every row
+  std::vector<bool> not_fitted{};  ///< held back, or lost
+  Eigen::VectorXd start{}, scale{};
+  std::vector<bool> chosen{};  ///< of the parameters
+  std::vector<int> wanted{};   ///< columns of the unknowns that are searched for
+  Eigen::VectorXd prior{};     ///< standard deviation of each unknown round its start
+  double noise_scale = 1;      ///< what the residuals show of the noise, over the one that was given
 
   [[nodiscard]] int column(std::size_t parameter) const { return layout.parameters + static_cast<int>(parameter); }
   [[nodiscard]] bool is_length(std::size_t parameter) const { return nominal[parameter].unit == "mm"; }
   bool equations(std::size_t row, const Eigen::VectorXd& x, bool by_unknowns, Equations& out,
                  Lost lost = Lost::first_order) const {
-    return equations_of(m, rows[row], seed[row], layout, x, noise, by_unknowns, out, lost);
+    return equations_of(machine, rows[row], seed[row], layout, x, noise, by_unknowns, out, lost);
   }
 
-  /// Rules and priors as further equations: r(x) and J (over all unknowns).
-  void extra(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
+  /// The rules that the parameters keep as further equations: r(x) and J (over all unknowns).
+  void rules(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
     constexpr double kRuleNoise = 1e-7;  // rules hold to this: a length error of 0.1 um on a metre
-    Eigen::VectorXd rule;
-    Eigen::MatrixXd by_unknowns;
-    rules_at(m, layout, x, rule, by_unknowns);
-    std::vector<std::pair<std::size_t, double>> priors;
-    for (std::size_t i = 0; i < nominal.size(); ++i) {
-      const double prior = is_length(i) ? options.prior_length : options.prior_angle;
-      if (chosen[i] && prior > 0) priors.emplace_back(i, prior);
-    }
-    const Eigen::Index rules = rule.size(), n = rules + static_cast<Eigen::Index>(priors.size());
-    r.setZero(n);
-    J.setZero(n, layout.count);
-    r.head(rules) = rule / kRuleNoise;
-    J.topRows(rules) = by_unknowns / kRuleNoise;
-    for (std::size_t k = 0; k < priors.size(); ++k) {
-      const auto [i, sigma] = priors[k];
-      const Eigen::Index row = rules + static_cast<Eigen::Index>(k);
-      r[row] = (x[column(i)] - start[column(i)]) / sigma;
-      J(row, column(i)) = 1 / sigma;
+    rules_at(machine, layout, x, r, J);
+    r /= kRuleNoise;
+    J /= kRuleNoise;
+  }
+
+  /// Rules and priors. A prior counts as much as the noise that the residuals show, not the one that was given.
+  void extra(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
+    rules(x, r, J);
+    Eigen::Index row = r.size();
+    const auto priors = static_cast<Eigen::Index>(wanted.size());
+    r.conservativeResize(row + priors);
+    J.conservativeResize(row + priors, layout.count);
+    J.bottomRows(priors).setZero();
+    for (const int j : wanted) {
+      J(row, j) = noise_scale / prior[j];
+      r[row++] = (x[j] - start[j]) * noise_scale / prior[j];
     }
   }
 };
 
 /// One row (or, for `row` beyond the last, all rules and priors) as Ceres asks for it.
-template <kinematics::Machine M>
 class RowCost : public ceres::CostFunction {
  public:
-  RowCost(const Problem<M>& problem, std::size_t row, int equations) : problem_(problem), row_(row) {
+  RowCost(const Problem& problem, std::size_t row, int equations) : problem_(problem), row_(row) {
     set_num_residuals(equations);
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.free.size()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.wanted.size()));
   }
   bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
-    const std::vector<int>& free = problem_.free;
+    const std::vector<int>& wanted = problem_.wanted;
     Eigen::VectorXd x = problem_.start;
-    for (std::size_t k = 0; k < free.size(); ++k) x[free[k]] = blocks[0][k];
+    for (std::size_t k = 0; k < wanted.size(); ++k) x[wanted[k]] = blocks[0][k];
     const bool derivatives = jacobians != nullptr && jacobians[0] != nullptr;
     Equations e;
     if (row_ < problem_.rows.size()) {
@@ -230,14 +93,14 @@ class RowCost : public ceres::CostFunction {
     Eigen::Map<Eigen::VectorXd>(residuals, e.r.size()) = e.r;
     if (derivatives) {
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
-          jacobians[0], e.r.size(), static_cast<Eigen::Index>(free.size()));
-      for (std::size_t k = 0; k < free.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = e.J.col(free[k]);
+          jacobians[0], e.r.size(), static_cast<Eigen::Index>(wanted.size()));
+      for (std::size_t k = 0; k < wanted.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = e.J.col(wanted[k]);
     }
     return true;
   }
 
  private:
-  const Problem<M>& problem_;
+  const Problem& problem_;
   std::size_t row_;
 };
 
@@ -260,76 +123,14 @@ double weight_of(Loss loss, double bend, double squared_norm) {
 
 /// Robust standard deviation of whitened residuals of the fitted rows: 1 where the noise was guessed right.
 double robust_scale(const std::vector<Eigen::VectorXd>& residuals, const std::vector<bool>& not_fitted,
-                    std::size_t unknowns) {
+                    double unknowns) {
   std::vector<double> all;
   for (std::size_t i = 0; i < residuals.size(); ++i)
     if (!not_fitted[i]) all.insert(all.end(), residuals[i].begin(), residuals[i].end());
-  if (all.size() <= unknowns) return 1;
   const auto n = double(all.size());
+  if (!(n > unknowns)) return 1;
   return robust_deviation(Eigen::Map<const Eigen::VectorXd>(all.data(), std::ssize(all))) *
-         std::sqrt(n / (n - double(unknowns)));
-}
-
-/// Instrument against nominal machine, before anything is fitted: line, unit.
-Status check_extent(const std::vector<Measurement>& rows, const std::vector<Pose>& seed, const Pose& X_SM,
-                    const Pose& X_TR) {
-  Eigen::Matrix3Xd measured(3, 0), model(3, 0);
-  double read = 0, computed = 0;
-  const Measurement* example = nullptr;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Vec3 at = (X_SM * seed[i] * X_TR).p;
-    if (rows[i].kind == Kind::distance) {
-      read += rows[i].reading;
-      computed += (at - rows[i].anchor_S).norm();
-      if (example == nullptr) example = &rows[i];
-    }
-    model.conservativeResize(3, model.cols() + 1);
-    model.rightCols<1>() = at;
-    if (rows[i].kind == Kind::distance || rows[i].kind == Kind::gauge || rows[i].kind == Kind::contact) continue;
-    measured.conservativeResize(3, measured.cols() + 1);
-    measured.rightCols<1>() = rows[i].X_SR.p;
-    if (example == nullptr) example = &rows[i];
-  }
-  const auto spread = [](const Eigen::Matrix3Xd& points) -> Eigen::Vector3d {
-    const Eigen::Matrix3Xd centred = points.colwise() - points.rowwise().mean();
-    return centred.jacobiSvd().singularValues();
-  };
-  const auto off = [&](double ratio) -> Status {
-    constexpr double kUnit = 3;  // less than an inch for a centimetre; a machine is not that far off
-    if (ratio < kUnit && ratio > 1 / kUnit) return {};
-    return fail("CA113", fmt::format("measured lengths are {:.3g} times those of the machine", ratio), example->place,
-                "lengths are in mm and angles in deg; are these others, or of another machine?");
-  };
-  if (read > 0) POLYPOD_TRY(off(read / std::max(computed, 1e-12)));
-  const Eigen::Vector3d of_model = spread(model);
-  if (measured.cols() == model.cols()) POLYPOD_TRY(off(spread(measured)[0] / std::max(of_model[0], 1e-12)));
-  bool turned = false;  // full poses tell more than their places
-  for (const Measurement& row : rows) turned = turned || row.kind == Kind::pose || row.kind == Kind::axis;
-  constexpr double kLine = 1e-6;
-  const bool contacts = std::all_of(rows.begin(), rows.end(), [](const auto& r) { return r.kind == Kind::contact; });
-  if (!turned && !contacts && !(of_model[1] > kLine * of_model[0])) {
-    return fail("CA112", "the measured places lie on a line or in one point", rows.front().place,
-                "spread the poses over the workspace");
-  }
-  return {};
-}
-
-/// X_SM that brings the nominal machine's targets nearest to the measured ones (Kabsch), where places were measured.
-std::optional<Pose> fitted_frame(const std::vector<Measurement>& rows, const std::vector<Pose>& seed,
-                                 const Pose& X_TR) {
-  std::vector<std::pair<Vec3, Vec3>> pairs;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].kind == Kind::point || rows[i].kind == Kind::axis || rows[i].kind == Kind::pose)
-      pairs.emplace_back((seed[i] * X_TR).p, rows[i].X_SR.p);
-  }
-  if (pairs.size() < 3) return std::nullopt;
-  Eigen::Matrix3Xd from(3, pairs.size()), to(3, pairs.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    from.col(static_cast<Eigen::Index>(i)) = pairs[i].first;
-    to.col(static_cast<Eigen::Index>(i)) = pairs[i].second;
-  }
-  const Eigen::Matrix4d T = Eigen::umeyama(from, to, false);
-  return Pose{T.topLeftCorner<3, 3>(), T.topRightCorner<3, 1>()};
+         std::sqrt(n / (n - unknowns));
 }
 
 Score score_of(const std::vector<RowResidual>& residuals, bool held_back) {
@@ -356,17 +157,41 @@ Score score_of(const std::vector<RowResidual>& residuals, bool held_back) {
   return s;
 }
 
+/// More than a tenth of the rows is no row near a singular pose, but a wrong machine.
+bool too_many_lost(std::size_t lost, std::size_t rows) {
+  constexpr double kMostLost = 0.1;
+  return double(lost) > std::max(1.0, kMostLost * double(rows));
+}
+
+/// The residuals of the taken rows, whose numbers are given, and between them those of the others.
+std::vector<RowResidual> with_untaken(const std::vector<Measurement>& rows, const std::vector<std::size_t>& number,
+                                      std::vector<RowResidual> taken) {
+  std::vector<RowResidual> out(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const int n = equation_count(rows[i].kind);
+    out[i].before = out[i].after = Eigen::VectorXd::Zero(n);
+    out[i].lengths = std::min(n, 3);
+    out[i].weight = 0;
+    out[i].outlier = out[i].lost = out[i].untaken = true;
+  }
+  for (RowResidual& r : taken) out[number[r.row]] = std::move(r);
+  for (std::size_t i = 0; i < rows.size(); ++i) out[i].row = i;
+  return out;
+}
+
+constexpr double kLeastNoise = 1e-9;  // of the noise given: below it residuals are rounding
+
 /// One calibration: prepare, then search and judge until every fitted row assembles, then what was found.
-template <kinematics::Machine M>
 class Fit {
  public:
-  Fit(const AnyMachine& any, const M& m, const std::vector<Measurement>& rows, const CalibrationOptions& options)
-      : any_(any), rows_(rows), options_(options), problem_{m,       rows,
-                                                            options, parameters(m),
-                                                            {},      {options.noise_position, options.noise_angle},
-                                                            {},      {},
-                                                            {},      {},
-                                                            {},      {}} {}
+  /// `seed`: the nominal machine's pose of every row, where Newton begins.
+  Fit(const AnyMachine& machine, const std::vector<Measurement>& rows, std::vector<Pose> seed,
+      const CalibrationOptions& options)
+      : any_(machine), rows_(rows), options_(options), problem_{machine, rows, options} {
+    problem_.nominal = kinematics::parameters(machine);
+    problem_.noise = {options.noise_position, options.noise_angle};
+    problem_.seed = std::move(seed);
+  }
 
   Result<Calibration> run() {
     POLYPOD_TRY(place_rows());
@@ -381,22 +206,15 @@ class Fit {
     POLYPOD_TRY(judge());
     say_unknowns();
     POLYPOD_TRY(make_machine());
+    out_.verdict = judged(any_, rows_, out_);
+    out_.orientation_told = std::none_of(out_.verdict.left_open.begin(), out_.verdict.left_open.end(),
+                                         [](const std::string& c) { return c.ends_with("_deg"); });
     return std::move(out_);
   }
 
  private:
-  /// Where the nominal machine stands in every row: the seeds of Newton.
+  /// The frames, and whether what was measured can be of this machine.
   Status place_rows() {
-    const std::vector<double> p = kinematics::nominal_parameters(problem_.m);
-    for (const Measurement& row : rows_) {
-      const std::span<const double> q(row.q.data(), static_cast<std::size_t>(row.q.size()));
-      const auto at =
-          kinematics::forward_by_closure(problem_.m, q, std::span<const double>(p), forward(problem_.m, row.q));
-      if (!at.converged) {
-        return fail("CA111", "the machine cannot take these joints", row.place, "check the joints and the machine");
-      }
-      problem_.seed.push_back(at.X_MT);
-    }
     out_.X_SM = options_.X_SM;
     out_.X_TR = options_.X_TR;
     if (options_.estimate_frame) out_.X_SM = fitted_frame(rows_, problem_.seed, out_.X_TR).value_or(out_.X_SM);
@@ -425,13 +243,32 @@ class Fit {
         return fail("CA117", fmt::format("the place \"{}\" is touched once only", name), example->place,
                     "touch it at least twice, with other joints");
       }
-      problem_.start.template segment<3>(first) = sum / touched;
+      problem_.start.segment<3>(first) = sum / touched;
     }
     bool turns = false;
     for (const Measurement& row : rows_) turns = turns || row.kind == Kind::pose || row.kind == Kind::axis;
-    wanted_ = wanted_unknowns(problem_.layout, problem_.chosen, options_, turns);
-    out_.orientation_told = turns || kinematics::task(any_) == machine::Task::point;
+    problem_.wanted = wanted_unknowns(problem_.layout, problem_.chosen, options_, turns);
+    set_priors();
     return {};
+  }
+
+  /// What is known before anything is measured: of parameters the priors that were stated, else the default ones, whose
+  /// size the measurements may correct; of frame, target and contacts next to nothing.
+  void set_priors() {
+    constexpr double kNothing = 1000;  // times 1 % of the machine's size and 0.01 rad
+    problem_.prior = kNothing * problem_.scale;
+    for (std::size_t i = 0; i < problem_.nominal.size(); ++i) {
+      const bool length = problem_.is_length(i);
+      const double stated = length ? options_.prior_length : options_.prior_angle;
+      problem_.prior[problem_.column(i)] = stated > 0 ? stated : length ? kUsualLengthError : kUsualAngleError;
+    }
+    usual_ = problem_.prior;
+    for (const int j : problem_.wanted) {
+      const bool parameter = j >= problem_.layout.parameters;
+      const bool length = parameter && problem_.is_length(static_cast<std::size_t>(j - problem_.layout.parameters));
+      const bool stated = (length ? options_.prior_length : options_.prior_angle) > 0;
+      learns_.push_back(!parameter || stated ? Learns::nothing : length ? Learns::lengths : Learns::angles);
+    }
   }
 
   /// Rows to hold back where enough are left, and the residuals before.
@@ -439,8 +276,8 @@ class Fit {
     std::size_t all = 0;
     for (const Measurement& row : rows_) all += static_cast<std::size_t>(equation_count(row.kind));
     const bool priors = options_.prior_length > 0 && options_.prior_angle > 0;
-    if (!priors && all <= wanted_.size()) {
-      return fail("CA110", fmt::format("{} equations for {} unknowns", all, wanted_.size()), {},
+    if (!priors && all <= problem_.wanted.size()) {
+      return fail("CA110", fmt::format("{} equations for {} unknowns", all, problem_.wanted.size()), {},
                   "measure more poses, choose parameters, or give priors");
     }
     std::vector<bool> held_back(rows_.size(), false);
@@ -451,7 +288,7 @@ class Fit {
         held_back[i] = rows_[i].kind != Kind::contact;
         if (held_back[i]) left -= static_cast<std::size_t>(equation_count(rows_[i].kind));
       }
-      if (2 * left < 3 * wanted_.size()) held_back.assign(rows_.size(), false);
+      if (2 * left < 3 * problem_.wanted.size()) held_back.assign(rows_.size(), false);
     }
     problem_.not_fitted = held_back;
     Equations e;
@@ -469,14 +306,14 @@ class Fit {
 
   /// Which unknowns the fitted rows tell.
   Status tell_unknowns() {
-    known_ = identifiable(stacked(problem_.start, nullptr), wanted_, problem_.scale);
-    problem_.free = known_.kept;
+    known_ = identifiable(stacked(problem_.start, nullptr), problem_.wanted, problem_.scale);
     out_.condition = known_.condition;
-    if (problem_.free.empty()) return fail("CA112", "the measurements tell nothing of the chosen parameters");
+    if (known_.kept.empty()) return fail("CA112", "the measurements tell nothing of the chosen parameters");
     return {};
   }
 
-  /// All equations of the fitted rows at x, one under another, rows weighted by `weights` if given.
+  /// All equations of the fitted rows at x, one under another, rows weighted by `weights` if given; then the rules,
+  /// which hold as they do whatever the noise of the rows.
   Eigen::MatrixXd stacked(const Eigen::VectorXd& x, const std::vector<double>* weights) const {
     std::vector<Eigen::MatrixXd> parts;
     Eigen::Index n = 0;
@@ -487,8 +324,8 @@ class Fit {
       parts.push_back(weights == nullptr ? e.J : Eigen::MatrixXd(std::sqrt((*weights)[i]) * e.J));
       n += e.r.size();
     }
-    problem_.extra(x, e.r, e.J);
-    parts.push_back(e.J);
+    problem_.rules(x, e.r, e.J);
+    parts.push_back(weights == nullptr ? e.J : Eigen::MatrixXd(problem_.noise_scale * e.J));
     Eigen::MatrixXd J(n + e.J.rows(), problem_.layout.count);
     n = 0;
     for (const Eigen::MatrixXd& part : parts) {
@@ -508,25 +345,106 @@ class Fit {
   }
 
   /// Levenberg-Marquardt. The loss bends at what the residuals themselves show of the noise: first those of the nominal
-  /// machine, where nearly everything is within the bend, then those that were found.
+  /// machine, where nearly everything is within the bend, then those that were found. The priors follow likewise.
   Status search() {
-    constexpr int kRounds = 10;
-    constexpr double kSettled = 0.05, kLeastNoise = 1e-12;
+    constexpr int kRounds = 20;
+    constexpr double kSettled = 0.05;
     x_ = problem_.start;
+    problem_.prior = usual_;
     whiten();
     std::vector<double> block;
-    for (const int j : problem_.free) block.push_back(x_[j]);
-    noise_scale_ = std::max(1.0, robust_scale(whitened_, problem_.not_fitted, problem_.free.size()));
+    for (const int j : problem_.wanted) block.push_back(x_[j]);
+    problem_.noise_scale = std::max(1.0, robust_scale(whitened_, problem_.not_fitted, 0));
     for (int round = 0; round < kRounds; ++round) {
       POLYPOD_TRY(solve(block));
-      for (std::size_t k = 0; k < problem_.free.size(); ++k) x_[problem_.free[k]] = block[k];
+      for (std::size_t k = 0; k < problem_.wanted.size(); ++k) x_[problem_.wanted[k]] = block[k];
       whiten();
-      const double found = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, problem_.free.size()));
-      const bool settled = std::abs(found / noise_scale_ - 1) < kSettled;
-      noise_scale_ = found;
-      if (options_.loss == Loss::none || settled || !converged_) break;
+      const double noise_before = problem_.noise_scale;
+      const Eigen::VectorXd prior_before = problem_.prior;
+      learn_noise_and_priors();
+      const double changed = std::max(std::abs(problem_.noise_scale / noise_before - 1),
+                                      (problem_.prior.array() / prior_before.array() - 1).abs().maxCoeff());
+      if (changed < kSettled || !converged_) break;
     }
     return {};
+  }
+
+  /// The weight that the loss gives each row.
+  std::vector<double> weights() const {
+    std::vector<double> out(rows_.size(), 1);
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      out[i] = out_.residuals[i].lost
+                   ? 0
+                   : weight_of(options_.loss, problem_.noise_scale * bend_of(static_cast<int>(whitened_[i].size())),
+                               whitened_[i].squaredNorm());
+    }
+    return out;
+  }
+
+  /// The fitted rows and rules as a triangle R of the wanted unknowns, R^T R = J^T W J, in units of the noise given.
+  Eigen::MatrixXd triangle(const std::vector<double>& weights) const {
+    const Eigen::MatrixXd all = stacked(x_, &weights);
+    const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(std::max(all.rows(), n), n);
+    for (Eigen::Index k = 0; k < n; ++k) J.col(k).head(all.rows()) = all.col(problem_.wanted[std::size_t(k)]);
+    return J.householderQr().matrixQR().topRows(n).triangularView<Eigen::Upper>();
+  }
+
+  /// A root C of the covariance of the wanted unknowns over their priors P: C C^T = (P R^T R P / s^2 + 1)^-1.
+  Eigen::MatrixXd root_of_covariance(const Eigen::MatrixXd& R, const Eigen::VectorXd& prior, double noise) const {
+    const Eigen::Index n = R.cols();
+    Eigen::MatrixXd both(2 * n, n);
+    both.topRows(n) = R * (prior / noise).asDiagonal();
+    both.bottomRows(n).setIdentity();
+    const Eigen::MatrixXd T = both.householderQr().matrixQR().topRows(n).triangularView<Eigen::Upper>();
+    return T.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(n, n));
+  }
+
+  /// Noise and the size of the machine's errors, as the residuals and the changes found show them. Of each kind of
+  /// parameter (lengths, angles) the default prior is scaled by t with
+  ///   t^2 = (kGuess + sum (change / default)^2) / (kGuess + sum (1 - variance / prior^2)),
+  /// the fixed point at which the likelihood of the measurements is greatest (MacKay, Bayesian Interpolation, 1992),
+  /// the default itself counting as kGuess parameters. Changes follow a new prior in first order.
+  void learn_noise_and_priors() {
+    constexpr int kSteps = 30;
+    constexpr double kGuess = 4;
+    const Eigen::MatrixXd R = triangle(weights());
+    const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
+    Eigen::VectorXd prior(n), usual(n), change(n);
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const int j = problem_.wanted[static_cast<std::size_t>(k)];
+      prior[k] = problem_.prior[j];
+      usual[k] = usual_[j];
+      change[k] = x_[j] - problem_.start[j];
+    }
+    // The gradient of what was minimised is 0: R^T R change - J^T W (measured - computed) = -s^2 change / prior^2.
+    const double s = problem_.noise_scale;
+    const Eigen::VectorXd right = R.transpose() * (R * change) + s * s * change.cwiseQuotient(prior.cwiseAbs2());
+    double told = 0;
+    for (int step = 0; step < kSteps; ++step) {
+      const Eigen::MatrixXd C = root_of_covariance(R, prior, s);
+      const Eigen::VectorXd variance = C.rowwise().squaredNorm();  // over prior^2
+      change = prior.asDiagonal() * (C * (C.transpose() * (prior.cwiseProduct(right) / (s * s))));
+      told = static_cast<double>(n) - variance.sum();
+      double moved = 0;
+      for (const bool lengths : {true, false}) {
+        double above = kGuess, below = kGuess;
+        for (Eigen::Index k = 0; k < n; ++k) {
+          if (learns_[std::size_t(k)] != (lengths ? Learns::lengths : Learns::angles)) continue;
+          above += std::pow(change[k] / usual[k], 2);
+          below += 1 - variance[k];
+        }
+        const double t = std::sqrt(above / below);
+        for (Eigen::Index k = 0; k < n; ++k) {
+          if (learns_[std::size_t(k)] != (lengths ? Learns::lengths : Learns::angles)) continue;
+          moved = std::max(moved, std::abs(t * usual[k] / prior[k] - 1));
+          prior[k] = t * usual[k];
+        }
+      }
+      if (moved < 1e-3) break;
+    }
+    for (Eigen::Index k = 0; k < n; ++k) problem_.prior[problem_.wanted[static_cast<std::size_t>(k)]] = prior[k];
+    problem_.noise_scale = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, told));
   }
 
   /// One search from `block` with the bend where it is now.
@@ -535,18 +453,17 @@ class Fit {
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       if (problem_.not_fitted[i]) continue;
       const int n = equation_count(rows_[i].kind);
-      search.AddResidualBlock(new RowCost<M>(problem_, i, n), loss_of(options_.loss, noise_scale_ * bend_of(n)),
+      search.AddResidualBlock(new RowCost(problem_, i, n), loss_of(options_.loss, problem_.noise_scale * bend_of(n)),
                               block.data());
     }
     Equations e;
     problem_.extra(x_, e.r, e.J);
     if (e.r.size() > 0) {
-      search.AddResidualBlock(new RowCost<M>(problem_, rows_.size(), static_cast<int>(e.r.size())), nullptr,
-                              block.data());
+      search.AddResidualBlock(new RowCost(problem_, rows_.size(), static_cast<int>(e.r.size())), nullptr, block.data());
     }
-    for (std::size_t k = 0; k < problem_.free.size(); ++k) {
-      if (problem_.free[k] < problem_.layout.parameters) continue;
-      const auto i = static_cast<std::size_t>(problem_.free[k] - problem_.layout.parameters);
+    for (std::size_t k = 0; k < problem_.wanted.size(); ++k) {
+      if (problem_.wanted[k] < problem_.layout.parameters) continue;
+      const auto i = static_cast<std::size_t>(problem_.wanted[k] - problem_.layout.parameters);
       const double bound = problem_.is_length(i) ? options_.bound_length : options_.bound_angle;
       if (!(bound > 0)) continue;
       search.SetParameterLowerBound(block.data(), static_cast<int>(k), problem_.nominal[i].value - bound);
@@ -607,10 +524,10 @@ class Fit {
     return again;
   }
 
-  /// Weights, outliers, and the standard errors that the residuals show: s^2 (J^T W J)^-1 with
-  /// s^2 = sum w^2 |r|^2 / (sum w n - unknowns) (Huber 1973 in its simplest form).
+  /// Weights, outliers, and the covariance that the residuals and the priors show: (J^T W J / s^2 + P^-2)^-1 with
+  /// s^2 = sum w^2 |r|^2 / (sum w n - told unknowns) (Huber 1973 in its simplest form).
   Status judge() {
-    std::vector<double> weights(rows_.size(), 1);
+    const std::vector<double> weight = weights();
     double sum = 0, count = 0;
     std::size_t lost = 0;
     const Measurement* example = nullptr;
@@ -621,26 +538,25 @@ class Fit {
       problem_.equations(i, x_, false, e);
       RowResidual& r = out_.residuals[i];
       r.after = e.r.cwiseProduct(e.sigma);
-      weights[i] = r.lost ? 0 : weight_of(options_.loss, noise_scale_ * bend_of(n), square);
-      r.weight = weights[i];
-      r.outlier = r.lost || (std::sqrt(square) > noise_scale_ * outlier_of(n) && r.after.cwiseAbs().maxCoeff() > 1e-9);
+      r.weight = weight[i];
+      r.outlier =
+          r.lost || (std::sqrt(square) > problem_.noise_scale * outlier_of(n) && r.after.cwiseAbs().maxCoeff() > 1e-9);
       if (r.lost) {
         ++lost;
         example = &rows_[i];
       }
       if (problem_.not_fitted[i]) continue;
       out_.equations += static_cast<std::size_t>(n);
-      sum += weights[i] * weights[i] * square;
-      count += weights[i] * n;
+      sum += weight[i] * weight[i] * square;
+      count += weight[i] * n;
     }
-    constexpr double kMostLost = 0.1;  // of the rows: more is no row near a singular pose, but a wrong machine
-    if (double(lost) > std::max(1.0, kMostLost * double(rows_.size()))) {
+    if (too_many_lost(lost, rows_.size())) {
       return fail("CA115",
                   fmt::format("with the parameters that were found the machine does not assemble in {} of {} rows",
                               lost, rows_.size()),
                   example->place, "are they near singular poses? leave them out, or give priors");
     }
-    out_.noise_factor = std::sqrt(sum / std::max(1.0, count - static_cast<double>(problem_.free.size())));
+    set_covariance(weight, sum, count);
     constexpr double kHopeless = 100;
     if (out_.noise_factor > kHopeless) {
       return fail(
@@ -649,22 +565,29 @@ class Fit {
           "coordinates mixed up, or a frame or target that is not the given one (--estimate)? If the instrument "
           "is that coarse, give --noise-um");
     }
-    const Eigen::MatrixXd all = stacked(x_, &weights);
-    const auto unknowns = static_cast<Eigen::Index>(problem_.free.size());
-    Eigen::MatrixXd J(all.rows(), unknowns);
-    for (Eigen::Index k = 0; k < unknowns; ++k) J.col(k) = all.col(problem_.free[static_cast<std::size_t>(k)]);
-    const Eigen::VectorXd lengths = J.colwise().norm().cwiseMax(1e-300);
-    J = J * lengths.cwiseInverse().asDiagonal();
-    const Eigen::MatrixXd R = J.householderQr().matrixQR().topRows(unknowns).template triangularView<Eigen::Upper>();
-    const Eigen::MatrixXd inverse =
-        R.template triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
-    error_ = Eigen::VectorXd::Zero(problem_.layout.count);
-    for (Eigen::Index k = 0; k < unknowns; ++k) {
-      error_[problem_.free[static_cast<std::size_t>(k)]] = out_.noise_factor * inverse.row(k).norm() / lengths[k];
-    }
     out_.fitted = score_of(out_.residuals, false);
     out_.held_back = score_of(out_.residuals, true);
     return {};
+  }
+
+  /// `sum`: of the weighted squares, `count`: of the weighted equations.
+  void set_covariance(const std::vector<double>& weight, double sum, double count) {
+    const Eigen::MatrixXd R = triangle(weight);
+    const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
+    Eigen::VectorXd prior(n);
+    for (Eigen::Index k = 0; k < n; ++k) prior[k] = problem_.prior[problem_.wanted[static_cast<std::size_t>(k)]];
+    const double told = static_cast<double>(n) - root_of_covariance(R, prior, problem_.noise_scale).squaredNorm();
+    out_.noise_factor = std::sqrt(sum / std::max(1.0, count - told));
+    const Eigen::MatrixXd root =
+        prior.asDiagonal() * root_of_covariance(R, prior, std::max(out_.noise_factor, kLeastNoise));
+    Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, n);
+    for (Eigen::Index k = 0; k < n; ++k) of_all.row(problem_.wanted[static_cast<std::size_t>(k)]) = root.row(k);
+    error_ = of_all.rowwise().norm();
+    const Eigen::MatrixXd of_parameters = of_all.bottomRows(static_cast<Eigen::Index>(problem_.nominal.size()));
+    out_.covariance = of_parameters * of_parameters.transpose();
+    out_.prior = Eigen::VectorXd::Zero(of_parameters.rows());
+    for (std::size_t i = 0; i < problem_.nominal.size(); ++i)
+      if (problem_.chosen[i]) out_.prior[static_cast<Eigen::Index>(i)] = problem_.prior[problem_.column(i)];
   }
 
   /// Every unknown with its standard error, or with what it acts like.
@@ -693,13 +616,15 @@ class Fit {
       }
       out_.parameters.push_back(std::move(one));
     }
-    out_.orientation_told = out_.orientation_told || out_.rank == out_.parameters.size();
-    for (const int j : wanted_)
-      if (j < layout.parameters && known_.ties.contains(j)) out_.held_beside.push_back(unknown(j).key);
+    for (const int j : problem_.wanted) {
+      if (j >= layout.parameters || !known_.ties.contains(j)) continue;
+      out_.held_beside.push_back(unknown(j).key);
+      error_[j] = 0;
+    }
     out_.X_SM = pose_from(x_.data() + layout.frame);
     out_.X_TR = pose_from(x_.data() + layout.target);
-    out_.frame_error = error_.template segment<6>(layout.frame);
-    out_.target_error = error_.template segment<6>(layout.target);
+    out_.frame_error = error_.segment<6>(layout.frame);
+    out_.target_error = error_.segment<6>(layout.target);
   }
 
   Status make_machine() {
@@ -720,14 +645,15 @@ class Fit {
   const AnyMachine& any_;
   const std::vector<Measurement>& rows_;
   const CalibrationOptions& options_;
-  Problem<M> problem_;
-  std::vector<int> wanted_;
+  Problem problem_;
   Identifiability known_;
   Eigen::VectorXd x_;                      ///< what was found so far
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
-  double noise_scale_ = 1;
   bool converged_ = false;
-  Eigen::VectorXd error_;  ///< standard errors of all unknowns
+  enum class Learns { nothing, lengths, angles };
+  std::vector<Learns> learns_;  ///< of each wanted unknown: with which others the size of its prior is learnt
+  Eigen::VectorXd usual_;       ///< the priors before that
+  Eigen::VectorXd error_;       ///< standard errors of all unknowns
   Calibration out_;
 };
 
@@ -742,40 +668,27 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
                 "noise must be above 0, priors and bounds not below 0, the share held back 0 to 0.5");
   }
   if (rows.empty()) return fail("CA110", "no measurements");
-  return std::visit([&](const auto& m) { return Fit(nominal, m, rows, options).run(); }, nominal);
-}
-
-CorrectedTarget corrected_target(const AnyMachine& nominal, const AnyMachine& real, const Pose& X_MT) {
-  constexpr int kMost = 50;
-  constexpr double kEnough = 1e-10;  // m, and rad: far below a controller's resolution
-  CorrectedTarget out;
-  out.command = X_MT;
-  const machine::Task task = kinematics::task(nominal);
-  const auto rows = kinematics::closure_detail::task_rows(task, X_MT, 1.0);
-  double last = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kMost; ++k) {
-    const kinematics::InverseResult inverse = kinematics::inverse(nominal, out.command);
-    const kinematics::Solution* s = inverse.reachable();
-    if (s == nullptr) {
-      out.reason = inverse.solutions.empty() ? inverse.reason : "a limit of the nominal machine";
-      return out;
-    }
-    out.joints = s->joints;
-    const kinematics::ForwardResult at = kinematics::forward(real, s->joints);
-    if (at.poses.empty()) {
-      out.reason = "the real machine does not assemble there";
-      return out;
-    }
-    const Vec6 error = kinematics::closure_detail::pose_error(task, X_MT, at.poses.front());
-    out.rest = (rows * error).norm();
-    out.reached = out.rest < kEnough;
-    if (out.reached) return out;
-    if (!(out.rest < 2 * last)) break;
-    last = out.rest;
-    out.command.p += error.head<3>();
-    out.command.R = rotation_of(error.tail<3>()) * out.command.R;
+  // Rows whose joints the drawing cannot take stand beyond a singular pose of it, or are wrong.
+  std::vector<Measurement> taken;
+  std::vector<Pose> seed;
+  std::vector<std::size_t> number;
+  const Measurement* untaken = nullptr;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto at = pose_of_row(nominal, rows[i]);
+    if (!at && untaken == nullptr) untaken = &rows[i];
+    if (!at) continue;
+    taken.push_back(rows[i]);
+    seed.push_back(*at);
+    number.push_back(i);
   }
-  out.reason = "the correction does not converge";
+  if (too_many_lost(rows.size() - taken.size(), rows.size())) {
+    return fail("CA111",
+                fmt::format("the machine cannot take the joints of {} of {} rows, of this one for a start",
+                            rows.size() - taken.size(), rows.size()),
+                untaken->place, "check the joints and the machine");
+  }
+  POLYPOD_ASSIGN(out, Fit(nominal, taken, std::move(seed), options).run());
+  if (untaken != nullptr) out.residuals = with_untaken(rows, number, std::move(out.residuals));
   return out;
 }
 

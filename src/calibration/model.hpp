@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <map>
+#include <optional>
 
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/kinematics/closure.hpp"
@@ -213,6 +214,20 @@ void rules_at(const M& m, const Layout& layout, const Eigen::VectorXd& x, Eigen:
     for (int j = 0; j < some; ++j) p[static_cast<std::size_t>(first + j)].v.setZero();
   }
 }
+
+/// The same for a machine of any family, with its own pose of a row's joints as the drawing has it (nothing where it
+/// does not assemble), and the first-order effect of its parameters on the tool's pose there: the twist [v; w] in M by
+/// parameter, -A^-1 F_p.
+bool equations_of(const AnyMachine& machine, const Measurement& row, const Pose& seed_MT, const Layout& layout,
+                  const Eigen::VectorXd& x, const Noise& noise, bool by_unknowns, Equations& out,
+                  Lost lost = Lost::fail);
+void rules_at(const AnyMachine& machine, const Layout& layout, const Eigen::VectorXd& x, Eigen::VectorXd& r,
+              Eigen::MatrixXd& J);
+std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& row);
+Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
+
+/// What a calibration whose scores, noise and covariance are known is worth.
+Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c);
 
 /// A size of the machine, m: the largest of its lengths.
 double size_of(const AnyMachine& machine);

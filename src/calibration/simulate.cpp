@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "model.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 
@@ -51,6 +52,47 @@ bool steady(const AnyMachine& machine, const Stand& stand) {
   return kinematics::dexterity(machine, stand.X_MT, stand.q).condition < kWorstCondition;
 }
 
+/// The box of the poses of stands: places, and turns against the first.
+struct Box {
+  Mat3 R_0;
+  Vec6 low = Vec6::Constant(1e300), high = Vec6::Constant(-1e300);
+
+  explicit Box(const std::vector<Stand>& stands) : R_0(stands.front().X_MT.R) {
+    for (const Stand& stand : stands) {
+      Vec6 at;
+      at << stand.X_MT.p, rotation_vector(stand.X_MT.R * R_0.transpose());
+      low = low.cwiseMin(at);
+      high = high.cwiseMax(at);
+    }
+  }
+  void grow(double length, double angle) {
+    Vec6 by;
+    by << Vec3::Constant(length), Vec3::Constant(angle);
+    low -= by;
+    high += by;
+  }
+  Pose pose(Random& random) const {
+    Vec6 at;
+    for (int i = 0; i < 6; ++i) at[i] = random.uniform(low[i], high[i]);
+    return {rotation_of(at.tail<3>()) * R_0, at.head<3>()};
+  }
+};
+
+/// Adds a stand at the pose if the machine takes it there; what the joints say must be this pose and no other assembly
+/// mode.
+bool add_stand_at(const AnyMachine& machine, const Pose& X_MT, std::vector<Stand>& out) {
+  const kinematics::InverseResult inverse = kinematics::inverse(machine, X_MT);
+  const kinematics::Solution* s = inverse.reachable();
+  if (s == nullptr) return false;
+  const kinematics::ForwardResult back = kinematics::forward(machine, s->joints);
+  if (back.poses.empty()) return false;
+  if ((back.poses.front().p - X_MT.p).norm() + (back.poses.front().R - X_MT.R).norm() > 1e-6) return false;
+  Stand stand{s->joints, X_MT};
+  if (!steady(machine, stand)) return false;
+  out.push_back(std::move(stand));
+  return true;
+}
+
 }  // namespace
 
 Result<AnyMachine> perturbed(const AnyMachine& machine, double length, double angle, std::uint64_t seed) {
@@ -73,12 +115,14 @@ std::vector<Stand> random_stands(const AnyMachine& machine, std::size_t count, s
   constexpr int kMostDraws = 1000000;
   constexpr std::size_t kFirst = 24;
   constexpr int kPoor = 10;  // draws a stand, above which poses are drawn instead of joints
+  constexpr int kSparse = 20000;
   Random random(seed, kOfStands);
   const int n = kinematics::joint_count(machine);
   std::vector<Stand> out;
   int draw = 0;
   for (; draw < kMostDraws && out.size() < count; ++draw) {
     if (out.size() >= kFirst && draw > kPoor * static_cast<int>(out.size())) break;
+    if (!out.empty() && draw > kSparse) break;
     Stand stand;
     stand.q.resize(n);
     for (int i = 0; i < n; ++i) {
@@ -93,29 +137,18 @@ std::vector<Stand> random_stands(const AnyMachine& machine, std::size_t count, s
     }
   }
   if (out.size() >= count || out.empty()) return out;
-  // A parallel machine has few joints that fit together, but a quick inverse: draw poses from the box of the first.
-  const Mat3 R_0 = out.front().X_MT.R;
-  Vec6 low = Vec6::Constant(1e300), high = -low;
-  for (const Stand& stand : out) {
-    Vec6 at;
-    at << stand.X_MT.p, rotation_vector(stand.X_MT.R * R_0.transpose());
-    low = low.cwiseMin(at);
-    high = high.cwiseMax(at);
+  // A parallel machine has few joints that fit together, but a quick inverse: draw poses, from the box of the first.
+  Box box(out);
+  if (out.size() < kFirst) {
+    box.grow(0.1 * size_of(machine), 0.1);
+    for (; draw < kMostDraws && out.size() < std::min(count, kFirst); ++draw) {
+      if (!add_stand_at(machine, box.pose(random), out)) continue;
+      box = Box(out);
+      box.grow(0.1 * size_of(machine), 0.1);
+    }
+    box = Box(out);
   }
-  for (; draw < kMostDraws && out.size() < count; ++draw) {
-    Vec6 at;
-    for (int i = 0; i < 6; ++i) at[i] = random.uniform(low[i], high[i]);
-    Stand stand{{}, Pose{rotation_of(at.tail<3>()) * R_0, at.head<3>()}};
-    const kinematics::InverseResult inverse = kinematics::inverse(machine, stand.X_MT);
-    const kinematics::Solution* s = inverse.reachable();
-    if (s == nullptr) continue;
-    stand.q = s->joints;
-    // What the joints say must be this pose and no other assembly mode.
-    const kinematics::ForwardResult back = kinematics::forward(machine, stand.q);
-    if (back.poses.empty()) continue;
-    if ((back.poses.front().p - stand.X_MT.p).norm() + (back.poses.front().R - stand.X_MT.R).norm() > 1e-6) continue;
-    if (steady(machine, stand)) out.push_back(std::move(stand));
-  }
+  for (; draw < kMostDraws && out.size() < count; ++draw) add_stand_at(machine, box.pose(random), out);
   return out;
 }
 

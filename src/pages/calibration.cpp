@@ -8,8 +8,10 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <optional>
 
 #include "compliance_figures.hpp"
+#include "polypod/calibration/simulate.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/report/html.hpp"
@@ -99,17 +101,21 @@ std::string likeness(const calibration::Estimate& p) {
 
 void add_summary(report::Report& page, const std::vector<Measurement>& rows, const Calibration& c) {
   page.add_section("Summary");
-  const calibration::Score& judged = c.held_back.rows > 0 ? c.held_back : c.fitted;
-  const bool better = judged.rms_after < judged.rms_before;
-  std::string answer = fmt::format(
-      "The measured machine is {} than the drawing: {} instead of {} µm rms on the fitted rows",
-      better ? "better" : "not better", fixed(to_um(c.fitted.rms_after), 1), fixed(to_um(c.fitted.rms_before), 1));
+  const calibration::Verdict& v = c.verdict;
+  page.add_verdict(v.answer == calibration::Answer::better   ? Verdict::good
+                   : v.answer == calibration::Answer::partly ? Verdict::neutral
+                                                             : Verdict::bad,
+                   v.text);
+  std::string proof = fmt::format("{} instead of {} µm rms on the fitted rows", fixed(to_um(c.fitted.rms_after), 1),
+                                  fixed(to_um(c.fitted.rms_before), 1));
   if (c.held_back.rows > 0) {
-    answer +=
+    proof +=
         fmt::format(", {} instead of {} µm on {} rows that were not fitted", fixed(to_um(c.held_back.rms_after), 1),
                     fixed(to_um(c.held_back.rms_before), 1), c.held_back.rows);
   }
-  page.add_verdict(better ? Verdict::good : Verdict::bad, answer + ".");
+  page.add_text(proof +
+                ". Rows prove what they measure, and no more; the next chapter tells what is known of the "
+                "whole pose.");
   page.add_key_figures({{fixed(to_um(c.fitted.rms_before), 1), "µm", "rms before, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.rms_after), 1), "µm", "rms after, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.max_after), 1), "µm", "largest after, outliers aside", Verdict::neutral},
@@ -122,7 +128,6 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
           : outliers == 1 ? " One row is an outlier, listed below with the weight it has in the fit."
                           : fmt::format(" {} rows are outliers, listed below with their weights in the fit.", outliers);
   page.add_text(text);
-  if (!c.orientation_told) page.add_verdict(Verdict::neutral, fmt::format("Note: {}.", kOrientationUntold));
   std::vector<std::string> held;
   for (const calibration::Estimate& p : c.parameters) {
     if (!p.identifiable) held.push_back(fmt::format("{}: {}", p.key, likeness(p)));
@@ -131,9 +136,130 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
   if (held.empty()) {
     page.add_text("The measurements tell every parameter that was looked for.");
   } else {
-    page.add_text("Held as given, because these measurements do not tell them from the others:");
+    page.add_text(
+        "These the measurements do not tell from others. Of all machines that explain the readings as well, the one "
+        "that "
+        "is least off the drawing, in units of the priors, was taken:");
     page.add_list(held);
   }
+}
+
+// ------------------------------------------------------------------------------------------------- the tool's pose
+
+/// A coordinate of the pose as the page shows it: its letter, unit, and by how much SI is to be multiplied.
+struct ShownCoordinate {
+  std::string letter, unit;
+  double scale = 1;
+};
+ShownCoordinate shown_coordinate(const std::string& coordinate) {
+  const bool angle = coordinate.ends_with("_deg");
+  const char c = coordinate.front();
+  return {std::string(1, angle ? static_cast<char>(c - 'a' + 'A') : c), angle ? "deg" : "µm",
+          angle ? to_deg(1) : to_um(1)};
+}
+
+/// A level plane through the middle of the workspace, the tool turned as in its middle, and the poses there.
+struct Plane {
+  double z = 0;  ///< m
+  Vec3 low, high;
+  Mat3 R;
+  int columns = 0, rows = 0;
+};
+std::optional<Plane> middle_plane(const machine::AnyMachine& machine) {
+  constexpr std::size_t kStands = 100;
+  const std::vector<calibration::Stand> stands = calibration::random_stands(machine, kStands, 1);
+  if (stands.empty()) return std::nullopt;
+  Plane out;
+  out.low = out.high = stands.front().X_MT.p;
+  for (const calibration::Stand& stand : stands) {
+    out.low = out.low.cwiseMin(stand.X_MT.p);
+    out.high = out.high.cwiseMax(stand.X_MT.p);
+  }
+  const Vec3 middle = (out.low + out.high) / 2;
+  out.z = middle.z();
+  const auto nearest = std::min_element(stands.begin(), stands.end(), [&](const auto& a, const auto& b) {
+    return (a.X_MT.p - middle).norm() < (b.X_MT.p - middle).norm();
+  });
+  const bool upright = kinematics::inverse(machine, Pose{Mat3::Identity(), middle}).reachable() != nullptr;
+  out.R = upright ? Mat3(Mat3::Identity()) : nearest->X_MT.R;
+  const Vec3 size = out.high - out.low;
+  const double step = std::max(size.x(), size.y()) / (kMapPoints - 1);
+  if (!(step > 0)) return std::nullopt;
+  out.columns = std::max(2, 1 + static_cast<int>(std::lround(size.x() / step)));
+  out.rows = std::max(2, 1 + static_cast<int>(std::lround(size.y() / step)));
+  return out;
+}
+
+/// Standard deviations of every coordinate at the points of the plane; NaN out of reach.
+std::vector<std::vector<double>> deviations_over(const machine::AnyMachine& machine, const Plane& plane,
+                                                 const Eigen::MatrixXd& covariance, std::size_t coordinates) {
+  std::vector<std::vector<double>> out(coordinates);
+  for (int j = 0; j < plane.rows; ++j) {
+    for (int i = 0; i < plane.columns; ++i) {
+      const Vec3 share(double(i) / (plane.columns - 1), double(j) / (plane.rows - 1), 0);
+      Vec3 p = plane.low + (plane.high - plane.low).cwiseProduct(share);
+      p.z() = plane.z;
+      const kinematics::InverseResult inverse = kinematics::inverse(machine, Pose{plane.R, p});
+      const kinematics::Solution* s = inverse.reachable();
+      const Eigen::VectorXd one =
+          s == nullptr ? Eigen::VectorXd(Eigen::VectorXd::Constant(static_cast<Eigen::Index>(coordinates), kNone))
+                       : calibration::pose_deviation(machine, Pose{plane.R, p}, s->joints, covariance);
+      for (std::size_t k = 0; k < coordinates; ++k) out[k].push_back(one[static_cast<Eigen::Index>(k)]);
+    }
+  }
+  return out;
+}
+
+void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Calibration& c) {
+  const calibration::Verdict& v = c.verdict;
+  const std::vector<std::string> all = calibration::pose_coordinates(nominal);
+  page.add_section("Pose of the tool");
+  page.add_text(fmt::format(
+      "What is not known of the parameters, taken to the tool: predicted standard deviations of the pose over {} poses "
+      "of the workspace, before (from the priors alone) and after the calibration. A coordinate is told where less "
+      "than a fifth of its deviation is left.",
+      v.poses));
+  report::Table table;
+  table.caption = "Predicted standard deviation of the pose of the tool";
+  table.columns = {{"coordinate", "", -1},
+                   {"unit", "", -1},
+                   {"before, mean", "", -1},
+                   {"before, largest", "", -1},
+                   {"after, mean", "", -1},
+                   {"after, largest", "", -1},
+                   {"", "", -1}};
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const ShownCoordinate shown = shown_coordinate(all[k]);
+    const auto i = static_cast<Eigen::Index>(k);
+    const bool open = std::find(v.left_open.begin(), v.left_open.end(), all[k]) != v.left_open.end();
+    table.rows.push_back({shown.letter, shown.unit, shown.scale * v.before.mean[i], shown.scale * v.before.max[i],
+                          shown.scale * v.after.mean[i], shown.scale * v.after.max[i],
+                          std::string(open ? "left open" : "told")});
+  }
+  page.add_table(table);
+  const std::optional<Plane> plane = middle_plane(nominal);
+  if (!plane) return;
+  const auto after = deviations_over(nominal, *plane, c.covariance, all.size());
+  Panels panels;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const ShownCoordinate shown = shown_coordinate(all[k]);
+    report::HeatMap map;
+    map.title = fmt::format("standard deviation of {}", shown.letter);
+    map.x = {"x", "mm", to_mm(plane->low.x()), to_mm(plane->high.x()), false};
+    map.y = {"y", "mm", to_mm(plane->low.y()), to_mm(plane->high.y()), false};
+    map.columns = plane->columns;
+    map.rows = plane->rows;
+    map.label = "s";
+    map.unit = shown.unit;
+    map.contour_labels = false;
+    for (const double value : after[k]) map.values.push_back(shown.scale * value);
+    if (std::none_of(map.values.begin(), map.values.end(), [](double x) { return std::isfinite(x); })) return;
+    panels.emplace_back(fmt::format("{}, {}", shown.letter, shown.unit), map);
+  }
+  page.add_figure_grid(3, panels,
+                       fmt::format("Predicted standard deviation of each coordinate after the calibration, over the "
+                                   "plane z = {} mm. Blank: out of reach.",
+                                   fixed(to_mm(plane->z), 1)));
 }
 
 void add_residuals(report::Report& page, const std::vector<Measurement>& rows, const Calibration& c) {
@@ -148,7 +274,7 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
     dots.add(held_back, Colour::green, kDot, where([](const RowResidual& r) { return !r.outlier && r.held_back; }));
     dots.add("outliers", Colour::purple, kBigDot, where([](const RowResidual& r) { return r.outlier; }));
   };
-  const auto before = [](const RowResidual& r) { return length_of(r.before, r.lengths); };
+  const auto before = [](const RowResidual& r) { return r.untaken ? kNone : length_of(r.before, r.lengths); };
   const auto after = [](const RowResidual& r) { return length_of(r.after, r.lengths); };
   Dots both("residual of each row before and after", "row", "residual", "µm", c.residuals.size());
   both.add("before", report::kBefore, kDot, [&](std::size_t i) { return before(c.residuals[i]); });
@@ -210,7 +336,8 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
     const Measurement& row = rows[r.row];
     outliers.rows.push_back({static_cast<double>(r.row + 1), row.place.file, static_cast<double>(row.place.line),
                              calibration::name_of(row.kind), length_of(r.after, r.lengths), r.weight,
-                             std::string(r.lost        ? "left out: near a singular pose"
+                             std::string(r.untaken     ? "left out: the drawing cannot take these joints"
+                                         : r.lost      ? "left out: near a singular pose"
                                          : r.held_back ? "held back"
                                                        : "")});
   }
@@ -220,17 +347,14 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
 void add_parameters(report::Report& page, const Calibration& c) {
   page.add_section("Parameters");
   report::Table table;
-  table.caption = "In the unit of each; one standard error, from the residuals.";
-  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},  {"value", "", 5},
-                   {"change", "", 5},     {"standard error", "", 5}, {"why held", "", -1}};
+  table.caption = "In the unit of each; one standard error, from the residuals and the priors.";
+  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},       {"value", "", 5},
+                   {"change", "", 5},     {"standard error", "", 5}, {"not told from", "", -1}};
   for (const calibration::Estimate& p : c.parameters) {
     const double nominal = units::to_user(p.nominal, p.unit), value = units::to_user(p.value, p.unit);
     std::vector<report::Cell> row{p.key, p.unit, nominal};
-    if (p.identifiable) {
-      row.insert(row.end(), {value, value - nominal, units::to_user(p.standard_error, p.unit), std::string()});
-    } else {
-      row.insert(row.end(), {std::string("held"), std::string("–"), std::string("–"), likeness(p)});
-    }
+    row.insert(row.end(), {value, value - nominal, units::to_user(p.standard_error, p.unit),
+                           p.identifiable ? std::string() : likeness(p)});
     table.rows.push_back(std::move(row));
   }
   page.add_table(table);
@@ -448,6 +572,7 @@ std::string calibration_page(const machine::AnyMachine& nominal, const std::vect
                              const Calibration& c, const MeasuredPageOptions& how) {
   report::Report page("Calibration of a machine", machine::description_of(nominal), facts_of(nominal, rows, how));
   add_summary(page, rows, c);
+  add_pose(page, nominal, c);
   add_residuals(page, rows, c);
   add_parameters(page, c);
   if (!how.command.empty()) page.add_code("The command that made this page", how.command, false);

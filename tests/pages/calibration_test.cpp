@@ -54,7 +54,7 @@ TEST(CalibrationPage, HoldsTheNumbersOfTheResult) {
     EXPECT_THAT(page, HasSubstr(fixed(to_um(s.rms_after), 1)));
   }
   EXPECT_THAT(page, HasSubstr(fmt::format("{} of {}", m.found.rank, m.found.parameters.size())));
-  std::size_t held = 0;
+  std::size_t untold = 0;
   for (const calibration::Estimate& p : m.found.parameters) {
     ASSERT_TRUE(p.unit == "mm") << p.key;
     const std::string row =
@@ -62,10 +62,10 @@ TEST(CalibrationPage, HoldsTheNumbersOfTheResult) {
     const std::string told =
         fmt::format("{}</td><td class=\"r\">{}</td><td class=\"r\">{}</td>", fixed(to_mm(p.value), 5),
                     fixed(to_mm(p.value - p.nominal), 5), fixed(to_mm(p.standard_error), 5));
-    EXPECT_THAT(page, HasSubstr(row + (p.identifiable ? told : "held")));
-    held += p.identifiable ? 0 : 1;
+    EXPECT_THAT(page, HasSubstr(row + told));
+    untold += p.identifiable ? 0 : 1;
   }
-  EXPECT_EQ(held, m.found.parameters.size() - m.found.rank);
+  EXPECT_EQ(untold, m.found.parameters.size() - m.found.rank);
   for (const calibration::RowResidual& r : m.found.residuals) {
     const std::string line = fmt::format("<td>tracker &lt;1&gt;.csv</td><td class=\"r\">{}</td>", r.row + 2);
     if (r.outlier) {
@@ -75,6 +75,16 @@ TEST(CalibrationPage, HoldsTheNumbersOfTheResult) {
       EXPECT_THAT(page, Not(HasSubstr(line)));
     }
   }
+  // The verdict, and the pose's deviations with a map for each of six coordinates.
+  EXPECT_EQ(m.found.verdict.answer, calibration::Answer::partly);
+  EXPECT_THAT(page, HasSubstr("In part: x, y and z of the pose are better"));
+  for (const Eigen::Index k : {0, 1, 2}) {
+    EXPECT_THAT(page, HasSubstr(report::number(to_um(m.found.verdict.after.mean[k]))));
+    EXPECT_THAT(page, HasSubstr(report::number(to_um(m.found.verdict.before.max[k]))));
+  }
+  for (const char* letter : {"x", "y", "z", "A", "B", "C"})
+    EXPECT_THAT(page, HasSubstr(fmt::format("standard deviation of {}", letter)));
+  EXPECT_THAT(page, HasSubstr("left open"));
   EXPECT_THAT(page, HasSubstr("polypod calibrate &lt;x&gt;"));
   EXPECT_THAT(page, HasSubstr("Polypod 1.2.3"));
   EXPECT_THAT(page, Not(HasSubstr("nan")));

@@ -6,8 +6,15 @@
 #include <vector>
 
 #include "polypod/calibration/measurement.hpp"
+#include "polypod/calibration/verdict.hpp"
+#include "polypod/core/units.hpp"
 
 namespace polypod::calibration {
+
+/// How far a machine is off its drawing where nothing is stated, as standard deviations: a workshop's 0.1 mm and 0.05
+/// deg (of directions 0.87 mm/m). The measurements correct both sizes (see calibrate).
+inline constexpr double kUsualLengthError = 0.1e-3;
+inline constexpr double kUsualAngleError = 0.05 * units::kRadPerDeg;
 
 /// What a residual of r standard deviations counts for.
 enum class Loss {
@@ -27,7 +34,7 @@ struct CalibrationOptions {
   /// values; standard errors come from the residuals.
   double noise_position = 20e-6;
   double noise_angle = 35e-6;
-  double prior_length = 0;  ///< m: how far lengths may be off the nominal ones, as a standard deviation; 0: no prior
+  double prior_length = 0;  ///< m: how far lengths may be off the nominal ones, as a standard deviation; 0: not stated
   double prior_angle = 0;   ///< rad, the same for angles (and for numbers without a unit)
   double bound_length = 0;  ///< m: hard bounds round the nominal lengths; 0: none
   double bound_angle = 0;   ///< rad
@@ -45,10 +52,10 @@ struct Like {
 struct Estimate {
   std::string key, unit;
   double nominal = 0, value = 0;  ///< SI
-  double standard_error = 0;      ///< SI; 0 where it was held
+  double standard_error = 0;      ///< SI; what measurements and priors leave open
   bool identifiable = false;
   bool at_bound = false;   ///< a hard bound holds it: the error is larger than allowed, or no error of this parameter
-  std::vector<Like> like;  ///< of a parameter that was held, the strongest first
+  std::vector<Like> like;  ///< of a parameter that is not identifiable, the strongest first
 };
 
 struct RowResidual {
@@ -59,6 +66,7 @@ struct RowResidual {
   bool held_back = false;
   bool outlier = false;  ///< beyond (sqrt(equations) + 3) robust standard deviations, or lost
   bool lost = false;     ///< the calibrated machine does not assemble there: near a singular pose; not fitted
+  bool untaken = false;  ///< lost because the nominal machine cannot take these joints; before and after are 0
 };
 
 /// Root of the mean square over the equations that are lengths, m, without rows marked as outliers.
@@ -77,7 +85,12 @@ struct Calibration {
   std::vector<std::string> held_beside;                          ///< parts of frame and target that could not be told
   Score fitted, held_back;
   std::vector<RowResidual> residuals;  ///< one a measurement
-  /// How the tool is turned is told too: angles were measured, the tool does not turn, or nothing had to be held.
+  /// Of all parameters of the machine, in their order, SI: what is known of them after the measurements, and before
+  /// (standard deviations). 0 for those that were not looked for.
+  Eigen::MatrixXd covariance;
+  Eigen::VectorXd prior;
+  Verdict verdict;
+  /// No angle of the tool is left open (see Verdict::left_open).
   bool orientation_told = true;
   std::size_t equations = 0;  ///< fitted ones
   double condition = 0;       ///< of the equations, columns scaled to unit length
@@ -94,11 +107,20 @@ struct Calibration {
 /// the tool by millimetres or leaves no pose at all: they are marked `lost` and the search begins again without them;
 /// those that assemble then come back once.
 ///
-/// What the measurements cannot tell is held at its nominal value and named (see Estimate::like): an unknown whose
-/// change by 1 % of the machine's size (0.01 rad) would hide in the noise behind those before it. Order: contacts,
-/// frame, target, then parameters by their own order.
+/// Each parameter has a prior round its nominal value (stated, or kUsualLengthError and kUsualAngleError, whose sizes
+/// the measurements correct by their likelihood; MacKay, Bayesian Interpolation, 1992); the sum that is minimised is
+/// that of |r|^2 / s^2 and (change / prior)^2, s the noise that the residuals show. So what the measurements cannot
+/// tell stays at the drawing: among machines that explain them equally well the least change in units of the priors is
+/// taken, and with right priors no coordinate of the tool's pose gets worse, for the covariance (J^T W J / s^2 +
+/// P^-2)^-1 is below P^2. A direction that the measurements tell with the standard error e is off by (e / prior)^2 of
+/// its change, which is e / prior of its standard error where it is one prior long.
 ///
-/// Errors: CA110 (not more equations than unknowns), CA111 (a row whose joints the nominal machine cannot take), CA112
+/// Identifiable, for rank and names (see Estimate::like), is an unknown whose change by 1 % of the machine's size
+/// (0.01 rad) does not hide in the noise behind those before it. Order: contacts, frame, target, then parameters by
+/// their own order.
+///
+/// Errors: CA110 (not more equations than unknowns), CA111 (more than a tenth of the rows have
+/// joints that the nominal machine cannot take), CA112
 /// (the measured places lie on a line or in one point), CA113 (measured lengths are off by a factor: another unit?),
 /// CA114 (an unknown key), CA115 (the search does not converge, or more than
 /// a tenth of the rows is lost), CA116 (an option out of range), CA117 (a place that is

@@ -25,7 +25,8 @@ struct Stand {
 };
 /// `count` stands within all limits and not nearly singular (condition below 100), with joints drawn evenly from their
 /// ranges; where few joints fit together (parallel machines) the first 24 so, and the others with poses drawn evenly
-/// from the box of those. Fewer where a million draws do not give as many.
+/// from the box of those. Where 20000 draws do not give 24, those that are missing are found with poses from a box that
+/// grows round the first. Fewer where a million draws do not give as many.
 std::vector<Stand> random_stands(const AnyMachine& machine, std::size_t count, std::uint64_t seed);
 
 struct SimulationOptions {

@@ -16,14 +16,9 @@ struct MeasuredPageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
 };
 
-/// What a person should know where Calibration::orientation_told is false.
-inline constexpr const char* kOrientationUntold =
-    "these measurements tell where the tip is, not how the tool is turned: what is held leaves its tilt open, and it "
-    "may be "
-    "worse than before; where tilts matter measure axes or poses, or give priors";
-
 /// One self-contained HTML file about `c` = calibration::calibrate(nominal, rows): rms before and after, fitted and
-/// held back; how many parameters are told and what is held because of what; the residual of every row before and after
+/// held back; the verdict; what is known of the tool's pose, as a table and a map of each coordinate over a level plane
+/// through the middle of the workspace; how many parameters are told; the residual of every row before and after
 /// in um (angles in deg where they were measured), the spread of the residuals by direction; the parameters in mm and
 /// deg with their standard errors; outliers with file and line. The same input gives the same bytes. Cost: linear in
 /// the rows.

@@ -1,0 +1,155 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/calibration/verdict.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "model.hpp"
+#include "polypod/calibration/simulate.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::calibration {
+namespace {
+
+// A coordinate whose standard deviation stays above this share of what it was is not told: what remains then comes from
+// the drawing more than from the readings.
+constexpr double kOpen = 0.2;
+
+/// "x", "x and y", "x, y and z".
+std::string listed(const std::vector<std::string>& words) {
+  std::string out;
+  for (std::size_t i = 0; i < words.size(); ++i)
+    out += (i == 0 ? "" : i + 1 == words.size() ? " and " : ", ") + words[i];
+  return out;
+}
+
+/// "x_mm" -> "x", "a_deg" -> "A", as a person says them.
+std::string spoken(const std::string& coordinate) {
+  const char c = coordinate.front();
+  return std::string(1, c < 'x' ? static_cast<char>(c - 'a' + 'A') : c);
+}
+bool is_angle(const std::string& coordinate) {
+  return coordinate.front() < 'x';
+}
+std::vector<std::string> spoken(const std::vector<std::string>& coordinates) {
+  std::vector<std::string> out;
+  for (const std::string& c : coordinates) out.push_back(spoken(c));
+  return out;
+}
+
+/// What to measure, so that the coordinates that are open are told too.
+std::string what_would_tell(const AnyMachine& machine, const std::vector<Measurement>& rows,
+                            const std::vector<std::string>& open) {
+  bool angles_measured = false, places_measured = false, gauges_only = true, distances_only = true;
+  for (const Measurement& row : rows) {
+    angles_measured = angles_measured || row.kind == Kind::axis || row.kind == Kind::pose;
+    places_measured = places_measured || row.kind == Kind::point || row.kind == Kind::axis || row.kind == Kind::pose;
+    gauges_only = gauges_only && row.kind == Kind::gauge;
+    distances_only = distances_only && row.kind == Kind::distance;
+  }
+  const bool angles_open = std::any_of(open.begin(), open.end(), is_angle);
+  const bool places_open = !std::all_of(open.begin(), open.end(), is_angle);
+  if (angles_open && !angles_measured)
+    return kinematics::task(machine) == machine::Task::axis ? "axes (x_mm, y_mm, z_mm, a_deg, b_deg)"
+                                                            : "poses (x_mm, y_mm, z_mm, a_deg, b_deg, c_deg)";
+  if (places_open && gauges_only) return "points, or gauge readings against planes that face the other ways";
+  if (places_open && distances_only) return "points, or distances from three balls or more";
+  if (places_open && !places_measured) return "points, or distances";
+  return "more rows, or poses that `polypod poses` chooses";
+}
+
+PoseSpread spread_over(const AnyMachine& machine, const std::vector<Stand>& stands, const Eigen::MatrixXd& covariance) {
+  const auto n = static_cast<Eigen::Index>(pose_coordinates(machine).size());
+  PoseSpread out{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
+  for (const Stand& stand : stands) {
+    const Eigen::VectorXd one = pose_deviation(machine, stand.X_MT, stand.q, covariance);
+    out.mean += one / static_cast<double>(stands.size());
+    out.max = out.max.cwiseMax(one);
+  }
+  return out;
+}
+
+/// Why the answer is no whatever the pose, or nothing.
+std::string refusal(const Calibration& c) {
+  constexpr double kMisfit = 5;  // times the noise: no instrument is stated that badly
+  const bool held = c.held_back.rows > c.held_back.outliers;
+  const Score& s = held ? c.held_back : c.fitted;
+  const char* what = held ? "rows that were held back" : "fitted rows";
+  if (c.noise_factor > kMisfit) {
+    return fmt::format(
+        "the parameters do not explain the readings: the residuals are {:.0f} times the noise that was given. Check "
+        "frame, target and units; where the instrument is that coarse, give --noise-um",
+        c.noise_factor);
+  }
+  if (s.rms_before > 0 && !(s.rms_after < s.rms_before)) {
+    return fmt::format("the {} are missed by {:.4f} mm rms, by the drawing by {:.4f} mm", what,
+                       units::to_mm(s.rms_after), units::to_mm(s.rms_before));
+  }
+  // By chance alone the rms of n angles spreads by 1 / sqrt(2 n) of itself; two of them are allowed.
+  const double chance = 1 + 2 / std::sqrt(2.0 * 3.0 * static_cast<double>(std::max<std::size_t>(s.rows, 1)));
+  if (s.angle_after > s.angle_before * chance) {
+    return fmt::format("the angles of the {} are missed by {:.5f} deg rms, by the drawing by {:.5f} deg", what,
+                       units::to_deg(s.angle_after), units::to_deg(s.angle_before));
+  }
+  return "";
+}
+
+}  // namespace
+
+std::vector<std::string> pose_coordinates(const AnyMachine& machine) {
+  static const std::vector<std::string> kAll{"x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"};
+  return {kAll.begin(), kAll.begin() + kinematics::coordinate_count(kinematics::task(machine))};
+}
+
+Eigen::VectorXd pose_deviation(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
+                               const Eigen::MatrixXd& covariance) {
+  const auto S = kinematics::closure_detail::task_rows(kinematics::task(machine), X_MT, 1.0);
+  const Eigen::MatrixXd G = S * twist_by_parameters(machine, X_MT, q);
+  return (G * covariance).cwiseProduct(G).rowwise().sum().cwiseMax(0).cwiseSqrt();
+}
+
+Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c) {
+  constexpr std::size_t kPoses = 100;
+  constexpr std::uint64_t kSeed = 1;
+  Verdict out;
+  const std::vector<Stand> stands = random_stands(nominal, kPoses, kSeed);
+  out.poses = stands.size();
+  out.before = spread_over(nominal, stands, c.prior.cwiseAbs2().asDiagonal());
+  out.after = spread_over(nominal, stands, c.covariance);
+  std::vector<std::string> told, shares;
+  const std::vector<std::string> all = pose_coordinates(nominal);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double before = out.before.mean[k], after = out.after.mean[k];
+    const bool open = !(after < kOpen * before);
+    (open ? out.left_open : told).push_back(all[i]);
+    if (!open) continue;
+    shares.push_back(before > 0 ? fmt::format("{} ({:.0f} %)", spoken(all[i]), 100 * after / before)
+                                : fmt::format("{} (not looked for)", spoken(all[i])));
+  }
+  const std::string refused = refusal(c);
+  if (!refused.empty()) {
+    out.text = fmt::format("No, the calibrated machine is not better than the drawing: {}.", refused);
+  } else if (c.prior.isZero(0)) {
+    out.answer = Answer::partly;
+    out.text = "No parameter of the machine was looked for: it stays as the drawing has it.";
+  } else if (told.empty()) {
+    out.text = fmt::format("No: these measurements tell no coordinate of the pose. To tell them measure {} too.",
+                           what_would_tell(nominal, rows, out.left_open));
+  } else if (out.left_open.empty()) {
+    out.answer = Answer::better;
+    out.text = "Yes, the calibrated machine is better than the drawing in every coordinate of the pose.";
+  } else {
+    out.answer = Answer::partly;
+    out.text = fmt::format(
+        "In part: {} of the pose {} better than in the drawing. The measurements leave open {} (in brackets: the share "
+        "of its standard deviation that is left), where the drawing still counts. To tell {} measure {} too.",
+        listed(spoken(told)), told.size() == 1 ? "is" : "are", listed(shares), shares.size() == 1 ? "it" : "them",
+        what_would_tell(nominal, rows, out.left_open));
+  }
+  return out;
+}
+
+}  // namespace polypod::calibration
