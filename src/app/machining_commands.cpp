@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/check.hpp"
@@ -167,6 +168,9 @@ Command predict_command() {
         if (o->step_mm != 0 && !(o->step_mm >= kLeastStep && o->step_mm <= kMostStep)) {
           return fail("AP120", fmt::format("--step {:g}: must be {:g} to {:g} mm", o->step_mm, kLeastStep, kMostStep));
         }
+        std::vector<std::string> inputs = o->measured;
+        inputs.insert(inputs.end(), {o->program, o->job});
+        POLYPOD_TRY(check_files(inputs, {}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
         machining::PredictOptions options;
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
@@ -224,8 +228,8 @@ Command predict_command() {
           return end(collision);
         }
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
-        fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", o->program, in.job.machine_name, origin.x(),
-                   origin.y(), origin.z());
+        fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", one_line(o->program),
+                   one_line(in.job.machine_name), origin.x(), origin.y(), origin.z());
         fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
                    units::to_mm3(p.pass.removed));
         fmt::print("deflection     up to {:.1f} um, mean {:.1f} um\n", to_um(p.deflection.max),
@@ -317,7 +321,7 @@ Command correct_command() {
             options.all = o->all;
             std::vector<std::string> inputs = o->measured;
             inputs.insert(inputs.end(), {o->program, o->job});
-            POLYPOD_TRY(check_files(inputs, {o->output, o->report}));
+            POLYPOD_TRY(check_files(inputs, {o->output, o->report}, context.json));
             POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
             if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
             options.keep_samples = !o->report.empty();
@@ -332,7 +336,8 @@ Command correct_command() {
             if (line) line(1);
             const bool writes =
                 c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
-            if (writes) POLYPOD_TRY(files::write_whole(o->output, c.text));
+            files::Outputs together;  // program and report appear together or not at all
+            if (writes) POLYPOD_TRY(together.add(o->output, c.text));
             if (!o->report.empty()) {
               pages::CorrectionPageOptions page;
               page.version = POLYPOD_VERSION;
@@ -347,8 +352,9 @@ Command correct_command() {
               if (o->all) page.command += " --correct-all";
               if (o->again) page.command += " --again";
               if (o->method == "mirror") page.command += fmt::format(" --method mirror --points {}", o->points);
-              POLYPOD_TRY(files::write_whole(o->report, pages::correction_page(in.job, in.program, c, page)));
+              POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
             }
+            POLYPOD_TRY(together.commit());
             const machining::MapBand map = machining::map_band(in.job, c.before);
             if (context.json) {
               Json moves = Json::array(), outside = Json::array();

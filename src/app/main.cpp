@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <system_error>
 
 #include "command.hpp"
 #include "interrupt.hpp"
@@ -138,7 +139,18 @@ int run(int argc, char** argv) {
   if (!status) {
     if (interrupted()) return kBadInput;  // what was broken off is no error of the input
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
-    return exit_status(status.error());
+    const int answer = exit_status(status.error());
+    if (answer == kAnswerIsNo && context.json) {
+      const Error& e = status.error();
+      print_json({{"error",
+                   {{"id", e.id},
+                    {"message", e.message},
+                    {"file", e.place.file},
+                    {"line", e.place.line},
+                    {"column", e.place.column},
+                    {"hint", e.hint}}}});
+    }
+    return answer;
   }
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
     fmt::print(stderr, "polypod: cannot write to stdout\n");

@@ -223,6 +223,21 @@ double Stock::volume() const {
   return sum * cell_ * cell_ / kLayers;
 }
 
+Stock Stock::in_half_cells() const {
+  Stock out = *this;
+  out.cell_ = 0.5 * cell_;
+  out.columns_ = 2 * columns_;
+  out.rows_ = 2 * rows_;
+  out.layers_.resize(4 * layers_.size());
+  for (int j = 0; j < out.rows_; ++j) {
+    for (int i = 0; i < out.columns_; ++i) {
+      std::copy_n(cell_layers(i / 2, j / 2), kLayers,
+                  out.layers_.begin() + static_cast<std::ptrdiff_t>(out.index(i, j)));
+    }
+  }
+  return out;
+}
+
 double Stock::cut_disc(const Vec3& tip, double radius) {
   return sweep(tip, tip, radius, false);
 }

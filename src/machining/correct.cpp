@@ -96,9 +96,44 @@ class Corrector {
     options.progress = progress("predicting the program as it is");
     POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options));
     if (before.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
+    if (verifies()) POLYPOD_TRY(look_finely(program_, way, before));
     out_.before = std::move(before);
     before_.assign(moves_.size(), 0);
     for (const MovePrediction& m : out_.before.moves) before_[static_cast<std::size_t>(m.move)] = m.largest_distance;
+    return {};
+  }
+
+  /// Whether what is said is looked at again with finer cells.
+  [[nodiscard]] bool verifies() const { return options_.method == CorrectMethod::tube && options_.verify; }
+
+  /// The same pass in cells half as large at steps half as long: distances become the larger of the two.
+  Status look_finely(const gcode::Program& program, const Way& way, Prediction& prediction) {
+    if (!fine_) {
+      fine_.emplace(job_);
+      fine_->stock = job_.stock.in_half_cells();
+    }
+    PredictOptions options;
+    options.step = 0.5 * check_step();
+    options.progress = progress("looking again with finer cells");
+    POLYPOD_ASSIGN(fine, predict_way(*fine_, program, way, options));
+    for (std::size_t c = 0; c < fine.commanded_distance.size(); ++c) {
+      prediction.commanded_distance[c] = std::max(prediction.commanded_distance[c], fine.commanded_distance[c]);
+      prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
+      prediction.commanded_ends[c].end |= fine.commanded_ends[c].end;
+    }
+    for (const MovePrediction& m : fine.moves) {
+      const auto same = [&](const MovePrediction& o) { return o.move == m.move; };
+      const auto at = std::find_if(prediction.moves.begin(), prediction.moves.end(), same);
+      if (at == prediction.moves.end()) {
+        prediction.moves.push_back(m);
+      } else {
+        at->largest_distance = std::max(at->largest_distance, m.largest_distance);
+      }
+    }
+    std::sort(prediction.moves.begin(), prediction.moves.end(),
+              [](const auto& a, const auto& b) { return a.move < b.move; });
+    prediction.largest_distance = std::max(prediction.largest_distance, fine.largest_distance);
+    prediction.not_judged.insert(prediction.not_judged.end(), fine.not_judged.begin(), fine.not_judged.end());
     return {};
   }
 
@@ -343,6 +378,7 @@ class Corrector {
     options.keep_samples = options_.keep_samples;
     options.progress = progress("checking what was written");
     POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way_, options));
+    if (verifies() && after.largest_distance <= inside()) POLYPOD_TRY(look_finely(out_.program, way_, after));
     out_.after = std::move(after);
     out_.largest_distance = out_.after.largest_distance;
     after_.assign(moves_.size(), 0);
@@ -631,6 +667,7 @@ class Corrector {
   std::vector<bool> rewritten_;
   std::vector<bool> frozen_;  // their correction was worse than none
   std::vector<double> before_, after_, last_;
+  std::optional<Job> fine_;  // the job with cells half as large
   gcode::Rewritten rewritten_text_;
   std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
   std::vector<bool> transition_blocks_;         // by block of the written program
@@ -647,7 +684,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   std::vector<std::string> out;
   if (result.after.pass.points > kTryRemediesBelow) return out;
   CorrectOptions quiet = options;
-  quiet.keep_samples = false;
+  quiet.keep_samples = quiet.verify = false;  // a first look; whoever follows the advice is told the whole
   const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
   Job wider = job;
   for (const double factor : {1.1, 1.5, 2.0}) {

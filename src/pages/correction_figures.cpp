@@ -246,23 +246,32 @@ std::optional<Corner> corner(const Correction& c, const Tracks& tracks) {
   std::vector<int> moves;
   Vec3 centre = Vec3::Zero();
   Corner out;
-  if (best > 0) {
+  const auto farthest = [](const std::vector<Dot>& dots) {
+    const Dot* worst = nullptr;
+    for (const Dot& d : dots) {
+      if (d.sample->cutting && (worst == nullptr || d.sample->distance > worst->sample->distance)) worst = &d;
+    }
+    return worst;
+  };
+  const auto look_at = [&](const Dot& worst, const char* when) {
+    moves = {worst.move};
+    centre = c.programmed[index(worst.move)].point(worst.s);
+    const auto stretch = std::find_if(tracks.stretches.begin(), tracks.stretches.end(),
+                                      [&](const Stretch& s) { return s.move == worst.move; });
+    out.title = fmt::format("Where the tool is farthest off {}, line {}, at true proportions", when, stretch->line);
+  };
+  const Dot* remains = c.largest_distance > c.tolerance ? farthest(tracks.after) : nullptr;
+  if (remains != nullptr) {
+    look_at(*remains, "after the correction");
+  } else if (best > 0) {
     moves = {tracks.stretches[at].move, tracks.stretches[at + 1].move};
     centre = c.programmed[index(moves[0])].end;
     out.title = fmt::format("The corner between lines {} and {}, at true proportions", tracks.stretches[at].line,
                             tracks.stretches[at + 1].line);
   } else {
-    const Dot* worst = nullptr;
-    for (const Dot& d : tracks.before) {
-      if (d.sample->cutting && (worst == nullptr || d.sample->distance > worst->sample->distance)) worst = &d;
-    }
+    const Dot* worst = farthest(tracks.before);
     if (worst == nullptr) return std::nullopt;
-    moves = {worst->move};
-    centre = c.programmed[index(worst->move)].point(worst->s);
-    const auto stretch = std::find_if(tracks.stretches.begin(), tracks.stretches.end(),
-                                      [&](const Stretch& s) { return s.move == worst->move; });
-    out.title =
-        fmt::format("Where the tool is farthest off as the program is, line {}, at true proportions", stretch->line);
+    look_at(*worst, "as the program is");
   }
   const auto of_these = [&](const std::vector<Dot>& dots) {
     std::vector<Dot> chosen;
