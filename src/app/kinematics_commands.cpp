@@ -281,19 +281,20 @@ Command fk_command() {
           if (const auto modes = kinematics::assembly_modes(m, q)) return print_modes(context, m, q, *modes);
         }
         const kinematics::ForwardResult result = o->all ? kinematics::forward_all(m, q) : kinematics::forward(m, q);
+        const std::string why = result.poses.empty() ? kinematics::why_no_pose(m, q, result) : "";
         Json poses = Json::array();
         for (std::size_t i = 0; i < result.poses.size(); ++i) {
           poses.push_back(pose_json(m, result.poses[i], result.residuals[i], q));
         }
         if (context.json) {
           Json document{{"poses", poses}, {"complete", result.complete}};
-          if (poses.empty()) document["reason"] = result.reason;
+          if (poses.empty()) document["reason"] = why;
           print_json(document);
         } else {
           for (const Json& p : poses) {
             fmt::print("{}\n  {}\n", joined(p["pose"].get<std::vector<double>>()), in_words(p["violations"]));
           }
-          if (poses.empty()) fmt::print("no pose: {}\n", result.reason);
+          if (poses.empty()) fmt::print("no pose: {}\n", why);
         }
         return poses.empty() ? kAnswerIsNo : kDone;
       }};

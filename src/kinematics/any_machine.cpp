@@ -118,7 +118,7 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
             out.poses.push_back(mode.X_MT);
             out.residuals.push_back(mode.residual);
           } else {
-            out.reason = why_no_mode(six_legs(m, q));
+            out.reason = "Newton's method did not converge from home";
           }
           return out;
         }
@@ -135,6 +135,15 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
             closure(m, out.poses.back(), std::span<const double>(q.data(), q.size()), std::span<const double>(p));
         out.residuals.push_back(F.cwiseAbs().maxCoeff());
         return out;
+      },
+      machine);
+}
+
+std::string why_no_pose(const AnyMachine& machine, const JointVector& q, const ForwardResult& result) {
+  return std::visit(
+      [&](const auto& m) -> std::string {
+        if constexpr (requires { six_legs(m, q); }) return why_no_mode(six_legs(m, q));
+        return result.reason;
       },
       machine);
 }

@@ -404,7 +404,7 @@ class Page {
         "ripple "
         "from tooth to tooth.");
     items.push_back(
-        fmt::format("{} Cutter, spindle, workpiece and clamping are taken as rigid; play, friction, weight, heat, "
+        fmt::format("{} Cutter, spindle, workpiece and clamping are taken as rigid; play, friction, weight, heat "
                     "and geometric errors are left out.",
                     job_.measured ? "The machine gives way as it did where it was measured, in proportion to the force."
                                   : "Only the joints (or legs) give way, in proportion to their load."));

@@ -39,6 +39,9 @@ struct ForwardResult {
 /// The pose of the joints q; for a parallel machine the mode that is reached from home, and not complete. Where there
 /// is none, `reason` says whether the legs meet at no real pose (proven, or not found) or Newton's method failed.
 ForwardResult forward(const AnyMachine& machine, const JointVector& q);
+/// Why `forward` found no pose, as a person asks it: for hexapods all assembly modes are looked for (10 ms to some
+/// seconds), to tell "there is none" from "none was found".
+std::string why_no_pose(const AnyMachine& machine, const JointVector& q, const ForwardResult& result);
 /// Every pose of the joints where a closed form has them all (deltas: both, the machine's first); otherwise `forward`.
 ForwardResult forward_all(const AnyMachine& machine, const JointVector& q);
 /// Gruebler's count, for the families that have one.

@@ -38,6 +38,7 @@ struct CorrectOptions {
   int rounds = 6;      ///< fits with a narrower tube where the check finds a point outside
   bool all = false;    ///< also moves that are inside the tube, where it adds no lines
   bool again = false;  ///< see AcceptOptions
+  bool verify = true;  ///< look again in cells half as large, at half the step, before it is called within the tube
   bool keep_samples = false;
   std::function<bool(const char* what, double share)> progress;
 };
