@@ -310,6 +310,8 @@ class Corrector {
         fmt::format("Polypod: tube radius {:g} um, cutter {:g} mm with {} teeth, origin X{:g} Y{:g} Z{:g} mm",
                     units::to_um(job_.tolerance), units::to_mm(job_.cutter.diameter), job_.cutter.teeth,
                     units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z()))};
+    header.push_back(fmt::format("Polypod: {} of {} moves rewritten, do not correct again",
+                                 std::count(rewritten_.begin(), rewritten_.end(), true), moves_.size()));
     if (job_.measured) {
       header.push_back(
           fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
