@@ -272,7 +272,7 @@ Command correct_command() {
     int points = 10;
     std::string tolerance;
     double chord_um = 0;
-    bool again = false, allow_outside = false, all = false;
+    bool again = false, allow_outside = false, all = false, verify = false;
   };
   auto o = std::make_shared<Options>();
   return {"correct", "Correct a program so that the bent tool stays in a tube round the programmed path",
@@ -288,6 +288,9 @@ Command correct_command() {
                      "How far arcs that are kept as arcs may be off the ideal path, um (default: a tenth of the tube)");
             a.flag("--allow-outside", o->allow_outside,
                    "Write the program even if moves stay outside of the tube: corrected as well as they go");
+            a.flag("--verify", o->verify,
+                   "Look again with cells half as large and steps half as long before the answer is yes (five times "
+                   "the time)");
             a.flag("--correct-all", o->all, "Correct moves inside the tube, too, where it adds no lines");
             a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
             a.option("--method", o->method, "tube, or mirror: one step at --points points a move, for comparison");
@@ -319,6 +322,7 @@ Command correct_command() {
             options.chord = units::from_um(o->chord_um);
             options.again = o->again;
             options.all = o->all;
+            options.verify = o->verify;
             std::vector<std::string> inputs = o->measured;
             inputs.insert(inputs.end(), {o->program, o->job});
             POLYPOD_TRY(check_files(inputs, {o->output, o->report}, context.json));
@@ -343,6 +347,7 @@ Command correct_command() {
               page.version = POLYPOD_VERSION;
               page.output = writes ? o->output : "";
               page.method = options.method;
+              page.verified = options.verify;
               page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
                                          for_shell(o->job), for_shell(o->output), for_shell(o->report));
               for (const std::string& file : o->measured) page.command += " --measured " + for_shell(file);
@@ -350,6 +355,7 @@ Command correct_command() {
               if (o->chord_um > 0) page.command += fmt::format(" --chord-tolerance {}", o->chord_um);
               if (o->allow_outside) page.command += " --allow-outside";
               if (o->all) page.command += " --correct-all";
+              if (o->verify) page.command += " --verify";
               if (o->again) page.command += " --again";
               if (o->method == "mirror") page.command += fmt::format(" --method mirror --points {}", o->points);
               POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
@@ -391,6 +397,7 @@ Command correct_command() {
                             {"points_checked", c.after.pass.points},
                             {"tolerance_um", to_um(c.tolerance)},
                             {"within_tolerance", c.within_tolerance},
+                            {"verified_with_finer_cells", o->verify && c.within_tolerance},
                             {"reason", c.reason},
                             {"remedies", c.remedies},
                             {"corner_before_um", to_um(c.modes.corner_before)},
@@ -418,7 +425,8 @@ Command correct_command() {
                          to_um(c.before.largest_distance), to_um(c.largest_distance), to_um(c.tolerance));
               fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
                          c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
-              fmt::print("checked at {} points after reading the new program back\n", c.after.pass.points);
+              fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
+                         o->verify ? ", and again with finer cells" : "");
               print_modes(c);
               print_other_switch(c.other_switch);
               print_map(in.job, map);

@@ -187,7 +187,8 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   // A wrong unit or origin misses the stock and often the reach as well; the stock says more.
   const Box stock = box_of(job.stock);
   if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const gcode::Move& move) {
-        return feeds(move) && may_touch(swept_box(move, job.cutter_of(move.tool).radius()), stock);
+        return feeds(move) &&
+               (!move.start_known || may_touch(swept_box(move, job.cutter_of(move.tool).radius()), stock));
       })) {
     return tl::unexpected(cuts_nothing(job, program, interpretation));
   }

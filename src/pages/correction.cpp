@@ -117,7 +117,7 @@ class Page {
     report_.add_section("Does the deflected tool stay within the tolerance?");
     const std::string checked = fmt::format("{} of the program that was written were checked, at most 0.1 mm apart{}",
                                             plural(c_.after.pass.points, "point", "points"),
-                                            mirror() ? "" : ", and again with cells half as large");
+                                            options_.verified ? ", and again with cells half as large" : "");
     if (c_.within_tolerance) {
       report_.add_verdict(
           Verdict::good,

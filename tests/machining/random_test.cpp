@@ -121,13 +121,15 @@ TEST(RandomPrograms, AreNeverWorseAndWithinIsTrue) {
   int corrected = 0, within = 0;
   for (int seed = first; seed < first + programs; ++seed) {
     Draw draw(static_cast<std::uint64_t>(seed));
-    const machining::Job job = job_of(draw, 0.12e-3);
+    const machining::Job job = job_of(draw, 0.125e-3);
     const std::string text = draw.program();
     SCOPED_TRACE(fmt::format("seed {}, diameter {} mm, tube {} um\n{}", seed, units::to_mm(job.cutter.diameter),
                              to_um(job.tolerance), text));
     const auto program = testing::unwrap(gcode::parse(text, "random.ngc"));
     const auto run = testing::unwrap(gcode::interpret(program));
-    const auto c = machining::correct(job, program, run);
+    machining::CorrectOptions options;
+    options.verify = true;
+    const auto c = machining::correct(job, program, run, options);
     if (!c) {  // refused with a reason, never in silence
       EXPECT_TRUE(c.error().id == "MC302" || c.error().id == "MC304") << to_string(c.error());
       continue;
@@ -142,7 +144,7 @@ TEST(RandomPrograms, AreNeverWorseAndWithinIsTrue) {
     if (!c->within_tolerance) continue;
     ++within;
     machining::Job fine = job;
-    fine.stock = testing::unwrap(cutting::Stock::block(Vec3(-0.02, -0.02, -0.012), Vec3(0.02, 0.02, 0), 0.06e-3));
+    fine.stock = testing::unwrap(cutting::Stock::block(Vec3(-0.02, -0.02, -0.012), Vec3(0.02, 0.02, 0), 0.0625e-3));
     EXPECT_LE(to_um(seen_finely(fine, *c)), to_um(job.tolerance));
   }
   RecordProperty("corrected", corrected);

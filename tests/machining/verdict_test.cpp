@@ -8,9 +8,9 @@
 namespace polypod {
 namespace {
 
-using ::testing::HasSubstr;
 using testing::correct;
 using testing::Example;
+using ::testing::HasSubstr;
 using testing::unwrap;
 using testing::with_program;
 using units::to_um;
@@ -163,9 +163,10 @@ TEST(Verdict, ThePathControlModeThatTheToleranceNeedsIsWritten) {
 
 TEST(Verdict, AModeThatBreaksTheTubeIsReplaced) {
   auto e = load(trial("slot.ngc"), trial("slot.toml"));
-  e.program = unwrap(gcode::parse("G21 G90 G94 G17 G54 G64 P0.3\nT1 M6\nS12000 M3\nG0 X-25 Y0 Z10\nG0 Z2\nG1 Z-2 F600\n"
-                                  "G1 X20 F1800\nG1 Y15\nG0 Z10\nM5\nM30\n",
-                                  "test.ngc"));
+  e.program =
+      unwrap(gcode::parse("G21 G90 G94 G17 G54 G64 P0.3\nT1 M6\nS12000 M3\nG0 X-25 Y0 Z10\nG0 Z2\nG1 Z-2 F60\n"
+                          "G1 X20 F1800\nG1 Y15\nG0 Z10\nM5\nM30\n",
+                          "test.ngc"));
   e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
   const auto c = correct(e);
   EXPECT_THAT(c.modes.replaced, ::testing::ElementsAre(1));
@@ -187,9 +188,10 @@ TEST(Verdict, NoBlockIsTooShortForTheController) {
 
 TEST(Verdict, BothPositionsOfBlockDeleteAreJudged) {
   auto e = load(trial("slot.ngc"), trial("slot.toml"));
-  e.program = unwrap(gcode::parse("G21 G90 G94 G17 G54\nT1 M6\nS12000 M3\nG0 X-45 Y0 Z10\nG0 Z2\n/G1 Z-1 F600\n/G1 X45 F1800\n"
-                                  "/G0 Z2\n/G0 X-45\nG1 Z-2 F600\nG1 X45 F1800\nG0 Z10\nM5\nM30\n",
-                                  "test.ngc"));
+  e.program =
+      unwrap(gcode::parse("G21 G90 G94 G17 G54\nT1 M6\nS12000 M3\nG0 X-45 Y0 Z10\nG0 Z2\n/G1 Z-1 F600\n/G1 X45 F1800\n"
+                          "/G0 Z2\n/G0 X-45\nG1 Z-2 F600\nG1 X45 F1800\nG0 Z10\nM5\nM30\n",
+                          "test.ngc"));
   e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
   const auto c = correct(e);
   ASSERT_TRUE(c.other_switch);

@@ -34,11 +34,11 @@ struct CorrectOptions {
   double fit_share = 0.8;  ///< of the tolerance that the fit of pieces may use; the rest is for what the fit leaves out
   double merge_share = 0.25;  ///< two moves share their corner if their corrections differ by less than this share of
                               ///< the tolerance, else a transition goes from one to the other
-  double chord = 0;    ///< m, how far an arc that is kept as arcs may be off the ideal command; 0: a tenth of the tube
-  int rounds = 6;      ///< fits with a narrower tube where the check finds a point outside
-  bool all = false;    ///< also moves that are inside the tube, where it adds no lines
-  bool again = false;  ///< see AcceptOptions
-  bool verify = true;  ///< look again in cells half as large, at half the step, before it is called within the tube
+  double chord = 0;     ///< m, how far an arc that is kept as arcs may be off the ideal command; 0: a tenth of the tube
+  int rounds = 6;       ///< fits with a narrower tube where the check finds a point outside
+  bool all = false;     ///< also moves that are inside the tube, where it adds no lines
+  bool again = false;   ///< see AcceptOptions
+  bool verify = false;  ///< look again in cells half as large, at half the step, before it is called within the tube
   bool keep_samples = false;
   std::function<bool(const char* what, double share)> progress;
 };
