@@ -471,8 +471,10 @@ class Rewriter {
     arc.start = from;
     arc.end = to;
     arc.centre = centre;
-    const auto [a, b] = axes_in_plane(move.plane);
-    const auto angle = [&](const Vec3& p) { return std::atan2(p[b] - centre[b], p[a] - centre[a]); };
+    const std::array<int, 2> axes = axes_in_plane(move.plane);
+    const auto angle = [&](const Vec3& p) {
+      return std::atan2(p[axes[1]] - centre[axes[1]], p[axes[0]] - centre[axes[0]]);
+    };
     // (x, z) is the wrong way round for the ZX plane, whose normal is y.
     const bool positive = (move.plane == Plane::zx) == move.clockwise;
     const double turn = positive ? angle(to) - angle(from) : angle(from) - angle(to);
