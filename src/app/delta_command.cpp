@@ -79,7 +79,7 @@ Command delta_command() {
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         POLYPOD_TRY(check_files({o->machine}, {o->csv, o->cloud, o->report}, context.json));
-         if (o->cloud.empty()) POLYPOD_TRY(refuse(context, {"--steps"}, "it serves --cloud; name a file"));
+        if (o->cloud.empty()) POLYPOD_TRY(refuse(context, {"--steps"}, "it serves --cloud; name a file"));
         workspace::DeltaStudyOptions options;
         options.step = units::from_mm(o->step);
         options.d_min = units::from_mm(o->d_min);

@@ -153,12 +153,12 @@ Command dexterity_command() {
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
-         if (kinematics::task(m) == machine::Task::point) {
-           POLYPOD_TRY(refuse(context, {"--length"}, "it serves machines that can turn their tool"));
-         }
-         const double length = units::from_mm(o->length_mm);
-         const bool at_one = !o->where.pose.empty();
-         POLYPOD_TRY(o->where.refuse_at_pose(context));
+        if (kinematics::task(m) == machine::Task::point) {
+          POLYPOD_TRY(refuse(context, {"--length"}, "it serves machines that can turn their tool"));
+        }
+        const double length = units::from_mm(o->length_mm);
+        const bool at_one = !o->where.pose.empty();
+        POLYPOD_TRY(o->where.refuse_at_pose(context));
         POLYPOD_TRY(o->files.check(at_one, o->machine, context.json));
         if (o->ellipsoids && !at_one) return fail("AP175", "--ellipsoids are those of one pose", {}, "give --pose");
         const SingularNote singular(m, context);

@@ -302,80 +302,80 @@ Command fk_command() {
 
 Command jacobian_command() {
   auto o = std::make_shared<MachineOptions>();
-  return {"jacobian", "Jacobian of the tool tip at a pose, its determinant and conditioning",
-          "polypod jacobian lola50 --pose 0,-1300,0",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-            a.option(
-                "--length", o->length_mm,
-                "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
-            if (kinematics::task(m) == machine::Task::point) {
-              POLYPOD_TRY(
-                  refuse(context, {"--length"}, "it weighs angles against lengths; this machine does not turn its tool"));
-            }
-            const kinematics::InverseResult inverse = kinematics::inverse(m, X);
-            const kinematics::Solution* s = inverse.reachable();
-            if (s == nullptr && !inverse.solutions.empty()) s = &inverse.solutions.front();
-            if (s == nullptr) {
-              fmt::print(stderr, "polypod: the pose is out of reach: {}\n", inverse.reason);
-              return kAnswerIsNo;
-            }
-            const SingularNote singular(m, context);
-            // Where A of A dX + B dq = 0 has lost rank there is no matrix that gives dX from dq.
-            const quality::Singularity near = quality::singularity(m, X, s->joints);
-            const std::string words = near.kind == 0 ? "" : quality::in_words(X, near);
-            if (near.control < quality::kRankLost) {
-              if (context.json) {
-                print_json(singular.in({{"jacobian", Json()},
-                                        {"determinant", Json()},
-                                        {"condition", Json()},
-                                        {"sigma_min", 0.0},
-                                        {"characteristic_length_mm", units::to_mm(near.length)},
-                                        {"singular", words},
-                                        {"joints", joints_for_user(m, s->joints)}}));
-              }
-              std::fflush(stdout);
-              fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
-              return kAnswerIsNo;
-            }
-            const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
-            const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
-            const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
-            if (context.json) {
-              Json document{{"jacobian", matrix_json(square)},
-                            {"rows", std::vector<std::string>{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"}},
-                            {"jacobian_full", matrix_json(J)},
-                            {"joints", joints_for_user(m, s->joints)},
-                            {"determinant", d.determinant},
-                            {"condition", d.condition},
-                            {"sigma_min", d.sigma_min},
-                            {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
-              if (!words.empty()) document["singular"] = words;
-              print_json(singular.in(document));
-              return kDone;
-            }
-            if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
-            fmt::print("Jacobian (m and rad per rad or m; rows v_x v_y v_z w_x w_y w_z in M)\n");
-            for (int i = 0; i < square.rows(); ++i) {
-              for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));
-              fmt::print("\n");
-            }
-            const bool serial = kinematics::is_serial(m);
-            const std::string length =
-                kinematics::task(m) == machine::Task::point
-                    ? ""
-                    : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
-            fmt::print("condition {:.4f}, smallest singular value {:.6f}{} of the {}{}\ndeterminant {:.6g}\n",
-                       d.condition, d.sigma_min, serial ? " m/rad" : "",
-                       serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,
-                       d.determinant);
-            return kDone;
-          }};
+  return {
+      "jacobian", "Jacobian of the tool tip at a pose, its determinant and conditioning",
+      "polypod jacobian lola50 --pose 0,-1300,0",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+        a.option("--length", o->length_mm,
+                 "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+        if (kinematics::task(m) == machine::Task::point) {
+          POLYPOD_TRY(
+              refuse(context, {"--length"}, "it weighs angles against lengths; this machine does not turn its tool"));
+        }
+        const kinematics::InverseResult inverse = kinematics::inverse(m, X);
+        const kinematics::Solution* s = inverse.reachable();
+        if (s == nullptr && !inverse.solutions.empty()) s = &inverse.solutions.front();
+        if (s == nullptr) {
+          fmt::print(stderr, "polypod: the pose is out of reach: {}\n", inverse.reason);
+          return kAnswerIsNo;
+        }
+        const SingularNote singular(m, context);
+        // Where A of A dX + B dq = 0 has lost rank there is no matrix that gives dX from dq.
+        const quality::Singularity near = quality::singularity(m, X, s->joints);
+        const std::string words = near.kind == 0 ? "" : quality::in_words(X, near);
+        if (near.control < quality::kRankLost) {
+          if (context.json) {
+            print_json(singular.in({{"jacobian", Json()},
+                                    {"determinant", Json()},
+                                    {"condition", Json()},
+                                    {"sigma_min", 0.0},
+                                    {"characteristic_length_mm", units::to_mm(near.length)},
+                                    {"singular", words},
+                                    {"joints", joints_for_user(m, s->joints)}}));
+          }
+          std::fflush(stdout);
+          fmt::print(stderr, "polypod: there is no Jacobian at this pose: the tool {}\n", words);
+          return kAnswerIsNo;
+        }
+        const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
+        const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
+        const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
+        if (context.json) {
+          Json document{{"jacobian", matrix_json(square)},
+                        {"rows", std::vector<std::string>{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"}},
+                        {"jacobian_full", matrix_json(J)},
+                        {"joints", joints_for_user(m, s->joints)},
+                        {"determinant", d.determinant},
+                        {"condition", d.condition},
+                        {"sigma_min", d.sigma_min},
+                        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
+          if (!words.empty()) document["singular"] = words;
+          print_json(singular.in(document));
+          return kDone;
+        }
+        if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
+        fmt::print("Jacobian (m and rad per rad or m; rows v_x v_y v_z w_x w_y w_z in M)\n");
+        for (int i = 0; i < square.rows(); ++i) {
+          for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));
+          fmt::print("\n");
+        }
+        const bool serial = kinematics::is_serial(m);
+        const std::string length =
+            kinematics::task(m) == machine::Task::point
+                ? ""
+                : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
+        fmt::print("condition {:.4f}, smallest singular value {:.6f}{} of the {}{}\ndeterminant {:.6g}\n", d.condition,
+                   d.sigma_min, serial ? " m/rad" : "",
+                   serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,
+                   d.determinant);
+        return kDone;
+      }};
 }
 
 }  // namespace polypod::app

@@ -83,8 +83,8 @@ Block ensure_motion_word(const Block& block, int motion);
 
 /// The program with comment lines after the leading `%` and O number, in the program's own comment style, and `code`
 /// after them unless it is empty. Each line is made a comment of one line whatever it holds: control characters become
-/// `\xNN`, `%` becomes `_`, in comments between parentheses `(`, `)` and `;` become `[`, `]` and `,`, and what is longer
-/// than 240 bytes is cut off.
+/// `\xNN`, `%` becomes `_`, in comments between parentheses `(`, `)` and `;` become `[`, `]` and `,`, and what is
+/// longer than 240 bytes is cut off.
 Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code = {});
 
 /// The block with `words` ("G64 P0.05 Q0") in the place of its path control word (G61, G61.1 or G64 with P and Q); its
