@@ -12,16 +12,20 @@ namespace {
 constexpr int kMaxTeeth = 100;
 constexpr config::Range kHelixRange{0, 90, false, true};
 constexpr config::Range kExponentRange{0, 1, true, false};
+// N/mm^2 and N/mm: a million times what any material has, and far from overflow.
+constexpr double kLargestCoefficient = 1e10;
+constexpr config::Range kNotNegative{0, kLargestCoefficient, false, false};
+constexpr config::Range kEitherSign{-kLargestCoefficient, kLargestCoefficient, false, false};
 
 /// The six coefficients, of the sides or of the end; `chip_unit` takes N/mm^(1+x) beyond N/mm to SI.
 template <class Coefficients>
 Status read_coefficients(const config::Table& table, double chip_unit, Coefficients& out) {
-  POLYPOD_ASSIGN(ktc, table.number("Ktc_N_per_mm2", config::kNotNegative));
-  POLYPOD_ASSIGN(krc, table.number("Krc_N_per_mm2", config::kNotNegative));
-  POLYPOD_ASSIGN(kac, table.number("Kac_N_per_mm2"));
-  POLYPOD_ASSIGN(kte, table.number("Kte_N_per_mm", config::kNotNegative));
-  POLYPOD_ASSIGN(kre, table.number("Kre_N_per_mm", config::kNotNegative));
-  POLYPOD_ASSIGN(kae, table.number("Kae_N_per_mm"));
+  POLYPOD_ASSIGN(ktc, table.number("Ktc_N_per_mm2", kNotNegative));
+  POLYPOD_ASSIGN(krc, table.number("Krc_N_per_mm2", kNotNegative));
+  POLYPOD_ASSIGN(kac, table.number("Kac_N_per_mm2", kEitherSign));
+  POLYPOD_ASSIGN(kte, table.number("Kte_N_per_mm", kNotNegative));
+  POLYPOD_ASSIGN(kre, table.number("Kre_N_per_mm", kNotNegative));
+  POLYPOD_ASSIGN(kae, table.number("Kae_N_per_mm", kEitherSign));
   out.ktc = units::from_N_per_mm(ktc) * chip_unit;
   out.krc = units::from_N_per_mm(krc) * chip_unit;
   out.kac = units::from_N_per_mm(kac) * chip_unit;
