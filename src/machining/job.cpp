@@ -80,9 +80,9 @@ Status read_controller(const config::Table& table, Job& job) {
   planner.velocity = units::from_mm(velocity);
   planner.acceleration = units::from_mm(acceleration);
   planner.feed_override = feed_override;
-  planner.servo_period = 1e-3 * servo;
+  planner.servo_period = units::from_ms(servo);
   job.controller.shortest_length = units::from_mm(length);
-  job.controller.shortest_time = 1e-3 * time;
+  job.controller.shortest_time = units::from_ms(time);
   return controller->finish();
 }
 
@@ -147,7 +147,7 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_ASSIGN(block_delete, table.optional_boolean("block_delete", false));
   job.block_delete = block_delete;
   POLYPOD_ASSIGN(rapid_volume, table.optional_number("rapid_volume_mm3", 1, {0, 1e9}));
-  job.rapid_volume = rapid_volume / units::to_mm3(1);
+  job.rapid_volume = units::from_mm3(rapid_volume);
   POLYPOD_TRY(read_controller(table, job));
   POLYPOD_TRY(read_measured_key(table, job));
   POLYPOD_TRY(table.finish());

@@ -85,5 +85,11 @@ constexpr double to_um_per_N(double c) {
 constexpr double to_mm3(double v) {
   return v * 1e9;
 }
+constexpr double from_mm3(double v) {
+  return v / 1e9;
+}
+constexpr double from_ms(double t) {
+  return t * 1e-3;
+}
 
 }  // namespace polypod::units

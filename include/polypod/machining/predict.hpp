@@ -102,8 +102,8 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
 /// MC304 where a rapid goes through more than `job.rapid_volume` of material: with the line of the worst.
 Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass);
 
-/// What the cells of the stock leave open in a predicted distance, m: a prediction with cells half as large and steps a
-/// tenth as long stays within it (tests/machining/random_test.cpp). A verdict keeps this much of the tube free.
+/// What a verdict keeps free of the tube for what the cells of the stock leave open, m: 2 % of the tolerance. It is no
+/// bound: where a cut begins, ends or meets a sliver, cells half as large can show more (CorrectOptions::verify looks).
 double resolution(const Job& job);
 
 /// How far a prediction is uncertain because the cutting coefficients are: half of 95 % intervals, m.
