@@ -106,16 +106,20 @@ class Corrector {
   /// Whether what is said is looked at again with finer cells.
   [[nodiscard]] bool verifies() const { return options_.method == CorrectMethod::tube && options_.verify; }
 
-  /// The same pass in cells half as large at steps half as long: distances become the larger of the two.
-  Status look_finely(const gcode::Program& program, const Way& way, Prediction& prediction) {
+  const Job& fine_job() {
     if (!fine_) {
       fine_.emplace(job_);
       fine_->stock = job_.stock.in_half_cells();
     }
+    return *fine_;
+  }
+
+  /// The same pass in cells half as large at steps half as long: distances become the larger of the two.
+  Status look_finely(const gcode::Program& program, const Way& way, Prediction& prediction) {
     PredictOptions options;
     options.step = 0.5 * check_step();
     options.progress = progress("looking again with finer cells");
-    POLYPOD_ASSIGN(fine, predict_way(*fine_, program, way, options));
+    POLYPOD_ASSIGN(fine, predict_way(fine_job(), program, way, options));
     for (std::size_t c = 0; c < fine.commanded_distance.size(); ++c) {
       prediction.commanded_distance[c] = std::max(prediction.commanded_distance[c], fine.commanded_distance[c]);
       prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
@@ -137,13 +141,14 @@ class Corrector {
     return {};
   }
 
-  /// The deflections with the tool on the programmed path.
+  /// The deflections with the tool on the programmed path; in the finer cells once the coarse ones have misled.
   Status find_deflections() {
+    const Job& job = fit_finely_ ? fine_job() : job_;
     std::vector<PassMove> path;
     path.reserve(moves_.size());
     for (std::size_t i = 0; i < moves_.size(); ++i) path.push_back(as_programmed(i));
     deflections_.assign(moves_.size(), Deflections{});
-    cutting::Stock stock = job_.stock;
+    cutting::Stock stock = job.stock;
     PassOptions pass;
     pass.bend = options_.method == CorrectMethod::mirror ? Bend::at_rest : Bend::corrected;
     pass.step = sample_step_;
@@ -154,7 +159,7 @@ class Corrector {
       d.delta.push_back(to_correct(moves_[static_cast<std::size_t>(sample.move)], sample.deflection));
       d.cuts = d.cuts || sample.cutting;
     };
-    POLYPOD_ASSIGN(result, run_pass(job_, program_, path, stock, pass, visit));
+    POLYPOD_ASSIGN(result, run_pass(job, program_, path, stock, pass, visit));
     return no_rapid_cuts(job_, program_, result);
   }
 
@@ -380,7 +385,10 @@ class Corrector {
     options.keep_samples = options_.keep_samples;
     options.progress = progress("checking what was written");
     POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way_, options));
-    if (verifies() && after.largest_distance <= inside()) POLYPOD_TRY(look_finely(out_.program, way_, after));
+    if (verifies() && (fit_finely_ || after.largest_distance <= inside())) {
+      POLYPOD_TRY(look_finely(out_.program, way_, after));
+      fit_finely_ = fit_finely_ || after.largest_distance > inside();
+    }
     out_.after = std::move(after);
     out_.largest_distance = out_.after.largest_distance;
     after_.assign(moves_.size(), 0);
@@ -404,6 +412,7 @@ class Corrector {
     std::vector<bool> rewritten;
     std::vector<double> fit;
     double sample_step = 0;
+    bool fit_finely = false;
     std::size_t bad = 0;
     double largest = 0;
     [[nodiscard]] bool better_than(const Choice& o) const { return bad != o.bad ? bad < o.bad : largest < o.largest; }
@@ -411,7 +420,7 @@ class Corrector {
   [[nodiscard]] Choice choice() const {
     std::size_t bad = 0;
     for (std::size_t i = 0; i < moves_.size(); ++i) bad += outside(i) ? 1 : 0;
-    return {rewritten_, fit_, sample_step_, bad, out_.largest_distance};
+    return {rewritten_, fit_, sample_step_, fit_finely_, bad, out_.largest_distance};
   }
 
   /// Fits to narrower tubes until every move is inside; the best round stays.
@@ -422,7 +431,7 @@ class Corrector {
       const Choice now = choice();
       if (!best || now.better_than(*best)) best = now;
       if (now.bad == 0 || options_.method == CorrectMethod::mirror) return {};
-      if (out_.rounds >= options_.rounds || !narrow()) break;
+      if (out_.rounds >= (fit_finely_ ? 2 : 1) * options_.rounds || !narrow()) break;
       // Knots are samples: a narrower tube in the ramps of corners needs closer ones.
       sample_step_ = std::max(0.5 * sample_step_, job_.stock.cell());
       POLYPOD_TRY(find_deflections());
@@ -434,6 +443,7 @@ class Corrector {
     rewritten_ = best.rewritten;
     fit_ = best.fit;
     sample_step_ = best.sample_step;
+    fit_finely_ = best.fit_finely;
     POLYPOD_TRY(find_deflections());
     return write_and_check();
   }
@@ -670,6 +680,7 @@ class Corrector {
   std::vector<bool> frozen_;  // their correction was worse than none
   std::vector<double> before_, after_, last_;
   std::optional<Job> fine_;  // the job with cells half as large
+  bool fit_finely_ = false;  // deflections are found in those
   gcode::Rewritten rewritten_text_;
   std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
   std::vector<bool> transition_blocks_;         // by block of the written program

@@ -30,6 +30,9 @@ constexpr double kArcStep = 0.2;
 constexpr double kMostPoints = 2e8;
 // Progress is reported, and a wish to stop heeded, this often within a move.
 constexpr std::int64_t kReportPoints = 4096;
+// How far ahead of the cutter its engagement is looked at, in diameters, but never less than two cells. A length of its
+// own, so that finer cells look at the same way: where a cut begins the force grows along it.
+constexpr double kLookAhead = 0.04;
 // Less than this on the way that is looked at is no way down, m: heights are kept in single precision.
 constexpr double kLeastFall = 0.1e-6;
 // Strips shallower than this share of the deepest do not make a wall.
@@ -157,7 +160,7 @@ class Pass {
       POLYPOD_TRY(evaluate(static_cast<std::size_t>(index), s, length, tool, sample));
       // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
       // at the end looks at is cut last.
-      if (k == 0 || k == steps || s <= length - 2 * stock_.cell()) {
+      if (k == 0 || k == steps || s <= length - look_ahead_length(radius)) {
         const Vec3 at = sweeps_bent() ? sample.bent() : move.point(s);
         volume += sweep(at, radius, k > 0);
       }
@@ -226,6 +229,10 @@ class Pass {
     return {};
   }
 
+  [[nodiscard]] double look_ahead_length(double radius) const {
+    return std::max(2 * stock_.cell(), 2 * kLookAhead * radius);
+  }
+
   /// What the sides of the cutter meet; nothing on a plunge.
   void look(const Vec3& window, double radius, const Eigen::Vector2d& feed, double ahead, bool vertical) {
     if (vertical) {
@@ -262,7 +269,7 @@ class Pass {
     const Eigen::Vector2d feed =
         vertical ? Eigen::Vector2d(1, 0) : Eigen::Vector2d(d.x() / horizontal, d.y() / horizontal);
     const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
-    const double radius = tool.cutter->radius(), ahead = 2 * stock_.cell();
+    const double radius = tool.cutter->radius(), ahead = look_ahead_length(radius);
     if (!vertical) sample.away = left;
     // What counts is what the cutter takes on its way, never what stands beyond the end: near the end the window that
     // is looked at stays behind it.
