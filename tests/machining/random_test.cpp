@@ -128,7 +128,7 @@ TEST(RandomPrograms, AreNeverWorseAndWithinIsTrue) {
     const auto program = testing::unwrap(gcode::parse(text, "random.ngc"));
     const auto run = testing::unwrap(gcode::interpret(program));
     machining::CorrectOptions options;
-    options.verify = true;
+    options.verify = seed % 2 == 0;  // what is said without a second look must hold as well
     const auto c = machining::correct(job, program, run, options);
     if (!c) {  // refused with a reason, never in silence
       EXPECT_TRUE(c.error().id == "MC302" || c.error().id == "MC304") << to_string(c.error());
