@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <tuple>
@@ -42,8 +43,13 @@ namespace {
 
 using calibration::Calibration;
 
+constexpr std::array<std::pair<std::string_view, calibration::Loss>, 4> kLosses{{{"auto", calibration::Loss::automatic},
+                                                                                 {"huber", calibration::Loss::huber},
+                                                                                 {"cauchy", calibration::Loss::cauchy},
+                                                                                 {"none", calibration::Loss::none}}};
+
 struct Options {
-  std::string machine, out, frame, target, residuals, targets, corrected, report, loss = "huber";
+  std::string machine, out, frame, target, residuals, targets, corrected, report, loss = "auto";
   std::vector<std::string> sets, files, estimate, only, hold;
   double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
 };
@@ -66,13 +72,9 @@ Result<calibration::CalibrationOptions> options_of(const Options& o) {
     }
     (what == "frame" ? out.estimate_frame : out.estimate_target) = true;
   }
-  if (o.loss == "none") {
-    out.loss = calibration::Loss::none;
-  } else if (o.loss == "cauchy") {
-    out.loss = calibration::Loss::cauchy;
-  } else if (o.loss != "huber") {
-    return fail("AP183", fmt::format("--loss {}: not none, huber or cauchy", o.loss));
-  }
+  const auto* loss = std::find_if(kLosses.begin(), kLosses.end(), [&](const auto& l) { return l.first == o.loss; });
+  if (loss == kLosses.end()) return fail("AP183", fmt::format("--loss {}: not auto, huber, cauchy or none", o.loss));
+  out.loss = loss->second;
   POLYPOD_ASSIGN(X_SM, frame_argument(o.frame, "--frame"));
   POLYPOD_ASSIGN(X_TR, frame_argument(o.target, "--target"));
   out.X_SM = X_SM;
@@ -258,7 +260,11 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
              c.parameters.size(), c.condition);
   print_score("fitted", c.fitted);
   print_score("held back", c.held_back);
-  fmt::print("the residuals show {:.2f} times the noise that was given\n\n", c.noise_factor);
+  fmt::print("the residuals show {:.2f} times the noise that was given\n", c.noise_factor);
+  if (c.pulled_aside) {
+    fmt::print("a few rows pulled the fit aside, so the loss is cauchy's, which lets them count for next to nothing\n");
+  }
+  fmt::print("\n");
   fmt::print("{:<22} {:>14} {:>14} {:>10}\n", "parameter", "nominal", "value", "+- 1 sd");
   for (const calibration::Estimate& p : c.parameters) {
     const double nominal = units::to_user(p.nominal, p.unit), value = units::to_user(p.value, p.unit);
@@ -303,110 +309,115 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
 
 Command calibrate_command() {
   auto o = std::make_shared<Options>();
-  return {"calibrate", "The parameters of a machine from measured poses, points, distances, gauge readings or contacts",
-          "polypod calibrate hexapod-strut data.csv -o measured.toml",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.positional("DATA", o->files,
-                         "CSV files: q1,...,qn and x_mm,y_mm,z_mm[,a_deg,b_deg[,c_deg]], "
-                         "distance_mm,anchor_x_mm,..., gauge_mm,plane_x_mm,...,normal_x,... or contact");
-            a.option("-o,--output", o->out, "The calibrated machine, as a machine file", true);
-            a.option("--estimate", o->estimate,
-                     "frame, target: find where the machine stands in the instrument's "
-                     "frame, where the target sits on the tool (repeatable)");
-            a.option("--frame", o->frame, kFrameHelp);
-            a.option("--target", o->target, kTargetHelp);
-            a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
-            a.option("--hold", o->hold, "Beginning of a key: keep these as they are (repeatable)");
-            a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
-            a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
-            a.option("--prior-mm", o->prior_mm,
-                     "Lengths are off by about this much (default: 0.1, corrected by what the data show)");
-            a.option("--prior-deg", o->prior_deg, "... angles and directions (default: 0.05, likewise)");
-            a.option("--bound-mm", o->bound_mm, "Lengths are off by no more than this (default: no bound)");
-            a.option("--bound-deg", o->bound_deg, "... angles and directions");
-            a.option("--loss", o->loss, "none, huber (default) or cauchy: what outliers count for");
-            a.option("--hold-back", o->hold_back,
-                     "Percent of the rows that are judged, not fitted, where enough are left (default 20, 0 to 50)");
-            a.option("--residuals", o->residuals, "Every row before and after, CSV");
-            a.option("--report", o->report, "An HTML page: residuals, parameters and how sure they are");
-            a.option("--targets", o->targets, "Poses that the real machine shall take, CSV: x_mm,y_mm,z_mm,a_deg,...");
-            a.option("--corrected", o->corrected, "What to ask the nominal controller for, CSV");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_ASSIGN(options, options_of(*o));
-            if (o->targets.empty() != o->corrected.empty()) {
-              return fail("AP183", "--targets and --corrected go together");
-            }
-            std::vector<std::string> inputs = o->files;
-            inputs.insert(inputs.end(), {o->machine, o->targets});
-            POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->corrected, o->report}, context.json));
-            std::vector<calibration::Measurement> rows;
-            for (const std::string& file : o->files) {
-              POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
-              rows.insert(rows.end(), more.begin(), more.end());
-            }
-            if (const auto no = refused_as_singular(m, context, {"parameters", "rank"})) return *no;
-            POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
-            const bool good = c.verdict.answer != calibration::Answer::no;
-            std::size_t missed = 0;
-            std::string corrected;
-            if (good && !o->targets.empty()) {
-              POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
-              corrected = text;
-            }
-            // A machine that is no better than its drawing is not written; what shows why it is not, is.
-            files::Outputs together;
-            std::vector<std::string> written;
-            const auto write = [&](const std::string& path, const auto& text) -> Status {
-              if (path.empty()) return {};
-              written.push_back(path);
-              return together.add(path, text());
-            };
-            if (good) {
-              POLYPOD_TRY(write(o->out, [&] { return machine::to_toml(c.machine); }));
-              POLYPOD_TRY(write(o->corrected, [&] { return corrected; }));
-            }
-            POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
-            POLYPOD_TRY(write(o->report, [&] {
-              return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
-            }));
-            POLYPOD_TRY(together.commit());
-            const Json outliers = outliers_json(c, rows);
-            if (context.json) {
-              Json document{{"better", c.verdict.answer == calibration::Answer::better},
-                            {"verdict", c.verdict.text},
-                            {"left_open", c.verdict.left_open},
-                            {"pose_standard_deviation", pose_json(c)},
-                            {"parameters", parameters_json(c)},
-                            {"rms_before_mm", units::to_mm(c.fitted.rms_before)},
-                            {"rms_after_mm", units::to_mm(c.fitted.rms_after)},
-                            {"rank", c.rank},
-                            {"parameters_total", c.parameters.size()},
-                            {"fitted", score_json(c.fitted)},
-                            {"held_back", score_json(c.held_back)},
-                            {"frame", frame_json(c.X_SM, c.frame_error)},
-                            {"target", frame_json(c.X_TR, c.target_error)},
-                            {"held_beside", c.held_beside},
-                            {"orientation_told", c.orientation_told},
-                            {"rows", rows.size()},
-                            {"equations", c.equations},
-                            {"condition", c.condition},
-                            {"noise_factor", c.noise_factor},
-                            {"outliers", outliers},
-                            {"iterations", c.iterations},
-                            {"file", good ? o->out : ""}};
-              if (!o->corrected.empty()) document["targets_missed"] = missed;
-              print_json(document);
-            } else {
-              print_text(c, outliers, rows.size());
-              for (const std::string& path : written) fmt::print("wrote {}\n", path);
-              if (!good) fmt::print("not written: {}\n", o->out);
-              if (missed > 0) fmt::print("{} of the targets are out of the nominal machine's reach\n", missed);
-            }
-            return missed > 0 || !good ? kAnswerIsNo : kDone;
-          }};
+  return {
+      "calibrate", "The parameters of a machine from measured poses, points, distances, gauge readings or contacts",
+      "polypod calibrate hexapod-strut data.csv -o measured.toml",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.positional("DATA", o->files,
+                     "CSV files: q1,...,qn and x_mm,y_mm,z_mm[,a_deg,b_deg[,c_deg]], "
+                     "distance_mm,anchor_x_mm,..., gauge_mm,plane_x_mm,...,normal_x,... or contact");
+        a.option("-o,--output", o->out, "The calibrated machine, as a machine file", true);
+        a.option("--estimate", o->estimate,
+                 "frame, target: find where the machine stands in the instrument's "
+                 "frame, where the target sits on the tool (repeatable)");
+        a.option("--frame", o->frame, kFrameHelp);
+        a.option("--target", o->target, kTargetHelp);
+        a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
+        a.option("--hold", o->hold, "Beginning of a key: keep these as they are (repeatable)");
+        a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
+        a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
+        a.option("--prior-mm", o->prior_mm,
+                 "Lengths are off by about this much (default: 0.1, corrected by what the data show)");
+        a.option("--prior-deg", o->prior_deg, "... angles and directions (default: 0.05, likewise)");
+        a.option("--bound-mm", o->bound_mm, "Lengths are off by no more than this (default: no bound)");
+        a.option("--bound-deg", o->bound_deg, "... angles and directions");
+        a.option(
+            "--loss", o->loss,
+            "What outliers count for: huber, cauchy, none, or auto (default: huber, and cauchy where that leaves less "
+            "than half)");
+        a.option("--hold-back", o->hold_back,
+                 "Percent of the rows that are judged, not fitted, where enough are left (default 20, 0 to 50)");
+        a.option("--residuals", o->residuals, "Every row before and after, CSV");
+        a.option("--report", o->report, "An HTML page: residuals, parameters and how sure they are");
+        a.option("--targets", o->targets, "Poses that the real machine shall take, CSV: x_mm,y_mm,z_mm,a_deg,...");
+        a.option("--corrected", o->corrected, "What to ask the nominal controller for, CSV");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_ASSIGN(options, options_of(*o));
+        if (o->targets.empty() != o->corrected.empty()) {
+          return fail("AP183", "--targets and --corrected go together");
+        }
+        std::vector<std::string> inputs = o->files;
+        inputs.insert(inputs.end(), {o->machine, o->targets});
+        POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->corrected, o->report}, context.json));
+        std::vector<calibration::Measurement> rows;
+        for (const std::string& file : o->files) {
+          POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
+          rows.insert(rows.end(), more.begin(), more.end());
+        }
+        if (const auto no = refused_as_singular(m, context, {"parameters", "rank"})) return *no;
+        POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
+        const bool good = c.verdict.answer != calibration::Answer::no;
+        std::size_t missed = 0;
+        std::string corrected;
+        if (good && !o->targets.empty()) {
+          POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
+          corrected = text;
+        }
+        // A machine that is no better than its drawing is not written; what shows why it is not, is.
+        files::Outputs together;
+        std::vector<std::string> written;
+        const auto write = [&](const std::string& path, const auto& text) -> Status {
+          if (path.empty()) return {};
+          written.push_back(path);
+          return together.add(path, text());
+        };
+        if (good) {
+          POLYPOD_TRY(write(o->out, [&] { return machine::to_toml(c.machine); }));
+          POLYPOD_TRY(write(o->corrected, [&] { return corrected; }));
+        }
+        POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
+        POLYPOD_TRY(write(o->report, [&] {
+          return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
+        }));
+        POLYPOD_TRY(together.commit());
+        const Json outliers = outliers_json(c, rows);
+        if (context.json) {
+          Json document{{"better", c.verdict.answer == calibration::Answer::better},
+                        {"verdict", c.verdict.text},
+                        {"left_open", c.verdict.left_open},
+                        {"pose_standard_deviation", pose_json(c)},
+                        {"parameters", parameters_json(c)},
+                        {"rms_before_mm", units::to_mm(c.fitted.rms_before)},
+                        {"rms_after_mm", units::to_mm(c.fitted.rms_after)},
+                        {"rank", c.rank},
+                        {"parameters_total", c.parameters.size()},
+                        {"fitted", score_json(c.fitted)},
+                        {"held_back", score_json(c.held_back)},
+                        {"frame", frame_json(c.X_SM, c.frame_error)},
+                        {"target", frame_json(c.X_TR, c.target_error)},
+                        {"held_beside", c.held_beside},
+                        {"orientation_told", c.orientation_told},
+                        {"rows", rows.size()},
+                        {"equations", c.equations},
+                        {"condition", c.condition},
+                        {"noise_factor", c.noise_factor},
+                        {"few_rows_pulled_aside", c.pulled_aside},
+                        {"outliers", outliers},
+                        {"iterations", c.iterations},
+                        {"file", good ? o->out : ""}};
+          if (!o->corrected.empty()) document["targets_missed"] = missed;
+          print_json(document);
+        } else {
+          print_text(c, outliers, rows.size());
+          for (const std::string& path : written) fmt::print("wrote {}\n", path);
+          if (!good) fmt::print("not written: {}\n", o->out);
+          if (missed > 0) fmt::print("{} of the targets are out of the nominal machine's reach\n", missed);
+        }
+        return missed > 0 || !good ? kAnswerIsNo : kDone;
+      }};
 }
 
 }  // namespace polypod::app

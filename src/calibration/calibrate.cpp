@@ -106,6 +106,7 @@ class RowCost : public ceres::CostFunction {
 
 ceres::LossFunction* loss_of(Loss loss, double bend) {
   switch (loss) {
+    case Loss::automatic:  // begins as huber
     case Loss::huber:
       return new ceres::HuberLoss(bend);
     case Loss::cauchy:
@@ -116,7 +117,8 @@ ceres::LossFunction* loss_of(Loss loss, double bend) {
   return nullptr;
 }
 double weight_of(Loss loss, double bend, double squared_norm) {
-  if (loss == Loss::huber) return std::min(1.0, bend / std::sqrt(std::max(squared_norm, 1e-300)));
+  if (loss == Loss::huber || loss == Loss::automatic)
+    return std::min(1.0, bend / std::sqrt(std::max(squared_norm, 1e-300)));
   if (loss == Loss::cauchy) return 1 / (1 + squared_norm / (bend * bend));
   return 1;
 }
@@ -657,6 +659,24 @@ class Fit {
   Calibration out_;
 };
 
+/// With the loss of the options; of Loss::automatic with the one that leaves less.
+Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const std::vector<Pose>& seed,
+                        CalibrationOptions options) {
+  constexpr double kPulledAside = 3;  // times the noise
+  const auto with = [&](Loss loss) {
+    options.loss = loss;
+    return Fit(machine, rows, seed, options).run();
+  };
+  if (options.loss != Loss::automatic) return with(options.loss);
+  Result<Calibration> huber = with(Loss::huber);
+  const bool searched = huber || huber.error().id == "CA115" || huber.error().id == "CA118";
+  if (!searched || (huber && huber->noise_factor <= kPulledAside)) return huber;
+  Result<Calibration> cauchy = with(Loss::cauchy);
+  if (!cauchy || too_many_lost(cauchy->fitted.outliers + cauchy->held_back.outliers, rows.size())) return huber;
+  cauchy->pulled_aside = !huber || cauchy->noise_factor < 0.5 * huber->noise_factor;
+  return cauchy->pulled_aside ? cauchy : huber;
+}
+
 }  // namespace
 
 Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
@@ -687,7 +707,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
                             rows.size() - taken.size(), rows.size()),
                 untaken->place, "check the joints and the machine");
   }
-  POLYPOD_ASSIGN(out, Fit(nominal, taken, std::move(seed), options).run());
+  POLYPOD_ASSIGN(out, fit(nominal, taken, seed, options));
   if (untaken != nullptr) out.residuals = with_untaken(rows, number, std::move(out.residuals));
   return out;
 }

@@ -37,7 +37,7 @@ std::vector<Case> cases() {
   if (std::getenv("POLYPOD_LONG") == nullptr) {
     return {{"pi850.toml", Kind::gauge, {9}},
             {"kossel.toml", Kind::gauge, {1, 2}},
-            {"hexaglide.toml", Kind::pose, {1, 2}},
+            {"hexaglide.toml", Kind::pose, {1, 2, 3}},
             {"hexapod-strut", Kind::point, {1, 2}},
             {"lola50", Kind::gauge, {1}},
             {"lola50", Kind::axis, {1}},

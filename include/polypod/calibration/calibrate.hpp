@@ -18,9 +18,10 @@ inline constexpr double kUsualAngleError = 0.05 * units::kRadPerDeg;
 
 /// What a residual of r standard deviations counts for.
 enum class Loss {
-  none,   ///< r^2: right for normal noise
-  huber,  ///< r^2 up to about three, then growing with |r|: the same for normal noise, and outliers pull little
-  cauchy  ///< log(1 + r^2): outliers hardly pull at all
+  none,      ///< r^2: right for normal noise
+  huber,     ///< r^2 up to about three, then growing with |r|: the same for normal noise, and outliers pull little
+  cauchy,    ///< log(1 + r^2): outliers hardly pull at all
+  automatic  ///< huber; cauchy where a few rows pull huber far aside
 };
 
 struct CalibrationOptions {
@@ -38,7 +39,7 @@ struct CalibrationOptions {
   double prior_angle = 0;   ///< rad, the same for angles (and for numbers without a unit)
   double bound_length = 0;  ///< m: hard bounds round the nominal lengths; 0: none
   double bound_angle = 0;   ///< rad
-  Loss loss = Loss::huber;
+  Loss loss = Loss::automatic;
   double hold_back = 0.2;  ///< this share of the rows, evenly spread, is not fitted but judged; 0 to 0.5
 };
 
@@ -96,12 +97,15 @@ struct Calibration {
   double condition = 0;       ///< of the equations, columns scaled to unit length
   double noise_factor = 0;    ///< residuals over the noise that was given: 1 if it was right
   int iterations = 0;
+  bool pulled_aside = false;  ///< Loss::automatic took cauchy's, because a few rows pulled huber's aside
 };
 
 /// Minimises the squared residuals of the rows over the chosen parameters p (and frame, target, places of contact) with
 /// Levenberg-Marquardt (Ceres). Each residual is what the instrument would see of the pose X(q, p) that solves
 /// F(X, q, p) = 0, less what it saw; derivatives by dX = -A^-1 F_p dp, exact at every step. The robust loss counts in
-/// standard deviations found from the residuals themselves, so a wrong guess of the noise does no harm.
+/// standard deviations found from the residuals themselves, so a wrong guess of the noise does no harm. Loss::automatic
+/// is huber; where that leaves residuals above three times the noise given, or fails, and cauchy leaves less than half
+/// of them, cauchy: a few rows near singular poses then pulled the rest aside.
 ///
 /// Rows where the machine does not assemble with what was found stand near singular poses, where a hair of error moves
 /// the tool by millimetres or leaves no pose at all: they are marked `lost` and the search begins again without them;
