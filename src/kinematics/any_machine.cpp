@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
@@ -171,6 +173,27 @@ LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVec
 
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
   return std::visit([&](const auto& m) { return inverse(m, X_MT); }, machine);
+}
+
+InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last) {
+  InverseResult out;
+  if (const auto* arm = std::get_if<machine::SerialArm>(&machine); arm && !machine::has_closed_inverse(*arm)) {
+    out = machine::inverse_from(*arm, X_MT, last);
+  }
+  if (out.reachable() == nullptr) out = inverse(machine, X_MT);
+  constexpr double kTurn = 2 * std::numbers::pi;
+  for (Solution& s : out.solutions) {
+    for (int i = 0; i < static_cast<int>(s.joints.size()); ++i) {
+      if (joint_kind(machine, i) != JointKind::revolute) continue;
+      const machine::JointRange range = joint_range(machine, i);
+      const double near = s.joints[i] + kTurn * std::round((last[i] - s.joints[i]) / kTurn);
+      if (near >= range.min && near <= range.max) s.joints[i] = near;
+    }
+  }
+  const auto change = [&](const Solution& s) { return (s.joints - last).cwiseAbs().maxCoeff(); };
+  std::stable_sort(out.solutions.begin(), out.solutions.end(),
+                   [&](const Solution& a, const Solution& b) { return change(a) < change(b); });
+  return out;
 }
 
 std::string reason_of(const AnyMachine& machine, const InverseResult& result) {

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/spherical_wrist.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -50,6 +51,12 @@ Pose row_pose(const DhRow& row, DhConvention convention, double value) {
     A.p << row.a, -sa * d, ca * d;
   }
   return A;
+}
+
+InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
+  return kinematics::inverse_damped(
+      arm, X_MT, [&](const JointVector& q) { return forward(arm, q); },
+      [&](const Pose& X, const JointVector& q) { return jacobian(arm, X, q); }, options);
 }
 
 }  // namespace
@@ -263,15 +270,20 @@ int WristInverse::first_within_limits(const Branches& branches) const {
 }
 
 bool has_closed_inverse(const SerialArm& arm) {
-  return WristInverse::of(arm).has_value();
+  return WristInverse::of(arm).has_value() || SphericalWristInverse::of(arm).has_value();
+}
+
+InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start) {
+  kinematics::DampedOptions options;
+  options.start = start;
+  return inverse_numerically(arm, X_MT, options);
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
   const Result<WristInverse> closed = WristInverse::of(arm);
   if (!closed) {
-    return kinematics::inverse_damped(
-        arm, X_MT, [&](const JointVector& q) { return forward(arm, q); },
-        [&](const Pose& X, const JointVector& q) { return jacobian(arm, X, q); });
+    const auto spherical = SphericalWristInverse::of(arm);
+    return spherical ? spherical->solve(X_MT) : inverse_numerically(arm, X_MT, {});
   }
   InverseResult out;
   WristInverse::Branches branches;

@@ -59,7 +59,8 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
              move.point(length * share)};
       X = X_MW * X;
       if (task == machine::Task::axis) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
-      const kinematics::InverseResult inverse = kinematics::inverse(machine, X);
+      const kinematics::InverseResult inverse =
+          last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
       const auto where = [&] {
         return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),
                            units::to_mm(X.p.z()));
@@ -69,22 +70,14 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         last.resize(0);
         continue;
       }
-      const kinematics::Solution* best = nullptr;
-      double nearest = 0;
-      for (const kinematics::Solution& s : inverse.solutions) {
-        if (s.violations != 0) continue;
-        const double away = last.size() == s.joints.size() ? (s.joints - last).cwiseAbs().maxCoeff() : 0.0;
-        if (best == nullptr || away < nearest) {
-          best = &s;
-          nearest = away;
-        }
-      }
+      const kinematics::Solution* best = inverse.reachable();
       if (best == nullptr) {
         problem(limit, "limit", fmt::format("{}: {}", where(), kinematics::reason_of(machine, inverse)));
         last.resize(0);
         continue;
       }
       if (best->singular) problem(singular, "singular", where());
+      const double nearest = last.size() > 0 ? (best->joints - last).cwiseAbs().maxCoeff() : 0.0;
       if (nearest > kJump && k > 0) {
         problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
       }

@@ -700,7 +700,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   quiet.keep_samples = quiet.verify = false;  // a first look; whoever follows the advice is told the whole
   const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
   Job wider = job;
-  for (const double factor : {1.1, 1.5, 2.0}) {
+  for (const double factor : {1.03, 1.1, 1.5, 2.0}) {
     wider.tolerance = std::ceil(units::to_um(result.largest_after) * factor) * units::from_um(1);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
     out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}", units::to_um(wider.tolerance),

@@ -61,7 +61,7 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
     for (const std::size_t m : {c, next}) {
       if (!(m == c ? cuts_before : cuts_after)) continue;
       out.deviation[m] = std::max(out.deviation[m], deviation);
-      out.with[m] = std::max(out.with[m], worst + deviation);
+      out.with[m] = std::max(out.with[m], distance[m] + deviation);
       out.largest = std::max(out.largest, deviation);
     }
   }

@@ -210,7 +210,10 @@ Corner corner(const gcode::Move& before, const gcode::Move& after, const Planner
   const double shorter = kLengthShare * std::min(length_before, length_after);
   result.deviation = rule.deviation;
   result.bound = is_arc(before) || is_arc(after) || feed_before != feed_after;
-  if (leaves && rule.deviation > 0) result.deviation = 2 * std::min(tolerance, shorter);
+  // Nor does a blend begin farther from the corner than the way on which the planner slows down for it.
+  const double way =
+      v * v / limits.acceleration * std::max(1.0, std::tan(std::min(result.turn, kLargestTurn) / 2) / kNormalShare);
+  if (leaves && rule.deviation > 0) result.deviation = 2 * std::min({tolerance, shorter, way});
   if (rule.deviation > 0 && may_fall_back(before, after, largest_circle(lines))) {
     const double curvature = 1 / radius_of(before) + 1 / radius_of(after);
     const double parabola = parabola_with_arcs(result.turn, v, limits.acceleration, curvature);

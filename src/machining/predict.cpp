@@ -88,6 +88,29 @@ class Ends {
   std::vector<Miss> start_, end_;
 };
 
+/// On which side of each programmed move the wall stands that most of its points cut. One side a move: where a slot
+/// begins and ends the cutter meets one of its walls first.
+class Sides {
+ public:
+  explicit Sides(std::size_t moves) : left_(moves, 0) {}
+  void add(std::size_t move, const Sample& sample) { left_[move] += sample.wall_left ? 1 : -1; }
+  [[nodiscard]] bool wall_left(std::size_t move) const { return left_[move] > 0; }
+
+ private:
+  std::vector<std::int64_t> left_;  ///< points with the wall on the left, less the others
+};
+
+Spread negative(const Spread& s) {
+  return {-s.max, -s.mean, -s.min, s.count};
+}
+
+Spread together(const Spread& a, const Spread& b) {
+  if (a.count == 0 || b.count == 0) return a.count == 0 ? b : a;
+  const std::size_t count = a.count + b.count;
+  const double mean = a.mean + (b.mean - a.mean) * static_cast<double>(b.count) / static_cast<double>(count);
+  return {std::min(a.min, b.min), mean, std::max(a.max, b.max), count};
+}
+
 }  // namespace
 
 bool is_plunge(const gcode::Move& move) {
@@ -205,6 +228,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   };
   const auto source = [&](std::size_t c) { return way.source.empty() ? static_cast<int>(c) : way.source[c]; };
   Ends ends(programmed);
+  Sides sides(programmed.size());
   const auto visit = [&](const Sample& sample) {
     const auto c = static_cast<std::size_t>(sample.move);
     const auto i = static_cast<std::size_t>(source(c));
@@ -246,8 +270,8 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     m.vertical.add(e.vertical);
     m.mean_force += (sample.force - m.mean_force) / static_cast<double>(m.points);
     m.largest_depth = std::max<double>(m.largest_depth, sample.depth);
+    sides.add(i, sample);
     out.deflection.add(sample.deflection.norm());
-    if (!sample.away.isZero(0)) out.normal.add(e.normal);
     out.vertical.add(e.vertical);
   };
   cutting::Stock stock = job.stock;
@@ -258,6 +282,17 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   POLYPOD_ASSIGN(pass, run_pass(job, program, way.moves, stock, pass_options, visit));
   out.pass = std::move(pass);
   out.few = few.take();
+  for (MovePrediction& m : out.moves) {
+    if (sides.wall_left(static_cast<std::size_t>(m.move))) m.normal = negative(m.normal);
+    out.normal = together(out.normal, m.normal);
+  }
+  const auto turn = [&](Sample& sample) {
+    if (!sides.wall_left(static_cast<std::size_t>(source(static_cast<std::size_t>(sample.move))))) return;
+    sample.away = -sample.away;
+    sample.normal = -sample.normal;
+  };
+  std::for_each(out.samples.begin(), out.samples.end(), turn);
+  std::for_each(out.few.begin(), out.few.end(), turn);
   ends.each_miss([&](std::size_t i, std::size_t c, double miss) {
     entry(i).largest_distance = std::max(entry(i).largest_distance, miss);
     out.commanded_distance[c] = std::max(out.commanded_distance[c], miss);

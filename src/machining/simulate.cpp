@@ -341,7 +341,7 @@ class Pass {
                               units::to_mm(profile_.max_depth), units::to_mm(tool.cutter->length)),
                   place(move), "check the stock's top, the depth of the program and the cutter's length_mm");
     }
-    describe(left, sample);
+    describe(sample);
     return {};
   }
 
@@ -391,8 +391,8 @@ class Pass {
     return 0.5 * (low + high);
   }
 
-  /// Depth, angles and the side of the wall, from the last profile.
-  void describe(const Vec3& left, Sample& sample) const {
+  /// Depth, angles and on which side the wall stands, from the last profile.
+  void describe(Sample& sample) const {
     constexpr int kBins = cutting::EngagementProfile::kBins;
     constexpr int kRim = 3;  // strips at each rim that say whether there is a wall
     int first = kBins, last = -1;
@@ -407,7 +407,7 @@ class Pass {
     sample.entry = static_cast<float>(angle(first));
     sample.exit = static_cast<float>(angle(last + 1));
     const bool wall_left = first < kRim, wall_right = last >= kBins - kRim;
-    sample.away = wall_left && !wall_right ? Vec3(-left) : left;
+    sample.wall_left = wall_left && !wall_right;
   }
 
   Status may_cut(const gcode::Move& move) const {

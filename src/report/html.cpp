@@ -33,6 +33,7 @@ dt{color:var(--muted)} dd{margin:0;text-align:right;overflow-wrap:anywhere;font-
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin:1.1rem 0}
 .card{background:var(--panel);border-radius:8px;padding:14px 16px;border-left:4px solid var(--rule);break-inside:avoid}
 .card b{display:block;font-size:1.7rem;line-height:1.2;font-weight:650;font-variant-numeric:tabular-nums;white-space:nowrap}
+.card b.long{font-size:1.25rem}
 .card b small{font-size:1rem;font-weight:500;color:var(--muted)}
 .card span{font-size:.9rem;color:var(--muted)}
 .good{border-left-color:var(--green)!important} .bad{border-left-color:var(--vermillion)!important}
@@ -101,6 +102,12 @@ addEventListener('beforeprint',function(){
 </script>
 )";
 
+/// Of UTF-8 text: bytes that do not go on with a character.
+std::size_t characters(const std::string& text) {
+  return static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](unsigned char c) { return (c & 0xC0) != 0x80; }));
+}
+
 const char* class_of(Verdict verdict) {
   return verdict == Verdict::good ? " good" : verdict == Verdict::bad ? " bad" : "";
 }
@@ -148,11 +155,18 @@ void Report::add_text(const std::string& paragraph) {
 }
 
 void Report::add_verdict(Verdict verdict, const std::string& sentence) {
-  // Colour alone does not carry the meaning: a word stands before the sentence.
-  const char* word = verdict == Verdict::good  ? "<strong>Yes.</strong>"
-                     : verdict == Verdict::bad ? "<strong>No.</strong>"
-                                               : "";
-  body_ += fmt::format("<p class=\"verdict{}\">{}{}</p>\n", class_of(verdict), word, escape(sentence));
+  // Colour alone does not carry the meaning: a word stands before the sentence, unless it begins with it.
+  std::string_view word = verdict == Verdict::good ? "Yes." : verdict == Verdict::bad ? "No." : "", rest = sentence;
+  if (!word.empty() && rest.starts_with(word.substr(0, word.size() - 1))) {
+    const std::size_t end = rest.find_first_of(" ");
+    const std::string_view own = rest.substr(0, end);
+    if (own.size() == word.size() && std::string_view(".,:;").find(own.back()) != std::string_view::npos) {
+      word = own;
+      rest.remove_prefix(std::min(rest.size(), own.size() + 1));
+    }
+  }
+  body_ += fmt::format("<p class=\"verdict{}\">{}{}</p>\n", class_of(verdict),
+                       word.empty() ? "" : fmt::format("<strong>{}</strong>", word), escape(std::string(rest)));
 }
 
 void Report::add_list(const std::vector<std::string>& items) {
@@ -165,10 +179,12 @@ void Report::add_list(const std::vector<std::string>& items) {
 void Report::add_key_figures(const std::vector<KeyFigure>& figures) {
   if (figures.empty()) return;
   body_ += "<div class=\"cards\">\n";
+  constexpr std::size_t kLong = 9;  // characters that fit into a card in the large type
   for (const KeyFigure& f : figures) {
-    body_ +=
-        fmt::format("<div class=\"card{}\"><b>{}{}</b><span>{}</span></div>\n", class_of(f.verdict), escape(f.value),
-                    f.unit.empty() ? "" : " <small>" + escape(f.unit) + "</small>", escape(f.label));
+    const bool is_long = characters(f.value) + characters(f.unit) > kLong;
+    body_ += fmt::format("<div class=\"card{}\"><b{}>{}{}</b><span>{}</span></div>\n", class_of(f.verdict),
+                         is_long ? " class=\"long\"" : "", escape(f.value),
+                         f.unit.empty() ? "" : " <small>" + escape(f.unit) + "</small>", escape(f.label));
   }
   body_ += "</div>\n";
 }

@@ -270,8 +270,13 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
     }
     return true;
   }
-  const Compliance c = compliance_at(s.machine, Pose{s.R_MT, p_M});
-  if (!c.reachable) return false;
+  const Pose X_MT{s.R_MT, p_M};
+  // On a way the posture that the arm has had so far.
+  const kinematics::InverseResult result =
+      s.joints.size() > 0 ? kinematics::inverse_near(s.machine, X_MT, s.joints) : kinematics::inverse(s.machine, X_MT);
+  const kinematics::Solution* solution = result.reachable();
+  if (solution == nullptr) return false;
+  const Compliance c = compliance_of(s.machine, solution->joints, &X_MT);
   s.joints = c.joints;
   C = c.linear();
   return true;

@@ -3,6 +3,9 @@
 
 #include <gmock/gmock.h>
 
+#include <numbers>
+#include <set>
+
 #include "kinematics/invariants.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -65,8 +68,122 @@ limits = [ {min_deg=-160,max_deg=160}, {min_deg=-225,max_deg=45}, {min_deg=-45,m
            {min_deg=-100,max_deg=-5}, {min_deg=-170,max_deg=170} ]
 )";
 
-TEST(SerialArm, ModifiedTableWithNumericInverse) {
-  const SerialArm arm = arm_of(kPumaModified);
+// KUKA KR 270 R2700: the lengths and ranges of its data sheet, a spindle across the flange.
+constexpr const char* kKr270 = R"(
+family = "serial"
+dh = [ {a_mm=350, alpha_deg=-90, d_mm=675}, {a_mm=1150}, {a_mm=-41, alpha_deg=-90}, {alpha_deg=90, d_mm=1200},
+       {alpha_deg=-90}, {d_mm=215} ]
+base = { x_mm = 300, y_mm = -200, z_mm = 50, c_deg = 40 }
+tool = { x_mm = 250, z_mm = 180, b_deg = -90 }
+limits = [ {min_deg=-185,max_deg=185}, {min_deg=-140,max_deg=-5}, {min_deg=-210,max_deg=155}, {min_deg=-350,max_deg=350},
+           {min_deg=-122.5,max_deg=122.5}, {min_deg=-350,max_deg=350} ]
+)";
+// The same kind with other senses, zeros and a forearm that is bent the other way.
+constexpr const char* kReversed = R"(
+family = "serial"
+dh = [ {a_mm=175, alpha_deg=90, d_mm=495, sign=-1}, {a_mm=900, theta_offset_deg=90}, {a_mm=175, alpha_deg=90, sign=-1},
+       {alpha_deg=-90, d_mm=960, sign=-1}, {alpha_deg=90, theta_offset_deg=15}, {d_mm=135, sign=-1} ]
+tool = { z_mm = 120, a_deg = 180 }
+limits = [ {min_deg=-180,max_deg=180}, {min_deg=-90,max_deg=150}, {min_deg=-180,max_deg=75}, {min_deg=-300,max_deg=300},
+           {min_deg=-130,max_deg=130}, {min_deg=-360,max_deg=360} ]
+)";
+
+class SphericalWrist : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Arms, SphericalWrist, ::testing::Values(kPumaModified, kKr270, kReversed));
+
+TEST_P(SphericalWrist, KeepsTheInvariants) {
+  const SerialArm arm = arm_of(GetParam());
+  ASSERT_TRUE(machine::has_closed_inverse(arm));
+  testing::InvariantOptions options;
+  options.share = 0.45;  // of ranges of up to two turns, so that the joints are those in (-180, 180] deg
+  check(arm, options);
+}
+
+TEST_P(SphericalWrist, PosturesOfOnePose) {
+  const SerialArm arm = arm_of(GetParam());
+  const machine::JointVector middle = machine::JointVector::Constant(6, 0.3);
+  machine::JointVector q(6);
+  for (int i = 0; i < 6; ++i) {
+    const auto range = machine::joint_range(arm, i);
+    q[i] = 0.5 * (range.min + range.max) + 0.1 * middle[i];
+  }
+  const Pose X = machine::forward(arm, q);
+  const auto result = machine::inverse(arm, X);
+  ASSERT_GE(result.solutions.size(), 4u);  // the posture over the back does not reach everywhere
+  std::set<std::string> names;
+  for (const kinematics::Solution& s : result.solutions) {
+    names.insert(s.branch);
+    const Pose back = machine::forward(arm, s.joints);
+    EXPECT_LT((back.p - X.p).norm() + (back.R - X.R).norm(), 1e-10) << s.branch;
+  }
+  EXPECT_EQ(names.size(), result.solutions.size());
+  // The numeric search, which knows nothing of wrists, finds no other.
+  kinematics::DampedOptions more;
+  more.seeds = 100;
+  const auto numeric = kinematics::inverse_damped(
+      arm, X, [&](const machine::JointVector& at) { return machine::forward(arm, at); },
+      [&](const Pose& at, const machine::JointVector& joints) { return machine::jacobian(arm, at, joints); }, more);
+  EXPECT_GE(numeric.solutions.size(), 2u);
+  for (const kinematics::Solution& n : numeric.solutions) {
+    const bool known = std::any_of(result.solutions.begin(), result.solutions.end(), [&](const auto& s) {
+      double worst = 0;
+      for (int i = 0; i < 6; ++i) {
+        worst = std::max(worst, std::abs(std::remainder(s.joints[i] - n.joints[i], 2 * std::numbers::pi)));
+      }
+      return worst < 1e-6;
+    });
+    EXPECT_TRUE(known) << n.joints.transpose();
+  }
+}
+
+// A way of the joints on which joints 4 and 6 turn past half a turn where they may: its poses give the same joints
+// back.
+TEST_P(SphericalWrist, APostureIsKeptAlongAPath) {
+  const machine::AnyMachine arm = arm_of(GetParam());
+  const auto& serial = std::get<SerialArm>(arm);
+  const auto at = [&](double share) {
+    machine::JointVector q(6);
+    for (int i = 0; i < 6; ++i) {
+      const auto range = machine::joint_range(serial, i);
+      q[i] = range.min + (0.55 + 0.4 * share) * (range.max - range.min);
+    }
+    return q;
+  };
+  machine::JointVector last = at(0);
+  for (int k = 1; k <= 500; ++k) {
+    const machine::JointVector q = at(k / 500.0);
+    const auto next = kinematics::inverse_near(arm, machine::forward(serial, q), last);
+    ASSERT_FALSE(next.solutions.empty());
+    EXPECT_LT((next.solutions[0].joints - q).cwiseAbs().maxCoeff(), 1e-7) << k;
+    last = q;
+  }
+}
+
+TEST(SphericalWrist, SingularPosesAreMarked) {
+  const SerialArm arm = arm_of(kKr270);
+  machine::JointVector q(6);
+  q << 0.2, -1.2, 0.4, 0.7, 0, -0.3;  // axes 4 and 6 in line
+  const Pose X = machine::forward(arm, q);
+  const auto result = machine::inverse(arm, X);
+  ASSERT_FALSE(result.solutions.empty());
+  EXPECT_TRUE(result.solutions[0].singular);
+  for (const kinematics::Solution& s : result.solutions) {
+    const Pose back = machine::forward(arm, s.joints);
+    EXPECT_LT((back.p - X.p).norm() + (back.R - X.R).norm(), 1e-8) << s.branch;
+  }
+}
+
+// Universal Robots UR5: no three axes meet in its wrist, so the inverse is numeric.
+constexpr const char* kUr5 = R"(
+family = "serial"
+dh = [ {d_mm=89.159, alpha_deg=90}, {a_mm=-425}, {a_mm=-392.25}, {d_mm=109.15, alpha_deg=90},
+       {d_mm=94.65, alpha_deg=-90}, {d_mm=82.3} ]
+limits = [ {min_deg=-160,max_deg=160}, {min_deg=-160,max_deg=-20}, {min_deg=20,max_deg=150}, {min_deg=-170,max_deg=170},
+           {min_deg=20,max_deg=150}, {min_deg=-170,max_deg=170} ]
+)";
+
+TEST(SerialArm, AWristWithOffsetsHasANumericInverse) {
+  const SerialArm arm = arm_of(kUr5);
   EXPECT_FALSE(machine::has_closed_inverse(arm));
   testing::InvariantOptions options;
   options.samples = 25;
@@ -141,7 +258,7 @@ TEST(SerialArm, OutOfReachSaysWhy) {
 }
 
 TEST(SerialArm, NumericInverseReportsThatItDidNotConverge) {
-  const SerialArm arm = arm_of(kPumaModified);
+  const SerialArm arm = arm_of(kUr5);
   const auto result = machine::inverse(arm, Pose{Mat3::Identity(), Vec3(3, 0, 0)});
   EXPECT_TRUE(result.solutions.empty());
   EXPECT_FALSE(result.converged);

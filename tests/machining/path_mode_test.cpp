@@ -33,6 +33,16 @@ double deviation_um(const std::string& text) {
   return units::to_um(corners(moves_of(text)).at(1).deviation);
 }
 
+// A helix of 6 mm radius that goes over into a flat circle turns by 2 deg: the planner has 2 v^2 / a of way to blend,
+// not a quarter of the circle (which gave 18.8 mm).
+TEST(Corner, AHelixIntoACircleIsRoundedByNoMoreThanTheWayThatItSlowsDownOn) {
+  const double um = deviation_um("G64\nG0 X6 Y0 Z0\nG3 X6 Y0 Z-1.25 I-6 J0 F800\nG3 X6 Y0 I-6 J0");
+  const PlannerLimits limits;
+  const double v = limits.feed_override * 800e-3 / 60;
+  EXPECT_GT(um, 0);
+  EXPECT_LE(um, units::to_um(2 * v * v / limits.acceleration) + 0.1);
+}
+
 TEST(Corner, LinesMeetTheRecord) {
   struct Case {
     const char* program;

@@ -249,5 +249,18 @@ TEST(Predict, CancelStopsIt) {
   EXPECT_EQ(p.error().id, "MC299");
 }
 
+// Where a slot begins and ends the cutter meets one of its walls first: that is no change of side.
+TEST(Predict, TheNormalOfASlotDoesNotTurnRoundAtItsEnds) {
+  auto e = testing::load_example("slavkovic_groove");
+  const auto usual = testing::predict(e);
+  for (const double step : {0.3e-3, 0.1e-3, 0.05e-3}) {
+    machining::PredictOptions options;
+    options.step = step;
+    const auto p = testing::predict(e, options);
+    EXPECT_GT(units::to_um(p.normal.min), -30) << step;
+    EXPECT_NEAR(units::to_um(p.normal.max), units::to_um(usual.normal.max), 3) << step;
+  }
+}
+
 }  // namespace
 }  // namespace polypod

@@ -130,5 +130,22 @@ TEST(Rules, AChangeOfToolInsideAContourCounts) {
   EXPECT_GT((b[0] - a[0]).norm(), 0.2 * change) << "the first point still has the force of the old tool";
 }
 
+TEST(Rules, AMoveIsOutsideForItsOwnDistanceNotForItsNeighbours) {
+  // One straight piece a move: the ramp, along which the bend grows, is far outside, the level move before it is not.
+  auto e = testing::with_program("slavkovic_groove", std::string(kBegin) +
+                                                         "G0 X-20 Y-10\nG1 Z-1 F100\nG1 X0 F300\nG1 X20 Z-4 F2400\n"
+                                                         "G0 Z5\nM2\n");
+  e.job.tolerance = 200e-6;
+  machining::CorrectOptions options;
+  options.method = machining::CorrectMethod::mirror;
+  options.mirror_points = 1;
+  const auto c = correct(e, options);
+  ASSERT_FALSE(c.within_tolerance);
+  ASSERT_EQ(c.moves.size(), 3u);
+  EXPECT_TRUE(c.moves[1].within);
+  EXPECT_GT(to_um(c.moves[1].corner_after), 0);
+  EXPECT_FALSE(c.moves[2].within);
+}
+
 }  // namespace
 }  // namespace polypod

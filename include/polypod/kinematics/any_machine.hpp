@@ -52,6 +52,10 @@ std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, 
 /// The limits that the pose breaks with these joints; one that is missed by rounding alone (1e-10) is kept.
 LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
+/// The same on a way, after the joints `last`: the solution with the smallest largest change of a joint first, joints
+/// that may turn more than once in the turn nearest to `last`. A numeric inverse searches from `last`, and from its
+/// usual starts only where that finds nothing within the limits.
+InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last);
 /// Why an inverse gives nothing within the limits: its own reason, or the limits of the solution that breaks the
 /// fewest.
 std::string reason_of(const AnyMachine& machine, const InverseResult& result);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "polypod/kinematics/concept.hpp"
@@ -156,6 +157,8 @@ struct DampedOptions {
   int seeds = 24;            ///< starts: the middle of the ranges, then a fixed low-discrepancy sequence inside them
   double tolerance = 1e-11;  ///< m, and rad times `length`
   double length = 1.0;       ///< m, what an angle of one radian counts for
+  /// One search from these joints in the place of several starts.
+  std::optional<JointVector> start{};
 };
 
 namespace closure_detail {
@@ -201,6 +204,8 @@ inline double halton(int index, int base) {
 
 /// Inverse kinematics of any machine whose forward kinematics `forward_of(q) -> Pose` and Jacobian `jacobian_of(X, q)`
 /// are at hand: Levenberg-Marquardt from several starts inside the joint ranges, solutions that agree to 1e-6 are one.
+/// They come in the order of their distance from the middle of the ranges, so that neighbouring poses begin with the
+/// same posture where they can.
 /// The result is not proven complete. `converged` is false if no start reached the target: then the pose is either out
 /// of reach or the search failed, and `reason` gives the smallest remaining error.
 template <Machine M, class Forward, class JacobianOf>
@@ -212,9 +217,9 @@ InverseResult inverse_damped(const M& m, const Pose& target, Forward&& forward_o
   const auto S = closure_detail::task_rows(what, target, options.length);
   InverseResult out;
   double best = std::numeric_limits<double>::infinity();
-  for (int seed = 0; seed < options.seeds; ++seed) {
-    JointVector q(n);
-    for (int i = 0; i < n; ++i) {
+  for (int seed = 0; seed < (options.start ? 1 : options.seeds); ++seed) {
+    JointVector q = options.start.value_or(JointVector(n));
+    for (int i = 0; i < n && !options.start; ++i) {
       const machine::JointRange range = joint_range(m, i);
       const double share = seed == 0 ? 0.5 : closure_detail::halton(seed, kPrimes[i]);
       q[i] = range.min + share * (range.max - range.min);
@@ -256,12 +261,23 @@ InverseResult inverse_damped(const M& m, const Pose& target, Forward&& forward_o
     if (known) continue;
     Solution solution;
     solution.joints = q;
-    solution.branch = "numeric-" + std::to_string(out.solutions.size() + 1);
     const std::vector<double> p = nominal_parameters(m);
     solution.violations =
         violated(limits(m, target, std::span<const double>(q.data(), q.size()), std::span<const double>(p)));
     out.solutions.push_back(std::move(solution));
   }
+  const auto from_middle = [&](const Solution& s) {
+    double square = 0;
+    for (int i = 0; i < n; ++i) {
+      const machine::JointRange range = joint_range(m, i);
+      const double width = range.max - range.min;
+      if (width > 0) square += std::pow((s.joints[i] - 0.5 * (range.min + range.max)) / width, 2);
+    }
+    return square;
+  };
+  std::stable_sort(out.solutions.begin(), out.solutions.end(),
+                   [&](const Solution& a, const Solution& b) { return from_middle(a) < from_middle(b); });
+  for (std::size_t i = 0; i < out.solutions.size(); ++i) out.solutions[i].branch = "numeric-" + std::to_string(i + 1);
   out.converged = !out.solutions.empty();
   if (!out.converged) {
     out.reason = "the numeric search did not converge from " + std::to_string(options.seeds) +

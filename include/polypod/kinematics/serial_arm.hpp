@@ -115,8 +115,13 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 /// Arms with the wrist of LOLA 50 (standard table, five free joints, alpha = 90, 0, 90, -90, a_3 = 0, joints 4 and 5
 /// cutting in a point on the line of the tool axis, further joints locked): closed form, SLAV (2.18) to (2.34),
 /// 8 branches `front|back elbow-up|elbow-down`, `wrist-flipped` for cos(theta_5) < 0. Where the wrist centre is on axis
-/// 1, or the tool axis along joint 4, the free joint is 0 and the solution marked singular. Other arms: inverse_damped.
+/// 1, or the tool axis along joint 4, the free joint is 0 and the solution marked singular. Arms with six joints and a
+/// spherical wrist: SphericalWristInverse. Other arms: inverse_damped.
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
+
+/// The solution next to `start` by damped Newton steps from there: the same posture on the way along a path. At most
+/// one; none where the steps do not converge.
+InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start);
 
 /// Whether inverse() is in closed form for this arm.
 bool has_closed_inverse(const SerialArm& arm);

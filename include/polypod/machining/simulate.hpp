@@ -33,9 +33,12 @@ struct Sample {
   Vec3 command = Vec3::Zero();
   Vec3 deflection = Vec3::Zero();  ///< delta; the bent tip is command + deflection
   Vec3 force = Vec3::Zero();       ///< mean force on the tool
-  Vec3 away = Vec3::Zero();        ///< unit normal of the path in the plane, away from the wall that is being cut
-  float depth = 0;                 ///< largest axial depth of engagement, m
-  float entry = 0, exit = 0;       ///< first and last engaged tooth angle, rad
+  /// Unit normal of the path in the plane, to the left of the feed. predict and correct turn it away from the wall that
+  /// is cut along most of the move; in a slot, which has two, it stays.
+  Vec3 away = Vec3::Zero();
+  bool wall_left = false;     ///< only the left side of the cutter meets a wall
+  float depth = 0;            ///< largest axial depth of engagement, m
+  float entry = 0, exit = 0;  ///< first and last engaged tooth angle, rad
   bool cutting = false;
   /// How the bent tip was judged against the programmed move, m: filled by predict and correct (see PathError).
   float normal = 0, vertical = 0, distance = 0;
