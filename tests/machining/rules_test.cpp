@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "machining/examples.hpp"
+#include "modes.hpp"
 #include "polypod/core/units.hpp"
+#include "way.hpp"
 
 namespace polypod {
 namespace {
@@ -131,20 +133,17 @@ TEST(Rules, AChangeOfToolInsideAContourCounts) {
 }
 
 TEST(Rules, AMoveIsOutsideForItsOwnDistanceNotForItsNeighbours) {
-  // One straight piece a move: the ramp, along which the bend grows, is far outside, the level move before it is not.
-  auto e = testing::with_program("slavkovic_groove", std::string(kBegin) +
-                                                         "G0 X-20 Y-10\nG1 Z-1 F100\nG1 X0 F300\nG1 X20 Z-4 F2400\n"
-                                                         "G0 Z5\nM2\n");
-  e.job.tolerance = 200e-6;
-  machining::CorrectOptions options;
-  options.method = machining::CorrectMethod::mirror;
-  options.mirror_points = 1;
-  const auto c = correct(e, options);
-  ASSERT_FALSE(c.within_tolerance);
-  ASSERT_EQ(c.moves.size(), 3u);
-  EXPECT_TRUE(c.moves[1].within);
-  EXPECT_GT(to_um(c.moves[1].corner_after), 0);
-  EXPECT_FALSE(c.moves[2].within);
+  const auto e = testing::with_program("slavkovic_groove", std::string(kBegin) + "G1 X0 F300\nG1 Y15 F300\nM2\n");
+  std::vector<gcode::Move> moves(e.interpretation.moves.end() - 2, e.interpretation.moves.end());
+  const machining::Way way = machining::way_as_programmed(e.program, moves);
+  machining::Prediction p;
+  p.commanded_distance = {1e-6, 500e-6};
+  p.commanded_ends = {{true, true}, {true, true}};
+  const machining::Corners corners = machining::corners_of(e.job, e.program, way, p, 100e-6);
+  ASSERT_GT(corners.deviation[0], 0);
+  EXPECT_NEAR(corners.with[0], 1e-6 + corners.deviation[0], 1e-12);
+  EXPECT_NEAR(corners.with[1], 500e-6 + corners.deviation[0], 1e-12);
+  EXPECT_FALSE(corners.kept);
 }
 
 }  // namespace
