@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <set>
 
@@ -128,9 +129,11 @@ class Page {
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
               checked));
     } else {
+      std::string reason = c_.reason;
+      if (!reason.empty()) reason.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(reason.front())));
       report_.add_verdict(
           Verdict::bad,
-          fmt::format("No. {}. {}.{}", c_.reason, checked,
+          fmt::format("No. {}. {}.{}", reason, checked,
                       options_.output.empty() ? " No corrected program was written."
                                               : " It was written all the same, with these moves as near as they go."));
       outside();

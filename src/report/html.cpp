@@ -179,7 +179,7 @@ void Report::add_list(const std::vector<std::string>& items) {
 void Report::add_key_figures(const std::vector<KeyFigure>& figures) {
   if (figures.empty()) return;
   body_ += "<div class=\"cards\">\n";
-  constexpr std::size_t kLong = 9;  // characters that fit into a card in the large type
+  constexpr std::size_t kLong = 7;  // characters that fit into a card in the large type
   for (const KeyFigure& f : figures) {
     const bool is_long = characters(f.value) + characters(f.unit) > kLong;
     body_ += fmt::format("<div class=\"card{}\"><b{}>{}{}</b><span>{}</span></div>\n", class_of(f.verdict),
