@@ -55,10 +55,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
       const double share = double(k) / steps;
       const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
-      Pose X{rotation_abc(axes.x(), axes.y(), task == machine::Task::pose ? axes.z() : 0.0),
+      Pose X{rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0),
              move.point(length * share)};
       X = X_MW * X;
-      if (task == machine::Task::axis) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
+      if (task.names_axis()) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
       const kinematics::InverseResult inverse = kinematics::inverse(machine, X);
       const auto where = [&] {
         return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),

@@ -25,7 +25,8 @@ struct Sides {
   double length = 1;
 };
 
-Sides sides_of(const AnyMachine& machine, const Pose& X, const JointVector& q, double length) {
+Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
+  const Pose X = kinematics::settled(machine, X_MT).value_or(X_MT);
   Sides out;
   out.length = kinematics::dexterity(machine, X, q, length).characteristic_length;
   const double L = out.length;
@@ -131,7 +132,7 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
   const Sides sides = sides_of(machine, X_MT, q, length);
   Singularity out;
   out.length = sides.length;
-  const Pose X = kinematics::is_serial(machine) ? machine::forward(std::get<machine::SerialArm>(machine), q) : X_MT;
+  const Pose X = kinematics::settled(machine, X_MT, q);
 
   const Eigen::JacobiSVD<Eigen::MatrixXd> A(sides.A, Eigen::ComputeFullV);
   out.control = A.singularValues().tail<1>()[0];
@@ -276,7 +277,7 @@ std::vector<JudgedPose> poses_round_home(const AnyMachine& machine, const Pose& 
   constexpr int kTrials = 800, kScales = 10;
   Random random(1);
   std::vector<JudgedPose> within, beyond;
-  const bool turns = kinematics::task(machine) != machine::Task::point;
+  const bool turns = kinematics::task(machine).turns();
   const double reach = home.p.norm() > 0 ? home.p.norm() : 1;
   for (int trial = 0; trial < kTrials && within.size() < kJudged; ++trial) {
     const double scale = trial == 0 ? 0 : std::ldexp(1.0, -1 - trial % kScales);
