@@ -130,9 +130,8 @@ Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string
       names += fmt::format("{}{}{}", i >= least ? "[" : "", i > 0 ? "," : "", machine::name_of(task[i]));
       if (i >= least) ends += "]";
     }
-    return fail("AP101",
-                fmt::format("--pose {}: {} numbers, but this machine takes {}{}", text, c.size(), names, ends), {},
-                "lengths in mm, angles in deg");
+    return fail("AP101", fmt::format("--pose {}: {} numbers, but this machine takes {}{}", text, c.size(), names, ends),
+                {}, "lengths in mm, angles in deg");
   }
   for (std::size_t i = 0; i < c.size(); ++i) {
     c[i] = task.is_angle(static_cast<int>(i)) ? units::from_deg(c[i]) : units::from_mm(c[i]);

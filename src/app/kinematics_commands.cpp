@@ -359,14 +359,11 @@ Command jacobian_command() {
             for (int i = 0; i < task.size(); ++i) held.push_back(rows[static_cast<std::size_t>(task[i])]);
             rows = held;
           }
-          Json document{{"jacobian", matrix_json(square)},
-                        {"rows", rows},
-                        {"jacobian_full", matrix_json(J)},
-                        {"joints", joints_for_user(m, s->joints)},
-                        {"determinant", d.determinant},
-                        {"condition", d.condition},
-                        {"sigma_min", d.sigma_min},
-                        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
+          Json document{
+              {"jacobian", matrix_json(square)}, {"rows", rows},
+              {"jacobian_full", matrix_json(J)}, {"joints", joints_for_user(m, s->joints)},
+              {"determinant", d.determinant},    {"condition", d.condition},
+              {"sigma_min", d.sigma_min},        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
           if (!words.empty()) document["singular"] = words;
           print_json(singular.in(document));
           return kDone;

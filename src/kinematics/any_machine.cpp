@@ -8,8 +8,8 @@
 #include <limits>
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::kinematics {
 
@@ -82,8 +82,9 @@ ForwardResult searched_poses(const M& m, const JointVector& q) {
     out.residuals.push_back(closure(m, X, joints, std::span<const double>(p)).cwiseAbs().maxCoeff());
   }
   if (out.poses.empty()) {
-    out.reason = "the joints do not close: Newton's method found no pose from home nor from 2000 further starts; that "
-                 "there is none is not proven";
+    out.reason =
+        "the joints do not close: Newton's method found no pose from home nor from 2000 further starts; that "
+        "there is none is not proven";
   }
   return out;
 }

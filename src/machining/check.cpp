@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/machining/job.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::machining {
@@ -20,6 +21,7 @@ constexpr double kJump = 0.5;
 
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
                           const gcode::Interpretation& interpretation, const CheckOptions& options) {
+  POLYPOD_TRY(follows_programs(machine));
   CheckResult out;
   out.notes = interpretation.notes;
   const machine::Task task = kinematics::task(machine);

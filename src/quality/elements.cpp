@@ -107,7 +107,13 @@ std::vector<Element> elements(const AnyMachine& machine) {
                    turns ? "deg" : "mm",
                    false});
   }
-  const bool attached = std::visit([]<class M>(const M&) { return requires { M::kAttachments; }; }, machine);
+  const bool attached = std::visit(
+      []<class M>(const M&) {
+        return requires {
+          M::kAttachments;
+        };
+      },
+      machine);
   for (const char* platform : {"base", "platform"}) {
     if (!attached) break;
     const std::string joint = std::string(platform) + ".joint", attachment = std::string(platform) + ".attachment";

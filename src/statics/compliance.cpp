@@ -247,10 +247,11 @@ bool has_compliance(const AnyMachine& machine) {
 
 Status needs_compliance(const AnyMachine& machine) {
   if (has_compliance(machine)) return {};
-  return fail("AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
-              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
-              "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas), compliance_um_per_N of each [[leg]] (machines of "
-              "legs) in the machine file");
+  return fail(
+      "AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
+      "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
+      "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas), compliance_um_per_N of each [[leg]] (machines of "
+      "legs) in the machine file");
 }
 
 struct Probe::Impl {

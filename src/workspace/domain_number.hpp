@@ -68,7 +68,7 @@ struct Tangent {
 
   Tangent() { by.fill(T(0.0)); }
   Tangent(double constant) : Tangent() { value = T(constant); }  // NOLINT(google-explicit-constructor): a number type
-  explicit Tangent(const T& v) : Tangent() { value = v; }
+  explicit Tangent(const T& v) requires(!std::is_same_v<T, double>) : Tangent() { value = v; }
 
   template <class F>
   static Tangent made(const T& value, F&& derivative) {
@@ -119,12 +119,28 @@ struct Eigen::NumTraits<polypod::workspace::DomainNumber> : Eigen::GenericNumTra
   using Real = polypod::workspace::DomainNumber;
   using NonInteger = Real;
   using Nested = Real;
-  enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 1, ReadCost = 8, AddCost = 8, MulCost = 24 };
+  enum {
+    IsComplex = 0,
+    IsInteger = 0,
+    IsSigned = 1,
+    RequireInitialization = 1,
+    ReadCost = 8,
+    AddCost = 8,
+    MulCost = 24
+  };
 };
 template <class T>
 struct Eigen::NumTraits<polypod::workspace::Tangent<T>> : Eigen::GenericNumTraits<double> {
   using Real = polypod::workspace::Tangent<T>;
   using NonInteger = Real;
   using Nested = Real;
-  enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 1, ReadCost = 8, AddCost = 8, MulCost = 24 };
+  enum {
+    IsComplex = 0,
+    IsInteger = 0,
+    IsSigned = 1,
+    RequireInitialization = 1,
+    ReadCost = 8,
+    AddCost = 8,
+    MulCost = 24
+  };
 };

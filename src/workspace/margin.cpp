@@ -255,9 +255,7 @@ class ParallelJudge {
                  std::span<const double>(p_));
     }
     for (const Slot& slot : slots) {
-      *out++ = slot.limit == kOutOfReach ? reach
-               : X                       ? slot.scale * g[static_cast<std::size_t>(slot.limit)]
-                                         : kUnknown;
+      *out++ = slot.limit == kOutOfReach ? reach : X ? slot.scale * g[static_cast<std::size_t>(slot.limit)] : kUnknown;
     }
   }
 
@@ -473,8 +471,8 @@ Result<std::unique_ptr<PointJudge>> judge_for(const machine::SerialArm& arm, con
 Result<std::unique_ptr<PointJudge>> judge_for(const machine::Parallel& m, const Options& options,
                                               const FieldOptions& field_options) {
   if (!m.task.places()) {
-    return fail("WS107", fmt::format("{} does not hold x, y, z in its task: there is no field over positions", m.name), {},
-                "`polypod workspace` measures such a machine in the coordinates of its task");
+    return fail("WS107", fmt::format("{} does not hold x, y, z in its task: there is no field over positions", m.name),
+                {}, "`polypod workspace` measures such a machine in the coordinates of its task");
   }
   return std::make_unique<JudgeOf<ParallelJudge>>(ParallelJudge(m, options), options, field_options);
 }

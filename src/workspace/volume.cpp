@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 #include <tbb/task_arena.h>
 
+#include "../families/parallel/bounds.hpp"
 #include "arm_limits.hpp"
 #include "delta_limits.hpp"
 #include "hexapod_limits.hpp"
-#include "../families/parallel/bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/shape.hpp"
@@ -70,8 +70,8 @@ auto with_limits(const machine::Parallel& m, const Options& options, Ask&& ask)
     -> decltype(ask(ParallelLimits(m, options))) {
   const machine::Task task = m.task;
   if (!task.places() && task.size() != 3) {
-    return fail("WS106", fmt::format("{}: a task of {} coordinates without x, y, z has no volume", m.name, task.size()), {},
-                "workspaces are for tasks that hold x, y, z, or three coordinates in all");
+    return fail("WS106", fmt::format("{}: a task of {} coordinates without x, y, z has no volume", m.name, task.size()),
+                {}, "workspaces are for tasks that hold x, y, z, or three coordinates in all");
   }
   const Directions& d = options.directions;
   const auto asks = [](const std::optional<std::array<double, 2>>& range) {
@@ -80,8 +80,9 @@ auto with_limits(const machine::Parallel& m, const Options& options, Ask&& ask)
   const bool whole = task.size() == 6 || task.names_axis();
   if ((d.tilt != 0 && !whole) || (asks(d.a_range) && !(task.places() && task.holds(machine::Coordinate::a))) ||
       (asks(d.b_range) && !(task.places() && task.holds(machine::Coordinate::b)))) {
-    return fail("WS104", fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles", m.name),
-                {}, "leave out the tilt and the ranges of A and B");
+    return fail("WS104",
+                fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles", m.name), {},
+                "leave out the tilt and the ranges of A and B");
   }
   return ask(ParallelLimits(m, options));
 }

@@ -182,8 +182,8 @@ TEST_P(MachinesOfLegs, TakesEveryParameterThatItShows) {
 
 INSTANTIATE_TEST_SUITE_P(Catalogue, MachinesOfLegs,
                          ::testing::Values("tricept", "pentapod", "tripod-z3", "hexa", "planar-3rrr"),
-                         [](const auto& info) {
-                           std::string name = info.param;
+                         [](const auto& machine_name) {
+                           std::string name = machine_name.param;
                            for (char& c : name)
                              if (c == '-') c = '_';
                            return name;
@@ -239,7 +239,8 @@ std::string as_legs(const machine::StrutHexapod& m) {
     out += fmt::format(
         "[[leg]]\ndrive = \"strut\"\nbase_mm = {}\nplatform_mm = {}\nmin_mm = {:.17g}\nmax_mm = {:.17g}\n"
         "compliance_um_per_N = 0.0{}\n",
-        list(m.base_joint[i]), list(m.platform_joint[i]), units::to_mm(m.length_min), units::to_mm(m.length_max), i + 1);
+        list(m.base_joint[i]), list(m.platform_joint[i]), units::to_mm(m.length_min), units::to_mm(m.length_max),
+        i + 1);
   }
   return out;
 }
@@ -485,11 +486,15 @@ leg = [
 constraint = [{ kind = "orientation" }])"),
             "MA155");
   // Constraints that agree at home alone: three planes and a fixed orientation hold more than they leave.
-  EXPECT_EQ(id_of(head + "leg = [{ drive = \"strut\", base_mm = [0, 0, 0], platform_mm = [0, 0, 0], min_mm = 1, max_mm = 900 }]"),
-            "MA156");
+  EXPECT_EQ(
+      id_of(head +
+            "leg = [{ drive = \"strut\", base_mm = [0, 0, 0], platform_mm = [0, 0, 0], min_mm = 1, max_mm = 900 }]"),
+      "MA156");
   EXPECT_EQ(id_of(head + "leg = [{ drive = \"screw\" }]"), "MA151");
-  EXPECT_EQ(id_of(head + "leg = [{ drive = \"strut\", base_mm = [0, 0, 0], platform_mm = [0, 0, 0], min_mm = 9, max_mm = 1 }]"),
-            "MA152");
+  EXPECT_EQ(
+      id_of(head +
+            "leg = [{ drive = \"strut\", base_mm = [0, 0, 0], platform_mm = [0, 0, 0], min_mm = 9, max_mm = 1 }]"),
+      "MA152");
   EXPECT_EQ(id_of(head + "leg = [{ drive = \"rail\", base_mm = [0, 0, 0], rail = [0, 0, 0], rod_mm = 1, platform_mm = "
                          "[0, 0, 0], min_mm = 0, max_mm = 1 }]"),
             "MA150");
@@ -499,7 +504,8 @@ constraint = [{ kind = "orientation" }])"),
 }
 
 TEST(Files, NameThePlaceOfAnError) {
-  const auto m = machine::from_text("family = \"parallel\"\n[[leg]]\ndrive = \"strut\"\nbase_mm = [1, 2]\n", "bad.toml");
+  const auto m =
+      machine::from_text("family = \"parallel\"\n[[leg]]\ndrive = \"strut\"\nbase_mm = [1, 2]\n", "bad.toml");
   ASSERT_FALSE(m.has_value());
   EXPECT_NE(to_string(m.error()).find("bad.toml:4:"), std::string::npos) << to_string(m.error());
 }

@@ -77,8 +77,8 @@ inline int coordinate_count(Task task) {
   return task.size();
 }
 
-/// The part of a Jacobian that a task sees: of the rows v_x, v_y, v_z, w_x, w_y, w_z those of its coordinates x, y, z, A,
-/// B, C, in its order; so without w_z for a 5-axis machine (SLAV (2.36)).
+/// The part of a Jacobian that a task sees: of the rows v_x, v_y, v_z, w_x, w_y, w_z those of its coordinates x, y, z,
+/// A, B, C, in its order; so without w_z for a 5-axis machine (SLAV (2.36)).
 Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J);
 
 /// How well joints and tool move each other at a pose. Lengths and angles have no common measure: angles count as

@@ -66,14 +66,15 @@ class ParallelLimits {
     const std::optional<Pose> X0 = settled(m_, target);
     std::array<DomainNumber, 5> u;
     if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
-    const PoseT<DomainNumber> X = pose<DomainNumber>(center, d, u);
+    const PoseT<DomainNumber> X = pose(center, d, u);
     Verdict verdict = Verdict::inside;
     for (int j = 0; j < joint_count(m_) && verdict != Verdict::dead; ++j) {
       verdict = both(verdict, leg(j, X, d, out));
     }
     const int n = joint_count(m_);
     for (int k = 0; k < 3; ++k) {
-      if (std::isfinite(m_.low[k])) verdict = both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), 2 * n + k, d, out));
+      if (std::isfinite(m_.low[k]))
+        verdict = both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), 2 * n + k, d, out));
       if (std::isfinite(m_.high[k]))
         verdict = both(verdict, judged(DomainNumber(m_.high[k]) - X.p[k], 2 * n + 3 + k, d, out));
     }
@@ -179,9 +180,6 @@ class ParallelLimits {
     return k == 3 ? 0.5 * (patch.low[0] + patch.high[0]) : k == 4 ? 0.5 * (patch.low[1] + patch.high[1]) : 0.0;
   }
 
-  template <class T>
-  PoseT<T> pose(const Vec3& center, const Domain& d, const std::array<T, 5>& u) const;
-
   /// First order of the following coordinates over the domain: u0 + g . v + [-r, r]. The tube is certain where
   ///   |Y F(v, u0 + g v)| + |1 - Y F_u(v, u)| r <= r
   /// for all v and all u in the tube (Krawczyk), Y an inverse of F_u at the middle.
@@ -214,14 +212,14 @@ class ParallelLimits {
     const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposed(by_u);
     if (decomposed.rank() < columns) return false;
     const Eigen::MatrixXd Y = decomposed.pseudoInverse();
-    const auto F_0 = passive<DomainNumber>(pose<DomainNumber>(center, d, u), p_domain_);
+    const auto F_0 = passive<DomainNumber>(pose(center, d, u), p_domain_);
     for (int k = 0; k < columns; ++k) {
       FirstOrder f(u0[static_cast<std::size_t>(k)]);
       for (int i = 0; i < rows; ++i)
         for (std::size_t g = 0; g < 5; ++g) f.gradient[g] -= Y(k, i) * F_0[i].first_order().gradient[g];
       u[static_cast<std::size_t>(k)] = DomainNumber(f, &d);
     }
-    const auto F_line = passive<DomainNumber>(pose<DomainNumber>(center, d, u), p_domain_);
+    const auto F_line = passive<DomainNumber>(pose(center, d, u), p_domain_);
     Eigen::VectorXd e(columns), r(columns);
     for (int k = 0; k < columns; ++k) {
       DomainNumber sum(0.0);
@@ -272,6 +270,32 @@ class ParallelLimits {
     return machine::parallel_detail::equations<T>(m_, X, std::span<const T>(), std::span<const T>(p), true);
   }
 
+  /// All poses of the domain in first order.
+  [[nodiscard]] PoseT<DomainNumber> pose(const Vec3& center, const Domain& d,
+                                         const std::array<DomainNumber, 5>& u) const {
+    using T = DomainNumber;
+    const Patch& patch = *d.patch;
+    return pose_from<T>(
+        u,
+        [&](int k) -> T {
+          if (const int i = box_index(k); i >= 0) return {variable(center[i], static_cast<std::size_t>(i)), &d};
+          if (k == 5 || patch.sector) return {angle_of(patch, 5)};
+          return {variable(angle_of(patch, k), static_cast<std::size_t>(k)), &d};
+        },
+        [&] {
+          const Mat3 by1 = skew(patch.omega1) * patch.R, by2 = skew(patch.omega2) * patch.R;
+          Matrix3<T> R;
+          for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < 3; ++k) {
+              FirstOrder f(patch.R(i, k));
+              f.gradient = {0, 0, 0, by1(i, k), by2(i, k)};
+              f.rest = patch.bend;
+              R(i, k) = T(f, &d);
+            }
+          return R;
+        });
+  }
+
   /// The pose at the middle of the domain.
   template <class T>
   PoseT<T> pose_at_middle(const Vec3& center, const Domain& d, const std::array<T, 5>& u) const {
@@ -311,8 +335,9 @@ class ParallelLimits {
     if (limit < 64 && (mask_ >> limit & 1U) == 0) return Verdict::inside;
     const FirstOrder& f = g.first_order();
     if (!std::isfinite(g.radius())) return Verdict::open;
-    return weigh({f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest},
-                 limit, kScale, d.half, *d.patch, bounds);
+    return weigh(
+        {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest},
+        limit, kScale, d.half, *d.patch, bounds);
   }
 
   /// The limits of drive j.
@@ -321,8 +346,8 @@ class ParallelLimits {
     const machine::ParallelLeg& leg = driven_leg(m_, j);
     const auto constant = [](const Vec3& v) { return Vector3<N>(N(v[0]), N(v[1]), N(v[2])); };
     if (leg.ring) {
-      const Vector3<N> w = Vector3<N>(X.R.transpose() * Vector3<N>(constant(leg.base) - X.p)) -
-                           constant(leg.ring->center - m_.tool);
+      const Vector3<N> w =
+          Vector3<N>(X.R.transpose() * Vector3<N>(constant(leg.base) - X.p)) - constant(leg.ring->center - m_.tool);
       const N h = machine::parallel_detail::dot(constant(leg.ring->axis), w);
       Vector3<N> across;
       for (int k = 0; k < 3; ++k) across[k] = w[k] - h * N(leg.ring->axis[k]);
@@ -394,7 +419,8 @@ class ParallelLimits {
       const bool free = high - low >= 2 * std::numbers::pi - 1e-9 || (mask_ >> (2 * j) & 3U) != 3;
       if (free) return terms;
       const N x = N(scale) * (alpha * r + N(side) * beta * s), z = N(scale) * (alpha * s - N(side) * beta * r);
-      const N from_low = N(std::cos(low)) * z - N(std::sin(low)) * x, to_high = N(std::sin(high)) * x - N(std::cos(high)) * z;
+      const N from_low = N(std::cos(low)) * z - N(std::sin(low)) * x,
+              to_high = N(std::sin(high)) * x - N(std::cos(high)) * z;
       BoundList above, below;
       const Verdict keeps_low = judged(from_low, 2 * j, d, above), keeps_high = judged(to_high, 2 * j + 1, d, below);
       if (high - low <= std::numbers::pi) {
@@ -425,34 +451,8 @@ class ParallelLimits {
   std::vector<Interval> p_interval_;
   std::vector<DomainNumber> p_domain_;
   std::vector<Tangent<Interval>> p_tangent_;
-  std::vector<int> free_;                          ///< coordinates that follow
+  std::vector<int> free_;                       ///< coordinates that follow
   std::array<int, 3> box_coordinate_{0, 1, 2};  ///< which coordinates the box is of
 };
-
-template <>
-inline PoseT<DomainNumber> ParallelLimits::pose<DomainNumber>(const Vec3& center, const Domain& d,
-                                                              const std::array<DomainNumber, 5>& u) const {
-  using T = DomainNumber;
-  const Patch& patch = *d.patch;
-  return pose_from<T>(
-      u,
-      [&](int k) -> T {
-        if (const int i = box_index(k); i >= 0) return {variable(center[i], static_cast<std::size_t>(i)), &d};
-        if (k == 5 || patch.sector) return {angle_of(patch, 5)};
-        return {variable(angle_of(patch, k), static_cast<std::size_t>(k)), &d};
-      },
-      [&] {
-        const Mat3 by1 = skew(patch.omega1) * patch.R, by2 = skew(patch.omega2) * patch.R;
-        Matrix3<T> R;
-        for (int i = 0; i < 3; ++i)
-          for (int k = 0; k < 3; ++k) {
-            FirstOrder f(patch.R(i, k));
-            f.gradient = {0, 0, 0, by1(i, k), by2(i, k)};
-            f.rest = patch.bend;
-            R(i, k) = T(f, &d);
-          }
-        return R;
-      });
-}
 
 }  // namespace polypod::workspace

@@ -184,15 +184,15 @@ Status read_home(const config::Table& table, Parallel& m) {
   return {};
 }
 
-/// Whether all legs end on rings round one axis along z of P and no constraint sees the turn about it.
+/// Whether all legs end on rings round one axis along z of P and no constraint sees the turn about it: nearly, so that
+/// errors of single rings can be judged.
 bool turns_idly(const Parallel& m) {
-  if (m.task.holds(Coordinate::c) || m.legs.empty()) return false;
-  constexpr double kSame = 1e-9;
+  if (m.task.holds(Coordinate::c) || m.legs.empty() || !m.legs.front().ring) return false;
+  constexpr double kNear = 0.05;  // rad, and shares of the machine's size
   const auto level = [](const Vec3& v) { return std::hypot(v.x(), v.y()); };
-  const auto along_z = [&](const Vec3& axis) { return level(axis) < kSame; };
-  if (!m.legs.front().ring) return false;
+  const auto along_z = [&](const Vec3& axis) { return level(axis) < kNear; };
   const Vec3 on_axis = m.legs.front().ring->center;
-  const auto on = [&](const Vec3& p) { return level(p - on_axis) < kSame * m.size; };
+  const auto on = [&](const Vec3& p) { return level(p - on_axis) < kNear * m.size; };
   for (const ParallelLeg& leg : m.legs)
     if (!leg.ring || !along_z(leg.ring->axis) || !on(leg.ring->center)) return false;
   for (const PlatformConstraint& c : m.constraints) {
@@ -261,7 +261,8 @@ Status check_constraints(const config::Table& table, const Parallel& m) {
                 "add a coordinate to the task, or a constraint or passive rod that fixes what follows");
   }
   if (held + m.task.size() > 6) {
-    return fail("MA156", fmt::format("{}: a pose cannot be chosen freely", counts), table.place_of("task"),
+    return fail("MA156", fmt::format("{}: a pose cannot be chosen freely", counts),
+                table.place_of("task"),
                 "take a coordinate out of the task, or a constraint away");
   }
   return {};
@@ -292,14 +293,17 @@ Status check_agreement(const config::Table& table, const Parallel& m) {
   return {};
 }
 
-/// Home: the following coordinates, the joints, the root of each leg.
-Status find_home(const config::Table& table, Parallel& m) {
-  const Place place = table.place_of("home");
-  const Pose given = m.home;
+void find_references(Parallel& m) {
   for (ParallelLeg& leg : m.legs) {
     const double length = leg.drive == LegDrive::strut ? (leg_end(m, leg, m.home) - leg.base).norm() : leg.rod;
     leg.reference = length > 1e-9 * m.size ? length : m.size;
   }
+}
+
+/// Home: the following coordinates, the joints, the root of each leg.
+Status find_home(const config::Table& table, Parallel& m) {
+  const Place place = table.place_of("home");
+  const Pose given = m.home;
   const auto home = settled(m, given);
   if (!home) {
     const ClosureVector F = passive_rows(m, given).F;
@@ -311,14 +315,11 @@ Status find_home(const config::Table& table, Parallel& m) {
   }
   m.home = *home;
   m.home_angles = angles_abc(m.home.R);
+  find_references(m);
   m.takes_high.assign(m.legs.size(), false);
   for (std::size_t i = 0; i < m.legs.size(); ++i) {
     ParallelLeg& leg = m.legs[i];
     const LegRoots roots = leg_roots(m, leg, m.home);
-    if (leg.drive == LegDrive::strut) {
-      const double length = roots.low + leg.rod;
-      leg.reference = length > 1e-9 * m.size ? length : m.size;
-    }
     if (!leg.two_roots()) continue;
     if (!roots.real()) {
       return fail(
@@ -395,8 +396,9 @@ Result<Parallel> Parallel::from(const config::Table& table) {
                     : fmt::format("{} legs and equations of constraints are more than {}", equations, kMaxEquations),
                 legs.empty() ? table.place() : legs.back().place(), "give 1 to 12 legs, with what holds the platform");
   }
-  POLYPOD_TRY(find_home(table, m));
+  find_references(m);
   POLYPOD_TRY(check_constraints(table, m));
+  POLYPOD_TRY(find_home(table, m));
   POLYPOD_TRY(check_held(table, m));
   if (static_cast<int>(m.driven.size()) < m.task.size()) {
     return fail("MA156", fmt::format("{} drives cannot prescribe {} coordinates", m.driven.size(), m.task.size()),

@@ -71,6 +71,14 @@ JointVector chosen(const Roots& roots, unsigned high) {
   return q;
 }
 
+/// A kept orientation is that of home; the equations hold for half turns against it, too.
+bool keeps_orientation(const Parallel& m, const Pose& X) {
+  const bool kept = std::any_of(m.constraints.begin(), m.constraints.end(), [](const PlatformConstraint& c) {
+    return c.kind == ConstraintKind::orientation;
+  });
+  return !kept || (X.R * m.home.R.transpose()).trace() > 1;
+}
+
 std::string branch_name(const Parallel& m, unsigned high) {
   std::string out;
   for (int j = 0; j < joint_count(m); ++j) {
@@ -147,7 +155,7 @@ kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, c
     settled = share == 1 && std::max(turn, way) < (out.iterations > 5 ? 100 * small : small);
   }
   out.residual = closure_rows(m, out.X_MT, q).F.cwiseAbs().maxCoeff();
-  out.converged = out.residual < kCloses * (m.size + out.X_MT.p.norm());
+  out.converged = out.residual < kCloses * (m.size + out.X_MT.p.norm()) && keeps_orientation(m, out.X_MT);
   return out;
 }
 
