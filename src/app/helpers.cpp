@@ -125,13 +125,13 @@ Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string
   const machine::Task task = kinematics::task(machine);
   const int most = task.size(), least = std::min(3, most);
   if (static_cast<int>(c.size()) < least || static_cast<int>(c.size()) > most) {
-    std::string names, ends;
+    std::string names;
     for (int i = 0; i < most; ++i) {
-      names += fmt::format("{}{}{}", i >= least ? "[" : "", i > 0 ? "," : "", machine::name_of(task[i]));
-      if (i >= least) ends += "]";
+      names += fmt::format("{}{}{}", i == least ? "[" : "", i > 0 ? "," : "", machine::name_of(task[i]));
     }
-    return fail("AP101", fmt::format("--pose {}: {} numbers, but this machine takes {}{}", text, c.size(), names, ends),
-                {}, "lengths in mm, angles in deg");
+    if (most > least) names += "]";
+    return fail("AP101", fmt::format("--pose {}: {} numbers, but this machine takes {}", text, c.size(), names), {},
+                "lengths in mm, angles in deg");
   }
   for (std::size_t i = 0; i < c.size(); ++i) {
     c[i] = task.is_angle(static_cast<int>(i)) ? units::from_deg(c[i]) : units::from_mm(c[i]);

@@ -250,8 +250,12 @@ std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
 }
 
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
-  const Pose X = settled(machine, X_MT).value_or(X_MT);
-  return std::visit([&](const auto& m) { return jacobian(m, X, q); }, machine);
+  return std::visit(
+      [&](const auto& m) {
+        if constexpr (requires { settled(m, X_MT); }) return jacobian(m, settled(m, X_MT).value_or(X_MT), q);
+        return jacobian(m, X_MT, q);
+      },
+      machine);
 }
 
 Pose pose_of(Task task, const std::vector<double>& c) {

@@ -23,7 +23,18 @@ namespace {
 struct Sides {
   Eigen::MatrixXd A, B;
   double length = 1;
+  std::optional<double> constraints;  ///< see Singularity
 };
+
+/// Each row of A divided by the length of its translational part (by its own if it has no other), that of B alike.
+void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
+  for (int i = 0; i < A.rows(); ++i) {
+    const double along = A.row(i).head(3).norm(), whole = A.row(i).norm();
+    const double unit = along > 1e-12 * whole ? along : whole;
+    A.row(i) /= unit;
+    if (B != nullptr) B->row(i) /= unit;
+  }
+}
 
 Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
   const Pose X = kinematics::settled(machine, X_MT).value_or(X_MT);
@@ -49,15 +60,18 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         out.A = kinematics::closure_by_pose(m, X, joints, p);
         out.B = kinematics::closure_by_joints(m, X, joints, p);
+        if constexpr (requires { passive_rows(m, X); }) {
+          Eigen::MatrixXd C = passive_rows(m, X).A;
+          const int held = 6 - task(m).size();
+          if (held < 1 || C.rows() < held) return;
+          C.rightCols(3) /= L;
+          divide_rows(C, nullptr);
+          out.constraints = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues()[held - 1];
+        }
       },
       machine);
   out.A.rightCols(3) /= L;
-  for (int i = 0; i < out.A.rows(); ++i) {
-    const double along = out.A.row(i).head(3).norm();
-    const double unit = along > 1e-12 * out.A.row(i).norm() ? along : out.A.row(i).norm();
-    out.A.row(i) /= unit;
-    out.B.row(i) /= unit;
-  }
+  divide_rows(out.A, &out.B);
   for (int i = 0; i < out.B.cols(); ++i)
     if (kinematics::joint_kind(machine, i) == machine::JointKind::revolute) out.B.col(i) /= L;
   return out;
@@ -132,6 +146,7 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
   const Sides sides = sides_of(machine, X_MT, q, length);
   Singularity out;
   out.length = sides.length;
+  out.constraints = sides.constraints;
   const Pose X = kinematics::settled(machine, X_MT, q);
 
   const Eigen::JacobiSVD<Eigen::MatrixXd> A(sides.A, Eigen::ComputeFullV);

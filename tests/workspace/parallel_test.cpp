@@ -15,8 +15,8 @@ namespace {
 
 using machine::AnyMachine;
 
-/// The share of a box of three coordinates of the task at which the machine keeps its limits, and whether all such points
-/// lie within the bounds.
+/// The share of a box of three coordinates of the task at which the machine keeps its limits, and whether all such
+/// points lie within the bounds.
 struct Sampled {
   double volume = 0, deviation = 0;
   bool within = true;
@@ -55,8 +55,8 @@ void expect_bounds_hold(const char* name, workspace::Options options, int count)
   EXPECT_TRUE(v->converged) << v->lower << " .. " << v->upper;
   EXPECT_GT(v->lower, 0.0);
   const Vec3 margin = 0.1 * (v->max - v->min);
-  const Sampled s = sampled(m, v->min - margin, v->max + margin, *v,
-                            workspace::sampled_orientations(options.directions), count);
+  const Sampled s =
+      sampled(m, v->min - margin, v->max + margin, *v, workspace::sampled_orientations(options.directions), count);
   constexpr double kSigmas = 5;  // one run in a million is farther off by chance
   EXPECT_TRUE(s.within) << "a reachable point lies out of the bounds";
   if (options.directions.tilt == 0 && !options.directions.is_ranges()) {
