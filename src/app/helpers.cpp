@@ -150,8 +150,9 @@ std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose
 
 std::vector<double> whole_pose_for_user(const Pose& X) {
   const Vec3 abc = angles_abc(X.R);
-  return {units::to_mm(X.p.x()),  units::to_mm(X.p.y()),  units::to_mm(X.p.z()),
-          units::to_deg(abc.x()), units::to_deg(abc.y()), units::to_deg(abc.z())};
+  std::vector<double> out;
+  for (int k = 0; k < 6; ++k) out.push_back((k < 3 ? units::to_mm(X.p[k]) : units::to_deg(abc[k - 3])) + 0.0);
+  return out;  // + 0.0: no negative zero
 }
 
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits) {

@@ -206,6 +206,9 @@ std::string in_words(const Pose& X, const Singularity& s) {
   if (s.kind == 3) out += "; and ";
   if (s.kind & 2)
     out += "cannot be held (kind 2): with all drives standing the tool " + motion_in_words(X, s.free_motion, s.length);
+  if ((s.kind & 2) != 0 && s.constraints && *s.constraints < kSingularThreshold) {
+    out += "; its constraints let it go, whatever the drives do";
+  }
   return out;
 }
 

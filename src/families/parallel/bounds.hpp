@@ -30,6 +30,7 @@ class ParallelLimits {
       if (!task.holds(c)) free_.push_back(k);
     }
     if (task.names_axis()) free_ = {kTurnAboutAxis};
+    if (turn_is_unseen()) free_.clear();
     if (!task.places())
       for (int i = 0; i < 3; ++i) box_coordinate_[static_cast<std::size_t>(i)] = static_cast<int>(task[i]);
   }
@@ -63,7 +64,7 @@ class ParallelLimits {
                 BoundList& out) const {
     const Domain d{half, &patch};
     const Pose target = target_at(center, patch);
-    const std::optional<Pose> X0 = settled(m_, target);
+    const std::optional<Pose> X0 = free_.empty() ? target : settled(m_, target);
     std::array<DomainNumber, 5> u;
     if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
     const PoseT<DomainNumber> X = pose(center, d, u);
@@ -85,6 +86,15 @@ class ParallelLimits {
  private:
   static constexpr int kTurnAboutAxis = 6;
   static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
+
+  /// Whether no leg sees the turn about the tool axis at all: then it need not be known.
+  [[nodiscard]] bool turn_is_unseen() const {
+    return m_.idle_turn && m_.task.names_axis() && m_.constraints.empty() &&
+           std::all_of(m_.legs.begin(), m_.legs.end(), [&](const machine::ParallelLeg& leg) {
+             return leg.ring && leg.ring->axis.head<2>().isZero(0) &&
+                    (leg.ring->center - m_.tool).head<2>().isZero(0);
+           });
+  }
 
   /// How far the tip can be from where a leg begins, m.
   [[nodiscard]] double reach_of(const machine::ParallelLeg& leg) const {
