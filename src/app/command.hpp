@@ -74,6 +74,8 @@ void declare_machine(Arguments& arguments, std::string& name, std::vector<std::s
 Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string& text);
 /// x, y, z in mm and the angles of the machine's task in deg.
 std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X);
+/// x, y, z, A, B, C, mm and deg.
+std::vector<double> whole_pose_for_user(const Pose& X);
 /// The same as text, `digits` after the point, more of lengths where the machine is so small that they would show
 /// nothing.
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits);

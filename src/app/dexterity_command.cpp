@@ -153,7 +153,7 @@ Command dexterity_command() {
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
-        if (kinematics::task(m) == machine::Task::point) {
+        if (!kinematics::task(m).turns()) {
           POLYPOD_TRY(refuse(context, {"--length"}, "it serves machines that can turn their tool"));
         }
         const double length = units::from_mm(o->length_mm);

@@ -123,23 +123,36 @@ void declare_machine(Arguments& arguments, std::string& name, std::vector<std::s
 Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string& text) {
   POLYPOD_ASSIGN(c, numbers_of(text, "--pose"));
   const machine::Task task = kinematics::task(machine);
-  const int most = kinematics::coordinate_count(task);
-  if (c.size() < 3 || static_cast<int>(c.size()) > most) {
-    return fail("AP101",
-                fmt::format("--pose {}: {} numbers, but this machine takes x,y,z{}", text, c.size(),
-                            most == 6   ? "[,A,B,C]"
-                            : most == 5 ? "[,A,B]"
-                                        : ""),
-                {}, "lengths in mm, angles in deg");
+  const int most = task.size(), least = std::min(3, most);
+  if (static_cast<int>(c.size()) < least || static_cast<int>(c.size()) > most) {
+    std::string names;
+    for (int i = 0; i < most; ++i) {
+      names += fmt::format("{}{}{}", i == least ? "[" : "", i > 0 ? "," : "", machine::name_of(task[i]));
+    }
+    if (most > least) names += "]";
+    return fail("AP101", fmt::format("--pose {}: {} numbers, but this machine takes {}", text, c.size(), names), {},
+                "lengths in mm, angles in deg");
   }
-  for (std::size_t i = 0; i < c.size(); ++i) c[i] = i < 3 ? units::from_mm(c[i]) : units::from_deg(c[i]);
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    c[i] = task.is_angle(static_cast<int>(i)) ? units::from_deg(c[i]) : units::from_mm(c[i]);
+  }
   return kinematics::pose_of(task, c);
 }
 
 std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose& X) {
-  std::vector<double> c = kinematics::coordinates_of(kinematics::task(machine), X);
-  for (std::size_t i = 0; i < c.size(); ++i) c[i] = i < 3 ? units::to_mm(c[i]) : units::to_deg(c[i]);
+  const machine::Task task = kinematics::task(machine);
+  std::vector<double> c = kinematics::coordinates_of(task, X);
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    c[i] = task.is_angle(static_cast<int>(i)) ? units::to_deg(c[i]) : units::to_mm(c[i]);
+  }
   return c;
+}
+
+std::vector<double> whole_pose_for_user(const Pose& X) {
+  const Vec3 abc = angles_abc(X.R);
+  std::vector<double> out;
+  for (int k = 0; k < 6; ++k) out.push_back((k < 3 ? units::to_mm(X.p[k]) : units::to_deg(abc[k - 3])) + 0.0);
+  return out;  // + 0.0: no negative zero
 }
 
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits) {
@@ -147,7 +160,8 @@ std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int dig
   std::string out;
   int k = 0;
   for (const double c : pose_for_user(machine, X))
-    out += (out.empty() ? "" : ", ") + (k++ < 3 ? length(c) : fmt::format("{:.{}f}", c, digits));
+    out += (out.empty() ? "" : ", ") +
+           (kinematics::task(machine).is_angle(k++) ? fmt::format("{:.{}f}", c, digits) : length(c));
   return out;
 }
 

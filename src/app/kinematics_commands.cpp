@@ -214,7 +214,7 @@ Command ik_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
-            if (kinematics::task(m) == machine::Task::point) {
+            if (!kinematics::task(m).turns()) {
               POLYPOD_TRY(refuse(context, {"--free-twist"}, "it serves machines that can turn their tool"));
             }
             Json twist;
@@ -227,6 +227,7 @@ Command ik_command() {
               if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
               Json entry{{"joints", joints_for_user(m, s.joints)},
                          {"branch", s.branch},
+                         {"pose", whole_pose_for_user(kinematics::settled(m, X, s.joints))},
                          {"violations", kinematics::limit_names(m, s.violations)}};
               if (s.singular) entry["singular"] = true;
               solutions.push_back(entry);
@@ -250,6 +251,11 @@ Command ik_command() {
               for (const kinematics::Solution& s : result.solutions) {
                 fmt::print("{:<32} {}{}\n  {}\n", s.branch, in_words(kinematics::limit_names(m, s.violations)),
                            s.singular ? " (singular)" : "", joined(joints_for_user(m, s.joints)));
+              }
+              const machine::Task task = kinematics::task(m);
+              if (task.size() < 6 && !task.names_axis() && task != machine::Task::point) {
+                fmt::print("the whole pose x, y, z, A, B, C: {}\n",
+                           joined(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints))));
               }
             }
             return reachable ? kDone : kAnswerIsNo;
@@ -314,7 +320,7 @@ Command jacobian_command() {
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
-        if (kinematics::task(m) == machine::Task::point) {
+        if (!kinematics::task(m).turns()) {
           POLYPOD_TRY(
               refuse(context, {"--length"}, "it weighs angles against lengths; this machine does not turn its tool"));
         }
@@ -347,14 +353,17 @@ Command jacobian_command() {
         const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
         const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
         if (context.json) {
-          Json document{{"jacobian", matrix_json(square)},
-                        {"rows", std::vector<std::string>{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"}},
-                        {"jacobian_full", matrix_json(J)},
-                        {"joints", joints_for_user(m, s->joints)},
-                        {"determinant", d.determinant},
-                        {"condition", d.condition},
-                        {"sigma_min", d.sigma_min},
-                        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
+          std::vector<std::string> rows{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"};
+          if (const machine::Task task = kinematics::task(m); !task.places()) {
+            std::vector<std::string> held;
+            for (int i = 0; i < task.size(); ++i) held.push_back(rows[static_cast<std::size_t>(task[i])]);
+            rows = held;
+          }
+          Json document{
+              {"jacobian", matrix_json(square)}, {"rows", rows},
+              {"jacobian_full", matrix_json(J)}, {"joints", joints_for_user(m, s->joints)},
+              {"determinant", d.determinant},    {"condition", d.condition},
+              {"sigma_min", d.sigma_min},        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
           if (!words.empty()) document["singular"] = words;
           print_json(singular.in(document));
           return kDone;
@@ -367,7 +376,7 @@ Command jacobian_command() {
         }
         const bool serial = kinematics::is_serial(m);
         const std::string length =
-            kinematics::task(m) == machine::Task::point
+            !kinematics::task(m).turns()
                 ? ""
                 : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
         fmt::print("condition {:.4f}, smallest singular value {:.6f}{} of the {}{}\ndeterminant {:.6g}\n", d.condition,

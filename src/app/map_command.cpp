@@ -441,6 +441,12 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   POLYPOD_ASSIGN(measured, measured_of(o));
   if (!measured.empty()) POLYPOD_TRY(needs_compliance(m));
   const machine::Task task = kinematics::task(m);
+  if (!task.places()) {
+    return fail(
+        "WS107",
+        fmt::format("{} does not hold x, y, z in its task: there is no map over positions", machine::name_of(m)), {},
+        "`polypod compliance --pose` answers for one pose");
+  }
   const auto angle_count = static_cast<std::size_t>(kinematics::coordinate_count(task) - 3);
   std::vector<double> coordinates(3 + angle_count, 0.0);
   if (!measured.empty()) coordinates = kinematics::coordinates_of(task, measured.front().X_MT);

@@ -197,7 +197,7 @@ Command poses_command() {
         fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
         line("chosen", best);
         line("random", random);
-        const bool turns = kinematics::task(m) != machine::Task::point;
+        const bool turns = kinematics::task(m).turns();
         line(turns ? "grid, upright" : "grid", upright);
         if (turns) line("grid, tilted", tilted);
         fmt::print("{:<14} {:>12} {:12.3f}   (proven: no {} of these candidates come below)\n", "bound", "",

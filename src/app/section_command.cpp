@@ -78,7 +78,7 @@ Command section_command() {
             const SingularNote singular(m, context);
             options.progress = nullptr;
             workspace::FieldOptions field_options;
-            field_options.tilt = kinematics::task(m) != machine::Task::point;
+            field_options.tilt = kinematics::task(m).turns();
             field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
             POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);

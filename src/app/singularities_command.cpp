@@ -18,15 +18,17 @@ Json singularity_json(const machine::AnyMachine& m, const Pose& X, const quality
   };
   Json idle = Json::array();
   for (int i = 0; i < s.idle_joints.size(); ++i) idle.push_back(s.idle_joints[i]);
-  return {{"pose", pose_for_user(m, X)},
-          {"kind", s.kind},
-          {"mobility", s.mobility},
-          {"control", s.control},
-          {"words", quality::in_words(X, s)},
-          {"lost_motion", twist(s.lost_motion)},
-          {"free_motion", twist(s.free_motion)},
-          {"idle_joints", idle},
-          {"characteristic_length_mm", units::to_mm(s.length)}};
+  Json out{{"pose", pose_for_user(m, X)},
+           {"kind", s.kind},
+           {"mobility", s.mobility},
+           {"control", s.control},
+           {"words", quality::in_words(X, s)},
+           {"lost_motion", twist(s.lost_motion)},
+           {"free_motion", twist(s.free_motion)},
+           {"idle_joints", idle},
+           {"characteristic_length_mm", units::to_mm(s.length)}};
+  if (s.constraints) out["constraints"] = *s.constraints;
+  return out;
 }
 
 }  // namespace

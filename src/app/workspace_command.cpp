@@ -9,6 +9,7 @@
 #include "interrupt.hpp"
 #include "polypod/core/memory.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
 #include "polypod/workspace/shape.hpp"
 #include "workspace_files.hpp"
@@ -151,6 +152,53 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
   return held ? kDone : kAnswerIsNo;
 }
 
+/// The region of a task that does not hold x, y, z, in the coordinates of the task.
+Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const Context& context) {
+  POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--report", "--stl", "--vtp", "--vti"},
+                     "it serves machines whose task holds x, y and z"));
+  workspace::Options quiet = options;
+  quiet.progress = nullptr;
+  POLYPOD_ASSIGN(v, workspace::volume(m, quiet));
+  const machine::Task task = kinematics::task(m);
+  double factor = 1;
+  Json names = Json::array(), unit = Json::array(), low = Json::array(), high = Json::array();
+  std::string text;
+  for (int i = 0; i < task.size(); ++i) {
+    const char* of = task.is_angle(i) ? "deg" : "mm";
+    factor *= units::to_user(1, of);
+    names.push_back(machine::name_of(task[i]));
+    unit.push_back(of);
+    low.push_back(units::to_user(v.min[i], of));
+    high.push_back(units::to_user(v.max[i], of));
+    text += fmt::format("{}        {:.2f} .. {:.2f} {}\n", machine::name_of(task[i]), units::to_user(v.min[i], of),
+                        units::to_user(v.max[i], of), of);
+  }
+  std::string product;
+  for (const Json& one : unit) product += (product.empty() ? "" : " ") + one.get<std::string>();
+  if (context.json) {
+    print_json({{"volume_mm3", Json()},
+                {"coordinates", names},
+                {"coordinate_units", unit},
+                {"measure", factor * v.volume},
+                {"measure_lower", factor * v.lower},
+                {"measure_upper", factor * v.upper},
+                {"measure_unit", product},
+                {"bounds", {{"min", low}, {"max", high}}},
+                {"points", v.points},
+                {"converged", v.converged},
+                {"empty", v.empty},
+                {"seconds", v.seconds}});
+  } else if (v.empty) {
+    fmt::print("no coordinates of the task are reachable (proven with {} boxes)\n", v.points);
+  } else {
+    fmt::print(
+        "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
+        "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n",
+        factor * v.volume, product, factor * v.lower, factor * v.upper, text, v.points, v.seconds);
+  }
+  return came_within(v, options) ? kDone : kAnswerIsNo;
+}
+
 }  // namespace
 
 Command workspace_command() {
@@ -175,6 +223,7 @@ Command workspace_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             const SingularNote singular(m, context);
+            if (!kinematics::task(m).places()) return in_coordinates(m, options, context);
             POLYPOD_TRY(o->files.refuse_unused(context));
             if (!o->contains.empty()) {
               POLYPOD_TRY(refuse_beside_contains(context));

@@ -30,7 +30,8 @@ std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& ro
       machine);
 }
 
-Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& target, const JointVector& q) {
+  const Pose X_MT = kinematics::settled(machine, target).value_or(target);
   return std::visit(
       [&](const auto& m) -> Eigen::MatrixXd {
         const std::vector<double> p = kinematics::nominal_parameters(m);

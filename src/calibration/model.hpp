@@ -10,10 +10,7 @@
 
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::calibration {
 

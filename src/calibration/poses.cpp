@@ -317,7 +317,7 @@ std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stan
     low = low.cwiseMin(stand.X_MT.p);
     high = high.cwiseMax(stand.X_MT.p);
   }
-  const bool turns = kinematics::task(machine) != machine::Task::point;
+  const bool turns = kinematics::task(machine).turns();
   const double tilt = turns ? grid_tilt : 0.0;
   const Vec3 tilts[] = {Vec3::Zero(), Vec3(tilt, 0, 0), Vec3(0, tilt, 0), Vec3(-tilt, 0, 0), Vec3(0, -tilt, 0)};
   std::vector<Stand> reached;

@@ -80,10 +80,11 @@ struct Box {
 
 /// Adds a stand at the pose if the machine takes it there; what the joints say must be this pose and no other assembly
 /// mode.
-bool add_stand_at(const AnyMachine& machine, const Pose& X_MT, std::vector<Stand>& out) {
-  const kinematics::InverseResult inverse = kinematics::inverse(machine, X_MT);
+bool add_stand_at(const AnyMachine& machine, const Pose& target, std::vector<Stand>& out) {
+  const kinematics::InverseResult inverse = kinematics::inverse(machine, target);
   const kinematics::Solution* s = inverse.reachable();
   if (s == nullptr) return false;
+  const Pose X_MT = kinematics::settled(machine, target).value_or(target);
   const kinematics::ForwardResult back = kinematics::forward(machine, s->joints);
   if (back.poses.empty()) return false;
   if ((back.poses.front().p - X_MT.p).norm() + (back.poses.front().R - X_MT.R).norm() > 1e-6) return false;
@@ -168,7 +169,7 @@ Result<std::vector<Measurement>> simulate(const AnyMachine& nominal, const AnyMa
         const Vec3 turn =
             units::from_deg(kTilt) * Vec3(noise.uniform(-1, 1), noise.uniform(-1, 1), noise.uniform(-1, 1));
         Pose target = stands[place].X_MT;
-        if (task != machine::Task::point) target.R = rotation_of(turn) * target.R;
+        if (task.turns()) target.R = rotation_of(turn) * target.R;
         target.p = (stands[place].X_MT * o.X_TR).p - target.R * o.X_TR.p + o.noise_position * normal_vector(noise);
         const kinematics::InverseResult inverse = kinematics::inverse(real, target);
         const kinematics::Solution* s = inverse.reachable();

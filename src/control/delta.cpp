@@ -228,8 +228,9 @@ Result<Settings> delta_settings_of(const M& m, Controller controller, const Sett
   if (m.arms != int(kArms)) {
     return fail("CN101", fmt::format("{} has three chains, the machine has {}", s.module, m.arms), {}, kTargetsHint);
   }
-  const std::vector<calibration::Stand> fit = calibration::random_stands(m, options.points, options.seed);
-  const std::vector<calibration::Stand> judge = calibration::random_stands(m, options.points, options.seed + 1);
+  const machine::AnyMachine any(m);
+  const std::vector<calibration::Stand> fit = calibration::random_stands(any, options.points, options.seed);
+  const std::vector<calibration::Stand> judge = calibration::random_stands(any, options.points, options.seed + 1);
   double table = 0;
   if (klipper) {
     for (const auto* stands : {&fit, &judge})

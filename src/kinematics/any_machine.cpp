@@ -11,10 +11,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::kinematics {
 
@@ -75,6 +72,25 @@ ForwardResult delta_poses(const M& m, const JointVector& q) {
   return out;
 }
 
+/// Of a machine whose modes are searched.
+template <class M>
+ForwardResult searched_poses(const M& m, const JointVector& q) {
+  ForwardResult out;
+  out.complete = false;
+  const std::vector<double> p = nominal_parameters(m);
+  out.poses = poses_by_search(m, q);
+  for (const Pose& X : out.poses) {
+    const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+    out.residuals.push_back(closure(m, X, joints, std::span<const double>(p)).cwiseAbs().maxCoeff());
+  }
+  if (out.poses.empty()) {
+    out.reason =
+        "the joints do not close: Newton's method found no pose from home nor from 2000 further starts; that "
+        "there is none is not proven";
+  }
+  return out;
+}
+
 /// Why Newton's way from home ends at no pose: what is known about the poses that these six legs have.
 std::string why_no_mode(const machine::SixLegs& legs) {
   const machine::AssemblyModes modes = machine::assembly_modes(legs);
@@ -94,6 +110,7 @@ ForwardResult forward_all(const AnyMachine& machine, const JointVector& q) {
   return std::visit(
       [&](const auto& m) {
         if constexpr (requires { both_poses(m, q); }) return delta_poses(m, q);
+        if constexpr (requires { poses_by_search(m, q); }) return searched_poses(m, q);
         return forward(machine, q);
       },
       machine);
@@ -112,6 +129,18 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
   return std::visit(
       [&](const auto& m) {
         ForwardResult out;
+        if constexpr (requires { forward_from_home(m, q); }) {
+          const NewtonResult mode = forward_from_home(m, q);
+          out.complete = false;
+          if (mode.converged) {
+            out.poses.push_back(mode.X_MT);
+            out.residuals.push_back(mode.residual);
+          } else {
+            out.reason = fmt::format("the joints do not close from home: the equations stay off by {:.3g} mm",
+                                     units::to_mm(mode.residual));
+          }
+          return out;
+        }
         if constexpr (requires { six_legs(m, q); }) {
           // A parallel machine may have further assembly modes, or none that is real.
           const NewtonResult mode = newton_on_legs(six_legs(m, q), forward(m, q));
@@ -154,6 +183,9 @@ std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, 
   return std::visit(
       [&](const auto& m) -> std::optional<machine::AssemblyModes> {
         if constexpr (requires { six_legs(m, q); }) return machine::assembly_modes(six_legs(m, q));
+        if constexpr (requires { plain_six_legs(m, q); }) {
+          if (const auto legs = plain_six_legs(m, q)) return machine::assembly_modes(*legs);
+        }
         return {};
       },
       machine);
@@ -196,6 +228,40 @@ InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const Jo
   return out;
 }
 
+Pose settled(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  return std::visit(
+      [&]<class M>(const M& m) -> Pose {
+        if constexpr (requires { settled(m, X_MT); }) {
+          return settled(m, X_MT).value_or(X_MT);
+        } else if constexpr (std::is_same_v<M, machine::SerialArm>) {
+          return forward(m, q);
+        } else if constexpr (machine::DeltaFamily<M>) {
+          return Pose{Mat3::Identity(), X_MT.p};
+        } else {
+          return X_MT;
+        }
+      },
+      machine);
+}
+
+std::optional<Pose> settled(const AnyMachine& machine, const Pose& X_MT) {
+  return std::visit(
+      [&](const auto& m) -> std::optional<Pose> {
+        if constexpr (requires { settled(m, X_MT); }) return settled(m, X_MT);
+        return X_MT;
+      },
+      machine);
+}
+
+std::optional<Pose> home_pose(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) -> std::optional<Pose> {
+        if constexpr (requires { home_pose(m); }) return home_pose(m);
+        return {};
+      },
+      machine);
+}
+
 std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
   if (result.solutions.empty()) return result.reason;
   const auto best = std::min_element(
@@ -207,31 +273,39 @@ std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
 }
 
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
-  return std::visit([&](const auto& m) { return jacobian(m, X_MT, q); }, machine);
+  return std::visit(
+      [&](const auto& m) {
+        if constexpr (requires { settled(m, X_MT); }) return jacobian(m, settled(m, X_MT).value_or(X_MT), q);
+        return jacobian(m, X_MT, q);
+      },
+      machine);
 }
 
 Pose pose_of(Task task, const std::vector<double>& c) {
-  const auto at = [&](std::size_t i) { return i < c.size() ? c[i] : 0.0; };
-  Pose X;
-  X.p = Vec3(at(0), at(1), at(2));
-  if (task != Task::point) X.R = rotation_abc(at(3), at(4), task == Task::pose ? at(5) : 0.0);
-  return X;
+  Vec6 all = Vec6::Zero();
+  for (int i = 0; i < task.size() && i < static_cast<int>(c.size()); ++i) {
+    all[static_cast<int>(task[i])] = c[static_cast<std::size_t>(i)];
+  }
+  return {rotation_abc(all[3], all[4], all[5]), all.head<3>()};
 }
 
 std::vector<double> coordinates_of(Task task, const Pose& X) {
-  std::vector<double> c{X.p.x(), X.p.y(), X.p.z()};
-  if (task == Task::pose) {
-    const Vec3 abc = angles_abc(X.R);
-    c.insert(c.end(), {abc.x(), abc.y(), abc.z()});
-  } else if (task == Task::axis) {
-    const Eigen::Vector2d ab = angles_ab(X.R.col(2));
-    c.insert(c.end(), {ab.x(), ab.y()});
+  Vec6 all = Vec6::Zero();
+  all.head<3>() = X.p;
+  if (task.names_axis()) {
+    all.segment<2>(3) = angles_ab(X.R.col(2));
+  } else if (task.turns()) {
+    all.tail<3>() = angles_abc(X.R);
   }
+  std::vector<double> c;
+  for (int i = 0; i < task.size(); ++i) c.push_back(all[static_cast<int>(task[i])]);
   return c;
 }
 
 Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J) {
-  return J.topRows(coordinate_count(task));
+  Eigen::MatrixXd out(task.size(), J.cols());
+  for (int i = 0; i < task.size(); ++i) out.row(i) = J.row(static_cast<int>(task[i]));
+  return out;
 }
 
 namespace {
@@ -252,8 +326,13 @@ Eigen::MatrixXd rates_by_twist(const M& m, const Pose& X, const JointVector& q, 
     S.rightCols(3) /= length;
     return S;
   }
+  if constexpr (requires { m.size; }) {
+    if (length <= 0) length = m.size;
+  }
   if (length <= 0) length = 1;
-  const Eigen::MatrixXd J = task_jacobian(task(m), jacobian(m, X, q));
+  Eigen::MatrixXd J = task_jacobian(task(m), jacobian(m, X, q));
+  for (int i = 0; i < J.rows(); ++i)
+    if (task(m).is_angle(i)) J.row(i) *= length;
   return J.completeOrthogonalDecomposition().pseudoInverse();
 }
 
@@ -270,7 +349,8 @@ Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const JacobianMatr
     length = turning > 0 && length > 0 ? length / turning : 1.0;
   }
   Eigen::MatrixXd S = task_jacobian(task(arm), J);
-  if (S.rows() > 3) S.bottomRows(S.rows() - 3) *= length;
+  for (int i = 0; i < S.rows(); ++i)
+    if (task(arm).is_angle(i)) S.row(i) *= length;
   return S;
 }
 
@@ -286,7 +366,8 @@ Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVect
     if (square.rows() == square.cols()) out.determinant = square.determinant();
     S = twist_by_rates(*arm, J, out.characteristic_length);
   } else {
-    S = std::visit([&](const auto& m) { return rates_by_twist(m, X_MT, q, out.characteristic_length); }, machine);
+    const Pose X = settled(machine, X_MT).value_or(X_MT);
+    S = std::visit([&](const auto& m) { return rates_by_twist(m, X, q, out.characteristic_length); }, machine);
     if (S.rows() == S.cols()) out.determinant = std::abs(S.determinant());
   }
   out.condition = std::numeric_limits<double>::infinity();

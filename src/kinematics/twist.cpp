@@ -19,7 +19,7 @@ Pose twisted(const Pose& X_MT, double gamma) {
 std::vector<TwistRange> twist_ranges(const AnyMachine& machine, const Pose& X_MT, double step) {
   const auto works = [&](double gamma) { return inverse(machine, twisted(X_MT, gamma)).reachable() != nullptr; };
   const std::vector<TwistRange> all{{-std::numbers::pi, std::numbers::pi}};
-  if (task(machine) != Task::pose) return works(0) ? all : std::vector<TwistRange>{};
+  if (task(machine).size() < 6) return works(0) ? all : std::vector<TwistRange>{};
   const int count = std::max(8, static_cast<int>(std::ceil(kTurn / step)));
   const auto angle = [&](int k) { return -std::numbers::pi + kTurn * k / count; };
   std::vector<bool> ok(static_cast<std::size_t>(count));

@@ -2,6 +2,7 @@
 #include "polypod/machine/any_machine.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -44,6 +45,41 @@ Result<Pose> read_frame(const config::Table& table, const std::string& key) {
   POLYPOD_TRY(frame->finish());
   return Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)),
               {units::from_mm(x), units::from_mm(y), units::from_mm(z)}};
+}
+
+Result<Task> read_task(const config::Table& table, Task otherwise) {
+  constexpr const char* kRule = "must be \"pose\", \"axis\", \"point\" or a list of x, y, z, A, B, C";
+  if (!table.has("task")) return otherwise;
+  if (table.holds_text("task")) {
+    POLYPOD_ASSIGN(name, table.text("task"));
+    if (name == "pose") return Task::pose;
+    if (name == "axis") return Task::axis;
+    if (name == "point") return Task::point;
+    return fail("MA119", fmt::format("task = \"{}\" {}", name, kRule), table.place_of("task"));
+  }
+  POLYPOD_ASSIGN(names, table.optional_texts("task"));
+  Task out;
+  for (const std::string& name : names) {
+    bool known = false;
+    for (int k = 0; k < 6; ++k) {
+      const auto c = static_cast<Coordinate>(k);
+      if (name != name_of(c) && !(k >= 3 && name.size() == 1 && name[0] == "abc"[k - 3])) continue;
+      if (out.holds(c)) {
+        return fail("MA119", fmt::format("task names {} twice", name_of(c)), table.place_of("task"));
+      }
+      out.push_back(c);
+      known = true;
+    }
+    if (!known) return fail("MA119", fmt::format("task holds \"{}\", but {}", name, kRule), table.place_of("task"));
+  }
+  if (out.size() == 0) return fail("MA119", "task is empty", table.place_of("task"), kRule);
+  return out;
+}
+
+std::string task_toml(Task task) {
+  std::string out;
+  for (int i = 0; i < task.size(); ++i) out += fmt::format("{}\"{}\"", i > 0 ? ", " : "", name_of(task[i]));
+  return fmt::format("task = [{}]\n", out);
 }
 
 namespace {
@@ -169,30 +205,23 @@ std::string without_indices(const std::string& key) {
   return out;
 }
 
+/// The machine that the first family of this name reads.
+template <class... F>
+Result<AnyMachine> read_as(FamilyList<F...>, const std::string& family, const config::Table& table) {
+  Result<AnyMachine> out = fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
+                                fmt::format("known: {}", fmt::join(std::array{F::kFamily...}, ", ")));
+  const auto attempt = [&]<class M>(std::type_identity<M>) {
+    if (family != M::kFamily) return false;
+    out = M::from(table).map([](M&& m) { return AnyMachine(std::move(m)); });
+    return true;
+  };
+  (void)(attempt(std::type_identity<F>{}) || ...);
+  return out;
+}
+
 Result<AnyMachine> machine_from(const config::Table& table) {
   POLYPOD_ASSIGN(family, table.text("family"));
-  if (family == SerialArm::kFamily) {
-    POLYPOD_ASSIGN(arm, serial_arm_from(table));
-    return AnyMachine(std::move(arm));
-  }
-  if (family == StrutHexapod::kFamily) {
-    POLYPOD_ASSIGN(m, strut_hexapod_from(table));
-    return AnyMachine(std::move(m));
-  }
-  if (family == SliderHexapod::kFamily) {
-    POLYPOD_ASSIGN(m, slider_hexapod_from(table));
-    return AnyMachine(std::move(m));
-  }
-  if (family == RotaryDelta::kFamily) {
-    POLYPOD_ASSIGN(m, rotary_delta_from(table));
-    return AnyMachine(std::move(m));
-  }
-  if (family == LinearDelta::kFamily) {
-    POLYPOD_ASSIGN(m, linear_delta_from(table));
-    return AnyMachine(std::move(m));
-  }
-  return fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
-              "known: serial, strut-hexapod, slider-hexapod, rotary-delta, linear-delta");
+  return read_as(Families{}, family, table);
 }
 
 std::vector<Parameter> parameters_of(const AnyMachine& machine) {
@@ -287,13 +316,9 @@ Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Overr
 
 std::vector<Parameter> settings(const AnyMachine& machine) {
   return std::visit(
-      []<class M>(const M& m) {
-        // Not asked by `requires`: an arm converts to AnyMachine, and so to this function.
-        if constexpr (std::is_same_v<M, SerialArm>) {
-          return std::vector<Parameter>{};
-        } else {
-          return settings(m);
-        }
+      [](const auto& m) {
+        if constexpr (requires { settings(m); }) return settings(m);
+        return std::vector<Parameter>{};
       },
       machine);
 }
@@ -301,10 +326,7 @@ std::vector<Parameter> settings(const AnyMachine& machine) {
 Result<AnyMachine> with_parameters(const AnyMachine& machine, std::span<const double> p) {
   return std::visit(
       [&]<class M>(const M& m) -> Result<AnyMachine> {
-        // Its own function, by its result: this one takes any family, too.
-        if constexpr (requires {
-                        { with_parameters(m, p) } -> std::same_as<Result<M>>;
-                      }) {
+        if constexpr (requires { with_parameters(m, p); }) {
           if (const std::size_t wanted = parameters(m).size(); p.size() != wanted) {
             return fail("MA105", fmt::format("{} values for {} parameters", p.size(), wanted));
           }

@@ -69,7 +69,7 @@ bool find_home(LinearDelta& m) {
 
 }  // namespace
 
-Result<LinearDelta> linear_delta_from(const config::Table& table) {
+Result<LinearDelta> LinearDelta::from(const config::Table& table) {
   LinearDelta m;
   POLYPOD_ASSIGN(chains, read_arms(table));
   POLYPOD_TRY(read_delta(table, chains, m, m.symmetric));
@@ -155,7 +155,7 @@ Result<LinearDelta> with_parameters(const LinearDelta& m, std::span<const double
     out.symmetric.reset();
   }
   POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
-  return linear_delta_from(table);
+  return LinearDelta::from(table);
 }
 
 }  // namespace polypod::machine

@@ -15,6 +15,11 @@ Status read_common(const config::Table& table, std::string& name, std::string& d
 /// A frame `{x_mm, y_mm, z_mm, a_deg, b_deg, c_deg}` with R = R_z(C) R_y(B) R_x(A); missing numbers are 0.
 Result<Pose> read_frame(const config::Table& table, const std::string& key);
 
+/// `task`: "pose", "axis", "point", or a list of coordinates. Error: MA119.
+Result<Task> read_task(const config::Table& table, Task otherwise);
+/// The same as a line of a file, a list.
+std::string task_toml(Task task);
+
 /// `limits = { x_min_mm, ..., z_max_mm }`, each may be left out. Error: MA142 (a least value not below its largest).
 Status read_tip_limits(const config::Table& table, TipLimits& limits);
 /// The same as a line of a file; empty where no limit is given.

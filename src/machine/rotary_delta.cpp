@@ -80,7 +80,7 @@ bool find_home(RotaryDelta& m) {
 
 }  // namespace
 
-Result<RotaryDelta> rotary_delta_from(const config::Table& table) {
+Result<RotaryDelta> RotaryDelta::from(const config::Table& table) {
   RotaryDelta m;
   POLYPOD_ASSIGN(chains, read_arms(table));
   POLYPOD_TRY(read_delta(table, chains, m, m.symmetric));
@@ -186,7 +186,7 @@ Result<RotaryDelta> with_parameters(const RotaryDelta& m, std::span<const double
     out.symmetric.reset();
   }
   POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
-  return rotary_delta_from(table);
+  return RotaryDelta::from(table);
 }
 
 }  // namespace polypod::machine

@@ -111,7 +111,7 @@ int SerialArm::free_joints() const {
   return static_cast<int>(std::count_if(dh.begin(), dh.end(), [](const DhRow& row) { return !row.locked; }));
 }
 
-Result<SerialArm> serial_arm_from(const config::Table& table) {
+Result<SerialArm> SerialArm::from(const config::Table& table) {
   SerialArm arm;
   POLYPOD_TRY(read_common(table, arm.name, arm.description, arm.provenance));
   POLYPOD_ASSIGN(convention, table.optional_text("convention", "standard"));
@@ -140,17 +140,8 @@ Result<SerialArm> serial_arm_from(const config::Table& table) {
   arm.X_MB = base;
   arm.X_FT = tool;
   const int free = arm.free_joints();
-  POLYPOD_ASSIGN(task, table.optional_text("task", free >= 6 ? "pose" : free == 5 ? "axis" : "point"));
-  if (task == "pose") {
-    arm.task = Task::pose;
-  } else if (task == "axis") {
-    arm.task = Task::axis;
-  } else if (task == "point") {
-    arm.task = Task::point;
-  } else {
-    return fail("MA119", fmt::format("task = \"{}\" must be \"pose\", \"axis\" or \"point\"", task),
-                table.place_of("task"));
-  }
+  POLYPOD_ASSIGN(task, read_task(table, free >= 6 ? Task::pose : free == 5 ? Task::axis : Task::point));
+  arm.task = task;
   POLYPOD_TRY(table.finish());
   return arm;
 }
@@ -181,7 +172,11 @@ Result<SerialArm> with_parameters(const SerialArm& arm, std::span<const double> 
 
 std::string to_toml(const SerialArm& arm) {
   std::string out = common_toml(arm.name, "serial", arm.description);
-  out += fmt::format("task = \"{}\"\n", arm.task == Task::pose ? "pose" : arm.task == Task::axis ? "axis" : "point");
+  const char* name = arm.task == Task::pose    ? "pose"
+                     : arm.task == Task::axis  ? "axis"
+                     : arm.task == Task::point ? "point"
+                                               : nullptr;
+  out += name != nullptr ? fmt::format("task = \"{}\"\n", name) : task_toml(arm.task);
   out += fmt::format("convention = \"{}\"\n\ndh = [\n",
                      arm.convention == DhConvention::standard ? "standard" : "modified");
   for (const DhRow& row : arm.dh) {

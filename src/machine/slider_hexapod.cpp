@@ -73,7 +73,7 @@ Result<SliderHexapod> with_rails(const config::Table& table, SliderHexapod m) {
 
 }  // namespace
 
-Result<SliderHexapod> slider_hexapod_from(const config::Table& table) {
+Result<SliderHexapod> SliderHexapod::from(const config::Table& table) {
   SliderHexapod empty;
   POLYPOD_TRY(read_common(table, empty.name, empty.description, empty.provenance));
   POLYPOD_ASSIGN(m, with_rails(table, std::move(empty)));
@@ -236,7 +236,7 @@ Result<SliderHexapod> with_parameters(const SliderHexapod& m, std::span<const do
   out.tool_length = p[60];
   if (out.platform_joint != m.platform_joint) out.platform_circle.reset();
   POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
-  return slider_hexapod_from(table);
+  return SliderHexapod::from(table);
 }
 
 }  // namespace polypod::machine

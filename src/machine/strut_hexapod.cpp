@@ -40,7 +40,7 @@ std::optional<double> height_of_mean_length(const StrutHexapod& m, double wanted
 
 }  // namespace
 
-Result<StrutHexapod> strut_hexapod_from(const config::Table& table) {
+Result<StrutHexapod> StrutHexapod::from(const config::Table& table) {
   StrutHexapod m;
   POLYPOD_TRY(read_common(table, m.name, m.description, m.provenance));
   POLYPOD_ASSIGN(base, read_joints(table, "base", true));
@@ -162,7 +162,7 @@ Result<StrutHexapod> with_parameters(const StrutHexapod& m, std::span<const doub
   if (out.base_joint != m.base_joint) out.base_circle.reset();
   if (out.platform_joint != m.platform_joint) out.platform_circle.reset();
   POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));
-  return strut_hexapod_from(table);
+  return StrutHexapod::from(table);
 }
 
 }  // namespace polypod::machine

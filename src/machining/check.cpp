@@ -9,6 +9,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/job.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -20,6 +21,7 @@ constexpr double kJump = 0.5;
 
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
                           const gcode::Interpretation& interpretation, const CheckOptions& options) {
+  POLYPOD_TRY(follows_programs(machine));
   CheckResult out;
   out.notes = interpretation.notes;
   const machine::Task task = kinematics::task(machine);
@@ -55,10 +57,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
       const double share = double(k) / steps;
       const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
-      Pose X{rotation_abc(axes.x(), axes.y(), task == machine::Task::pose ? axes.z() : 0.0),
+      Pose X{rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0),
              move.point(length * share)};
       X = X_MW * X;
-      if (task == machine::Task::axis) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
+      if (task.names_axis()) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
       const kinematics::InverseResult inverse =
           last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
       const auto where = [&] {

@@ -7,6 +7,7 @@
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -118,6 +119,14 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
   return std::make_shared<const MeasuredCompliance>(MeasuredCompliance{files, std::move(*map)});
 }
 
+Status follows_programs(const machine::AnyMachine& machine) {
+  if (kinematics::task(machine).places()) return {};
+  return fail("MC309",
+              fmt::format("{} does not hold x, y, z in its task: it cannot follow a program on its own",
+                          machine::name_of(machine)),
+              {}, "take a machine whose task holds x, y and z");
+}
+
 Result<Job> read_job(const std::string& path) {
   POLYPOD_ASSIGN(table, config::read_file(path));
   Job job;
@@ -127,6 +136,7 @@ Result<Job> read_job(const std::string& path) {
   const std::string beside = config::beside(path, machine_name);
   std::error_code ec;
   POLYPOD_ASSIGN(machine, machine::load(std::filesystem::exists(beside, ec) ? beside : machine_name));
+  POLYPOD_TRY(follows_programs(machine));
   job.machine = std::move(machine);
   job.machine_name = machine_name;
   POLYPOD_ASSIGN(tolerance, table.number("tolerance_um", {0, 1e5, true, false}));

@@ -113,6 +113,34 @@ Spread together(const Spread& a, const Spread& b) {
 
 }  // namespace
 
+namespace {
+
+/// Material and forces are taken with the tool along z. A machine whose orientation follows from its position leans its
+/// tool: what that does is not judged. Seen at the points that are kept of the way.
+std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& program, const Way& way,
+                                      const std::vector<Sample>& samples) {
+  constexpr double kUpright = units::from_deg(0.1);
+  double most = 0;
+  int move = -1;
+  for (const Sample& sample : samples) {
+    const Pose target{Mat3::Identity(), job.X_MW * sample.command};
+    const double lean =
+        angle_between(kinematics::settled(job.machine, target).value_or(target).R.col(2), Vec3::UnitZ());
+    if (lean > most) {
+      most = lean;
+      move = sample.move;
+    }
+  }
+  if (most <= kUpright) return {};
+  const auto& block = program.blocks[static_cast<std::size_t>(way.moves[static_cast<std::size_t>(move)].move.block)];
+  return NotJudged{block.line,
+                   fmt::format("the machine leans its tool by up to {:.1f} deg, and material and forces are computed "
+                               "with the tool along z",
+                               units::to_deg(most))};
+}
+
+}  // namespace
+
 bool is_plunge(const gcode::Move& move) {
   constexpr double kSteep = 0.866;  // sine of 60 deg
   return move.kind == gcode::MoveKind::line && move.length() > 0 && move.direction(0).z() < -kSteep;
@@ -305,6 +333,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
          fmt::format("force and deflection do not settle: they still move by {:.1f} um", units::to_um(u.rest))});
   }
   std::sort(out.moves.begin(), out.moves.end(), [](const auto& a, const auto& b) { return a.move < b.move; });
+  if (auto leaning = leaning_tool(job, program, way, out.few)) out.not_judged.push_back(std::move(*leaning));
   return out;
 }
 

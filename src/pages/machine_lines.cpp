@@ -6,10 +6,7 @@
 #include <numeric>
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -114,6 +111,40 @@ std::vector<Line3> lines_of(const M& m, const Vec3&) {
   platform.points.push_back(platform.points.front());
   out.push_back(std::move(platform));
   out.push_back({"tool", {mm(m.home - m.tool), mm(m.home)}, Colour::vermillion, kThick, false});
+  out.push_back(std::move(joints));
+  return out;
+}
+
+/// At home: what drives the legs, the legs, the platform joints to the tool tip.
+std::vector<Line3> lines_of(const machine::Parallel& m, const Vec3&) {
+  const Pose X = m.home;
+  const auto q = joints_of(m, X);
+  std::vector<Line3> out;
+  Line3 joints{"", {}, Colour::ink, kDot, true}, platform{"platform at home", {}, Colour::blue, kThick, false};
+  Vec3 middle = Vec3::Zero();
+  Eigen::Index drive = 0;
+  for (const machine::ParallelLeg& leg : m.legs) {
+    const double reading = leg.driven() && q ? (*q)[drive++] : 0.0;
+    const Vec3 anchor = leg_anchor(leg, reading), end = leg_end(m, leg, X);
+    if (leg.drive == machine::LegDrive::rail) {
+      out.push_back({"rails",
+                     {mm(leg_anchor(leg, leg.range.min)), mm(leg_anchor(leg, leg.range.max))},
+                     Colour::muted,
+                     kThick,
+                     false});
+    }
+    if (leg.drive == machine::LegDrive::crank) {
+      out.push_back({"arms at home", {mm(leg.base), mm(anchor)}, Colour::ink, kThick, false});
+    }
+    out.push_back({"legs at home", {mm(anchor), mm(end)}, Colour::ink, leg.driven() ? kThick : kThin, false});
+    joints.points.push_back(mm(anchor));
+    joints.points.push_back(mm(end));
+    platform.points.push_back(mm(end));
+    middle += end / static_cast<double>(m.legs.size());
+  }
+  platform.points.push_back(platform.points.front());
+  out.push_back(std::move(platform));
+  out.push_back({"tool", {mm(middle), mm(X.p)}, Colour::vermillion, kThick, false});
   out.push_back(std::move(joints));
   return out;
 }

@@ -420,7 +420,7 @@ class Page {
                                 : "Areas are those inside the black line.");
   }
 
-  [[nodiscard]] bool tilts() const { return kinematics::task(machine_) != machine::Task::point; }
+  [[nodiscard]] bool tilts() const { return kinematics::task(machine_).turns(); }
 
   /// A proven volume with few boxes.
   [[nodiscard]] Result<Volume> quick(Options options) const {
@@ -527,6 +527,9 @@ class Page {
   /// Whether a volume without this limit means anything: without the ends of struts and rails a hexapod has no reach.
   [[nodiscard]] bool may_go(int limit) const {
     if (limit == workspace::kOutOfReach) return false;
+    if (const auto* legs = std::get_if<machine::Parallel>(&machine_)) {
+      return limit >= 2 * static_cast<int>(legs->driven.size());
+    }
     return std::holds_alternative<machine::SerialArm>(machine_) || !tilts() || limit >= 12;
   }
 
@@ -637,6 +640,7 @@ class Page {
     const int count = std::visit(
         []<class M>(const M& m) {
           if constexpr (std::is_same_v<M, machine::SerialArm>) return 2 * m.free_joints();
+          if constexpr (std::is_same_v<M, machine::Parallel>) return 2 * static_cast<int>(m.driven.size()) + 6;
           if constexpr (std::is_base_of_v<machine::Delta, M>) return machine::DeltaLimits::kCount;
           return machine::HexapodLimits::kCount;
         },

@@ -107,10 +107,15 @@ std::vector<Element> elements(const AnyMachine& machine) {
                    turns ? "deg" : "mm",
                    false});
   }
-  const bool hexapod =
-      std::holds_alternative<machine::StrutHexapod>(machine) || std::holds_alternative<machine::SliderHexapod>(machine);
+  const bool attached = std::visit(
+      []<class M>(const M&) {
+        return requires {
+          M::kAttachments;
+        };
+      },
+      machine);
   for (const char* platform : {"base", "platform"}) {
-    if (!hexapod) break;
+    if (!attached) break;
     const std::string joint = std::string(platform) + ".joint", attachment = std::string(platform) + ".attachment";
     std::vector<Element> attachments;
     for (const Element& e : out)

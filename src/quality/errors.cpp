@@ -11,18 +11,8 @@
 #include "polypod/core/random.hpp"
 
 namespace polypod::quality {
-namespace {
-
-/// The pose that the joints give: of a machine of Task::axis, with the turn about the tool axis that it really has.
-Pose settled(const AnyMachine& machine, const Pose& X, const JointVector& q) {
-  const auto* arm = std::get_if<machine::SerialArm>(&machine);
-  return arm != nullptr ? machine::forward(*arm, q) : X;
-}
-
-}  // namespace
-
 Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w) {
-  if (task != machine::Task::axis) return w;
+  if (!task.names_axis()) return w;
   const Vec3 k = X.R.col(2);
   return w - k * k.dot(w);
 }
@@ -37,7 +27,7 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
   }
   return std::visit(
       [&](const auto& m) -> Columns {
-        const Pose& X = X_MT;
+        const Pose X = kinematics::settled(machine, X_MT).value_or(X_MT);
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         const auto A = kinematics::closure_by_pose(m, X, joints, p);
         Eigen::MatrixXd F = Eigen::MatrixXd::Zero(A.rows(), static_cast<Eigen::Index>(p.size()) + q.size());
@@ -117,7 +107,7 @@ double orientation_error(const AnyMachine& machine, const Pose& X, const Vec6& e
 
 std::optional<Vec6> known_error_exact(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
                                       const std::vector<Sized>& errors) {
-  const Pose X = settled(machine, X_MT, q);
+  const Pose X = kinematics::settled(machine, X_MT, q);
   const Plan plan(machine, errors);
   const std::vector<Element> all = elements(machine);
   return std::visit(

@@ -23,9 +23,21 @@ namespace {
 struct Sides {
   Eigen::MatrixXd A, B;
   double length = 1;
+  std::optional<double> constraints;  ///< see Singularity
 };
 
-Sides sides_of(const AnyMachine& machine, const Pose& X, const JointVector& q, double length) {
+/// Each row of A divided by the length of its translational part (by its own if it has no other), that of B alike.
+void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
+  for (int i = 0; i < A.rows(); ++i) {
+    const double along = A.row(i).head(3).norm(), whole = A.row(i).norm();
+    const double unit = along > 1e-12 * whole ? along : whole;
+    A.row(i) /= unit;
+    if (B != nullptr) B->row(i) /= unit;
+  }
+}
+
+Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
+  const Pose X = kinematics::settled(machine, X_MT).value_or(X_MT);
   Sides out;
   out.length = kinematics::dexterity(machine, X, q, length).characteristic_length;
   const double L = out.length;
@@ -48,15 +60,18 @@ Sides sides_of(const AnyMachine& machine, const Pose& X, const JointVector& q, d
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         out.A = kinematics::closure_by_pose(m, X, joints, p);
         out.B = kinematics::closure_by_joints(m, X, joints, p);
+        if constexpr (requires { passive_rows(m, X); }) {
+          Eigen::MatrixXd C = passive_rows(m, X).A;
+          const int held = 6 - task(m).size();
+          if (held < 1 || C.rows() < held) return;
+          C.rightCols(3) /= L;
+          divide_rows(C, nullptr);
+          out.constraints = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues()[held - 1];
+        }
       },
       machine);
   out.A.rightCols(3) /= L;
-  for (int i = 0; i < out.A.rows(); ++i) {
-    const double along = out.A.row(i).head(3).norm();
-    const double unit = along > 1e-12 * out.A.row(i).norm() ? along : out.A.row(i).norm();
-    out.A.row(i) /= unit;
-    out.B.row(i) /= unit;
-  }
+  divide_rows(out.A, &out.B);
   for (int i = 0; i < out.B.cols(); ++i)
     if (kinematics::joint_kind(machine, i) == machine::JointKind::revolute) out.B.col(i) /= L;
   return out;
@@ -131,7 +146,8 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
   const Sides sides = sides_of(machine, X_MT, q, length);
   Singularity out;
   out.length = sides.length;
-  const Pose X = kinematics::is_serial(machine) ? machine::forward(std::get<machine::SerialArm>(machine), q) : X_MT;
+  out.constraints = sides.constraints;
+  const Pose X = kinematics::settled(machine, X_MT, q);
 
   const Eigen::JacobiSVD<Eigen::MatrixXd> A(sides.A, Eigen::ComputeFullV);
   out.control = A.singularValues().tail<1>()[0];
@@ -190,6 +206,9 @@ std::string in_words(const Pose& X, const Singularity& s) {
   if (s.kind == 3) out += "; and ";
   if (s.kind & 2)
     out += "cannot be held (kind 2): with all drives standing the tool " + motion_in_words(X, s.free_motion, s.length);
+  if ((s.kind & 2) != 0 && s.constraints && *s.constraints < kSingularThreshold) {
+    out += "; its constraints let it go, whatever the drives do";
+  }
   return out;
 }
 
@@ -276,7 +295,7 @@ std::vector<JudgedPose> poses_round_home(const AnyMachine& machine, const Pose& 
   constexpr int kTrials = 800, kScales = 10;
   Random random(1);
   std::vector<JudgedPose> within, beyond;
-  const bool turns = kinematics::task(machine) != machine::Task::point;
+  const bool turns = kinematics::task(machine).turns();
   const double reach = home.p.norm() > 0 ? home.p.norm() : 1;
   for (int trial = 0; trial < kTrials && within.size() < kJudged; ++trial) {
     const double scale = trial == 0 ? 0 : std::ldexp(1.0, -1 - trial % kScales);

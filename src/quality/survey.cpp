@@ -123,7 +123,7 @@ Pose pose_at(const Survey& survey, std::size_t point, int direction) {
 Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   Survey out;
   out.orientations = workspace::sampled_orientations(options.workspace.directions);
-  if (kinematics::task(machine) == machine::Task::point) out.orientations = {Mat3::Identity()};
+  if (!kinematics::task(machine).turns()) out.orientations = {Mat3::Identity()};
   if (options.box) {
     const auto& [low, high] = *options.box;
     if (options.resolution < 2 || options.resolution > 512) {

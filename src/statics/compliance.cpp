@@ -6,10 +6,7 @@
 #include <concepts>
 #include <optional>
 
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::statics {
 
@@ -107,6 +104,27 @@ std::string column_name(const machine::Delta& m, int i) {
 }
 int column_count(const machine::Delta& m) {
   return 2 * m.arms;
+}
+
+/// Machines of legs: a column of each leg, driven or not, by what it becomes longer.
+Columns columns_of(const machine::Parallel& m, const JointVector& q, const Pose* X_MT) {
+  const Pose X = X_MT != nullptr ? settled(m, *X_MT).value_or(*X_MT) : machine::forward(m, q);
+  return {X, machine::leg_columns(m, X, q)};
+}
+double column_compliance(const machine::Parallel& m, int i) {
+  return m.legs[static_cast<std::size_t>(i)].compliance;
+}
+void set_column_compliance(machine::Parallel& m, int i, double c) {
+  m.legs[static_cast<std::size_t>(i)].compliance = c;
+}
+std::string column_name(const machine::Parallel&, int i) {
+  return fmt::format("leg {}", i + 1);
+}
+int column_count(const machine::Parallel& m) {
+  return static_cast<int>(m.legs.size());
+}
+bool column_turns(const machine::Parallel&, int) {
+  return false;
 }
 
 /// Whether the column turns (rad/Nm) or slides or stretches (m/N).
@@ -229,9 +247,11 @@ bool has_compliance(const AnyMachine& machine) {
 
 Status needs_compliance(const AnyMachine& machine) {
   if (has_compliance(machine)) return {};
-  return fail("AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
-              "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
-              "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas) in the machine file");
+  return fail(
+      "AP105", fmt::format("{} has no compliances", machine::name_of(machine)), {},
+      "give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods), drive.compliance_rad_per_Nm, "
+      "rail.compliance_um_per_N or rod.compliance_um_per_N (deltas), compliance_um_per_N of each [[leg]] (machines of "
+      "legs) in the machine file");
 }
 
 struct Probe::Impl {

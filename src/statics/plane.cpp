@@ -63,6 +63,29 @@ requires std::derived_from<M, machine::Delta> Box span_of(const M& m) {
   return {m.home - Vec3::Constant(reach), m.home + Vec3::Constant(reach)};
 }
 
+/// Round what the legs are fixed to: the way of the drive, the leg, and from its end to the tip.
+Box span_of(const machine::Parallel& m) {
+  Box box{Vec3::Constant(std::numeric_limits<double>::infinity()),
+          Vec3::Constant(-std::numeric_limits<double>::infinity())};
+  for (const machine::ParallelLeg& leg : m.legs) {
+    const double lever =
+        leg.ring ? (leg.ring->center - m.tool).norm() + leg.ring->radius : (leg.platform - m.tool).norm();
+    const double leg_length = leg.drive == machine::LegDrive::strut ? leg.range.max : leg.rod + leg.arm;
+    std::array<Vec3, 2> ends{leg.base, leg.base};
+    if (leg.drive == machine::LegDrive::rail) {
+      ends = {leg.base + leg.range.min * leg.rail, leg.base + leg.range.max * leg.rail};
+    }
+    for (const Vec3& end : ends) {
+      box.low = box.low.cwiseMin(end - Vec3::Constant(leg_length + lever));
+      box.high = box.high.cwiseMax(end + Vec3::Constant(leg_length + lever));
+    }
+  }
+  return box;
+}
+
+Vec3 middle_of(const machine::Parallel& m) {
+  return m.home.p;
+}
 Vec3 middle_of(const machine::SerialArm&) {
   return Vec3::Zero();
 }

@@ -12,10 +12,7 @@
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::workspace {
 namespace {
@@ -223,6 +220,50 @@ class DeltaJudge {
   std::vector<double> p_;
 };
 
+/// Machines of legs, on the roots that they take.
+class ParallelJudge {
+ public:
+  static constexpr int kBranches = 1;
+  std::vector<Slot> slots;
+
+  ParallelJudge(const machine::Parallel& m, const Options& options) : m_(m), p_(kinematics::nominal_parameters(m)) {
+    const int n = joint_count(m);
+    for (int i = 0; i < 2 * n + 6; ++i) {
+      if ((options.limits >> i & 1U) == 0) continue;
+      const int tip = i - 2 * n;
+      if (tip >= 0 && !std::isfinite(tip < 3 ? m.low[tip] : m.high[tip - 3])) continue;
+      const bool crank = tip < 0 && driven_leg(m, i / 2).drive == machine::LegDrive::crank;
+      slots.push_back({i, crank ? driven_leg(m, i / 2).arm : 1.0});
+    }
+    slots.push_back({kOutOfReach, 1});
+  }
+  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
+
+  void values(const Pose& target, double* out) const {
+    const std::optional<Pose> X = settled(m_, target);
+    double reach = X ? kUnknown : -kUnknown;
+    machine::JointVector q(joint_count(m_));
+    for (int j = 0; X && j < q.size(); ++j) {
+      const machine::LegRoots roots = leg_roots(m_, driven_leg(m_, j), *X);
+      if (driven_leg(m_, j).two_roots()) reach = std::min(reach, roots.under / driven_leg(m_, j).rod);
+      q[j] = roots.low;
+    }
+    std::vector<double> g;
+    if (X) {
+      if (const auto taken = joints_of(m_, *X)) q = *taken;
+      g = limits(m_, *X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())),
+                 std::span<const double>(p_));
+    }
+    for (const Slot& slot : slots) {
+      *out++ = slot.limit == kOutOfReach ? reach : X ? slot.scale * g[static_cast<std::size_t>(slot.limit)] : kUnknown;
+    }
+  }
+
+ private:
+  const machine::Parallel& m_;
+  std::vector<double> p_;
+};
+
 /// Samples on a line of directions: indices first, first + stride, ...; closed: the last is next to the first.
 struct Line {
   int first = 0, count = 1, stride = 1;
@@ -426,6 +467,14 @@ Result<std::unique_ptr<PointJudge>> judge_for(const machine::SerialArm& arm, con
                                               const FieldOptions& field_options) {
   POLYPOD_ASSIGN(closed, machine::WristInverse::of(arm));
   return std::make_unique<JudgeOf<ArmJudge>>(ArmJudge(closed, options.limits), options, field_options);
+}
+Result<std::unique_ptr<PointJudge>> judge_for(const machine::Parallel& m, const Options& options,
+                                              const FieldOptions& field_options) {
+  if (!m.task.places()) {
+    return fail("WS107", fmt::format("{} does not hold x, y, z in its task: there is no field over positions", m.name),
+                {}, "`polypod workspace` measures such a machine in the coordinates of its task");
+  }
+  return std::make_unique<JudgeOf<ParallelJudge>>(ParallelJudge(m, options), options, field_options);
 }
 template <class Hexapod>
 Result<std::unique_ptr<PointJudge>> judge_for(const Hexapod& m, const Options& options,

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <tbb/task_arena.h>
 
+#include "../families/parallel/bounds.hpp"
 #include "arm_limits.hpp"
 #include "delta_limits.hpp"
 #include "hexapod_limits.hpp"
@@ -64,6 +65,27 @@ auto with_limits(const machine::SerialArm& arm, const Options& options, Ask&& as
   }
   return ask(ArmLimits(closed->form(), options.limits));
 }
+template <class Ask>
+auto with_limits(const machine::Parallel& m, const Options& options, Ask&& ask)
+    -> decltype(ask(ParallelLimits(m, options))) {
+  const machine::Task task = m.task;
+  if (!task.places() && task.size() != 3) {
+    return fail("WS106", fmt::format("{}: a task of {} coordinates without x, y, z has no volume", m.name, task.size()),
+                {}, "workspaces are for tasks that hold x, y, z, or three coordinates in all");
+  }
+  const Directions& d = options.directions;
+  const auto asks = [](const std::optional<std::array<double, 2>>& range) {
+    return range && *range != std::array<double, 2>{0, 0};
+  };
+  const bool whole = task.size() == 6 || task.names_axis();
+  if ((d.tilt != 0 && !whole) || (asks(d.a_range) && !(task.places() && task.holds(machine::Coordinate::a))) ||
+      (asks(d.b_range) && !(task.places() && task.holds(machine::Coordinate::b)))) {
+    return fail("WS104",
+                fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles", m.name), {},
+                "leave out the tilt and the ranges of A and B");
+  }
+  return ask(ParallelLimits(m, options));
+}
 template <machine::DeltaFamily M, class Ask>
 auto with_limits(const M& m, const Options& options, Ask&& ask) -> decltype(ask(DeltaBounds<M>(m, options))) {
   const Directions& d = options.directions;
@@ -96,6 +118,7 @@ LimitBits delta_bits(const std::string& name) {
 }  // namespace
 
 LimitBits interference_bits(const AnyMachine& machine) {
+  if (std::holds_alternative<machine::Parallel>(machine)) return 0;
   if (std::holds_alternative<machine::SerialArm>(machine)) return 0;
   if (is_delta(machine)) return bits_between(machine::DeltaLimits::kFirstBody, machine::DeltaLimits::kCount);
   LimitBits bits = 0;
@@ -111,7 +134,17 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
     const std::size_t comma = std::min(names.find(',', start), names.size());
     const std::string name = names.substr(start, comma - start);
     start = comma + 1;
-    if (serial) {
+    if (const auto* parallel = std::get_if<machine::Parallel>(&machine)) {
+      const int n = joint_count(*parallel);
+      if (name == "length" || name == "drive") {
+        bits |= bits_between(0, 2 * n);
+      } else if (name == "coordinates") {
+        bits |= bits_between(2 * n, 2 * n + 6);
+      } else {
+        return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
+                    "limits: drive (or length), coordinates");
+      }
+    } else if (serial) {
       int joint = 0;
       for (const char c : name) joint = c >= '0' && c <= '9' && joint < 100 ? 10 * joint + (c - '0') : 1000;
       if (joint < 1 || joint > kinematics::joint_count(machine)) {

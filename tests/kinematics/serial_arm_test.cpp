@@ -139,7 +139,7 @@ TEST_P(SphericalWrist, PosturesOfOnePose) {
 // A way of the joints on which joints 4 and 6 turn past half a turn where they may: its poses give the same joints
 // back.
 TEST_P(SphericalWrist, APostureIsKeptAlongAPath) {
-  const machine::AnyMachine arm = arm_of(GetParam());
+  const machine::AnyMachine arm(arm_of(GetParam()));
   const auto& serial = std::get<SerialArm>(arm);
   const auto at = [&](double share) {
     machine::JointVector q(6);

@@ -10,10 +10,7 @@
 
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::quality {
 namespace {

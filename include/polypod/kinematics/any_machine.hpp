@@ -22,7 +22,9 @@ Task task(const AnyMachine& machine);
 inline bool is_serial(const AnyMachine& machine) {
   return std::holds_alternative<machine::SerialArm>(machine);
 }
-/// 6, 5 or 3 for a task of pose, axis or point, or the number of joints if that is less.
+/// The tool tip's pose at home, of machines that have one.
+std::optional<Pose> home_pose(const AnyMachine& machine);
+/// The number of coordinates of the task, or of joints if that is less.
 int degrees_of_freedom(const AnyMachine& machine);
 std::vector<Parameter> parameters(const AnyMachine& machine);
 std::string limit_name(const AnyMachine& machine, int limit);
@@ -42,7 +44,8 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q);
 /// Why `forward` found no pose, as a person asks it: for hexapods all assembly modes are looked for (10 ms to some
 /// seconds), to tell "there is none" from "none was found".
 std::string why_no_pose(const AnyMachine& machine, const JointVector& q, const ForwardResult& result);
-/// Every pose of the joints where a closed form has them all (deltas: both, the machine's first); otherwise `forward`.
+/// Every pose of the joints where a closed form has them all (deltas: both, the machine's first); of machines of legs
+/// those that a search from home and 2000 further starts finds; otherwise `forward`.
 ForwardResult forward_all(const AnyMachine& machine, const JointVector& q);
 /// Gruebler's count, for the families that have one.
 std::optional<machine::Mobility> mobility(const AnyMachine& machine);
@@ -51,27 +54,35 @@ std::optional<machine::Mobility> mobility(const AnyMachine& machine);
 std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, const JointVector& q);
 /// The limits that the pose breaks with these joints; one that is missed by rounding alone (1e-10) is kept.
 LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
+/// All solutions of what the task prescribes of the pose; whatever else X_MT holds is not looked at.
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
 /// The same on a way, after the joints `last`: the solution with the smallest largest change of a joint first, joints
 /// that may turn more than once in the turn nearest to `last`. A numeric inverse searches from `last`, and from its
 /// usual starts only where that finds nothing within the limits.
 InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last);
+/// The whole pose that the machine really has where it takes the joints q for what the task prescribes of X_MT: the
+/// coordinates that no pose prescribes follow (the turn of a 5-axis arm about its tool, the upright tool of a delta,
+/// the parasitic motions of a tripod). Analyses ask for this before anything else.
+Pose settled(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
+/// Where the machine has it, the whole pose without known joints: empty where the following coordinates cannot be met.
+std::optional<Pose> settled(const AnyMachine& machine, const Pose& X_MT);
 /// Why an inverse gives nothing within the limits: its own reason, or the limits of the solution that breaks the
 /// fewest.
 std::string reason_of(const AnyMachine& machine, const InverseResult& result);
 /// 6 x joints, twist in M per joint speed.
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 
-/// A pose from what a person writes: x, y, z (m) and the angles of the task (A, B or A, B, C, rad).
+/// A pose from what a person writes: the coordinates of the task in its order, m and rad; those that are missing, and
+/// those that the task does not prescribe, are 0.
 Pose pose_of(Task task, const std::vector<double>& coordinates);
-/// The same backwards: 6, 5 or 3 numbers.
+/// The same backwards: one number a coordinate of the task.
 std::vector<double> coordinates_of(Task task, const Pose& X);
 inline int coordinate_count(Task task) {
-  return task == Task::pose ? 6 : task == Task::axis ? 5 : 3;
+  return task.size();
 }
 
-/// The square part of a Jacobian that a task sees: rows v_x, v_y, v_z, w_x, w_y, w_z; without w_z for Task::axis
-/// (SLAV (2.36)); the three of v for Task::point.
+/// The part of a Jacobian that a task sees: of the rows v_x, v_y, v_z, w_x, w_y, w_z those of its coordinates x, y, z,
+/// A, B, C, in its order; so without w_z for a 5-axis machine (SLAV (2.36)).
 Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J);
 
 /// How well joints and tool move each other at a pose. Lengths and angles have no common measure: angles count as

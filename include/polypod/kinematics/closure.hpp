@@ -162,35 +162,8 @@ struct DampedOptions {
 };
 
 namespace closure_detail {
-/// The pose error that the task sees, at most 6 rows: rotation about the tool axis is left out for Task::axis, all
-/// rotation for Task::point. Rows of `basis` select them from a twist [linear; angular] in M.
-inline Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 6, 6> task_rows(Task task, const Pose& target, double length) {
-  Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 6, 6> S;
-  S.setZero(task == Task::pose ? 6 : task == Task::axis ? 5 : 3, 6);
-  S.topLeftCorner<3, 3>().setIdentity();
-  if (task == Task::pose) S.bottomRightCorner<3, 3>() = length * Mat3::Identity();
-  if (task == Task::axis) {
-    S.block<1, 3>(3, 3) = length * target.R.col(0).transpose();
-    S.block<1, 3>(4, 3) = length * target.R.col(1).transpose();
-  }
-  return S;
-}
-
-/// Error of `actual` against `target` as a twist in M: the motion that would bring actual onto target. For Task::axis
-/// the smallest turn that brings the tool axes together.
-inline Vec6 pose_error(Task task, const Pose& target, const Pose& actual) {
-  Vec6 e = Vec6::Zero();
-  e.head<3>() = target.p - actual.p;
-  if (task == Task::pose) e.tail<3>() = rotation_vector(target.R * actual.R.transpose());
-  if (task == Task::axis) {
-    const Vec3 from = actual.R.col(2), to = target.R.col(2);
-    const Vec3 cross = from.cross(to);
-    const double sine = cross.norm(), angle = std::atan2(sine, from.dot(to));
-    // Opposite axes have no smallest turn: turn about the target's x axis.
-    e.tail<3>() = sine > 1e-15 ? Vec3(cross * (angle / sine)) : Vec3(angle * target.R.col(0));
-  }
-  return e;
-}
+using machine::pose_error;
+using machine::task_rows;
 
 inline double halton(int index, int base) {
   double f = 1, r = 0;

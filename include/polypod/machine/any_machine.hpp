@@ -8,16 +8,19 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
-#include "polypod/machine/linear_delta.hpp"
-#include "polypod/machine/rotary_delta.hpp"
-#include "polypod/machine/serial_arm.hpp"
-#include "polypod/machine/slider_hexapod.hpp"
-#include "polypod/machine/strut_hexapod.hpp"
+#include "polypod/machine/families.hpp"
 
 namespace polypod::machine {
 
 /// A machine of any family. Analyses are templates on a family; std::visit picks the instance once, outside the loops.
-using AnyMachine = std::variant<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta>;
+/// A family becomes one only where that is written out: a question that a family does not answer is then an error of
+/// the compiler, and never the same question asked of AnyMachine again.
+class AnyMachine : public Families::Variant {
+ public:
+  AnyMachine() = default;
+  template <class F>
+  requires(Families::holds<F>) explicit AnyMachine(F family) : Families::Variant(std::move(family)) {}
+};
 
 /// `key = value` of `--set`, as text: `tool.length_mm=120`.
 struct Override {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "polypod/geometry/pose.hpp"
+#include "polypod/machine/task.hpp"
 
 namespace polypod::machine {
 
@@ -26,13 +27,6 @@ using ClosureVector = ClosureVectorT<double>;
 using JacobianMatrix = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxJoints>;
 
 enum class JointKind { revolute, prismatic };
-
-/// What a pose of the machine prescribes.
-enum class Task {
-  pose,   ///< position and orientation: x, y, z, A, B, C
-  axis,   ///< position and the direction of the tool axis: x, y, z, A, B (a 5-axis machine)
-  point,  ///< position only: x, y, z
-};
 
 /// A named number of a machine, in SI; `unit` says what a person sees ("mm", "deg", "rad/Nm", "").
 struct Parameter {

@@ -18,10 +18,10 @@ struct LinearDelta : Delta {
   PerArm<Vec3> rail_direction{};  ///< u_i, unit
   std::optional<SymmetricDelta> symmetric;
   double incline = 0;  ///< rad, of symmetric rails from z towards the axis
-};
 
-/// Reads the keys of a linear delta (docs/delta.md). Errors: MA140 to MA149 and those of config.
-Result<LinearDelta> linear_delta_from(const config::Table& table);
+  /// Reads the keys of a linear delta (docs/delta.md). Errors: MA140 to MA149 and those of config.
+  static Result<LinearDelta> from(const config::Table& table);
+};
 
 /// Rail by rail: rail.start[i].x, .y, .z, rail.direction[i].x, .y, .z, rod.length[i], platform.joint[i].x, .y, .z; then
 /// tool.x, .y, .z.

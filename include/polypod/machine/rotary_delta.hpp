@@ -19,10 +19,10 @@ struct RotaryDelta : Delta {
   PerArm<double> arm_length{};  ///< d_i, m
   PerArm<double> zero{};        ///< rad
   std::optional<SymmetricDelta> symmetric;
-};
 
-/// Reads the keys of a rotary delta (docs/delta.md). Errors: MA140 to MA149 and those of config.
-Result<RotaryDelta> rotary_delta_from(const config::Table& table);
+  /// Reads the keys of a rotary delta (docs/delta.md). Errors: MA140 to MA149 and those of config.
+  static Result<RotaryDelta> from(const config::Table& table);
+};
 
 /// The parameters of the kinematics, arm by arm: base.joint[i].x, .y, .z, arm.direction[i], arm.length[i],
 /// drive.zero[i], rod.length[i], platform.joint[i].x, .y, .z; then tool.x, .y, .z.

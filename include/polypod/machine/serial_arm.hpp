@@ -45,10 +45,10 @@ struct SerialArm {
 
   /// Number of joints that move.
   [[nodiscard]] int free_joints() const;
-};
 
-/// Reads the keys of a serial arm (docs/machine-files.md) and finishes the table.
-Result<SerialArm> serial_arm_from(const config::Table& table);
+  /// Reads the keys of a serial arm (docs/machine-files.md) and finishes the table.
+  static Result<SerialArm> from(const config::Table& table);
+};
 
 /// The parameters of the kinematics, 4 a row: dh[i].a, dh[i].alpha, dh[i].d, dh[i].theta_offset (i from 1).
 std::vector<Parameter> parameters(const SerialArm& arm);

@@ -25,6 +25,8 @@ struct PairedRails {
 /// Joint coordinates: q_i, the way of slider i from the outer end of its rail, m. T as for StrutHexapod.
 struct SliderHexapod : TipLimits {
   static constexpr std::string_view kFamily = "slider-hexapod";
+  /// Each end of a leg has an error of its joint and one of what the joint is fixed to.
+  static constexpr bool kAttachments = true;
 
   std::string name;
   std::string description;
@@ -59,10 +61,10 @@ struct SliderHexapod : TipLimits {
   SixPoints rail_direction{};                      ///< u_i, unit, from the outer to the inner end
   std::array<double, kLegs> rail_length{};         ///< m
   std::array<std::array<Vec3, 2>, kLegs> guard{};  ///< unit normals of the two planes of each rail (4.17), or zero
-};
 
-/// Reads the keys of a slider hexapod (docs/machine-files.md). Errors: MA120 to MA139 and those of config.
-Result<SliderHexapod> slider_hexapod_from(const config::Table& table);
+  /// Reads the keys of a slider hexapod (docs/machine-files.md). Errors: MA120 to MA139 and those of config.
+  static Result<SliderHexapod> from(const config::Table& table);
+};
 
 /// The parameters of the kinematics: leg.length[i], base.joint[i].x, .y, .z (the outer end; moves the whole rail),
 /// rail.direction[i].x, .y, .z (of the unit vector u_i), platform.joint[i].x, .y, .z and tool.length: 61, leg by leg.

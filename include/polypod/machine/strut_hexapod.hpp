@@ -17,6 +17,8 @@ namespace polypod::machine {
 /// controller reads, q_i = l_i - offset_i; without offsets the lengths l_i.
 struct StrutHexapod : TipLimits {
   static constexpr std::string_view kFamily = "strut-hexapod";
+  /// Each end of a leg has an error of its joint and one of what the joint is fixed to.
+  static constexpr bool kAttachments = true;
 
   std::string name;
   std::string description;
@@ -36,10 +38,10 @@ struct StrutHexapod : TipLimits {
   double compliance = 0;        ///< m/N of a strut along its axis, the mean of the six
   SixNumbers leg_compliance{};  ///< m/N of each
   Provenance provenance;
-};
 
-/// Reads the keys of a strut hexapod (docs/machine-files.md). Errors: MA120 to MA129 and those of config.
-Result<StrutHexapod> strut_hexapod_from(const config::Table& table);
+  /// Reads the keys of a strut hexapod (docs/machine-files.md). Errors: MA120 to MA129 and those of config.
+  static Result<StrutHexapod> from(const config::Table& table);
+};
 
 /// The parameters of the kinematics: leg.length[i] (zero offset of strut i), base.joint[i].x, .y, .z,
 /// platform.joint[i].x, .y, .z (i from 1) and tool.length: 43 in this order, leg by leg.

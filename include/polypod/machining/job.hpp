@@ -77,6 +77,9 @@ struct Job {
 Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
                                                                 const Place& place = {});
 
+/// Error: MC309 for a machine whose task does not hold x, y and z.
+Status follows_programs(const machine::AnyMachine& machine);
+
 /// Reads a job file (docs/job-files.md); paths in it are relative to it. Errors: MC1xx and those of the parts.
 Result<Job> read_job(const std::string& path);
 

@@ -26,6 +26,9 @@ struct Singularity {
   Vec6 free_motion = Vec6::Zero();  ///< the twist of the tip that they hold least
   JointVector idle_joints;          ///< the joint motion that moves the tool least, scaled to a largest part of 1
   double length = 0;                ///< L, m
+  /// Of machines whose constraints hold coordinates that no pose prescribes: the smallest singular value of these
+  /// equations alone, scaled like A. Near 0 the constraints let the platform go, whatever the drives do.
+  std::optional<double> constraints;
 };
 
 inline constexpr double kSingularThreshold = 1e-3;

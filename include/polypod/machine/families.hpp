@@ -1,0 +1,27 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The one list of the families that machine files know. A family stands here once; the reader, the variant and every
+// dispatch follow from it.
+#pragma once
+
+#include <variant>
+
+#include "polypod/families/parallel/machine.hpp"
+#include "polypod/machine/linear_delta.hpp"
+#include "polypod/machine/rotary_delta.hpp"
+#include "polypod/machine/serial_arm.hpp"
+#include "polypod/machine/slider_hexapod.hpp"
+#include "polypod/machine/strut_hexapod.hpp"
+
+namespace polypod::machine {
+
+template <class... Family>
+struct FamilyList {
+  using Variant = std::variant<Family...>;
+  template <class F>
+  static constexpr bool holds = (std::same_as<F, Family> || ...);
+};
+
+/// Each has `kFamily`, its name in files, and `from(table)`, its reader.
+using Families = FamilyList<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta, Parallel>;
+
+}  // namespace polypod::machine

@@ -1,0 +1,468 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The limits of a machine of legs over boxes of its task's coordinates and patches of orientations: the coordinates
+// that follow are enclosed by an interval Newton step on the constraints.
+#pragma once
+
+#include <Eigen/QR>
+
+#include "../../workspace/domain_number.hpp"
+#include "../../workspace/linear.hpp"
+#include "polypod/families/parallel/kinematics.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::workspace {
+
+/// For tasks with x, y, z (boxes of the tip's position; patches prescribe the orientation as far as the task does), and
+/// tasks of three other coordinates (boxes of these, angles as rad; no patches).
+class ParallelLimits {
+ public:
+  struct Data {};
+
+  ParallelLimits(const machine::Parallel& m, const Options& options)
+      : m_(m), mask_(options.limits), p_(kinematics::nominal_parameters(m)), p_interval_(p_.begin(), p_.end()) {
+    for (const double value : p_) {
+      p_domain_.emplace_back(value);
+      p_tangent_.emplace_back(value);
+    }
+    const machine::Task task = m.task;
+    for (int k = 0; k < 6; ++k) {
+      const auto c = static_cast<machine::Coordinate>(k);
+      if (!task.holds(c)) free_.push_back(k);
+    }
+    if (task.names_axis()) free_ = {kTurnAboutAxis};
+    if (turn_is_unseen()) free_.clear();
+    if (!task.places())
+      for (int i = 0; i < 3; ++i) box_coordinate_[static_cast<std::size_t>(i)] = static_cast<int>(task[i]);
+  }
+
+  [[nodiscard]] static int groups() { return 1; }
+  [[nodiscard]] double lever() const { return m_.size; }
+  [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
+  [[nodiscard]] static Data prepare(const Patch&) { return {}; }
+
+  void box(Vec3& low, Vec3& high, const Directions&) const {
+    Vec3 least = m_.low, most = m_.high;
+    for (const machine::ParallelLeg& leg : m_.legs) {
+      const double reach = reach_of(leg);
+      Vec3 a = leg.base, b = leg.base;
+      if (leg.drive == machine::LegDrive::rail) {
+        a += leg.range.min * leg.rail;
+        b += leg.range.max * leg.rail;
+      }
+      least = least.cwiseMax(a.cwiseMin(b) - Vec3::Constant(reach));
+      most = most.cwiseMin(a.cwiseMax(b) + Vec3::Constant(reach));
+    }
+    constexpr double kQuarter = std::numbers::pi / 2;
+    for (int i = 0; i < 3; ++i) {
+      const int k = box_coordinate_[static_cast<std::size_t>(i)];
+      low[i] = k < 3 ? least[k] : m_.home_angles[k - 3] - kQuarter;
+      high[i] = k < 3 ? most[k] : m_.home_angles[k - 3] + kQuarter;
+    }
+  }
+
+  Verdict judge(int, const Vec3& center, const Vec3& half, double, const Patch& patch, const Data&,
+                BoundList& out) const {
+    const Domain d{half, &patch};
+    const Pose target = target_at(center, patch);
+    const std::optional<Pose> X0 = free_.empty() ? target : settled(m_, target);
+    std::array<DomainNumber, 5> u;
+    if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
+    const PoseT<DomainNumber> X = pose(center, d, u);
+    Verdict verdict = Verdict::inside;
+    for (int j = 0; j < joint_count(m_) && verdict != Verdict::dead; ++j) {
+      verdict = both(verdict, leg(j, X, d, out));
+    }
+    const int n = joint_count(m_);
+    for (int k = 0; k < 3; ++k) {
+      if (std::isfinite(m_.low[k]))
+        verdict = both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), 2 * n + k, d, out));
+      if (std::isfinite(m_.high[k]))
+        verdict = both(verdict, judged(DomainNumber(m_.high[k]) - X.p[k], 2 * n + 3 + k, d, out));
+    }
+    if (verdict != Verdict::undecided) out.clear();
+    return verdict;
+  }
+
+ private:
+  static constexpr int kTurnAboutAxis = 6;
+  static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
+
+  /// Whether no leg sees the turn about the tool axis at all: then it need not be known.
+  [[nodiscard]] bool turn_is_unseen() const {
+    return m_.idle_turn && m_.task.names_axis() && m_.constraints.empty() &&
+           std::all_of(m_.legs.begin(), m_.legs.end(), [&](const machine::ParallelLeg& leg) {
+             return leg.ring && leg.ring->axis.head<2>().isZero(0) &&
+                    (leg.ring->center - m_.tool).head<2>().isZero(0);
+           });
+  }
+
+  /// How far the tip can be from where a leg begins, m.
+  [[nodiscard]] double reach_of(const machine::ParallelLeg& leg) const {
+    const double lever =
+        leg.ring ? (leg.ring->center - m_.tool).norm() + leg.ring->radius : (leg.platform - m_.tool).norm();
+    return lever + (leg.drive == machine::LegDrive::strut ? leg.range.max : leg.rod + leg.arm);
+  }
+
+  /// Whether no orientation brings the tip into the box with all struts and rods within their lengths.
+  [[nodiscard]] bool too_far(const Vec3& center, const Vec3& half) const {
+    if (!m_.task.places()) return false;
+    const double radius = half.norm();
+    for (std::size_t i = 0; i < m_.legs.size(); ++i) {
+      const machine::ParallelLeg& leg = m_.legs[i];
+      if (leg.drive == machine::LegDrive::strut && !mask_of_leg(static_cast<int>(i), 1)) continue;
+      Vec3 nearest = leg.base;
+      if (leg.drive == machine::LegDrive::rail) {
+        nearest += std::clamp(leg.rail.dot(center - leg.base), leg.range.min, leg.range.max) * leg.rail;
+      }
+      if ((center - nearest).norm() - radius > reach_of(leg) * (1 + kRounding)) return true;
+    }
+    return false;
+  }
+  [[nodiscard]] bool mask_of_leg(int leg, int side) const {
+    for (std::size_t j = 0; j < m_.driven.size(); ++j)
+      if (m_.driven[j] == leg) return (mask_ >> (2 * j + static_cast<std::size_t>(side)) & 1U) != 0;
+    return true;
+  }
+
+  /// A number of the box or of a direction: 0 to 2 the box, 3 and 4 the patch.
+  static FirstOrder variable(double value, std::size_t which) {
+    FirstOrder out(value);
+    out.gradient[which] = 1;
+    return out;
+  }
+
+  /// Rotation R_z(c) R_y(b) R_x(a).
+  template <class T>
+  static Matrix3<T> rotation(const T& a, const T& b, const T& c) {
+    using std::cos, std::sin;
+    const T ca = cos(a), sa = sin(a), cb = cos(b), sb = sin(b), cc = cos(c), sc = sin(c);
+    Matrix3<T> R;
+    R << cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa, sc * cb, sc * sb * sa + cc * ca,
+        sc * sb * ca - cc * sa, -sb, cb * sa, cb * ca;
+    return R;
+  }
+
+  /// The pose where the following coordinates have the values u (in the order of `free_`). `prescribed(k)` gives the
+  /// coordinate k of the box or patch, `patched()` the rotation of the patch.
+  template <class T, class Prescribed, class Patched>
+  PoseT<T> pose_from(const std::array<T, 5>& u, Prescribed&& prescribed, Patched&& patched) const {
+    std::array<T, 6> c;
+    std::array<bool, 6> given{};
+    T about_axis(0.0);
+    for (std::size_t i = 0; i < free_.size(); ++i) {
+      if (free_[i] == kTurnAboutAxis) {
+        about_axis = u[i];
+      } else {
+        c[static_cast<std::size_t>(free_[i])] = u[i];
+        given[static_cast<std::size_t>(free_[i])] = true;
+      }
+    }
+    for (int k = 0; k < 6; ++k)
+      if (!given[static_cast<std::size_t>(k)]) c[static_cast<std::size_t>(k)] = prescribed(k);
+    PoseT<T> X;
+    X.p = Vector3<T>(c[0], c[1], c[2]);
+    if (m_.task.names_axis()) {
+      X.R = patched() * rotation<T>(T(0.0), T(0.0), about_axis);
+    } else if (m_.task.size() == 6) {
+      X.R = patched();
+    } else {
+      X.R = rotation<T>(c[3], c[4], c[5]);
+    }
+    return X;
+  }
+
+  /// What a pose prescribes at the middle of a box and a patch.
+  [[nodiscard]] Pose target_at(const Vec3& center, const Patch& patch) const {
+    if (m_.task.places()) {
+      const bool whole = m_.task.names_axis() || m_.task.size() == 6;
+      return {whole ? patch.R : rotation_abc(angle_of(patch, 3), angle_of(patch, 4), 0), center};
+    }
+    return kinematics::pose_of(m_.task, {center[0], center[1], center[2]});
+  }
+
+  [[nodiscard]] int box_index(int coordinate) const {
+    for (int i = 0; i < 3; ++i)
+      if (box_coordinate_[static_cast<std::size_t>(i)] == coordinate) return i;
+    return -1;
+  }
+  /// The held angles of a patch of ranges: A = s, B = t, C = 0.
+  static double angle_of(const Patch& patch, int k) {
+    return k == 3 ? 0.5 * (patch.low[0] + patch.high[0]) : k == 4 ? 0.5 * (patch.low[1] + patch.high[1]) : 0.0;
+  }
+
+  /// First order of the following coordinates over the domain: u0 + g . v + [-r, r]. The tube is certain where
+  ///   |Y F(v, u0 + g v)| + |1 - Y F_u(v, u)| r <= r
+  /// for all v and all u in the tube (Krawczyk), Y an inverse of F_u at the middle.
+  bool enclose(const Pose& X0, const Vec3& center, const Domain& d, std::array<DomainNumber, 5>& u) const {
+    const std::size_t n = free_.size();
+    if (n == 0) return true;
+    const Vec3 abc = angles_abc(X0.R);
+    std::array<double, 5> u0{};
+    for (std::size_t i = 0; i < n; ++i) {
+      if (free_[i] == kTurnAboutAxis) {
+        const Mat3 turn = d.patch->R.transpose() * X0.R;
+        u0[i] = std::atan2(turn(1, 0), turn(0, 0));
+      } else {
+        u0[i] = free_[i] < 3 ? X0.p[free_[i]] : abc[free_[i] - 3];
+      }
+    }
+    // At the middle: F_u by tangents on numbers, F_v from first order.
+    std::array<Tangent<double>, 5> u_tangent;
+    for (std::size_t i = 0; i < n; ++i) {
+      u_tangent[i] = Tangent<double>(u0[i]);
+      u_tangent[i].by[i] = 1;
+      u[i] = DomainNumber(u0[i]);
+    }
+    const auto F_u = passive<Tangent<double>>(pose_at_middle(center, d, u_tangent), p_real_tangent());
+    const auto rows = static_cast<int>(F_u.size());
+    const auto columns = static_cast<int>(n);
+    Eigen::MatrixXd by_u(rows, columns);
+    for (int i = 0; i < rows; ++i)
+      for (int k = 0; k < columns; ++k) by_u(i, k) = F_u[i].by[static_cast<std::size_t>(k)];
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposed(by_u);
+    if (decomposed.rank() < columns) return false;
+    const Eigen::MatrixXd Y = decomposed.pseudoInverse();
+    const auto F_0 = passive<DomainNumber>(pose(center, d, u), p_domain_);
+    for (int k = 0; k < columns; ++k) {
+      FirstOrder f(u0[static_cast<std::size_t>(k)]);
+      for (int i = 0; i < rows; ++i)
+        for (std::size_t g = 0; g < 5; ++g) f.gradient[g] -= Y(k, i) * F_0[i].first_order().gradient[g];
+      u[static_cast<std::size_t>(k)] = DomainNumber(f, &d);
+    }
+    const auto F_line = passive<DomainNumber>(pose(center, d, u), p_domain_);
+    Eigen::VectorXd e(columns), r(columns);
+    for (int k = 0; k < columns; ++k) {
+      DomainNumber sum(0.0);
+      for (int i = 0; i < rows; ++i) sum += DomainNumber(Y(k, i)) * F_line[i];
+      e[k] = std::abs(sum.first_order().value) + sum.radius();
+    }
+    if (!e.allFinite()) return false;
+    r = 1.5 * e.array() + 1e-13;
+    for (int attempt = 0; attempt < 4; ++attempt) {
+      std::array<Tangent<Interval>, 5> tube;
+      for (std::size_t k = 0; k < n; ++k) {
+        const double reach = u[k].radius() + r[static_cast<Eigen::Index>(k)];
+        tube[k] = Tangent<Interval>(Interval(u0[k] - reach, u0[k] + reach));
+        tube[k].by[k] = Interval(1.0);
+      }
+      const auto F_tube = passive<Tangent<Interval>>(pose_over(center, d, tube), p_tangent_);
+      const Eigen::MatrixXd away = distance_from_one(Y, F_tube, columns);
+      if (!away.allFinite()) return false;
+      const Eigen::VectorXd needed = e + away * r;
+      if ((needed.array() <= r.array()).all()) {
+        for (std::size_t k = 0; k < n; ++k) {
+          FirstOrder f = u[k].first_order();
+          f.rest = needed[static_cast<Eigen::Index>(k)];
+          u[k] = DomainNumber(f, &d);
+        }
+        return true;
+      }
+      r = 1.5 * needed.array() + 1e-13;
+    }
+    return false;
+  }
+
+  /// |1 - Y F_u| over the tube, each element the largest.
+  static Eigen::MatrixXd distance_from_one(const Eigen::MatrixXd& Y,
+                                           const machine::ClosureVectorT<Tangent<Interval>>& F, int columns) {
+    Eigen::MatrixXd out(columns, columns);
+    for (int k = 0; k < columns; ++k)
+      for (int l = 0; l < columns; ++l) {
+        Interval sum(k == l ? 1.0 : 0.0);
+        for (int i = 0; i < F.size(); ++i) sum -= Interval(Y(k, i)) * F[i].by[static_cast<std::size_t>(l)];
+        out(k, l) = sum.magnitude();
+      }
+    return out;
+  }
+
+  template <class T, class P>
+  machine::ClosureVectorT<T> passive(const PoseT<T>& X, const P& p) const {
+    return machine::parallel_detail::equations<T>(m_, X, std::span<const T>(), std::span<const T>(p), true);
+  }
+
+  /// All poses of the domain in first order.
+  [[nodiscard]] PoseT<DomainNumber> pose(const Vec3& center, const Domain& d,
+                                         const std::array<DomainNumber, 5>& u) const {
+    using T = DomainNumber;
+    const Patch& patch = *d.patch;
+    return pose_from<T>(
+        u,
+        [&](int k) -> T {
+          if (const int i = box_index(k); i >= 0) return {variable(center[i], static_cast<std::size_t>(i)), &d};
+          if (k == 5 || patch.sector) return {angle_of(patch, 5)};
+          return {variable(angle_of(patch, k), static_cast<std::size_t>(k)), &d};
+        },
+        [&] {
+          const Mat3 by1 = skew(patch.omega1) * patch.R, by2 = skew(patch.omega2) * patch.R;
+          Matrix3<T> R;
+          for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < 3; ++k) {
+              FirstOrder f(patch.R(i, k));
+              f.gradient = {0, 0, 0, by1(i, k), by2(i, k)};
+              f.rest = patch.bend;
+              R(i, k) = T(f, &d);
+            }
+          return R;
+        });
+  }
+
+  /// The pose at the middle of the domain.
+  template <class T>
+  PoseT<T> pose_at_middle(const Vec3& center, const Domain& d, const std::array<T, 5>& u) const {
+    return pose_from<T>(
+        u,
+        [&](int k) {
+          const int i = box_index(k);
+          return T(i >= 0 ? center[i] : angle_of(*d.patch, k));
+        },
+        [&] {
+          Matrix3<T> R;
+          for (int i = 0; i < 9; ++i) R(i / 3, i % 3) = T(d.patch->R(i / 3, i % 3));
+          return R;
+        });
+  }
+  /// All poses of the domain, as intervals.
+  PoseT<Tangent<Interval>> pose_over(const Vec3& center, const Domain& d,
+                                     const std::array<Tangent<Interval>, 5>& u) const {
+    using T = Tangent<Interval>;
+    const auto within = [](double value, double half) { return T(Interval(value - half, value + half)); };
+    return pose_from<T>(
+        u,
+        [&](int k) {
+          const int i = box_index(k);
+          if (i >= 0) return within(center[i], d.half[i]);
+          const Patch& patch = *d.patch;
+          return within(angle_of(patch, k), k < 5 ? 0.5 * (patch.high[k - 3] - patch.low[k - 3]) : 0.0);
+        },
+        [&] {
+          Matrix3<T> R;
+          for (int i = 0; i < 9; ++i) R(i / 3, i % 3) = within(d.patch->R(i / 3, i % 3), d.patch->turn);
+          return R;
+        });
+  }
+
+  [[nodiscard]] Verdict judged(const DomainNumber& g, int limit, const Domain& d, BoundList& bounds) const {
+    if (limit < 64 && (mask_ >> limit & 1U) == 0) return Verdict::inside;
+    const FirstOrder& f = g.first_order();
+    if (!std::isfinite(g.radius())) return Verdict::open;
+    return weigh(
+        {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest},
+        limit, kScale, d.half, *d.patch, bounds);
+  }
+
+  /// The limits of drive j.
+  Verdict leg(int j, const PoseT<DomainNumber>& X, const Domain& d, BoundList& out) const {
+    using N = DomainNumber;
+    const machine::ParallelLeg& leg = driven_leg(m_, j);
+    const auto constant = [](const Vec3& v) { return Vector3<N>(N(v[0]), N(v[1]), N(v[2])); };
+    if (leg.ring) {
+      const Vector3<N> w =
+          Vector3<N>(X.R.transpose() * Vector3<N>(constant(leg.base) - X.p)) - constant(leg.ring->center - m_.tool);
+      const N h = machine::parallel_detail::dot(constant(leg.ring->axis), w);
+      Vector3<N> across;
+      for (int k = 0; k < 3; ++k) across[k] = w[k] - h * N(leg.ring->axis[k]);
+      const N off = sqrt(square(across[0]) + square(across[1]) + square(across[2])) - N(leg.ring->radius);
+      return length_within(j, sqrt(square(off) + square(h)), leg, d, out);
+    }
+    Vector3<N> y = X.R * constant(leg.platform - m_.tool);
+    for (int k = 0; k < 3; ++k) y[k] = y[k] + X.p[k] - N(leg.base[k]);
+    const N length2 = square(y[0]) + square(y[1]) + square(y[2]);
+    if (leg.drive == machine::LegDrive::strut) return length_within(j, sqrt(length2), leg, d, out);
+    return leg.drive == machine::LegDrive::rail ? on_rail(j, leg, y, length2, d, out)
+                                                : in_turn(j, leg, y, length2, d, out);
+  }
+
+  Verdict length_within(int j, const DomainNumber& length, const machine::ParallelLeg& leg, const Domain& d,
+                        BoundList& out) const {
+    const Verdict low = judged(length - DomainNumber(leg.range.min), 2 * j, d, out);
+    return low == Verdict::dead ? low : both(low, judged(DomainNumber(leg.range.max) - length, 2 * j + 1, d, out));
+  }
+
+  struct Terms {
+    Verdict verdict = Verdict::inside;
+    BoundList bounds;
+  };
+  /// One of two roots must keep its limits, and the leg must reach.
+  static Verdict either(Verdict reach, const BoundList& reach_bounds, const Terms& a, const Terms& b, BoundList& out) {
+    if (reach == Verdict::dead || (a.verdict == Verdict::dead && b.verdict == Verdict::dead)) return Verdict::dead;
+    out.append(reach_bounds);
+    if (a.verdict == Verdict::inside || b.verdict == Verdict::inside) return reach;
+    if (a.verdict != Verdict::dead && b.verdict != Verdict::dead) return both(reach, Verdict::open);
+    const Terms& only = a.verdict == Verdict::dead ? b : a;
+    out.append(only.bounds);
+    return both(reach, only.verdict);
+  }
+
+  Verdict on_rail(int j, const machine::ParallelLeg& leg, const Vector3<DomainNumber>& y, const DomainNumber& length2,
+                  const Domain& d, BoundList& out) const {
+    using N = DomainNumber;
+    const N along = N(leg.rail[0]) * y[0] + N(leg.rail[1]) * y[1] + N(leg.rail[2]) * y[2];
+    const N under = N(leg.rod * leg.rod) - (length2 - square(along)), half = sqrt(under);
+    BoundList reach_bounds;
+    const Verdict reach = judged(under, 64 + j, d, reach_bounds);
+    const auto root = [&](double side) {
+      Terms terms;
+      const N q = along + N(side) * half - N(leg.zero_offset);
+      terms.verdict = both(judged(q - N(leg.range.min), 2 * j, d, terms.bounds),
+                           judged(N(leg.range.max) - q, 2 * j + 1, d, terms.bounds));
+      return terms;
+    };
+    return either(reach, reach_bounds, root(-1), root(1), out);
+  }
+
+  /// The arm's direction is along (alpha r + side s, alpha s - side r), side = +-sqrt(arm^2 D^2 - alpha^2).
+  Verdict in_turn(int j, const machine::ParallelLeg& leg, const Vector3<DomainNumber>& y, const DomainNumber& length2,
+                  const Domain& d, BoundList& out) const {
+    using N = DomainNumber;
+    const Vec3 across = leg.axis.cross(leg.zero);
+    const N r = N(leg.zero[0]) * y[0] + N(leg.zero[1]) * y[1] + N(leg.zero[2]) * y[2];
+    const N s = N(across[0]) * y[0] + N(across[1]) * y[1] + N(across[2]) * y[2];
+    const N D2 = square(r) + square(s);
+    const N alpha = N(0.5) * (length2 + N(leg.arm * leg.arm - leg.rod * leg.rod));
+    const N under = N(leg.arm * leg.arm) * D2 - square(alpha), beta = sqrt(under);
+    BoundList reach_bounds;
+    const Verdict reach = judged(under, 64 + j, d, reach_bounds);
+    const double low = leg.range.min + leg.zero_offset, high = leg.range.max + leg.zero_offset;
+    const double scale = 1 / (leg.arm * leg.rod);
+    const auto root = [&](double side) {
+      Terms terms;
+      const bool free = high - low >= 2 * std::numbers::pi - 1e-9 || (mask_ >> (2 * j) & 3U) != 3;
+      if (free) return terms;
+      const N x = N(scale) * (alpha * r + N(side) * beta * s), z = N(scale) * (alpha * s - N(side) * beta * r);
+      const N from_low = N(std::cos(low)) * z - N(std::sin(low)) * x,
+              to_high = N(std::sin(high)) * x - N(std::cos(high)) * z;
+      BoundList above, below;
+      const Verdict keeps_low = judged(from_low, 2 * j, d, above), keeps_high = judged(to_high, 2 * j + 1, d, below);
+      if (high - low <= std::numbers::pi) {
+        terms.verdict = both(keeps_low, keeps_high);
+        terms.bounds.append(above);
+        terms.bounds.append(below);
+      } else if (keeps_low != Verdict::inside && keeps_high != Verdict::inside) {
+        if (keeps_low == Verdict::dead) {
+          terms = {keeps_high, below};
+        } else if (keeps_high == Verdict::dead) {
+          terms = {keeps_low, above};
+        } else {
+          terms.verdict = Verdict::open;
+        }
+      }
+      return terms;
+    };
+    return either(reach, reach_bounds, root(1), root(-1), out);
+  }
+
+  [[nodiscard]] std::vector<Tangent<double>> p_real_tangent() const {
+    return std::vector<Tangent<double>>(p_.begin(), p_.end());
+  }
+
+  const machine::Parallel& m_;
+  LimitBits mask_;
+  std::vector<double> p_;
+  std::vector<Interval> p_interval_;
+  std::vector<DomainNumber> p_domain_;
+  std::vector<Tangent<Interval>> p_tangent_;
+  std::vector<int> free_;                       ///< coordinates that follow
+  std::array<int, 3> box_coordinate_{0, 1, 2};  ///< which coordinates the box is of
+};
+
+}  // namespace polypod::workspace

@@ -1,0 +1,266 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/families/parallel/equations.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace polypod::machine {
+namespace {
+
+using Row = Eigen::Matrix<double, 1, 6>;
+constexpr double kTurn = 2 * std::numbers::pi;
+
+/// Collects equations.
+class Rows {
+ public:
+  explicit Rows(EquationRows& out) : out_(out) {
+    out_.F.resize(kMaxEquations);
+    out_.A.resize(kMaxEquations, 6);
+  }
+  ~Rows() {
+    out_.F.conservativeResize(count_);
+    out_.A.conservativeResize(count_, 6);
+  }
+  Rows(const Rows&) = delete;
+  Rows& operator=(const Rows&) = delete;
+  void add(double F, const Vec3& linear, const Vec3& angular) {
+    if (count_ == kMaxEquations) return;
+    out_.F[count_] = F;
+    out_.A.row(count_++) << linear.transpose(), angular.transpose();
+  }
+  [[nodiscard]] int count() const { return count_; }
+
+ private:
+  EquationRows& out_;
+  int count_ = 0;
+};
+
+/// The base joint from a ring in P: along its axis, out of it.
+struct OnRing {
+  double h = 0, rho = 0;
+  Vec3 across = Vec3::Zero();
+};
+OnRing on_ring(const Parallel& m, const LegRing& ring, const Vec3& base, const Pose& X) {
+  const Vec3 d = X.R.transpose() * (base - X.p) - (ring.center - m.tool);
+  OnRing out;
+  out.h = ring.axis.dot(d);
+  out.across = d - out.h * ring.axis;
+  out.rho = out.across.norm();
+  return out;
+}
+
+/// (length^2 - l^2) / (2 reference) of a leg from `anchor`; returns y, the vector along the leg at its anchor.
+Vec3 add_leg(Rows& rows, const Parallel& m, const ParallelLeg& leg, const Vec3& anchor, double l, const Pose& X) {
+  const double scale = 1 / leg.reference;
+  if (leg.ring) {
+    const OnRing on = on_ring(m, *leg.ring, anchor, X);
+    const double off = on.rho - leg.ring->radius;
+    const Vec3 g = (on.rho > 0 ? Vec3(off / on.rho * on.across) : Vec3(Vec3::Zero())) + on.h * leg.ring->axis;
+    const Vec3 G = -scale * (X.R * g), u = anchor - X.p;
+    rows.add(0.5 * scale * (off * off + on.h * on.h - l * l), G, u.cross(G));
+    return -(X.R * g);
+  }
+  const Vec3 arm = X.R * (leg.platform - m.tool), y = X.p + arm - anchor;
+  rows.add(0.5 * scale * (y.squaredNorm() - l * l), scale * y, scale * arm.cross(y));
+  return y;
+}
+
+void add_constraint(Rows& rows, const Parallel& m, const PlatformConstraint& c, const Pose& X) {
+  switch (c.kind) {
+    case ConstraintKind::plane: {
+      const Vec3 arm = X.R * (c.platform - m.tool);
+      rows.add(c.base_axis.dot(X.p + arm - c.base), c.base_axis, arm.cross(c.base_axis));
+      return;
+    }
+    case ConstraintKind::line: {
+      const Vec3 u = c.base - X.p, d = X.R.transpose() * u - (c.platform - m.tool);
+      for (const Vec3& e : across(c.platform_axis)) {
+        const Vec3 E = -(X.R * e);
+        rows.add(e.dot(d), E, u.cross(E));
+      }
+      return;
+    }
+    case ConstraintKind::square: {
+      const Vec3 b = X.R * c.platform_axis;
+      rows.add(m.size * c.base_axis.dot(b), Vec3::Zero(), m.size * b.cross(c.base_axis));
+      return;
+    }
+    case ConstraintKind::orientation: {
+      const Mat3 M = X.R * m.home.R.transpose();
+      const Mat3 D = 0.5 * m.size * (M.trace() * Mat3::Identity() - M);
+      for (int k = 0; k < 3; ++k) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        rows.add(0.5 * m.size * (M(j, i) - M(i, j)), Vec3::Zero(), D.row(k).transpose());
+      }
+      return;
+    }
+  }
+}
+
+void add_idle_turn(Rows& rows, const Parallel& m, const Pose& X) {
+  const double c = std::cos(m.home_angles.z()), s = std::sin(m.home_angles.z());
+  rows.add(m.size * (X.R(1, 0) * c - X.R(0, 0) * s), Vec3::Zero(),
+           m.size * Vec3(-X.R(2, 0) * c, -X.R(2, 0) * s, X.R(0, 0) * c + X.R(1, 0) * s));
+}
+
+/// The derivative of the anchor by q.
+Vec3 anchor_rate(const ParallelLeg& leg, double q) {
+  if (leg.drive == LegDrive::rail) return leg.rail;
+  const double t = q + leg.zero_offset;
+  return leg.arm * (std::cos(t) * leg.axis.cross(leg.zero) - std::sin(t) * leg.zero);
+}
+
+struct Settling {
+  Pose X;
+  bool converged = false;
+  double turned = 0, moved = 0;  ///< from the start
+};
+
+/// Newton's method on what the task prescribes and the passive equations.
+Settling settle_from(const Parallel& m, const Pose& target, const Pose& start) {
+  constexpr int kSteps = 30;
+  constexpr double kLongest = 0.5, kDone = 1e-14;
+  Settling out{prescribed(m.task, target, start)};
+  const Pose first = out.X;
+  for (int k = 0; k < kSteps; ++k) {
+    const EquationRows rows = passive_rows(m, out.X);
+    const int n = static_cast<int>(rows.F.size());
+    Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMaxEquations + 6, 6> A(n + m.task.size(), 6);
+    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEquations + 6, 1> F(n + m.task.size());
+    const auto T = task_rows(m.task, target, m.size);
+    A << rows.A, T;
+    F << rows.F, -(T * pose_error(m.task, target, out.X));
+    A.rightCols<3>() /= m.size;
+    Vec6 step = -(A.colPivHouseholderQr().solve(F));
+    step.tail<3>() /= m.size;
+    if (!step.allFinite()) return out;
+    const double turn = step.tail<3>().norm(), length = step.head<3>().norm();
+    const double share = std::min(1.0, kLongest / std::max({turn, length / m.size, 1e-300}));
+    out.X.p += share * step.head<3>();
+    out.X.R = rotation_of(share * step.tail<3>()) * out.X.R;
+    if (share == 1 && std::max(length / m.size, turn) < kDone * (1 + target.p.norm() / m.size)) break;
+    if (share == 1 && k > 3 && std::max(length / m.size, turn) < 1e-11) break;
+  }
+  out.X = prescribed(m.task, target, out.X);
+  out.turned = rotation_vector(out.X.R * first.R.transpose()).norm();
+  out.moved = (out.X.p - first.p).norm();
+  out.converged = passive_rows(m, out.X).F.cwiseAbs().maxCoeff() < 1e-10 * (m.size + target.p.norm());
+  return out;
+}
+
+/// Between two poses, `share` of the way in each coordinate of the task (of angles along the shortest way).
+Pose between(const Parallel& m, const Pose& target, double share) {
+  Pose out = target;
+  out.p = m.home.p + share * (target.p - m.home.p);
+  const Vec3 to = m.task.names_axis() ? Vec3(angles_ab(target.R.col(2))[0], angles_ab(target.R.col(2))[1], 0)
+                                      : angles_abc(target.R);
+  Vec3 abc = m.home_angles;
+  for (int k = 0; k < 3; ++k) abc[k] += share * std::remainder(to[k] - m.home_angles[k], kTurn);
+  out.R = rotation_abc(abc[0], abc[1], abc[2]);
+  return out;
+}
+
+}  // namespace
+
+std::array<Vec3, 2> across(const Vec3& axis) {
+  const Vec3 first = axis.cross(std::abs(axis.x()) < 0.9 ? Vec3::UnitX() : Vec3::UnitY()).normalized();
+  return {first, axis.cross(first)};
+}
+
+EquationRows passive_rows(const Parallel& m, const Pose& X) {
+  EquationRows out;
+  {
+    Rows rows(out);
+    for (const ParallelLeg& leg : m.legs)
+      if (!leg.driven()) add_leg(rows, m, leg, leg.base, leg.rod, X);
+    for (const PlatformConstraint& c : m.constraints) add_constraint(rows, m, c, X);
+    if (m.idle_turn) add_idle_turn(rows, m, X);
+  }
+  return out;
+}
+
+EquationRows closure_rows(const Parallel& m, const Pose& X, const JointVector& q,
+                          Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEquations, kMaxJoints>* B) {
+  EquationRows out;
+  {
+    Rows rows(out);
+    if (B != nullptr) B->setZero(kMaxEquations, static_cast<Eigen::Index>(m.driven.size()));
+    int drive = 0;
+    for (const ParallelLeg& leg : m.legs) {
+      const bool strut = leg.drive == LegDrive::strut;
+      const double reading = leg.driven() ? q[drive] : 0.0, l = strut ? reading + leg.rod : leg.rod;
+      const int row = rows.count();
+      const Vec3 y = add_leg(rows, m, leg, leg_anchor(leg, reading), l, X);
+      if (leg.driven() && B != nullptr) {
+        (*B)(row, drive) = -(strut ? l : y.dot(anchor_rate(leg, reading))) / leg.reference;
+      }
+      drive += leg.driven() ? 1 : 0;
+    }
+    for (const PlatformConstraint& c : m.constraints) add_constraint(rows, m, c, X);
+    if (m.idle_turn) add_idle_turn(rows, m, X);
+    if (B != nullptr) B->conservativeResize(rows.count(), Eigen::NoChange);
+  }
+  return out;
+}
+
+Vec3 leg_anchor(const ParallelLeg& leg, double q) {
+  const double t = q + leg.zero_offset;
+  if (leg.drive == LegDrive::rail) return leg.base + t * leg.rail;
+  if (leg.drive != LegDrive::crank) return leg.base;
+  return leg.base + leg.arm * (std::cos(t) * leg.zero + std::sin(t) * leg.axis.cross(leg.zero));
+}
+
+Vec3 leg_end(const Parallel& m, const ParallelLeg& leg, const Pose& X) {
+  if (!leg.ring) return X * Vec3(leg.platform - m.tool);
+  const OnRing on = on_ring(m, *leg.ring, leg.base, X);
+  const Vec3 out = on.rho > 0 ? Vec3(on.across / on.rho) : across(leg.ring->axis)[0];
+  return X * Vec3(leg.ring->center - m.tool + leg.ring->radius * out);
+}
+
+LegRoots leg_roots(const Parallel& m, const ParallelLeg& leg, const Pose& X) {
+  const Vec3 y = leg_end(m, leg, X) - leg.base;
+  if (!leg.two_roots()) {
+    const double q = y.norm() - (leg.drive == LegDrive::strut ? leg.rod : 0.0);
+    return {q, q, 0};
+  }
+  if (leg.drive == LegDrive::rail) {
+    const double along = leg.rail.dot(y), under = leg.rod * leg.rod - (y - along * leg.rail).squaredNorm();
+    const double half = std::sqrt(std::max(0.0, under));
+    return {along - half - leg.zero_offset, along + half - leg.zero_offset, under};
+  }
+  // |y - arm u|^2 = rod^2: u . (r, s) = alpha / arm, (r, s) the part of y in the plane of the arm.
+  const double r = y.dot(leg.zero), s = y.dot(leg.axis.cross(leg.zero)), D2 = r * r + s * s;
+  const double alpha = 0.5 * (y.squaredNorm() + leg.arm * leg.arm - leg.rod * leg.rod);
+  const double under = leg.arm * leg.arm * D2 - alpha * alpha, beta = std::sqrt(std::max(0.0, under));
+  const double middle = 0.5 * (leg.range.min + leg.range.max);
+  const auto angle = [&](double side) {
+    const double q = std::atan2(alpha * s - side * r, alpha * r + side * s) - leg.zero_offset;
+    return q - kTurn * std::round((q - middle) / kTurn);
+  };
+  return {angle(beta), angle(-beta), D2 > 0 ? under / D2 : -1.0};
+}
+
+std::optional<Pose> settled(const Parallel& m, const Pose& target) {
+  const double small = 1e-11 * (m.size + target.p.norm());
+  if (m.task.size() == 6) return target;
+  if (const ClosureVector F = passive_rows(m, target).F; F.size() == 0 || F.cwiseAbs().maxCoeff() < small) return target;
+  constexpr double kNear = 0.35;  // rad, and shares of the machine's size
+  const auto near = [&](const Settling& s) { return s.converged && s.turned < kNear && s.moved < kNear * m.size; };
+  const Settling direct = settle_from(m, target, m.home);
+  if (near(direct)) return direct.X;
+  for (const int steps : {4, 16, 64}) {
+    Pose at = m.home;
+    bool whole = true;
+    for (int k = 1; k <= steps && whole; ++k) {
+      const Settling next = settle_from(m, k == steps ? target : between(m, target, double(k) / steps), at);
+      whole = near(next);
+      at = next.X;
+    }
+    if (whole) return at;
+  }
+  return std::nullopt;
+}
+
+}  // namespace polypod::machine

@@ -1,0 +1,256 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/families/parallel/kinematics.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <numbers>
+
+#include "polypod/core/random.hpp"
+
+namespace polypod::machine {
+namespace {
+
+// A limit that is missed by less than this is kept (m or rad): rounding of the inverse.
+constexpr double kLimitSlack = 1e-10;
+constexpr unsigned kMostSolutions = 64;
+
+using ByJoints = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEquations, kMaxJoints>;
+
+LimitBits violations_of(const Parallel& m, const Pose& X, const JointVector& q) {
+  LimitBits bits = 0;
+  const auto note = [&](int limit, double g) {
+    if (g < -kLimitSlack) bits |= LimitBits{1} << limit;
+  };
+  const int n = joint_count(m);
+  for (int j = 0; j < n; ++j) {
+    const JointRange range = joint_range(m, j);
+    note(2 * j, q[j] - range.min);
+    note(2 * j + 1, range.max - q[j]);
+  }
+  for (int k = 0; k < 3; ++k) {
+    note(2 * n + k, X.p[k] - m.low[k]);
+    note(2 * n + 3 + k, m.high[k] - X.p[k]);
+  }
+  return bits;
+}
+
+struct Roots {
+  std::vector<LegRoots> of;     ///< of each drive
+  unsigned two = 0, first = 0;  ///< drives with two different roots; whether the machine takes the higher
+  std::string reason;           ///< legs that do not reach
+};
+
+Roots roots_of(const Parallel& m, const Pose& X) {
+  Roots out;
+  for (int j = 0; j < joint_count(m); ++j) {
+    const ParallelLeg& leg = driven_leg(m, j);
+    const LegRoots roots = leg_roots(m, leg, X);
+    out.of.push_back(roots);
+    if (!roots.real()) {
+      out.reason +=
+          fmt::format("{}leg {} does not reach its {}", out.reason.empty() ? "" : ", ",
+                      m.driven[static_cast<std::size_t>(j)] + 1, leg.drive == LegDrive::rail ? "rail" : "arm");
+    }
+    if (!leg.two_roots()) continue;
+    const auto in = [&](double q) { return q >= leg.range.min - kLimitSlack && q <= leg.range.max + kLimitSlack; };
+    const bool preferred = m.takes_high[static_cast<std::size_t>(m.driven[static_cast<std::size_t>(j)])];
+    const bool high = in(roots.low) == in(roots.high) ? preferred : in(roots.high);
+    if (roots.low != roots.high) out.two |= 1U << j;
+    if (high) out.first |= 1U << j;
+  }
+  return out;
+}
+
+JointVector chosen(const Roots& roots, unsigned high) {
+  JointVector q(static_cast<Eigen::Index>(roots.of.size()));
+  for (std::size_t j = 0; j < roots.of.size(); ++j) {
+    q[static_cast<Eigen::Index>(j)] = (high >> j & 1U) != 0 ? roots.of[j].high : roots.of[j].low;
+  }
+  return q;
+}
+
+/// A kept orientation is that of home; the equations hold for half turns against it, too.
+bool keeps_orientation(const Parallel& m, const Pose& X) {
+  const bool kept = std::any_of(m.constraints.begin(), m.constraints.end(), [](const PlatformConstraint& c) {
+    return c.kind == ConstraintKind::orientation;
+  });
+  return !kept || (X.R * m.home.R.transpose()).trace() > 1;
+}
+
+std::string branch_name(const Parallel& m, unsigned high) {
+  std::string out;
+  for (int j = 0; j < joint_count(m); ++j) {
+    if (!driven_leg(m, j).two_roots()) continue;
+    out += fmt::format("{}{} {}", out.empty() ? "" : ", ", m.driven[static_cast<std::size_t>(j)] + 1,
+                       (high >> j & 1U) != 0 ? "high" : "low");
+  }
+  return out.empty() ? "only" : out;
+}
+
+}  // namespace
+
+std::string limit_name(const Parallel& m, int limit) {
+  const int n = joint_count(m);
+  if (limit >= 2 * n) return hexapod_limit_name(HexapodLimits::kLow + limit - 2 * n);
+  return fmt::format("leg {} {}", m.driven[static_cast<std::size_t>(limit / 2)] + 1,
+                     limit % 2 == 0 ? "below its minimum" : "above its maximum");
+}
+
+std::optional<JointVector> joints_of(const Parallel& m, const Pose& X) {
+  const Roots roots = roots_of(m, X);
+  if (!roots.reason.empty()) return std::nullopt;
+  return chosen(roots, roots.first);
+}
+
+InverseResult inverse(const Parallel& m, const Pose& target) {
+  InverseResult out;
+  const std::optional<Pose> X = settled(m, target);
+  if (!X) {
+    out.converged = false;
+    out.reason =
+        "the coordinates that follow were not found: the constraints cannot be met, or are singular on the way "
+        "from home";
+    return out;
+  }
+  const Roots roots = roots_of(m, *X);
+  if (!roots.reason.empty()) {
+    out.reason = roots.reason;
+    return out;
+  }
+  // Subsets of the legs with two roots, in the order of binary numbers, so that the machine's own choice is first.
+  for (unsigned subset = 0;; subset = (subset - roots.two) & roots.two) {
+    kinematics::Solution s;
+    const unsigned high = roots.first ^ subset;
+    s.joints = chosen(roots, high);
+    s.branch = branch_name(m, high);
+    s.violations = violations_of(m, *X, s.joints);
+    for (std::size_t j = 0; j < roots.of.size(); ++j) {
+      const ParallelLeg& leg = driven_leg(m, static_cast<int>(j));
+      s.singular = s.singular || (leg.two_roots() && std::sqrt(roots.of[j].under) < 1e-6 * leg.rod);
+    }
+    out.solutions.push_back(std::move(s));
+    if (subset == roots.two || out.solutions.size() == kMostSolutions) break;
+  }
+  return out;
+}
+
+kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, const Pose& seed) {
+  constexpr int kSteps = 60;
+  constexpr double kLongest = 0.5, kDone = 1e-14, kCloses = 1e-9;
+  kinematics::NewtonResult out{seed, 0, 0, false};
+  bool settled = false;
+  for (; out.iterations < kSteps && !settled; ++out.iterations) {
+    EquationRows rows = closure_rows(m, out.X_MT, q);
+    rows.A.rightCols<3>() /= m.size;
+    Vec6 step = -(rows.A.completeOrthogonalDecomposition().solve(rows.F));
+    step.tail<3>() /= m.size;
+    if (!step.allFinite()) break;
+    const double turn = step.tail<3>().norm(), way = step.head<3>().norm() / m.size;
+    const double share = std::min(1.0, kLongest / std::max({turn, way, 1e-300}));
+    out.X_MT.p += share * step.head<3>();
+    out.X_MT.R = rotation_of(share * step.tail<3>()) * out.X_MT.R;
+    const double small = kDone * (1 + out.X_MT.p.norm() / m.size);
+    settled = share == 1 && std::max(turn, way) < (out.iterations > 5 ? 100 * small : small);
+  }
+  out.residual = closure_rows(m, out.X_MT, q).F.cwiseAbs().maxCoeff();
+  out.converged = out.residual < kCloses * (m.size + out.X_MT.p.norm()) && keeps_orientation(m, out.X_MT);
+  return out;
+}
+
+kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector& q) {
+  kinematics::NewtonResult out = forward_from(m, q, m.home);
+  const std::optional<JointVector> home = joints_of(m, m.home);
+  if (out.converged || !home) return out;
+  for (const int steps : {4, 16, 64}) {
+    Pose at = m.home;
+    for (int k = 1; k <= steps; ++k) {
+      out = forward_from(m, *home + (q - *home) * (double(k) / steps), at);
+      if (!out.converged) break;
+      at = out.X_MT;
+    }
+    if (out.converged) break;
+  }
+  return out;
+}
+
+Pose forward(const Parallel& m, const JointVector& q) {
+  return forward_from_home(m, q).X_MT;
+}
+
+std::vector<Pose> poses_by_search(const Parallel& m, const JointVector& q, int starts) {
+  constexpr double kSame = 1e-6;
+  std::vector<Pose> out;
+  const auto add = [&](const kinematics::NewtonResult& found) {
+    if (!found.converged) return;
+    const bool known = std::any_of(out.begin(), out.end(), [&](const Pose& X) {
+      return (X.p - found.X_MT.p).norm() < kSame * m.size && (X.R - found.X_MT.R).norm() < kSame;
+    });
+    if (!known) out.push_back(found.X_MT);
+  };
+  add(forward_from_home(m, q));
+  double reach = m.size;
+  for (int j = 0; j < joint_count(m); ++j) {
+    const ParallelLeg& leg = driven_leg(m, j);
+    reach = std::max(reach, leg.reference + leg.arm);
+  }
+  Random random(1);
+  for (int k = 0; k < starts; ++k) {
+    Pose X = m.home;
+    for (double& x : X.p) x += random.uniform(-1, 1) * 2 * reach;
+    X.R = rotation_abc(random.uniform(-1, 1) * std::numbers::pi, random.uniform(-0.5, 0.5) * std::numbers::pi,
+                       random.uniform(-1, 1) * std::numbers::pi);
+    add(forward_from(m, q, X));
+  }
+  if (out.size() > 1) {
+    std::stable_sort(out.begin() + 1, out.end(), [](const Pose& a, const Pose& b) { return a.p.z() > b.p.z(); });
+  }
+  return out;
+}
+
+std::optional<SixLegs> plain_six_legs(const Parallel& m, const JointVector& q) {
+  if (m.legs.size() != kLegs || !m.constraints.empty() || m.idle_turn) return std::nullopt;
+  SixLegs out;
+  int drive = 0;
+  for (std::size_t i = 0; i < m.legs.size(); ++i) {
+    const ParallelLeg& leg = m.legs[i];
+    if (leg.ring) return std::nullopt;
+    const double reading = leg.driven() ? q[drive++] : 0.0;
+    out.anchor[i] = leg_anchor(leg, reading);
+    out.end[i] = leg.platform - m.tool;
+    out.length[i] = leg.rod + (leg.drive == LegDrive::strut ? reading : 0.0);
+  }
+  return out;
+}
+
+JacobianMatrix jacobian(const Parallel& m, const Pose& X, const JointVector& q) {
+  ByJoints B;
+  EquationRows rows = closure_rows(m, X, q, &B);
+  JacobianMatrix J(6, B.cols());
+  J = -(rows.A.completeOrthogonalDecomposition().solve(B));
+  return J;
+}
+
+Eigen::Matrix<double, 6, Eigen::Dynamic> leg_columns(const Parallel& m, const Pose& X, const JointVector& q) {
+  const EquationRows rows = closure_rows(m, X, q);
+  const auto n = static_cast<int>(rows.F.size());
+  const auto legs = static_cast<int>(m.legs.size());
+  // A leg that becomes longer by dl changes its equation by -l dl / reference.
+  Eigen::VectorXd by_length(legs), gives = Eigen::VectorXd::Zero(n);
+  for (int i = 0, drive = 0; i < legs; ++i) {
+    const ParallelLeg& leg = m.legs[static_cast<std::size_t>(i)];
+    const double reading = leg.driven() ? q[drive++] : 0.0;
+    by_length[i] = (leg.rod + (leg.drive == LegDrive::strut ? reading : 0.0)) / leg.reference;
+    gives[i] = by_length[i] * by_length[i] * leg.compliance;
+  }
+  Eigen::VectorXd root = Eigen::VectorXd::Ones(n);
+  const double least = 1e-6 * gives.maxCoeff();
+  if (n > 6 && least > 0) root = gives.cwiseMax(least).cwiseInverse().cwiseSqrt();
+  const Eigen::MatrixXd held =
+      (root.asDiagonal() * Eigen::MatrixXd(rows.A)).completeOrthogonalDecomposition().pseudoInverse() *
+      root.asDiagonal();
+  return held.leftCols(legs) * by_length.asDiagonal();
+}
+
+}  // namespace polypod::machine

@@ -1,0 +1,161 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What must hold for every machine of the catalogue, asked only through the questions that every machine answers.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "machines.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/families.hpp"
+
+namespace polypod {
+namespace {
+
+using kinematics::JointVector;
+using machine::AnyMachine;
+
+/// The solution whose joints are nearest to q.
+const kinematics::Solution* nearest(const kinematics::InverseResult& result, const JointVector& q) {
+  const kinematics::Solution* best = nullptr;
+  for (const kinematics::Solution& s : result.solutions)
+    if (best == nullptr || (s.joints - q).norm() < (best->joints - q).norm()) best = &s;
+  return best;
+}
+
+/// A pose and joints that belong together: random joints of a serial arm; of other machines home moved by up to
+/// `share` of the distance of the platform joints in each coordinate of the task.
+struct Standing {
+  Pose X_MT;
+  JointVector q;
+};
+std::optional<Standing> standing(const AnyMachine& m, std::mt19937& random, double share) {
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const auto home = kinematics::home_pose(m);
+  if (!home) {
+    JointVector q(kinematics::joint_count(m));
+    for (int i = 0; i < q.size(); ++i) {
+      const auto range = kinematics::joint_range(m, i);
+      q[i] = 0.5 * (range.min + range.max) + 0.4 * share / 0.1 * unit(random) * (range.max - range.min);
+    }
+    return Standing{kinematics::forward(m, q).poses.at(0), q};
+  }
+  const machine::Task task = kinematics::task(m);
+  const auto at_home = kinematics::inverse(m, *home);
+  if (at_home.solutions.empty()) return {};
+  const double L = kinematics::dexterity(m, *home, at_home.solutions[0].joints).characteristic_length;
+  std::vector<double> c = kinematics::coordinates_of(task, *home);
+  for (int i = 0; i < task.size(); ++i) {
+    c[static_cast<std::size_t>(i)] += share * unit(random) * (task.is_angle(i) ? 1.0 : std::min(L, 0.5));
+  }
+  const Pose X = kinematics::pose_of(task, c);
+  const auto result = kinematics::inverse(m, X);
+  if (result.solutions.empty()) return {};
+  return Standing{kinematics::settled(m, X, result.solutions[0].joints), result.solutions[0].joints};
+}
+
+void check(const AnyMachine& any, const Standing& at) {
+  const machine::Task task = kinematics::task(any);
+  const Pose X = kinematics::settled(any, at.X_MT, at.q);
+  EXPECT_LT((X.p - at.X_MT.p).norm() + (X.R - at.X_MT.R).norm(), 1e-9) << "settled poses settle where they are";
+
+  // The closure vanishes there; limits on intervals hold those on numbers.
+  std::visit(
+      [&](const auto& m) {
+        const std::vector<double> p = kinematics::nominal_parameters(m);
+        const std::span<const double> q(at.q.data(), static_cast<std::size_t>(at.q.size()));
+        EXPECT_LT(closure(m, X, q, std::span<const double>(p)).cwiseAbs().maxCoeff(), 1e-9);
+        const std::vector<Interval> q_box(q.begin(), q.end()), p_box(p.begin(), p.end());
+        const auto g = limits(m, X, q, std::span<const double>(p));
+        const auto box =
+            limits(m, X.cast<Interval>(), std::span<const Interval>(q_box), std::span<const Interval>(p_box));
+        ASSERT_EQ(g.size(), box.size());
+        ASSERT_LE(g.size(), 64U);
+        for (std::size_t i = 0; i < g.size(); ++i) EXPECT_TRUE(box[i].contains(g[i])) << "limit " << i;
+      },
+      any);
+
+  // The joints are among the solutions; what the task prescribes is what the pose has.
+  const auto result = kinematics::inverse(any, X);
+  const kinematics::Solution* back = nearest(result, at.q);
+  ASSERT_NE(back, nullptr);
+  EXPECT_LT((back->joints - at.q).cwiseAbs().maxCoeff(), 1e-6);
+
+  // Twists per change of the joints, and the power of drives and tool, by differences along each coordinate.
+  constexpr double kStep = 1e-5;
+  const auto J = kinematics::jacobian(any, X, at.q);
+  const Vec6 wrench = (Vec6() << 3, -2, 5, 0.4, -0.3, 0.2).finished();
+  const std::vector<double> c = kinematics::coordinates_of(task, X);
+  for (int i = 0; i < task.size(); ++i) {
+    std::array<Standing, 2> moved;
+    for (const int side : {0, 1}) {
+      std::vector<double> d = c;
+      d[static_cast<std::size_t>(i)] += side == 0 ? -kStep : kStep;
+      const auto there = kinematics::inverse(any, kinematics::pose_of(task, d));
+      const kinematics::Solution* s = nearest(there, at.q);
+      ASSERT_NE(s, nullptr) << "coordinate " << i;
+      moved[static_cast<std::size_t>(side)] = {kinematics::settled(any, kinematics::pose_of(task, d), s->joints),
+                                               s->joints};
+    }
+    Vec6 twist;
+    twist << (moved[1].X_MT.p - moved[0].X_MT.p) / (2 * kStep),
+        rotation_vector(moved[1].X_MT.R * moved[0].X_MT.R.transpose()) / (2 * kStep);
+    const JointVector speed = (moved[1].q - moved[0].q) / (2 * kStep);
+    EXPECT_LT((J * speed - twist).norm(), 1e-4 * (1 + twist.norm() + speed.norm())) << "coordinate " << i;
+    EXPECT_NEAR((J.transpose() * wrench).dot(speed), wrench.dot(twist),
+                1e-4 * (1 + wrench.norm() * (twist.norm() + speed.norm())));
+  }
+}
+
+TEST(Catalogue, EveryMachineKeepsTheInvariants) {
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    SCOPED_TRACE(entry.name);
+    const AnyMachine m = test::load(std::string(entry.name));
+    std::mt19937 random(20261122);
+    int judged = 0;
+    for (int k = 0; k < 60 && judged < 25; ++k) {
+      SCOPED_TRACE(k);
+      const auto at = standing(m, random, k == 0 ? 0.0 : 0.1);
+      if (!at) continue;
+      if (kinematics::dexterity(m, at->X_MT, at->q).condition > 1e4) continue;  // differences say nothing there
+      check(m, *at);
+      ++judged;
+    }
+    EXPECT_GE(judged, 10);
+  }
+}
+
+TEST(Catalogue, EveryMachineReadsBackWhatItWrites) {
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    SCOPED_TRACE(entry.name);
+    const AnyMachine m = test::load(std::string(entry.name));
+    const std::string text = machine::to_toml(m);
+    const auto again = machine::from_text(text, "again.toml");
+    ASSERT_TRUE(again.has_value()) << to_string(again.error());
+    EXPECT_EQ(machine::to_toml(*again), text);
+    const auto a = kinematics::parameters(m), b = kinematics::parameters(*again);
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i].value, b[i].value, 1e-11) << a[i].key;
+  }
+}
+
+/// Near singular: the wrist of the LOLA 50 almost straight, and legs of a planar machine that almost meet in a point.
+TEST(Catalogue, InvariantsHoldNearSingularPoses) {
+  const AnyMachine arm = test::load("lola50");
+  JointVector q(5);
+  q << 0.2, -0.4, -0.1, 0.3, 0.01;
+  check(arm, {kinematics::forward(arm, q).poses.at(0), q});
+  const AnyMachine planar = test::load("planar-3rrr");
+  const auto& m = std::get<machine::Parallel>(planar);
+  for (double angle = -0.6; angle <= 0.6; angle += 0.05) {
+    const Pose X{rotation_z(angle), Vec3(1e-3, 2e-3, 0)};
+    const auto joints = joints_of(m, X);
+    if (!joints) continue;
+    const double condition = kinematics::dexterity(planar, X, *joints).condition;
+    if (condition > 5e3) continue;
+    SCOPED_TRACE(angle);
+    check(planar, {X, *joints});
+  }
+}
+
+}  // namespace
+}  // namespace polypod

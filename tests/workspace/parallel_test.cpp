@@ -1,0 +1,134 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Certain workspaces of machines of legs: against the hand-made bounds of the built-in families, and against samples.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "machines.hpp"
+#include "polypod/core/random.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/families.hpp"
+#include "polypod/workspace/volume.hpp"
+
+namespace polypod {
+namespace {
+
+using machine::AnyMachine;
+
+/// The share of a box of three coordinates of the task at which the machine keeps its limits, and whether all such
+/// points lie within the bounds.
+struct Sampled {
+  double volume = 0, deviation = 0;
+  bool within = true;
+};
+Sampled sampled(const AnyMachine& m, const Vec3& low, const Vec3& high, const workspace::Volume& v,
+                const std::vector<Mat3>& orientations, int count) {
+  Random random(3);
+  const machine::Task task = kinematics::task(m);
+  int inside = 0;
+  Sampled out;
+  for (int k = 0; k < count; ++k) {
+    Vec3 c;
+    for (int i = 0; i < 3; ++i) c[i] = random.uniform(low[i], high[i]);
+    const bool in = std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
+      const Pose X = task.places() ? Pose{R, c} : kinematics::pose_of(task, {c[0], c[1], c[2]});
+      return kinematics::inverse(m, X).reachable() != nullptr;
+    });
+    if (!in) continue;
+    ++inside;
+    out.within = out.within && (c.array() >= v.min.array()).all() && (c.array() <= v.max.array()).all();
+  }
+  const double share = double(inside) / count;
+  out.volume = share * (high - low).prod();
+  out.deviation = (high - low).prod() * std::sqrt(share * (1 - share) / count);
+  return out;
+}
+
+void expect_bounds_hold(const char* name, workspace::Options options, int count) {
+  const AnyMachine m = test::load(name);
+  options.relative_tolerance = 0.1;
+  options.bounds_tolerance = 0;
+  options.max_cells = 300'000;
+  const auto v = workspace::volume(m, options);
+  ASSERT_TRUE(v.has_value()) << to_string(v.error());
+  ASSERT_FALSE(v->empty);
+  EXPECT_TRUE(v->converged) << v->lower << " .. " << v->upper;
+  EXPECT_GT(v->lower, 0.0);
+  const Vec3 margin = 0.1 * (v->max - v->min);
+  const Sampled s =
+      sampled(m, v->min - margin, v->max + margin, *v, workspace::sampled_orientations(options.directions), count);
+  constexpr double kSigmas = 5;  // one run in a million is farther off by chance
+  EXPECT_TRUE(s.within) << "a reachable point lies out of the bounds";
+  if (options.directions.tilt == 0 && !options.directions.is_ranges()) {
+    EXPECT_GT(s.volume + kSigmas * s.deviation, v->lower);
+  }
+  EXPECT_LT(v->lower, s.volume + kSigmas * s.deviation);
+  if (options.directions.tilt == 0) {
+    EXPECT_GT(v->upper, s.volume - kSigmas * s.deviation);
+  }
+}
+
+TEST(WorkspaceOfLegs, TriceptHoldsItsSamples) {
+  expect_bounds_hold("tricept", {}, 20'000);
+}
+TEST(WorkspaceOfLegs, PentapodHoldsItsSamples) {
+  expect_bounds_hold("pentapod", {}, 20'000);
+}
+TEST(WorkspaceOfLegs, PentapodHoldsItsSamplesFromACone) {
+  workspace::Options options;
+  options.directions.tilt = units::from_deg(15);
+  expect_bounds_hold("pentapod", options, 2'000);
+}
+TEST(WorkspaceOfLegs, TripodHoldsItsSamplesInItsOwnCoordinates) {
+  expect_bounds_hold("tripod-z3", {}, 20'000);
+}
+TEST(WorkspaceOfLegs, HexaHoldsItsSamples) {
+  expect_bounds_hold("hexa", {}, 20'000);
+}
+TEST(WorkspaceOfLegs, PlanarMachineHoldsItsSamplesInItsOwnCoordinates) {
+  expect_bounds_hold("planar-3rrr", {}, 20'000);
+}
+
+/// A strut hexapod without joint limits as legs: the two proofs of one volume hold each other.
+TEST(WorkspaceOfLegs, AgreesWithTheHandMadeBoundsOfStruts) {
+  const AnyMachine built_in = test::load("hexapod-strut");
+  const auto& m = std::get<machine::StrutHexapod>(built_in);
+  std::string text = fmt::format("family = \"parallel\"\nhome = {{ z_mm = {} }}\ntool = {{ z_mm = {} }}\n",
+                                 units::to_mm(home_pose(m).p.z()), units::to_mm(m.tool_length));
+  const auto list = [](const Vec3& p) {
+    return fmt::format("[{:.17g}, {:.17g}, {:.17g}]", units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z()));
+  };
+  for (std::size_t i = 0; i < 6; ++i) {
+    text += fmt::format("[[leg]]\ndrive = \"strut\"\nbase_mm = {}\nplatform_mm = {}\nmin_mm = {}\nmax_mm = {}\n",
+                        list(m.base_joint[i]), list(m.platform_joint[i]), units::to_mm(m.length_min),
+                        units::to_mm(m.length_max));
+  }
+  const auto legs = machine::from_text(text, "legs.toml");
+  ASSERT_TRUE(legs.has_value());
+  for (const double tilt : {0.0, 10.0}) {
+    workspace::Options options;
+    options.directions.tilt = units::from_deg(tilt);
+    options.relative_tolerance = 0.05;
+    options.bounds_tolerance = 0;
+    const auto b = workspace::volume(*legs, options);
+    const auto off = workspace::limit_bits(built_in, "joint");
+    ASSERT_TRUE(off.has_value());
+    options.limits &= ~*off;
+    const auto a = workspace::volume(built_in, options);
+    ASSERT_TRUE(a && b);
+    EXPECT_LE(a->lower, b->upper);
+    EXPECT_LE(b->lower, a->upper);
+    EXPECT_TRUE(b->converged);
+  }
+}
+
+TEST(WorkspaceOfLegs, SaysWhatItCannotAnswer) {
+  workspace::Options tilted;
+  tilted.directions.tilt = units::from_deg(10);
+  const auto v = workspace::volume(test::load("tricept"), tilted);
+  ASSERT_FALSE(v.has_value());
+  EXPECT_EQ(v.error().id, "WS104");
+}
+
+}  // namespace
+}  // namespace polypod
