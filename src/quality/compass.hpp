@@ -16,7 +16,8 @@ using PoseValue = std::function<double(const Pose& X_MT)>;
 /// (Audet and Dennis, Mesh adaptive direct search, 2006: the workspace is a barrier). Half the grid's spacing (an
 /// eighth of the tilt) at first, doubled after a gain and halved after none, down to a thousandth of the spacing, at
 /// most 1500 steps. It stays within the workspace (all required directions are reached), the survey's box and the
-/// required directions. Never below the start. The same steps in every run.
+/// required directions; a step that leaves the workspace is pulled back to its boundary. Never below the start. The
+/// same steps in every run.
 Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
               bool turn, const PoseValue& value);
 

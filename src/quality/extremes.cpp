@@ -120,12 +120,26 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   Random random(1);
   Extreme best = start;
   int asked = 0;
+  const auto inside = [&](const Vec3& p) {
+    return workspace::reaches_samples(machine, options.workspace, survey.orientations, p);
+  };
+  // A step that leaves the workspace is pulled back to its boundary towards the middle, by no more than its length.
+  const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
+  const auto pulled_back = [&](Vec3& p) {
+    constexpr int kHalvings = 6;
+    const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
+    double out = 0, in = 1;
+    if (!inside(p + pull)) return false;
+    for (int k = 0; k < kHalvings; ++k) (inside(p + 0.5 * (out + in) * pull) ? in : out) = 0.5 * (out + in);
+    p = in_box(options, p + in * pull);
+    return inside(p);
+  };
   const auto gains = [&](const Step& step) {
     ++asked;
     Extreme next = best;
     for (int k = 0; k < 3; ++k) next.X_MT.p += step[k] * survey.grid.step[static_cast<std::size_t>(k)];
     next.X_MT.p = in_box(options, next.X_MT.p);
-    if (!workspace::reaches_samples(machine, options.workspace, survey.orientations, next.X_MT.p)) return false;
+    if (!inside(next.X_MT.p) && !pulled_back(next.X_MT.p)) return false;
     if (axes == 5) next.X_MT.R = turned.moved(best.X_MT.R, step.tail<2>());
     next.value = value(next.X_MT);
     if (!better(next.value, best.value)) return false;

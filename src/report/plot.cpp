@@ -415,9 +415,9 @@ std::string BarChart::operator()(const Canvas& canvas) const {
     largest = std::max(largest, total);
   }
   // Labels that would take more than two fifths of the width stand above their bars.
-  constexpr double kRow = 30, kBar = 20, kBefore = 12, kLine = 18, kShare = 0.4;
-  const bool above = widest_label + kBefore > kShare * picture.width;
-  const double left = above ? 0 : widest_label + kBefore;
+  constexpr double kRow = 30, kBar = 20, kBesideLabel = 12, kLine = 18, kShare = 0.4;
+  const bool above = widest_label + kBesideLabel > kShare * picture.width;
+  const double left = above ? 0 : widest_label + kBesideLabel;
   double top = picture.legend(entries, left, 2) + 4;
   double widest_total = 60;  // room for the total behind the longest bar
   for (const double total : totals) {
