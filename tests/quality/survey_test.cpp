@@ -353,7 +353,7 @@ TEST(ToleranceDesign, PromisesWhatTheErrorsShow) {
   wish.position = 50e-6;
   const auto d = design_tolerances(m, *s, options, {{"all", 1}}, wish);
   ASSERT_TRUE(d) << to_string(d.error());
-  EXPECT_EQ(d->parts[0].units, (std::vector<std::string>{"mm", "deg"}));  // lengths, and the drives' zero
+  EXPECT_EQ(d->parts[0].units, (std::vector<std::string>{"deg", "mm"}));  // lengths, and the drives' zero
   const auto sizes = *sized(m, {{"all", d->parts[0].tolerance}}, true);
   const auto field = tolerance_field(m, *s, options, sizes);
   constexpr double kRounding = 1e-6;
