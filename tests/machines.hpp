@@ -30,4 +30,17 @@ tool = { length_mm = 10 }
                              "congruent.toml", {{"leg.length_min_mm", length_min_mm}});
 }
 
+/// A delta of the proportions of industrial ones, whose rods come close to one plane at the boundary of its workspace.
+inline machine::AnyMachine flat_delta() {
+  return *machine::from_text(R"(
+family = "rotary-delta"
+base = { radius_mm = 200 }
+platform = { radius_mm = 45 }
+arm = { length_mm = 350 }
+rod = { length_mm = 800, diameter_mm = 14, spacing_mm = 80 }
+drive = { angle_min_deg = 50, angle_max_deg = 180 }
+)",
+                             "flat_delta.toml", {});
+}
+
 }  // namespace polypod::test

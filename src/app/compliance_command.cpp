@@ -31,6 +31,9 @@ Command compliance_command() {
               POLYPOD_ASSIGN(f, numbers_of(o->force, "--force"));
               if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o->force));
               force = Vec3(f[0], f[1], f[2]);
+              constexpr double kMost = 1e6;  // N: beyond, no machine of this kind is elastic
+              if (!(force.cwiseAbs().maxCoeff() <= kMost))
+                return fail("AP104", fmt::format("--force {}: at most {:g} N along each axis", o->force, kMost));
             }
             POLYPOD_TRY(needs_compliance(m));
             if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;

@@ -122,13 +122,15 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double lengt
 /// The page's errors: those of the tolerances that were given, or of 0.01 mm (deg) on every element.
 Status write_files(const Options& o, const machine::AnyMachine& m, const quality::SurveyOptions& options,
                    const std::vector<quality::Sized>& sizes, double length, const quality::Survey& survey,
-                   const quality::DexterityField& field, const std::vector<std::string>& given) {
+                   const quality::DexterityField& field, const std::vector<std::string>& given,
+                   const Context& context) {
   POLYPOD_ASSIGN(errors, quality::tolerance_field(m, survey, options, sizes));
   pages::QualityPageOptions page;
   page.command = command_line(o);
   page.machine = o.machine;
   page.sets = o.sets;
   page.given = given;
+  set_resolution(page, o.where, context);
   page.assumed = o.tolerances.empty();
   return o.files.write({m, options, {true, sizes, {}, length}, {survey, std::move(errors), field}, page});
 }
@@ -169,17 +171,22 @@ Command dexterity_command() {
         }
         const std::vector<std::string> given =
             o->tolerances.empty() ? std::vector<std::string>{"all=0.01"} : o->tolerances;
-        POLYPOD_ASSIGN(keyed, keyed_numbers(given, "--tolerance"));
-        POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));
+        std::vector<quality::Sized> sizes;
+        if (o->files.any()) {
+          POLYPOD_ASSIGN(keyed, keyed_numbers(given, "--tolerance"));
+          POLYPOD_ASSIGN(found, quality::sized(m, keyed, true));
+          sizes = std::move(found);
+        }
         POLYPOD_ASSIGN(options, o->where.options(m, context));
         POLYPOD_ASSIGN(survey, quality::survey(m, options));
         POLYPOD_ASSIGN(field, quality::dexterity_field(m, survey, options, length));
-        if (o->files.any()) POLYPOD_TRY(write_files(*o, m, options, sizes, length, survey, field, given));
+        if (o->files.any()) POLYPOD_TRY(write_files(*o, m, options, sizes, length, survey, field, given, context));
         const auto seen = [&](const quality::Quantity& quantity, std::size_t number) {
           return quality::statistics_seen(m, survey, options, quantity, field.anywhere, number);
         };
-        const quality::Statistics condition = seen(field.condition, 0), sigma = seen(field.sigma_min, 1),
-                                  determinant = seen(field.determinant, 2);
+        quality::Statistics condition = seen(field.condition, 0);
+        condition.max = infinite_if_singular(condition.max);
+        const quality::Statistics sigma = seen(field.sigma_min, 1), determinant = seen(field.determinant, 2);
         const quality::Extreme worst = quality::worst_seen(m, survey, options, field.condition, field.anywhere, 0);
         const quality::Extreme least = quality::worst_seen(m, survey, options, field.sigma_min, field.anywhere, 1, -1);
         const double largest_condition = infinite_if_singular(worst.value);

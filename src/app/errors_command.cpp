@@ -290,6 +290,7 @@ Command errors_command() {
               page.command = command_line(*o);
               page.machine = o->machine;
               page.sets = o->sets;
+              set_resolution(page, o->where, context);
               page.given = tolerances ? o->tolerances : o->errors;
               POLYPOD_TRY(o->files.write(
                   {m, options, {tolerances, sizes, tolerance, 0}, {survey, found.field, std::move(dexterity)}, page}));
@@ -322,7 +323,8 @@ Command errors_command() {
             }
             print_statistics(survey, {{"position", found.position, units::kMmPerMetre, 6, "mm"},
                                       {"orientation", found.orientation, 1, 7, "rad"}});
-            fmt::print("largest mean seen at {}\n", place_text(found.position.max_at));
+            if (survey.orientations.size() > 1)
+              fmt::print("largest mean seen at {}\n", place_text(found.position.max_at));
             fmt::print("worst pose seen: {} mm at {}\n", figure(units::to_mm(worst.value), 6),
                        pose_text(m, worst.X_MT, 2));
             if (!singular_there.empty()) {

@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdio>
+#include <functional>
 #include <memory>
 
 #include "commands.hpp"
@@ -28,10 +31,30 @@ struct MachineOptions {
   bool free_twist = false;
 };
 
-std::string joined(const std::vector<double>& values, const char* format = "{:.4f}") {
+/// Numbers in mm where `length` says so, in deg elsewhere, each at least `width` wide.
+std::string measured(const std::vector<double>& values, const std::function<bool(std::size_t)>& length, int width = 0) {
+  constexpr int kDecimals = 4, kSignificant = 6;
+  double largest = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (length(i)) largest = std::max(largest, std::abs(values[i]));
+  const Figures mm(largest, kDecimals, kSignificant);
   std::string out;
-  for (const double v : values) out += (out.empty() ? "" : ", ") + fmt::format(fmt::runtime(format), v);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::string text = length(i) ? mm(values[i]) : fmt::format("{:.{}f}", values[i], kDecimals);
+    out += fmt::format("{}{:>{}}", out.empty() ? "" : ", ", text, width);
+  }
   return out;
+}
+
+std::string pose_in_words(const Json& pose, int width = 0) {
+  return measured(
+      pose.get<std::vector<double>>(), [](std::size_t i) { return i < 3; }, width);
+}
+
+std::string joints_in_words(const machine::AnyMachine& m, const machine::JointVector& q) {
+  return measured(joints_for_user(m, q), [&](std::size_t i) {
+    return kinematics::joint_kind(m, static_cast<int>(i)) != machine::JointKind::revolute;
+  });
 }
 
 const char* unit_of(const machine::AnyMachine& m, int joint) {
@@ -84,7 +107,7 @@ int print_modes(const Context& context, const machine::AnyMachine& m, const mach
     fmt::print("{}\n", text);
     for (const Json& p : poses) {
       const auto broken = p["violations"].get<std::vector<std::string>>();
-      fmt::print("{}  {}\n", joined(p["pose"].get<std::vector<double>>(), "{:10.4f}"),
+      fmt::print("{}  {}\n", pose_in_words(p["pose"], 10),
                  broken.empty() ? "within all limits" : broken.front() + (broken.size() > 1 ? ", ..." : ""));
     }
   }
@@ -162,7 +185,7 @@ Command info_command() {
             }
             fmt::print("\nparameters\n");
             for (const auto& [key, value] : parameters.items())
-              fmt::print("  {:<26} {:>14.6g}\n", key, value.get<double>());
+              fmt::print("  {:<26} {:>14.10g}\n", key, value.get<double>());
             fmt::print("\nsources\n");
             for (const auto& [key, text] : machine::provenance_of(m))
               fmt::print("  {}: {}\n", one_line(key), one_line(text));
@@ -196,7 +219,7 @@ void print_twist(const Json& twist) {
         fmt::format("{}{:.2f} .. {:.2f}", ranges.empty() ? "" : ", ", range[0].get<double>(), range[1].get<double>());
   }
   fmt::print("turned by {:.3f} deg about the tool axis to {}; possible: {} deg\n", twist["angle_deg"].get<double>(),
-             joined(twist["pose"].get<std::vector<double>>()), ranges);
+             pose_in_words(twist["pose"]), ranges);
 }
 
 }  // namespace
@@ -250,7 +273,7 @@ Command ik_command() {
             } else {
               for (const kinematics::Solution& s : result.solutions) {
                 fmt::print("{:<32} {}{}\n  {}\n", s.branch, in_words(kinematics::limit_names(m, s.violations)),
-                           s.singular ? " (singular)" : "", joined(joints_for_user(m, s.joints)));
+                           s.singular ? " (singular)" : "", joints_in_words(m, s.joints));
               }
               const machine::Task task = kinematics::task(m);
               if (task.size() < 6 && !task.names_axis() && task != machine::Task::point) {
@@ -298,7 +321,7 @@ Command fk_command() {
           print_json(document);
         } else {
           for (const Json& p : poses) {
-            fmt::print("{}\n  {}\n", joined(p["pose"].get<std::vector<double>>()), in_words(p["violations"]));
+            fmt::print("{}\n  {}\n", pose_in_words(p["pose"]), in_words(p["violations"]));
           }
           if (poses.empty()) fmt::print("no pose: {}\n", why);
         }

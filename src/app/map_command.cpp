@@ -440,6 +440,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}, {}};
   POLYPOD_ASSIGN(measured, measured_of(o));
   if (!measured.empty()) POLYPOD_TRY(needs_compliance(m));
+  const SingularNote singular(m, context);
   const machine::Task task = kinematics::task(m);
   if (!task.places()) {
     return fail(
@@ -477,7 +478,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   const auto out_of_reach = [&](const std::string& what) {
     fmt::print(stderr, "polypod: {} reaches no point of {}; {}\n", one_line(machine::name_of(m)), what,
                "try another --at, range or --angles (`polypod workspace` says what is reached)");
-    if (context.json) print_json(map_json(map, {}));
+    if (context.json) print_json(singular.in(map_json(map, {})));
     return kAnswerIsNo;
   };
   if (!found) return out_of_reach("the plane " + pages::place_of(map));
@@ -500,7 +501,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   if (context.json) {
     std::vector<std::string> written = o.outputs;
     if (!o.path_csv.empty()) written.push_back(o.path_csv);
-    print_json(map_json(map, written));
+    print_json(singular.in(map_json(map, written)));
   } else {
     print_map(o, map);
   }

@@ -3,16 +3,18 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/motion/delta_motion.hpp"
 #include "polypod/pages/motion.hpp"
 #include "polypod/workspace/fit.hpp"
-#include "workspace_options.hpp"
+#include "survey_options.hpp"
 
 namespace polypod::app {
 namespace {
@@ -82,20 +84,30 @@ Json run_json(const machine::AnyMachine& m, const motion::Run& r) {
           {"drives", drives}};
 }
 
+/// "x, y, z" of a point, mm.
+std::string coordinates(const Vec3& p) {
+  const Figures shown(units::to_mm(p.norm()), 2);
+  return fmt::format("{}, {}, {}", shown(units::to_mm(p.x())), shown(units::to_mm(p.y())), shown(units::to_mm(p.z())));
+}
+
 void print_run(const machine::AnyMachine& m, const motion::Run& r) {
   const DriveUnit unit = drive_unit(m);
-  fmt::print("length   {:.1f} mm\ntime     {:.4f} s\n", units::to_mm(r.length), r.time);
+  fmt::print("length   {} mm\ntime     {} s\n", figure(units::to_mm(r.length), 1), figure(r.time, 4));
   fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14} {:>14}\n", "", "min", "max", "speed /s", "acceler. /s2", "jerk /s3");
-  fmt::print("{:<8} {:>10} {:>10} {:>12.1f} {:>14.0f} {:>14.0f} mm\n", "tool", "", "", units::to_mm(r.tool.speed),
-             units::to_mm(r.tool.acceleration), units::to_mm(r.tool.jerk));
+  fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14} {:>14} mm\n", "tool", "", "", figure(units::to_mm(r.tool.speed), 1),
+             figure(units::to_mm(r.tool.acceleration), 0), figure(units::to_mm(r.tool.jerk), 0));
+  double largest = 0;
+  for (int i = 0; i < r.arms; ++i)
+    largest = std::max({largest, std::abs(unit.to(r.low[i])), std::abs(unit.to(r.high[i]))});
+  const Figures position(largest, 3);
   for (int i = 0; i < r.arms && r.low[i] <= r.high[i]; ++i) {
     const motion::Peaks& p = r.drive[i];
-    fmt::print("drive {:<2} {:>10.3f} {:>10.3f} {:>12.1f} {:>14.0f} {:>14.0f} {}\n", i + 1, unit.to(r.low[i]),
-               unit.to(r.high[i]), unit.to(p.speed), unit.to(p.acceleration), unit.to(p.jerk), unit.name);
+    fmt::print("drive {:<2} {:>10} {:>10} {:>12} {:>14} {:>14} {}\n", i + 1, position(unit.to(r.low[i])),
+               position(unit.to(r.high[i])), figure(unit.to(p.speed), 1), figure(unit.to(p.acceleration), 0),
+               figure(unit.to(p.jerk), 0), unit.name);
   }
   for (const motion::Problem& p : r.problems) {
-    const Vec3 X = p.X * units::kMmPerMetre;
-    fmt::print("problem  after {:.3f} s at {:.2f}, {:.2f}, {:.2f} mm: {}\n", p.t, X.x(), X.y(), X.z(), p.detail);
+    fmt::print("problem  after {:.3f} s at {} mm: {}\n", p.t, coordinates(p.X), p.detail);
   }
 }
 
@@ -186,13 +198,13 @@ std::string fit_in_words(const machine::AnyMachine& m, const workspace::PointFit
                   : fmt::format("does not fit: {}; nothing that fits was found", limit);
   }
   if (!p.fits) {
-    const Vec3 at = p.boundary * units::kMmPerMetre;
-    return fmt::format(
-        "does not fit: {}; the nearest point found that fits is {:.1f} mm away, at {:.1f}, {:.1f}, {:.1f}", limit,
-        units::to_mm(p.distance), at.x(), at.y(), at.z());
+    return fmt::format("does not fit: {}; the nearest point found that fits is {} mm away, at {}", limit,
+                       figure(units::to_mm(p.distance), 1), place_text(p.boundary));
   }
-  return fmt::format("fits, {:.1f} mm from the boundary found (there: {}), certain within {:.1f} mm",
-                     units::to_mm(p.distance), limit, std::floor(10 * units::to_mm(p.certain)) / 10);
+  const Figures mm(units::to_mm(p.distance), 1);
+  const double step = std::pow(10.0, -mm.decimals());  // what is certain is rounded down
+  return fmt::format("fits, {} mm from the boundary found (there: {}), certain within {} mm",
+                     mm(units::to_mm(p.distance)), limit, mm(std::floor(units::to_mm(p.certain) / step) * step));
 }
 
 }  // namespace
@@ -365,23 +377,24 @@ Command fit_command() {
               return fit.fits ? kDone : kAnswerIsNo;
             }
             for (const workspace::PointFit& p : fit.points) {
-              const Vec3 X = p.X * units::kMmPerMetre;
-              fmt::print("{:10.2f} {:10.2f} {:10.2f}  {}\n", X.x(), X.y(), X.z(), fit_in_words(m, p));
+              const Figures shown(units::to_mm(p.X.norm()), 2);
+              for (int k = 0; k < 3; ++k) fmt::print("{:>10} ", shown(units::to_mm(p.X[k])));
+              fmt::print(" {}\n", fit_in_words(m, p));
             }
             fmt::print("{}\n", fit.fits ? "the task fits" : "the task does not fit");
             const auto say = [](const char* what, const std::optional<workspace::FitRange>& r) {
               if (!r) {
                 fmt::print("{:<12} none makes it fit\n", what);
               } else {
-                fmt::print("{:<12} {:.2f} .. {:.2f} mm, nearest {:.2f}\n", what, units::to_mm(r->low),
-                           units::to_mm(r->high), units::to_mm(r->nearest));
+                const Figures mm(units::to_mm(std::max(std::abs(r->low), std::abs(r->high))), 2);
+                fmt::print("{:<12} {} .. {} mm, nearest {}\n", what, mm(units::to_mm(r->low)),
+                           mm(units::to_mm(r->high)), mm(units::to_mm(r->nearest)));
               }
             };
             say("rods", fit.rod_length);
             say("base by", fit.base_height);
             if (fit.placement) {
-              const Vec3 s = *fit.placement * units::kMmPerMetre;
-              fmt::print("{:<12} {:.2f}, {:.2f}, {:.2f} mm\n", "or base by", s.x(), s.y(), s.z());
+              fmt::print("{:<12} {} mm\n", "or base by", coordinates(*fit.placement));
             }
             return fit.fits ? kDone : kAnswerIsNo;
           }};

@@ -126,6 +126,11 @@ std::string QualityFiles::in_words() const {
          option_in_words("--plane", plane) + option_in_words("--at", at);
 }
 
+void set_resolution(pages::QualityPageOptions& page, const SurveyArguments& where, const Context& context) {
+  constexpr int kLeast = 8;  // of a section
+  if (context.given("--resolution")) page.resolution = page.resolution_in_space = std::max(kLeast, where.resolution);
+}
+
 std::string in_words(const SurveyArguments& where) {
   const SurveyArguments usual;
   const WorkspaceOptions& w = where.workspace;

@@ -41,6 +41,9 @@ struct QualityFiles {
   [[nodiscard]] Result<std::optional<double>> threshold() const;
 };
 
+/// A --resolution that was given holds for all pictures of the page, too.
+void set_resolution(pages::QualityPageOptions& page, const SurveyArguments& where, const Context& context);
+
 /// Where a survey looks, as options of a command line, each after a space; what is as by default is left out.
 std::string in_words(const SurveyArguments& where);
 /// One option, if it is not empty.

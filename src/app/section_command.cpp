@@ -6,11 +6,12 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
-#include "workspace_options.hpp"
+#include "survey_options.hpp"
 
 namespace polypod::app {
 namespace {
@@ -136,13 +137,11 @@ Command section_command() {
               document["border_mm"] = loops;
               print_json(singular.in(document));
             } else {
-              fmt::print("area     {:.1f} mm2 reached from every required direction\n", area_mm2);
+              fmt::print("area     {} mm2 reached from every required direction\n", figure(area_mm2, 1));
               if (reached > 0 && f.tilt.empty()) {
-                fmt::print("inside   by up to {:.1f} mm, at {:.1f}, {:.1f}, {:.1f} mm\n", units::to_mm(most),
-                           units::to_mm(at.x()), units::to_mm(at.y()), units::to_mm(at.z()));
+                fmt::print("inside   by up to {} mm, at {}\n", figure(units::to_mm(most), 1), place_text(at));
               } else if (reached > 0) {
-                fmt::print("tilt     up to {:.1f} deg at every azimuth, at {:.1f}, {:.1f}, {:.1f} mm\n",
-                           units::to_deg(most), units::to_mm(at.x()), units::to_mm(at.y()), units::to_mm(at.z()));
+                fmt::print("tilt     up to {:.1f} deg at every azimuth, at {}\n", units::to_deg(most), place_text(at));
               }
               for (const auto& [name, count] : limits) fmt::print("stopped  {:4.1f} %  {}\n", share(count), name);
               for (const std::string* path : {&o->csv, &o->svg})

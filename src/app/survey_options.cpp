@@ -100,8 +100,14 @@ Result<quality::Region> region_argument(const std::string& text) {
 }
 
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows) {
-  fmt::print("means over {} directions at {} points of the workspace; min and max are the least and largest seen\n",
-             survey.orientations.size(), survey.inside.size());
+  if (survey.orientations.size() == 1) {
+    fmt::print("one tool direction at {} points of the workspace; min and max are the least and largest seen\n",
+               survey.inside.size());
+  } else {
+    fmt::print(
+        "means over {} directions at {} points of the workspace; min and max are the least and largest mean seen\n",
+        survey.orientations.size(), survey.inside.size());
+  }
   fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}\n", "", "min", "mean", "max", "stddev");
   for (const StatisticsRow& row : rows) {
     const Figures shown(row.scale * row.of.mean, row.decimals);

@@ -119,14 +119,19 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
     const auto seen = [&](const quality::Quantity& quantity, std::size_t number) {
       return quality::statistics_seen(m, survey, options, quantity, f.anywhere, number);
     };
+    const auto worst = [&](const quality::Quantity& quantity, std::size_t number, double sign) {
+      return quality::worst_seen(m, survey, options, quantity, f.anywhere, number, sign).value;
+    };
     const auto kappa = seen(f.condition, 0), sigma = seen(f.sigma_min, 1), det = seen(f.determinant, 2);
     return Numbers{{{"condition_mean", kappa.mean},
-                    {"condition_min", kappa.min},
-                    {"condition_max", kappa.max},
+                    {"condition_mean_min", kappa.min},
+                    {"condition_mean_max", kappa.max},
+                    {"condition_max", worst(f.condition, 0, 1)},
                     {"sigma_min_mean", sigma.mean},
-                    {"sigma_min_max", sigma.max},
+                    {"sigma_min_mean_max", sigma.max},
+                    {"sigma_min_min", worst(f.sigma_min, 1, -1)},
                     {"determinant_mean", det.mean},
-                    {"determinant_max", det.max},
+                    {"determinant_mean_max", det.max},
                     {"volume_mm3", volume}},
                    true,
                    {},
@@ -139,10 +144,14 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
                                : quality::known_error_field(m, survey, options, sizes));
   const auto position = quality::statistics_seen(m, survey, options, f.position, f.anywhere, 0),
              turn = quality::statistics_seen(m, survey, options, f.orientation, f.anywhere, 1);
+  const auto worst = quality::worst_seen(m, survey, options, f.position, f.anywhere, 0),
+             worst_turned = quality::worst_seen(m, survey, options, f.orientation, f.anywhere, 1);
   return Numbers{{{"position_mean_mm", units::to_mm(position.mean)},
-                  {"position_max_mm", units::to_mm(position.max)},
+                  {"position_mean_max_mm", units::to_mm(position.max)},
+                  {"position_max_mm", units::to_mm(worst.value)},
                   {"orientation_mean_rad", turn.mean},
-                  {"orientation_max_rad", turn.max},
+                  {"orientation_mean_max_rad", turn.max},
+                  {"orientation_max_rad", worst_turned.value},
                   {"volume_mm3", volume}},
                  true,
                  {},
@@ -272,11 +281,11 @@ Command sweep_command() {
               print_json({{"analysis", o->analysis}, {"rows", list}});
             } else {
               for (const Varied& v : varied) fmt::print("{:>24}", v.key);
-              for (const std::string& name : names) fmt::print(" {:>20}", name);
+              for (const std::string& name : names) fmt::print(" {:>24}", name);
               fmt::print("\n");
               for (std::size_t row = 0; row < rows; ++row) {
                 for (const std::string& key : keys[row]) fmt::print("{:>24}", key);
-                for (const auto& [name, value] : found[row].values) fmt::print(" {:>20.6g}", value);
+                for (const auto& [name, value] : found[row].values) fmt::print(" {:>24.6g}", value);
                 const std::string& singular = found[row].singular;
                 fmt::print("  {}{}\n",
                            found[row].values.empty() ? found[row].missing : bar(found[row].values[0].second, largest),

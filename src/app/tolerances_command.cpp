@@ -1,6 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <cmath>
 #include <memory>
 
 #include "commands.hpp"
@@ -10,6 +12,25 @@
 #include "survey_options.hpp"
 
 namespace polypod::app {
+namespace {
+
+/// "mm", or "mm or deg" where one number serves lengths in mm and angles in deg.
+std::string unit_in_words(const std::vector<std::string>& units) {
+  std::vector<std::string> out;
+  for (const std::string& unit : units) out.push_back(unit.empty() ? "without unit" : unit);
+  return units == std::vector<std::string>{""} ? "" : fmt::format("{}", fmt::join(out, " or "));
+}
+
+/// A tolerance with four figures, rounded down: what is promised must hold for the printed one.
+std::string rounded_down(double tolerance) {
+  const Figures shown(tolerance, 5, 4);
+  constexpr double kRounding = 1 + 1e-9;
+  const double step = std::pow(10.0, -shown.decimals());
+  return shown(std::floor(kRounding * tolerance / step) * step);
+}
+
+}  // namespace
+
 Command tolerances_command() {
   struct Options {
     std::string machine, region = "box", rule = "weighted";
@@ -61,8 +82,8 @@ Command tolerances_command() {
           Json parts = Json::array();
           for (const auto& p : d.parts) {
             parts.push_back({{"key", p.key},
-                             {"tolerance", units::to_user(p.tolerance, p.unit)},
-                             {"unit", p.unit},
+                             {"tolerance", p.tolerance},
+                             {"unit", unit_in_words(p.units)},
                              {"elements", p.elements},
                              {"share_percent", 100 * p.share}});
           }
@@ -77,8 +98,8 @@ Command tolerances_command() {
                                   {"directions", survey.orientations.size()}}));
         } else {
           for (const auto& p : d.parts) {
-            fmt::print("{:<24} {:>10} {:<4} {:>3} elements, {:>5.1f} % of the error\n", p.key,
-                       figure(units::to_user(p.tolerance, p.unit), 5), p.unit, p.elements, 100 * p.share);
+            fmt::print("{:<24} {:>10} {:<9} {:>3} elements, {:>5.1f} % of the error\n", p.key,
+                       rounded_down(p.tolerance), unit_in_words(p.units), p.elements, 100 * p.share);
           }
           fmt::print("largest error seen {} mm, {} rad, at {}\n", figure(units::to_mm(d.position), 6),
                      figure(d.orientation, 7), pose_text(m, d.worst, 2));

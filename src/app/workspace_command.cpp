@@ -1,17 +1,21 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstring>
 #include <memory>
 
 #include "commands.hpp"
 #include "interrupt.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/memory.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "survey_options.hpp"
 #include "workspace_files.hpp"
 #include "workspace_options.hpp"
 
@@ -67,6 +71,11 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   POLYPOD_ASSIGN(memory, memory_argument(max_memory));
   out.max_memory = memory;
   POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));
+  const workspace::LimitBits pairs = workspace::interference_bits(m);
+  if (interference && pairs != 0 && (off & pairs) == pairs) {
+    return fail("AP107", fmt::format("--interference does nothing beside --without {}", without), {},
+                "the one asks for the limits between legs, the other switches them off; leave one of them out");
+  }
   out.limits &= ~off;
   out.cancelled = [] { return interrupted(); };
   if (context.progress) {
@@ -127,6 +136,16 @@ Json volume_json(const workspace::Volume& v) {
 }
 
 namespace {
+
+/// "123 mm3, certainly between 122 and 124": two digits more than the bounds agree in, four at least.
+std::string volume_text(const workspace::Volume& v) {
+  constexpr int kLeast = 4, kMost = 9;
+  const double gap = (v.upper - v.lower) / v.volume;
+  const int digits = gap > 0 ? std::clamp(static_cast<int>(std::ceil(-std::log10(gap))) + 2, kLeast, kMost) : kMost;
+  const Figures mm3(units::to_mm3(v.volume), 0, digits);
+  return fmt::format("{} mm3, certainly between {} and {}", mm3(units::to_mm3(v.volume)), mm3(units::to_mm3(v.lower)),
+                     mm3(units::to_mm3(v.upper)));
+}
 
 Status refuse_beside_contains(const Context& context) {
   return refuse(context, {"--rel-tol", "--largest", "--threads", "--report", "--stl", "--vtp", "--vti"},
@@ -249,17 +268,17 @@ Command workspace_command() {
             } else if (v.empty) {
               fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
             } else {
-              fmt::print("volume   {:.0f} mm3, certainly between {:.0f} and {:.0f}\n", units::to_mm3(v.volume),
-                         units::to_mm3(v.lower), units::to_mm3(v.upper));
+              fmt::print("volume   {}\n", volume_text(v));
               for (int k = 0; k < 3; ++k) {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
               fmt::print("boxes    {}\nseconds  {:.2f}\n", v.points, v.seconds);
               if (!o->largest.empty()) {
-                const Vec3 c = shape.center * units::kMmPerMetre, h = shape.half * units::kMmPerMetre;
-                fmt::print(
-                    "certainly inside: {} of {:.1f} x {:.1f} x {:.1f} mm about {:.1f}, {:.1f}, {:.1f} mm, {:.0f} mm3\n",
-                    o->largest, 2 * h.x(), 2 * h.y(), 2 * h.z(), c.x(), c.y(), c.z(), units::to_mm3(shape.volume()));
+                const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
+                const Figures mm(sides.minCoeff(), 1);
+                fmt::print("certainly inside: {} of {} x {} x {} mm about {}, {} mm3\n", o->largest, mm(sides.x()),
+                           mm(sides.y()), mm(sides.z()), place_text(shape.center),
+                           figure(units::to_mm3(shape.volume()), 0));
               }
             }
             return came_within(v, options) ? kDone : kAnswerIsNo;

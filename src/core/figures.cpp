@@ -10,10 +10,11 @@ namespace polypod {
 Figures::Figures(double largest, int usual, int significant)
     : largest_(std::isfinite(largest) ? std::abs(largest) : 0), decimals_(usual), significant_(significant) {
   constexpr int kMostDecimals = 9;
+  constexpr double kMostBefore = 1e12;  // more digits before the point than a computed figure holds
   if (largest_ == 0) return;
   const int needed = significant - 1 - static_cast<int>(std::floor(std::log10(largest_)));
   if (needed > usual) decimals_ = needed;
-  exponent_ = needed > std::max(usual, kMostDecimals);
+  exponent_ = needed > std::max(usual, kMostDecimals) || largest_ >= kMostBefore;
 }
 
 std::string Figures::operator()(double value) const {

@@ -49,6 +49,15 @@ Status read_rails(const config::Table& table, const std::vector<config::Table>& 
   return {};
 }
 
+/// The carriages at one height, each shifted by its platform joint: three points that are one.
+bool rods_parallel(const LinearDelta& m) {
+  constexpr double kOnePoint = 1e-9;  // m
+  const auto shifted = [&](int i) {
+    return Vec3(m.rail_start[i] + 0.5 * m.range.max * m.rail_direction[i] - m.platform_joint[i]);
+  };
+  return (shifted(1) - shifted(0)).norm() < kOnePoint && (shifted(2) - shifted(0)).norm() < kOnePoint;
+}
+
 /// Home: all carriages at the share of their rails nearest the middle at which the rods close.
 bool find_home(LinearDelta& m) {
   constexpr int kSteps = 64;
@@ -76,6 +85,13 @@ Result<LinearDelta> LinearDelta::from(const config::Table& table) {
   POLYPOD_TRY(read_rails(table, chains, m));
   POLYPOD_TRY(finish_delta(table, m));
   if (!find_home(m)) {
+    if (rods_parallel(m)) {
+      return fail(
+          "MA144",
+          "the rods are parallel at equal heights of the carriages, because base and platform have equal radii: "
+          "the drives do not hold the platform",
+          table.place_of(chains.empty() ? "platform" : "arms"), "give the platform another radius than the base");
+    }
     return fail("MA144", "the rods do not close at any equal heights of the carriages",
                 table.place_of(chains.empty() ? "rod" : "arms"), "rods too short for these radii");
   }

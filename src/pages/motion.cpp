@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include "machine_lines.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/delta.hpp"
 #include "polypod/report/csv.hpp"
@@ -124,9 +125,9 @@ void add_limits(report::Report& page, const MotionQuestion& question) {
   }
   if (!table.rows.empty()) page.add_table(table);
   const auto list = [](const std::vector<std::string>& items) { return fmt::format("{}", fmt::join(items, ", ")); };
-  std::vector<std::pair<std::string, std::string>> judged{{"judged along the whole way", list(question.judged)}};
-  if (!question.not_judged.empty()) judged.emplace_back("not judged", list(question.not_judged));
-  page.add_definitions(judged);
+  std::vector<std::string> judged{fmt::format("Judged along the whole path: {}.", list(question.judged))};
+  if (!question.not_judged.empty()) judged.push_back(fmt::format("Not judged: {}.", list(question.not_judged)));
+  page.add_list(judged);
 }
 
 }  // namespace
@@ -151,7 +152,7 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
         fmt::format("After {} s at {}, {}, {} mm: {}.", report::fixed(p.t, 3), report::fixed(to_mm(p.X.x()), 2),
                     report::fixed(to_mm(p.X.y()), 2), report::fixed(to_mm(p.X.z()), 2), p.detail));
   }
-  page.add_key_figures({{report::fixed(to_mm(run.length), 1), "mm", "way of the tool", report::Verdict::neutral},
+  page.add_key_figures({{figure(to_mm(run.length), 1), "mm", "way of the tool", report::Verdict::neutral},
                         {report::fixed(run.time, 4), "s", "time", report::Verdict::neutral}});
   report::Scene scene;
   scene.title = "The way of the tool and the machine at home";

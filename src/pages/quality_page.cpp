@@ -175,6 +175,8 @@ class Page {
     if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
     return fmt::format("{}, tilts up to {} deg", fields_.survey.orientations.size(), plain(to_deg(d.tilt)));
   }
+  /// Whether errors turn the tool at all: those of a delta do not.
+  [[nodiscard]] bool turns() const { return kinematics::task(machine_) != machine::Task::point; }
   [[nodiscard]] bool one_direction() const { return fields_.survey.orientations.size() == 1; }
   [[nodiscard]] Entries facts() const {
     Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
@@ -261,13 +263,24 @@ class Page {
           "and the poses named below.",
           count, fields_.survey.inside.size()));
     }
-    report_.add_key_figures({{shown(p.mean), "mm", "error of the tip, mean", Verdict::neutral},
-                             {shown(most), "mm", "the largest seen", Verdict::neutral},
-                             {shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral},
-                             {shown(most_turned), "mrad", "the largest seen", Verdict::neutral}});
-    report_.add_list({fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X_MT)),
-                      fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X_MT))});
-    statistics_table(kErrors);
+    std::vector<report::KeyFigure> figures{{shown(p.mean), "mm", "error of the tip, mean", Verdict::neutral},
+                                           {shown(most), "mm", "the largest seen", Verdict::neutral}};
+    std::vector<std::string> places{fmt::format("The tip is off most at {}.", pose_in_words(machine_, worst_.X_MT))};
+    if (turns()) {
+      figures.push_back({shown(o.mean), "mrad", "error of the orientation, mean", Verdict::neutral});
+      figures.push_back({shown(most_turned), "mrad", "the largest seen", Verdict::neutral});
+      places.push_back(fmt::format("The tool is turned most at {}.", pose_in_words(machine_, worst_turned_.X_MT)));
+    } else {
+      places.emplace_back(
+          "Parallel rods keep the tool from turning in this model: errors of its orientation are none.");
+    }
+    report_.add_key_figures(figures);
+    report_.add_list(places);
+    if (turns()) {
+      statistics_table(kErrors);
+    } else {
+      statistics_table(std::array{QualityValue::position});
+    }
   }
 
   template <std::size_t N>
@@ -312,6 +325,7 @@ class Page {
     const std::string of = question_.tolerances ? "Largest error that the tolerances allow" : "Error";
     maps(QualityValue::position,
          fmt::format("{} of the tip, mm{}.", of, one_direction() ? "" : ", mean over the tool directions"));
+    if (!turns()) return;
     maps(QualityValue::orientation,
          fmt::format("{} of the orientation, mrad{}.", of, one_direction() ? "" : ", mean over the tool directions"));
   }
@@ -347,9 +361,12 @@ class Page {
     report_.add_section("How often");
     int far = 0, far_turned = 0;
     const auto position = histogram(QualityValue::position, fields_.errors.position, units::kMmPerMetre, far);
-    const auto turned =
-        histogram(QualityValue::orientation, fields_.errors.orientation, units::kMradPerRad, far_turned);
-    report_.add_figure_grid(2, {{"the tip", position}, {"the orientation", turned}},
+    std::vector<std::pair<std::string, report::Figure>> panels{{"the tip", position}};
+    if (turns()) {
+      panels.emplace_back("the orientation", histogram(QualityValue::orientation, fields_.errors.orientation,
+                                                       units::kMradPerRad, far_turned));
+    }
+    report_.add_figure_grid(2, panels,
                             "Share of the points of the workspace, per cent." + beyond(std::max(far, far_turned)));
   }
 
@@ -398,13 +415,16 @@ class Page {
         question_.tolerances
             ? "At the worst pose, the elements whose tolerance costs most. All shares together are the error."
             : "At the worst pose, what each error would do alone. Together they add as vectors.");
+    std::vector<std::pair<std::string, report::Figure>> panels{
+        {fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X_MT)),
+         bars(at_tip, &Part::position, units::kMmPerMetre, "mm")}};
+    if (turns()) {
+      panels.emplace_back(fmt::format("orientation, {} mrad at {}", shown(units::kMradPerRad * worst_turned_.value),
+                                      pose_in_words(machine_, worst_turned_.X_MT)),
+                          bars(at_turn, &Part::orientation, units::kMradPerRad, "mrad"));
+    }
     report_.add_figure_grid(
-        2,
-        {{fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X_MT)),
-          bars(at_tip, &Part::position, units::kMmPerMetre, "mm")},
-         {fmt::format("orientation, {} mrad at {}", shown(units::kMradPerRad * worst_turned_.value),
-                      pose_in_words(machine_, worst_turned_.X_MT)),
-          bars(at_turn, &Part::orientation, units::kMradPerRad, "mrad")}},
+        2, panels,
         fmt::format("The largest {} bars of {} elements, ranked by their part of the largest error; elements with the "
                     "same part share a bar.",
                     kShown, at_tip.size()));
@@ -503,11 +523,9 @@ class Page {
     return rounded(finite[finite.size() / 2]);
   }
 
-  /// A picture wants a finer grid than statistics.
   [[nodiscard]] Result<QualityFields> fields_in_space() const {
-    constexpr int kInSpace = 34;
     SurveyOptions finer = options_;
-    finer.resolution = std::max(finer.resolution, kInSpace);
+    finer.resolution = page_.resolution_in_space;
     return quality_fields(machine_, finer, question_);
   }
 

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -134,7 +135,7 @@ Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOpt
   flat.resolution = resolution;
   box[0][axis] = box[1][axis] = at;
   flat.box = box;
-  QualitySection out{axis, at, {}, {}, {}};
+  QualitySection out{axis, at, {}, {}, {}, false};
   auto survey = quality::survey(machine, flat);
   if (!survey && survey.error().id == "QU110") {
     return fail("QP100", fmt::format("the plane {} = {:.6g} mm misses the workspace", "xyz"[axis], to_mm(at)), {},
@@ -149,6 +150,7 @@ Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOpt
   POLYPOD_ASSIGN(section, workspace::section(machine, options.workspace, {at * Vec3::Unit(axis), Vec3::Unit(axis)},
                                              resolution, field_options));
   out.border = std::move(section.border);
+  out.hangs = kinematics::task(machine) == machine::Task::point;
   return out;
 }
 
@@ -190,6 +192,7 @@ report::HeatMap map_of(const QualitySection& s, QualityValue value, const Range&
   map.title = fmt::format("Mean {} over {}", name.words, plane_name(s));
   map.x = {std::string(1, "xyz"[u]), "mm", first.x, last.x, false};
   map.y = {std::string(1, "xyz"[v]), "mm", first.y, last.y, false};
+  map.y.downwards = s.hangs && v == 2;
   map.columns = high[0] - low[0] + 1;
   map.rows = high[1] - low[1] + 1;
   std::vector<double> over(grid.size(), std::numeric_limits<double>::quiet_NaN());

@@ -11,11 +11,18 @@ namespace polypod::quality {
 /// What is looked for: larger is wanted; no number where there is none.
 using PoseValue = std::function<double(const Pose& X_MT)>;
 
-/// Steps along x, y, z and, where `turn`, along both angles of the direction, as long as the value grows; each from
-/// half the grid's spacing (a quarter of the tilt) to a fiftieth of it, at most 400 values. It stays within the
-/// workspace (all required directions are reached), the survey's box and the required directions. Never below the
-/// start.
+/// Steps as long as the value grows, along x, y, z and, where `turn`, both angles of the direction, and slanting to
+/// them in pseudo-random directions, so that it follows the boundary of the workspace where the value grows along it
+/// (Audet and Dennis, Mesh adaptive direct search, 2006: the workspace is a barrier). Half the grid's spacing (an
+/// eighth of the tilt) at first, doubled after a gain and halved after none, down to a thousandth of the spacing, at
+/// most 1500 steps. It stays within the workspace (all required directions are reached), the survey's box and the
+/// required directions; a step that leaves the workspace is pulled back to its boundary. Never below the start. The
+/// same steps in every run.
 Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
               bool turn, const PoseValue& value);
+
+/// The points of the workspace that lie farthest along its 26 directions of axes and diagonals, climbed to from the
+/// farthest points of the grid: ends of the workspace that a grid misses. Cost: 26 climbs without a value.
+std::vector<Vec3> tips_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options);
 
 }  // namespace polypod::quality

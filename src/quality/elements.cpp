@@ -165,6 +165,24 @@ bool names(const std::string& key, const Element& e) {
   const auto is = [&](const std::string& name) { return key == name || key == name + "_" + e.unit; };
   return is(e.key) || is(e.group);
 }
+
+/// The largest length among the machine's own figures, m.
+double size_of(const AnyMachine& machine) {
+  double out = 0;
+  for (const machine::Parameter& p : all_figures(machine))
+    if (p.unit == "mm") out = std::max(out, std::abs(p.value));
+  return out;
+}
+
+/// An error as large as the machine itself is none to first order, nor one that anybody makes.
+Status within_machine(const AnyMachine& machine, const Element& e, double size) {
+  constexpr double kHalfTurn = 180;  // deg
+  const double most = e.unit == "mm" ? units::to_mm(size_of(machine)) : e.unit == "deg" ? kHalfTurn : 1;
+  if (std::abs(size) <= most) return {};
+  return fail("QU105",
+              fmt::format("{} = {:g}: at most {:.6g}{}{}", e.key, size, most, e.unit.empty() ? "" : " ", e.unit), {},
+              "a length may be off by the machine's largest length, an angle by half a turn, any other number by 1");
+}
 }  // namespace
 
 Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<std::pair<std::string, double>>& sizes,
@@ -179,6 +197,7 @@ Result<std::vector<Sized>> sized(const AnyMachine& machine, const std::vector<st
     for (std::size_t e = 0; e < all.size(); ++e) {
       if (!(key == "all" ? all[e].in_all : names(key, all[e]))) continue;
       known = true;
+      POLYPOD_TRY(within_machine(machine, all[e], size));
       if (all[e].figure && all[e].columns.empty()) POLYPOD_TRY(figure_rate(machine, all[e]));
       found[static_cast<int>(e)] += units::from_user(size, all[e].unit);
     }

@@ -5,6 +5,8 @@
 #include <numeric>
 
 #include "compass.hpp"
+#include "polypod/core/parallel.hpp"
+#include "polypod/core/random.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -20,16 +22,18 @@ class Turned {
     const Vec3 turn = rotation_vector(R);
     return {turn.norm(), std::atan2(-turn.x(), turn.y())};
   }
-  /// The direction with angle `k` changed by `share` of a quarter of its range, or of 30 deg of azimuth.
-  [[nodiscard]] Mat3 moved(const Mat3& R, int k, double share) const {
+  /// The direction with its angles changed by shares of a quarter of their ranges, or of 30 deg of azimuth.
+  [[nodiscard]] Mat3 moved(const Mat3& R, const Eigen::Vector2d& shares) const {
     Eigen::Vector2d a = angles(R);
     if (d_.is_ranges()) {
-      const auto& range = k == 0 ? d_.a_range : d_.b_range;
-      const std::array<double, 2> ends = range.value_or(std::array<double, 2>{0, 0});
-      a[k] = std::clamp(a[k] + share * (ends[1] - ends[0]) / 4, ends[0], ends[1]);
+      for (int k = 0; k < 2; ++k) {
+        const auto& range = k == 0 ? d_.a_range : d_.b_range;
+        const std::array<double, 2> ends = range.value_or(std::array<double, 2>{0, 0});
+        a[k] = std::clamp(a[k] + shares[k] * (ends[1] - ends[0]) / 4, ends[0], ends[1]);
+      }
       return rotation_abc(a[0], a[1], 0);
     }
-    a[k] += share * (k == 0 ? d_.tilt / 4 : std::numbers::pi / 6);
+    a += shares.cwiseProduct(Eigen::Vector2d(d_.tilt / 4, std::numbers::pi / 6));
     a[0] = std::clamp(a[0], 0.0, d_.tilt);
     return rotation_of(a[0] * Vec3(-std::sin(a[1]), std::cos(a[1]), 0));
   }
@@ -50,24 +54,56 @@ bool better(double value, double than) {
   return value > than + kGain * std::abs(than);
 }
 
-/// Points of the grid by how good they are, no two within two spacings of each other, at most `most`; values that are
-/// not finite do not count.
-std::vector<std::size_t> starts(const Survey& survey, const std::vector<double>& values, double sign,
-                                std::size_t most) {
-  std::vector<std::size_t> order;
-  for (std::size_t i = 0; i < values.size(); ++i)
-    if (std::isfinite(values[i])) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return sign * values[a] > sign * values[b]; });
+/// Poses by how good they are, no two points within two spacings of the grid of each other, at most `most`; values that
+/// are not finite do not count.
+std::vector<Extreme> best_apart(const Survey& survey, std::vector<Extreme> poses, std::size_t most) {
+  std::erase_if(poses, [](const Extreme& e) { return !std::isfinite(e.value); });
+  std::stable_sort(poses.begin(), poses.end(), [](const Extreme& a, const Extreme& b) { return a.value > b.value; });
   const double apart = 2 * survey.grid.step[0].norm();
-  std::vector<std::size_t> out;
-  for (const std::size_t i : order) {
+  std::vector<Extreme> out;
+  for (const Extreme& e : poses) {
     if (out.size() == most) break;
-    const Vec3 p = survey.grid.at(survey.inside[i]);
     if (std::none_of(out.begin(), out.end(),
-                     [&](std::size_t k) { return (survey.grid.at(survey.inside[k]) - p).norm() < apart; }))
-      out.push_back(i);
+                     [&](const Extreme& taken) { return (taken.X_MT.p - e.X_MT.p).norm() < apart; }))
+      out.push_back(e);
   }
+  return out;
+}
+
+/// What is looked for over a survey: the largest `value`, from the best points of the grid and the best of its tips.
+struct Search {
+  std::vector<Extreme> points, tips;
+  bool turn = false;
+  PoseValue value;
+};
+
+/// The best of all climbs, the same for any number of threads. Value -infinity where nothing is finite.
+Extreme best_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Search& search) {
+  constexpr std::size_t kPoints = 4, kTips = 4;
+  std::vector<Extreme> starts = best_apart(survey, search.points, kPoints);
+  for (Extreme& tip : best_apart(survey, search.tips, kTips)) starts.push_back(std::move(tip));
+  std::vector<Extreme> ends(starts.size());
+  // Not to be stopped half way: a command asks for it between its longer works.
+  for_each_in_rounds(
+      starts.size(), {options.workspace.threads, {}, {}},
+      [&](std::size_t i) { ends[i] = climb(machine, survey, options, starts[i], search.turn, search.value); }, 1);
+  Extreme best{{}, -std::numeric_limits<double>::infinity()};
+  for (const Extreme& end : ends)
+    if (best.value == -std::numeric_limits<double>::infinity() || better(end.value, best.value)) best = end;
+  return best;
+}
+
+/// The largest (sign 1) or least mean over the directions.
+Extreme mean_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
+                  const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign) {
+  Search search;
+  search.value = [&](const Pose& X) { return sign * anywhere.at_point(X.p).mean[number]; };
+  const Mat3& R = survey.orientations[0];
+  for (std::size_t i = 0; i < quantity.mean.size(); ++i)
+    search.points.push_back({{R, survey.grid.at(survey.inside[i])}, sign * quantity.mean[i]});
+  for (const Vec3& p : survey.tips) search.tips.push_back({{R, p}, search.value({R, p})});
+  Extreme out = best_of(machine, survey, options, search);
+  out.value *= sign;
   return out;
 }
 
@@ -75,73 +111,126 @@ std::vector<std::size_t> starts(const Survey& survey, const std::vector<double>&
 
 Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
               bool turn, const PoseValue& value) {
-  constexpr double kFinest = 0.02;
-  constexpr int kMostValues = 400;
+  constexpr double kFirst = 0.5, kLongest = 2, kFinest = 1e-3;
+  constexpr int kMostSteps = 1500;
+  constexpr int kSlanting = 5;  // pairs of pseudo-random directions beside those along the coordinates
+  using Step = Eigen::Matrix<double, 5, 1>;
   const Turned turned(options.workspace.directions);
+  const int axes = turn && !turned.fixed() ? 5 : 3;
+  Random random(1);
   Extreme best = start;
   int asked = 0;
-  const auto step = [&](int axis, double by) {
-    Extreme next = best;
-    if (axis < 3) {
-      next.X_MT.p = in_box(options, next.X_MT.p + by * survey.grid.step[static_cast<std::size_t>(axis)]);
-      if (!workspace::reaches_samples(machine, options.workspace, survey.orientations, next.X_MT.p)) return false;
-    } else {
-      next.X_MT.R = turned.moved(best.X_MT.R, axis - 3, by);
-    }
+  const auto inside = [&](const Vec3& p) {
+    return workspace::reaches_samples(machine, options.workspace, survey.orientations, p);
+  };
+  // A step that leaves the workspace is pulled back to its boundary towards the middle, by no more than its length.
+  const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
+  const auto pulled_back = [&](Vec3& p) {
+    constexpr int kHalvings = 6;
+    const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
+    double out = 0, in = 1;
+    if (!inside(p + pull)) return false;
+    for (int k = 0; k < kHalvings; ++k) (inside(p + 0.5 * (out + in) * pull) ? in : out) = 0.5 * (out + in);
+    p = in_box(options, p + in * pull);
+    return inside(p);
+  };
+  const auto gains = [&](const Step& step) {
     ++asked;
+    Extreme next = best;
+    for (int k = 0; k < 3; ++k) next.X_MT.p += step[k] * survey.grid.step[static_cast<std::size_t>(k)];
+    next.X_MT.p = in_box(options, next.X_MT.p);
+    if (!inside(next.X_MT.p) && !pulled_back(next.X_MT.p)) return false;
+    if (axes == 5) next.X_MT.R = turned.moved(best.X_MT.R, step.tail<2>());
     next.value = value(next.X_MT);
     if (!better(next.value, best.value)) return false;
     best = next;
     return true;
   };
-  const int axes = turn && !turned.fixed() ? 5 : 3;
-  for (double share = 0.5; share > kFinest && asked < kMostValues;) {
-    bool better = false;
-    for (int axis = 0; axis < axes && !better; ++axis) better = step(axis, share) || step(axis, -share);
-    if (!better) share /= 2;
+  const auto either_way = [&](Step& step) {
+    if (gains(step)) return true;
+    step = -step;
+    return gains(step);
+  };
+  Step last = Step::Zero();
+  for (double share = kFirst; share > kFinest && asked < kMostSteps;) {
+    bool found = !last.isZero() && gains(share * last);
+    for (int k = 0; k < axes + kSlanting && !found; ++k) {
+      Step step = Step::Zero();
+      if (k < axes) {
+        step[k] = share;
+      } else {
+        for (int i = 0; i < axes; ++i) step[i] = random.normal();
+        step *= share / step.norm();
+      }
+      found = either_way(step);
+      if (found) last = step / share;
+    }
+    if (!found) last.setZero();
+    share = found ? std::min(2 * share, kLongest) : share / 2;
   }
   return best;
 }
 
+std::vector<Vec3> tips_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options) {
+  std::vector<Vec3> out;
+  for (int i = -1; i <= 1; ++i)
+    for (int j = -1; j <= 1; ++j)
+      for (int k = -1; k <= 1; ++k)
+        if (i != 0 || j != 0 || k != 0) out.push_back(Vec3(i, j, k).normalized());
+  for_each_in_rounds(
+      out.size(), {options.workspace.threads, {}, {}},
+      [&](std::size_t n) {
+        const Vec3 along = out[n];
+        Extreme start{{survey.orientations[0], survey.grid.at(survey.inside[0])}, 0};
+        for (const std::size_t i : survey.inside)
+          if (along.dot(survey.grid.at(i) - start.X_MT.p) > 0) start.X_MT.p = survey.grid.at(i);
+        // Counted from the start: steps far from the origin of M must not drown in it.
+        const Vec3 from = start.X_MT.p;
+        const PoseValue farther = [&](const Pose& X) { return along.dot(X.p - from); };
+        out[n] = climb(machine, survey, options, start, false, farther).X_MT.p;
+      },
+      1);
+  return out;
+}
+
 Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                            const Quantity& quantity, const Anywhere& anywhere, std::size_t number) {
-  constexpr std::size_t kStarts = 3;
   Statistics out = statistics(survey, quantity.mean);
   for (const double sign : {1.0, -1.0}) {
     double& extreme = sign > 0 ? out.max : out.min;
     Vec3& at = sign > 0 ? out.max_at : out.min_at;
     if (!std::isfinite(extreme)) continue;
-    const auto value = [&](const Pose& X) { return sign * anywhere.at_point(X.p).mean[number]; };
-    for (const std::size_t i : starts(survey, quantity.mean, sign, kStarts)) {
-      const Extreme start{{survey.orientations[0], survey.grid.at(survey.inside[i])}, sign * quantity.mean[i]};
-      const Extreme found = climb(machine, survey, options, start, false, value);
-      if (!better(found.value, sign * extreme)) continue;
-      extreme = sign * found.value;
-      at = found.X_MT.p;
-    }
+    const Extreme found = mean_seen(machine, survey, options, quantity, anywhere, number, sign);
+    extreme = found.value;
+    at = found.X_MT.p;
   }
   return out;
 }
 
 Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                    const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign) {
-  constexpr std::size_t kStarts = 4;
   const auto beyond =
       std::find_if(quantity.worst.begin(), quantity.worst.end(), [](double v) { return std::isinf(v); });
   if (beyond != quantity.worst.end()) {
     const auto i = static_cast<std::size_t>(beyond - quantity.worst.begin());
     return {pose_at(survey, i, quantity.worst_direction[i]), *beyond};
   }
-  const PoseValue value = [&](const Pose& X) {
+  // Of one direction the mean and the worst are the same quantity, and so the same search.
+  if (survey.orientations.size() == 1) return mean_seen(machine, survey, options, quantity, anywhere, number, sign);
+  Search search;
+  search.turn = true;
+  search.value = [&](const Pose& X) {
     const auto q = joints_at(machine, X);
     return q ? sign * anywhere.at_pose(X, *q)[number] : std::numeric_limits<double>::quiet_NaN();
   };
-  Extreme best{{}, -std::numeric_limits<double>::infinity()};
-  for (const std::size_t i : starts(survey, quantity.worst, sign, kStarts)) {
-    const Extreme start{pose_at(survey, i, quantity.worst_direction[i]), sign * quantity.worst[i]};
-    const Extreme found = climb(machine, survey, options, start, true, value);
-    if (best.value == -std::numeric_limits<double>::infinity() || better(found.value, best.value)) best = found;
+  for (std::size_t i = 0; i < quantity.worst.size(); ++i)
+    search.points.push_back({pose_at(survey, i, quantity.worst_direction[i]), sign * quantity.worst[i]});
+  for (const Vec3& p : survey.tips) {
+    const PointValues there = anywhere.at_point(p);
+    const Mat3& R = survey.orientations[static_cast<std::size_t>(there.worst_direction[number])];
+    search.tips.push_back({{R, p}, search.value({R, p})});
   }
+  Extreme best = best_of(machine, survey, options, search);
   best.value *= sign;
   return best;
 }

@@ -3,12 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <numeric>
 
+#include "compass.hpp"
 #include "leg_kernel.hpp"
 #include "plan.hpp"
 #include "polypod/core/parallel.hpp"
@@ -163,6 +165,10 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   } else {
     out.volume = cell * static_cast<double>(out.inside.size());
   }
+  const auto& points = out.grid.points;
+  const bool flat = *std::min_element(points.begin(), points.end()) == 1;  // a section: nobody looks for extremes there
+  const bool no_boundary = options.box && out.whole_box;                   // the box's own ends are points of the grid
+  if (!flat && !no_boundary) out.tips = tips_of(machine, out, options);
   return out;
 }
 

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <set>
 
-#include "compass.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -32,23 +31,16 @@ class Designer {
   Result<Found> worst(const std::vector<double>& t) const {
     const std::vector<Sized> sizes = sizes_of(t);
     POLYPOD_ASSIGN(field, tolerance_field(machine_, survey_, options_, sizes, {Method::exact, design_.region}));
-    std::size_t at = 0;
-    bool by_position = true;
-    double most = -1;
-    for (std::size_t i = 0; i < survey_.inside.size(); ++i) {
-      const double p = field.position.worst[i] / design_.position, o = field.orientation.worst[i] / design_.orientation;
-      if (!(std::max(p, o) <= most)) {
-        most = std::max(p, o);
-        at = i;
-        by_position = p >= o;
-      }
-    }
-    if (!std::isfinite(most)) return fail("QU122", "the error is infinite: the workspace holds a singular pose");
-    const auto direction = static_cast<std::size_t>(by_position ? field.position.worst_direction[at]
-                                                                : field.orientation.worst_direction[at]);
-    Found found{0, true, {}, {survey_.orientations[direction], survey_.grid.at(survey_.inside[at])}};
-    POLYPOD_TRY(judge(sizes, found));
-    return refined(sizes, std::move(found));
+    const auto seen = [&](const Quantity& q, std::size_t number) {
+      return worst_seen(machine_, survey_, options_, q, field.anywhere, number);
+    };
+    // The search of the errors themselves, so that what is promised is what they then show.
+    const Extreme position = seen(field.position, 0);
+    POLYPOD_ASSIGN(found, judged(sizes, position));
+    if (std::isinf(design_.orientation)) return found;
+    const Extreme orientation = seen(field.orientation, 1);
+    POLYPOD_ASSIGN(turned, judged(sizes, orientation));
+    return turned.ratio > found.ratio ? std::move(turned) : std::move(found);
   }
 
   /// a_k of the limit sum a_k t_k <= 1 that the worst case found at t gives.
@@ -79,28 +71,15 @@ class Designer {
     return std::max(worst.position / design_.position, worst.orientation / design_.orientation);
   }
 
-  Status judge(const std::vector<Sized>& sizes, Found& found) const {
-    const auto q = joints_at(machine_, found.X_MT);
+  /// Errors: QU122.
+  Result<Found> judged(const std::vector<Sized>& sizes, const Extreme& at) const {
+    if (!std::isfinite(at.value)) return fail("QU122", "the error is infinite: the workspace holds a singular pose");
+    const auto q = joints_at(machine_, at.X_MT);
     if (!q) return fail("QU122", "the worst pose has no joints");
-    POLYPOD_ASSIGN(worst, worst_case(machine_, found.X_MT, *q, sizes, {Method::exact, design_.region}));
-    found.ratio = ratio_of(worst);
-    found.by_position = worst.position / design_.position >= worst.orientation / design_.orientation;
-    found.worst = std::move(worst);
-    return {};
-  }
-
-  /// The worst pose round this one, between the points and directions of the survey.
-  Result<Found> refined(const std::vector<Sized>& sizes, Found best) const {
-    const WorstCaseAt worst_at(machine_, sizes, {Method::exact, design_.region});
-    const auto ratio = [&](const Pose& X) {
-      const auto q = joints_at(machine_, X);
-      if (!q) return std::numeric_limits<double>::quiet_NaN();
-      const auto worst = worst_at(X, *q);
-      return worst ? ratio_of(*worst) : std::numeric_limits<double>::quiet_NaN();
-    };
-    best.X_MT = climb(machine_, survey_, options_, {best.X_MT, best.ratio}, true, ratio).X_MT;
-    POLYPOD_TRY(judge(sizes, best));
-    return best;
+    POLYPOD_ASSIGN(worst, worst_case(machine_, at.X_MT, *q, sizes, {Method::exact, design_.region}));
+    Found found{ratio_of(worst), worst.position / design_.position >= worst.orientation / design_.orientation,
+                std::move(worst), at.X_MT};
+    return found;
   }
 
   const AnyMachine& machine_;
@@ -151,8 +130,9 @@ Result<ToleranceDesign> design_tolerances(const AnyMachine& machine, const Surve
     if (!(g.weight > 0) || !std::isfinite(g.weight)) {
       return fail("QU120", fmt::format("{}: the weight {:g} must be above 0", g.key, g.weight));
     }
-    POLYPOD_ASSIGN(unit_sizes, sized(machine, {{g.key, 1.0}}, true));  // 1 mm, 1 deg or 1
-    for (const Sized& s : unit_sizes) {
+    POLYPOD_ASSIGN(unit_sizes, sized(machine, {{g.key, 0.0}}, true));
+    for (Sized& s : unit_sizes) {
+      s.size = units::from_user(1, all[static_cast<std::size_t>(s.element)].unit);  // 1 mm, 1 deg or 1
       if (!taken.insert(s.element).second) {
         return fail("QU121", fmt::format("{} is named by two groups", all[static_cast<std::size_t>(s.element)].key));
       }
@@ -191,9 +171,11 @@ Result<ToleranceDesign> design_tolerances(const AnyMachine& machine, const Surve
   out.position = found.worst.position;
   out.orientation = found.worst.orientation;
   for (std::size_t k = 0; k < groups.size(); ++k) {
-    const Element& first = all[static_cast<std::size_t>(members[k].front().element)];
-    ToleranceDesign::Part part{groups[k].key, members[k].front().size * t[k], first.unit,
-                               static_cast<int>(members[k].size()), 0};
+    ToleranceDesign::Part part{groups[k].key, t[k], {}, static_cast<int>(members[k].size()), 0};
+    for (const Sized& s : members[k]) {
+      const std::string& unit = all[static_cast<std::size_t>(s.element)].unit;
+      if (std::find(part.units.begin(), part.units.end(), unit) == part.units.end()) part.units.push_back(unit);
+    }
     for (const WorstCase::Share& share : found.worst.shares)
       for (const Sized& s : members[k])
         if (s.element == share.element)

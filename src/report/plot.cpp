@@ -405,17 +405,19 @@ std::string BarChart::operator()(const Canvas& canvas) const {
     if (parts[k].empty()) continue;
     entries.push_back({parts[k], kOrder[k % std::size(kOrder)], LineStyle::solid, true, 1, true});
   }
-  double left = 0, largest = 0;
+  double widest_label = 0, largest = 0;
   std::vector<double> totals;
   for (const Row& row : rows) {
-    left = std::max(left, svg::text_width(row.label));
+    widest_label = std::max(widest_label, svg::text_width(row.label));
     double total = 0;
     for (const double v : row.parts) total += std::isfinite(v) && v > 0 ? v : 0;
     totals.push_back(total);
     largest = std::max(largest, total);
   }
-  left = std::min(left + 12, 0.4 * picture.width);
-  constexpr double kRow = 30, kBar = 20;
+  // Labels that would take more than two fifths of the width stand above their bars.
+  constexpr double kRow = 30, kBar = 20, kBesideLabel = 12, kLine = 18, kShare = 0.4;
+  const bool above = widest_label + kBesideLabel > kShare * picture.width;
+  const double left = above ? 0 : widest_label + kBesideLabel;
   double top = picture.legend(entries, left, 2) + 4;
   double widest_total = 60;  // room for the total behind the longest bar
   for (const double total : totals) {
@@ -424,7 +426,12 @@ std::string BarChart::operator()(const Canvas& canvas) const {
   const double right = picture.width - widest_total - 14;
   const Scale X{0, largest > 0 ? largest : 1, left, right};
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    picture.text(left - 8, top + kBar / 2 + 4, rows[i].label, "t e");
+    if (above) {
+      picture.text(left, top + kBar / 2 + 4, rows[i].label, "t");
+      top += kLine;
+    } else {
+      picture.text(left - 8, top + kBar / 2 + 4, rows[i].label, "t e");
+    }
     double at = 0;
     for (std::size_t k = 0; k < rows[i].parts.size(); ++k) {
       const double part = rows[i].parts[k];

@@ -28,6 +28,9 @@ TEST(Figures, ShowThreeDigitsOfSmallOnes) {
 }
 
 TEST(Figures, SayWhatIsNoFiniteNumberAndWhatIsRounding) {
+  EXPECT_EQ(figure(6.12e17, 0, 5), "6.1200e+17");  // no machine's volume holds eighteen digits
+  EXPECT_EQ(figure(-1e300, 4), "-1.00e+300");
+  EXPECT_EQ(figure(463613305.4, 0), "463613305");
   EXPECT_EQ(figure(std::numeric_limits<double>::infinity(), 2), "infinite");
   EXPECT_EQ(figure(-std::numeric_limits<double>::infinity(), 2), "-infinite");
   EXPECT_EQ(figure(std::nan(""), 2), "none");

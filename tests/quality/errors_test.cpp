@@ -76,6 +76,9 @@ TEST(Elements, BadInput) {
   EXPECT_EQ(sized(m, {{"leg.length[7]", 0.01}}, true).error().id, "QU100");
   EXPECT_EQ(sized(m, {{"leg.length", -0.01}}, true).error().id, "QU101");
   EXPECT_EQ(sized(m, {{"leg.length", std::nan("")}}, false).error().id, "QU101");
+  EXPECT_EQ(sized(m, {{"leg.length", 1e18}}, true).error().id, "QU105");
+  EXPECT_EQ(sized(m, {{"all", -1e308}}, false).error().id, "QU105");
+  EXPECT_TRUE(sized(m, {{"leg.length", 10}}, true));
   EXPECT_TRUE(sized(m, {{"leg.length", -0.01}}, false).has_value());
   EXPECT_EQ(sized(m, {{"leg.length[2]", 1}, {"leg.length", 1}}, true)->at(1).size, 0.002);  // sizes add up
 }

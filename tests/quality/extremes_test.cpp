@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "machines.hpp"
+#include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/survey.hpp"
@@ -99,6 +101,54 @@ TEST(Extremes, WorstPosesKeepTheWorkspaceAndTheDirections) {
   const Extreme least = worst_seen(m, f.survey, options, f.dexterity.sigma_min, f.dexterity.anywhere, 1, -1);
   EXPECT_LE(least.value, *std::min_element(f.dexterity.sigma_min.worst.begin(), f.dexterity.sigma_min.worst.end()));
   EXPECT_NEAR(kinematics::dexterity(m, least.X_MT, *joints_at(m, least.X_MT)).sigma_min / least.value, 1, 1e-12);
+}
+
+TEST(Extremes, ReachTheTipsOfADelta) {
+  // The largest condition number stands at the lower tip of the workspace, between the points of the grid. Against it:
+  // random poses of the box in which the workspace lies, judged by the inverse kinematics alone.
+  const AnyMachine m = test::flat_delta();
+  const SurveyOptions options;
+  const Looked f = look(m, options);
+  const auto largest = [&](const std::function<double(const Pose&, const JointVector&)>& value, double sign) {
+    Random random(7);
+    double most = -std::numeric_limits<double>::infinity();
+    constexpr int kPoses = 100'000;
+    for (int i = 0; i < kPoses; ++i) {
+      const Pose X{Mat3::Identity(),
+                   Vec3(random.uniform(-0.7, 0.7), random.uniform(-0.7, 0.7), random.uniform(0.35, 1.14))};
+      const auto found = kinematics::inverse(m, X);
+      if (const auto* s = found.reachable()) most = std::max(most, sign * value(X, s->joints));
+    }
+    return sign * most;
+  };
+  const auto condition = [&](const Pose& X, const JointVector& q) { return kinematics::dexterity(m, X, q).condition; };
+  const auto sigma = [&](const Pose& X, const JointVector& q) { return kinematics::dexterity(m, X, q).sigma_min; };
+  const Extreme worst = worst_seen(m, f.survey, options, f.dexterity.condition, f.dexterity.anywhere, 0);
+  EXPECT_GE(worst.value, largest(condition, 1));
+  constexpr double kFineGrid = 7.3589;  // what a grid of 80 points a side sees
+  EXPECT_GE(worst.value, kFineGrid);
+  EXPECT_NEAR(condition(worst.X_MT, *joints_at(m, worst.X_MT)) / worst.value, 1, 1e-12);
+  EXPECT_TRUE(kinematics::inverse(m, worst.X_MT).reachable());
+  const Extreme least = worst_seen(m, f.survey, options, f.dexterity.sigma_min, f.dexterity.anywhere, 1, -1);
+  EXPECT_LE(least.value, largest(sigma, -1));
+}
+
+TEST(Extremes, OfOneDirectionAreOneQuantity) {
+  const AnyMachine delta = test::flat_delta(), hexapod = load("hexapod-strut");
+  SurveyOptions options;
+  options.resolution = 12;
+  for (const AnyMachine& m : {delta, hexapod}) {
+    const Looked f = look(m, options);
+    const auto& [condition, sigma, determinant, length, anywhere] = f.dexterity;
+    const Statistics means = statistics_seen(m, f.survey, options, condition, anywhere, 0);
+    const Extreme worst = worst_seen(m, f.survey, options, condition, anywhere, 0);
+    EXPECT_EQ(means.max, worst.value);
+    EXPECT_EQ(means.max_at, worst.X_MT.p);
+    EXPECT_EQ(statistics_seen(m, f.survey, options, sigma, anywhere, 1).min,
+              worst_seen(m, f.survey, options, sigma, anywhere, 1, -1).value);
+    EXPECT_EQ(statistics_seen(m, f.survey, options, f.errors.position, f.errors.anywhere, 0).max,
+              worst_seen(m, f.survey, options, f.errors.position, f.errors.anywhere, 0).value);
+  }
 }
 
 TEST(Extremes, OfRangesStayInTheRanges) {

@@ -318,10 +318,9 @@ TEST(ToleranceDesign, MeetsTheWishAndNoMore) {
   ASSERT_TRUE(d) << to_string(d.error());
   EXPECT_NEAR(d->position, wish.position, 1e-3 * wish.position);
   EXPECT_NEAR(d->parts[1].tolerance / d->parts[0].tolerance, 2, 1e-12);
-  EXPECT_LE(largest_error(m, *s, options,
-                          {{"leg.length", units::to_mm(d->parts[0].tolerance)},
-                           {"base.joint", units::to_mm(d->parts[1].tolerance)}}),
-            wish.position * (1 + 1e-9));
+  EXPECT_LE(
+      largest_error(m, *s, options, {{"leg.length", d->parts[0].tolerance}, {"base.joint", d->parts[1].tolerance}}),
+      wish.position * (1 + 1e-9));
   EXPECT_NEAR(d->parts[0].share + d->parts[1].share, 1, 1e-9);
 
   // Cost: no other pair on the border of the allowed ones is cheaper.
@@ -329,7 +328,7 @@ TEST(ToleranceDesign, MeetsTheWishAndNoMore) {
   const auto cheap = design_tolerances(m, *s, options, {{"leg.length", 3}, {"base.joint", 1}}, wish);
   ASSERT_TRUE(cheap) << to_string(cheap.error());
   const auto cost = [&](double leg, double base) { return 6 * 3 / leg + 6 * 1 / base; };
-  const double leg = units::to_mm(cheap->parts[0].tolerance), base = units::to_mm(cheap->parts[1].tolerance);
+  const double leg = cheap->parts[0].tolerance, base = cheap->parts[1].tolerance;
   EXPECT_NEAR(cheap->cost, cost(leg, base), 1e-6 * cheap->cost);
   for (double ratio = 0.1; ratio < 10; ratio *= 1.2) {
     const double scale = units::to_mm(wish.position) /
@@ -340,6 +339,32 @@ TEST(ToleranceDesign, MeetsTheWishAndNoMore) {
   EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 0}}, wish).error().id, "QU120");
   wish.position = 0;
   EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 1}}, wish).error().id, "QU120");
+}
+
+TEST(ToleranceDesign, PromisesWhatTheErrorsShow) {
+  // A delta's worst poses lie on the boundary of its workspace, which no point of the grid is on.
+  const AnyMachine m = test::flat_delta();
+  SurveyOptions options;
+  const auto s = survey(m, options);
+  DesignOptions wish;
+  wish.position = 50e-6;
+  const auto d = design_tolerances(m, *s, options, {{"all", 1}}, wish);
+  ASSERT_TRUE(d) << to_string(d.error());
+  EXPECT_EQ(d->parts[0].units, (std::vector<std::string>{"deg", "mm"}));  // lengths, and the drives' zero
+  const auto sizes = *sized(m, {{"all", d->parts[0].tolerance}}, true);
+  const auto field = tolerance_field(m, *s, options, sizes);
+  constexpr double kRounding = 1e-6;
+  EXPECT_NEAR(worst_seen(m, *s, options, field->position, field->anywhere, 0).value, wish.position,
+              kRounding * wish.position);
+  // A pose that a finer grid found; the promise leaves a per cent.
+  constexpr double kPromised = 1.01;
+  const Pose X{Mat3::Identity(), 1e-3 * Vec3(-541.17, -314.30, 705.59)};
+  EXPECT_LE(worst_case(m, X, *joints_at(m, X), sizes)->position, kPromised * wish.position);
+  SurveyOptions fine;
+  fine.resolution = 80;
+  const auto dense = survey(m, fine);
+  const auto finer = tolerance_field(m, *dense, fine, sizes);
+  EXPECT_LE(worst_seen(m, *dense, fine, finer->position, finer->anywhere, 0).value, kPromised * wish.position);
 }
 
 TEST(Budget, RowsFromClosedForms) {

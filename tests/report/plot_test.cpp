@@ -419,6 +419,21 @@ TEST(BarChart, PartsAreAsLongAsTheirValues) {
   EXPECT_THAT(svg, HasSubstr(">40.0 um<"));
 }
 
+TEST(BarChart, LongLabelsStandAboveTheirBars) {
+  const std::string label = "platform.joint[1], platform.attachment[1] (together)";
+  const std::string svg = BarChart{"", "mm", {""}, {{label, {1}}, {"short", {2}}}}(Canvas{340, "t"});
+  // Every text that ends at its place begins within the picture, a character being 5 px wide at least.
+  const std::regex text("<text x=\"([-0-9.]+)\"[^>]*class=\"([^\"]*)\"[^>]*>([^<]*)<");
+  int labels = 0;
+  for (auto it = std::sregex_iterator(svg.begin(), svg.end(), text); it != std::sregex_iterator(); ++it) {
+    const bool ends_there = (" " + (*it)[2].str() + " ").find(" e ") != std::string::npos;
+    const double from = std::stod((*it)[1]) - (ends_there ? 5.0 * static_cast<double>((*it)[3].length()) : 0);
+    EXPECT_GE(from, 0) << (*it)[3];
+    labels += (*it)[3] == label ? 1 : 0;
+  }
+  EXPECT_EQ(labels, 1);
+}
+
 TEST(PanelGrid, SetsPanelsBesideEachOther) {
   const Figure square = [](const Canvas& canvas) {
     return "<svg class=\"pp\" viewBox=\"0 0 " + std::to_string(int(canvas.width)) + " 50\"><g id=\"" + canvas.id +

@@ -65,6 +65,7 @@ struct QualityPageOptions {
   QualityValue region = QualityValue::condition;  ///< what the region of the picture in space is about
   std::optional<double> below;                    ///< and below which value, as shown_means; default: one that fits
   int resolution = 72;                            ///< points along the longer side of a section, 8 to 512
+  int resolution_in_space = 34;                   ///< points along the longest side for pictures in space, 8 to 512
 };
 
 /// One self-contained HTML file about the quality of a machine: condition numbers mix lengths and angles, so errors in

@@ -29,6 +29,9 @@ struct Survey {
   double volume = 0;  ///< m^3: of the workspace to 5 % at least between its bounds, else by counting points; of a box
                       ///< the share of its points that are reachable
   bool whole_box = true;  ///< every point of a given box is in the workspace
+  /// Points of the workspace (and the box) that lie farthest along the axes and diagonals of M, m: where searches for
+  /// extremes start beside the grid's points. Seen, not proven.
+  std::vector<Vec3> tips;
 };
 
 /// The points of the workspace. Errors: those of workspace::volume(), WS130, QU110 (no point of the grid is inside).
@@ -67,16 +70,17 @@ struct Anywhere {
   std::function<std::array<double, 3>(const Pose& X_MT, const JointVector& q)> at_pose;
 };
 
-/// The statistics of the means with the least and the largest looked for between the points, too: from the best three
-/// points of the grid by a compass search over the position, steps from half the spacing to a fiftieth, within the
-/// workspace. `number` is the quantity's place in the field. These are the least and the largest SEEN, not bounds: a
-/// sharper peak may lie between. Cost: some hundred calls of at_point.
+/// The statistics of the means with the least and the largest looked for between the points and on the boundary of the
+/// workspace, too: from the best four points of the grid and the best four of its tips by a direct search over the
+/// position (steps of half the spacing down to a thousandth of it, along the boundary where it is met). `number` is the
+/// quantity's place in the field. These are the least and the largest SEEN, not bounds: a sharper peak may lie between.
+/// Cost: some thousand calls of at_point.
 Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                            const Quantity& quantity, const Anywhere& anywhere, std::size_t number);
 
-/// The worst pose seen: from the four best points of the grid by a compass search over the position and both angles of
-/// the direction. `sign` 1: the largest is the worst; -1: the least. Seen, not a bound. Infinite values are as they
-/// are.
+/// The worst pose seen: the same search over the position and both angles of the direction. `sign` 1: the largest is
+/// the worst; -1: the least. Seen, not a bound. Infinite values are as they are. Over one direction it is the least or
+/// the largest of statistics_seen, the same number at the same place.
 Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                    const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign = 1);
 

@@ -31,8 +31,8 @@ struct DesignOptions {
 struct ToleranceDesign {
   struct Part {
     std::string key;
-    double tolerance = 0;  ///< m or rad, or without unit
-    std::string unit;
+    double tolerance = 0;            ///< the one number for all its elements, each in its own of the units: mm, deg, 1
+    std::vector<std::string> units;  ///< "mm", "deg", "" (no unit), each once
     int elements = 0;
     double share = 0;  ///< of the error at the worst pose, 0 to 1
   };
