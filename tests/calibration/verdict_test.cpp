@@ -164,20 +164,24 @@ TEST(Verdict, ParametersThatAreNotLookedForStayUncertain) {
   EXPECT_GT(before, 0.3 * stated_before);
 }
 
-// 24 equations for 43 unknowns: the priors make the problem well posed, and the deviations say how little is known.
+// 18 equations for 43 unknowns: the priors make the problem well posed, and the deviations say how little is known.
 TEST(Verdict, FewRowsAreAnswered) {
   double after = 0, stated = 0, before = 0;
+  int few = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const Measured m = measured("hexapod-strut", 1, Kind::point, 8, seed);
+    const Measured m = measured("hexapod-strut", 1, Kind::point, 6, seed);
     const Calibration c = calibrated(m);
-    EXPECT_LE(c.rank, 24u);
-    EXPECT_THAT(c.verdict.text, HasSubstr("too few to show the noise"));
+    EXPECT_LE(c.rank, 18u);
+    const bool said = c.verdict.text.find("too few to show the noise") != std::string::npos;
+    EXPECT_EQ(said, c.free_equations < 5) << c.verdict.text;
+    few += said ? 1 : 0;
     for (const AtPlace& at : errors(m, c)) {
       after += at.after.head<3>().squaredNorm();
       stated += at.stated.head<3>().squaredNorm();
       before += at.before.head<3>().squaredNorm();
     }
   }
+  EXPECT_GT(few, 0);
   EXPECT_LT(after, before);
   EXPECT_LT(after, 2 * stated);
 }
