@@ -593,8 +593,8 @@ TEST(Calibrate, WhatCannotBeIsNamed) {
   o.noise_position = 0;
   EXPECT_EQ(calibrate(m, rows, o).error().id, "CA116");
   o = {};
-  o.estimate_frame = true;  // of which nothing is known: six unknowns without a prior
-  EXPECT_EQ(calibrate(m, {rows[0], rows[1]}, o).error().id, "CA110");
+  o.estimate_frame = true;  // and the place: nine unknowns without a prior
+  EXPECT_EQ(calibrate(m, measured(m, truth, Kind::contact, 2, kNoise), o).error().id, "CA110");
   auto once = measured(m, truth, Kind::contact, 80, kNoise);
   once[0].contact = "alone";
   EXPECT_EQ(calibrate(m, once).error().id, "CA117");
