@@ -89,6 +89,20 @@ Result<calibration::CalibrationOptions> options_of(const Options& o) {
   return out;
 }
 
+/// Errors: AP107 where an option about angles stands with rows or a machine that have none.
+Status check_angles(const Context& context, const machine::AnyMachine& m,
+                    const std::vector<calibration::Measurement>& rows) {
+  using calibration::Kind;
+  if (std::none_of(rows.begin(), rows.end(),
+                   [](const auto& r) { return r.kind == Kind::axis || r.kind == Kind::pose; }))
+    POLYPOD_TRY(refuse(context, {"--noise-deg"}, "it serves axes and poses; these rows hold no angle"));
+  const std::vector<machine::Parameter> parameters = kinematics::parameters(m);
+  if (std::all_of(parameters.begin(), parameters.end(), [](const auto& p) { return p.unit == "mm"; }))
+    POLYPOD_TRY(refuse(context, {"--prior-deg", "--bound-deg"},
+                       "it serves machines with angles or directions; all parameters of this one are lengths"));
+  return {};
+}
+
 std::string command_line(const Options& o) {
   const Options usual;
   std::string out = "polypod calibrate " + for_shell(o.machine);
@@ -323,8 +337,9 @@ Command calibrate_command() {
                  "frame, where the target sits on the tool (repeatable)");
         a.option("--frame", o->frame, kFrameHelp);
         a.option("--target", o->target, kTargetHelp);
-        a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
-        a.option("--hold", o->hold, "Beginning of a key: keep these as they are (repeatable)");
+        a.option("--parameter", o->only,
+                 "Beginning of a key: look for these only, the others are as uncertain as before (repeatable)");
+        a.option("--hold", o->hold, "Beginning of a key: keep these, they are exact (repeatable)");
         a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
         a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
         a.option("--prior-mm", o->prior_mm,
@@ -357,6 +372,7 @@ Command calibrate_command() {
           POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
           rows.insert(rows.end(), more.begin(), more.end());
         }
+        POLYPOD_TRY(check_angles(context, m, rows));
         if (const auto no = refused_as_singular(m, context, {"parameters", "rank"})) return *no;
         POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
         const bool good = c.verdict.answer != calibration::Answer::no;

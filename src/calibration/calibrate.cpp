@@ -4,6 +4,7 @@
 #include <ceres/ceres.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -36,10 +37,11 @@ struct Problem {
   std::vector<Pose> seed{};        ///< the nominal pose of every row
   std::vector<bool> not_fitted{};  ///< held back, or lost
   Eigen::VectorXd start{}, scale{};
-  std::vector<bool> chosen{};  ///< of the parameters
-  std::vector<int> wanted{};   ///< columns of the unknowns that are searched for
-  Eigen::VectorXd prior{};     ///< standard deviation of each unknown round its start
-  double noise_scale = 1;      ///< what the residuals show of the noise, over the one that was given
+  std::vector<bool> chosen{};   ///< of the parameters
+  std::vector<int> unfitted{};  ///< columns of the parameters that are neither searched for nor held: uncertain still
+  std::vector<int> wanted{};    ///< columns of the unknowns that are searched for
+  Eigen::VectorXd prior{};      ///< standard deviation of each unknown round its start
+  double noise_scale = 1;       ///< what the residuals show of the noise, over the one that was given
 
   [[nodiscard]] int column(std::size_t parameter) const { return layout.parameters + static_cast<int>(parameter); }
   [[nodiscard]] bool is_length(std::size_t parameter) const { return nominal[parameter].unit == "mm"; }
@@ -182,6 +184,9 @@ std::vector<RowResidual> with_untaken(const std::vector<Measurement>& rows, cons
 }
 
 constexpr double kLeastNoise = 1e-9;  // of the noise given: below it residuals are rounding
+/// With fewer equations beyond what the parameters take up, the residuals' own spread (30 % at 5) says little of the
+/// noise.
+constexpr double kLeastFree = 5;
 
 /// One calibration: prepare, then search and judge until every fitted row assembles, then what was found.
 class Fit {
@@ -209,12 +214,27 @@ class Fit {
     say_unknowns();
     POLYPOD_TRY(make_machine());
     out_.verdict = judged(any_, rows_, out_);
+    out_.verdict.text += remarks();
     out_.orientation_told = std::none_of(out_.verdict.left_open.begin(), out_.verdict.left_open.end(),
                                          [](const std::string& c) { return c.ends_with("_deg"); });
     return std::move(out_);
   }
 
  private:
+  /// What the options have to do with the verdict.
+  std::string remarks() const {
+    std::string out;
+    const std::size_t outliers = out_.fitted.outliers + out_.held_back.outliers;
+    if (out_.verdict.answer == Answer::no && outliers > 0 && options_.loss != Loss::cauchy)
+      out += fmt::format(" {} of the rows {}: --loss cauchy lets them count for less.", outliers,
+                         outliers == 1 ? "looks like an outlier" : "look like outliers");
+    if (!problem_.unfitted.empty())
+      out += " Parameters that were not looked for count with their priors; --hold says that one is exact.";
+    if (out_.free_equations < kLeastFree)
+      out += " The equations are too few to show the noise: no less counts than was given.";
+    return out;
+  }
+
   /// The frames, and whether what was measured can be of this machine.
   Status place_rows() {
     out_.X_SM = options_.X_SM;
@@ -250,6 +270,11 @@ class Fit {
     bool turns = false;
     for (const Measurement& row : rows_) turns = turns || row.kind == Kind::pose || row.kind == Kind::axis;
     problem_.wanted = wanted_unknowns(problem_.layout, problem_.chosen, options_, turns);
+    CalibrationOptions everything = options_;
+    everything.only.clear();
+    POLYPOD_ASSIGN(not_held, chosen_parameters(problem_.nominal, everything));
+    for (std::size_t i = 0; i < not_held.size(); ++i)
+      if (not_held[i] && !problem_.chosen[i]) problem_.unfitted.push_back(problem_.column(i));
     set_priors();
     return {};
   }
@@ -277,10 +302,13 @@ class Fit {
   Status choose_rows() {
     std::size_t all = 0;
     for (const Measurement& row : rows_) all += static_cast<std::size_t>(equation_count(row.kind));
-    const bool priors = options_.prior_length > 0 && options_.prior_angle > 0;
-    if (!priors && all <= problem_.wanted.size()) {
-      return fail("CA110", fmt::format("{} equations for {} unknowns", all, problem_.wanted.size()), {},
-                  "measure more poses, choose parameters, or give priors");
+    const auto without_prior = static_cast<std::size_t>(std::count_if(
+        problem_.wanted.begin(), problem_.wanted.end(), [&](int j) { return j < problem_.layout.parameters; }));
+    if (all <= without_prior) {
+      return fail(
+          "CA110",
+          fmt::format("{} equations for {} unknowns of frame, target and places of contact", all, without_prior), {},
+          "measure more poses, or give frame and target instead of looking for them");
     }
     std::vector<bool> held_back(rows_.size(), false);
     if (options_.hold_back > 0) {
@@ -357,16 +385,20 @@ class Fit {
     std::vector<double> block;
     for (const int j : problem_.wanted) block.push_back(x_[j]);
     problem_.noise_scale = std::max(1.0, robust_scale(whitened_, problem_.not_fitted, 0));
+    // Sizes are learnt once the noise has settled: with too much of it all errors look small, which then keeps it
+    // large.
+    bool sizes = false;
     for (int round = 0; round < kRounds; ++round) {
       POLYPOD_TRY(solve(block));
       for (std::size_t k = 0; k < problem_.wanted.size(); ++k) x_[problem_.wanted[k]] = block[k];
       whiten();
       const double noise_before = problem_.noise_scale;
       const Eigen::VectorXd prior_before = problem_.prior;
-      learn_noise_and_priors();
+      learn_noise_and_priors(sizes);
       const double changed = std::max(std::abs(problem_.noise_scale / noise_before - 1),
                                       (problem_.prior.array() / prior_before.array() - 1).abs().maxCoeff());
-      if (changed < kSettled || !converged_) break;
+      if ((sizes && changed < kSettled) || !converged_) break;
+      sizes = sizes || changed < kSettled;
     }
     return {};
   }
@@ -383,12 +415,14 @@ class Fit {
     return out;
   }
 
-  /// The fitted rows and rules as a triangle R of the wanted unknowns, R^T R = J^T W J, in units of the noise given.
-  Eigen::MatrixXd triangle(const std::vector<double>& weights) const {
-    const Eigen::MatrixXd all = stacked(x_, &weights);
-    const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
-    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(std::max(all.rows(), n), n);
-    for (Eigen::Index k = 0; k < n; ++k) J.col(k).head(all.rows()) = all.col(problem_.wanted[std::size_t(k)]);
+  /// The fitted rows and rules as a triangle R of these unknowns, R^T R = J^T W J, in units of the noise given.
+  Eigen::MatrixXd triangle(const std::vector<double>& weights, const std::vector<int>& unknowns) const {
+    return triangle_of(stacked(x_, &weights)(Eigen::all, unknowns));
+  }
+  static Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& rows) {
+    const Eigen::Index n = rows.cols();
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(std::max(rows.rows(), n), n);
+    J.topRows(rows.rows()) = rows;
     return J.householderQr().matrixQR().topRows(n).triangularView<Eigen::Upper>();
   }
 
@@ -403,51 +437,63 @@ class Fit {
   }
 
   /// Noise and the size of the machine's errors, as the residuals and the changes found show them. Of each kind of
-  /// parameter (lengths, angles) the default prior is scaled by t with
-  ///   t^2 = (kGuess + sum (change / default)^2) / (kGuess + sum (1 - variance / prior^2)),
-  /// the fixed point at which the likelihood of the measurements is greatest (MacKay, Bayesian Interpolation, 1992),
-  /// the default itself counting as kGuess parameters. Changes follow a new prior in first order.
-  void learn_noise_and_priors() {
-    constexpr int kSteps = 30;
-    constexpr double kGuess = 4;
-    const Eigen::MatrixXd R = triangle(weights());
+  /// parameter (lengths, angles) the default prior is scaled by t where the likelihood of the measurements (MacKay,
+  /// Bayesian Interpolation, 1992) times what is thought of t beforehand is greatest:
+  ///   sum (change / prior)^2 - sum (1 - variance / prior^2) = pull_of(ln t).
+  /// Changes follow a new prior in first order. Without `sizes` of the noise alone.
+  void learn_noise_and_priors(bool sizes) {
+    constexpr int kSteps = 100;
+    constexpr double kLongestStep = 0.7;  // of ln t
+    constexpr double kSettled = 1e-3;
+    const Eigen::MatrixXd R = triangle(weights(), problem_.wanted);
     const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
-    Eigen::VectorXd prior(n), usual(n), change(n);
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const int j = problem_.wanted[static_cast<std::size_t>(k)];
-      prior[k] = problem_.prior[j];
-      usual[k] = usual_[j];
-      change[k] = x_[j] - problem_.start[j];
-    }
+    Eigen::VectorXd prior = of_wanted(problem_.prior), change = of_wanted(x_ - problem_.start);
+    const Eigen::VectorXd usual = of_wanted(usual_);
     // The gradient of what was minimised is 0: R^T R change - J^T W (measured - computed) = -s^2 change / prior^2.
     const double s = problem_.noise_scale;
     const Eigen::VectorXd right = R.transpose() * (R * change) + s * s * change.cwiseQuotient(prior.cwiseAbs2());
+    if (sizes) prior = usual;
     double told = 0;
     for (int step = 0; step < kSteps; ++step) {
       const Eigen::MatrixXd C = root_of_covariance(R, prior, s);
       const Eigen::VectorXd variance = C.rowwise().squaredNorm();  // over prior^2
       change = prior.asDiagonal() * (C * (C.transpose() * (prior.cwiseProduct(right) / (s * s))));
       told = static_cast<double>(n) - variance.sum();
+      if (!sizes) break;
       double moved = 0;
-      for (const bool lengths : {true, false}) {
-        double above = kGuess, below = kGuess;
+      for (const Learns kind : {Learns::lengths, Learns::angles}) {
+        double seen = 0, expected = 0, log_t = 0;
         for (Eigen::Index k = 0; k < n; ++k) {
-          if (learns_[std::size_t(k)] != (lengths ? Learns::lengths : Learns::angles)) continue;
-          above += std::pow(change[k] / usual[k], 2);
-          below += 1 - variance[k];
+          if (learns_[std::size_t(k)] != kind) continue;
+          seen += std::pow(change[k] / prior[k], 2);
+          expected += 1 - variance[k];
+          log_t = std::log(prior[k] / usual[k]);
         }
-        const double t = std::sqrt(above / below);
-        for (Eigen::Index k = 0; k < n; ++k) {
-          if (learns_[std::size_t(k)] != (lengths ? Learns::lengths : Learns::angles)) continue;
-          moved = std::max(moved, std::abs(t * usual[k] / prior[k] - 1));
-          prior[k] = t * usual[k];
-        }
+        const auto [pull, stiffness] = pull_of(log_t);
+        const double by = std::clamp((seen - expected - pull) / (2 * std::max(seen, expected) + stiffness),
+                                     -kLongestStep, kLongestStep);
+        for (Eigen::Index k = 0; k < n; ++k)
+          if (learns_[std::size_t(k)] == kind) prior[k] *= std::exp(by);
+        moved = std::max(moved, std::abs(by));
       }
-      if (moved < 1e-3) break;
+      if (moved < kSettled) break;
     }
     for (Eigen::Index k = 0; k < n; ++k) problem_.prior[problem_.wanted[static_cast<std::size_t>(k)]] = prior[k];
     problem_.noise_scale = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, told));
   }
+
+  /// How strongly the default size of the errors draws t, e^u times of it, back: the derivative of -ln p(u), and a
+  /// bound of its own derivative. p is Student's t of u: near t = 1 it counts as four parameters that are off as usual,
+  /// so that few readings cannot turn it over, and nowhere as more than three, so that machines that agree with their
+  /// drawing, a hundred times better than usual, are seen to.
+  static std::pair<double, double> pull_of(double u) {
+    constexpr double kStiff = 8;  // sum (change / prior)^2 = 4 / t^2 of four parameters changes by so much a u
+    constexpr double kTail = 4;   // the pull is greatest at u = sqrt(kTail / kStiff): sqrt(kTail kStiff) / 2 = 2.8
+    return {kStiff * u / (1 + kStiff * u * u / kTail), kStiff};
+  }
+
+  /// The parts of the searched unknowns.
+  Eigen::VectorXd of_wanted(const Eigen::VectorXd& all) const { return all(problem_.wanted); }
 
   /// One search from `block` with the bend where it is now.
   Status solve(std::vector<double>& block) {
@@ -551,6 +597,7 @@ class Fit {
       out_.equations += static_cast<std::size_t>(n);
       sum += weight[i] * weight[i] * square;
       count += weight[i] * n;
+      gain_ += weight[i] * (r.before.cwiseQuotient(e.sigma).squaredNorm() - square);
     }
     if (too_many_lost(lost, rows_.size())) {
       return fail("CA115",
@@ -559,6 +606,7 @@ class Fit {
                   example->place, "are they near singular poses? leave them out, or give priors");
     }
     set_covariance(weight, sum, count);
+    out_.gain = gain_in_deviations(weight);
     constexpr double kHopeless = 100;
     if (out_.noise_factor > kHopeless) {
       return fail(
@@ -574,22 +622,71 @@ class Fit {
 
   /// `sum`: of the weighted squares, `count`: of the weighted equations.
   void set_covariance(const std::vector<double>& weight, double sum, double count) {
-    const Eigen::MatrixXd R = triangle(weight);
+    std::vector<int> both = problem_.wanted;
+    both.insert(both.end(), problem_.unfitted.begin(), problem_.unfitted.end());
     const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
-    Eigen::VectorXd prior(n);
-    for (Eigen::Index k = 0; k < n; ++k) prior[k] = problem_.prior[problem_.wanted[static_cast<std::size_t>(k)]];
-    const double told = static_cast<double>(n) - root_of_covariance(R, prior, problem_.noise_scale).squaredNorm();
-    out_.noise_factor = std::sqrt(sum / std::max(1.0, count - told));
-    const Eigen::MatrixXd root =
-        prior.asDiagonal() * root_of_covariance(R, prior, std::max(out_.noise_factor, kLeastNoise));
-    Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, n);
-    for (Eigen::Index k = 0; k < n; ++k) of_all.row(problem_.wanted[static_cast<std::size_t>(k)]) = root.row(k);
+    const auto all = static_cast<Eigen::Index>(both.size());
+    const Eigen::MatrixXd R_all = triangle(weight, both), R = R_all.topLeftCorner(n, n);
+    const Eigen::VectorXd prior = of_wanted(problem_.prior);
+    const Eigen::MatrixXd C = root_of_covariance(R, prior, problem_.noise_scale);
+    const double told = static_cast<double>(n) - C.squaredNorm();
+    out_.free_equations = count - told;
+    out_.noise_factor = std::sqrt(sum / std::max(1.0, out_.free_equations));
+    // What was searched for is off by its own covariance, and by what the parameters that were not searched for do to
+    // it (Schmidt's consider analysis): K J_u P_u with K = C R^T / s^2; those themselves by their priors.
+    const double s = noise_that_counts();
+    Eigen::MatrixXd root = Eigen::MatrixXd::Zero(all, all);
+    root.topLeftCorner(n, n) = prior.asDiagonal() * root_of_covariance(R, prior, s);
+    if (all > n) {
+      const Eigen::VectorXd unfitted = problem_.prior(problem_.unfitted);
+      const auto own = root.topLeftCorner(n, n);
+      root.topRightCorner(n, all - n) =
+          own * (own.transpose() * (R.transpose() * (R_all.topRightCorner(n, all - n) * unfitted.asDiagonal()))) /
+          (s * s);
+      root.bottomRightCorner(all - n, all - n) = -unfitted.asDiagonal().toDenseMatrix();
+    }
+    Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, all);
+    for (Eigen::Index k = 0; k < all; ++k) of_all.row(both[static_cast<std::size_t>(k)]) = root.row(k);
     error_ = of_all.rowwise().norm();
-    const Eigen::MatrixXd of_parameters = of_all.bottomRows(static_cast<Eigen::Index>(problem_.nominal.size()));
-    out_.covariance = of_parameters * of_parameters.transpose();
-    out_.prior = Eigen::VectorXd::Zero(of_parameters.rows());
-    for (std::size_t i = 0; i < problem_.nominal.size(); ++i)
-      if (problem_.chosen[i]) out_.prior[static_cast<Eigen::Index>(i)] = problem_.prior[problem_.column(i)];
+    const auto parameters = static_cast<Eigen::Index>(problem_.nominal.size());
+    out_.covariance = of_all.bottomRows(parameters) * of_all.bottomRows(parameters).transpose();
+    set_covariance_before(both);
+  }
+
+  /// By how many standard deviations the squared residuals of the fitted rows have become smaller, beyond what the fit
+  /// takes out of mere noise. Where the drawing is exact, r = (1 - H) n with the noise n and H = J (J^T W J + s^2
+  /// P^-2)^-1 J^T W, so that the difference has the mean s^2 tr(2 H - H^2) and the variance 2 s^4 tr((2 H - H^2)^2);
+  /// the eigenvalues of H are 1 - those of the covariance over the priors.
+  double gain_in_deviations(const std::vector<double>& weight) const {
+    const double s = noise_that_counts();
+    const Eigen::MatrixXd C = root_of_covariance(triangle(weight, problem_.wanted), of_wanted(problem_.prior), s);
+    const Eigen::ArrayXd left = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues().array().square();
+    const Eigen::ArrayXd taken = 1 - left.square();  // 2 h - h^2
+    return (gain_ / (s * s) - taken.sum()) / std::sqrt(std::max(2 * taken.square().sum(), 1e-300));
+  }
+
+  /// Too few rows cannot contradict the noise that was given.
+  double noise_that_counts() const {
+    const double s = std::max(out_.noise_factor, kLeastNoise);
+    return out_.free_equations < kLeastFree ? std::max(1.0, s) : s;
+  }
+
+  /// What the drawing says of the parameters: the priors, as far as the rules that parameters keep leave them.
+  void set_covariance_before(const std::vector<int>& uncertain) {
+    std::vector<int> columns;
+    for (const int j : uncertain)
+      if (j >= problem_.layout.parameters) columns.push_back(j);
+    Eigen::VectorXd r;
+    Eigen::MatrixXd J;
+    problem_.rules(problem_.start, r, J);
+    const Eigen::VectorXd prior = problem_.prior(columns);
+    const Eigen::MatrixXd root = prior.asDiagonal() * root_of_covariance(triangle_of(J(Eigen::all, columns)), prior, 1);
+    Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, root.cols());
+    for (std::size_t k = 0; k < columns.size(); ++k) of_all.row(columns[k]) = root.row(Eigen::Index(k));
+    const auto parameters = static_cast<Eigen::Index>(problem_.nominal.size());
+    out_.covariance_before = of_all.bottomRows(parameters) * of_all.bottomRows(parameters).transpose();
+    out_.prior = Eigen::VectorXd::Zero(parameters);
+    for (const int j : columns) out_.prior[j - problem_.layout.parameters] = problem_.prior[j];
   }
 
   /// Every unknown with its standard error, or with what it acts like.
@@ -656,6 +753,7 @@ class Fit {
   std::vector<Learns> learns_;  ///< of each wanted unknown: with which others the size of its prior is learnt
   Eigen::VectorXd usual_;       ///< the priors before that
   Eigen::VectorXd error_;       ///< standard errors of all unknowns
+  double gain_ = 0;             ///< weighted squares of the fitted rows, before less after
   Calibration out_;
 };
 
@@ -681,11 +779,19 @@ Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement
 
 Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
                               const CalibrationOptions& options) {
-  if (!(options.noise_position > 0) || !(options.noise_angle > 0) || options.prior_length < 0 ||
-      options.prior_angle < 0 || options.bound_length < 0 || options.bound_angle < 0 || options.hold_back < 0 ||
-      options.hold_back > 0.5) {
-    return fail("CA116", "an option of the calibration is out of range", {},
-                "noise must be above 0, priors and bounds not below 0, the share held back 0 to 0.5");
+  const auto within = [](double value, double least, double most) {
+    return value >= least && value <= most;
+  };                             // no NaN
+  constexpr double kMost = 1e6;  // m, rad: far beyond any machine, and no infinity
+  const bool noise = options.noise_position > 0 && within(options.noise_position, 0, kMost) &&
+                     options.noise_angle > 0 && within(options.noise_angle, 0, kMost);
+  bool sizes = true;
+  for (const double size : {options.prior_length, options.prior_angle, options.bound_length, options.bound_angle})
+    sizes = sizes && within(size, 0, kMost);
+  if (!noise || !sizes || !within(options.hold_back, 0, 0.5)) {
+    return fail(
+        "CA116", "an option of the calibration is out of range", {},
+        "noise must be above 0, priors and bounds not below 0, all of them finite, the share held back 0 to 0.5");
   }
   if (rows.empty()) return fail("CA110", "no measurements");
   // Rows whose joints the drawing cannot take stand beyond a singular pose of it, or are wrong.

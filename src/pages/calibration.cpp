@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -99,13 +100,24 @@ std::string likeness(const calibration::Estimate& p) {
   return out + (p.like.size() > kLikes ? ", …" : "");
 }
 
+/// The colour of a verdict and its text without the "Yes" or "No" that the page itself puts before it. What could not
+/// be judged is neither.
+std::pair<Verdict, std::string> shown_verdict(const calibration::Verdict& v) {
+  for (const auto& [word, colour] :
+       {std::pair{"Yes, ", Verdict::good}, {"No, ", Verdict::bad}, {"No: ", Verdict::bad}}) {
+    if (!v.text.starts_with(word)) continue;
+    std::string rest = v.text.substr(std::string_view(word).size());
+    rest.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(rest.front())));
+    return {colour, rest};
+  }
+  return {Verdict::neutral, v.text};
+}
+
 void add_summary(report::Report& page, const std::vector<Measurement>& rows, const Calibration& c) {
   page.add_section("Summary");
   const calibration::Verdict& v = c.verdict;
-  page.add_verdict(v.answer == calibration::Answer::better   ? Verdict::good
-                   : v.answer == calibration::Answer::partly ? Verdict::neutral
-                                                             : Verdict::bad,
-                   v.text);
+  const auto [colour, sentence] = shown_verdict(v);
+  page.add_verdict(colour, sentence);
   std::string proof = fmt::format("{} instead of {} µm rms on the fitted rows", fixed(to_um(c.fitted.rms_after), 1),
                                   fixed(to_um(c.fitted.rms_before), 1));
   if (c.held_back.rows > 0) {
@@ -221,20 +233,20 @@ void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Ca
       v.poses));
   report::Table table;
   table.caption = "Predicted standard deviation of the pose of the tool";
-  table.columns = {{"coordinate", "", -1},
-                   {"unit", "", -1},
-                   {"before, mean", "", -1},
-                   {"before, largest", "", -1},
+  // What a narrow screen shows first is the answer.
+  table.columns = {{"", "", -1},
+                   {"", "", -1},
                    {"after, mean", "", -1},
+                   {"before, mean", "", -1},
                    {"after, largest", "", -1},
-                   {"", "", -1}};
+                   {"before, largest", "", -1}};
   for (std::size_t k = 0; k < all.size(); ++k) {
     const ShownCoordinate shown = shown_coordinate(all[k]);
     const auto i = static_cast<Eigen::Index>(k);
     const bool open = std::find(v.left_open.begin(), v.left_open.end(), all[k]) != v.left_open.end();
-    table.rows.push_back({shown.letter, shown.unit, shown.scale * v.before.mean[i], shown.scale * v.before.max[i],
-                          shown.scale * v.after.mean[i], shown.scale * v.after.max[i],
-                          std::string(open ? "left open" : "told")});
+    table.rows.push_back({fmt::format("{}, {}", shown.letter, shown.unit), std::string(open ? "left open" : "told"),
+                          shown.scale * v.after.mean[i], shown.scale * v.before.mean[i], shown.scale * v.after.max[i],
+                          shown.scale * v.before.max[i]});
   }
   page.add_table(table);
   const std::optional<Plane> plane = middle_plane(nominal);

@@ -25,9 +25,11 @@ struct Case {
   std::string machine;  ///< of the catalogue, or a file of the trials
   Kind kind;
   std::vector<std::uint64_t> seeds;
+  double size = 1;  ///< of the machine's errors, over a workshop's; 0.01: it agrees with its drawing to 1 um
 };
 std::string name(const Case& c) {
   std::string out = c.machine.substr(0, c.machine.find('.')) + "_" + name_of(c.kind);
+  if (c.size != 1) out += fmt::format("_{}", c.size);
   for (char& x : out) x = std::isalnum(static_cast<unsigned char>(x)) ? x : '_';
   return out;
 }
@@ -44,14 +46,17 @@ std::vector<Case> cases() {
             {"delta-brno", Kind::distance, {1, 2}},
             {"delta-linear", Kind::contact, {1}},
             {"hexapod-octahedral", Kind::pose, {1}},
-            {"hexapod-strut", Kind::contact, {1}}};
+            {"hexapod-strut", Kind::contact, {1}},
+            {"hexapod-strut", Kind::point, {1, 2, 3}, 0.01},
+            {"delta-linear", Kind::point, {1, 2, 3}, 0.1},
+            {"lola50", Kind::pose, {1, 2, 3}, 0.01}};
   }
   std::vector<std::string> machines{"pi850.toml", "kossel.toml", "hexaglide.toml"};
   for (const machine::CatalogueEntry& entry : machine::catalogue()) machines.emplace_back(entry.name);
   std::vector<Case> out;
   for (const std::string& one : machines)
     for (const Kind kind : {Kind::point, Kind::axis, Kind::pose, Kind::distance, Kind::gauge, Kind::contact})
-      out.push_back({one, kind, ten});
+      for (const double size : {1.0, 0.1, 0.01}) out.push_back({one, kind, ten, size});
   return out;
 }
 
@@ -81,9 +86,9 @@ std::size_t rows_of(Kind kind) {
 
 /// Odd seeds: a workshop's errors; even ones: lengths that are further off, and better angles, so that what the
 /// calibration takes for usual is wrong.
-AnyMachine truth_of(const AnyMachine& nominal, std::uint64_t seed) {
+AnyMachine truth_of(const AnyMachine& nominal, std::uint64_t seed, double size) {
   const bool usual = seed % 2 == 1;
-  auto out = perturbed(nominal, usual ? 0.1e-3 : 0.3e-3, units::from_deg(usual ? 0.05 : 0.02), seed);
+  auto out = perturbed(nominal, size * (usual ? 0.1e-3 : 0.3e-3), size * units::from_deg(usual ? 0.05 : 0.02), seed);
   EXPECT_TRUE(out) << (out ? "" : to_string(out.error()));
   return *out;
 }
@@ -129,10 +134,10 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   const AnyMachine nominal = nominal_of(one);
   const auto n = static_cast<Eigen::Index>(pose_coordinates(nominal).size());
   Errors all{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  int judged = 0, beyond = 0;
+  int judged = 0, beyond = 0, told = 0, told_worse = 0;
   for (const std::uint64_t seed : one.seeds) {
     SCOPED_TRACE(fmt::format("seed {}", seed));
-    const AnyMachine truth = truth_of(nominal, seed);
+    const AnyMachine truth = truth_of(nominal, seed, one.size);
     SimulationOptions how;
     how.kind = one.kind;
     how.count = rows_of(one.kind);
@@ -159,6 +164,10 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
       // Three standard deviations, of a mean over places whose errors hang together.
       EXPECT_LT(e.after[k], e.before[k] + 9 * e.stated[k]) << coordinate;
       EXPECT_LT(e.after[k], 25 * e.stated[k]) << coordinate;
+      const auto& open = c->verdict.left_open;
+      const bool is_told = std::find(open.begin(), open.end(), coordinate) == open.end();
+      told += is_told ? 1 : 0;
+      told_worse += is_told && e.after[k] > e.before[k] ? 1 : 0;
       beyond += e.after[k] > 9 * e.stated[k] ? 1 : 0;
     }
     all.before += e.before;
@@ -168,6 +177,9 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   // Normal errors leave three deviations in 0.3 % of the cases, those whose size was learnt from few readings more
   // often.
   EXPECT_LE(beyond, 1 + judged * static_cast<int>(n) / 30);
+  // What is called better is: where a fifth of the deviation is left the drawing is nearer in 12 % of the cases.
+  EXPECT_LE(told_worse, 1 + told / 8);
+  if (one.size < 1) return;  // too little to tell, or to foretell its size
   if (one.kind == Kind::point || one.kind == Kind::pose || one.kind == Kind::axis) {
     EXPECT_GT(judged, 0);
   }

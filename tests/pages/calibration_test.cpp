@@ -95,6 +95,7 @@ TEST(CalibrationPage, ShowsAnglesWhereTheyWereMeasured) {
   const Measured poses("lola50", Kind::pose, 0), points("lola50", Kind::point, 0);
   const std::string with = calibration_page(poses.nominal, poses.rows, poses.found);
   EXPECT_THAT(with, HasSubstr("Angles of each row"));
+  EXPECT_THAT(with, HasSubstr("<strong>Yes.</strong>The calibrated machine is better"));
   EXPECT_THAT(with, HasSubstr(fixed(units::to_deg(poses.found.fitted.angle_after), 5)));
   const std::string without = calibration_page(points.nominal, points.rows, points.found);
   EXPECT_THAT(without, Not(HasSubstr("Angles of each row")));

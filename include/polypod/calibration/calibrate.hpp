@@ -86,9 +86,11 @@ struct Calibration {
   std::vector<std::string> held_beside;                          ///< parts of frame and target that could not be told
   Score fitted, held_back;
   std::vector<RowResidual> residuals;  ///< one a measurement
-  /// Of all parameters of the machine, in their order, SI: what is known of them after the measurements, and before
-  /// (standard deviations). 0 for those that were not looked for.
-  Eigen::MatrixXd covariance;
+  /// Of all parameters of the machine, in their order, SI: what is known of them after the measurements, and before,
+  /// from the priors (standard deviations `prior`) and the rules that parameters keep (|u| = 1). 0 for those that are
+  /// held; those that were not looked for (CalibrationOptions::only) keep their priors, and what they do to the others
+  /// counts.
+  Eigen::MatrixXd covariance, covariance_before;
   Eigen::VectorXd prior;
   Verdict verdict;
   /// No angle of the tool is left open (see Verdict::left_open).
@@ -96,6 +98,11 @@ struct Calibration {
   std::size_t equations = 0;  ///< fitted ones
   double condition = 0;       ///< of the equations, columns scaled to unit length
   double noise_factor = 0;    ///< residuals over the noise that was given: 1 if it was right
+  double free_equations =
+      0;  ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
+  /// By how many standard deviations the squares of the fitted residuals have become smaller than mere noise would let
+  /// them; below about 3 the drawing explains the readings.
+  double gain = 0;
   int iterations = 0;
   bool pulled_aside = false;  ///< Loss::automatic took cauchy's, because a few rows pulled huber's aside
 };
@@ -115,15 +122,15 @@ struct Calibration {
 /// the measurements correct by their likelihood; MacKay, Bayesian Interpolation, 1992); the sum that is minimised is
 /// that of |r|^2 / s^2 and (change / prior)^2, s the noise that the residuals show. So what the measurements cannot
 /// tell stays at the drawing: among machines that explain them equally well the least change in units of the priors is
-/// taken, and with right priors no coordinate of the tool's pose gets worse, for the covariance (J^T W J / s^2 +
-/// P^-2)^-1 is below P^2. A direction that the measurements tell with the standard error e is off by (e / prior)^2 of
+/// taken, and with right priors no coordinate of the pose gets worse in the mean square: the covariance (J^T W J / s^2
+/// + P^-2)^-1 is below P^2. A direction that the measurements tell with the standard error e is off by (e / prior)^2 of
 /// its change, which is e / prior of its standard error where it is one prior long.
 ///
 /// Identifiable, for rank and names (see Estimate::like), is an unknown whose change by 1 % of the machine's size
 /// (0.01 rad) does not hide in the noise behind those before it. Order: contacts, frame, target, then parameters by
 /// their own order.
 ///
-/// Errors: CA110 (not more equations than unknowns), CA111 (more than a tenth of the rows have
+/// Errors: CA110 (not more equations than unknowns without a prior), CA111 (more than a tenth of the rows have
 /// joints that the nominal machine cannot take), CA112
 /// (the measured places lie on a line or in one point), CA113 (measured lengths are off by a factor: another unit?),
 /// CA114 (an unknown key), CA115 (the search does not converge, or more than

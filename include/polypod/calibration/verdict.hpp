@@ -29,8 +29,8 @@ struct PoseSpread {
 
 enum class Answer {
   better,  ///< every coordinate of the pose is better known than from the drawing, by the measurements
-  partly,  ///< some are, the others are as in the drawing; none is worse
-  no       ///< not better than the drawing, or not to be trusted
+  partly,  ///< some are; the others are known about as well as from the drawing
+  no       ///< not better than the drawing by more than chance, or not to be trusted
 };
 
 struct Verdict {
