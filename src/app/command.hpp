@@ -34,22 +34,19 @@ class Arguments {
   virtual void positional(const char* name, std::string& value, const char* help, bool required = true) = 0;
   virtual void positional(const char* name, std::vector<std::string>& values, const char* help) = 0;
   virtual void option(const char* names, std::string& value, const char* help, bool required = false) = 0;
-  /// A number of this range, in the unit of the option; what is none, is not finite or lies outside is refused before
-  /// the command runs (AP115).
-  virtual void option(const char* names, double& value, config::Range range, const char* help,
-                      bool required = false) = 0;
-  virtual void option(const char* names, int& value, config::Range range, const char* help, bool required = false) = 0;
-  void option(const char* names, double& value, const char* help, bool required = false) {
-    option(names, value, kAnyNumber, help, required);
-  }
-  void option(const char* names, int& value, const char* help, bool required = false) {
-    option(names, value, kAnyCount, help, required);
-  }
+  /// A number of kAnyNumber, or a whole one.
+  virtual void option(const char* names, double& value, const char* help, bool required = false) = 0;
+  virtual void option(const char* names, int& value, const char* help, bool required = false) = 0;
   /// May be given several times.
   virtual void option(const char* names, std::vector<std::string>& values, const char* help, bool required = false) = 0;
   /// Takes all values that follow it, and may be given several times.
   virtual void options(const char* names, std::vector<std::string>& values, const char* help) = 0;
   virtual void flag(const char* names, bool& value, const char* help) = 0;
+  /// A number of this range, in the unit of the option; what is none, is not finite or lies outside is refused before
+  /// the command runs (AP115).
+  virtual void option(const char* names, double& value, config::Range range, const char* help,
+                      bool required = false) = 0;
+  virtual void option(const char* names, int& value, config::Range range, const char* help, bool required = false) = 0;
 };
 
 /// How a command speaks: results to stdout, as one JSON document or as text; everything else to stderr.

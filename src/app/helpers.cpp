@@ -73,6 +73,9 @@ void catch_interrupts() {
 bool interrupted() {
   return ending_signal != 0;
 }
+void wait_for_interrupt() {
+  for (int i = 0; i < 1000 && !interrupted(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
 int interrupted_status() {
   if (!interrupted()) return 0;
   say_interrupted();

@@ -18,6 +18,8 @@ struct NoThreads : std::runtime_error {
   NoThreads() : std::runtime_error("no thread can be started") {}
 };
 bool interrupted();
+/// Waits, up to a second, for a signal that has come but is not yet taken.
+void wait_for_interrupt();
 
 /// 130 after SIGINT, 143 after SIGTERM, 129 after SIGHUP, with a line on stderr; 0 if there was none.
 int interrupted_status();

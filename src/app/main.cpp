@@ -33,6 +33,12 @@ class CliArguments : public Arguments {
   void option(const char* names, std::string& value, const char* help, bool required) override {
     app_.add_option(names, value, help)->required(required);
   }
+  void option(const char* names, double& value, const char* help, bool required) override {
+    option(names, value, kAnyNumber, help, required);
+  }
+  void option(const char* names, int& value, const char* help, bool required) override {
+    option(names, value, kAnyCount, help, required);
+  }
   void option(const char* names, double& value, config::Range range, const char* help, bool required) override {
     number(names, value, range, help, number_of)->required(required)->type_name("FLOAT");
   }
@@ -177,6 +183,8 @@ int run(int argc, char** argv) {
   }
   const Result<int> status = chosen(context);
   if (!status) {
+    constexpr const char* kEnded = "FI103";
+    if (status.error().id == kEnded) wait_for_interrupt();
     if (interrupted()) return kBadInput;  // what was broken off is no error of the input
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
     const int answer = exit_status(status.error());
