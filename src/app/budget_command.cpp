@@ -13,6 +13,10 @@
 
 namespace polypod::app {
 
+namespace {
+constexpr config::Range kJointError{0, 100};  // mm or deg: the budget adds to first order
+}
+
 Command budget_command() {
   struct Options {
     std::string machine, pose, force;
@@ -27,12 +31,13 @@ Command budget_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
             a.option("--tolerance", o->tolerances, "KEY=mm (angles deg): of elements, as in `errors` (repeatable)");
-            a.option("--resolution", o->resolution, "Of every joint, mm or deg");
-            a.option("--repeatability", o->repeatability, "Of every joint, three standard deviations, mm or deg");
-            a.option("--backlash", o->backlash, "Of every joint, mm or deg");
+            a.option("--resolution", o->resolution, kJointError, "Of every joint, mm or deg");
+            a.option("--repeatability", o->repeatability, kJointError,
+                     "Of every joint, three standard deviations, mm or deg");
+            a.option("--backlash", o->backlash, kJointError, "Of every joint, mm or deg");
             a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
-            a.option("--warming", o->warming, "Above the temperature of the nominal lengths, K");
-            a.option("--expansion", o->expansion, "um per m and K (default 12, steel)");
+            a.option("--warming", o->warming, {-300, 3000}, "Above the temperature of the nominal lengths, K");
+            a.option("--expansion", o->expansion, {0, 1000}, "um per m and K (default 12, steel)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -50,9 +55,6 @@ Command budget_command() {
             if (const auto no = said_of_singular_pose(m, here, context, document, figures)) return *no;
             const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
             const auto of_joint = [&](double v) { return turns ? units::from_deg(v) : units::from_mm(v); };
-            for (const double v : {o->resolution, o->repeatability, o->backlash, o->expansion}) {
-              if (!(v >= 0)) return fail("AP169", fmt::format("{} must be at least 0", v));
-            }
             quality::Imperfections known;
             POLYPOD_ASSIGN(keyed, keyed_numbers(o->tolerances, "--tolerance"));
             POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/core/config.hpp"
 #include "polypod/core/error.hpp"
 #include "polypod/machine/any_machine.hpp"
 
@@ -20,6 +21,12 @@ inline constexpr int kAnswerIsNo = 1;
 inline constexpr int kBadInput = 2;
 inline constexpr int kBug = 3;
 
+/// What an option takes of which nothing narrower is said: any number that a computation can bear.
+inline constexpr config::Range kAnyNumber{-1e12, 1e12};
+inline constexpr config::Range kForce_N{1e-3, 1e6};    ///< on a tool
+inline constexpr config::Range kLength_mm{1e-3, 1e6};  ///< a characteristic length
+inline constexpr config::Range kAnyCount{-2147483648.0, 2147483647.0};
+
 /// Where a command declares its arguments. Names as CLI11 takes them: "-o,--output".
 class Arguments {
  public:
@@ -27,6 +34,7 @@ class Arguments {
   virtual void positional(const char* name, std::string& value, const char* help, bool required = true) = 0;
   virtual void positional(const char* name, std::vector<std::string>& values, const char* help) = 0;
   virtual void option(const char* names, std::string& value, const char* help, bool required = false) = 0;
+  /// A number of kAnyNumber, or a whole one.
   virtual void option(const char* names, double& value, const char* help, bool required = false) = 0;
   virtual void option(const char* names, int& value, const char* help, bool required = false) = 0;
   /// May be given several times.
@@ -34,6 +42,11 @@ class Arguments {
   /// Takes all values that follow it, and may be given several times.
   virtual void options(const char* names, std::vector<std::string>& values, const char* help) = 0;
   virtual void flag(const char* names, bool& value, const char* help) = 0;
+  /// A number of this range, in the unit of the option; what is none, is not finite or lies outside is refused before
+  /// the command runs (AP115).
+  virtual void option(const char* names, double& value, config::Range range, const char* help,
+                      bool required = false) = 0;
+  virtual void option(const char* names, int& value, config::Range range, const char* help, bool required = false) = 0;
 };
 
 /// How a command speaks: results to stdout, as one JSON document or as text; everything else to stderr.
@@ -57,7 +70,12 @@ std::vector<Command> all_commands();
 
 // Helpers that several commands share -------------------------------------------------------------------------------
 
-/// "1,2.5,-3" as numbers. Errors: AP100 with the text and the option's name.
+/// The whole text as one number of this range. Errors: AP115 with the option's name, the text and the range.
+Result<double> number_of(const std::string& text, const std::string& option, config::Range range);
+/// The same for whole numbers.
+Result<int> count_of(const std::string& text, const std::string& option, config::Range range);
+
+/// "1,2.5,-3" as numbers of kAnyNumber. Errors: AP100 with the text and the option's name.
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option);
 
 /// Errors: AP107 for the first of these options that was given although it does nothing here; `serves` says where it

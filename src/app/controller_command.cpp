@@ -48,17 +48,16 @@ Command controller_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--for", o->controller, "linuxcnc or klipper", true);
-            a.option("--points", o->points, "Poses to fit to, and as many to judge by (default 400)");
-            a.option("--seed", o->seed, "Of the poses (default 1)");
+            a.option("--points", o->points, {30, 100000}, "Poses to fit to, and as many to judge by (default 400)");
+            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the poses (default 1)");
             a.option("-o,--output", o->out, "The settings, text to paste");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_TRY(check_files({o->machine}, {o->out}, context.json));
             const bool klipper = o->controller == "klipper";
-            if ((!klipper && o->controller != "linuxcnc") || o->points < 30 || o->points > 100000 || o->seed < 0) {
-              return fail("AP185", "an option of controller is unknown or out of range", {},
-                          "--for linuxcnc|klipper, --points 30 to 100000");
+            if (!klipper && o->controller != "linuxcnc") {
+              return fail("AP185", fmt::format("--for {}: not linuxcnc or klipper", o->controller));
             }
             control::SettingsOptions options;
             options.points = static_cast<std::size_t>(o->points);

@@ -66,13 +66,13 @@ Command delta_command() {
       "polypod delta delta-brno --set drive.angle_min_deg=20",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
-        a.option("--step", o->step, "Grid over the workspace, mm (default 20)");
-        a.option("--d-min", o->d_min, "Near-singular below this distance, mm (default 10)");
-        a.option("--h-min", o->h_min, "Near-singular below this determinant of A or B, m (default 1e-5)");
-        a.option("--border", o->border, "Points so far inside count as deep, mm (default 20)");
+        a.option("--step", o->step, {0, 1e6, true}, "Grid over the workspace, mm (default 20)");
+        a.option("--d-min", o->d_min, {0, 1e6}, "Near-singular below this distance, mm (default 10)");
+        a.option("--h-min", o->h_min, {0, 1e6}, "Near-singular below this determinant of A or B, m (default 1e-5)");
+        a.option("--border", o->border, {0, 1e6}, "Points so far inside count as deep, mm (default 20)");
         a.option("--csv", o->csv, "A row a point");
         a.option("--cloud", o->cloud, "Tool points of all combinations of drive positions, as x_mm,y_mm,z_mm");
-        a.option("--steps", o->steps, "Positions of each drive for --cloud, 2 to 200 (default 40)");
+        a.option("--steps", o->steps, {2, 200}, "Positions of each drive for --cloud, 2 to 200 (default 40)");
         a.option("--report", o->report,
                  "An HTML page: picture in space, sections, chains, near-singular points in red");
       },

@@ -15,6 +15,7 @@
 #include <cstring>
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 #include <thread>
 
 #include "command.hpp"
@@ -43,6 +44,7 @@ void say_interrupted() {
 void end_on_signal(sigset_t ending) {
   int signal = 0;
   if (sigwait(&ending, &signal) != 0) return;
+  files::close_outputs();
   ending_signal = signal;
   constexpr timespec kGrace{0, 150'000'000};
   sigtimedwait(&ending, nullptr, &kGrace);
@@ -62,10 +64,17 @@ void catch_interrupts() {
     if (now.sa_handler != SIG_IGN) sigaddset(&ending, signal);  // nohup ignores SIGHUP for the program, and so it stays
   }
   pthread_sigmask(SIG_BLOCK, &ending, nullptr);  // threads that are started later inherit it
-  std::thread(end_on_signal, ending).detach();
+  try {
+    std::thread(end_on_signal, ending).detach();
+  } catch (const std::system_error&) {
+    throw NoThreads();
+  }
 }
 bool interrupted() {
   return ending_signal != 0;
+}
+void wait_for_interrupt() {
+  for (int i = 0; i < 1000 && !interrupted(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 int interrupted_status() {
   if (!interrupted()) return 0;
@@ -73,12 +82,52 @@ int interrupted_status() {
   return 128 + ending_signal;
 }
 
+namespace {
+
+tl::unexpected<Error> not_taken(const std::string& option, const std::string& text, const char* what,
+                                config::Range range) {
+  const std::string least =
+      range.open_min ? fmt::format("above {:g}", range.min) : fmt::format("of at least {:g}", range.min);
+  const std::string most =
+      range.open_max ? fmt::format("below {:g}", range.max) : fmt::format("at most {:g}", range.max);
+  return fail("AP115", fmt::format("{} {}: not {} {} and {}", option, text, what, least, most), {},
+              "`polypod COMMAND --help` says what the option means and its unit");
+}
+
+bool within(double value, config::Range range) {
+  return value >= range.min && value <= range.max && !(range.open_min && value == range.min) &&
+         !(range.open_max && value == range.max);
+}
+
+/// The whole text as a number, with or without a sign.
+template <class Number>
+bool reads_as(std::string_view text, Number& value) {
+  if (text.starts_with('+')) text.remove_prefix(1);
+  const auto [rest, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return code == std::errc{} && rest == text.data() + text.size();
+}
+
+}  // namespace
+
+Result<double> number_of(const std::string& text, const std::string& option, config::Range range) {
+  double value = 0;
+  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a number", range);
+  return value;
+}
+
+Result<int> count_of(const std::string& text, const std::string& option, config::Range range) {
+  int value = 0;
+  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a whole number", range);
+  return value;
+}
+
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option) {
   std::vector<double> out;
   const char* p = text.data();
   const char* end = p + text.size();
   const auto bad = [&] {
-    return fail("AP100", fmt::format("{} {}: not a list of finite numbers", option, text), {},
+    return fail("AP100",
+                fmt::format("{} {}: not a list of numbers of at most {:g} in size", option, text, kAnyNumber.max), {},
                 "write numbers with commas between them: 1,-2.5,3");
   };
   while (true) {
@@ -86,7 +135,7 @@ Result<std::vector<double>> numbers_of(const std::string& text, const std::strin
     if (p != end && *p == '+') ++p;
     double value = 0;
     const auto [rest, code] = std::from_chars(p, end, value);
-    if (code != std::errc{} || !std::isfinite(value)) return bad();
+    if (code != std::errc{} || !within(value, kAnyNumber)) return bad();
     out.push_back(value);
     p = rest;
     while (p != end && *p == ' ') ++p;

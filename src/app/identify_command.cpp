@@ -10,6 +10,7 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/identify.hpp"
+#include "polypod/cutting/plausibility.hpp"
 #include "polypod/pages/calibration.hpp"
 #include "polypod/statics/measured_map.hpp"
 #include "quality_files.hpp"
@@ -45,6 +46,18 @@ Json json_of(const statics::Foretold& f) {
 std::string in_words(const statics::Foretold& f) {
   return fmt::format("{:.1f} um rms", units::to_um(f.joints)) +
          (f.map ? fmt::format(" (a map without joints: {:.1f} um)", units::to_um(*f.map)) : std::string());
+}
+
+/// What is implausible about the coefficients and about the least and the largest feed.
+std::vector<std::string> notes_of(const cutting::Cutter& cutter, const cutting::Material& material,
+                                  const std::vector<cutting::MeasuredForce>& rows) {
+  const auto [least, largest] = std::minmax_element(
+      rows.begin(), rows.end(), [](const auto& a, const auto& b) { return a.feed_per_tooth < b.feed_per_tooth; });
+  std::vector<std::string> notes = cutting::plausibility(cutter, material, least->feed_per_tooth, 0);
+  for (const std::string& note : cutting::plausibility(cutter, material, largest->feed_per_tooth, 0)) {
+    if (std::find(notes.begin(), notes.end(), note) == notes.end()) notes.push_back(note);
+  }
+  return notes;
 }
 
 }  // namespace
@@ -230,7 +243,13 @@ Command identify_cutting_command() {
             }
             POLYPOD_ASSIGN(r, cutting::identify_cutting(cutter, rows));
             r.material.name = o->name;
-            if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, cutting::to_toml(r.material)));
+            const std::vector<std::string> notes = notes_of(cutter, r.material, rows);
+            if (!o->out.empty()) {
+              const std::string text = cutting::to_toml(r.material);
+              POLYPOD_ASSIGN(table, config::parse(text, o->out));
+              POLYPOD_TRY(cutting::material_from(table));  // what could not be read again is not written
+              POLYPOD_TRY(files::write_whole(o->out, text));
+            }
             static constexpr std::array<const char*, 6> kKeys = {"Ktc_N_per_mm2", "Krc_N_per_mm2", "Kac_N_per_mm2",
                                                                  "Kte_N_per_mm",  "Kre_N_per_mm",  "Kae_N_per_mm"};
             const auto user = [](std::size_t k, double x) {
@@ -257,7 +276,8 @@ Command identify_cutting_command() {
                           {"cuts", rows.size()},
                           {"equations", r.equations},
                           {"condition", r.condition},
-                          {"outliers", outliers}});
+                          {"outliers", outliers},
+                          {"notes", notes}});
               return kDone;
             }
             fmt::print("{} cuts, {} equations, residual rms {:.2f} N, condition {:.2f}\n\n", rows.size(), r.equations,
@@ -270,6 +290,7 @@ Command identify_cutting_command() {
               fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.1f} N\n", x["file"].get<std::string>(),
                          x["line"].get<int>(), x["force"].get<std::string>(), x["residual_N"].get<double>());
             }
+            for (const std::string& note : notes) fmt::print("note: {}\n", note);
             if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
             return kDone;
           }};

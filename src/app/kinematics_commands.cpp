@@ -337,7 +337,7 @@ Command jacobian_command() {
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
         a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-        a.option("--length", o->length_mm,
+        a.option("--length", o->length_mm, kLength_mm,
                  "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
       },
       [o](const Context& context) -> Result<int> {

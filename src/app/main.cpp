@@ -7,7 +7,9 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <iostream>
 #include <new>
+#include <string_view>
 #include <system_error>
 
 #include "command.hpp"
@@ -20,7 +22,8 @@ namespace {
 
 class CliArguments : public Arguments {
  public:
-  explicit CliArguments(CLI::App& app) : app_(app) {}
+  /// `wrong` takes the first option whose number is refused.
+  CliArguments(CLI::App& app, std::optional<Error>& wrong) : app_(app), wrong_(wrong) {}
   void positional(const char* name, std::string& value, const char* help, bool required) override {
     app_.add_option(name, value, help)->required(required);
   }
@@ -31,10 +34,16 @@ class CliArguments : public Arguments {
     app_.add_option(names, value, help)->required(required);
   }
   void option(const char* names, double& value, const char* help, bool required) override {
-    app_.add_option(names, value, help)->required(required);
+    option(names, value, kAnyNumber, help, required);
   }
   void option(const char* names, int& value, const char* help, bool required) override {
-    app_.add_option(names, value, help)->required(required);
+    option(names, value, kAnyCount, help, required);
+  }
+  void option(const char* names, double& value, config::Range range, const char* help, bool required) override {
+    number(names, value, range, help, number_of)->required(required)->type_name("FLOAT");
+  }
+  void option(const char* names, int& value, config::Range range, const char* help, bool required) override {
+    number(names, value, range, help, count_of)->required(required)->type_name("INT");
   }
   void option(const char* names, std::vector<std::string>& values, const char* help, bool required) override {
     app_.add_option(names, values, help)->required(required)->allow_extra_args(false);
@@ -45,7 +54,21 @@ class CliArguments : public Arguments {
   void flag(const char* names, bool& value, const char* help) override { app_.add_flag(names, value, help); }
 
  private:
+  template <class Number, class Read>
+  CLI::Option* number(const std::string& names, Number& value, config::Range range, const char* help, Read read) {
+    const std::string name = names.substr(names.rfind(',') + 1);
+    return app_.add_option_function<std::string>(
+        names,
+        [&value, &wrong = wrong_, name, range, read](const std::string& text) {
+          const Result<Number> given = read(text, name, range);
+          if (given) value = *given;
+          if (!given && !wrong) wrong = given.error();
+        },
+        help);
+  }
+
   CLI::App& app_;
+  std::optional<Error>& wrong_;
 };
 
 /// "The answer is no" has its ids: out of reach, out of tolerance.
@@ -65,7 +88,7 @@ std::string commands_with(const CLI::App& app, const std::string& option, const 
 }
 
 /// What is wrong with a command line that CLI11 refuses: an option of other commands alone (AP107) or a command that
-/// there is not (AP108) are named, the rest is CLI11's text.
+/// there is not (AP108) are named, the rest is CLI11's text (AP116).
 std::string what_is_wrong(const CLI::App& app, const CLI::ParseError& e, int argc, char** argv) {
   const CLI::App* chosen = &app;
   for (auto subs = app.get_subcommands(); !subs.empty(); subs = chosen->get_subcommands()) chosen = subs.front();
@@ -83,7 +106,25 @@ std::string what_is_wrong(const CLI::App& app, const CLI::ParseError& e, int arg
                            {},
                            fmt::format("it serves {}", others)});
   }
-  return e.what();
+  return to_string(Error{"AP116", e.what(), {}, {}});
+}
+
+int standard_output_failed() {
+  std::fprintf(stderr, "polypod: %s\n",
+               to_string(Error{"AP117",
+                               "standard output cannot be written",
+                               {},
+                               files::outputs_appeared() ? "the files that the command writes are there, whole"
+                                                         : "the command has written no file"})
+                   .c_str());
+  return kBadInput;
+}
+
+/// `status` if what was printed has reached standard output.
+int shown(int status) {
+  std::cout.flush();
+  const bool reached = std::cout.good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  return reached ? status : standard_output_failed();
 }
 
 int run(int argc, char** argv) {
@@ -100,6 +141,7 @@ int run(int argc, char** argv) {
   Context context;
   context.progress = ::isatty(STDERR_FILENO) != 0;
   std::function<Result<int>(const Context&)> chosen;
+  std::optional<Error> wrong_number;
   for (Command& command : commands) {
     CLI::App* parent = &app;
     std::string name = command.name;
@@ -115,7 +157,7 @@ int run(int argc, char** argv) {
       parent->description(before.empty() ? command.summary : before + "; " + command.summary);
     }
     CLI::App* sub = parent->add_subcommand(name, command.summary);
-    CliArguments arguments(*sub);
+    CliArguments arguments(*sub, wrong_number);
     command.declare(arguments);
     sub->add_flag("--json", context.json, "Print one JSON document to stdout");
     sub->footer("Example:\n  " + command.example);
@@ -130,13 +172,19 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    if (e.get_exit_code() == 0) return shown(app.exit(e));  // --help, --version
     fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n",
-               one_line(what_is_wrong(app, e, argc, argv)));
+               one_line(wrong_number ? to_string(*wrong_number) : what_is_wrong(app, e, argc, argv)));
+    return kBadInput;
+  }
+  if (wrong_number) {
+    fmt::print(stderr, "polypod: {}\n", to_string(*wrong_number));
     return kBadInput;
   }
   const Result<int> status = chosen(context);
   if (!status) {
+    constexpr const char* kEnded = "FI103";
+    if (status.error().id == kEnded) wait_for_interrupt();
     if (interrupted()) return kBadInput;  // what was broken off is no error of the input
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
     const int answer = exit_status(status.error());
@@ -152,11 +200,18 @@ int run(int argc, char** argv) {
     }
     return answer;
   }
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    fmt::print(stderr, "polypod: cannot write to stdout\n");
-    return kBadInput;
-  }
-  return *status;
+  return shown(*status);
+}
+
+/// Whether TBB could not start a thread: it says so by the name of the call.
+bool lacks_threads(const std::exception& e) {
+  return dynamic_cast<const NoThreads*>(&e) != nullptr || std::string_view(e.what()).find("pthread_") == 0;
+}
+
+/// `status`, or that of a signal that came before the outputs appeared.
+int after_signals(int status) {
+  const bool too_late = status <= kAnswerIsNo && files::outputs_appeared();
+  return interrupted() && !too_late ? interrupted_status() : status;
 }
 
 }  // namespace
@@ -167,10 +222,9 @@ int main(int argc, char** argv) {
   try {
     polypod::files::open_standard_streams();
     std::signal(SIGPIPE, SIG_IGN);
+    std::signal(SIGXFSZ, SIG_IGN);  // a file that may not become so large is an error of writing
     app::catch_interrupts();
-    const int status = app::run(argc, argv);
-    const int interrupted = app::interrupted_status();
-    return interrupted != 0 ? interrupted : status;
+    return app::after_signals(app::run(argc, argv));
   } catch (const std::bad_alloc&) {
     constexpr const char* kId = "AP109";
     std::fprintf(stderr,
@@ -178,10 +232,17 @@ int main(int argc, char** argv) {
                  "ask for a lower resolution or a larger tolerance, or bound it with --max-memory\n",
                  kId);
     return app::kBadInput;
-  } catch (const std::system_error& e) {  // fmt throws it where stdout or stderr cannot be written
-    std::fprintf(stderr, "polypod: cannot write to stdout: %s\n", e.what());
-    return app::kBadInput;
+  } catch (const std::system_error&) {  // fmt throws it where stdout or stderr cannot be written
+    return app::after_signals(app::standard_output_failed());
   } catch (const std::exception& e) {
+    if (app::lacks_threads(e)) {
+      constexpr const char* kId = "AP118";
+      std::fprintf(stderr,
+                   "polypod: %s: the system starts no more threads for this process; "
+                   "raise its limits of memory and of processes (ulimit -v, ulimit -u), or give --threads 1\n",
+                   kId);
+      return app::kBadInput;
+    }
     std::fprintf(stderr, "polypod: this is a bug: %s\n", e.what());
     return app::kBug;
   }

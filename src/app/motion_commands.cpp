@@ -209,6 +209,12 @@ std::string fit_in_words(const machine::AnyMachine& m, const workspace::PointFit
 
 }  // namespace
 
+namespace {
+// Of tool and drives: mm or deg, to the powers of s.
+constexpr config::Range kSpeed{1e-6, 1e9}, kAcceleration{1e-6, 1e12}, kJerk{1e-6, 1e15};
+constexpr config::Range kStep_mm{1e-4, 1e6}, kClearance_mm{0, 1e6};
+}  // namespace
+
 Command move_command() {
   struct Options {
     std::string machine, file, points;
@@ -224,9 +230,10 @@ Command move_command() {
         declare_machine(a, o->machine, o->sets);
         a.option("--path", o->file, "A path file (docs/delta.md): lines and arcs");
         a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm");
-        a.option("--speed", o->speed, "mm/s (default: the path file's)");
-        a.option("--step", o->step, "Between samples, mm (default 1)");
-        a.option("--clearance", o->clearance, "Keep this far from singular poses, mm (default 10, 0: do not look)");
+        a.option("--speed", o->speed, kSpeed, "mm/s (default: the path file's)");
+        a.option("--step", o->step, kStep_mm, "Between samples, mm (default 1)");
+        a.option("--clearance", o->clearance, kClearance_mm,
+                 "Keep this far from singular poses, mm (default 10, 0: do not look)");
         o->outputs.declare(a);
       },
       [o](const Context& context) -> Result<int> {
@@ -280,16 +287,19 @@ Command pick_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--from", o->from, "x,y,z, mm", true);
             a.option("--to", o->to, "x,y,z, mm", true);
-            a.option("--lift", o->lift, "How far above the higher end the way over runs, mm (default 25)");
-            a.option("--rounding", o->rounding, "Height over which corners may be cut, mm (default 15; 0: stop there)");
-            a.option("--tool-speed", o->tool_speed, "mm/s (default 5000)");
-            a.option("--tool-acceleration", o->tool_acceleration, "mm/s2 (default 1e5)");
-            a.option("--tool-jerk", o->tool_jerk, "mm/s3 (default 5e6)");
-            a.option("--drive-speed", o->drive_speed, "deg/s or mm/s (default 12 rad/s, 12 m/s)");
-            a.option("--drive-acceleration", o->drive_acceleration, "deg/s2 or mm/s2 (default 250 rad/s2, m/s2)");
-            a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3)");
-            a.option("--clearance", o->clearance, "Keep this far from singular poses, mm (default 10, 0: do not look)");
-            a.option("--samples", o->samples, "Of tables and curves (default 400)");
+            a.option("--lift", o->lift, {0, 1e6}, "How far above the higher end the way over runs, mm (default 25)");
+            a.option("--rounding", o->rounding, {0, 1e6},
+                     "Height over which corners may be cut, mm (default 15; 0: stop there)");
+            a.option("--tool-speed", o->tool_speed, kSpeed, "mm/s (default 5000)");
+            a.option("--tool-acceleration", o->tool_acceleration, kAcceleration, "mm/s2 (default 1e5)");
+            a.option("--tool-jerk", o->tool_jerk, kJerk, "mm/s3 (default 5e6)");
+            a.option("--drive-speed", o->drive_speed, kSpeed, "deg/s or mm/s (default 12 rad/s, 12 m/s)");
+            a.option("--drive-acceleration", o->drive_acceleration, kAcceleration,
+                     "deg/s2 or mm/s2 (default 250 rad/s2, m/s2)");
+            a.option("--drive-jerk", o->drive_jerk, kJerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3)");
+            a.option("--clearance", o->clearance, kClearance_mm,
+                     "Keep this far from singular poses, mm (default 10, 0: do not look)");
+            a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 400)");
             o->outputs.declare(a);
           },
           [o](const Context& context) -> Result<int> {

@@ -24,6 +24,8 @@ struct Options {
 };
 
 constexpr double kGridTilt = 20;  // deg
+// The readings are divided by it.
+constexpr config::Range kNoise_um{1e-3, 1e6}, kNoise_deg{1e-7, 180};
 
 constexpr std::array<const char*, 5> kKinds = {"points", "axes", "poses", "distances", "gauge"};
 
@@ -66,17 +68,18 @@ Command poses_command() {
       "polypod poses hexapod-strut --count 30 --kind points -o poses.csv",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
-        a.option("--count", o->count, "Poses to choose (default 30)");
+        a.option("--count", o->count, {1, 100000}, "Poses to choose (default 30)");
         a.option("--for", o->what, "geometry (default) or compliance");
         a.option("--kind", o->kind, "What will be measured: points (default), axes, poses, distances or gauge");
         a.option("--criterion", o->criterion,
                  "d: the least volume of uncertainty (default); e: the best worst direction; v: what the model "
                  "then says is most certain");
-        a.option("--candidates", o->candidates, "Poses to choose from (default 400)");
-        a.option("--seed", o->seed, "Of the candidates (default 1)");
-        a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate or displacement (default 20)");
-        a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
-        a.option("--force", o->force, "N, for compliance (default 250)");
+        a.option("--candidates", o->candidates, {1, 5000}, "Poses to choose from (default 400)");
+        a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the candidates (default 1)");
+        a.option("--noise-um", o->noise_um, kNoise_um,
+                 "Of the instrument, each coordinate or displacement (default 20)");
+        a.option("--noise-deg", o->noise_deg, kNoise_deg, "Of the instrument, each angle (default 0.002)");
+        a.option("--force", o->force, kForce_N, "N, for compliance (default 250)");
         a.option("--anchor", o->anchors, "x,y,z in mm: a ball-bar's fixed ball (repeatable, in turn)");
         a.option("--estimate", o->estimate, "frame, target: as for `polypod calibrate` (repeatable)");
         a.option("--frame", o->frame, kFrameHelp);
@@ -92,8 +95,7 @@ Command poses_command() {
         const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
         const bool compliance = o->what == "compliance";
         const auto criterion = criterion_named(o->criterion);
-        if ((!compliance && o->what != "geometry") || kind == kKinds.end() || !criterion || o->count < 1 ||
-            o->candidates < o->count || o->candidates > 5000 || o->seed < 0) {
+        if ((!compliance && o->what != "geometry") || kind == kKinds.end() || !criterion || o->candidates < o->count) {
           return fail("AP184", "an option of poses is unknown or out of range", {},
                       "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e|v, "
                       "--count up to --candidates, --candidates up to 5000");

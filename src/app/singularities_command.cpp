@@ -47,15 +47,11 @@ Command singularities_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
             a.option("--to", o->to, "The same: look along the straight path to this pose");
-            a.option("--samples", o->samples, "Of the path, 2 to 100000 (default 200)");
-            a.option("--length", o->length_mm, "Characteristic length, mm");
+            a.option("--samples", o->samples, {2, 100000}, "Of the path, 2 to 100000 (default 200)");
+            a.option("--length", o->length_mm, kLength_mm, "Characteristic length, mm");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
-            if (o->samples < 2 || o->samples > 100'000) {
-              return fail("AP166", fmt::format("--samples {}: must be 2 to 100000", o->samples));
-            }
             if (o->to.empty()) POLYPOD_TRY(refuse(context, {"--samples"}, "it serves --to; give where the path ends"));
             if (!o->to.empty()) POLYPOD_TRY(refuse(context, {"--length"}, "it serves a single pose; leave out --to"));
             const double length = units::from_mm(o->length_mm);

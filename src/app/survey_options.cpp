@@ -70,8 +70,10 @@ Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vec
     double value = 0;
     const char* const end = text.data() + text.size();
     if (equals == std::string::npos || equals == 0 ||
-        std::from_chars(text.data() + equals + 1, end, value).ptr != end || equals + 1 == text.size()) {
-      return fail("AP160", fmt::format("{} {}: not KEY=number", option, text), {}, "write base.joint=0.01");
+        std::from_chars(text.data() + equals + 1, end, value).ptr != end || equals + 1 == text.size() ||
+        !(std::abs(value) <= kAnyNumber.max)) {
+      return fail("AP160", fmt::format("{} {}: not KEY=number, of at most {:g} in size", option, text, kAnyNumber.max),
+                  {}, "write base.joint=0.01");
     }
     out.emplace_back(text.substr(0, equals), value);
   }

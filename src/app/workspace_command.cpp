@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <thread>
 
 #include "commands.hpp"
 #include "interrupt.hpp"
@@ -67,7 +68,8 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   out.relative_tolerance = rel_tol;
   out.interference = interference;
   out.singular_distance = units::from_mm(clearance);
-  out.threads = threads;
+  // More threads than cores are no faster, and TBB starts none of them.
+  out.threads = std::min(threads, std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
   POLYPOD_ASSIGN(memory, memory_argument(max_memory));
   out.max_memory = memory;
   POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));

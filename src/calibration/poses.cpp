@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <limits>
 #include <numeric>
 
@@ -257,12 +258,18 @@ Result<std::vector<std::size_t>> choose(const std::vector<Eigen::MatrixXd>& cand
   std::vector<std::size_t> all(candidates.size());
   std::iota(all.begin(), all.end(), 0);
   const double size = information(candidates, all).diagonal().maxCoeff() / double(candidates.size());
+  const auto not_numbers = [] {
+    return fail("CA130", "what the candidates tell is not a finite number above 0", {},
+                "are the force, the noise and the machine's lengths of a sensible size?");
+  };
+  if (!(size > 0) || !std::isfinite(size)) return not_numbers();
   const Eigen::MatrixXd floor = 1e-9 * size * Eigen::MatrixXd::Identity(n, n);
   std::vector<std::size_t> chosen;
   std::vector<bool> taken(candidates.size(), false);
   Eigen::MatrixXd M = floor;
   while (chosen.size() < count) {
     const std::size_t best = most_worth(candidates, taken, M.inverse(), Worth{}, -kInfinite, candidates.size());
+    if (best == candidates.size()) return not_numbers();
     taken[best] = true;
     chosen.push_back(best);
     M += candidates[best].transpose() * candidates[best];

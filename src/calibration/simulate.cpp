@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "model.hpp"
 #include "polypod/core/random.hpp"
@@ -44,6 +45,11 @@ Result<std::vector<Stand>> common_stands(const AnyMachine& nominal, const AnyMac
     return fail("CA121", fmt::format("only {} of {} poses found within the limits", out.size(), count));
   }
   return out;
+}
+
+tl::unexpected<Error> not_finite() {
+  return fail("CA121", "a reading of this machine is no finite number", {},
+              "are its lengths and compliances sensible?");
 }
 
 // Nobody measures where the machine is nearly singular: a small error of a length would put the tool anywhere.
@@ -113,7 +119,8 @@ Result<AnyMachine> perturbed_compliance(const AnyMachine& machine, double share,
 }
 
 std::vector<Stand> random_stands(const AnyMachine& machine, std::size_t count, std::uint64_t seed) {
-  constexpr int kMostDraws = 1000000;
+  constexpr int kMostDraws = 300000;
+  constexpr int kMostInVain = 100000;  // draws of joints without a first stand
   constexpr std::size_t kFirst = 24;
   constexpr int kPoor = 10;  // draws a stand, above which poses are drawn instead of joints
   constexpr int kSparse = 20000;
@@ -123,7 +130,7 @@ std::vector<Stand> random_stands(const AnyMachine& machine, std::size_t count, s
   int draw = 0;
   for (; draw < kMostDraws && out.size() < count; ++draw) {
     if (out.size() >= kFirst && draw > kPoor * static_cast<int>(out.size())) break;
-    if (!out.empty() && draw > kSparse) break;
+    if (draw > (out.empty() ? kMostInVain : kSparse)) break;
     Stand stand;
     stand.q.resize(n);
     for (int i = 0; i < n; ++i) {
@@ -184,6 +191,7 @@ Result<std::vector<Measurement>> simulate(const AnyMachine& nominal, const AnyMa
       for (Measurement& row : touches)
         if (rows.size() < o.count) rows.push_back(std::move(row));
     }
+    if (rows.empty()) return fail("CA121", "no point was found that can be touched from several directions");
     return rows;
   }
   for (const Stand& stand : stands) {
@@ -199,6 +207,7 @@ Result<std::vector<Measurement>> simulate(const AnyMachine& nominal, const AnyMa
     // Noise along the line of sight: the target's own has the right size in every direction.
     if (o.kind == Kind::distance) row.reading = (Y.p - row.anchor_S).norm();
     if (o.kind == Kind::gauge) row.reading = row.normal_S.dot(Y.p - row.anchor_S);
+    if (!Y.p.allFinite() || !Y.R.allFinite() || !std::isfinite(row.reading)) return not_finite();
     rows.push_back(std::move(row));
   }
   return rows;
@@ -224,7 +233,11 @@ Result<std::vector<statics::MeasuredPoint>> simulate_displacements(const AnyMach
       d += o.noise_position * noise.normal();
       if (off.uniform() < o.outliers) d += off.uniform() < 0.5 ? o.outlier_size : -o.outlier_size;
     }
+    if (!point.displacement.allFinite()) return not_finite();
     points.push_back(point);
+  }
+  if (points.size() < o.count) {
+    return fail("CA121", fmt::format("only {} of {} poses found within the limits", points.size(), o.count));
   }
   return points;
 }

@@ -100,19 +100,22 @@ std::string range_text(const Range& range) {
   return fmt::format("between {:g} and {:g}", range.min, range.max);
 }
 
-constexpr double kLongest_mm = 1e9;  // 1000 km: beyond that differences of lengths lose the micrometre in rounding
+constexpr double kLongest_mm = 1e9;   // 1000 km: beyond that differences of lengths lose the micrometre in rounding
+constexpr double kLargest_deg = 1e6;  // far more turns than any joint makes
 
-/// Whether the key, or the key of the array, ends in `_mm`.
-bool is_length(std::string_view name) {
-  return name.substr(0, name.find('[', name.rfind('.') + 1)).ends_with("_mm");
+/// The largest size of a number whose key, or the key of whose array, ends in `_mm` or `_deg`.
+double largest_of(std::string_view name) {
+  const std::string_view key = name.substr(0, name.find('[', name.rfind('.') + 1));
+  return key.ends_with("_mm")    ? kLongest_mm
+         : key.ends_with("_deg") ? kLargest_deg
+                                 : std::numeric_limits<double>::infinity();
 }
 
 Result<double> number_in(const std::string& name, const Value& value, const Range& range) {
   const double* x = std::get_if<double>(&value.data);
   if (x == nullptr) return wrong_kind(name, value, "a number");
-  if (is_length(name) && std::isfinite(*x) && std::abs(*x) > kLongest_mm) {
-    return fail("CF105", fmt::format("{} = {:g} must be between {:g} and {:g}", name, *x, -kLongest_mm, kLongest_mm),
-                value.place);
+  if (const double most = largest_of(name); std::isfinite(*x) && std::abs(*x) > most) {
+    return fail("CF105", fmt::format("{} = {:g} must be between {:g} and {:g}", name, *x, -most, most), value.place);
   }
   const bool inside = std::isfinite(*x) && (range.open_min ? *x > range.min : *x >= range.min) &&
                       (range.open_max ? *x < range.max : *x <= range.max);

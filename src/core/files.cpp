@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -33,7 +34,10 @@ struct Slot {
 };
 constexpr std::size_t kSlots = 64;
 constinit std::array<Slot, kSlots> slots{};
-constinit std::atomic<int> commits_now{0};
+/// How many commits are renaming now; with kClosed none begins any more.
+constinit std::atomic<unsigned> commits{0};
+constexpr unsigned kClosed = 1U << 31U;
+constinit std::atomic<bool> appeared{false};
 constinit std::atomic<int> output_descriptor{STDOUT_FILENO};
 
 /// A slot with this name, or none: all are taken, or the name is too long.
@@ -49,26 +53,39 @@ Slot* take_slot(const std::string& path) {
   return nullptr;
 }
 
+constexpr std::array<int, 3> kEnding = {SIGINT, SIGTERM, SIGHUP};
+
+/// Whether a signal that ends the program has come and waits to be taken.
+bool end_is_pending() {
+  sigset_t pending;
+  return sigpending(&pending) == 0 &&
+         std::any_of(kEnding.begin(), kEnding.end(), [&](int s) { return sigismember(&pending, s) == 1; });
+}
+
 /// Signals that end the program wait while this lives: they are held back on this thread, and remove_temporaries waits
-/// on any other.
+/// on any other. Where one has come before, this does not begin: begun() is false.
 class RenamesWhole {
  public:
   RenamesWhole() {
+    if (end_is_pending()) close_outputs();
     sigset_t ending;
     sigemptyset(&ending);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
+    for (const int signal : kEnding) sigaddset(&ending, signal);
     pthread_sigmask(SIG_BLOCK, &ending, &before_);
-    ++commits_now;
+    unsigned now = commits;
+    while ((now & kClosed) == 0 && !begun_) begun_ = commits.compare_exchange_weak(now, now + 1);
   }
   ~RenamesWhole() {
-    --commits_now;
+    if (begun_) --commits;
     pthread_sigmask(SIG_SETMASK, &before_, nullptr);
   }
+  [[nodiscard]] bool begun() const { return begun_; }
   RenamesWhole(const RenamesWhole&) = delete;
   RenamesWhole& operator=(const RenamesWhole&) = delete;
 
  private:
   sigset_t before_{};
+  bool begun_ = false;
 };
 
 // -------------------------------------------------------------------------------------------------------------------
@@ -132,13 +149,13 @@ int write_all(int fd, std::string_view bytes) {
   return 0;
 }
 
-/// Errors by errno's codes; EFBIG where a device or a pipe goes on and on, as /dev/zero does.
+/// Errors by errno's codes; EFBIG where there is more than kMostBytes, as /dev/zero has.
 int read_all(int fd, std::string& bytes) {
-  constexpr std::size_t kMostOfAStream = std::size_t{1} << 30;
+  constexpr std::size_t kMostBytes = std::size_t{1} << 30;
   struct stat info {};
-  const bool ends = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
+  if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size > static_cast<off_t>(kMostBytes)) return EFBIG;
   std::array<char, 1 << 16> buffer;
-  while (ends || bytes.size() <= kMostOfAStream) {
+  while (bytes.size() <= kMostBytes) {
     const ssize_t n = ::read(fd, buffer.data(), buffer.size());
     if (n == 0) return 0;
     if (n > 0) {
@@ -335,13 +352,23 @@ Status Outputs::commit() {
     if (const int code = one.write(); code != 0) return cannot_write(one.path, code);
   }
   const RenamesWhole guard;
+  if (!guard.begun()) return fail("FI103", "a signal ended the program before its files appeared");
   for (Pending& one : all) {
     const int code = one.rename();
     if (code == 0) continue;
     for (Pending& before : all) before.take_back();
     return cannot_write(one.path, code);
   }
+  appeared = true;
   return {};
+}
+
+void close_outputs() noexcept {
+  commits |= kClosed;
+}
+
+bool outputs_appeared() noexcept {
+  return appeared;
 }
 
 Result<std::string> read(const std::string& path) {
@@ -355,6 +382,7 @@ Result<std::string> read(const std::string& path) {
   std::string bytes;
   const int code = read_all(fd, bytes);
   ::close(fd);
+  if (code == EFBIG) return failed("it holds more than 1 GiB");
   if (code != 0) return failed(std::strerror(code));
   return bytes;
 }
@@ -429,7 +457,7 @@ void open_standard_streams() noexcept {
 void remove_temporaries() noexcept {
   const int before = errno;
   const timespec moment{0, 1'000'000};
-  for (int i = 0; i < 1000 && commits_now != 0; ++i) ::nanosleep(&moment, nullptr);
+  for (int i = 0; i < 1000 && (commits & ~kClosed) != 0; ++i) ::nanosleep(&moment, nullptr);
   for (const Slot& slot : slots) {
     if (slot.state == Slot::live) ::unlink(slot.path.data());
   }

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "polypod/core/toml.hpp"
+
 namespace polypod {
 namespace {
 
@@ -50,6 +52,23 @@ std::string one_line(std::string_view text) {
     text.remove_prefix(c.bytes);
   }
   return out;
+}
+
+std::string quoted_toml(std::string_view text) {
+  std::string out = "\"";
+  while (!text.empty()) {
+    const Character c = first_of(text);
+    if (!c.valid) {
+      out += "\\uFFFD";
+    } else if (c.code < 0x20 || c.code == 0x7f) {
+      out += fmt::format("\\u{:04X}", static_cast<unsigned>(c.code));
+    } else {
+      if (c.code == '"' || c.code == '\\') out += '\\';
+      out += text.substr(0, c.bytes);
+    }
+    text.remove_prefix(c.bytes);
+  }
+  return out + '"';
 }
 
 }  // namespace polypod

@@ -4,9 +4,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <cmath>
 
 #include "polypod/core/csv.hpp"
 #include "polypod/core/statistics.hpp"
+#include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::cutting {
@@ -14,6 +16,8 @@ namespace {
 
 constexpr double kNotApart = 1e6;  // condition beyond which coefficients cannot be told apart
 constexpr double kOutlier = 3.5;   // robust standard deviations
+// What a measured cut can have; beyond is a wrong unit.
+constexpr double kLargestFeed_mm = 100, kLargestDepth_mm = 1000, kLargestForce_N = 1e6;
 
 constexpr double Material::*kCoefficient[6] = {&Material::ktc, &Material::krc, &Material::kac,
                                                &Material::kte, &Material::kre, &Material::kae};
@@ -42,6 +46,10 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
     const auto i = static_cast<std::size_t>(which[static_cast<std::size_t>(k)]);
     out.value[i] = x[k] / scale[k];
     out.standard_error[i] = std::sqrt(variance * inverse(k, k)) / scale[k];
+    if (!std::isfinite(out.value[i]) || !std::isfinite(out.standard_error[i])) {
+      return fail("ID122", fmt::format("{} does not come out as a finite number", kName[i]), {},
+                  "are the forces in N and the lengths in mm?");
+    }
     out.half_interval[i] = student_95(freedom) * out.standard_error[i];
   }
   // The covariance as independent variations: the columns of its Cholesky factor.
@@ -85,10 +93,17 @@ Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::
       return fail("ID120", fmt::format("a cut {} without ae_mm", direction), m.place,
                   "give the width of the cut, or direction slot");
     }
-    if (!(feed > 0) || !(ap > 0) || !(ae > 0) || ae > units::to_mm(cutter.diameter) * (1 + 1e-12)) {
+    if (!(feed > 0) || !(ap > 0) || !(ae > 0) || ae > units::to_mm(cutter.diameter) * (1 + 1e-12) ||
+        feed > kLargestFeed_mm || ap > kLargestDepth_mm) {
       return fail("ID120",
-                  fmt::format("feed {:g}, ap {:g}, ae {:g} mm: each above 0, ae at most the diameter", feed, ap, ae),
+                  fmt::format("feed {:g}, ap {:g}, ae {:g} mm: each above 0, feed at most {:g}, ap at most {:g}, ae at "
+                              "most the diameter",
+                              feed, ap, ae, kLargestFeed_mm, kLargestDepth_mm),
                   m.place);
+    }
+    for (const double force : {x, y, z}) {
+      if (std::abs(force) <= kLargestForce_N) continue;
+      return fail("ID120", fmt::format("a mean force of {:g} N: at most {:g}", force, kLargestForce_N), m.place);
     }
     m.feed_per_tooth = units::from_mm(feed);
     m.ap = units::from_mm(ap);
@@ -161,7 +176,7 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
 
 std::string to_toml(const Material& m) {
   std::string out;
-  if (!m.name.empty()) out += fmt::format("name = \"{}\"\n", m.name);
+  if (!m.name.empty()) out += fmt::format("name = {}\n", quoted_toml(m.name));
   for (int k = 0; k < 6; ++k) {
     const double value = m.*kCoefficient[k];
     out += k < 3 ? fmt::format("{}_N_per_mm2 = {:.10g}\n", kName[k], units::to_N_per_mm2(value))

@@ -14,6 +14,7 @@
 
 #include "machine_file.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::machine {
@@ -134,21 +135,6 @@ std::string number_toml(double value) {
   std::from_chars(rounded.data(), rounded.data() + rounded.size(), again);
   const std::string text = std::abs(again - value) <= 1e-12 * std::abs(value) ? rounded : fmt::format("{}", value);
   return text == "-0" ? "0" : text;
-}
-
-std::string quoted_toml(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
-      out += fmt::format("\\u{:04X}", static_cast<unsigned char>(c));
-    } else {
-      out += c;
-    }
-  }
-  return out + '"';
 }
 
 std::string common_toml(const std::string& name, const std::string& family, const std::string& description) {

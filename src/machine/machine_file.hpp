@@ -33,6 +33,5 @@ std::string provenance_toml(const Provenance& provenance);
 /// The shortest decimal text that reads back to the same double, after dropping noise below 1e-12 of the value that the
 /// conversion of units leaves.
 std::string number_toml(double value);
-std::string quoted_toml(const std::string& text);
 
 }  // namespace polypod::machine

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <limits>
 
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
@@ -130,6 +131,16 @@ TEST(Poses, ThirtyPercentBetterThanAGrid) {
   EXPECT_LT(best.reading, 0.7 * source.reading);
   EXPECT_LT(best.mean, 0.7 * source.mean);
   EXPECT_LT(best.worst, 0.7 * source.worst);
+}
+
+TEST(Poses, WhatIsNoFiniteNumberIsNotChosenFrom) {
+  for (const double force : {1e-200, 1e160, std::numeric_limits<double>::infinity()}) {
+    const auto c = compliance_candidates(lola(), 40, 1, force, 30e-6);
+    ASSERT_TRUE(c);
+    const auto chosen = choose(c->equations, 12, Criterion::determinant);
+    ASSERT_FALSE(chosen) << force;
+    EXPECT_EQ(chosen.error().id, "CA130");
+  }
 }
 
 TEST(Poses, EachCriterionIsBestAtItsOwn) {

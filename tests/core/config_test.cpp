@@ -178,6 +178,13 @@ stiffness_N_per_mm2 = 1e12
   EXPECT_THAT(to_string(t.number("a_mm").error()), HasSubstr("a_mm = 1e+12"));
 }
 
+TEST(Config, CF105AnglesOfMoreTurnsThanAnyJointMakes) {
+  const Table t = table_of("a_deg = 1e308\nb_deg = -1e6\nc_deg = [1, -1.1e6]\n");
+  EXPECT_EQ(where(t.number("a_deg")), "CF105 1:9");
+  EXPECT_TRUE(t.number("b_deg"));
+  EXPECT_EQ(where(t.numbers("c_deg")), "CF105 3:13");
+}
+
 TEST(Config, CF106MissingKeys) {
   const Table t = table_of("a = 1\n[tool]\nx = 1\n");
   const auto missing = t.number("b");

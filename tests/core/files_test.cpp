@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <csignal>
 #include <filesystem>
 
@@ -63,6 +64,54 @@ TEST_F(Files, ReadNamesWhatIsWrong) {
   ASSERT_FALSE(folder);
   EXPECT_EQ(folder.error().id, "FI100");
   EXPECT_THAT(folder.error().message, HasSubstr("directory"));
+}
+
+TEST_F(Files, WhatIsTooLargeIsNotRead) {
+  ASSERT_TRUE(write_whole(path("f"), "x"));
+  fs::resize_file(path("f"), (std::uintmax_t{1} << 30) + 1);  // a hole: it takes no room
+  const auto bytes = read(path("f"));
+  ASSERT_FALSE(bytes);
+  EXPECT_EQ(bytes.error().id, "FI100");
+  EXPECT_THAT(bytes.error().message, HasSubstr("more than 1 GiB"));
+}
+
+/// Writes "new" over "old" in a process of its own, after `before`; the id of the error, or "" .
+template <class Before>
+std::string id_of_write_after(const std::string& path, Before before) {
+  int ends[2];
+  if (::pipe(ends) != 0) return "no pipe";
+  const pid_t child = ::fork();
+  if (child == 0) {
+    before();
+    const auto status = write_whole(path, "new");
+    const std::string id = status ? "" : status.error().id;
+    const bool said = ::write(ends[1], id.data(), id.size()) == static_cast<ssize_t>(id.size());
+    ::_exit(said && outputs_appeared() == static_cast<bool>(status) ? 0 : 1);
+  }
+  ::close(ends[1]);
+  std::array<char, 16> id{};
+  const ssize_t n = ::read(ends[0], id.data(), id.size());
+  ::close(ends[0]);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0 ? std::string(id.data(), static_cast<std::size_t>(n)) : "ended";
+}
+
+TEST_F(Files, AfterASignalNothingBeginsToAppear) {
+  ASSERT_TRUE(write_whole(path("f"), "old"));
+  const auto is_pending = [] {
+    sigset_t one;
+    sigemptyset(&one);
+    sigaddset(&one, SIGINT);
+    ::pthread_sigmask(SIG_BLOCK, &one, nullptr);
+    ::kill(::getpid(), SIGINT);
+  };
+  EXPECT_EQ(id_of_write_after(path("f"), is_pending), "FI103");
+  EXPECT_EQ(id_of_write_after(path("f"), [] { close_outputs(); }), "FI103");
+  EXPECT_EQ(*read(path("f")), "old");
+  EXPECT_EQ(entries(), 1) << "a temporary file stays";
+  EXPECT_EQ(id_of_write_after(path("f"), [] {}), "");
+  EXPECT_EQ(*read(path("f")), "new");
 }
 
 TEST_F(Files, ADirectoryIsNoOutput) {

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
+#include "polypod/core/config.hpp"
+#include "polypod/core/toml.hpp"
+
 namespace polypod {
 namespace {
 
@@ -34,6 +37,31 @@ TEST(OneLine, TwiceIsOnceAndNoByteBelowASpaceIsLeft) {
     const std::string once = one_line(text);
     RC_ASSERT(one_line(once) == once);
     for (const char c : once) RC_ASSERT(static_cast<unsigned char>(c) >= 0x20 && c != 0x7f);
+  }));
+}
+
+/// What the reader of TOML files makes of the written text.
+std::string back(std::string_view text) {
+  const auto table = config::parse("name = " + quoted_toml(text) + "\n", "a.toml");
+  if (!table) return to_string(table.error());
+  const auto name = table->text("name");
+  return name ? *name : to_string(name.error());
+}
+
+TEST(QuotedToml, EveryTextIsReadBack) {
+  using namespace std::string_view_literals;
+  for (const std::string_view text : {""sv, "steel 1/2\" bar"sv, "C:\\new"sv, "a\nKtc_N_per_mm2 = 1"sv,
+                                      "\x1b[2J\t\r\x7f"sv, "a\0b"sv, "h\u00fclse"sv}) {
+    EXPECT_EQ(back(text), text);
+  }
+  EXPECT_EQ(back("a\xff\x80z"), "a\uFFFD\uFFFDz") << "what is not UTF-8";
+}
+
+TEST(QuotedToml, AnyBytesMakeOneReadableText) {
+  EXPECT_TRUE(rc::check([](const std::string& text) {
+    const auto table = config::parse("name = " + quoted_toml(text) + "\n", "a.toml");
+    RC_ASSERT(static_cast<bool>(table));
+    RC_ASSERT(table->keys().size() == 1U);
   }));
 }
 

@@ -106,6 +106,25 @@ TEST(IdentifyCutting, WhatCannotBeIsNamed) {
   EXPECT_EQ(identify_cutting(kCutter, mirrored).error().id, "ID123");
 }
 
+TEST(IdentifyCutting, WhatIsNotFiniteIsNoCoefficient) {
+  auto rows = measured(0, 1);
+  rows[3].mean.x() = -1e308;
+  const auto r = identify_cutting(kCutter, rows);
+  ASSERT_FALSE(r);
+  EXPECT_EQ(r.error().id, "ID122");
+}
+
+TEST(IdentifyCutting, AnyNameIsReadBack) {
+  Material m = truth();
+  m.name = "steel 1/2\" bar\nKtc_N_per_mm2 = 1 C:\\new \x1b[2J";
+  const auto table = config::parse(to_toml(m), "material.toml");
+  ASSERT_TRUE(table) << to_string(table.error());
+  const auto again = material_from(*table);
+  ASSERT_TRUE(again) << to_string(again.error());
+  EXPECT_EQ(again->name, m.name);
+  EXPECT_NEAR(again->ktc, m.ktc, 1e-9 * m.ktc);
+}
+
 TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
   const std::string path = std::filesystem::temp_directory_path() / ("polypod-forces-" + std::to_string(::getpid()));
   const std::string header = "feed_per_tooth_mm,ap_mm,ae_mm,direction,Fx_N,Fy_N,Fz_N\n";
@@ -128,6 +147,10 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
       {header + "0.05,2,4,sideways,3,1,2\n", "ID120", 2},
       {header + "0,2,4,up,3,1,2\n", "ID120", 2},
       {header + "0.05,2,,up,3,1,2\n", "ID120", 2},
+      {header + "0.05,2,4,down,-1e308,1,2\n", "ID120", 2},
+      {header + "0.05,2,4,down,1,1e7,2\n", "ID120", 2},
+      {header + "0.05,1e9,4,down,1,1,2\n", "ID120", 2},
+      {header + "1e9,2,4,down,1,1,2\n", "ID120", 2},
   };
   for (const auto& c : cases) {
     ASSERT_TRUE(files::write_whole(path, c.text));

@@ -34,7 +34,7 @@ inline constexpr Range kNotNegative{0, std::numeric_limits<double>::infinity(), 
 /// Ask for every key that may stand in the table (`number`, `text`, ... for those that must be there, `optional_...`
 /// for the others), then call `finish()`: it fails with CF103 on the first key that nobody asked for. Every error
 /// carries the file, line and column of the value, or of the table where a value is missing. A number under a key that
-/// ends in `_mm` must be at most 1e9 (1000 km) in size, whatever the range says.
+/// ends in `_mm` must be at most 1e9 (1000 km) in size, one in `_deg` at most 1e6, whatever the range says.
 class Table {
  public:
   Table() = default;

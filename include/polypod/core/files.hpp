@@ -11,8 +11,7 @@
 
 namespace polypod::files {
 
-/// The bytes of a file; `-` is standard input. Errors: FI100 (not there, a directory, unreadable; a device or a pipe
-/// with more than 1 GiB).
+/// The bytes of a file; `-` is standard input. Errors: FI100 (not there, a directory, unreadable, more than 1 GiB).
 Result<std::string> read(const std::string& path);
 
 /// Files that appear together or not at all.
@@ -36,7 +35,8 @@ class Outputs {
   /// full), FI102 (the same file as another one of these outputs, under this or another name).
   Status add(const std::string& path, std::string bytes);
 
-  /// Lets all of them appear; empty afterwards. Errors: FI101, and then no file has changed.
+  /// Lets all of them appear; empty afterwards. Errors: FI101, and FI103 where SIGINT, SIGTERM or SIGHUP is pending or
+  /// close_outputs was called before the first rename; then no file has changed.
   Status commit();
 
  private:
@@ -67,6 +67,11 @@ Status keep_standard_output_for_files();
 /// Opens what is closed of standard input, output and error, so that no file gets their numbers: input and output in
 /// the wrong direction, so that using them stays an error; error as a sink. For programs, first thing in `main`.
 void open_standard_streams() noexcept;
+
+/// No commit of Outputs renames anything from now on; one that has begun ends. Safe in a signal handler.
+void close_outputs() noexcept;
+/// Whether a commit of this process has ended well.
+bool outputs_appeared() noexcept;
 
 /// Removes the temporary files that are open now; safe in a signal handler (waits up to a second for a `commit` on
 /// another thread, so that outputs appear together). For handlers of signals that end the program.
