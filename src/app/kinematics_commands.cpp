@@ -375,13 +375,15 @@ Command jacobian_command() {
         const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
         const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
         const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
+        const machine::Task task = kinematics::task(m);
+        // Of a task without x, y, z only the rows that it has.
+        const auto rows_named = [&](const std::vector<std::string>& all) {
+          std::vector<std::string> held;
+          for (int i = 0; i < task.size(); ++i) held.push_back(all[static_cast<std::size_t>(task[i])]);
+          return task.places() ? all : held;
+        };
         if (context.json) {
-          std::vector<std::string> rows{"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"};
-          if (const machine::Task task = kinematics::task(m); !task.places()) {
-            std::vector<std::string> held;
-            for (int i = 0; i < task.size(); ++i) held.push_back(rows[static_cast<std::size_t>(task[i])]);
-            rows = held;
-          }
+          const auto rows = rows_named({"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"});
           Json document{
               {"jacobian", matrix_json(square)}, {"rows", rows},
               {"jacobian_full", matrix_json(J)}, {"joints", joints_for_user(m, s->joints)},
@@ -392,7 +394,8 @@ Command jacobian_command() {
           return kDone;
         }
         if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
-        fmt::print("Jacobian (m and rad per rad or m; rows v_x v_y v_z w_x w_y w_z in M)\n");
+        fmt::print("Jacobian (m and rad per rad or m; rows {} in M)\n",
+                   fmt::join(rows_named({"v_x", "v_y", "v_z", "w_x", "w_y", "w_z"}), " "));
         for (int i = 0; i < square.rows(); ++i) {
           for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));
           fmt::print("\n");

@@ -28,6 +28,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
   std::size_t index = 0;
+  double lean = 0;  // of the tool against the direction that the program means, where the machine cannot choose it
   for (const gcode::Move& move : interpretation.moves) {
     if (options.progress && index % 256 == 0 &&
         !options.progress(double(index) / double(interpretation.moves.size()))) {
@@ -78,6 +79,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         last.resize(0);
         continue;
       }
+      lean = std::max(lean, angle_between(kinematics::settled(machine, X).value_or(X).R.col(2), X.R.col(2)));
       if (best->singular) problem(singular, "singular", where());
       const double nearest = last.size() > 0 ? (best->joints - last).cwiseAbs().maxCoeff() : 0.0;
       if (nearest > kJump && k > 0) {
@@ -93,6 +95,12 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         r.max = std::max(r.max, last[i]);
       }
     }
+  }
+  constexpr double kUpright = units::from_deg(0.1);
+  if (lean > kUpright) {
+    out.notes.push_back(
+        fmt::format("this machine cannot choose how its tool stands: on this way it leans by up to {:.1f} deg",
+                    units::to_deg(lean)));
   }
   out.ok = out.problems.empty();
   return out;
