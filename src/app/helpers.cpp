@@ -200,8 +200,13 @@ std::vector<double> pose_for_user(const machine::AnyMachine& machine, const Pose
 std::vector<double> whole_pose_for_user(const Pose& X) {
   const Vec3 abc = angles_abc(X.R);
   std::vector<double> out;
-  for (int k = 0; k < 6; ++k) out.push_back((k < 3 ? units::to_mm(X.p[k]) : units::to_deg(abc[k - 3])) + 0.0);
-  return out;  // + 0.0: no negative zero
+  for (int k = 0; k < 3; ++k) out.push_back(units::to_mm(X.p[k]) + 0.0);  // + 0.0: no negative zero
+  for (int k = 0; k < 3; ++k) {
+    constexpr double kHalfTurn = 180, kRounding = 1e-9;
+    const double angle = units::to_deg(abc[k]);
+    out.push_back(angle < kRounding - kHalfTurn ? kHalfTurn : angle + 0.0);  // not -180 by rounding
+  }
+  return out;
 }
 
 std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int digits) {

@@ -60,7 +60,7 @@ std::string what_would_tell(const AnyMachine& machine, const std::vector<Measure
   const bool places_open = !std::all_of(open.begin(), open.end(), is_angle);
   if (angles_open && !angles_measured)
     return kinematics::task(machine).names_axis() ? "axes (x_mm, y_mm, z_mm, a_deg, b_deg)"
-                                                            : "poses (x_mm, y_mm, z_mm, a_deg, b_deg, c_deg)";
+                                                  : "poses (x_mm, y_mm, z_mm, a_deg, b_deg, c_deg)";
   if (places_open && gauges_only) return "points, or gauge readings against planes that face the other ways";
   if (places_open && distances_only) return "points, or distances from three balls or more";
   if (places_open && !places_measured) return "points, or distances";

@@ -180,7 +180,8 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
                 {}, kTargetsHint);
   }
 
-  const std::vector<calibration::Stand> stands = calibration::random_stands(machine::AnyMachine(arm), options.points, options.seed);
+  const std::vector<calibration::Stand> stands =
+      calibration::random_stands(machine::AnyMachine(arm), options.points, options.seed);
   if (stands.empty()) return fail("CN104", "no pose within the limits was found");
   MissCount count;
   for (const calibration::Stand& stand : stands) {

@@ -16,8 +16,8 @@ struct TwistRange {
 
 /// The angles gamma for which the pose (R R_z(gamma), p) has a solution that keeps all limits, in rising order; one
 /// range of a full turn where every angle does. The ends are bisected to 1e-9 rad between samples of `step` rad: a
-/// range or a gap narrower than that may be missed. For a machine whose task leaves a coordinate free, to which the twist
-/// is nothing, the full turn or nothing. Cost: 2 pi / step inverse solutions, and 25 an end.
+/// range or a gap narrower than that may be missed. For a machine whose task leaves a coordinate free, to which the
+/// twist is nothing, the full turn or nothing. Cost: 2 pi / step inverse solutions, and 25 an end.
 std::vector<TwistRange> twist_ranges(const AnyMachine& machine, const Pose& X_MT, double step = 0.01);
 
 /// X turned about its tool axis.

@@ -35,7 +35,9 @@ class ParallelLimits {
       for (int i = 0; i < 3; ++i) box_coordinate_[static_cast<std::size_t>(i)] = static_cast<int>(task[i]);
   }
 
-  [[nodiscard]] static int groups() { return 1; }
+  /// Where nothing follows, each drive is a group and the limits of the tip another, so that patches are dropped drive
+  /// by drive; else one group, since what follows is worked out for all of them.
+  [[nodiscard]] int groups() const { return free_.empty() ? joint_count(m_) + 1 : 1; }
   [[nodiscard]] double lever() const { return m_.size; }
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] static Data prepare(const Patch&) { return {}; }
@@ -60,25 +62,20 @@ class ParallelLimits {
     }
   }
 
-  Verdict judge(int, const Vec3& center, const Vec3& half, double, const Patch& patch, const Data&,
+  Verdict judge(int group, const Vec3& center, const Vec3& half, double, const Patch& patch, const Data&,
                 BoundList& out) const {
     const Domain d{half, &patch};
-    const Pose target = target_at(center, patch);
-    const std::optional<Pose> X0 = free_.empty() ? target : settled(m_, target);
+    const int n = joint_count(m_);
     std::array<DomainNumber, 5> u;
+    if (free_.empty()) {
+      const PoseT<DomainNumber> X = pose(center, d, u);
+      return group < n ? leg(group, X, d, out) : tip(X, d, out);
+    }
+    const std::optional<Pose> X0 = settled(m_, target_at(center, patch));
     if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
     const PoseT<DomainNumber> X = pose(center, d, u);
-    Verdict verdict = Verdict::inside;
-    for (int j = 0; j < joint_count(m_) && verdict != Verdict::dead; ++j) {
-      verdict = both(verdict, leg(j, X, d, out));
-    }
-    const int n = joint_count(m_);
-    for (int k = 0; k < 3; ++k) {
-      if (std::isfinite(m_.low[k]))
-        verdict = both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), 2 * n + k, d, out));
-      if (std::isfinite(m_.high[k]))
-        verdict = both(verdict, judged(DomainNumber(m_.high[k]) - X.p[k], 2 * n + 3 + k, d, out));
-    }
+    Verdict verdict = tip(X, d, out);
+    for (int j = 0; j < n && verdict != Verdict::dead; ++j) verdict = both(verdict, leg(j, X, d, out));
     if (verdict != Verdict::undecided) out.clear();
     return verdict;
   }
@@ -91,8 +88,7 @@ class ParallelLimits {
   [[nodiscard]] bool turn_is_unseen() const {
     return m_.idle_turn && m_.task.names_axis() && m_.constraints.empty() &&
            std::all_of(m_.legs.begin(), m_.legs.end(), [&](const machine::ParallelLeg& leg) {
-             return leg.ring && leg.ring->axis.head<2>().isZero(0) &&
-                    (leg.ring->center - m_.tool).head<2>().isZero(0);
+             return leg.ring && leg.ring->axis.head<2>().isZero(0) && (leg.ring->center - m_.tool).head<2>().isZero(0);
            });
   }
 
@@ -348,6 +344,21 @@ class ParallelLimits {
     return weigh(
         {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest},
         limit, kScale, d.half, *d.patch, bounds);
+  }
+
+  /// The limits of the tool tip.
+  Verdict tip(const PoseT<DomainNumber>& X, const Domain& d, BoundList& out) const {
+    const int first = 2 * joint_count(m_);
+    Verdict verdict = Verdict::inside;
+    for (int k = 0; k < 3; ++k) {
+      if (std::isfinite(m_.low[k])) {
+        verdict = both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), first + k, d, out));
+      }
+      if (std::isfinite(m_.high[k])) {
+        verdict = both(verdict, judged(DomainNumber(m_.high[k]) - X.p[k], first + 3 + k, d, out));
+      }
+    }
+    return verdict;
   }
 
   /// The limits of drive j.

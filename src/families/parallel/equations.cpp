@@ -245,7 +245,8 @@ LegRoots leg_roots(const Parallel& m, const ParallelLeg& leg, const Pose& X) {
 std::optional<Pose> settled(const Parallel& m, const Pose& target) {
   const double small = 1e-11 * (m.size + target.p.norm());
   if (m.task.size() == 6) return target;
-  if (const ClosureVector F = passive_rows(m, target).F; F.size() == 0 || F.cwiseAbs().maxCoeff() < small) return target;
+  if (const ClosureVector F = passive_rows(m, target).F; F.size() == 0 || F.cwiseAbs().maxCoeff() < small)
+    return target;
   constexpr double kNear = 0.35;  // rad, and shares of the machine's size
   const auto near = [&](const Settling& s) { return s.converged && s.turned < kNear && s.moved < kNear * m.size; };
   const Settling direct = settle_from(m, target, m.home);

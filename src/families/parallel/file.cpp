@@ -261,8 +261,7 @@ Status check_constraints(const config::Table& table, const Parallel& m) {
                 "add a coordinate to the task, or a constraint or passive rod that fixes what follows");
   }
   if (held + m.task.size() > 6) {
-    return fail("MA156", fmt::format("{}: a pose cannot be chosen freely", counts),
-                table.place_of("task"),
+    return fail("MA156", fmt::format("{}: a pose cannot be chosen freely", counts), table.place_of("task"),
                 "take a coordinate out of the task, or a constraint away");
   }
   return {};

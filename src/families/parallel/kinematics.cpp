@@ -73,9 +73,8 @@ JointVector chosen(const Roots& roots, unsigned high) {
 
 /// A kept orientation is that of home; the equations hold for half turns against it, too.
 bool keeps_orientation(const Parallel& m, const Pose& X) {
-  const bool kept = std::any_of(m.constraints.begin(), m.constraints.end(), [](const PlatformConstraint& c) {
-    return c.kind == ConstraintKind::orientation;
-  });
+  const bool kept = std::any_of(m.constraints.begin(), m.constraints.end(),
+                                [](const PlatformConstraint& c) { return c.kind == ConstraintKind::orientation; });
   return !kept || (X.R * m.home.R.transpose()).trace() > 1;
 }
 
