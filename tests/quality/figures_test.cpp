@@ -54,18 +54,11 @@ bool is_limit(const std::string& family, const std::string& key) {
 
 /// A pose near home that is neither symmetric nor upright (deltas: upright), or the middle of an arm's reach.
 Pose pose_for(const AnyMachine& m) {
-  return std::visit(
-      []<class M>(const M& machine) {
-        if constexpr (std::is_same_v<M, machine::SerialArm>) {
-          return kinematics::pose_of(machine::Task::axis, {0.1, -1.25, 0.05, 0.2, -0.1});
-        } else {
-          Pose X = home_pose(machine);
-          X.p += 0.02 * X.p.norm() * Vec3(1, -0.7, 0.5);
-          if constexpr (!machine::DeltaFamily<M>) X.R = rotation_of(Vec3(0.03, -0.02, 0.01));
-          return X;
-        }
-      },
-      m);
+  if (kinematics::is_serial(m)) return kinematics::pose_of(machine::Task::axis, {0.1, -1.25, 0.05, 0.2, -0.1});
+  Pose X = kinematics::home_pose(m).value();
+  X.p += 0.02 * X.p.norm() * Vec3(1, -0.7, 0.5);
+  if (kinematics::task(m).turns()) X.R = rotation_of(Vec3(0.03, -0.02, 0.01));
+  return kinematics::settled(m, X).value_or(X);
 }
 
 struct Pair {

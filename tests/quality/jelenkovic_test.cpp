@@ -243,7 +243,7 @@ AnyMachine turned(const AnyMachine& strut_hexapod, double angle) {
   for (Vec3& p : m.base_joint) p = R * p;
   for (Vec3& p : m.platform_joint) p = R * p;
   for (Vec3& w : m.home.direction) w = R * w;
-  return m;
+  return AnyMachine(m);
 }
 
 constexpr double kKnown = 0.03;

@@ -96,7 +96,7 @@ TEST(Survey, AllSignsOfTheLegsAreTried) {
       m.base_joint[i] += 0.03 * Vec3(normal(random), normal(random), normal(random));
       m.platform_joint[i] += 0.03 * Vec3(normal(random), normal(random), normal(random));
     }
-    const AnyMachine any = m;
+    const AnyMachine any(m);
     std::vector<Sized> sizes;
     const auto all = elements(any);
     for (std::size_t e = 0; e < all.size(); ++e)
