@@ -79,7 +79,7 @@ struct Search {
 
 /// The best of all climbs, the same for any number of threads. Value -infinity where nothing is finite.
 Extreme best_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Search& search) {
-  constexpr std::size_t kPoints = 4, kTips = 4;
+  constexpr std::size_t kPoints = 2, kTips = 2;
   std::vector<Extreme> starts = best_apart(survey, search.points, kPoints);
   for (Extreme& tip : best_apart(survey, search.tips, kTips)) starts.push_back(std::move(tip));
   std::vector<Extreme> ends(starts.size());
@@ -112,8 +112,9 @@ Extreme mean_seen(const AnyMachine& machine, const Survey& survey, const SurveyO
 Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
               bool turn, const PoseValue& value) {
   constexpr double kFirst = 0.5, kLongest = 2, kFinest = 1e-3;
-  constexpr int kMostSteps = 1500;
-  constexpr int kSlanting = 5;  // pairs of pseudo-random directions beside those along the coordinates
+  // Each step asks all directions: fewer steps where there are many.
+  const int most_steps = std::max(80, 1500 / static_cast<int>(survey.orientations.size()));
+  constexpr int kSlanting = 3;  // pairs of pseudo-random directions beside those along the coordinates
   using Step = Eigen::Matrix<double, 5, 1>;
   const Turned turned(options.workspace.directions);
   const int axes = turn && !turned.fixed() ? 5 : 3;
@@ -126,7 +127,7 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   // A step that leaves the workspace is pulled back to its boundary towards the middle, by no more than its length.
   const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
   const auto pulled_back = [&](Vec3& p) {
-    constexpr int kHalvings = 6;
+    constexpr int kHalvings = 3;
     const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
     double out = 0, in = 1;
     if (!inside(p + pull)) return false;
@@ -152,7 +153,7 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
     return gains(step);
   };
   Step last = Step::Zero();
-  for (double share = kFirst; share > kFinest && asked < kMostSteps;) {
+  for (double share = kFirst; share > kFinest && asked < most_steps;) {
     bool found = !last.isZero() && gains(share * last);
     for (int k = 0; k < axes + kSlanting && !found; ++k) {
       Step step = Step::Zero();
@@ -176,7 +177,7 @@ std::vector<Vec3> tips_of(const AnyMachine& machine, const Survey& survey, const
   for (int i = -1; i <= 1; ++i)
     for (int j = -1; j <= 1; ++j)
       for (int k = -1; k <= 1; ++k)
-        if (i != 0 || j != 0 || k != 0) out.push_back(Vec3(i, j, k).normalized());
+        if ((i + j + k) % 2 != 0) out.push_back(Vec3(i, j, k).normalized());
   for_each_in_rounds(
       out.size(), {options.workspace.threads, {}, {}},
       [&](std::size_t n) {
