@@ -79,9 +79,9 @@ struct Search {
 
 /// The best of all climbs, the same for any number of threads. Value -infinity where nothing is finite.
 Extreme best_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Search& search) {
-  constexpr std::size_t kPoints = 2, kTips = 2;
-  std::vector<Extreme> starts = best_apart(survey, search.points, kPoints);
-  for (Extreme& tip : best_apart(survey, search.tips, kTips)) starts.push_back(std::move(tip));
+  const std::size_t most = survey.orientations.size() == 1 ? 4 : 2;  // of each kind: many directions cost as much
+  std::vector<Extreme> starts = best_apart(survey, search.points, most);
+  for (Extreme& tip : best_apart(survey, search.tips, most)) starts.push_back(std::move(tip));
   std::vector<Extreme> ends(starts.size());
   // Not to be stopped half way: a command asks for it between its longer works.
   for_each_in_rounds(
@@ -127,11 +127,11 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   // A step that leaves the workspace is pulled back to its boundary towards the middle, by no more than its length.
   const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
   const auto pulled_back = [&](Vec3& p) {
-    constexpr int kHalvings = 3;
+    const int halvings = survey.orientations.size() == 1 ? 6 : 3;
     const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
     double out = 0, in = 1;
     if (!inside(p + pull)) return false;
-    for (int k = 0; k < kHalvings; ++k) (inside(p + 0.5 * (out + in) * pull) ? in : out) = 0.5 * (out + in);
+    for (int k = 0; k < halvings; ++k) (inside(p + 0.5 * (out + in) * pull) ? in : out) = 0.5 * (out + in);
     p = in_box(options, p + in * pull);
     return inside(p);
   };
@@ -177,7 +177,8 @@ std::vector<Vec3> tips_of(const AnyMachine& machine, const Survey& survey, const
   for (int i = -1; i <= 1; ++i)
     for (int j = -1; j <= 1; ++j)
       for (int k = -1; k <= 1; ++k)
-        if ((i + j + k) % 2 != 0) out.push_back(Vec3(i, j, k).normalized());
+        if (survey.orientations.size() == 1 ? i != 0 || j != 0 || k != 0 : (i + j + k) % 2 != 0)
+          out.push_back(Vec3(i, j, k).normalized());
   for_each_in_rounds(
       out.size(), {options.workspace.threads, {}, {}},
       [&](std::size_t n) {

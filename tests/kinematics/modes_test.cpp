@@ -477,12 +477,7 @@ TEST(AssemblyModes, OfTheCatalogueHoldTheGivenPose) {
     const AnyMachine m = *load(std::string(entry.name));
     if (!kinematics::assembly_modes(m, JointVector::Zero(kinematics::joint_count(m)))) continue;
     ++machines;
-    const Pose home = std::visit(
-        [](const auto& machine) {
-          if constexpr (requires { home_pose(machine); }) return home_pose(machine);
-          return Pose{};
-        },
-        m);
+    const Pose home = kinematics::home_pose(m).value();
     Random random(30);
     for (int k = 0; k < 3; ++k) {
       Pose X{rotation_of(0.1 * random.vector()) * home.R, home.p};

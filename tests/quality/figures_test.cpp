@@ -45,9 +45,9 @@ std::string text_of(double value) {
 
 /// Limits, bodies and home: the closure does not know them.
 bool is_limit(const std::string& family, const std::string& key) {
-  for (const char* part :
-       {"leg.length_m", ".diameter", "joint.cone", "joint.pyramid", "joint.base.", "joint.platform", "joint.side",
-        "joint.elbow", "home.", "drive.angle_", "limits.", "table.", "rod.spacing", "base.thickness", "compliance"})
+  for (const char* part : {"leg.length_m", ".diameter", "joint.cone", "joint.pyramid", "joint.base.", "joint.platform",
+                           "joint.side", "joint.elbow", "].min", "].max", "home.", "drive.angle_", "limits.", "table.",
+                           "rod.spacing", "base.thickness", "compliance"})
     if (key.find(part) != std::string::npos && key.find("platform.joint") == std::string::npos) return true;
   return family == "linear-delta" && key == "rail.length";
 }
@@ -143,7 +143,12 @@ TEST_P(Figures, AsKnownErrorsAgreeWithForwardKinematics) {
 
 INSTANTIATE_TEST_SUITE_P(Catalogue, Figures, ::testing::ValuesIn([] {
                            std::vector<std::string> names;
-                           for (const auto& entry : machine::catalogue()) names.emplace_back(entry.name);
+                           // Directions in machines of legs are made unit vectors again when one of their coordinates
+                           // is set, and keep the value only in part; parallel_test looks at these machines.
+                           for (const auto& entry : machine::catalogue()) {
+                             const std::string name(entry.name);
+                             if (machine::family_of(machine::load(name).value()) != "parallel") names.push_back(name);
+                           }
                            return names;
                          }()),
                          [](const auto& entry) {
