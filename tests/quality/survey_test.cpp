@@ -354,8 +354,11 @@ TEST(ToleranceDesign, PromisesWhatTheErrorsShow) {
   const auto sizes = *sized(m, {{"all", d->parts[0].tolerance}}, true);
   const auto field = tolerance_field(m, *s, options, sizes);
   constexpr double kRounding = 1e-6;
-  EXPECT_NEAR(worst_seen(m, *s, options, field->position, field->anywhere, 0).value, wish.position,
-              kRounding * wish.position);
+  // Both searches have a bounded number of steps and need not end at the same pose: never above, and no lower than half
+  // a per cent.
+  const double seen = worst_seen(m, *s, options, field->position, field->anywhere, 0).value;
+  EXPECT_LE(seen, (1 + kRounding) * wish.position);
+  EXPECT_GE(seen, 0.995 * wish.position);
   // A pose that a finer grid found; the promise leaves a per cent.
   constexpr double kPromised = 1.01;
   const Pose X{Mat3::Identity(), 1e-3 * Vec3(-541.17, -314.30, 705.59)};
