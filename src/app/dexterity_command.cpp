@@ -202,6 +202,8 @@ Command dexterity_command() {
                  {"sigma_min_pose", pose_for_user(m, least.X_MT)}}},
                {"extremes", kSeen},
                {"volume_mm3", units::to_mm3(survey.volume)},
+               {"volume_lower_mm3", units::to_mm3(survey.volume_lower)},
+               {"volume_upper_mm3", units::to_mm3(survey.volume_upper)},
                {"points", survey.inside.size()},
                {"directions", survey.orientations.size()},
                {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}}));

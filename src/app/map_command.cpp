@@ -10,6 +10,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/reach.hpp"
 #include "polypod/pages/compliance_map.hpp"
 
 namespace polypod::app {
@@ -79,7 +80,8 @@ Status lay_plane(const MapOptions& o, const Mat3& R_MT, const Measured& measured
                 measured.front().place, "say over which plane with --plane and --at");
   }
   const statics::PlaneAxes axes = statics::axes_of(map.plane);
-  map.at = measured.empty() ? statics::middle_of_work(map.machine)[axes.normal] : measured.front().X_MT.p[axes.normal];
+  map.at =
+      measured.empty() ? kinematics::middle_of_work(map.machine)[axes.normal] : measured.front().X_MT.p[axes.normal];
   if (!o.at.empty()) {
     POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
     if (at.size() != 1 || std::abs(at[0]) > kFarthest_mm) {

@@ -108,6 +108,10 @@ Result<std::size_t> memory_argument(const std::string& text) {
 
 bool came_within(const workspace::Volume& v, const workspace::Options& options) {
   if (v.converged) return true;
+  if (!v.proven) {
+    fmt::print(stderr, "polypod: the sample of {} points did not come within the tolerance\n", v.points);
+    return false;
+  }
   const std::string why = v.stopped == workspace::Stopped::memory
                               ? fmt::format("the {:.0f} MB of --max-memory are used up",
                                             kMbPerByte * static_cast<double>(options.max_memory))
@@ -128,6 +132,7 @@ Json volume_json(const workspace::Volume& v) {
           {"volume_upper_mm3", units::to_mm3(v.upper)},
           {"bounds_mm", {{"min", mm(v.min)}, {"max", mm(v.max)}}},
           {"reached_mm", v.reached ? Json{{"min", mm(v.reached->min)}, {"max", mm(v.reached->max)}} : Json()},
+          {"proven", v.proven},
           {"points", v.points},
           {"converged", v.converged},
           {"stopped_by", v.stopped == workspace::Stopped::memory  ? Json("memory")
@@ -141,6 +146,14 @@ namespace {
 
 /// "123 mm3, certainly between 122 and 124": two digits more than the bounds agree in, four at least.
 std::string volume_text(const workspace::Volume& v) {
+  if (!v.proven) {
+    const double error = units::to_mm3(std::max(v.upper - v.volume, 1e-30));
+    const double unit = std::pow(10.0, std::floor(std::log10(error)) - 1);  // two digits of the error
+    const int decimals = std::clamp(static_cast<int>(-std::log10(unit)), 0, 9);
+    return fmt::format("{:.{}f} +- {:.{}f} mm3 (95 % of the sample); nothing is proven, since the inverse is a search",
+                       unit * std::round(units::to_mm3(v.volume) / unit), decimals, unit * std::round(error / unit),
+                       decimals);
+  }
   constexpr int kLeast = 4, kMost = 9;
   const double gap = (v.upper - v.lower) / v.volume;
   const int digits = gap > 0 ? std::clamp(static_cast<int>(std::ceil(-std::log10(gap))) + 2, kLeast, kMost) : kMost;
@@ -267,6 +280,10 @@ Command workspace_command() {
             POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
             if (context.json) {
               print_json(singular.in(document));
+            } else if (!v.proven && !v.reached) {
+              fmt::print("the sample of {} points found none that is reached from every direction; that there is none "
+                         "is not proven\n",
+                         v.points);
             } else if (v.empty) {
               fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
             } else {
@@ -274,7 +291,7 @@ Command workspace_command() {
               for (int k = 0; k < 3; ++k) {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
-              fmt::print("boxes    {}\nseconds  {:.2f}\n", v.points, v.seconds);
+              fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
               if (!o->largest.empty()) {
                 const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
                 const Figures mm(sides.minCoeff(), 1);

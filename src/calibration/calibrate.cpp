@@ -192,9 +192,14 @@ constexpr double kLeastFree = 5;
 class Fit {
  public:
   /// `seed`: the nominal machine's pose of every row, where Newton begins.
+  /// The search begins with the noise as it was given, or with what the drawing leaves of the readings.
   Fit(const AnyMachine& machine, const std::vector<Measurement>& rows, std::vector<Pose> seed,
-      const CalibrationOptions& options)
-      : any_(machine), rows_(rows), options_(options), problem_{machine, rows, options} {
+      const CalibrationOptions& options, bool noise_as_given)
+      : any_(machine),
+        rows_(rows),
+        options_(options),
+        problem_{machine, rows, options},
+        noise_as_given_(noise_as_given) {
     problem_.nominal = kinematics::parameters(machine);
     problem_.noise = {options.noise_position, options.noise_angle};
     problem_.seed = std::move(seed);
@@ -211,6 +216,13 @@ class Fit {
                   "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
     }
     POLYPOD_TRY(judge());
+    double changes = 0, searched = 0;
+    for (const int j : problem_.wanted) {
+      if (j < problem_.layout.parameters || !(usual_[j] > 0)) continue;
+      changes += std::pow((x_[j] - problem_.start[j]) / usual_[j], 2);
+      ++searched;
+    }
+    out_.change = searched > 0 ? std::sqrt(changes / searched) : 0;
     say_unknowns();
     POLYPOD_TRY(make_machine());
     out_.verdict = judged(any_, rows_, out_);
@@ -384,7 +396,7 @@ class Fit {
     whiten();
     std::vector<double> block;
     for (const int j : problem_.wanted) block.push_back(x_[j]);
-    problem_.noise_scale = std::max(1.0, robust_scale(whitened_, problem_.not_fitted, 0));
+    problem_.noise_scale = noise_as_given_ ? 1.0 : std::max(1.0, robust_scale(whitened_, problem_.not_fitted, 0));
     // Sizes are learnt once the noise has settled: with too much of it all errors look small, which then keeps it
     // large.
     bool sizes = false;
@@ -749,6 +761,7 @@ class Fit {
   Eigen::VectorXd x_;                      ///< what was found so far
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
   bool converged_ = false;
+  bool noise_as_given_;
   enum class Learns { nothing, lengths, angles };
   std::vector<Learns> learns_;  ///< of each wanted unknown: with which others the size of its prior is learnt
   Eigen::VectorXd usual_;       ///< the priors before that
@@ -758,12 +771,12 @@ class Fit {
 };
 
 /// With the loss of the options; of Loss::automatic with the one that leaves less.
-Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const std::vector<Pose>& seed,
-                        CalibrationOptions options) {
+Result<Calibration> fit_with_loss(const AnyMachine& machine, const std::vector<Measurement>& rows,
+                                  const std::vector<Pose>& seed, CalibrationOptions options, bool noise_as_given) {
   constexpr double kPulledAside = 3;  // times the noise
   const auto with = [&](Loss loss) {
     options.loss = loss;
-    return Fit(machine, rows, seed, options).run();
+    return Fit(machine, rows, seed, options, noise_as_given).run();
   };
   if (options.loss != Loss::automatic) return with(options.loss);
   Result<Calibration> huber = with(Loss::huber);
@@ -773,6 +786,23 @@ Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement
   if (!cauchy || too_many_lost(cauchy->fitted.outliers + cauchy->held_back.outliers, rows.size())) return huber;
   cauchy->pulled_aside = !huber || cauchy->noise_factor < 0.5 * huber->noise_factor;
   return cauchy->pulled_aside ? cauchy : huber;
+}
+
+/// Few rows, or errors beyond what is usual, can be explained in two ways: by an instrument coarser than it was said to
+/// be, to which a search that begins with the residuals of the drawing comes, or by the machine. Where the first leaves
+/// more than the noise that was given, the search begins again with that noise; its answer counts where it leaves less
+/// than half as much, with changes that a machine can have.
+Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const std::vector<Pose>& seed,
+                        const CalibrationOptions& options) {
+  constexpr double kCoarse = 1.5;      // times the noise
+  constexpr double kMostChange = 10;  // times the priors
+  Result<Calibration> first = fit_with_loss(machine, rows, seed, options, false);
+  const bool searched = first || first.error().id == "CA115" || first.error().id == "CA118";
+  if (!searched || (first && first->noise_factor <= kCoarse)) return first;
+  Result<Calibration> second = fit_with_loss(machine, rows, seed, options, true);
+  const bool better = second && second->change < kMostChange &&
+                      (first ? second->noise_factor < 0.5 * first->noise_factor : second->noise_factor < kCoarse);
+  return better ? second : first;
 }
 
 }  // namespace

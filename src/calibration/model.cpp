@@ -31,7 +31,7 @@ std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& ro
 }
 
 Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& target, const JointVector& q) {
-  const Pose X_MT = kinematics::settled(machine, target).value_or(target);
+  const Pose X_MT = kinematics::settled(machine, target, q);
   return std::visit(
       [&](const auto& m) -> Eigen::MatrixXd {
         const std::vector<double> p = kinematics::nominal_parameters(m);

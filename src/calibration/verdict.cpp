@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -23,6 +24,12 @@ constexpr double kMisfit = 5;
 
 // Standard deviations by which the squares of the residuals must become smaller than noise alone lets them.
 constexpr double kGain = 3;
+
+// Residuals over the noise that was given from which on errors of another kind are likely, and how many equations must be
+// free to tell; rows within less than this share of the box of the workspace show little of it.
+constexpr double kOtherErrors = 1.5;
+constexpr double kEnoughFree = 20;
+constexpr double kFewPlaces = 0.05;
 
 /// "x", "x and y", "x, y and z".
 std::string listed(const std::vector<std::string>& words) {
@@ -122,11 +129,47 @@ std::string refusal(const Calibration& c) {
   return "";
 }
 
+/// What the standard deviations rest on and the readings do not show: that the parameters are all that is wrong with the
+/// machine. Errors of another kind show as residuals above the noise, and act where nothing was measured.
+std::string what_is_open(const AnyMachine& nominal, const std::vector<Measurement>& rows,
+                         const std::vector<Stand>& stands, const Calibration& c) {
+  std::string out;
+  if (c.noise_factor > kOtherErrors && c.free_equations >= kEnoughFree) {
+    out += fmt::format(
+        " But the residuals are {:.1f} times the noise that was given: either the instrument is that coarse, or the "
+        "machine has errors that no parameter describes, which the predicted deviations do not hold.",
+        c.noise_factor);
+  }
+  const auto box_of = [](const auto& poses) {
+    Eigen::AlignedBox3d box;
+    for (const Vec3& p : poses) box.extend(p);
+    return box;
+  };
+  std::vector<Vec3> reached, measured;
+  for (const Stand& stand : stands) reached.push_back(stand.X_MT.p);
+  for (const Measurement& row : rows)
+    if (const auto X = pose_of_row(nominal, row)) measured.push_back(X->p);
+  const Vec3 whole = box_of(reached).sizes(), seen = box_of(measured).sizes();
+  double share = 1;
+  for (int k = 0; k < 3; ++k)
+    if (whole[k] > 1e-3 * whole.maxCoeff()) share *= std::min(1.0, seen[k] / whole[k]);
+  if (share < kFewPlaces) {
+    out += fmt::format(
+        " But the rows lie in {} of the box of the workspace: beyond them the answer rests on the parameters being "
+        "all that is wrong with the machine. Measure over the whole workspace where it shall be used.",
+        share < 1e-4 ? std::string("next to nothing") : fmt::format("{:.1g} %", 100 * share));
+  }
+  return out;
+}
+
 }  // namespace
 
 std::vector<std::string> pose_coordinates(const AnyMachine& machine) {
-  static const std::vector<std::string> kAll{"x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"};
-  return {kAll.begin(), kAll.begin() + kinematics::coordinate_count(kinematics::task(machine))};
+  static constexpr std::array<const char*, 6> kAll{"x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"};
+  const machine::Task task = kinematics::task(machine);
+  std::vector<std::string> out;
+  for (int i = 0; i < task.size(); ++i) out.emplace_back(kAll[static_cast<std::size_t>(task[i])]);
+  return out;
 }
 
 Eigen::VectorXd pose_deviation(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
@@ -158,6 +201,7 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
                                 : fmt::format("{} (held)", spoken(all[i])));
   }
   const std::string refused = refusal(c);
+  const std::string doubts = what_is_open(nominal, rows, stands, c);
   if (c.parameters.empty() && c.noise_factor <= kMisfit) {
     out.answer = Answer::partly;
     out.text = "No parameter of the machine was looked for: it stays as the drawing has it.";
@@ -166,20 +210,25 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
   } else if (told.empty()) {
     out.text = fmt::format(
         "No: these measurements tell no coordinate of the pose well enough: more than {:.0f} % of its standard "
-        "deviation is left of {}. To tell {} measure {} too.",
+        "deviation is left of {}. To tell {}, also measure {}.",
         100 * kOpen, listed(shares), shares.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
   } else if (out.left_open.empty()) {
-    out.answer = Answer::better;
-    out.text = "Yes, the calibrated machine is better than the drawing in every coordinate of the pose.";
+    out.answer = doubts.empty() ? Answer::better : Answer::partly;
+    out.text = doubts.empty()
+                   ? "Yes, the calibrated machine is better than the drawing in every coordinate of the pose."
+                   : "In part: where the rows are, the calibrated machine is better than the drawing in every coordinate "
+                     "of the pose." +
+                         doubts;
   } else {
     out.answer = Answer::partly;
     out.text = fmt::format(
         "In part: {} of the pose {} better than in the drawing. The measurements leave open {} (in brackets: the share "
         "of its standard deviation that is left). The same parameters move {} too: over many machines that is an "
-        "improvement, but at a pose of this one the drawing may be nearer, with a chance of up to {:.0f} %. To tell {} "
-        "measure {} too.",
+        "improvement, but at a pose of this one the drawing may be nearer, with a chance of up to {:.0f} %. To tell "
+        "{}, also measure {}.",
         listed(spoken(told)), told.size() == 1 ? "is" : "are", listed(shares), shares.size() == 1 ? "it" : "them",
         100 * chance, shares.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
+    out.text += doubts;
   }
   return out;
 }

@@ -310,13 +310,24 @@ Status Table::finish() const {
 }
 
 bool Table::replace(std::string_view path, double value, bool create) {
-  const std::size_t end = path.find_first_of(".[");
-  const std::string key(path.substr(0, end));
-  if (key.empty()) return false;
   Value number;
   number.data = value;
   number.is_integer = value == std::floor(value);
-  number.place = Place{"--set " + full(name_, key), 0, 0};
+  number.place = Place{"--set " + full(name_, std::string(path)), 0, 0};
+  return replace_value(path, number, create);
+}
+
+bool Table::put(std::string_view path, const Table& table) {
+  Value value;
+  value.data = table;
+  value.place = table.place();
+  return replace_value(path, value, false);
+}
+
+bool Table::replace_value(std::string_view path, const Value& number, bool create) {
+  const std::size_t end = path.find_first_of(".[");
+  const std::string key(path.substr(0, end));
+  if (key.empty()) return false;
   auto it = values_.find(key);
   if (create && it == values_.end() && end != std::string_view::npos && path[end] == '.') {
     Value inner;
@@ -348,7 +359,7 @@ bool Table::replace(std::string_view path, double value, bool create) {
     return true;
   }
   Table* inner = std::get_if<Table>(&value_here->data);
-  return rest.front() == '.' && inner != nullptr && inner->replace(rest.substr(1), value, create);
+  return rest.front() == '.' && inner != nullptr && inner->replace_value(rest.substr(1), number, create);
 }
 
 namespace {

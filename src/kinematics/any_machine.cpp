@@ -27,6 +27,15 @@ machine::JointRange joint_range(const AnyMachine& machine, int joint) {
 Task task(const AnyMachine& machine) {
   return std::visit([](const auto& m) { return task(m); }, machine);
 }
+bool takes_any_posture(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        return requires {
+          m.kAnyPosture;
+        };
+      },
+      machine);
+}
 int degrees_of_freedom(const AnyMachine& machine) {
   return std::min(joint_count(machine), coordinate_count(task(machine)));
 }
@@ -35,6 +44,9 @@ std::vector<Parameter> parameters(const AnyMachine& machine) {
 }
 std::string limit_name(const AnyMachine& machine, int limit) {
   return std::visit([&](const auto& m) { return limit_name(m, limit); }, machine);
+}
+machine::LimitTable limit_table(const AnyMachine& machine) {
+  return std::visit([](const auto& m) { return limit_table(m); }, machine);
 }
 std::vector<std::string> limit_names(const AnyMachine& machine, LimitBits bits) {
   std::vector<std::string> names;
@@ -208,10 +220,14 @@ InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
 }
 
 InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last) {
-  InverseResult out;
-  if (const auto* arm = std::get_if<machine::SerialArm>(&machine); arm && !machine::has_closed_inverse(*arm)) {
-    out = machine::inverse_from(*arm, X_MT, last);
-  }
+  InverseResult out = std::visit(
+      [&](const auto& m) -> InverseResult {
+        if constexpr (requires { inverse_from(m, X_MT, last); }) {
+          if (!has_closed_inverse(m)) return inverse_from(m, X_MT, last);
+        }
+        return {};
+      },
+      machine);
   if (out.reachable() == nullptr) out = inverse(machine, X_MT);
   constexpr double kTurn = 2 * std::numbers::pi;
   for (Solution& s : out.solutions) {
@@ -233,6 +249,8 @@ Pose settled(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) 
       [&]<class M>(const M& m) -> Pose {
         if constexpr (requires { settled(m, X_MT); }) {
           return settled(m, X_MT).value_or(X_MT);
+        } else if constexpr (requires { settled(m, X_MT, q); }) {
+          return settled(m, X_MT, q);
         } else if constexpr (std::is_same_v<M, machine::SerialArm>) {
           return forward(m, q);
         } else if constexpr (machine::DeltaFamily<M>) {
@@ -366,7 +384,7 @@ Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVect
     if (square.rows() == square.cols()) out.determinant = square.determinant();
     S = twist_by_rates(*arm, J, out.characteristic_length);
   } else {
-    const Pose X = settled(machine, X_MT).value_or(X_MT);
+    const Pose X = settled(machine, X_MT, q);
     S = std::visit([&](const auto& m) { return rates_by_twist(m, X, q, out.characteristic_length); }, machine);
     if (S.rows() == S.cols()) out.determinant = std::abs(S.determinant());
   }

@@ -42,6 +42,34 @@ std::string common_limit_name(int limit, const char* arm) {
   return fmt::format("rod {} hits the base", (limit - L::kBase) % kMaxArms + 1);
 }
 
+/// `drive` is what the range of a drive counts for in m.
+LimitTable common_limit_table(const Delta& m, double drive) {
+  using L = DeltaLimits;
+  LimitTable out(L::kCount);
+  for (int i = 0; i < L::kCount; ++i) {
+    LimitInfo& limit = out[static_cast<std::size_t>(i)];
+    limit.between_bodies = i >= L::kFirstBody;
+    limit.group = i < L::kSide    ? "drive"
+                  : i < L::kLow   ? "joint"
+                  : i < L::kMode  ? "coordinates"
+                  : i < L::kTable ? "mode"
+                  : i < L::kRods  ? "table"
+                  : i < L::kBase  ? "rods"
+                                  : "base";
+    if (i < L::kSide) limit.scale = drive;
+    // Those of an arm that is not there.
+    const bool by_arm = i < L::kLow || (i >= L::kTable && i < L::kRods) || i >= L::kBase;
+    if (by_arm && (i - (i >= L::kBase ? L::kBase : i >= L::kTable ? L::kTable : 0)) % kMaxArms >= m.arms) {
+      limit.given = false;
+    }
+  }
+  for (int k = 0; k < 3; ++k) {
+    out[static_cast<std::size_t>(L::kLow + k)].given = std::isfinite(m.low[k]);
+    out[static_cast<std::size_t>(L::kHigh + k)].given = std::isfinite(m.high[k]);
+  }
+  return out;
+}
+
 template <class M>
 std::array<Vec3, 3> centers(const M& m, const double* q) {
   std::array<Vec3, 3> out;
@@ -190,6 +218,12 @@ InverseResult inverse_of(const M& m, const Pose& X, const char* first, const cha
 
 }  // namespace
 
+LimitTable limit_table(const RotaryDelta& m) {
+  return common_limit_table(m, m.rod_length[0]);
+}
+LimitTable limit_table(const LinearDelta& m) {
+  return common_limit_table(m, 1);
+}
 std::string limit_name(const RotaryDelta&, int limit) {
   if (limit < DeltaLimits::kMax) return fmt::format("arm {} below its smallest angle", limit + 1);
   if (limit < DeltaLimits::kSide) return fmt::format("arm {} above its largest angle", limit - DeltaLimits::kMax + 1);

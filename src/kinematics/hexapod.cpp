@@ -38,6 +38,17 @@ bool solve_six(double (&M)[6][6], double (&b)[6]) {
 
 }  // namespace
 
+LimitTable hexapod_limit_table(const TipLimits& tip, double leg, bool joints, bool legs, bool base) {
+  using L = HexapodLimits;
+  LimitTable out(L::kBaseJoint, {"length", 1, true, false, true});
+  out.insert(out.end(), L::kPlatformJoint - L::kBaseJoint, {"base-joint", leg, joints});
+  out.insert(out.end(), L::kLegPair - L::kPlatformJoint, {"platform-joint", leg, joints});
+  out.insert(out.end(), L::kBasePlane - L::kLegPair, {"legs", 1, legs, true});
+  out.insert(out.end(), L::kLow - L::kBasePlane, {"base", 1, base});
+  push_tip_limits(out, tip);
+  return out;
+}
+
 std::string hexapod_limit_name(int limit) {
   const int leg = limit % kLegs + 1;
   if (limit >= HexapodLimits::kBaseJoint && limit < HexapodLimits::kPlatformJoint) {

@@ -68,6 +68,20 @@ JointRange joint_range(const SerialArm& arm, int joint) {
   return free_row(arm, joint).range;
 }
 
+LimitTable limit_table(const SerialArm& arm) {
+  double size = arm.X_FT.p.norm();
+  for (const DhRow& row : arm.dh) size += std::abs(row.a) + std::abs(row.d);
+  LimitTable out;
+  int joint = 0;
+  for (const DhRow& row : arm.dh) {
+    if (row.locked) continue;
+    const LimitInfo info{fmt::format("{}", ++joint), row.kind == JointKind::revolute && size > 0 ? size : 1.0, true,
+                         false, true};
+    out.insert(out.end(), 2, info);
+  }
+  return out;
+}
+
 std::string limit_name(const SerialArm& arm, int limit) {
   int joint = limit / 2, seen = -1, number = 0;
   for (const DhRow& row : arm.dh) {

@@ -45,6 +45,9 @@ LimitBits bits_of_leg(int i) {
 
 }  // namespace
 
+LimitTable limit_table(const SliderHexapod& m) {
+  return hexapod_limit_table(m, m.leg_length, m.joint.kind != JointLimitKind::none, m.leg_diameter > 0, m.base_check);
+}
 std::string limit_name(const SliderHexapod&, int limit) {
   if (limit < HexapodLimits::kMax) return fmt::format("slider {} beyond the outer end of its rail", limit + 1);
   if (limit < HexapodLimits::kBaseJoint) return fmt::format("slider {} beyond the inner end of its rail", limit - 5);

@@ -9,6 +9,9 @@
 
 namespace polypod::machine {
 
+LimitTable limit_table(const StrutHexapod& m) {
+  return hexapod_limit_table(m, 0.5 * (m.length_min + m.length_max), m.joint.kind != JointLimitKind::none, m.leg_diameter > 0, false);
+}
 std::string limit_name(const StrutHexapod&, int limit) {
   if (limit < HexapodLimits::kMax) return fmt::format("strut {} below its minimum length", limit + 1);
   if (limit < HexapodLimits::kBaseJoint) return fmt::format("strut {} above its maximum length", limit - 5);

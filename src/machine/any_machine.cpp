@@ -205,9 +205,35 @@ Result<AnyMachine> read_as(FamilyList<F...>, const std::string& family, const co
   return out;
 }
 
-Result<AnyMachine> machine_from(const config::Table& table) {
+/// The table of a machine that a file names: another file, found from the folder of `from`, or a catalogue machine.
+Result<config::Table> named_machine(const std::string& name, const Place& from) {
+  const std::string path = config::beside(from.file, name);
+  if (std::error_code ec; std::filesystem::is_regular_file(path, ec)) return config::read_file(path);
+  for (const CatalogueEntry& entry : catalogue())
+    if (entry.name == name) return config::parse(entry.toml, name + ".toml");
+  return fail("MA100", fmt::format("no machine file or catalogue machine \"{}\"", name), from,
+              "give a path from the folder of this file, or a name of `polypod machines`");
+}
+
+/// Stages that name their machine hold its table instead, so that all that follows sees one file.
+Status put_named_machines(config::Table& table) {
   POLYPOD_ASSIGN(family, table.text("family"));
-  return read_as(Families{}, family, table);
+  if (family != Stages::kFamily) return {};
+  POLYPOD_ASSIGN(stages, table.tables("stage"));
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    if (!stages[k].holds_text("machine")) continue;
+    POLYPOD_ASSIGN(name, stages[k].text("machine"));
+    POLYPOD_ASSIGN(machine, named_machine(name, stages[k].place_of("machine")));
+    table.put(fmt::format("stage[{}].machine", k + 1), machine);
+  }
+  return {};
+}
+
+/// The table of a machine file, whole.
+Result<config::Table> table_from(std::string_view toml, const std::string& file_name) {
+  POLYPOD_ASSIGN(table, config::parse(toml, file_name));
+  POLYPOD_TRY(put_named_machines(table));
+  return table;
 }
 
 std::vector<Parameter> parameters_of(const AnyMachine& machine) {
@@ -221,6 +247,14 @@ class Figures {
   explicit Figures(const Result<AnyMachine>& nominal) {
     if (!nominal) return;
     for (const Parameter& p : settings(*nominal)) settings_.insert(key_of(p));
+    std::visit(
+        [&]<class M>(const M&) {
+          if constexpr (std::derived_from<M, TipLimits>) {  // they may be set where the file gives none
+            for (const char* key : kLowKeys) settings_.insert(fmt::format("limits.{}", key));
+            for (const char* key : kHighKeys) settings_.insert(fmt::format("limits.{}", key));
+          }
+        },
+        *nominal);
     if (std::holds_alternative<SerialArm>(*nominal)) return;  // the parameters of arms are keys of their files
     for (const Parameter& p : parameters_of(*nominal)) parameters_.insert(without_indices(key_of(p)));
   }
@@ -256,15 +290,20 @@ Result<AnyMachine> with_single(const AnyMachine& machine, const std::vector<Over
 
 }  // namespace
 
+Result<AnyMachine> machine_from(const config::Table& table) {
+  POLYPOD_ASSIGN(family, table.text("family"));
+  return read_as(Families{}, family, table);
+}
+
 std::string key_of(const Parameter& parameter) {
   return parameter.unit.empty() ? parameter.key : parameter.key + "_" + parameter.unit;
 }
 
 Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name,
                              const std::vector<Override>& overrides) {
-  POLYPOD_ASSIGN(table, config::parse(toml, file_name));
+  POLYPOD_ASSIGN(table, table_from(toml, file_name));
   if (overrides.empty()) return machine_from(table);
-  POLYPOD_ASSIGN(untouched, config::parse(toml, file_name));
+  POLYPOD_ASSIGN(untouched, table_from(toml, file_name));
   const Figures figures(machine_from(untouched));
   std::vector<Override> single;
   for (const Override& override_ : overrides) {

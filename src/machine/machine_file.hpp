@@ -12,6 +12,11 @@ namespace polypod::machine {
 /// Reads `name`, `description`, `family` (already checked) and the table `provenance`.
 Status read_common(const config::Table& table, std::string& name, std::string& description, Provenance& provenance);
 
+class AnyMachine;
+
+/// A machine of any family from its table. Errors: MA101 (unknown family), and those of the family's reader.
+Result<AnyMachine> machine_from(const config::Table& table);
+
 /// A frame `{x_mm, y_mm, z_mm, a_deg, b_deg, c_deg}` with R = R_z(C) R_y(B) R_x(A); missing numbers are 0.
 Result<Pose> read_frame(const config::Table& table, const std::string& key);
 

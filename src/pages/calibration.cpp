@@ -178,6 +178,7 @@ struct Plane {
   int columns = 0, rows = 0;
 };
 std::optional<Plane> middle_plane(const machine::AnyMachine& machine) {
+  if (!kinematics::task(machine).places()) return std::nullopt;
   constexpr std::size_t kStands = 100;
   const std::vector<calibration::Stand> stands = calibration::random_stands(machine, kStands, 1);
   if (stands.empty()) return std::nullopt;

@@ -149,6 +149,27 @@ std::vector<Line3> lines_of(const machine::Parallel& m, const Vec3&) {
   return out;
 }
 
+/// The origins of the frames of the table, then the tool tip.
+std::vector<Line3> links_of(const machine::SerialArm& arm, const machine::JointVector& q, const char* name) {
+  std::vector<Line3> out;
+  Line3 links{name, {mm(arm.X_MB.p)}, Colour::ink, kThick, false};
+  Line3 joints{"", {mm(arm.X_MB.p)}, Colour::ink, kDot, true};
+  machine::SerialArm partial = arm;
+  partial.X_FT = Pose{};
+  for (std::size_t rows = 1; rows <= arm.dh.size(); ++rows) {
+    partial.dh.assign(arm.dh.begin(), arm.dh.begin() + static_cast<std::ptrdiff_t>(rows));
+    const Vec3 p = machine::forward(partial, machine::JointVector(q.head(partial.free_joints()))).p;
+    links.points.push_back(mm(p));
+    joints.points.push_back(mm(p));
+  }
+  const Point3 last = links.points.back();
+  const Vec3 end = machine::forward(arm, q).p;
+  out.push_back(std::move(links));
+  out.push_back({"tool", {last, mm(end)}, Colour::vermillion, kThick, false});
+  out.push_back(std::move(joints));
+  return out;
+}
+
 std::vector<Line3> lines_of(const machine::SerialArm& arm, const Vec3& tip) {
   const auto solved = machine::inverse(arm, Pose{Mat3::Identity(), tip});
   const kinematics::Solution* solution = solved.reachable();
@@ -159,22 +180,26 @@ std::vector<Line3> lines_of(const machine::SerialArm& arm, const Vec3& tip) {
     out.push_back({"base", {mm(arm.X_MB.p - e), mm(arm.X_MB.p + e)}, Colour::muted, kThick, false});
   }
   if (solution == nullptr) return out;
-  // The origins of the frames of the table, then the tool tip.
-  Line3 links{"links, tool upright in the middle", {mm(arm.X_MB.p)}, Colour::ink, kThick, false};
-  Line3 joints{"", {mm(arm.X_MB.p)}, Colour::ink, kDot, true};
-  machine::SerialArm partial = arm;
-  partial.X_FT = Pose{};
-  for (std::size_t rows = 1; rows <= arm.dh.size(); ++rows) {
-    partial.dh.assign(arm.dh.begin(), arm.dh.begin() + static_cast<std::ptrdiff_t>(rows));
-    const Vec3 p = machine::forward(partial, machine::JointVector(solution->joints.head(partial.free_joints()))).p;
-    links.points.push_back(mm(p));
-    joints.points.push_back(mm(p));
+  for (Line3& line : links_of(arm, solution->joints, "links, tool upright in the middle"))
+    out.push_back(std::move(line));
+  return out;
+}
+
+/// Every stage at home, where the stages before it put it; only the last one shows its tool.
+std::vector<Line3> lines_of(const machine::Stages& m, const Vec3&) {
+  std::vector<Line3> out;
+  Pose X;
+  for (std::size_t k = 0; k < m.machines.size(); ++k) {
+    X = X * m.data[k].mount;
+    const Pose home = kinematics::home_pose(m.machines[k]).value_or(Pose{});
+    const auto* chain = std::get_if<machine::SerialArm>(&m.machines[k]);
+    for (Line3& line :
+         chain != nullptr ? links_of(*chain, m.data[k].home, "links at home") : machine_lines(m.machines[k], home.p)) {
+      for (Point3& p : line.points) p = mm(X * Vec3(units::from_mm(p.x), units::from_mm(p.y), units::from_mm(p.z)));
+      out.push_back(std::move(line));
+    }
+    X = X * (chain != nullptr ? machine::forward(*chain, m.data[k].home) : home);
   }
-  const Point3 last = links.points.back();
-  const Vec3 end = machine::forward(arm, solution->joints).p;
-  out.push_back(std::move(links));
-  out.push_back({"tool", {last, mm(end)}, Colour::vermillion, kThick, false});
-  out.push_back(std::move(joints));
   return out;
 }
 

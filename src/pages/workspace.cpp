@@ -295,6 +295,9 @@ class Page {
   }
 
   Result<std::string> html() {
+    if (!volume_.proven && !volume_.reached) {
+      return fail("WS131", "the sample found no point that is reached: there is nothing to show", {}, "ask for less tilt");
+    }
     if (volume_.empty) {
       report_.add_section("What is reached");
       report_.add_verdict(Verdict::bad,
@@ -353,15 +356,20 @@ class Page {
 
   void answer() {
     report_.add_section("What is reached");
+    const char* missed = volume_.converged ? ""
+                         : volume_.proven  ? " The bounds did not come within the tolerance that was asked for."
+                                           : " The sample did not come within the tolerance that was asked for.";
     report_.add_verdict(
         Verdict::neutral,
-        fmt::format("{}, every point of {} {} is reached: certainly between {} and {} {}.{}", capital(),
-                    unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
-                    unit_.name,
-                    volume_.converged ? "" : " The bounds did not come within the tolerance that was asked for."));
+        fmt::format(fmt::runtime(volume_.proven
+                                     ? "{}, every point of {} {} is reached: certainly between {} and {} {}.{}"
+                                     : "{}, a sample finds {} {} to be reached, with 95 % between {} and {} {}. Nothing "
+                                       "is proven, since the inverse of this machine is a search.{}"),
+                    capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower),
+                    unit_.text(volume_.upper), unit_.name, missed));
     std::vector<report::KeyFigure> figures{
         {unit_.text(volume_.volume), unit_.name,
-         fmt::format("volume, ± {} % proven",
+         fmt::format(fmt::runtime(volume_.proven ? "volume, ± {} % proven" : "volume, ± {} % (95 % of a sample)"),
                      number(50 * (volume_.upper - volume_.lower) / std::max(volume_.volume, 1e-30), 2)),
          Verdict::neutral}};
     if (tilts()) {
@@ -527,10 +535,7 @@ class Page {
   /// Whether a volume without this limit means anything: without the ends of struts and rails a hexapod has no reach.
   [[nodiscard]] bool may_go(int limit) const {
     if (limit == workspace::kOutOfReach) return false;
-    if (const auto* legs = std::get_if<machine::Parallel>(&machine_)) {
-      return limit >= 2 * static_cast<int>(legs->driven.size());
-    }
-    return std::holds_alternative<machine::SerialArm>(machine_) || !tilts() || limit >= 12;
+    return kinematics::takes_any_posture(machine_) || !table_[static_cast<std::size_t>(limit)].holds_reach;
   }
 
   Status limits() {
@@ -633,18 +638,12 @@ class Page {
   VolumeUnit unit_{volume_.volume};
   Kinds kinds_{machine_, {}};
   std::array<std::string, 64> kinds_of_bits_ = names_of_bits(machine_);
+  machine::LimitTable table_ = kinematics::limit_table(machine_);
 
   using LimitBits = workspace::LimitBits;
   static std::array<std::string, 64> names_of_bits(const AnyMachine& machine) {
     std::array<std::string, 64> out;
-    const int count = std::visit(
-        []<class M>(const M& m) {
-          if constexpr (std::is_same_v<M, machine::SerialArm>) return 2 * m.free_joints();
-          if constexpr (std::is_same_v<M, machine::Parallel>) return 2 * static_cast<int>(m.driven.size()) + 6;
-          if constexpr (std::is_base_of_v<machine::Delta, M>) return machine::DeltaLimits::kCount;
-          return machine::HexapodLimits::kCount;
-        },
-        machine);
+    const auto count = static_cast<int>(kinematics::limit_table(machine).size());
     for (int i = 0; i < count; ++i) out[static_cast<std::size_t>(i)] = workspace::limit_kind(machine, i);
     return out;
   }
@@ -714,6 +713,10 @@ Result<std::string> surface_stl(const Surface& s) {
 }
 
 std::string extent_text(const Volume& v, int axis) {
+  if (!v.proven) {
+    return v.reached ? fmt::format("{:.0f} .. {:.0f} mm seen", to_mm(v.reached->min[axis]), to_mm(v.reached->max[axis]))
+                     : std::string("nothing seen");
+  }
   constexpr double kShare = 1e-4;  // of the largest extent: ten times the tolerance of the bounds
   const double size = to_mm((v.max - v.min).maxCoeff());
   const int digits = std::clamp(size > 0 ? static_cast<int>(std::floor(-std::log10(kShare * size))) : 2, 0, 9);

@@ -27,7 +27,7 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
   }
   return std::visit(
       [&](const auto& m) -> Columns {
-        const Pose X = kinematics::settled(machine, X_MT).value_or(X_MT);
+        const Pose X = kinematics::settled(machine, X_MT, q);
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         const auto A = kinematics::closure_by_pose(m, X, joints, p);
         Eigen::MatrixXd F = Eigen::MatrixXd::Zero(A.rows(), static_cast<Eigen::Index>(p.size()) + q.size());

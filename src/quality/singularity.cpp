@@ -37,7 +37,7 @@ void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
 }
 
 Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
-  const Pose X = kinematics::settled(machine, X_MT).value_or(X_MT);
+  const Pose X = kinematics::settled(machine, X_MT, q);
   Sides out;
   out.length = kinematics::dexterity(machine, X, q, length).characteristic_length;
   const double L = out.length;

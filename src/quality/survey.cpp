@@ -165,6 +165,11 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   } else {
     out.volume = cell * static_cast<double>(out.inside.size());
   }
+  out.volume_lower = out.volume_upper = out.volume;
+  if (!options.box && out.volume == inside.volume) {
+    out.volume_lower = inside.lower;
+    out.volume_upper = inside.upper;
+  }
   const auto& points = out.grid.points;
   const bool flat = *std::min_element(points.begin(), points.end()) == 1;  // a section: nobody looks for extremes there
   const bool no_boundary = options.box && out.whole_box;                   // the box's own ends are points of the grid

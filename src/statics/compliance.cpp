@@ -127,6 +127,14 @@ bool column_turns(const machine::Parallel&, int) {
   return false;
 }
 
+/// Machines in series: the columns of every stage, carried to the tool tip.
+Columns columns_of(const machine::Stages& m, const JointVector& q, const Pose* X_MT);
+double column_compliance(const machine::Stages& m, int i);
+void set_column_compliance(machine::Stages& m, int i, double c);
+std::string column_name(const machine::Stages& m, int i);
+int column_count(const machine::Stages& m);
+bool column_turns(const machine::Stages& m, int i);
+
 /// Whether the column turns (rad/Nm) or slides or stretches (m/N).
 bool column_turns(const SerialArm& arm, int i) {
   return arm.dh[static_cast<std::size_t>(i)].kind == machine::JointKind::revolute;
@@ -140,6 +148,49 @@ bool column_turns(const machine::RotaryDelta& m, int i) {
 }
 bool column_turns(const machine::LinearDelta&, int) {
   return false;
+}
+
+Columns columns_of(const machine::Stages& m, const JointVector& q, const Pose* X_MT) {
+  const std::vector<machine::StagePose> stages = stage_poses(m, X_MT != nullptr ? *X_MT : machine::forward(m, q), q);
+  Columns out;
+  out.X_MT = stages.back().X_MB * stages.back().X;
+  out.J.resize(6, column_count(m));
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    const Columns own =
+        std::visit([&](const auto& stage) { return columns_of(stage, stages[k].q, &stages[k].X); }, m.machines[k]);
+    for (Eigen::Index i = 0; i < own.J.cols(); ++i) out.J.col(at++) = carried(stages[k], own.J.col(i), out.X_MT.p);
+  }
+  return out;
+}
+/// Calls ask(machine of the stage, number in it, number of the stage from 1) for a column of the whole.
+template <class M, class Ask>
+auto in_stage(M& m, int i, Ask&& ask) {
+  std::size_t k = 0;
+  const auto count = [&] { return std::visit([](const auto& stage) { return column_count(stage); }, m.machines[k]); };
+  for (; k + 1 < m.machines.size() && i >= count(); ++k) i -= count();
+  return std::visit([&](auto& stage) { return ask(stage, i, k + 1); }, m.machines[k]);
+}
+double column_compliance(const machine::Stages& m, int i) {
+  return in_stage(m, i, [](const auto& stage, int own, std::size_t) { return column_compliance(stage, own); });
+}
+void set_column_compliance(machine::Stages& m, int i, double c) {
+  in_stage(m, i, [&](auto& stage, int own, std::size_t) { set_column_compliance(stage, own, c); });
+}
+std::string column_name(const machine::Stages& m, int i) {
+  return in_stage(m, i, [](const auto& stage, int own, std::size_t k) {
+    return fmt::format("stage {} {}", k, column_name(stage, own));
+  });
+}
+bool column_turns(const machine::Stages& m, int i) {
+  return in_stage(m, i, [](const auto& stage, int own, std::size_t) { return column_turns(stage, own); });
+}
+int column_count(const machine::Stages& m) {
+  int n = 0;
+  for (const AnyMachine& machine : m.machines) {
+    n += std::visit([](const auto& stage) { return column_count(stage); }, machine);
+  }
+  return n;
 }
 
 Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {

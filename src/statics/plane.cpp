@@ -3,99 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <concepts>
-#include <limits>
 
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/reach.hpp"
 
 namespace polypod::statics {
 namespace {
-
-/// A box in M that holds every point that the tool tip could reach by the lengths of the machine alone.
-struct Box {
-  Vec3 low, high;
-};
-
-Box span_of(const machine::SerialArm& arm) {
-  double reach = arm.X_FT.p.norm();
-  for (const machine::DhRow& row : arm.dh) {
-    reach += std::abs(row.a) + std::abs(row.d);
-    if (row.kind != machine::JointKind::prismatic) continue;
-    const auto [low, high] = row.locked ? machine::JointRange{*row.locked, *row.locked} : row.range;
-    reach += std::max(std::abs(low), std::abs(high));
-  }
-  return {arm.X_MB.p - Vec3::Constant(reach), arm.X_MB.p + Vec3::Constant(reach)};
-}
-
-/// Round the feet of the legs: a leg, then the way from its joint on the platform to the tip.
-Box span_of(const machine::SixPoints& feet, const machine::SixPoints& platform, double tool, double leg) {
-  double lever = 0;
-  Box box{feet[0], feet[0]};
-  for (int i = 0; i < machine::kLegs; ++i) {
-    lever = std::max(lever, platform[i].norm() + std::abs(tool));
-    box.low = box.low.cwiseMin(feet[i]);
-    box.high = box.high.cwiseMax(feet[i]);
-  }
-  return {box.low - Vec3::Constant(leg + lever), box.high + Vec3::Constant(leg + lever)};
-}
-Box span_of(const machine::StrutHexapod& m) {
-  return span_of(m.base_joint, m.platform_joint, m.tool_length, m.length_max);
-}
-Box span_of(const machine::SliderHexapod& m) {
-  const Box a = span_of(m.rail_outer, m.platform_joint, m.tool_length, m.longest_leg());
-  const Box b = span_of(m.rail_inner, m.platform_joint, m.tool_length, m.longest_leg());
-  return {a.low.cwiseMin(b.low), a.high.cwiseMax(b.high)};
-}
-
-/// Round home: no chain reaches farther than arm (or rail) and rod.
-template <class M>
-requires std::derived_from<M, machine::Delta> Box span_of(const M& m) {
-  double reach = 0;
-  for (int i = 0; i < m.arms; ++i) {
-    double chain = 2 * m.rod_length[i];
-    if constexpr (std::is_same_v<M, machine::RotaryDelta>) {
-      chain += 2 * m.arm_length[i];
-    } else {
-      chain += m.range.max;
-    }
-    reach = std::max(reach, chain);
-  }
-  return {m.home - Vec3::Constant(reach), m.home + Vec3::Constant(reach)};
-}
-
-/// Round what the legs are fixed to: the way of the drive, the leg, and from its end to the tip.
-Box span_of(const machine::Parallel& m) {
-  Box box{Vec3::Constant(std::numeric_limits<double>::infinity()),
-          Vec3::Constant(-std::numeric_limits<double>::infinity())};
-  for (const machine::ParallelLeg& leg : m.legs) {
-    const double lever =
-        leg.ring ? (leg.ring->center - m.tool).norm() + leg.ring->radius : (leg.platform - m.tool).norm();
-    const double leg_length = leg.drive == machine::LegDrive::strut ? leg.range.max : leg.rod + leg.arm;
-    std::array<Vec3, 2> ends{leg.base, leg.base};
-    if (leg.drive == machine::LegDrive::rail) {
-      ends = {leg.base + leg.range.min * leg.rail, leg.base + leg.range.max * leg.rail};
-    }
-    for (const Vec3& end : ends) {
-      box.low = box.low.cwiseMin(end - Vec3::Constant(leg_length + lever));
-      box.high = box.high.cwiseMax(end + Vec3::Constant(leg_length + lever));
-    }
-  }
-  return box;
-}
-
-Vec3 middle_of(const machine::Parallel& m) {
-  return m.home.p;
-}
-Vec3 middle_of(const machine::SerialArm&) {
-  return Vec3::Zero();
-}
-Vec3 middle_of(const machine::Delta& m) {
-  return m.home;
-}
-template <class Hexapod>
-requires(!std::derived_from<Hexapod, machine::Delta>) Vec3 middle_of(const Hexapod& m) {
-  return {0, 0, m.home.height + m.tool_length};
-}
 
 /// The reached points of a grid of n x n over `in`, and one step more on each side.
 std::optional<Rectangle> scan(Probe& probe, Plane plane, double at, const Rectangle& in, int n) {
@@ -155,12 +68,8 @@ PlaneGrid plane_grid(Plane plane, double at, const Rectangle& rectangle, int col
   return grid;
 }
 
-Vec3 middle_of_work(const AnyMachine& machine) {
-  return std::visit([](const auto& m) { return middle_of(m); }, machine);
-}
-
 std::optional<Rectangle> reached_rectangle(const AnyMachine& machine, Plane plane, double at, const Mat3& R_MT) {
-  const Box box = std::visit([](const auto& m) { return span_of(m); }, machine);
+  const kinematics::Reach box = kinematics::reach(machine);
   const PlaneAxes axes = axes_of(plane);
   if (!(box.low[axes.normal] <= at && at <= box.high[axes.normal])) return std::nullopt;
   const Rectangle all{{box.low[axes.u], box.high[axes.u]}, {box.low[axes.v], box.high[axes.v]}};

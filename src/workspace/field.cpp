@@ -109,7 +109,7 @@ std::string limit_label(const AnyMachine& machine, int limit) {
 
 std::string limit_kind(const AnyMachine& machine, int limit) {
   std::string name = limit_label(machine, limit);
-  if (std::holds_alternative<machine::SerialArm>(machine)) return name;
+  if (kinematics::takes_any_posture(machine)) return name;
   // The legs are equal but for their numbers: " 3" and " 3 and 4" go.
   std::string out;
   for (std::size_t i = 0; i < name.size();) {
@@ -214,9 +214,15 @@ Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& opt
   coarse.progress = nullptr;
   coarse.relative_tolerance = 0.02;
   coarse.max_cells = 100'000;
-  POLYPOD_ASSIGN(v, volume(machine, coarse));
+  Volume v;
+  v.upper = std::numeric_limits<double>::infinity();
   enum : std::uint8_t { kOut, kIn, kOpen };
-  std::vector<std::uint8_t> state(grid.size(), kOut);
+  std::vector<std::uint8_t> state(grid.size(), kOpen);
+  if (has_bounds(machine)) {
+    POLYPOD_ASSIGN(proven, volume(machine, coarse));
+    v = std::move(proven);
+    std::fill(state.begin(), state.end(), kOut);
+  }
   for (const Cell& cell : v.cells) {
     std::array<int, 3> first{}, last{};
     for (int k = 0; k < 3; ++k) {

@@ -17,7 +17,6 @@
 namespace polypod::workspace {
 namespace {
 
-using machine::HexapodLimits;
 using machine::kLegs;
 
 /// What a branch that does not exist here says of its other limits.
@@ -29,6 +28,19 @@ struct Slot {
   double scale = 1;
 };
 
+/// The limits that are heeded and given.
+template <class M>
+std::vector<Slot> slots_of(const M& m, const Options& options) {
+  std::vector<Slot> out;
+  const machine::LimitTable table = limit_table(m);
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    if ((options.limits >> i & 1U) == 0 || !table[i].given || (table[i].between_bodies && !options.interference))
+      continue;
+    out.push_back({static_cast<int>(i), table[i].scale});
+  }
+  return out;
+}
+
 /// The limits of a family at one pose, branch by branch. Each has `slots`, `kBranches`, and
 /// `values(X, out)`, out[branch * slots.size() + slot].
 template <class Hexapod>
@@ -37,22 +49,9 @@ class HexapodJudge {
   static constexpr int kBranches = 1;
   std::vector<Slot> slots;
 
-  HexapodJudge(const Hexapod& m, const Options& options) : m_(m), p_(kinematics::nominal_parameters(m)) {
-    constexpr bool kSlider = requires {
-      m.rail_length;
-    };
-    double length = 0;
-    if constexpr (kSlider) {
-      length = m.leg_length;
-    } else {
-      length = 0.5 * (m.length_min + m.length_max);
-    }
-    for (int i = 0; i < HexapodLimits::kCount; ++i) {
-      if ((options.limits >> i & 1U) == 0 || !is_given(i, options)) continue;
-      const bool of_joint = i >= HexapodLimits::kBaseJoint && i < HexapodLimits::kLegPair;
-      slots.push_back({i, of_joint ? length : 1.0});
-    }
-    if constexpr (kSlider) slots.push_back({kOutOfReach, 1});
+  HexapodJudge(const Hexapod& m, const Options& options)
+      : slots(slots_of(m, options)), m_(m), p_(kinematics::nominal_parameters(m)) {
+    if constexpr (requires { m.rail_length; }) slots.push_back({kOutOfReach, 1});
   }
 
   /// Limits of hexapods have no holes between the samples.
@@ -82,19 +81,6 @@ class HexapodJudge {
   }
 
  private:
-  /// Whether the machine has this limit at all.
-  [[nodiscard]] bool is_given(int limit, const Options& options) const {
-    using L = HexapodLimits;
-    if (limit >= L::kHigh) return std::isfinite(m_.high[limit - L::kHigh]);
-    if (limit >= L::kLow) return std::isfinite(m_.low[limit - L::kLow]);
-    if (limit >= L::kBasePlane) {
-      if constexpr (requires { m_.base_check; }) return m_.base_check;
-      return false;
-    }
-    if (limit >= L::kLegPair) return options.interference && m_.leg_diameter > 0;
-    return limit < L::kBaseJoint || m_.joint.kind != machine::JointLimitKind::none;
-  }
-
   const Hexapod& m_;
   std::vector<double> p_;
 };
@@ -176,13 +162,10 @@ class DeltaJudge {
   std::vector<Slot> slots;
 
   DeltaJudge(const M& m, const Options& options)
-      : m_(m), singular_(options.singular_distance), p_(kinematics::nominal_parameters(m)) {
-    using L = machine::DeltaLimits;
-    const double angle = std::is_same_v<M, machine::RotaryDelta> ? m.rod_length[0] : 1.0;
-    for (int i = 0; i < L::kCount; ++i) {
-      if ((options.limits >> i & 1U) == 0 || (i >= L::kFirstBody && !options.interference)) continue;
-      slots.push_back({i, i < L::kSide ? angle : 1.0});
-    }
+      : slots(slots_of(m, options)),
+        m_(m),
+        singular_(options.singular_distance),
+        p_(kinematics::nominal_parameters(m)) {
     slots.push_back({kOutOfReach, 1});
     if (singular_ > 0) slots.push_back({kNearSingular, 1});
   }
@@ -226,15 +209,8 @@ class ParallelJudge {
   static constexpr int kBranches = 1;
   std::vector<Slot> slots;
 
-  ParallelJudge(const machine::Parallel& m, const Options& options) : m_(m), p_(kinematics::nominal_parameters(m)) {
-    const int n = joint_count(m);
-    for (int i = 0; i < 2 * n + 6; ++i) {
-      if ((options.limits >> i & 1U) == 0) continue;
-      const int tip = i - 2 * n;
-      if (tip >= 0 && !std::isfinite(tip < 3 ? m.low[tip] : m.high[tip - 3])) continue;
-      const bool crank = tip < 0 && driven_leg(m, i / 2).drive == machine::LegDrive::crank;
-      slots.push_back({i, crank ? driven_leg(m, i / 2).arm : 1.0});
-    }
+  ParallelJudge(const machine::Parallel& m, const Options& options)
+      : slots(slots_of(m, options)), m_(m), p_(kinematics::nominal_parameters(m)) {
     slots.push_back({kOutOfReach, 1});
   }
   [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
@@ -261,6 +237,54 @@ class ParallelJudge {
 
  private:
   const machine::Parallel& m_;
+  std::vector<double> p_;
+};
+
+/// Machines whose inverse is a search: the best of the solutions that it finds.
+template <class M>
+class SearchJudge {
+ public:
+  static constexpr int kBranches = 1;
+  std::vector<Slot> slots;
+
+  SearchJudge(const M& m, const Options& options)
+      : slots(slots_of(m, options)), m_(m), p_(kinematics::nominal_parameters(m)) {
+    slots.push_back({kOutOfReach, 1});
+  }
+  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
+
+  void values(const Pose& target, double* out) const {
+    std::vector<double> best;
+    double least = -std::numeric_limits<double>::infinity();
+    for (const kinematics::Solution& s : inverse(m_, target).solutions) {
+      Pose X;
+      if constexpr (requires { settled(m_, target, s.joints); }) {
+        X = settled(m_, target, s.joints);
+      } else {
+        X = forward(m_, s.joints);
+      }
+      std::vector<double> g = limits(m_, X, joints(s.joints), std::span<const double>(p_));
+      double here = std::numeric_limits<double>::infinity();
+      for (const Slot& slot : slots)
+        if (slot.limit != kOutOfReach) here = std::min(here, g[static_cast<std::size_t>(slot.limit)]);
+      if (here <= least) continue;
+      least = here;
+      best = std::move(g);
+    }
+    for (const Slot& slot : slots) {
+      const double reach = best.empty() ? -kUnknown : kUnknown;
+      *out++ = slot.limit == kOutOfReach ? reach
+               : best.empty()            ? kUnknown
+                                         : slot.scale * best[static_cast<std::size_t>(slot.limit)];
+    }
+  }
+
+ private:
+  static std::span<const double> joints(const machine::JointVector& q) {
+    return {q.data(), static_cast<std::size_t>(q.size())};
+  }
+
+  const M& m_;
   std::vector<double> p_;
 };
 
@@ -465,8 +489,17 @@ class JudgeOf final : public PointJudge {
 
 Result<std::unique_ptr<PointJudge>> judge_for(const machine::SerialArm& arm, const Options& options,
                                               const FieldOptions& field_options) {
-  POLYPOD_ASSIGN(closed, machine::WristInverse::of(arm));
-  return std::make_unique<JudgeOf<ArmJudge>>(ArmJudge(closed, options.limits), options, field_options);
+  const auto closed = machine::WristInverse::of(arm);
+  if (!closed) {
+    return std::make_unique<JudgeOf<SearchJudge<machine::SerialArm>>>(SearchJudge<machine::SerialArm>(arm, options),
+                                                                      options, field_options);
+  }
+  return std::make_unique<JudgeOf<ArmJudge>>(ArmJudge(*closed, options.limits), options, field_options);
+}
+Result<std::unique_ptr<PointJudge>> judge_for(const machine::Stages& m, const Options& options,
+                                              const FieldOptions& field_options) {
+  return std::make_unique<JudgeOf<SearchJudge<machine::Stages>>>(SearchJudge<machine::Stages>(m, options), options,
+                                                                 field_options);
 }
 Result<std::unique_ptr<PointJudge>> judge_for(const machine::Parallel& m, const Options& options,
                                               const FieldOptions& field_options) {
@@ -500,7 +533,7 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
   probe.keep_cells = false;
   probe.bounds_tolerance = 0;
   probe.progress = nullptr;
-  POLYPOD_TRY(volume(machine, probe));
+  if (has_bounds(machine)) POLYPOD_TRY(volume(machine, probe));
   if (auto delta = judge_of_delta(machine, options, field_options)) return delta;
   return std::visit(
       [&]<class M>(const M& m) -> Result<std::unique_ptr<PointJudge>> {

@@ -2,6 +2,7 @@
 #include "polypod/workspace/volume.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <tbb/task_arena.h>
 
 #include "../families/parallel/bounds.hpp"
@@ -46,6 +47,11 @@ Status check(const AnyMachine& machine, const Options& options) {
   return {};
 }
 
+tl::unexpected<Error> no_bounds(const std::string& name) {
+  return fail("WS102", fmt::format("{}: its inverse is a search, so nothing can be proven of its workspace", name), {},
+              "`polypod workspace` without --contains and --largest takes a sample");
+}
+
 /// Calls ask(limits) with what the family knows of its limits.
 template <class Ask>
 auto with_limits(const machine::StrutHexapod& m, const Options& options, Ask&& ask) {
@@ -59,11 +65,12 @@ template <class Ask>
 auto with_limits(const machine::SerialArm& arm, const Options& options, Ask&& ask)
     -> decltype(ask(ArmLimits({}, LimitBits{}))) {
   const auto closed = machine::WristInverse::of(arm);
-  if (!closed) {
-    return fail("WS102", fmt::format("{}: no bounds for an arm without a closed inverse ({})", arm.name,
-                                     closed.error().message));
-  }
+  if (!closed) return no_bounds(arm.name);
   return ask(ArmLimits(closed->form(), options.limits));
+}
+template <class Ask>
+auto with_limits(const machine::Stages& m, const Options&, Ask&& ask) -> decltype(ask(ArmLimits({}, LimitBits{}))) {
+  return no_bounds(m.name);
 }
 template <class Ask>
 auto with_limits(const machine::Parallel& m, const Options& options, Ask&& ask)
@@ -97,92 +104,56 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) -> decltype(ask(
   return ask(DeltaBounds<M>(m, options));
 }
 
-/// `first` up to but without `end`.
-LimitBits bits_between(int first, int end) {
-  return ((LimitBits{1} << (end - first)) - 1) << first;
-}
-
-/// The limits of a delta by name; 0 for an unknown one.
-LimitBits delta_bits(const std::string& name) {
-  using L = machine::DeltaLimits;
-  if (name == "drive") return bits_between(L::kMin, L::kSide);
-  if (name == "joint") return bits_between(L::kSide, L::kLow);
-  if (name == "coordinates") return bits_between(L::kLow, L::kMode);
-  if (name == "mode") return bits_between(L::kMode, L::kTable);
-  if (name == "table") return bits_between(L::kTable, L::kRods);
-  if (name == "rods") return bits_between(L::kRods, L::kBase);
-  if (name == "base") return bits_between(L::kBase, L::kCount);
-  return 0;
-}
-
 }  // namespace
 
 LimitBits interference_bits(const AnyMachine& machine) {
-  if (std::holds_alternative<machine::Parallel>(machine)) return 0;
-  if (std::holds_alternative<machine::SerialArm>(machine)) return 0;
-  if (is_delta(machine)) return bits_between(machine::DeltaLimits::kFirstBody, machine::DeltaLimits::kCount);
   LimitBits bits = 0;
-  for (int i = machine::HexapodLimits::kLegPair; i < machine::HexapodLimits::kBasePlane; ++i) bits |= LimitBits{1} << i;
+  const machine::LimitTable table = kinematics::limit_table(machine);
+  for (std::size_t i = 0; i < table.size(); ++i)
+    if (table[i].between_bodies) bits |= LimitBits{1} << i;
   return bits;
 }
 
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names) {
-  const bool serial = std::holds_alternative<machine::SerialArm>(machine);
-  using machine::HexapodLimits;
+  const machine::LimitTable table = kinematics::limit_table(machine);
+  // "joint" is base-joint and platform-joint; "length" of struts and "drive" of any leg are one.
+  const auto is_called = [](const std::string& group, const std::string& name) {
+    return group == name || group.ends_with("-" + name) || (group == "drive" && name == "length");
+  };
   LimitBits bits = 0;
   for (std::size_t start = 0; start < names.size();) {
     const std::size_t comma = std::min(names.find(',', start), names.size());
     const std::string name = names.substr(start, comma - start);
     start = comma + 1;
-    if (const auto* parallel = std::get_if<machine::Parallel>(&machine)) {
-      const int n = joint_count(*parallel);
-      if (name == "length" || name == "drive") {
-        bits |= bits_between(0, 2 * n);
-      } else if (name == "coordinates") {
-        bits |= bits_between(2 * n, 2 * n + 6);
-      } else {
-        return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
-                    "limits: drive (or length), coordinates");
-      }
-    } else if (serial) {
-      int joint = 0;
-      for (const char c : name) joint = c >= '0' && c <= '9' && joint < 100 ? 10 * joint + (c - '0') : 1000;
-      if (joint < 1 || joint > kinematics::joint_count(machine)) {
-        return fail("WS103", fmt::format("there is no joint \"{}\" to switch off", name), {},
-                    fmt::format("free joints are 1 to {}", kinematics::joint_count(machine)));
-      }
-      bits |= bits_between(2 * joint - 2, 2 * joint);
-    } else if (is_delta(machine)) {
-      const LimitBits named = delta_bits(name);
-      if (named == 0) {
-        return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
-                    "limits: drive, joint, coordinates, mode, table, rods, base");
-      }
-      bits |= named;
-    } else if (name == "length") {
-      bits |= bits_between(0, HexapodLimits::kBaseJoint);
-    } else if (name == "base-joint") {
-      bits |= bits_between(HexapodLimits::kBaseJoint, HexapodLimits::kPlatformJoint);
-    } else if (name == "platform-joint") {
-      bits |= bits_between(HexapodLimits::kPlatformJoint, HexapodLimits::kLegPair);
-    } else if (name == "joint") {
-      bits |= bits_between(HexapodLimits::kBaseJoint, HexapodLimits::kLegPair);
-    } else if (name == "legs") {
-      bits |= bits_between(HexapodLimits::kLegPair, HexapodLimits::kBasePlane);
-    } else if (name == "base") {
-      bits |= bits_between(HexapodLimits::kBasePlane, HexapodLimits::kLow);
-    } else if (name == "coordinates") {
-      bits |= bits_between(HexapodLimits::kLow, HexapodLimits::kCount);
-    } else {
+    LimitBits named = 0;
+    for (std::size_t i = 0; i < table.size(); ++i)
+      if (is_called(table[i].group, name)) named |= LimitBits{1} << i;
+    if (named == 0) {
+      std::vector<std::string> groups;
+      for (const machine::LimitInfo& limit : table)
+        if (std::find(groups.begin(), groups.end(), limit.group) == groups.end()) groups.push_back(limit.group);
       return fail("WS103", fmt::format("there is no limit \"{}\" to switch off", name), {},
-                  "limits: length, base-joint, platform-joint, joint, legs, base, coordinates");
+                  fmt::format("limits: {}", fmt::join(groups, ", ")));
     }
+    bits |= named;
   }
   return bits;
 }
 
+bool has_bounds(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        if constexpr (requires { machine::WristInverse::of(m); }) return machine::WristInverse::of(m).has_value();
+        return !requires {
+          m.kAnyPosture;
+        };
+      },
+      machine);
+}
+
 Result<Volume> volume(const AnyMachine& machine, const Options& options) {
   POLYPOD_TRY(check(machine, options));
+  if (!has_bounds(machine)) return sampled_volume(machine, options);
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
@@ -230,8 +201,8 @@ bool reaches_samples(const AnyMachine& machine, const Options& options, const st
   const LimitBits heeded = options.interference ? options.limits : options.limits & ~interference_bits(machine);
   return std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
     const auto result = kinematics::inverse(machine, Pose{R, p});
-    // Only the first choice of a slider counts, as the source takes it; any branch of an arm.
-    if (std::holds_alternative<machine::SerialArm>(machine)) {
+    // Only the first choice of a slider counts, as the source takes it; any posture of a chain.
+    if (kinematics::takes_any_posture(machine)) {
       return std::any_of(result.solutions.begin(), result.solutions.end(),
                          [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
     }

@@ -69,11 +69,15 @@ class Table {
   /// way that are not there are made where `create` says so. False if the way does not exist.
   bool replace(std::string_view path, double value, bool create = false);
 
+  /// Puts a table in the place of the text at a path of the same kind. False if there is none.
+  bool put(std::string_view path, const Table& table);
+
   /// Fails if a key of this table was never asked for (CF103).
   [[nodiscard]] Status finish() const;
 
  private:
   const Value* find(std::string_view key) const;
+  bool replace_value(std::string_view path, const Value& value, bool create);
   tl::unexpected<Error> missing(std::string_view key) const;
 
   std::map<std::string, Value> values_;

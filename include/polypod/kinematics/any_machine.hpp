@@ -22,12 +22,16 @@ Task task(const AnyMachine& machine);
 inline bool is_serial(const AnyMachine& machine) {
   return std::holds_alternative<machine::SerialArm>(machine);
 }
+/// Whether a pose counts as reached in any posture (chains), or in the machine's own alone (parallel machines).
+bool takes_any_posture(const AnyMachine& machine);
 /// The tool tip's pose at home, of machines that have one.
 std::optional<Pose> home_pose(const AnyMachine& machine);
 /// The number of coordinates of the task, or of joints if that is less.
 int degrees_of_freedom(const AnyMachine& machine);
 std::vector<Parameter> parameters(const AnyMachine& machine);
 std::string limit_name(const AnyMachine& machine, int limit);
+/// What each limit is, in the order of `limits`.
+machine::LimitTable limit_table(const AnyMachine& machine);
 /// The names of the set bits.
 std::vector<std::string> limit_names(const AnyMachine& machine, LimitBits bits);
 

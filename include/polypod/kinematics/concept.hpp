@@ -37,6 +37,9 @@ using Dual = ceres::Jet<double, 6>;
 /// 64).
 /// - `limit_name(m, i)`: what stops the machine where g_i < 0.
 ///
+/// Families of machine files say more of their limits by `limit_table(m)`: groups that can be switched off, scales,
+/// which are given.
+///
 /// From these alone follow forward and inverse kinematics (Newton), both Jacobians, errors, compliance and violated
 /// limits (closure.hpp). A family may add closed forms for speed and branches.
 template <class M>

@@ -248,6 +248,9 @@ requires DeltaFamily<M> std::vector<T> limits(const M& m, const PoseT<T>& X_MT, 
 /// "arm 2 below its smallest angle", "carriage 1 beyond the end of its rail", "rods 1 and 2 collide", ...
 std::string limit_name(const RotaryDelta& m, int limit);
 std::string limit_name(const LinearDelta& m, int limit);
+/// Groups drive, joint, coordinates, mode, table, rods, base. A fourth arm that is not there has no limits.
+LimitTable limit_table(const RotaryDelta& m);
+LimitTable limit_table(const LinearDelta& m);
 
 Pose home_pose(const Delta& m);
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "polypod/families/parallel/kinematics.hpp"
+#include "polypod/families/stages/kinematics.hpp"
 #include "polypod/kinematics/delta.hpp"
 #include "polypod/kinematics/serial_arm.hpp"
 #include "polypod/kinematics/slider_hexapod.hpp"

@@ -27,6 +27,9 @@ struct HexapodLimits {
 };
 /// "legs 2 and 5 collide" and the others that both families share.
 std::string hexapod_limit_name(int limit);
+/// Groups length, base-joint, platform-joint, legs, base, coordinates. `leg` is the length that angles of joints count
+/// on.
+LimitTable hexapod_limit_table(const TipLimits& tip, double leg, bool joints, bool legs, bool base);
 
 namespace hexapod_detail {
 

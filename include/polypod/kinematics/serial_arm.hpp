@@ -89,6 +89,8 @@ std::vector<T> limits(const SerialArm& arm, const PoseT<T>&, std::span<const T> 
 
 /// "joint 2 below its minimum", ...
 std::string limit_name(const SerialArm& arm, int limit);
+/// Two a free joint, whose number is the group. Angles count on the sum of all lengths.
+LimitTable limit_table(const SerialArm& arm);
 
 /// X_MT of the free joints q. One solution always. Cost: about 0.1 us for five joints.
 Pose forward(const SerialArm& arm, const JointVector& q);

@@ -94,6 +94,7 @@ std::vector<T> limits(const SliderHexapod& m, const PoseT<T>& X_MT, std::span<co
 
 /// "slider 2 beyond the outer end of its rail", ...
 std::string limit_name(const SliderHexapod& m, int limit);
+LimitTable limit_table(const SliderHexapod& m);
 
 Pose home_pose(const SliderHexapod& m);
 

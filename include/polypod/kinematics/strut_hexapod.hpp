@@ -79,6 +79,7 @@ std::vector<T> limits(const StrutHexapod& m, const PoseT<T>& X_MT, std::span<con
 
 /// "strut 2 below its minimum length", "base joint 3 beyond its limit", "legs 1 and 2 collide", ...
 std::string limit_name(const StrutHexapod& m, int limit);
+LimitTable limit_table(const StrutHexapod& m);
 
 /// X_MT at home: platform parallel to the base over its origin.
 Pose home_pose(const StrutHexapod& m);

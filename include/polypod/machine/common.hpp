@@ -2,6 +2,7 @@
 // What every family of machines is described with.
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <string>
@@ -35,6 +36,16 @@ struct Parameter {
   std::string unit;
 };
 
+/// What a limit of a machine is, in the order of `limits(m, ...)`.
+struct LimitInfo {
+  std::string group;            ///< what `--without` calls it: "length", "base-joint", "coordinates", ...
+  double scale = 1;             ///< its value times this is in m: 1 for lengths, a lever for angles and cosines
+  bool given = true;            ///< the machine has it at all; else its value is constant and above 0
+  bool between_bodies = false;  ///< whether bodies touch: heeded only where interference is asked for
+  bool holds_reach = false;     ///< the range of a drive without which the machine would have no end
+};
+using LimitTable = std::vector<LimitInfo>;
+
 /// Where the numbers of a machine come from: key of the file -> source.
 using Provenance = std::map<std::string, std::string>;
 
@@ -43,6 +54,12 @@ struct TipLimits {
   Vec3 low = Vec3::Constant(-std::numeric_limits<double>::infinity());
   Vec3 high = Vec3::Constant(std::numeric_limits<double>::infinity());
 };
+
+/// Adds the six limits of the tool tip to a table, those below the least values first.
+inline void push_tip_limits(LimitTable& out, const TipLimits& tip) {
+  for (int k = 0; k < 3; ++k) out.push_back({"coordinates", 1, std::isfinite(tip.low[k])});
+  for (int k = 0; k < 3; ++k) out.push_back({"coordinates", 1, std::isfinite(tip.high[k])});
+}
 
 /// The range of a joint, rad or m.
 struct JointRange {

@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "polypod/families/parallel/machine.hpp"
+#include "polypod/families/stages/machine.hpp"
 #include "polypod/machine/linear_delta.hpp"
 #include "polypod/machine/rotary_delta.hpp"
 #include "polypod/machine/serial_arm.hpp"
@@ -22,6 +23,6 @@ struct FamilyList {
 };
 
 /// Each has `kFamily`, its name in files, and `from(table)`, its reader.
-using Families = FamilyList<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta, Parallel>;
+using Families = FamilyList<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta, Parallel, Stages>;
 
 }  // namespace polypod::machine

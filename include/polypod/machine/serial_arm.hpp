@@ -33,6 +33,8 @@ struct DhRow {
 /// A serial arm: X_MT(q) = X_MB A_1(q_1) ... A_n(q_n) X_FT.
 struct SerialArm {
   static constexpr std::string_view kFamily = "serial";
+  /// A pose may be taken in any posture that keeps the limits; a parallel machine keeps to its own.
+  static constexpr bool kAnyPosture = true;
 
   std::string name;
   std::string description;

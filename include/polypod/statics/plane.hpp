@@ -31,10 +31,6 @@ struct Rectangle {
 /// The grid of columns x rows points over a rectangle of the plane whose third coordinate is `at` (m).
 PlaneGrid plane_grid(Plane plane, double at, const Rectangle& rectangle, int columns, int rows);
 
-/// The point through which a plane is laid where nobody says another: the tool tip of a hexapod at home, the origin of
-/// M for a serial arm (which its file puts where the work is). m, in M.
-Vec3 middle_of_work(const AnyMachine& machine);
-
 /// A rectangle with round sides that holds what the tool tip reaches of the plane in the orientation R_MT with all
 /// limits kept; nothing where it reaches no point of the plane. Found by two scans, a coarse one of all that the
 /// lengths of the machine allow and a fine one of what that found: a region narrower than 1/80 of the machine's span

@@ -83,8 +83,12 @@ struct Reached {
   Vec3 min = Vec3::Zero(), max = Vec3::Zero();
 };
 
-/// A workspace's volume between proven bounds.
+/// A workspace's volume between proven bounds, or what a sample says of it.
 struct Volume {
+  /// False for a machine whose inverse is a search: `lower` and `upper` are then the ends of the 95 % confidence
+  /// interval of the sample, `min` and `max` the box that it found widened by one cell of its grid, `points` the number
+  /// of points, and nothing is certain but that the points of `reached` were reached.
+  bool proven = true;
   double volume = 0;        ///< m^3, the middle of the bounds
   double lower = 0;         ///< m^3
   double upper = 0;         ///< m^3
@@ -117,15 +121,29 @@ struct Volume {
 /// on the rail, direction by direction. Serial arms: the closed wrist inverse on interval derivatives; a point counts
 /// where for each direction some branch keeps the limits.
 ///
+/// Machines whose inverse is a search (arms without a closed one, stages): sampled_volume(), which proves nothing.
+///
 /// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
-/// Errors: WS100 (directions out of range), WS101 (tolerance), WS102 (a machine without a closed inverse), WS110
+/// Errors: WS100 (directions out of range), WS101 (tolerance), WS110
 /// (cancelled), WS104 (a delta asked to tilt), WS105 (a distance from singular poses for another family). Cost: JEL
 /// Table 8.2 at 20 deg to 1 % about a second, at tilt 0 to 0.1 % a tenth of that.
 Result<Volume> volume(const AnyMachine& machine, const Options& options);
 
-/// The bits of a comma-separated list of limits. Hexapods: `length` (struts or rails), `base-joint`, `platform-joint`,
-/// `joint` (both), `legs`, `base` (leg against base), `coordinates` (of the tool tip). Serial arms: numbers of free
-/// joints. Error: WS103.
+/// The volume from a sample, for machines without bounds. In each cell of a cubic grid over the box that an earlier,
+/// coarser grid found to be reached stand two points, each at random in the cell; the share of them that the inverse
+/// reaches in all of sampled_orientations() gives the volume V = sum of cells times shares, and the differences within
+/// the cells its standard error s = cell sqrt(sum (x_1 - x_2)^2) / 2. The grid becomes finer until 1.96 s is within half
+/// of the relative tolerance of V or 60 000 points were looked at (`converged` is false then). Where the inverse is a
+/// search, a pose that it does not find counts as not reached.
+/// The same result for any number of threads. Errors: those of volume(). Cost: one inverse a point and direction.
+Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options);
+
+/// Whether volume() proves its bounds for this machine.
+bool has_bounds(const AnyMachine& machine);
+
+/// The bits of a comma-separated list of groups of kinematics::limit_table. Hexapods: `length` (struts or rails),
+/// `base-joint`, `platform-joint`, `joint` (both), `legs`, `base` (leg against base), `coordinates` (of the tool tip).
+/// Serial arms: numbers of free joints; stages: their numbers. Error: WS103.
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names);
 
 /// The bits of the limits between legs.

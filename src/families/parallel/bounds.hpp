@@ -94,8 +94,8 @@ class ParallelLimits {
 
   /// How far the tip can be from where a leg begins, m.
   [[nodiscard]] double reach_of(const machine::ParallelLeg& leg) const {
-    const double lever =
-        leg.ring ? (leg.ring->center - m_.tool).norm() + leg.ring->radius : (leg.platform - m_.tool).norm();
+    const double lever = leg.ring ? (leg.ring->center - m_.tool).norm() + leg.ring->radius
+                                  : (leg.platform - m_.tool).norm() + leg.still.norm();
     return lever + (leg.drive == machine::LegDrive::strut ? leg.range.max : leg.rod + leg.arm);
   }
 
@@ -376,7 +376,7 @@ class ParallelLimits {
       return length_within(j, sqrt(square(off) + square(h)), leg, d, out);
     }
     Vector3<N> y = X.R * constant(leg.platform - m_.tool);
-    for (int k = 0; k < 3; ++k) y[k] = y[k] + X.p[k] - N(leg.base[k]);
+    for (int k = 0; k < 3; ++k) y[k] = y[k] + X.p[k] + N(leg.still[k] - leg.base[k]);
     const N length2 = square(y[0]) + square(y[1]) + square(y[2]);
     if (leg.drive == machine::LegDrive::strut) return length_within(j, sqrt(length2), leg, d, out);
     return leg.drive == machine::LegDrive::rail ? on_rail(j, leg, y, length2, d, out)

@@ -62,7 +62,7 @@ Vec3 add_leg(Rows& rows, const Parallel& m, const ParallelLeg& leg, const Vec3& 
     rows.add(0.5 * scale * (off * off + on.h * on.h - l * l), G, u.cross(G));
     return -(X.R * g);
   }
-  const Vec3 arm = X.R * (leg.platform - m.tool), y = X.p + arm - anchor;
+  const Vec3 arm = X.R * (leg.platform - m.tool), y = X.p + arm + leg.still - anchor;
   rows.add(0.5 * scale * (y.squaredNorm() - l * l), scale * y, scale * arm.cross(y));
   return y;
 }
@@ -213,7 +213,7 @@ Vec3 leg_anchor(const ParallelLeg& leg, double q) {
 }
 
 Vec3 leg_end(const Parallel& m, const ParallelLeg& leg, const Pose& X) {
-  if (!leg.ring) return X * Vec3(leg.platform - m.tool);
+  if (!leg.ring) return X * Vec3(leg.platform - m.tool) + leg.still;
   const OnRing on = on_ring(m, *leg.ring, leg.base, X);
   const Vec3 out = on.rho > 0 ? Vec3(on.across / on.rho) : across(leg.ring->axis)[0];
   return X * Vec3(leg.ring->center - m.tool + leg.ring->radius * out);

@@ -127,6 +127,10 @@ Result<ParallelLeg> read_leg(const config::Table& table) {
   } else {
     POLYPOD_ASSIGN(platform, point(table, "platform_mm"));
     leg.platform = platform;
+    if (table.has("still_mm")) {
+      POLYPOD_ASSIGN(still, point(table, "still_mm"));
+      leg.still = still;
+    }
   }
   POLYPOD_TRY(read_range(table, leg));
   POLYPOD_ASSIGN(compliance, table.optional_number("compliance_um_per_N", 0, config::kNotNegative));
@@ -208,7 +212,8 @@ bool turns_idly(const Parallel& m) {
 void measure(Parallel& m) {
   double sum = 0;
   for (const ParallelLeg& leg : m.legs) {
-    sum += leg.ring ? (leg.ring->center - m.tool).norm() + leg.ring->radius : (leg.platform - m.tool).norm();
+    sum +=
+        leg.ring ? (leg.ring->center - m.tool).norm() + leg.ring->radius : (leg.platform - m.tool + leg.still).norm();
   }
   m.size = m.legs.empty() ? 0 : sum / static_cast<double>(m.legs.size());
   double longest = 0;
@@ -494,6 +499,7 @@ std::string leg_toml(const ParallelLeg& leg) {
                        list(leg.ring->axis, false), mm(leg.ring->radius));
   } else {
     out += fmt::format("platform_mm = {}\n", list(leg.platform, true));
+    if (!leg.still.isZero(0)) out += fmt::format("still_mm = {}\n", list(leg.still, true));
   }
   if (leg.driven()) {
     const auto user = [&](double x) { return turns ? number_toml(units::to_deg(x)) : mm(x); };

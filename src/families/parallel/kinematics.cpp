@@ -90,6 +90,17 @@ std::string branch_name(const Parallel& m, unsigned high) {
 
 }  // namespace
 
+LimitTable limit_table(const Parallel& m) {
+  LimitTable out;
+  for (int j = 0; j < joint_count(m); ++j) {
+    const ParallelLeg& leg = driven_leg(m, j);
+    const bool turns = leg.drive == LegDrive::crank;
+    out.insert(out.end(), 2, {"drive", turns ? leg.arm : 1.0, true, false, !turns});
+  }
+  push_tip_limits(out, m);
+  return out;
+}
+
 std::string limit_name(const Parallel& m, int limit) {
   const int n = joint_count(m);
   if (limit >= 2 * n) return hexapod_limit_name(HexapodLimits::kLow + limit - 2 * n);
@@ -214,7 +225,7 @@ std::optional<SixLegs> plain_six_legs(const Parallel& m, const JointVector& q) {
   int drive = 0;
   for (std::size_t i = 0; i < m.legs.size(); ++i) {
     const ParallelLeg& leg = m.legs[i];
-    if (leg.ring) return std::nullopt;
+    if (leg.ring || !leg.still.isZero(0)) return std::nullopt;
     const double reading = leg.driven() ? q[drive++] : 0.0;
     out.anchor[i] = leg_anchor(leg, reading);
     out.end[i] = leg.platform - m.tool;

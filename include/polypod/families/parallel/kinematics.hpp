@@ -92,7 +92,7 @@ T leg_equation(const ParallelLeg& leg, const PoseT<T>& X, const T& q, const Vect
     const T c = arm * cos(t), s = arm * sin(t);
     for (int k = 0; k < 3; ++k) anchor[k] = anchor[k] + c * zero[k] + s * side[k];
   }
-  const Vector3<T> y = Vector3<T>(X * end) - anchor;
+  const Vector3<T> y = Vector3<T>(X * end) + leg.still.cast<T>() - anchor;
   return half * (square(y[0]) + square(y[1]) + square(y[2]) - square(l));
 }
 
@@ -195,6 +195,8 @@ std::vector<T> limits(const Parallel& m, const PoseT<T>& X_MT, std::span<const T
 
 /// "leg 2 below its minimum", ...
 std::string limit_name(const Parallel& m, int limit);
+/// Groups drive (of struts also length) and coordinates. Angles of cranks count on the arm.
+LimitTable limit_table(const Parallel& m);
 
 /// Rules among the parameters: |v|^2 - 1 = 0 of every direction, and zero square to the axis of a crank.
 template <class T>

@@ -34,16 +34,19 @@ struct ParallelLeg {
   LegDrive drive = LegDrive::strut;
   Vec3 base = Vec3::Zero();      ///< in M, m
   Vec3 platform = Vec3::Zero();  ///< in P, m; with a ring unused
-  std::optional<LegRing> ring;   ///< struts and passive rods only
-  Vec3 rail = Vec3::UnitX();     ///< unit
-  Vec3 axis = Vec3::UnitY();     ///< unit, of the crank
-  Vec3 zero = Vec3::UnitZ();     ///< unit, square to the axis: where the arm points at q = 0
-  double arm = 0;                ///< m
-  double rod = 0;                ///< m; of struts the length less the reading, which a calibration finds
-  double zero_offset = 0;        ///< rad or m, rails and cranks: where the drive is less its reading
-  JointRange range;              ///< rad or m; of struts the range of the length
-  double compliance = 0;         ///< m/N along the line of the leg
-  double reference = 1;          ///< m, the length at home: what the leg's equation is divided by
+  /// From the joint to the end of the leg in M, m: a part of the platform that does not turn with it, as the two bars
+  /// of a Par4 platform that its arms hold parallel.
+  Vec3 still = Vec3::Zero();
+  std::optional<LegRing> ring;  ///< struts and passive rods only
+  Vec3 rail = Vec3::UnitX();    ///< unit
+  Vec3 axis = Vec3::UnitY();    ///< unit, of the crank
+  Vec3 zero = Vec3::UnitZ();    ///< unit, square to the axis: where the arm points at q = 0
+  double arm = 0;               ///< m
+  double rod = 0;               ///< m; of struts the length less the reading, which a calibration finds
+  double zero_offset = 0;       ///< rad or m, rails and cranks: where the drive is less its reading
+  JointRange range;             ///< rad or m; of struts the range of the length
+  double compliance = 0;        ///< m/N along the line of the leg
+  double reference = 1;         ///< m, the length at home: what the leg's equation is divided by
 
   [[nodiscard]] bool driven() const { return drive != LegDrive::none; }
   /// Whether a pose leaves the drive two positions.

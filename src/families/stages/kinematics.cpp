@@ -1,0 +1,405 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/families/stages/kinematics.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <numbers>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/families.hpp"
+
+namespace polypod::machine {
+namespace {
+
+using kinematics::InverseResult;
+using kinematics::Solution;
+
+constexpr double kCloses = 1e-9;  // m: a pose fits the joints
+
+/// The stage and its own number of a joint of the whole.
+struct Share {
+  std::size_t stage = 0;
+  int own = 0;
+};
+Share share_of(const Stages& m, int joint) {
+  std::size_t k = 0;
+  while (k + 1 < m.machines.size() && joint >= m.data[k].joints) joint -= m.data[k++].joints;
+  return {k, joint};
+}
+
+bool is_chain(const Stages& m, std::size_t k) {
+  return std::holds_alternative<SerialArm>(m.machines[k]);
+}
+
+double residual_of(const AnyMachine& machine, const Pose& X, const JointVector& q) {
+  return std::visit(
+      [&](const auto& m) {
+        const std::vector<double> p = kinematics::nominal_parameters(m);
+        return closure(m, X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())),
+                       std::span<const double>(p))
+            .cwiseAbs()
+            .maxCoeff();
+      },
+      machine);
+}
+
+/// The tool tip of stages that stand one behind the other.
+Pose tip_of(const Stages& m, const std::vector<StagePose>& stages) {
+  Pose X;
+  for (std::size_t k = 0; k < stages.size(); ++k) X = X * m.data[k].mount * stages[k].X;
+  return X;
+}
+
+void place(const Stages& m, std::vector<StagePose>& stages) {
+  Pose X;
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    stages[k].X_MB = X * m.data[k].mount;
+    X = stages[k].X_MB * stages[k].X;
+  }
+}
+
+JacobianMatrix columns_of(const Stages& m, const std::vector<StagePose>& stages, const Vec3& p_M) {
+  JacobianMatrix J(6, joint_count(m));
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    const JacobianMatrix own = kinematics::jacobian(m.machines[k], stages[k].X, stages[k].q);
+    for (Eigen::Index i = 0; i < own.cols(); ++i) J.col(at++) = carried(stages[k], own.col(i), p_M);
+  }
+  return J;
+}
+
+/// The solution of a stage's own inverse that is next to `last`.
+std::optional<JointVector> joints_near(const AnyMachine& machine, const Pose& X, const JointVector& last) {
+  const InverseResult found = kinematics::inverse(machine, X);
+  if (found.solutions.empty()) return std::nullopt;
+  if (last.size() == 0) return found.solutions.front().joints;
+  const auto near =
+      std::min_element(found.solutions.begin(), found.solutions.end(), [&](const Solution& a, const Solution& b) {
+        return (a.joints - last).cwiseAbs().maxCoeff() < (b.joints - last).cwiseAbs().maxCoeff();
+      });
+  return near->joints;
+}
+
+/// What the stages become by a step of all joints; empty where the closed stage does not reach.
+std::optional<std::vector<StagePose>> moved(const Stages& m, const std::vector<StagePose>& from,
+                                            const JointVector& step) {
+  std::vector<StagePose> out = from;
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const JointVector own = step.segment(at, m.data[k].joints);
+    at += m.data[k].joints;
+    if (is_chain(m, k)) {
+      out[k].q += own;
+      out[k].X = forward(std::get<SerialArm>(m.machines[k]), out[k].q);
+      continue;
+    }
+    const Vec6 twist = kinematics::jacobian(m.machines[k], out[k].X, out[k].q) * own;
+    Pose X = out[k].X;
+    X.p += twist.head<3>();
+    X.R = rotation_of(twist.tail<3>()) * X.R;
+    X = kinematics::settled(m.machines[k], X, out[k].q + own);
+    const auto q = joints_near(m.machines[k], X, out[k].q);
+    if (!q) return std::nullopt;
+    out[k].q = *q;
+    out[k].X = X;
+  }
+  place(m, out);
+  return out;
+}
+
+/// A turning joint in the turn that lies in its range.
+void into_range(const AnyMachine& machine, JointVector& q) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  for (int i = 0; i < static_cast<int>(q.size()); ++i) {
+    if (kinematics::joint_kind(machine, i) != JointKind::revolute) continue;
+    const JointRange range = kinematics::joint_range(machine, i);
+    const double middle = 0.5 * (range.min + range.max);
+    q[i] -= kTurn * std::round((q[i] - middle) / kTurn);
+  }
+}
+
+struct Search {
+  std::vector<StagePose> stages;
+  double error = std::numeric_limits<double>::infinity();
+  bool converged = false;
+};
+
+/// Levenberg and Marquardt's method from the given stages.
+Search search(const Stages& m, const Pose& target, std::vector<StagePose> stages) {
+  constexpr int kSteps = 60;
+  constexpr double kDone = 1e-12, kEnough = 1e-10, kMostDamping = 1e6;
+  place(m, stages);
+  const auto S = task_rows(m.task, target, 1.0);
+  const auto error = [&](const std::vector<StagePose>& at) {
+    return (S * pose_error(m.task, target, tip_of(m, at))).eval();
+  };
+  Search out;
+  double damping = 1e-3;
+  auto e = error(stages);
+  for (int k = 0; k < kSteps && e.norm() > kDone; ++k) {
+    const JacobianMatrix all = columns_of(m, stages, tip_of(m, stages).p);
+    const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, kMaxJoints> J = S * all;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> H = J * J.transpose();
+    H.diagonal().array() += damping * damping;
+    const JointVector step = J.transpose() * H.ldlt().solve(e);
+    const auto next = step.allFinite() ? moved(m, stages, step) : std::nullopt;
+    if (next) {
+      const auto e_next = error(*next);
+      if (e_next.norm() < e.norm()) {
+        stages = *next;
+        e = e_next;
+        damping = std::max(1e-9, 0.1 * damping);
+        continue;
+      }
+      if (e.norm() < kEnough) break;  // rounding
+    }
+    damping *= 4;
+    if (damping > kMostDamping) break;
+  }
+  out.error = e.norm();
+  out.converged = out.error < kEnough;
+  out.stages = std::move(stages);
+  return out;
+}
+
+std::vector<StagePose> at_home(const Stages& m) {
+  std::vector<StagePose> out(m.machines.size());
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    if (is_chain(m, k)) {
+      out[k].q = m.data[k].home;
+      out[k].X = forward(std::get<SerialArm>(m.machines[k]), out[k].q);
+    } else {
+      out[k].X = kinematics::home_pose(m.machines[k]).value_or(Pose{});
+      out[k].q = joints_near(m.machines[k], out[k].X, {}).value_or(JointVector::Zero(m.data[k].joints));
+    }
+  }
+  return out;
+}
+
+LimitBits violations_of(const Stages& m, const Pose& X, const JointVector& q) {
+  constexpr double kSlack = 1e-10;
+  const std::vector<double> p = kinematics::nominal_parameters(m);
+  std::vector<double> g =
+      limits(m, X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())), std::span<const double>(p));
+  for (double& value : g) value += kSlack;
+  return kinematics::violated(g);
+}
+
+/// Adds what a search found, with all solutions of the closed stage there.
+void add(const Stages& m, const Search& found, InverseResult& out) {
+  constexpr double kSame = 1e-6;
+  const Pose X = tip_of(m, found.stages);
+  std::vector<Solution> of_closed(1);
+  of_closed.front().joints = found.stages[m.closed].q;
+  if (!is_chain(m, m.closed)) {
+    of_closed = kinematics::inverse(m.machines[m.closed], found.stages[m.closed].X).solutions;
+  }
+  for (const Solution& one : of_closed) {
+    Solution s;
+    s.joints.resize(joint_count(m));
+    Eigen::Index at = 0;
+    for (std::size_t k = 0; k < found.stages.size(); ++k) {
+      JointVector q = k == m.closed ? one.joints : found.stages[k].q;
+      into_range(m.machines[k], q);
+      s.joints.segment(at, m.data[k].joints) = q;
+      at += m.data[k].joints;
+    }
+    const bool known = std::any_of(out.solutions.begin(), out.solutions.end(), [&](const Solution& other) {
+      return (other.joints - s.joints).cwiseAbs().maxCoeff() < kSame;
+    });
+    if (known) continue;
+    s.branch = one.branch == "only" ? "" : one.branch;
+    s.singular = one.singular;
+    s.violations = violations_of(m, X, s.joints);
+    out.solutions.push_back(std::move(s));
+  }
+}
+
+void name_branches(InverseResult& result) {
+  int k = 0;
+  for (Solution& s : result.solutions) {
+    ++k;
+    s.branch = s.branch.empty() ? fmt::format("posture {}", k) : fmt::format("posture {}, {}", k, s.branch);
+  }
+}
+
+}  // namespace
+
+int joint_count(const Stages& m) {
+  int n = 0;
+  for (const StageData& stage : m.data) n += stage.joints;
+  return n;
+}
+JointKind joint_kind(const Stages& m, int joint) {
+  const Share share = share_of(m, joint);
+  return kinematics::joint_kind(m.machines[share.stage], share.own);
+}
+JointRange joint_range(const Stages& m, int joint) {
+  const Share share = share_of(m, joint);
+  return kinematics::joint_range(m.machines[share.stage], share.own);
+}
+
+LimitTable limit_table(const Stages& m) {
+  LimitTable out;
+  for (std::size_t k = 0; k < m.machines.size(); ++k) {
+    for (LimitInfo& limit : kinematics::limit_table(m.machines[k])) {
+      limit.group = fmt::format("{}", k + 1);
+      out.push_back(std::move(limit));
+    }
+  }
+  push_tip_limits(out, m);
+  return out;
+}
+
+std::string limit_name(const Stages& m, int limit) {
+  for (std::size_t k = 0; k < m.machines.size(); ++k) {
+    const auto count = static_cast<int>(kinematics::limit_table(m.machines[k]).size());
+    if (limit < count) return fmt::format("stage {}: {}", k + 1, kinematics::limit_name(m.machines[k], limit));
+    limit -= count;
+  }
+  return hexapod_limit_name(HexapodLimits::kLow + limit);
+}
+
+Pose home_pose(const Stages& m) {
+  return tip_of(m, at_home(m));
+}
+
+kinematics::NewtonResult forward_from_home(const Stages& m, const JointVector& q) {
+  kinematics::NewtonResult out;
+  out.converged = true;
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < m.machines.size(); ++k) {
+    const JointVector own = q.segment(at, m.data[k].joints);
+    at += m.data[k].joints;
+    const kinematics::ForwardResult pose = kinematics::forward(m.machines[k], own);
+    if (pose.poses.empty()) {
+      out.converged = false;
+      out.residual = std::numeric_limits<double>::infinity();
+      return out;
+    }
+    out.residual = std::max(out.residual, pose.residuals.front());
+    out.X_MT = out.X_MT * m.data[k].mount * pose.poses.front();
+  }
+  return out;
+}
+
+Pose forward(const Stages& m, const JointVector& q) {
+  return forward_from_home(m, q).X_MT;
+}
+
+std::vector<StagePose> stage_poses(const Stages& m, const Pose& X_MT, const JointVector& q) {
+  std::vector<StagePose> out(m.machines.size());
+  Pose before, behind;
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].q = q.segment(at, m.data[k].joints);
+    at += m.data[k].joints;
+    if (k == m.closed) {
+      before = before * m.data[k].mount;
+      continue;
+    }
+    out[k].X = kinematics::forward(m.machines[k], out[k].q).poses.front();
+    Pose& side = k < m.closed ? before : behind;
+    side = side * m.data[k].mount * out[k].X;
+  }
+  const AnyMachine& closed = m.machines[m.closed];
+  StagePose& stage = out[m.closed];
+  stage.X = before.inverse() * X_MT * behind.inverse();
+  if (residual_of(closed, stage.X, stage.q) > kCloses) {
+    const Pose follows = kinematics::settled(closed, stage.X, stage.q);
+    if (residual_of(closed, follows, stage.q) < kCloses) {
+      stage.X = follows;
+    } else if (const auto found = kinematics::forward(closed, stage.q); !found.poses.empty()) {
+      stage.X = found.poses.front();
+    }
+  }
+  place(m, out);
+  return out;
+}
+
+Pose settled(const Stages& m, const Pose& X_MT, const JointVector& q) {
+  return tip_of(m, stage_poses(m, X_MT, q));
+}
+
+Vec6 carried(const StagePose& stage, const Vec6& twist, const Vec3& p_M) {
+  const Mat3& R = stage.X_MB.R;
+  const Vec3 w = R * twist.tail<3>(), arm = p_M - stage.X_MB * stage.X.p;
+  Vec6 out;
+  out << R * twist.head<3>() + w.cross(arm), w;
+  return out;
+}
+
+JacobianMatrix jacobian(const Stages& m, const Pose& X_MT, const JointVector& q) {
+  const std::vector<StagePose> stages = stage_poses(m, X_MT, q);
+  return columns_of(m, stages, tip_of(m, stages).p);
+}
+
+InverseResult inverse(const Stages& m, const Pose& X_MT) {
+  static constexpr std::array<int, kMaxJoints> kPrimes{2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
+  constexpr int kStarts = 24;
+  InverseResult out;
+  const std::vector<StagePose> home = at_home(m);
+  double best = std::numeric_limits<double>::infinity();
+  for (int start = 0; start < kStarts; ++start) {
+    std::vector<StagePose> stages = home;
+    std::size_t joint = 0;
+    for (std::size_t k = 0; start > 0 && k < stages.size(); ++k) {
+      if (!is_chain(m, k)) continue;
+      for (int i = 0; i < m.data[k].joints; ++i) {
+        const JointRange range = kinematics::joint_range(m.machines[k], i);
+        stages[k].q[i] =
+            range.min + kinematics::closure_detail::halton(start, kPrimes[joint++]) * (range.max - range.min);
+      }
+      stages[k].X = forward(std::get<SerialArm>(m.machines[k]), stages[k].q);
+    }
+    const Search found = search(m, X_MT, std::move(stages));
+    best = std::min(best, found.error);
+    if (found.converged) add(m, found, out);
+  }
+  JointVector at_start(joint_count(m));
+  Eigen::Index at = 0;
+  for (const StagePose& stage : home) {
+    at_start.segment(at, stage.q.size()) = stage.q;
+    at += stage.q.size();
+  }
+  std::stable_sort(out.solutions.begin(), out.solutions.end(), [&](const Solution& a, const Solution& b) {
+    return (a.joints - at_start).norm() < (b.joints - at_start).norm();
+  });
+  name_branches(out);
+  out.converged = !out.solutions.empty();
+  if (!out.converged) {
+    out.reason = fmt::format(
+        "the numeric search did not converge from {} starts; the closest came within {:.3g} mm (angles at 1 m) of "
+        "the target",
+        kStarts, units::to_mm(best));
+  }
+  return out;
+}
+
+InverseResult inverse_from(const Stages& m, const Pose& X_MT, const JointVector& start) {
+  InverseResult out;
+  std::vector<StagePose> stages = at_home(m);
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    const JointVector own = start.segment(at, m.data[k].joints);
+    at += m.data[k].joints;
+    const kinematics::ForwardResult pose = kinematics::forward(m.machines[k], own);
+    if (pose.poses.empty()) continue;
+    stages[k].q = own;
+    stages[k].X = pose.poses.front();
+  }
+  const Search found = search(m, X_MT, std::move(stages));
+  out.converged = found.converged;
+  if (!found.converged) {
+    out.reason = fmt::format("the search from the last joints came within {:.3g} mm (angles at 1 m) of the target",
+                             units::to_mm(found.error));
+    return out;
+  }
+  add(m, found, out);
+  name_branches(out);
+  return out;
+}
+
+}  // namespace polypod::machine

@@ -1,0 +1,145 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Workspaces of machines without bounds, from a sample.
+#include <fmt/format.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+
+#include "margin.hpp"
+#include "polypod/core/random.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/reach.hpp"
+#include "polypod/workspace/volume.hpp"
+
+namespace polypod::workspace {
+namespace {
+
+constexpr std::int64_t kMostPoints = 60'000;
+
+/// A grid of cells with two points in each.
+class Sample {
+ public:
+  Sample(const Vec3& low, const Vec3& high, int along_longest) : low_(low) {
+    const double side = (high - low).maxCoeff() / along_longest;
+    for (int k = 0; k < 3; ++k) {
+      cells_[static_cast<std::size_t>(k)] = std::max(1, static_cast<int>(std::ceil((high - low)[k] / side - 1e-9)));
+      size_[k] = (high - low)[k] / cells_[static_cast<std::size_t>(k)];
+    }
+  }
+  [[nodiscard]] std::size_t points() const {
+    return 2 * static_cast<std::size_t>(cells_[0]) * static_cast<std::size_t>(cells_[1]) *
+           static_cast<std::size_t>(cells_[2]);
+  }
+  [[nodiscard]] const Vec3& cell() const { return size_; }
+  /// Its place is drawn by its number alone, so that threads do not matter.
+  [[nodiscard]] Vec3 at(std::size_t point) const {
+    const std::size_t cell = point / 2, across = static_cast<std::size_t>(cells_[0]), deep = cell / across;
+    Random random(1, point);
+    const Vec3 index(static_cast<double>(cell % across),
+                     static_cast<double>(deep % static_cast<std::size_t>(cells_[1])),
+                     static_cast<double>(deep / static_cast<std::size_t>(cells_[1])));
+    const Vec3 within(random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1));
+    return low_ + (index + within).cwiseProduct(size_);
+  }
+
+ private:
+  Vec3 low_, size_ = Vec3::Zero();
+  std::array<int, 3> cells_{1, 1, 1};
+};
+
+struct Hits {
+  double sum = 0, differences = 0;  ///< of points; of cells with one point in and one out
+  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity());
+  Vec3 high = Vec3::Constant(-std::numeric_limits<double>::infinity());
+  [[nodiscard]] bool any() const { return sum > 0; }
+};
+
+}  // namespace
+
+Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options) {
+  const auto begin = std::chrono::steady_clock::now();
+  const Directions& d = options.directions;
+  if (!kinematics::task(machine).turns() && (d.tilt != 0 || d.is_ranges())) {
+    return fail("WS104",
+                fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles",
+                            machine::name_of(machine)),
+                {}, "leave out the tilt and the ranges of A and B");
+  }
+  const std::vector<Mat3> orientations = sampled_orientations(options.directions);
+  Volume out;
+  out.proven = false;
+  const auto take = [&](const Sample& sample) -> Result<Hits> {
+    std::vector<std::uint8_t> in(sample.points());
+    const auto done = out.points;
+    POLYPOD_TRY(in_rounds(
+        options, in.size(),
+        [&](std::size_t i) { in[i] = reaches_samples(machine, options, orientations, sample.at(i)); },
+        [&](double share) {
+          if (!options.progress) return;
+          Progress p;
+          p.cells = done + static_cast<std::int64_t>(share * static_cast<double>(in.size()));
+          p.lower = out.lower;
+          p.upper = out.upper;
+          options.progress(p);
+        }));
+    out.points += static_cast<std::int64_t>(in.size());
+    Hits hits;
+    for (std::size_t i = 0; i < in.size(); ++i) {
+      if (i % 2 == 1 && in[i] != in[i - 1]) ++hits.differences;
+      if (in[i] == 0) continue;
+      ++hits.sum;
+      const Vec3 p = sample.at(i);
+      hits.low = hits.low.cwiseMin(p);
+      hits.high = hits.high.cwiseMax(p);
+    }
+    return hits;
+  };
+  // Where it is: the box of what is reached, one cell wider, looked at again where it is much smaller.
+  const kinematics::Reach reach = kinematics::reach(machine);
+  Vec3 low = reach.low, high = reach.high;
+  for (int round = 0; round < 4; ++round) {
+    constexpr int kScout = 12, kFiner = 20;
+    Sample sample(low, high, kScout);
+    POLYPOD_ASSIGN(hits, take(sample));
+    if (!hits.any()) {
+      sample = Sample(low, high, kFiner);
+      POLYPOD_ASSIGN(finer, take(sample));
+      hits = finer;
+    }
+    if (!hits.any()) {
+      out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      return out;
+    }
+    const Vec3 old = high - low;
+    low = low.cwiseMax(hits.low - sample.cell());
+    high = high.cwiseMin(hits.high + sample.cell());
+    if ((high - low).prod() > 0.5 * old.prod()) break;
+  }
+  out.converged = false;
+  const std::int64_t most = std::min(kMostPoints, options.max_cells);
+  constexpr double kGrows = 1.4, kSigmas = 1.96;
+  Reached seen{Vec3::Constant(std::numeric_limits<double>::infinity()),
+               Vec3::Constant(-std::numeric_limits<double>::infinity())};
+  for (double along = 10; !out.converged; along *= kGrows) {
+    const Sample sample(low, high, static_cast<int>(along));
+    if (along > 10 && static_cast<std::int64_t>(sample.points()) > most) break;
+    POLYPOD_ASSIGN(hits, take(sample));
+    const double cell = sample.cell().prod();
+    out.volume = 0.5 * cell * hits.sum;
+    const double error = 0.5 * cell * std::sqrt(hits.differences);
+    out.lower = std::max(0.0, out.volume - kSigmas * error);
+    out.upper = out.volume + kSigmas * error;
+    seen.min = seen.min.cwiseMin(hits.low);
+    seen.max = seen.max.cwiseMax(hits.high);
+    out.min = seen.min - sample.cell();
+    out.max = seen.max + sample.cell();
+    out.converged = hits.any() && kSigmas * error <= 0.5 * options.relative_tolerance * out.volume;
+  }
+  if (!out.converged) out.stopped = Stopped::cells;
+  if (seen.min.allFinite()) out.reached = seen;
+  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return out;
+}
+
+}  // namespace polypod::workspace
