@@ -98,6 +98,44 @@ Json not_judged_json(const std::vector<machining::NotJudged>& moves) {
   return out;
 }
 
+Json steep_json(const machining::Steep& s) {
+  return {{"length_mm", to_mm(s.length)},
+          {"line", s.line},
+          {"distance_um", to_um(s.distance)},
+          {"window_mm", to_mm(s.window)}};
+}
+
+void print_steep(const machining::Steep& s) {
+  if (!(s.distance > 0)) return;
+  fmt::print(
+      "not judged: {:.1f} mm of the cut, where the force changes within the {:.2f} mm ahead on which the engagement is "
+      "averaged; if it changes that much later, the tool is up to {:.0f} um from the programmed path (line {})\n",
+      to_mm(s.length), to_mm(s.window), to_um(s.distance), s.line);
+}
+
+/// In um, without the noise that the conversion leaves.
+double rounded_um(double m) {
+  return std::round(to_um(m) * 1e6) / 1e6;
+}
+
+/// The answer of `correct` where it is yes, and what it does not hold for.
+void print_answer(const machining::Correction& c) {
+  const machining::SlowTransitions& slow = c.slow_transitions;
+  if (slow.count > 0) {
+    fmt::print(
+        "not judged: {} of {} transitions take more than one revolution (up to {:.1f}, line {}), so that the bend need "
+        "not change evenly on them; there the tool may be off the path by up to their length, {:.2f} mm\n",
+        slow.count, c.transitions, slow.revolutions, slow.line, units::to_mm(slow.longest));
+  }
+  print_steep(c.after.steep);
+  if (!c.within_tolerance) return;
+  fmt::print("yes{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)\n",
+             slow.count > 0 || c.after.steep.distance > 0 ? ", apart from what was not judged" : "",
+             units::to_um(c.largest_after),
+             c.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "",
+             units::to_um(c.tolerance));
+}
+
 void print_not_judged(const std::vector<machining::NotJudged>& moves) {
   for (const machining::NotJudged& m : moves) fmt::print("not judged: line {}: {}\n", m.line, m.why);
 }
@@ -212,6 +250,7 @@ Command predict_command() {
                         {"tolerance_um", to_um(in.job.tolerance)},
                         {"within_tolerance", within},
                         {"not_judged", not_judged_json(p.not_judged)},
+                        {"steep_not_judged", steep_json(p.steep)},
                         {"time_s", p.time},
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
                         {"moves", moves},
@@ -244,6 +283,7 @@ Command predict_command() {
           fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),
                      within ? "" : ", see G64 P in docs/path-modes.md");
         }
+        print_steep(p.steep);
         print_other_switch(p.other_switch);
         if (spread) {
           fmt::print(
@@ -395,7 +435,7 @@ Command correct_command() {
                             {"transitions", c.transitions},
                             {"rounds", c.rounds},
                             {"points_checked", c.after.pass.points},
-                            {"tolerance_um", to_um(c.tolerance)},
+                            {"tolerance_um", rounded_um(c.tolerance)},
                             {"within_tolerance", c.within_tolerance},
                             {"verified_with_finer_cells", o->verify && c.within_tolerance},
                             {"reason", c.reason},
@@ -410,6 +450,12 @@ Command correct_command() {
                             {"time_after_s", c.modes.time_after},
                             {"moves_left_as_they_were", c.left_as_they_were},
                             {"not_judged", not_judged_json(c.after.not_judged)},
+                            {"transitions_not_judged",
+                             {{"count", c.slow_transitions.count},
+                              {"line", c.slow_transitions.line},
+                              {"most_revolutions", c.slow_transitions.revolutions},
+                              {"longest_mm", to_mm(c.slow_transitions.longest)}}},
+                            {"steep_not_judged", steep_json(c.after.steep)},
                             {"written", writes},
                             {"outside", outside},
                             {"moves", moves},
@@ -432,6 +478,7 @@ Command correct_command() {
               print_map(in.job, map);
               print_outside(c);
               print_not_judged(c.after.not_judged);
+              print_answer(c);
               for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
               for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
               if (writes) fmt::print("wrote {}\n", o->output);

@@ -16,6 +16,15 @@ namespace {
 
 // A joint that moves by more than this between two points a millimetre or a degree apart has changed branch, rad.
 constexpr double kJump = 0.5;
+// A turn of A, B or C below this is none, rad.
+constexpr double kNoTurn = 1e-9;
+
+/// "x, y, z".
+std::string pose_of(machine::Task task) {
+  std::string out;
+  for (int i = 0; i < task.size(); ++i) out += fmt::format("{}{}", i > 0 ? ", " : "", machine::name_of(task[i]));
+  return out;
+}
 
 }  // namespace
 
@@ -40,11 +49,17 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
                                       program.blocks[static_cast<std::size_t>(move.block)].line));
     }
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
-    bool reach = false, limit = false, singular = false, branch = false;
+    bool reach = false, limit = false, singular = false, branch = false, axis = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {
       if (!seen) out.problems.push_back({line, kind, std::move(detail)});
       seen = true;
     };
+    for (int k = 0; k < 3; ++k) {
+      if (task.holds(static_cast<machine::Coordinate>(3 + k)) || std::abs(move.axes_end[k]) < kNoTurn) continue;
+      problem(axis, "axis",
+              fmt::format("{} {:g} deg: this machine has no {} (its pose is {})", "ABC"[k],
+                          units::to_deg(move.axes_end[k]), "ABC"[k], pose_of(task)));
+    }
     const double length = move.length();
     const double turn = (move.axes_end - move.axes_start).cwiseAbs().maxCoeff();
     out.length += move.start_known ? length : 0;
@@ -101,6 +116,9 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     out.notes.push_back(
         fmt::format("this machine cannot choose how its tool stands: on this way it leans by up to {:.1f} deg",
                     units::to_deg(lean)));
+  }
+  if (interpretation.moves.empty()) {
+    out.problems.push_back({1, "empty", "the program makes no move, so there is nothing to judge"});
   }
   out.ok = out.problems.empty();
   return out;

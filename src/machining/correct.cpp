@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -629,7 +630,24 @@ class Corrector {
     return {};
   }
 
+  void find_slow_transitions() {
+    SlowTransitions& slow = out_.slow_transitions;
+    slow = {};
+    for (std::size_t c = 0; c < way_.moves.size(); ++c) {
+      const gcode::Move& move = way_.moves[c].move;
+      if (!way_.moves[c].transition || !(move.feed > 0)) continue;
+      const double revolutions = move.length() / move.feed * move.spindle_speed;
+      if (revolutions <= 1) continue;
+      ++slow.count;
+      slow.longest = std::max(slow.longest, move.length());
+      if (revolutions <= slow.revolutions) continue;
+      slow.revolutions = revolutions;
+      slow.line = line_of(static_cast<std::size_t>(way_.source[c]));
+    }
+  }
+
   void decide() {
+    find_slow_transitions();
     const MoveOutcome* worst = nullptr;
     for (const MoveOutcome& m : out_.moves) {
       const auto reach = [](const MoveOutcome& o) { return o.distance_after + o.corner_after; };
@@ -700,8 +718,10 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   quiet.keep_samples = quiet.verify = false;  // a first look; whoever follows the advice is told the whole
   const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
   Job wider = job;
-  for (const double factor : {1.03, 1.1, 1.5, 2.0}) {
-    wider.tolerance = std::ceil(units::to_um(result.largest_after) * factor) * units::from_um(1);
+  // The smallest of these that does: how far the failed try was off says little of what would do.
+  for (double um = units::to_um(job.tolerance), most = 2 * std::max(um, units::to_um(result.largest_after)); um < most;) {
+    um = std::ceil(um * 1.15);
+    wider.tolerance = units::from_um(um);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
     out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}", units::to_um(wider.tolerance),
                               units::to_um(wider.tolerance)));
@@ -744,6 +764,15 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
   POLYPOD_ASSIGN(out, Corrector(job, program, accepted, options).run());
+  // Where the pieces end decides what the cells make of a corner: other pieces may do.
+  constexpr std::array<double, 2> kOtherShares{0.9, 0.65};
+  const bool small = out.after.pass.points <= kTryRemediesBelow && options.method == CorrectMethod::tube;
+  for (std::size_t k = 0; k < kOtherShares.size() && small && !out.within_tolerance; ++k) {
+    CorrectOptions other = options;
+    other.fit_share = kOtherShares[k] * options.fit_share / CorrectOptions{}.fit_share;
+    POLYPOD_ASSIGN(again, Corrector(job, program, accepted, other).run());
+    if (again.within_tolerance) out = std::move(again);
+  }
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {
     out.remedies = remedies_for(job, program, accepted, options, out);
   }

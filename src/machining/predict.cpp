@@ -234,6 +234,54 @@ Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassRe
                   units::to_mm3(job.rapid_volume)));
 }
 
+namespace {
+
+/// Looks back from each point that cuts over the way on which the engagement is averaged.
+class SteepPlaces {
+ public:
+  SteepPlaces(const Job& job, const Way& way) : job_(job), way_(way) {}
+
+  /// A point in the tube whose bend found is `distance` from the programmed move.
+  void see(const Sample& sample, double distance, const gcode::Move& programmed, int line) {
+    if (sample.move != move_) {
+      move_ = sample.move;
+      before_.clear();
+      first_ = 0;
+    }
+    const gcode::Move& move = way_.moves[static_cast<std::size_t>(sample.move)].move;
+    const double window = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
+    before_.push_back({sample.s, sample.deflection});
+    while (sample.s - before_[first_].s > window) ++first_;
+    const double step = before_.size() > 1 ? sample.s - before_[before_.size() - 2].s : 0;
+    const double tube = job_.tolerance - resolution(job_);
+    const Vec3& earlier = before_[first_].deflection;
+    if (distance > tube || (earlier - sample.deflection).norm() < resolution(job_)) return;
+    const double held = path_error(programmed, Vec3(sample.command + earlier), sample.away).distance;
+    if (held <= job_.tolerance) return;
+    out_.length += step;
+    if (held <= out_.distance) return;
+    out_.distance = held;
+    out_.window = window;
+    out_.line = line;
+  }
+
+  [[nodiscard]] const Steep& found() const { return out_; }
+
+ private:
+  struct Bend {
+    double s = 0;
+    Vec3 deflection;
+  };
+  const Job& job_;
+  const Way& way_;
+  std::vector<Bend> before_;  ///< of the move at hand
+  std::size_t first_ = 0;     ///< the first of them within the window
+  int move_ = -1;
+  Steep out_;
+};
+
+}  // namespace
+
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options) {
   const std::vector<gcode::Move>& programmed = *way.programmed;
@@ -257,6 +305,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   const auto source = [&](std::size_t c) { return way.source.empty() ? static_cast<int>(c) : way.source[c]; };
   Ends ends(programmed);
   Sides sides(programmed.size());
+  SteepPlaces steep(job, way);
   const auto visit = [&](const Sample& sample) {
     const auto c = static_cast<std::size_t>(sample.move);
     const auto i = static_cast<std::size_t>(source(c));
@@ -290,6 +339,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     out.commanded_ends[c].end = out.commanded_ends[c].end || sample.s >= length - near;
     out.largest_distance = std::max(out.largest_distance, e.distance);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
+    if (!way.moves[c].transition) steep.see(sample, e.distance, programmed[i], m.line);
     if (way.moves[c].transition) return;  // taken to change evenly, not computed: no part of the means
     few.add(sample);
     ++m.points;
@@ -310,6 +360,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   POLYPOD_ASSIGN(pass, run_pass(job, program, way.moves, stock, pass_options, visit));
   out.pass = std::move(pass);
   out.few = few.take();
+  out.steep = steep.found();
   for (MovePrediction& m : out.moves) {
     if (sides.wall_left(static_cast<std::size_t>(m.move))) m.normal = negative(m.normal);
     out.normal = together(out.normal, m.normal);

@@ -30,8 +30,9 @@ constexpr double kArcStep = 0.2;
 constexpr double kMostPoints = 2e8;
 // Progress is reported, and a wish to stop heeded, this often within a move.
 constexpr std::int64_t kReportPoints = 4096;
-// How many cells the way is long on which the engagement is looked at, half of it ahead of the cutter and half behind.
-constexpr double kWindowCells = 2;
+// How far ahead of the cutter its engagement is looked at, in diameters, but never less than two cells. A length of its
+// own, so that finer cells look at the same way: where a cut begins the force grows along it.
+constexpr double kLookAhead = 0.04;
 // Less than this on the way that is looked at is no way down, m: heights are kept in single precision.
 constexpr double kLeastFall = 0.1e-6;
 // Strips shallower than this share of the deepest do not make a wall.
@@ -156,34 +157,21 @@ class Pass {
       }
       sample.move = index;
       sample.s = s;
-      volume += sweep_up_to(window_at(s, length).from, radius);
       POLYPOD_TRY(evaluate(static_cast<std::size_t>(index), s, length, tool, sample));
-      // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What a window
-      // still looks at is cut later.
-      const Vec3 at = sweeps_bent() ? sample.bent() : move.point(s);
-      if (k == 0) {
-        volume += sweep(at, radius, false);
-      } else {
-        ahead_.push_back({s, at});
+      // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
+      // at the end looks at is cut last.
+      if (k == 0 || k == steps || s <= length - look_ahead_length(radius)) {
+        const Vec3 at = sweeps_bent() ? sample.bent() : move.point(s);
+        volume += sweep(at, radius, k > 0);
       }
       deflection_ = sample.deflection;
       ++result_.points;
       visit_(sample);
       if (k == steps) last_ = sample;
     }
-    volume += sweep_up_to(length, radius);
     result_.removed += volume;
     if (end_cuts_) result_.incidents.push_back({Incident::Kind::end_cut, move.block, volume});
     return {};
-  }
-
-  /// Where the cutter has been and has not cut yet, up to s of the move at hand; the removed volume.
-  double sweep_up_to(double s, double radius) {
-    double volume = 0;
-    std::size_t k = 0;
-    for (; k < ahead_.size() && ahead_[k].s <= s; ++k) volume += sweep(ahead_[k].bent, radius, true);
-    ahead_.erase(ahead_.begin(), ahead_.begin() + static_cast<std::ptrdiff_t>(k));
-    return volume;
   }
 
   /// The bent cutter goes straight on to `to`; the removed volume. A step that is level but for less than what counts
@@ -241,17 +229,7 @@ class Pass {
     return {};
   }
 
-  /// The way on which the engagement at s is looked at. Its middle is s, so that where the engagement grows or falls
-  /// evenly its mean is the one at s, and where it jumps the jump is off by no more than half a window; but it never
-  /// leaves the move, beyond whose end the cutter turns away from what stands there.
-  struct Window {
-    double from = 0, length = 0;
-  };
-  [[nodiscard]] Window window_at(double s, double length) const {
-    const double half = 0.5 * kWindowCells * stock_.cell();
-    const double from = std::max(0.0, s - half), to = std::min(length, s + half);
-    return {to - from < half ? std::max(0.0, to - half) : from, std::max(to - from, half)};
-  }
+  [[nodiscard]] double look_ahead_length(double radius) const { return machining::look_ahead_length(stock_, radius); }
 
   /// What the sides of the cutter meet; nothing on a plunge.
   void look(const Vec3& window, double radius, const Eigen::Vector2d& feed, double ahead, bool vertical) {
@@ -289,11 +267,12 @@ class Pass {
     const Eigen::Vector2d feed =
         vertical ? Eigen::Vector2d(1, 0) : Eigen::Vector2d(d.x() / horizontal, d.y() / horizontal);
     const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
-    const double radius = tool.cutter->radius();
+    const double radius = tool.cutter->radius(), ahead = look_ahead_length(radius);
     if (!vertical) sample.away = left;
-    const Window on_the_way = window_at(s, length);
-    const double ahead = on_the_way.length;
-    const Vec3 window = p - d * (s - on_the_way.from);
+    // What counts is what the cutter takes on its way, never what stands beyond the end: near the end the window that
+    // is looked at stays behind it.
+    const double beyond = std::clamp(s + ahead - length, 0.0, s);
+    const Vec3 window = p - d * beyond;
     const bool bends = options_.bend == Bend::equilibrium;
 
     look(window, radius, feed, ahead, vertical);
@@ -481,16 +460,15 @@ class Pass {
   Sample last_;  ///< the end of the last feed move
   Vec3 last_bent_ = Vec3::Zero();
   Vec3 deflection_ = Vec3::Zero();
-  struct Swept {
-    double s = 0;
-    Vec3 bent = Vec3::Zero();
-  };
-  std::vector<Swept> ahead_;  ///< of the move at hand: where the bent cutter has been but has not cut yet
   cutting::EndFootprint footprint_;
   bool end_cuts_ = false;  // on the move at hand
 };
 
 }  // namespace
+
+double look_ahead_length(const cutting::Stock& stock, double radius) {
+  return std::max(2 * stock.cell(), 2 * kLookAhead * radius);
+}
 
 Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves,
                             cutting::Stock& stock, const PassOptions& options,

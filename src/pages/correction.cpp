@@ -123,8 +123,9 @@ class Page {
       report_.add_verdict(
           Verdict::good,
           fmt::format(
-              "Yes. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
+              "Yes{}. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
               "largest distance is {}. {}.",
+              c_.slow_transitions.count > 0 || c_.after.steep.distance > 0 ? ", apart from what was not judged" : "",
               given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
               checked));
@@ -137,6 +138,24 @@ class Page {
                       options_.output.empty() ? " No corrected program was written."
                                               : " It was written all the same, with these moves as near as they go."));
       outside();
+    }
+    if (const machining::SlowTransitions& slow = c_.slow_transitions; slow.count > 0) {
+      report_.add_verdict(
+          Verdict::neutral,
+          fmt::format("Not judged: {} of {} (short blocks that take the load on or off between two moves). The cutter "
+                      "turns more than once on them, up to {} times at line {}, so that the bend need not change evenly; "
+                      "there the tool may be off the path by up to their length, {} mm.",
+                      count(index(slow.count)), plural(index(c_.transitions), "transition", "transitions"),
+                      fixed(slow.revolutions, 1), slow.line, fixed(units::to_mm(slow.longest), 2)));
+    }
+    if (const machining::Steep& steep = c_.after.steep; steep.distance > 0) {
+      report_.add_verdict(
+          Verdict::neutral,
+          fmt::format("Not judged: {} mm of the cut, where the force changes within the {} mm ahead on which the "
+                      "engagement is averaged, as where a wide cutter comes out of the stock. If it changes that much "
+                      "later, the tool is up to {} {} from the programmed path (line {}).",
+                      fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
+                      fixed(to_um(steep.distance), 0), kUm, steep.line));
     }
     if (c_.largest_after > c_.largest_before) {
       report_.add_verdict(Verdict::bad, "The largest distance is not smaller than that of the program as it is.");

@@ -41,5 +41,28 @@ TEST(Check, TiltedToolGoesThroughTheInverse) {
   EXPECT_GT(r.joints[4].max - r.joints[4].min, units::from_deg(10));
 }
 
+TEST(Check, AProgramWithoutAMoveIsNoYes) {
+  const auto r = check(testing::with_program("slavkovic_square", "G21 G90\n(nothing)\nM2\n"), Vec3(0, -1300, 0));
+  EXPECT_FALSE(r.ok);
+  ASSERT_EQ(r.problems.size(), 1u);
+  EXPECT_EQ(r.problems[0].kind, "empty");
+}
+
+TEST(Check, AnAxisThatTheMachineDoesNotHaveIsNoYes) {
+  auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0\nG1 X5 C30 F1000\nG1 X9 C0\nM2\n");
+  auto r = check(e, Vec3(0, -1300, 0));
+  EXPECT_FALSE(r.ok);
+  ASSERT_EQ(r.problems.size(), 1u);
+  EXPECT_EQ(r.problems[0].kind, "axis");
+  EXPECT_EQ(r.problems[0].line, 3);
+  // A tripod whose tilt follows cannot tilt its tool as it is told.
+  e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X1 Y1 Z1\nG1 Z2 A45 F1000\nM2\n");
+  const auto tricept = machine::load("tricept").value();
+  const auto tripod = testing::unwrap(
+      machining::check(tricept, Pose{Mat3::Identity(), Vec3(0, 0, 1.2)}, e.program, e.interpretation));
+  EXPECT_FALSE(tripod.ok);
+  EXPECT_EQ(tripod.problems.at(0).kind, "axis");
+}
+
 }  // namespace
 }  // namespace polypod

@@ -226,5 +226,35 @@ TEST(Verdict, MovesInsideTheTubeAreCorrectedWhereItAddsNoLines) {
   EXPECT_LE(c.largest_distance, c.before.largest_distance);
 }
 
+/// At x = 25 mm the front of the cutter is at the edge of the stock: the force is still the whole one, which the mean over
+/// the way ahead does not see. In closed form the tool is 71.6 um off there, though 44 um are found.
+TEST(Verdict, AForceThatFallsWithinTheWayAheadIsNamed) {
+  auto e = load(trial("wide_cutter_leaves.ngc"), trial("wide_cutter_leaves.toml"));
+  e.job.tolerance = 60e-6;
+  const auto c = correct(e);
+  ASSERT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_GT(to_um(c.after.steep.distance), 71.6);
+  EXPECT_LT(to_um(c.after.steep.distance), 1.2 * 71.6);
+  EXPECT_GT(c.after.steep.length, 0);
+  EXPECT_NEAR(c.after.steep.window, 0.04 * e.job.cutter.diameter, 1e-9);
+  // Where the tube holds what the force may still be, nothing is open.
+  e.job.tolerance = 100e-6;
+  EXPECT_EQ(correct(e).after.steep.distance, 0);
+}
+
+/// An independent simulation of balances in steps finds 139.9 um on these pieces, where evenly changing bends give 50.
+TEST(Verdict, TransitionsOfMoreThanARevolutionAreNamed) {
+  auto e = load(trial("corners.ngc"), trial("corners.toml"));
+  e.job.tolerance = 60e-6;
+  const auto c = correct(e);
+  const machining::SlowTransitions& slow = c.slow_transitions;
+  EXPECT_GT(slow.count, c.transitions / 2);
+  EXPECT_LE(slow.count, c.transitions);
+  EXPECT_GT(slow.revolutions, 2);
+  EXPECT_LT(slow.revolutions, 4);
+  EXPECT_GT(to_um(slow.longest), 139.9);
+  EXPECT_GT(slow.line, 0);
+}
+
 }  // namespace
 }  // namespace polypod

@@ -56,6 +56,16 @@ struct MoveOutcome {
   bool within = false;                             ///< inside the tube, corners and resolution counted
 };
 
+/// Transitions on which the cutter turns more than once. The force is then free to follow the way of the transition, and
+/// that the bend changes evenly along it is not known: the tool may come off the path by as much as the bend changes,
+/// which is the length of the transition.
+struct SlowTransitions {
+  int count = 0;
+  int line = 0;            ///< of the original program, where the slowest stands
+  double revolutions = 0;  ///< on the slowest
+  double longest = 0;      ///< m
+};
+
 struct Correction {
   std::string text;        ///< the corrected program
   gcode::Program program;  ///< the same, read back
@@ -75,6 +85,7 @@ struct Correction {
   std::optional<OtherSwitch> other_switch;       ///< where the program has blocks with /
   std::size_t lines_in = 0, lines_out = 0;
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
+  SlowTransitions slow_transitions;  ///< not judged
   int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
 };
 

@@ -63,7 +63,17 @@ struct OtherSwitch {
   bool within_tolerance = false;
 };
 
+/// Where the force rises or falls within the way ahead on which the engagement is averaged (look_ahead_length): as where a
+/// wide cutter comes out of the stock. There the bend may still be the one of that way before.
+struct Steep {
+  double length = 0;    ///< m of the cut where that bend would leave the tube, and the one that was found does not
+  double distance = 0;  ///< m, of the worst of them from the programmed move
+  double window = 0;    ///< m, the way ahead there
+  int line = 0;
+};
+
 struct Prediction {
+  Steep steep;                              ///< not judged
   std::vector<MovePrediction> moves;        ///< those that cut, in order
   std::vector<NotJudged> not_judged;        ///< moves that cut but that no model covers; they spoil every "yes"
   std::vector<Sample> samples;              ///< every evaluated point, if they were asked for

@@ -94,6 +94,9 @@ struct PassResult {
   double largest_rest = 0;        ///< m, by how much
 };
 
+/// How far ahead of a cutter of this radius the engagement is looked at, m: its force is the mean over that way.
+double look_ahead_length(const cutting::Stock& stock, double radius);
+
 /// Sends the cutter along the moves and calls `visit` with every evaluated point of moves that are not rapid: both ends
 /// and between them steps of at most `options.step`. `stock` is changed. Errors, with the line of the program:
 /// MC200 spindle still in a cut, MC201 feed zero in a cut, MC202 deeper than the edges of the cutter, MC203 the spindle
