@@ -325,6 +325,10 @@ Command fk_command() {
             fmt::print("{}\n  {}\n", pose_in_words(p["pose"]), in_words(p["violations"]));
           }
           if (poses.empty()) fmt::print("no pose: {}\n", why);
+          if (o->all && !poses.empty()) {
+            fmt::print("{}\n",
+                       result.complete ? "these are all" : "found by a search; that there are no others is not proven");
+          }
         }
         return poses.empty() ? kAnswerIsNo : kDone;
       }};

@@ -333,7 +333,8 @@ Command correct_command() {
                    "the time)");
             a.flag("--correct-all", o->all, "Correct moves inside the tube, too, where it adds no lines");
             a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
-            a.option("--method", o->method, "tube, or mirror: one step at --points points a move, for comparison");
+            a.option("--method", o->method,
+                     "tube, or mirror: one step at --points points a move, for comparison and written in any case");
             a.option("--points", o->points, "Pieces a move for --method mirror");
           },
           [o](const Context& context) -> Result<int> {

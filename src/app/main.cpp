@@ -229,7 +229,7 @@ int main(int argc, char** argv) {
     constexpr const char* kId = "AP109";
     std::fprintf(stderr,
                  "polypod: %s: there is not enough memory for this; "
-                 "ask for a lower resolution or a larger tolerance, or bound it with --max-memory\n",
+                 "ask for less where the command lets you (--resolution, --rel-tol, --max-memory), or give it more\n",
                  kId);
     return app::kBadInput;
   } catch (const std::system_error&) {  // fmt throws it where stdout or stderr cannot be written
@@ -239,7 +239,7 @@ int main(int argc, char** argv) {
       constexpr const char* kId = "AP118";
       std::fprintf(stderr,
                    "polypod: %s: the system starts no more threads for this process; "
-                   "raise its limits of memory and of processes (ulimit -v, ulimit -u), or give --threads 1\n",
+                   "raise its limits of memory and of processes (ulimit -v, ulimit -u)\n",
                    kId);
       return app::kBadInput;
     }

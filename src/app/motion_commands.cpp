@@ -26,6 +26,12 @@ Result<std::vector<Vec3>> points_of(const std::string& text, const std::string& 
     const std::size_t end = std::min(text.find(';', start), text.size());
     POLYPOD_ASSIGN(n, numbers_of(text.substr(start, end - start), option));
     if (n.size() != 3) return fail("AP190", fmt::format("{} {}: not points x,y,z;x,y,z", option, text));
+    constexpr double kFarthest_mm = 1e7;  // 10 km: beyond it lies a wrong unit
+    for (const double x : n) {
+      if (std::abs(x) <= kFarthest_mm) continue;
+      return fail("AP190", fmt::format("{}: {:g} mm is farther than any machine reaches", option, x), {},
+                  "give x,y,z in mm");
+    }
     out.emplace_back(units::from_mm(n[0]), units::from_mm(n[1]), units::from_mm(n[2]));
     start = end + 1;
   }

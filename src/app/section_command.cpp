@@ -137,7 +137,11 @@ Command section_command() {
               document["border_mm"] = loops;
               print_json(singular.in(document));
             } else {
-              fmt::print("area     {} mm2 reached from every required direction\n", figure(area_mm2, 1));
+              // The border is found on the edges of the grid: four digits hold with the usual 80 points.
+              constexpr int kHold = 4;
+              const double unit = area_mm2 > 0 ? std::pow(10.0, std::floor(std::log10(area_mm2)) + 1 - kHold) : 1.0;
+              fmt::print("area     about {} mm2 reached from every required direction, from {} points\n",
+                         figure(unit * std::round(area_mm2 / unit), unit >= 1 ? 0 : 1), f.grid.size());
               if (reached > 0 && f.tilt.empty()) {
                 fmt::print("inside   by up to {} mm, at {}\n", figure(units::to_mm(most), 1), place_text(at));
               } else if (reached > 0) {

@@ -16,6 +16,10 @@ namespace polypod::app {
 
 void SurveyArguments::declare(Arguments& a) {
   a.option("--pose", pose, "x,y,z[,A,B[,C]] in mm and deg: at this pose instead of over the workspace");
+  declare_region(a);
+}
+
+void SurveyArguments::declare_region(Arguments& a) {
   a.option("--box", box, "x0,y0,z0,x1,y1,z1: over this box instead of the workspace, mm");
   a.option("--resolution", resolution, "Points along the longest side, 8 to 512, of a --box 2 to 512 (default 24)");
   workspace.declare_directions(a);

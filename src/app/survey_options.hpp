@@ -13,6 +13,8 @@ struct SurveyArguments {
   WorkspaceOptions workspace;
 
   void declare(Arguments& arguments);
+  /// The same without --pose.
+  void declare_region(Arguments& arguments);
   /// Errors: AP107 where --pose is given beside an option that says where or how far to look.
   [[nodiscard]] Status refuse_at_pose(const Context& context) const;
   [[nodiscard]] Result<quality::SurveyOptions> options(const machine::AnyMachine& m, const Context& context) const;

@@ -51,14 +51,10 @@ Command tolerances_command() {
         a.option("--rule", o->rule,
                  "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");
         a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
-        o->where.declare(a);
+        o->where.declare_region(a);
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        if (!o->where.pose.empty()) {
-          return fail("AP167", "tolerances are chosen for a box or the workspace, not for a pose", {},
-                      "give --box x0,y0,z0,x1,y1,z1; its corners may be equal in some coordinates");
-        }
         if (o->rule != "weighted" && o->rule != "cost") {
           return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
         }

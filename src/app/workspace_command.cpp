@@ -15,6 +15,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
+#include "polypod/workspace/beyond.hpp"
 #include "polypod/workspace/shape.hpp"
 #include "survey_options.hpp"
 #include "workspace_files.hpp"
@@ -244,64 +245,75 @@ Command workspace_command() {
     WorkspaceFiles files;
   };
   auto o = std::make_shared<Options>();
-  return {"workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
-          "polypod workspace hexapod-strut --tilt 20",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            o->workspace.declare(a);
-            a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
-            a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
-            o->files.declare(a);
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_ASSIGN(options, o->workspace.options(m, context));
-            const SingularNote singular(m, context);
-            if (!kinematics::task(m).places()) return in_coordinates(m, options, context);
-            POLYPOD_TRY(o->files.refuse_unused(context));
-            if (!o->contains.empty()) {
-              POLYPOD_TRY(refuse_beside_contains(context));
-              return contains(m, options, o->contains, context);
-            }
-            POLYPOD_TRY(o->files.check(o->machine, context.json));
-            POLYPOD_ASSIGN(v, workspace::volume(m, options));
-            Json document = volume_json(v);
-            workspace::Shape shape;
-            if (!o->largest.empty()) {
-              POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
-              POLYPOD_ASSIGN(found, workspace::largest_inside(m, options, kind));
-              shape = found;
-              document["largest"] = {{"shape", o->largest},
-                                     {"center_mm", vector_json(shape.center * units::kMmPerMetre)},
-                                     {"half_mm", vector_json(shape.half * units::kMmPerMetre)},
-                                     {"volume_mm3", units::to_mm3(shape.volume())}};
-            }
-            if (context.progress) fmt::print(stderr, "\r\x1b[K");
-            POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
-            if (context.json) {
-              print_json(singular.in(document));
-            } else if (!v.proven && !v.reached) {
-              fmt::print("the sample of {} points found none that is reached from every direction; that there is none "
-                         "is not proven\n",
-                         v.points);
-            } else if (v.empty) {
-              fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
-            } else {
-              fmt::print("volume   {}\n", volume_text(v));
-              for (int k = 0; k < 3; ++k) {
-                fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
-              }
-              fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
-              if (!o->largest.empty()) {
-                const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
-                const Figures mm(sides.minCoeff(), 1);
-                fmt::print("certainly inside: {} of {} x {} x {} mm about {}, {} mm3\n", o->largest, mm(sides.x()),
-                           mm(sides.y()), mm(sides.z()), place_text(shape.center),
-                           figure(units::to_mm3(shape.volume()), 0));
-              }
-            }
-            return came_within(v, options) ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
+      "polypod workspace hexapod-strut --tilt 20",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        o->workspace.declare(a);
+        a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
+        a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
+        o->files.declare(a);
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_ASSIGN(options, o->workspace.options(m, context));
+        const SingularNote singular(m, context);
+        if (!kinematics::task(m).places()) return in_coordinates(m, options, context);
+        POLYPOD_TRY(o->files.refuse_unused(context));
+        if (!o->contains.empty()) {
+          POLYPOD_TRY(refuse_beside_contains(context));
+          return contains(m, options, o->contains, context);
+        }
+        POLYPOD_TRY(o->files.check(o->machine, context.json));
+        POLYPOD_ASSIGN(v, workspace::volume(m, options));
+        Json document = volume_json(v);
+        const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
+        document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
+        workspace::Shape shape;
+        if (!o->largest.empty()) {
+          POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
+          POLYPOD_ASSIGN(found, workspace::largest_inside(m, options, kind));
+          shape = found;
+          document["largest"] = {{"shape", o->largest},
+                                 {"center_mm", vector_json(shape.center * units::kMmPerMetre)},
+                                 {"half_mm", vector_json(shape.half * units::kMmPerMetre)},
+                                 {"volume_mm3", units::to_mm3(shape.volume())}};
+        }
+        if (context.progress) fmt::print(stderr, "\r\x1b[K");
+        POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
+        if (context.json) {
+          print_json(singular.in(document));
+        } else if (!v.proven && !v.reached) {
+          fmt::print(
+              "the sample of {} points found none that is reached from every direction; that there is none "
+              "is not proven\n",
+              v.points);
+        } else if (v.empty) {
+          fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
+        } else {
+          fmt::print("volume   {}\n", volume_text(v));
+          for (int k = 0; k < 3; ++k) {
+            fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
+          }
+          fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
+          if (beyond.beyond > 0) {
+            fmt::print(
+                "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine "
+                "comes there only where the drives do not hold it. Limits leave them out, as `--set "
+                "limits.z_min_mm=...`\n",
+                100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points);
+          }
+          if (!o->largest.empty()) {
+            const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
+            const Figures mm(sides.minCoeff(), 1);
+            fmt::print("certainly inside: {} of {} x {} x {} mm about {}, {} mm3\n", o->largest, mm(sides.x()),
+                       mm(sides.y()), mm(sides.z()), place_text(shape.center),
+                       figure(units::to_mm3(shape.volume()), 0));
+          }
+        }
+        return came_within(v, options) ? kDone : kAnswerIsNo;
+      }};
 }
 
 }  // namespace polypod::app

@@ -794,7 +794,7 @@ Result<Calibration> fit_with_loss(const AnyMachine& machine, const std::vector<M
 /// than half as much, with changes that a machine can have.
 Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const std::vector<Pose>& seed,
                         const CalibrationOptions& options) {
-  constexpr double kCoarse = 1.5;      // times the noise
+  constexpr double kCoarse = 1.5;     // times the noise
   constexpr double kMostChange = 10;  // times the priors
   Result<Calibration> first = fit_with_loss(machine, rows, seed, options, false);
   const bool searched = first || first.error().id == "CA115" || first.error().id == "CA118";

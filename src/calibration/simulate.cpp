@@ -90,7 +90,7 @@ bool add_stand_at(const AnyMachine& machine, const Pose& target, std::vector<Sta
   const kinematics::InverseResult inverse = kinematics::inverse(machine, target);
   const kinematics::Solution* s = inverse.reachable();
   if (s == nullptr) return false;
-  const Pose X_MT = kinematics::settled(machine, target).value_or(target);
+  const Pose X_MT = kinematics::settled(machine, target, s->joints);
   const kinematics::ForwardResult back = kinematics::forward(machine, s->joints);
   if (back.poses.empty()) return false;
   if ((back.poses.front().p - X_MT.p).norm() + (back.poses.front().R - X_MT.R).norm() > 1e-6) return false;
@@ -131,6 +131,10 @@ std::vector<Stand> random_stands(const AnyMachine& machine, std::size_t count, s
   for (; draw < kMostDraws && out.size() < count; ++draw) {
     if (out.size() >= kFirst && draw > kPoor * static_cast<int>(out.size())) break;
     if (draw > (out.empty() ? kMostInVain : kSparse)) break;
+    if (const auto home = kinematics::home_pose(machine); draw == kSparse && out.empty() && home) {
+      // A machine that does not even take its home pose will hardly take another.
+      if (!add_stand_at(machine, *home, out)) break;
+    }
     Stand stand;
     stand.q.resize(n);
     for (int i = 0; i < n; ++i) {

@@ -25,8 +25,8 @@ constexpr double kMisfit = 5;
 // Standard deviations by which the squares of the residuals must become smaller than noise alone lets them.
 constexpr double kGain = 3;
 
-// Residuals over the noise that was given from which on errors of another kind are likely, and how many equations must be
-// free to tell; rows within less than this share of the box of the workspace show little of it.
+// Residuals over the noise that was given from which on errors of another kind are likely, and how many equations must
+// be free to tell; rows within less than this share of the box of the workspace show little of it.
 constexpr double kOtherErrors = 1.5;
 constexpr double kEnoughFree = 20;
 constexpr double kFewPlaces = 0.05;
@@ -129,8 +129,8 @@ std::string refusal(const Calibration& c) {
   return "";
 }
 
-/// What the standard deviations rest on and the readings do not show: that the parameters are all that is wrong with the
-/// machine. Errors of another kind show as residuals above the noise, and act where nothing was measured.
+/// What the standard deviations rest on and the readings do not show: that the parameters are all that is wrong with
+/// the machine. Errors of another kind show as residuals above the noise, and act where nothing was measured.
 std::string what_is_open(const AnyMachine& nominal, const std::vector<Measurement>& rows,
                          const std::vector<Stand>& stands, const Calibration& c) {
   std::string out;
@@ -214,11 +214,12 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
         100 * kOpen, listed(shares), shares.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
   } else if (out.left_open.empty()) {
     out.answer = doubts.empty() ? Answer::better : Answer::partly;
-    out.text = doubts.empty()
-                   ? "Yes, the calibrated machine is better than the drawing in every coordinate of the pose."
-                   : "In part: where the rows are, the calibrated machine is better than the drawing in every coordinate "
-                     "of the pose." +
-                         doubts;
+    out.text =
+        doubts.empty()
+            ? "Yes, the calibrated machine is better than the drawing in every coordinate of the pose."
+            : "In part: where the rows are, the calibrated machine is better than the drawing in every coordinate "
+              "of the pose." +
+                  doubts;
   } else {
     out.answer = Answer::partly;
     out.text = fmt::format(

@@ -511,8 +511,9 @@ class Printer {
         call("SET_MOTION_CONTROL_MODE(CANON_EXACT_STOP)");
         break;
       case 640:
-        call("SET_MOTION_CONTROL_MODE(CANON_CONTINUOUS, {:.6f})", value('P'));
-        call("SET_NAIVECAM_TOLERANCE({:.4f})", value('Q', value('P')));
+        // Below 0 neither is heeded.
+        call("SET_MOTION_CONTROL_MODE(CANON_CONTINUOUS, {:.6f})", std::max(0.0, value('P')));
+        call("SET_NAIVECAM_TOLERANCE({:.4f})", value('Q', -1) < 0 ? std::max(0.0, value('P')) : value('Q'));
         break;
       default:
         break;

@@ -719,7 +719,8 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
   Job wider = job;
   // The smallest of these that does: how far the failed try was off says little of what would do.
-  for (double um = units::to_um(job.tolerance), most = 2 * std::max(um, units::to_um(result.largest_after)); um < most;) {
+  for (double um = units::to_um(job.tolerance), most = 2 * std::max(um, units::to_um(result.largest_after));
+       um < most;) {
     um = std::ceil(um * 1.15);
     wider.tolerance = units::from_um(um);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;

@@ -142,11 +142,12 @@ class Page {
     if (const machining::SlowTransitions& slow = c_.slow_transitions; slow.count > 0) {
       report_.add_verdict(
           Verdict::neutral,
-          fmt::format("Not judged: {} of {} (short blocks that take the load on or off between two moves). The cutter "
-                      "turns more than once on them, up to {} times at line {}, so that the bend need not change evenly; "
-                      "there the tool may be off the path by up to their length, {} mm.",
-                      count(index(slow.count)), plural(index(c_.transitions), "transition", "transitions"),
-                      fixed(slow.revolutions, 1), slow.line, fixed(units::to_mm(slow.longest), 2)));
+          fmt::format(
+              "Not judged: {} of {} (short blocks that take the load on or off between two moves). The cutter "
+              "turns more than once on them, up to {} times at line {}, so that the bend need not change evenly; "
+              "there the tool may be off the path by up to their length, {} mm.",
+              count(index(slow.count)), plural(index(c_.transitions), "transition", "transitions"),
+              fixed(slow.revolutions, 1), slow.line, fixed(units::to_mm(slow.longest), 2)));
     }
     if (const machining::Steep& steep = c_.after.steep; steep.distance > 0) {
       report_.add_verdict(

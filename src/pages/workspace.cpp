@@ -296,7 +296,8 @@ class Page {
 
   Result<std::string> html() {
     if (!volume_.proven && !volume_.reached) {
-      return fail("WS131", "the sample found no point that is reached: there is nothing to show", {}, "ask for less tilt");
+      return fail("WS131", "the sample found no point that is reached: there is nothing to show", {},
+                  "ask for less tilt");
     }
     if (volume_.empty) {
       report_.add_section("What is reached");
@@ -361,12 +362,13 @@ class Page {
                                            : " The sample did not come within the tolerance that was asked for.";
     report_.add_verdict(
         Verdict::neutral,
-        fmt::format(fmt::runtime(volume_.proven
-                                     ? "{}, every point of {} {} is reached: certainly between {} and {} {}.{}"
-                                     : "{}, a sample finds {} {} to be reached, with 95 % between {} and {} {}. Nothing "
-                                       "is proven, since the inverse of this machine is a search.{}"),
-                    capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower),
-                    unit_.text(volume_.upper), unit_.name, missed));
+        fmt::format(
+            fmt::runtime(volume_.proven
+                             ? "{}, every point of {} {} is reached: certainly between {} and {} {}.{}"
+                             : "{}, a sample finds {} {} to be reached, with 95 % between {} and {} {}. Nothing "
+                               "is proven, since the inverse of this machine is a search.{}"),
+            capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
+            unit_.name, missed));
     std::vector<report::KeyFigure> figures{
         {unit_.text(volume_.volume), unit_.name,
          fmt::format(fmt::runtime(volume_.proven ? "volume, ± {} % proven" : "volume, ± {} % (95 % of a sample)"),

@@ -127,7 +127,7 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   // A step that leaves the workspace is pulled back to its boundary towards the middle, by no more than its length.
   const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
   const auto pulled_back = [&](Vec3& p) {
-    const int halvings = survey.orientations.size() == 1 ? 6 : 3;
+    const int halvings = survey.orientations.size() == 1 ? 12 : 3;
     const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
     double out = 0, in = 1;
     if (!inside(p + pull)) return false;

@@ -104,7 +104,8 @@ TEST(Stages, ATriceptWithItsWristMeetsItsClosedForm) {
     const Pose wrist = Pose{rotation_z(turn) * rotation_x(std::numbers::pi / 2), {0, 0, 0.1}} *
                        Pose{rotation_z(swivel) * rotation_x(-std::numbers::pi / 2), Vec3::Zero()} *
                        Pose{Mat3::Identity(), {0, 0, 0.25}};
-    const Pose X = carrier * wrist;
+    const Pose hung{rotation_x(std::numbers::pi), {0, 0, 1.9}}, flipped{rotation_x(std::numbers::pi), Vec3::Zero()};
+    const Pose X = hung * carrier * wrist * flipped;
     const auto solved = kinematics::inverse(m, X);
     ASSERT_FALSE(solved.solutions.empty());
     const auto struts = kinematics::inverse(tripod, carrier).solutions.at(0).joints;
@@ -184,8 +185,8 @@ TEST(Stages, SingleFiguresAreSetByTheirKeys) {
     return kinematics::home_pose(*m)->p;
   };
   const Vec3 nominal = tip_at_home({});
-  // 100 mm along the tube, which is upright at home.
-  EXPECT_LT((tip_at_home({{"stage[2].mount.z_mm", "100"}}) - nominal - Vec3(0, 0, 0.1)).norm(), kSame);
+  // 100 mm along the tube, which hangs upright at home.
+  EXPECT_LT((tip_at_home({{"stage[2].mount.z_mm", "100"}}) - nominal + Vec3(0, 0, 0.1)).norm(), kSame);
   EXPECT_LT((tip_at_home({{"stage[1].machine.tool.z_mm", "310"}}) - nominal).norm(), kSame)
       << "home of the tripod is that of its tip";
   const auto m = machine::load(std::string(POLYPOD_SOURCE_DIR) + "/machines/tricept-wrist.toml",

@@ -58,8 +58,8 @@ TEST(Check, AnAxisThatTheMachineDoesNotHaveIsNoYes) {
   // A tripod whose tilt follows cannot tilt its tool as it is told.
   e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X1 Y1 Z1\nG1 Z2 A45 F1000\nM2\n");
   const auto tricept = machine::load("tricept").value();
-  const auto tripod = testing::unwrap(
-      machining::check(tricept, Pose{Mat3::Identity(), Vec3(0, 0, 1.2)}, e.program, e.interpretation));
+  const auto tripod =
+      testing::unwrap(machining::check(tricept, Pose{Mat3::Identity(), Vec3(0, 0, 1.2)}, e.program, e.interpretation));
   EXPECT_FALSE(tripod.ok);
   EXPECT_EQ(tripod.problems.at(0).kind, "axis");
 }

@@ -226,8 +226,8 @@ TEST(Verdict, MovesInsideTheTubeAreCorrectedWhereItAddsNoLines) {
   EXPECT_LE(c.largest_distance, c.before.largest_distance);
 }
 
-/// At x = 25 mm the front of the cutter is at the edge of the stock: the force is still the whole one, which the mean over
-/// the way ahead does not see. In closed form the tool is 71.6 um off there, though 44 um are found.
+/// At x = 25 mm the front of the cutter is at the edge of the stock: the force is still the whole one, which the mean
+/// over the way ahead does not see. In closed form the tool is 71.6 um off there, though 44 um are found.
 TEST(Verdict, AForceThatFallsWithinTheWayAheadIsNamed) {
   auto e = load(trial("wide_cutter_leaves.ngc"), trial("wide_cutter_leaves.toml"));
   e.job.tolerance = 60e-6;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/reach.hpp"
 #include "polypod/statics/identify.hpp"
 #include "polypod/statics/plane.hpp"
 
@@ -145,8 +146,8 @@ TEST(Plane, GridsLieInTheirPlane) {
 
 TEST(Plane, TheMiddleOfAHexapodIsItsToolAtHome) {
   // JEL Table 8.2: home height 65, tool 10.
-  EXPECT_LT((middle_of_work(*machine::load("hexapod-strut")) - Vec3(0, 0, from_mm(75))).norm(), 1e-12);
-  EXPECT_EQ(middle_of_work(*machine::load("lola50")), Vec3::Zero());
+  EXPECT_LT((kinematics::middle_of_work(*machine::load("hexapod-strut")) - Vec3(0, 0, from_mm(75))).norm(), 1e-12);
+  EXPECT_EQ(kinematics::middle_of_work(*machine::load("lola50")), Vec3::Zero());
 }
 
 TEST(Plane, TheReachedRectangleHoldsTheAnnulusAndLittleMore) {
@@ -171,7 +172,7 @@ TEST(Plane, EveryMachineOfTheCatalogueHasADefault) {
     const auto m = machine::load(std::string(entry.name));
     ASSERT_TRUE(m);
     for (const Plane plane : {Plane::xy, Plane::xz, Plane::yz}) {
-      const double at = middle_of_work(*m)[axes_of(plane).normal];
+      const double at = kinematics::middle_of_work(*m)[axes_of(plane).normal];
       const auto rectangle = reached_rectangle(*m, plane, at, Mat3::Identity());
       ASSERT_TRUE(rectangle) << entry.name << " " << name_of(plane);
       const Map map = compliance_map(*m, plane_grid(plane, at, *rectangle, 21, 21), Mat3::Identity());

@@ -56,9 +56,9 @@ struct MoveOutcome {
   bool within = false;                             ///< inside the tube, corners and resolution counted
 };
 
-/// Transitions on which the cutter turns more than once. The force is then free to follow the way of the transition, and
-/// that the bend changes evenly along it is not known: the tool may come off the path by as much as the bend changes,
-/// which is the length of the transition.
+/// Transitions on which the cutter turns more than once. The force is then free to follow the way of the transition,
+/// and that the bend changes evenly along it is not known: the tool may come off the path by as much as the bend
+/// changes, which is the length of the transition.
 struct SlowTransitions {
   int count = 0;
   int line = 0;            ///< of the original program, where the slowest stands
@@ -86,7 +86,7 @@ struct Correction {
   std::size_t lines_in = 0, lines_out = 0;
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
   SlowTransitions slow_transitions;  ///< not judged
-  int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
+  int left_as_they_were = 0;         ///< moves that no correction brings closer to the programmed path
 };
 
 /// Corrects a program so that every point of every cutting move ends within `job.tolerance` of the programmed move and

@@ -63,8 +63,8 @@ struct OtherSwitch {
   bool within_tolerance = false;
 };
 
-/// Where the force rises or falls within the way ahead on which the engagement is averaged (look_ahead_length): as where a
-/// wide cutter comes out of the stock. There the bend may still be the one of that way before.
+/// Where the force rises or falls within the way ahead on which the engagement is averaged (look_ahead_length): as
+/// where a wide cutter comes out of the stock. There the bend may still be the one of that way before.
 struct Steep {
   double length = 0;    ///< m of the cut where that bend would leave the tube, and the one that was found does not
   double distance = 0;  ///< m, of the worst of them from the programmed move

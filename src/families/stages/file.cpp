@@ -19,38 +19,41 @@ constexpr std::size_t kMountFigures = 6;  // x, y, z, A, B, C
 int joints_of(const AnyMachine& machine) {
   return std::visit([](const auto& m) { return joint_count(m); }, machine);
 }
-JointKind kind_of(const AnyMachine& machine, int joint) {
-  return std::visit([&](const auto& m) { return joint_kind(m, joint); }, machine);
-}
-JointRange range_of(const AnyMachine& machine, int joint) {
-  return std::visit([&](const auto& m) { return joint_range(m, joint); }, machine);
-}
 std::vector<Parameter> parameters_of(const AnyMachine& machine) {
   return std::visit([](const auto& m) { return parameters(m); }, machine);
 }
-bool is_chain(const AnyMachine& machine) {
-  return std::holds_alternative<SerialArm>(machine);
+const SerialArm* chain_of(const AnyMachine& machine) {
+  return std::get_if<SerialArm>(&machine);
 }
-const char* unit_of(const AnyMachine& machine, int joint) {
-  return kind_of(machine, joint) == JointKind::revolute ? "deg" : "mm";
+/// The rows of a chain that move.
+std::vector<const DhRow*> moving(const SerialArm& chain) {
+  std::vector<const DhRow*> out;
+  for (const DhRow& row : chain.dh)
+    if (!row.locked) out.push_back(&row);
+  return out;
+}
+const char* unit_of(const DhRow& row) {
+  return row.kind == JointKind::revolute ? "deg" : "mm";
 }
 
 /// Joints of a chain at home: what the file says, else the middle of each range.
-Result<JointVector> read_home(const config::Table& table, const AnyMachine& machine) {
-  const int n = joints_of(machine);
-  JointVector q(n);
-  for (int i = 0; i < n; ++i) q[i] = 0.5 * (range_of(machine, i).min + range_of(machine, i).max);
+Result<JointVector> read_home(const config::Table& table, const SerialArm& chain) {
+  const std::vector<const DhRow*> rows = moving(chain);
+  JointVector q(static_cast<Eigen::Index>(rows.size()));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    q[static_cast<Eigen::Index>(i)] = 0.5 * (rows[i]->range.min + rows[i]->range.max);
+  }
   if (!table.has("home")) return q;
-  POLYPOD_ASSIGN(given, table.numbers("home", static_cast<std::size_t>(n)));
-  for (int i = 0; i < n; ++i) {
-    q[i] = units::from_user(given[static_cast<std::size_t>(i)], unit_of(machine, i));
-    const JointRange range = range_of(machine, i);
-    if (q[i] >= range.min && q[i] <= range.max) continue;
+  POLYPOD_ASSIGN(given, table.numbers("home", rows.size()));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const DhRow& row = *rows[i];
+    const double value = units::from_user(given[i], unit_of(row));
+    q[static_cast<Eigen::Index>(i)] = value;
+    if (value >= row.range.min && value <= row.range.max) continue;
     return fail(
         "MA162",
-        fmt::format("home of joint {} is {:g} {}, outside of its range {:g} .. {:g}", i + 1,
-                    given[static_cast<std::size_t>(i)], unit_of(machine, i),
-                    units::to_user(range.min, unit_of(machine, i)), units::to_user(range.max, unit_of(machine, i))),
+        fmt::format("home of joint {} is {:g} {}, outside of its range {:g} .. {:g}", i + 1, given[i], unit_of(row),
+                    units::to_user(row.range.min, unit_of(row)), units::to_user(row.range.max, unit_of(row))),
         table.place_of("home"));
   }
   return q;
@@ -82,8 +85,8 @@ Result<Stages> Stages::from(const config::Table& table) {
     StageData data;
     POLYPOD_ASSIGN(mount, read_frame(stage, "mount"));
     data.mount = mount;
-    if (is_chain(machine)) {
-      POLYPOD_ASSIGN(home, read_home(stage, machine));
+    if (const SerialArm* chain = chain_of(machine)) {
+      POLYPOD_ASSIGN(home, read_home(stage, *chain));
       data.home = home;
     } else if (has_closed) {
       return fail("MA160", "two stages have closed loops", part.place(),
@@ -145,10 +148,12 @@ std::string to_toml(const Stages& m) {
       common_toml(m.name, std::string(Stages::kFamily), m.description) + task_toml(m.task) + tip_limits_toml(m);
   for (std::size_t k = 0; k < m.machines.size(); ++k) {
     out += "\n[[stage]]\n" + frame_toml("mount", m.data[k].mount);
-    if (m.data[k].home.size() > 0) {
+    if (const SerialArm* chain = chain_of(m.machines[k])) {
+      const std::vector<const DhRow*> rows = moving(*chain);
       std::string values;
-      for (int i = 0; i < m.data[k].joints; ++i) {
-        values += (i > 0 ? ", " : "") + number_toml(units::to_user(m.data[k].home[i], unit_of(m.machines[k], i)));
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        const double value = m.data[k].home[static_cast<Eigen::Index>(i)];
+        values += (i > 0 ? ", " : "") + number_toml(units::to_user(value, unit_of(*rows[i])));
       }
       out += fmt::format("home = [{}]\n", values);
     }

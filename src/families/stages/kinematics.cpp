@@ -135,8 +135,11 @@ Search search(const Stages& m, const Pose& target, std::vector<StagePose> stages
   const auto error = [&](const std::vector<StagePose>& at) {
     return (S * pose_error(m.task, target, tip_of(m, at))).eval();
   };
+  constexpr int kMostSlow = 4;      // steps one after the other that leave ...
+  constexpr double kSlowly = 0.98;  // ... more than this of the error: the target is out of reach, or the way to it is
   Search out;
   double damping = 1e-3;
+  int slow = 0;
   auto e = error(stages);
   for (int k = 0; k < kSteps && e.norm() > kDone; ++k) {
     const JacobianMatrix all = columns_of(m, stages, tip_of(m, stages).p);
@@ -148,6 +151,8 @@ Search search(const Stages& m, const Pose& target, std::vector<StagePose> stages
     if (next) {
       const auto e_next = error(*next);
       if (e_next.norm() < e.norm()) {
+        slow = e_next.norm() > kSlowly * e.norm() ? slow + 1 : 0;
+        if (slow > kMostSlow && e.norm() > kEnough) break;
         stages = *next;
         e = e_next;
         damping = std::max(1e-9, 0.1 * damping);
@@ -227,11 +232,6 @@ void name_branches(InverseResult& result) {
 
 }  // namespace
 
-int joint_count(const Stages& m) {
-  int n = 0;
-  for (const StageData& stage : m.data) n += stage.joints;
-  return n;
-}
 JointKind joint_kind(const Stages& m, int joint) {
   const Share share = share_of(m, joint);
   return kinematics::joint_kind(m.machines[share.stage], share.own);
@@ -338,11 +338,17 @@ JacobianMatrix jacobian(const Stages& m, const Pose& X_MT, const JointVector& q)
 
 InverseResult inverse(const Stages& m, const Pose& X_MT) {
   static constexpr std::array<int, kMaxJoints> kPrimes{2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
-  constexpr int kStarts = 24;
+  // Chains of slides alone have one posture.
+  bool turns = false;
+  for (int i = 0; i < joint_count(m); ++i) {
+    turns = turns || (share_of(m, i).stage != m.closed && joint_kind(m, i) == JointKind::revolute) ||
+            (is_chain(m, m.closed) && joint_kind(m, i) == JointKind::revolute);
+  }
+  const int starts = turns ? 24 : 2;
   InverseResult out;
   const std::vector<StagePose> home = at_home(m);
   double best = std::numeric_limits<double>::infinity();
-  for (int start = 0; start < kStarts; ++start) {
+  for (int start = 0; start < starts; ++start) {
     std::vector<StagePose> stages = home;
     std::size_t joint = 0;
     for (std::size_t k = 0; start > 0 && k < stages.size(); ++k) {
@@ -373,7 +379,7 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
     out.reason = fmt::format(
         "the numeric search did not converge from {} starts; the closest came within {:.3g} mm (angles at 1 m) of "
         "the target",
-        kStarts, units::to_mm(best));
+        starts, units::to_mm(best));
   }
   return out;
 }

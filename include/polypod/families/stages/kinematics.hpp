@@ -14,7 +14,11 @@
 
 namespace polypod::machine {
 
-int joint_count(const Stages& m);
+inline int joint_count(const Stages& m) {
+  int n = 0;
+  for (const StageData& stage : m.data) n += stage.joints;
+  return n;
+}
 JointKind joint_kind(const Stages& m, int joint);
 JointRange joint_range(const Stages& m, int joint);
 inline Task task(const Stages& m) {

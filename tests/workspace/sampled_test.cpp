@@ -1,0 +1,152 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Workspaces without proof, against closed forms; groups of limits; what lies beyond singular poses.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "machines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/workspace/beyond.hpp"
+#include "polypod/workspace/shape.hpp"
+#include "polypod/workspace/volume.hpp"
+
+namespace polypod {
+namespace {
+
+using machine::AnyMachine;
+
+AnyMachine read(const std::string& text) {
+  const auto m = machine::from_text(text, "test.toml");
+  if (!m) throw std::runtime_error(to_string(m.error()));
+  return *m;
+}
+
+workspace::Volume volume(const AnyMachine& m, double tolerance) {
+  workspace::Options options;
+  options.relative_tolerance = tolerance;
+  const auto v = workspace::volume(m, options);
+  if (!v) throw std::runtime_error(to_string(v.error()));
+  return *v;
+}
+
+/// Two sliders on one rail, rods of 1 m to x +- 80 mm of a platform that does not turn, 0.8 m of cross slide.
+TEST(Sampled, ScissorsMeetTheirClosedForm) {
+  const AnyMachine m = test::load("scissors");
+  const workspace::Volume v = volume(m, 0.02);
+  EXPECT_FALSE(v.proven);
+  EXPECT_TRUE(v.converged);
+  double area = 0;
+  constexpr int kSteps = 2000;
+  const auto reached = [](double to, double low, double high, double half) {
+    return (to - half >= low && to - half <= high) || (to + half >= low && to + half <= high);
+  };
+  for (int i = 0; i < kSteps; ++i)
+    for (int j = 0; j < kSteps; ++j) {
+      const double x = -2.5 + 5.0 * (i + 0.5) / kSteps, z = 0.5 + 0.6 * (j + 0.5) / kSteps;
+      const double height = z - 0.2, under = 1 - height * height;
+      if (under < 0) continue;
+      const double half = std::sqrt(under);
+      if (reached(x + 0.08, -1.5, 0.3, half) && reached(x - 0.08, -0.3, 1.5, half)) area += 5.0 * 0.6;
+    }
+  const double truth = 0.8 * area / kSteps / kSteps;
+  // 95 % of the samples hold it; this one may not move away with the threads or the order of the points.
+  EXPECT_LE(v.lower, truth);
+  EXPECT_GE(v.upper, truth);
+  EXPECT_LT(v.upper - v.lower, 0.021 * truth);
+  ASSERT_TRUE(v.reached.has_value());
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_GE(v.reached->min[k], v.min[k]);
+    EXPECT_LE(v.reached->max[k], v.max[k]);
+  }
+  EXPECT_GE(v.reached->min.y(), -0.4);
+  EXPECT_LE(v.reached->max.y(), 0.4);
+}
+
+/// Three slides square to each other: the box of their ranges.
+TEST(Sampled, ThreeSlidesReachTheirBox) {
+  const AnyMachine m = read(R"(
+family = "serial"
+task = "point"
+dh = [ { joint = "prismatic", alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = -90, alpha_deg = -90 }, { joint = "prismatic" } ]
+limits = [ { min_mm = 0, max_mm = 300 }, { min_mm = 100, max_mm = 200 }, { min_mm = -50, max_mm = 150 } ]
+)");
+  const workspace::Volume v = volume(m, 0.05);
+  EXPECT_FALSE(v.proven);
+  constexpr double kTruth = 0.3 * 0.1 * 0.2;
+  EXPECT_LE(v.lower, kTruth * (1 + 1e-9));
+  EXPECT_GE(v.upper, kTruth * (1 - 1e-9));
+  ASSERT_TRUE(v.reached.has_value());
+  Vec3 seen = v.reached->max - v.reached->min;
+  std::sort(seen.begin(), seen.end());
+  EXPECT_NEAR(seen[0], 0.1, 0.01);
+  EXPECT_NEAR(seen[1], 0.2, 0.02);
+  EXPECT_NEAR(seen[2], 0.3, 0.03);
+  // The same whatever the threads.
+  workspace::Options one;
+  one.relative_tolerance = 0.05;
+  one.threads = 1;
+  EXPECT_EQ(workspace::volume(m, one)->volume, v.volume);
+}
+
+TEST(Sampled, WhatNeedsAProofIsRefused) {
+  const AnyMachine m = test::load("tricept-wrist");
+  EXPECT_FALSE(workspace::has_bounds(m));
+  EXPECT_TRUE(workspace::has_bounds(test::load("tricept")));
+  EXPECT_TRUE(workspace::has_bounds(test::load("lola50")));
+  const workspace::Shape box{workspace::ShapeKind::box, Vec3(0, 0, 0.5), Vec3::Constant(0.01)};
+  EXPECT_EQ(workspace::certainly_holds(m, {}, box).error().id, "WS102");
+  workspace::Options tilted;
+  tilted.directions.tilt = 0.1;
+  EXPECT_EQ(workspace::volume(test::load("scissors"), tilted).error().id, "WS104");
+}
+
+TEST(LimitGroups, EveryMachineNamesItsOwn) {
+  const auto bits = [](const char* name, const char* groups) {
+    return workspace::limit_bits(test::load(name), groups);
+  };
+  EXPECT_EQ(*bits("tricept-wrist", "2"), workspace::LimitBits{0b1111} << 12);
+  EXPECT_EQ(*bits("tricept-wrist", "coordinates"), workspace::LimitBits{0b111111} << 16);
+  EXPECT_EQ(*bits("tricept", "drive"), *bits("tricept", "length"));
+  EXPECT_EQ(*bits("hexapod-strut", "joint"), *bits("hexapod-strut", "base-joint,platform-joint"));
+  EXPECT_EQ(*bits("lola50", "2"), workspace::LimitBits{0b1100});
+  const auto unknown = bits("delta-brno", "legs");
+  ASSERT_FALSE(unknown);
+  EXPECT_EQ(unknown.error().id, "WS103");
+  EXPECT_THAT(unknown.error().hint, ::testing::HasSubstr("drive, joint, coordinates, mode, table, rods, base"));
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    SCOPED_TRACE(entry.name);
+    const AnyMachine m = test::load(std::string(entry.name));
+    const machine::LimitTable table = kinematics::limit_table(m);
+    ASSERT_LE(table.size(), 64U);
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      EXPECT_FALSE(table[i].group.empty());
+      EXPECT_GT(table[i].scale, 0);
+      EXPECT_FALSE(kinematics::limit_name(m, static_cast<int>(i)).empty());
+      const auto of_group = workspace::limit_bits(m, table[i].group);
+      ASSERT_TRUE(of_group.has_value());
+      EXPECT_NE(*of_group >> i & 1U, 0U);
+    }
+  }
+}
+
+/// Struts of 50 to 90 mm without limits of their joints carry the platform below the base as well as above.
+TEST(BeyondSingular, ThePlatformBelowItsBaseIsNamed) {
+  const std::string legs = R"(
+family = "strut-hexapod"
+base = { radius_mm = 50, pair_angle_deg = 30 }
+platform = { radius_mm = 25, pair_angle_deg = 30 }
+leg = { length_min_mm = 50, length_max_mm = 90 }
+home = { height_mm = 65 }
+)";
+  const AnyMachine both = read(legs), above = read(legs + "limits = { z_min_mm = 0 }\n");
+  const workspace::BeyondSingular b = workspace::beyond_singular(both, {}, volume(both, 0.05));
+  EXPECT_EQ(b.points, 400U);
+  EXPECT_NEAR(static_cast<double>(b.beyond), 200, 60);  // three standard deviations of a fair share
+  EXPECT_EQ(workspace::beyond_singular(above, {}, volume(above, 0.05)).beyond, 0U);
+  const AnyMachine strut = test::load("hexapod-strut");
+  EXPECT_EQ(workspace::beyond_singular(strut, {}, volume(strut, 0.05)).beyond, 0U);
+  EXPECT_EQ(workspace::beyond_singular(test::load("lola50"), {}, volume(test::load("lola50"), 0.2)).points, 0U);
+}
+
+}  // namespace
+}  // namespace polypod
