@@ -142,10 +142,13 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
       print_json(singular.in(document));
       return kDone;
     }
-    const Vec3 p = linear.head<3>() * units::kMmPerMetre, w = linear.tail<3>();
-    const Figures mm(position, 6), rad(orientation, 8);
+    // What rounding leaves of no turn and no shift is none.
+    constexpr double kRounding = 1e-14;  // rad, and of the position in mm
+    const auto clean = [](double x) { return std::abs(x) < kRounding ? 0.0 : x; };
+    const Vec3 p = (linear.head<3>() * units::kMmPerMetre).unaryExpr(clean), w = linear.tail<3>().unaryExpr(clean);
+    const Figures mm(position, 6), rad(clean(orientation), 8);
     fmt::print("position     {} mm  ({}, {}, {})\n", mm(position), mm(p.x()), mm(p.y()), mm(p.z()));
-    fmt::print("orientation  {} rad ({}, {}, {})\n", rad(orientation), rad(w.x()), rad(w.y()), rad(w.z()));
+    fmt::print("orientation  {} rad ({}, {}, {})\n", rad(clean(orientation)), rad(w.x()), rad(w.y()), rad(w.z()));
     if (exact) {
       fmt::print("exactly      {} mm, {:.3g} mm from the linear error\n", mm(units::to_mm(exact->head<3>().norm())),
                  units::to_mm((linear - *exact).head<3>().norm()));

@@ -94,11 +94,6 @@ tl::unexpected<Error> not_taken(const std::string& option, const std::string& te
               "`polypod COMMAND --help` says what the option means and its unit");
 }
 
-tl::unexpected<Error> not_read(const std::string& option, const std::string& text, const char* what) {
-  return fail("AP115", fmt::format("{} {}: not {}", option, text, what), {},
-              "`polypod COMMAND --help` says what the option means and its unit");
-}
-
 bool within(double value, config::Range range) {
   return value >= range.min && value <= range.max && !(range.open_min && value == range.min) &&
          !(range.open_max && value == range.max);
@@ -116,15 +111,13 @@ bool reads_as(std::string_view text, Number& value) {
 
 Result<double> number_of(const std::string& text, const std::string& option, config::Range range) {
   double value = 0;
-  if (!reads_as(text, value)) return not_read(option, text, "a number");
-  if (!within(value, range)) return not_taken(option, text, "a number", range);
+  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a number", range);
   return value;
 }
 
 Result<int> count_of(const std::string& text, const std::string& option, config::Range range) {
   int value = 0;
-  if (!reads_as(text, value)) return not_read(option, text, "a whole number");
-  if (!within(value, range)) return not_taken(option, text, "a whole number", range);
+  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a whole number", range);
   return value;
 }
 

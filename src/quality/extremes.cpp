@@ -114,7 +114,8 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   constexpr double kFirst = 0.5, kLongest = 2, kFinest = 1e-3;
   // Each step asks all directions: fewer steps where there are many.
   const int most_steps = std::max(80, 1500 / static_cast<int>(survey.orientations.size()));
-  constexpr int kSlanting = 3;  // pairs of pseudo-random directions beside those along the coordinates
+  const int slanting =
+      survey.orientations.size() == 1 ? 10 : 3;  // pairs of pseudo-random directions beside the coordinates
   using Step = Eigen::Matrix<double, 5, 1>;
   const Turned turned(options.workspace.directions);
   const int axes = turn && !turned.fixed() ? 5 : 3;
@@ -155,7 +156,7 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   Step last = Step::Zero();
   for (double share = kFirst; share > kFinest && asked < most_steps;) {
     bool found = !last.isZero() && gains(share * last);
-    for (int k = 0; k < axes + kSlanting && !found; ++k) {
+    for (int k = 0; k < axes + slanting && !found; ++k) {
       Step step = Step::Zero();
       if (k < axes) {
         step[k] = share;

@@ -348,7 +348,9 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
   InverseResult out;
   const std::vector<StagePose> home = at_home(m);
   double best = std::numeric_limits<double>::infinity();
-  for (int start = 0; start < starts; ++start) {
+  constexpr int kMostInVain = 8;  // starts one after the other that find nothing new
+  int in_vain = 0;
+  for (int start = 0; start < starts && in_vain < kMostInVain; ++start) {
     std::vector<StagePose> stages = home;
     std::size_t joint = 0;
     for (std::size_t k = 0; start > 0 && k < stages.size(); ++k) {
@@ -362,7 +364,9 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
     }
     const Search found = search(m, X_MT, std::move(stages));
     best = std::min(best, found.error);
+    const std::size_t known = out.solutions.size();
     if (found.converged) add(m, found, out);
+    in_vain = out.solutions.size() > known ? 0 : in_vain + 1;
   }
   JointVector at_start(joint_count(m));
   Eigen::Index at = 0;
@@ -379,7 +383,7 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
     out.reason = fmt::format(
         "the numeric search did not converge from {} starts; the closest came within {:.3g} mm (angles at 1 m) of "
         "the target",
-        starts, units::to_mm(best));
+        std::min(starts, kMostInVain), units::to_mm(best));
   }
   return out;
 }
