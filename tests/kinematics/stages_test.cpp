@@ -144,9 +144,10 @@ TEST(Stages, ClosureAndParametersAreThoseOfTheWhole) {
              .completeOrthogonalDecomposition()
              .solve(kinematics::closure_by_parameters(m, at, joints, std::span<const double>(p)));
     constexpr double kStep = 1e-6;
+    const std::vector<machine::Parameter> names = parameters(m);
     for (std::size_t i = 0; i < p.size(); ++i) {
       // Directions are made unit vectors when they are set.
-      const std::string& key = parameters(m)[i].key;
+      const std::string key = names[i].key;
       if (key.find("normal") != std::string::npos || key.find("axis") != std::string::npos ||
           key.find("direction") != std::string::npos)
         continue;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "settle.hpp"
+
 namespace polypod::machine {
 namespace {
 
@@ -150,6 +152,12 @@ Settling settle_from(const Parallel& m, const Pose& target, const Pose& start) {
   return out;
 }
 
+/// Not another assembly mode.
+bool is_near(const Parallel& m, const Settling& s) {
+  constexpr double kNear = 0.35;  // rad, and shares of the machine's size
+  return s.converged && s.turned < kNear && s.moved < kNear * m.size;
+}
+
 /// Between two poses, `share` of the way in each coordinate of the task (of angles along the shortest way).
 Pose between(const Parallel& m, const Pose& target, double share) {
   Pose out = target;
@@ -247,8 +255,7 @@ std::optional<Pose> settled(const Parallel& m, const Pose& target) {
   if (m.task.size() == 6) return target;
   if (const ClosureVector F = passive_rows(m, target).F; F.size() == 0 || F.cwiseAbs().maxCoeff() < small)
     return target;
-  constexpr double kNear = 0.35;  // rad, and shares of the machine's size
-  const auto near = [&](const Settling& s) { return s.converged && s.turned < kNear && s.moved < kNear * m.size; };
+  const auto near = [&](const Settling& s) { return is_near(m, s); };
   const Settling direct = settle_from(m, target, m.home);
   if (near(direct)) return direct.X;
   for (const int steps : {4, 16, 64}) {
@@ -262,6 +269,12 @@ std::optional<Pose> settled(const Parallel& m, const Pose& target) {
     if (whole) return at;
   }
   return std::nullopt;
+}
+
+std::optional<Pose> settled_near(const Parallel& m, const Pose& target, const Pose& start) {
+  if (m.task.size() == 6) return target;
+  const Settling found = settle_from(m, target, start);
+  return is_near(m, found) ? std::optional(found.X) : std::nullopt;
 }
 
 }  // namespace polypod::machine

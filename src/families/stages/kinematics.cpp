@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "../parallel/settle.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/families.hpp"
 
@@ -99,7 +100,14 @@ std::optional<std::vector<StagePose>> moved(const Stages& m, const std::vector<S
     Pose X = out[k].X;
     X.p += twist.head<3>();
     X.R = rotation_of(twist.tail<3>()) * X.R;
-    X = kinematics::settled(m.machines[k], X, out[k].q + own);
+    const std::optional<Pose> follows = std::visit(
+        [&](const auto& stage) -> std::optional<Pose> {
+          if constexpr (requires { settled_near(stage, X, from[k].X); }) return settled_near(stage, X, from[k].X);
+          return kinematics::settled(m.machines[k], X, out[k].q + own);
+        },
+        m.machines[k]);
+    if (!follows) return std::nullopt;
+    X = *follows;
     const auto q = joints_near(m.machines[k], X, out[k].q);
     if (!q) return std::nullopt;
     out[k].q = *q;

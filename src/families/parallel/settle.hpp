@@ -1,0 +1,15 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Settling a machine of legs from a pose that it has already.
+#pragma once
+
+#include <optional>
+
+#include "polypod/families/parallel/machine.hpp"
+
+namespace polypod::machine {
+
+/// As settled(), but from `start`, a pose that keeps the constraints near `target`: one run of Newton's method, so that
+/// a search may ask for it at every step. Empty where that does not converge, or ends far from the start.
+std::optional<Pose> settled_near(const Parallel& m, const Pose& target, const Pose& start);
+
+}  // namespace polypod::machine
