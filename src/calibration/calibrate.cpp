@@ -398,8 +398,8 @@ class Fit {
     for (const int j : problem_.wanted) block.push_back(x_[j]);
     problem_.noise_scale = noise_as_given_ ? 1.0 : std::max(1.0, robust_scale(whitened_, problem_.not_fitted, 0));
     // Sizes are learnt once the noise has settled: with too much of it all errors look small, which then keeps it
-    // large.
-    bool sizes = false;
+    // large. Where the noise is taken as it was given, it is the other way round.
+    bool sizes = noise_as_given_, held = noise_as_given_;
     for (int round = 0; round < kRounds; ++round) {
       POLYPOD_TRY(solve(block));
       for (std::size_t k = 0; k < problem_.wanted.size(); ++k) x_[problem_.wanted[k]] = block[k];
@@ -407,10 +407,12 @@ class Fit {
       const double noise_before = problem_.noise_scale;
       const Eigen::VectorXd prior_before = problem_.prior;
       learn_noise_and_priors(sizes);
+      if (held) problem_.noise_scale = 1;
       const double changed = std::max(std::abs(problem_.noise_scale / noise_before - 1),
                                       (problem_.prior.array() / prior_before.array() - 1).abs().maxCoeff());
-      if ((sizes && changed < kSettled) || !converged_) break;
+      if ((sizes && !held && changed < kSettled) || !converged_) break;
       sizes = sizes || changed < kSettled;
+      held = held && changed >= kSettled;
     }
     return {};
   }
@@ -625,7 +627,7 @@ class Fit {
           "CA118",
           fmt::format("the residuals that are left are {:.0f} times the noise that was given", out_.noise_factor), {},
           "coordinates mixed up, or a frame or target that is not the given one (--estimate)? If the instrument "
-          "is that coarse, give --noise-um");
+          "is that coarse, give --noise-um; if the machine may be off by more than usual, --prior-mm and --prior-deg");
     }
     out_.fitted = score_of(out_.residuals, false);
     out_.held_back = score_of(out_.residuals, true);

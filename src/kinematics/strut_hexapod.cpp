@@ -10,7 +10,8 @@
 namespace polypod::machine {
 
 LimitTable limit_table(const StrutHexapod& m) {
-  return hexapod_limit_table(m, 0.5 * (m.length_min + m.length_max), m.joint.kind != JointLimitKind::none, m.leg_diameter > 0, false);
+  return hexapod_limit_table(m, 0.5 * (m.length_min + m.length_max), m.joint.kind != JointLimitKind::none,
+                             m.leg_diameter > 0, false);
 }
 std::string limit_name(const StrutHexapod&, int limit) {
   if (limit < HexapodLimits::kMax) return fmt::format("strut {} below its minimum length", limit + 1);

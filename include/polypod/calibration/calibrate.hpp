@@ -99,7 +99,7 @@ struct Calibration {
   double condition = 0;       ///< of the equations, columns scaled to unit length
   double noise_factor = 0;    ///< residuals over the noise that was given: 1 if it was right
   double free_equations =
-      0;  ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
+      0;              ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
   double change = 0;  ///< root mean square of the parameters' changes over their default or stated priors
   /// By how many standard deviations the squares of the fitted residuals have become smaller than mere noise would let
   /// them; below about 3 the drawing explains the readings.

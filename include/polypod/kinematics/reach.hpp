@@ -14,8 +14,8 @@ struct Reach {
 /// too wide: limits and orientations do not count. Cost: below 1 us, of stages 10.
 Reach reach(const machine::AnyMachine& machine);
 
-/// The point through which a plane is laid where nobody says another: the tool tip at home, the origin of M for a serial
-/// arm (which its file puts where the work is). m, in M.
+/// The point through which a plane is laid where nobody says another: the tool tip at home, the origin of M for a
+/// serial arm (which its file puts where the work is). m, in M.
 Vec3 middle_of_work(const machine::AnyMachine& machine);
 
 }  // namespace polypod::kinematics

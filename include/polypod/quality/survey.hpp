@@ -29,7 +29,7 @@ struct Survey {
   double volume = 0;  ///< m^3: of the workspace to 5 % at least between its bounds, else by counting points; of a box
                       ///< the share of its points that are reachable
   double volume_lower = 0, volume_upper = 0;  ///< m^3, its proven bounds; both as `volume` where points were counted
-  bool whole_box = true;  ///< every point of a given box is in the workspace
+  bool whole_box = true;                      ///< every point of a given box is in the workspace
   /// Points of the workspace (and the box) that lie farthest along the axes and diagonals of M, m: where searches for
   /// extremes start beside the grid's points. Seen, not proven.
   std::vector<Vec3> tips;

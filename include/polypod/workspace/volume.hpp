@@ -132,10 +132,10 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options);
 /// The volume from a sample, for machines without bounds. In each cell of a cubic grid over the box that an earlier,
 /// coarser grid found to be reached stand two points, each at random in the cell; the share of them that the inverse
 /// reaches in all of sampled_orientations() gives the volume V = sum of cells times shares, and the differences within
-/// the cells its standard error s = cell sqrt(sum (x_1 - x_2)^2) / 2. The grid becomes finer until 1.96 s is within half
-/// of the relative tolerance of V or 60 000 points were looked at (`converged` is false then). Where the inverse is a
-/// search, a pose that it does not find counts as not reached.
-/// The same result for any number of threads. Errors: those of volume(). Cost: one inverse a point and direction.
+/// the cells its standard error s = cell sqrt(sum (x_1 - x_2)^2) / 2. The grid becomes finer until 1.96 s is within
+/// half of the relative tolerance of V or 60 000 points were looked at (`converged` is false then). Where the inverse
+/// is a search, a pose that it does not find counts as not reached. The same result for any number of threads. Errors:
+/// those of volume(). Cost: one inverse a point and direction.
 Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options);
 
 /// Whether volume() proves its bounds for this machine.

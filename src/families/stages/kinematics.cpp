@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <limits>
 #include <numbers>
@@ -71,16 +72,26 @@ JacobianMatrix columns_of(const Stages& m, const std::vector<StagePose>& stages,
   return J;
 }
 
-/// The solution of a stage's own inverse that is next to `last`.
-std::optional<JointVector> joints_near(const AnyMachine& machine, const Pose& X, const JointVector& last) {
+/// Joints of the stage at a pose at which its drives move it well: of the solutions of its inverse the first whose
+/// Jacobian is far from singular, else the best. The search goes from pose to pose, and which solution carries it does
+/// not matter.
+std::optional<JointVector> joints_that_move(const AnyMachine& machine, const Pose& X) {
+  constexpr double kWell = 0.02;  // of the least to the largest singular value, angles on 1 m
+  constexpr std::size_t kMost = 8;
   const InverseResult found = kinematics::inverse(machine, X);
-  if (found.solutions.empty()) return std::nullopt;
-  if (last.size() == 0) return found.solutions.front().joints;
-  const auto near =
-      std::min_element(found.solutions.begin(), found.solutions.end(), [&](const Solution& a, const Solution& b) {
-        return (a.joints - last).cwiseAbs().maxCoeff() < (b.joints - last).cwiseAbs().maxCoeff();
-      });
-  return near->joints;
+  std::optional<JointVector> out;
+  double best = -1;
+  for (std::size_t i = 0; i < found.solutions.size() && i < kMost && best < kWell; ++i) {
+    const JointVector& q = found.solutions[i].joints;
+    const JacobianMatrix J = kinematics::jacobian(machine, X, q);
+    if (!J.allFinite()) continue;
+    const Eigen::VectorXd sigma = Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues();
+    const double share = sigma[0] > 0 ? sigma.tail<1>()[0] / sigma[0] : 0.0;
+    if (share <= best) continue;
+    best = share;
+    out = q;
+  }
+  return out;
 }
 
 /// What the stages become by a step of all joints; empty where the closed stage does not reach.
@@ -108,7 +119,7 @@ std::optional<std::vector<StagePose>> moved(const Stages& m, const std::vector<S
         m.machines[k]);
     if (!follows) return std::nullopt;
     X = *follows;
-    const auto q = joints_near(m.machines[k], X, out[k].q);
+    const auto q = joints_that_move(m.machines[k], X);
     if (!q) return std::nullopt;
     out[k].q = *q;
     out[k].X = X;
@@ -185,7 +196,7 @@ std::vector<StagePose> at_home(const Stages& m) {
       out[k].X = forward(std::get<SerialArm>(m.machines[k]), out[k].q);
     } else {
       out[k].X = kinematics::home_pose(m.machines[k]).value_or(Pose{});
-      out[k].q = joints_near(m.machines[k], out[k].X, {}).value_or(JointVector::Zero(m.data[k].joints));
+      out[k].q = joints_that_move(m.machines[k], out[k].X).value_or(JointVector::Zero(m.data[k].joints));
     }
   }
   return out;

@@ -122,10 +122,11 @@ Pose forward(const Stages& m, const JointVector& q);
 /// settled first, else it comes from its home.
 Pose settled(const Stages& m, const Pose& X_MT, const JointVector& q);
 
-/// The poses that up to 24 searches find (until eight find nothing new), by distance from home: Levenberg and Marquardt's method on the joints of all
-/// stages, where the closed stage is settled again after each step, so that it never leaves what its constraints allow.
-/// Starts: home, then chains at points of a Halton sequence in their ranges. Not proven to be all. For each the
-/// solutions of the closed stage's own inverse. Branches: "posture 1", ... with that of the stage behind it.
+/// The poses that up to 24 searches find (until eight find nothing new), by distance from home: Levenberg and
+/// Marquardt's method on the joints of all stages, where the closed stage is settled again after each step, so that it
+/// never leaves what its constraints allow. Starts: home, then chains at points of a Halton sequence in their ranges.
+/// Not proven to be all. For each the solutions of the closed stage's own inverse. Branches: "posture 1", ... with that
+/// of the stage behind it.
 kinematics::InverseResult inverse(const Stages& m, const Pose& X_MT);
 /// The one that a search from the joints `start` finds; none where it does not converge.
 inline bool has_closed_inverse(const Stages&) {
