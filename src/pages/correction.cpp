@@ -119,14 +119,14 @@ class Page {
     const std::string checked = fmt::format("{} of the program that was written were checked, at most 0.1 mm apart{}",
                                             plural(c_.after.pass.points, "point", "points"),
                                             options_.verified ? ", and again with cells half as large" : "");
+    const bool all_judged = c_.slow_transitions.count == 0 && !(c_.after.steep.distance > 0);
     if (c_.within_tolerance) {
       report_.add_verdict(
-          Verdict::good,
+          all_judged ? Verdict::good : Verdict::neutral,
           fmt::format(
               "Yes{}. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
               "largest distance is {}. {}.",
-              c_.slow_transitions.count > 0 || c_.after.steep.distance > 0 ? ", apart from what was not judged" : "",
-              given(to_um(c_.tolerance)), kUm,
+              all_judged ? "" : ", apart from what was not judged", given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
               checked));
     } else {

@@ -20,8 +20,12 @@ struct Name {
   char coordinate = 0;
 };
 
-Name parsed(const std::string& key) {
+Name parsed(const std::string& whole) {
   Name out;
+  // What a machine of another carries in front, "stage[2].machine.", is no number of an element.
+  std::size_t start = 0;
+  if (whole.starts_with("stage[")) start = std::min(whole.find("].") + 2, whole.size());
+  const std::string key = whole.substr(start);
   const std::size_t open = key.find('['), close = key.find(']');
   if (open == std::string::npos || close == std::string::npos) {
     out.group = key;
@@ -34,6 +38,7 @@ Name parsed(const std::string& key) {
     out.coordinate = out.group[size - 1];
     out.group.resize(size - 2);
   }
+  out.group = whole.substr(0, start) + out.group;
   return out;
 }
 

@@ -60,7 +60,9 @@ struct Hits {
 Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options) {
   const auto begin = std::chrono::steady_clock::now();
   const Directions& d = options.directions;
-  if (!kinematics::task(machine).turns() && (d.tilt != 0 || d.is_ranges())) {
+  constexpr std::array<double, 2> kNone{0, 0};
+  const bool tilted = d.tilt != 0 || d.a_range.value_or(kNone) != kNone || d.b_range.value_or(kNone) != kNone;
+  if (tilted && !kinematics::task(machine).turns()) {
     return fail("WS104",
                 fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles",
                             machine::name_of(machine)),

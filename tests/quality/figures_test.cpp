@@ -225,5 +225,17 @@ TEST(Figures, SingleParametersAreSetInTheMachineThatTheOtherKeysGive) {
   }
 }
 
+/// Elements of stages keep the number of their stage in front.
+TEST(StageElements, ElementsOfStagesAreNamedByTheirStage) {
+  const AnyMachine m = test::load("tricept-wrist");
+  std::set<std::string> keys;
+  for (const Element& e : elements(m)) EXPECT_TRUE(keys.insert(e.key).second) << e.key;
+  for (const char* key :
+       {"stage[1].machine.leg.length[2]", "stage[1].machine.base.joint[3]", "stage[2].machine.dh.alpha[1]",
+        "stage[2].mount", "stage[2].mount.a", "stage[1].machine.tool", "joint[4]"}) {
+    EXPECT_TRUE(keys.contains(key)) << key;
+  }
+}
+
 }  // namespace
 }  // namespace polypod::quality

@@ -7,6 +7,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/beyond.hpp"
+#include "polypod/workspace/field.hpp"
 #include "polypod/workspace/shape.hpp"
 #include "polypod/workspace/volume.hpp"
 
@@ -93,11 +94,15 @@ TEST(Sampled, WhatNeedsAProofIsRefused) {
   EXPECT_FALSE(workspace::has_bounds(m));
   EXPECT_TRUE(workspace::has_bounds(test::load("tricept")));
   EXPECT_TRUE(workspace::has_bounds(test::load("lola50")));
-  const workspace::Shape box{workspace::ShapeKind::box, Vec3(0, 0, 0.5), Vec3::Constant(0.01)};
-  EXPECT_EQ(workspace::certainly_holds(m, {}, box).error().id, "WS102");
+  const workspace::Shape cube{workspace::ShapeKind::box, Vec3(0, 0, 0.5), Vec3::Constant(0.01)};
+  EXPECT_EQ(workspace::certainly_holds(m, {}, cube).error().id, "WS102");
   workspace::Options tilted;
   tilted.directions.tilt = 0.1;
   EXPECT_EQ(workspace::volume(test::load("scissors"), tilted).error().id, "WS104");
+  // Fields and surveys ask for the upright tool as ranges of no width.
+  const auto box = workspace::extent(test::load("scissors"), {}, true);
+  ASSERT_TRUE(box.has_value());
+  EXPECT_FALSE(box->empty());
 }
 
 TEST(LimitGroups, EveryMachineNamesItsOwn) {
