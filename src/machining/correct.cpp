@@ -721,7 +721,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   // The smallest of these that does: how far the failed try was off says little of what would do.
   for (double um = units::to_um(job.tolerance), most = 2 * std::max(um, units::to_um(result.largest_after));
        um < most;) {
-    um = std::ceil(um * 1.15);
+    um = std::ceil(um * 1.25);
     wider.tolerance = units::from_um(um);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
     out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}", units::to_um(wider.tolerance),
