@@ -151,7 +151,7 @@ std::string volume_text(const workspace::Volume& v) {
     const double error = units::to_mm3(std::max(v.upper - v.volume, 1e-30));
     const double unit = std::pow(10.0, std::floor(std::log10(error)) - 1);  // two digits of the error
     const int decimals = std::clamp(static_cast<int>(-std::log10(unit)), 0, 9);
-    return fmt::format("{:.{}f} +- {:.{}f} mm3 (95 % of the sample); nothing is proven, since the inverse is a search",
+    return fmt::format("{:.{}f} +- {:.{}f} mm3 (95 % of the sample); nothing is proven: no bounds are known",
                        unit * std::round(units::to_mm3(v.volume) / unit), decimals, unit * std::round(error / unit),
                        decimals);
   }

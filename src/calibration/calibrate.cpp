@@ -216,13 +216,7 @@ class Fit {
                   "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
     }
     POLYPOD_TRY(judge());
-    double changes = 0, searched = 0;
-    for (const int j : problem_.wanted) {
-      if (j < problem_.layout.parameters || !(usual_[j] > 0)) continue;
-      changes += std::pow((x_[j] - problem_.start[j]) / usual_[j], 2);
-      ++searched;
-    }
-    out_.change = searched > 0 ? std::sqrt(changes / searched) : 0;
+    out_.change = change_over_priors();
     say_unknowns();
     POLYPOD_TRY(make_machine());
     out_.verdict = judged(any_, rows_, out_);
@@ -677,6 +671,17 @@ class Fit {
     const Eigen::ArrayXd left = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues().array().square();
     const Eigen::ArrayXd taken = 1 - left.square();  // 2 h - h^2
     return (gain_ / (s * s) - taken.sum()) / std::sqrt(std::max(2 * taken.square().sum(), 1e-300));
+  }
+
+  /// Root mean square of the parameters' changes over the priors before their size was learnt.
+  double change_over_priors() const {
+    double squares = 0, count = 0;
+    for (const int j : problem_.wanted) {
+      if (j < problem_.layout.parameters) continue;
+      squares += std::pow((x_[j] - problem_.start[j]) / usual_[j], 2);
+      ++count;
+    }
+    return count > 0 ? std::sqrt(squares / count) : 0;
   }
 
   /// Too few rows cannot contradict the noise that was given.

@@ -45,28 +45,15 @@ std::string common_limit_name(int limit, const char* arm) {
 /// `drive` is what the range of a drive counts for in m.
 LimitTable common_limit_table(const Delta& m, double drive) {
   using L = DeltaLimits;
-  LimitTable out(L::kCount);
-  for (int i = 0; i < L::kCount; ++i) {
-    LimitInfo& limit = out[static_cast<std::size_t>(i)];
-    limit.between_bodies = i >= L::kFirstBody;
-    limit.group = i < L::kSide    ? "drive"
-                  : i < L::kLow   ? "joint"
-                  : i < L::kMode  ? "coordinates"
-                  : i < L::kTable ? "mode"
-                  : i < L::kRods  ? "table"
-                  : i < L::kBase  ? "rods"
-                                  : "base";
-    if (i < L::kSide) limit.scale = drive;
-    // Those of an arm that is not there.
-    const bool by_arm = i < L::kLow || (i >= L::kTable && i < L::kRods) || i >= L::kBase;
-    if (by_arm && (i - (i >= L::kBase ? L::kBase : i >= L::kTable ? L::kTable : 0)) % kMaxArms >= m.arms) {
-      limit.given = false;
-    }
-  }
-  for (int k = 0; k < 3; ++k) {
-    out[static_cast<std::size_t>(L::kLow + k)].given = std::isfinite(m.low[k]);
-    out[static_cast<std::size_t>(L::kHigh + k)].given = std::isfinite(m.high[k]);
-  }
+  LimitTable out(L::kSide, {"drive", drive});
+  out.insert(out.end(), L::kLow - L::kSide, {"joint"});
+  push_tip_limits(out, m);
+  out.push_back({"mode"});
+  out.insert(out.end(), L::kRods - L::kTable, {"table"});
+  out.insert(out.end(), L::kBase - L::kRods, {"rods", 1, true, true});
+  out.insert(out.end(), L::kCount - L::kBase, {"base", 1, true, true});
+  for (const int of_first : {L::kMin, L::kMax, L::kSide, L::kElbow, L::kPlatform, L::kTable, L::kBase})
+    for (int i = m.arms; i < kMaxArms; ++i) out[static_cast<std::size_t>(of_first + i)].given = false;
   return out;
 }
 

@@ -206,9 +206,12 @@ Result<AnyMachine> read_as(FamilyList<F...>, const std::string& family, const co
 }
 
 /// The table of a machine that a file names: another file, found from the folder of `from`, or a catalogue machine.
+/// What is no file itself, as a machine of the catalogue, names machines of the catalogue alone.
 Result<config::Table> named_machine(const std::string& name, const Place& from) {
   const std::string path = config::beside(from.file, name);
-  if (std::error_code ec; std::filesystem::is_regular_file(path, ec)) return config::read_file(path);
+  std::error_code ec;
+  const bool of_file = files::is_standard_input(from.file) || std::filesystem::exists(from.file, ec);
+  if (of_file && std::filesystem::is_regular_file(path, ec)) return config::read_file(path);
   for (const CatalogueEntry& entry : catalogue())
     if (entry.name == name) return config::parse(entry.toml, name + ".toml");
   return fail("MA100", fmt::format("no machine file or catalogue machine \"{}\"", name), from,

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 
@@ -766,11 +765,11 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
   POLYPOD_ASSIGN(out, Corrector(job, program, accepted, options).run());
   // Where the pieces end decides what the cells make of a corner: other pieces may do.
-  constexpr std::array<double, 2> kOtherShares{0.9, 0.65};
   const bool small = out.after.pass.points <= kTryRemediesBelow && options.method == CorrectMethod::tube;
-  for (std::size_t k = 0; k < kOtherShares.size() && small && !out.within_tolerance; ++k) {
+  for (const double share : {0.9, 0.65}) {
+    if (out.within_tolerance || !small) break;
     CorrectOptions other = options;
-    other.fit_share = kOtherShares[k] * options.fit_share / CorrectOptions{}.fit_share;
+    other.fit_share = share;
     POLYPOD_ASSIGN(again, Corrector(job, program, accepted, other).run());
     if (again.within_tolerance) out = std::move(again);
   }

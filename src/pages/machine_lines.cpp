@@ -185,7 +185,7 @@ std::vector<Line3> lines_of(const machine::SerialArm& arm, const Vec3& tip) {
   return out;
 }
 
-/// Every stage at home, where the stages before it put it; only the last one shows its tool.
+/// Every stage at home, where the stages before it put it.
 std::vector<Line3> lines_of(const machine::Stages& m, const Vec3&) {
   std::vector<Line3> out;
   Pose X;

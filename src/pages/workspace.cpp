@@ -10,6 +10,7 @@
 #include <set>
 
 #include "machine_lines.hpp"
+#include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/delta.hpp"
@@ -366,7 +367,7 @@ class Page {
             fmt::runtime(volume_.proven
                              ? "{}, every point of {} {} is reached: certainly between {} and {} {}.{}"
                              : "{}, a sample finds {} {} to be reached, with 95 % between {} and {} {}. Nothing "
-                               "is proven, since the inverse of this machine is a search.{}"),
+                               "is proven: no bounds are known for the inverse of this machine.{}"),
             capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
             unit_.name, missed));
     std::vector<report::KeyFigure> figures{
@@ -423,11 +424,12 @@ class Page {
     other.elevation_deg = -12;
     other.max_aspect = 0.95;
     panels.emplace_back("from behind and below", other);
-    report_.add_figure_grid(2, panels,
-                            tilts()
-                                ? "Areas are those inside the black line. The largest tilt is sampled at 24 azimuths "
-                                  "with refinement between them; the volume above is proven."
-                                : "Areas are those inside the black line.");
+    report_.add_figure_grid(
+        2, panels,
+        tilts() ? std::string("Areas are those inside the black line. The largest tilt is sampled at 24 "
+                              "azimuths with refinement between them") +
+                      (volume_.proven ? "; the volume above is proven." : ".")
+                : "Areas are those inside the black line.");
   }
 
   [[nodiscard]] bool tilts() const { return kinematics::task(machine_).turns(); }
@@ -440,9 +442,10 @@ class Page {
     options.bounds_tolerance = 0;
     return workspace::volume(machine_, options);
   }
-  /// Over many directions at once the proof for an arm takes minutes: sampled volumes stand in for it.
+  /// Over many directions at once the proof for an arm takes minutes: sampled volumes stand in for it, as where no
+  /// bounds are known at all.
   [[nodiscard]] bool proves(const workspace::Directions& directions) const {
-    return !std::holds_alternative<machine::SerialArm>(machine_) || (!directions.is_ranges() && directions.tilt == 0);
+    return volume_.proven && (!kinematics::is_serial(machine_) || (!directions.is_ranges() && directions.tilt == 0));
   }
 
   /// A coarse grid over what the upright tool reaches, for sampled volumes.
@@ -716,8 +719,9 @@ Result<std::string> surface_stl(const Surface& s) {
 
 std::string extent_text(const Volume& v, int axis) {
   if (!v.proven) {
-    return v.reached ? fmt::format("{:.0f} .. {:.0f} mm seen", to_mm(v.reached->min[axis]), to_mm(v.reached->max[axis]))
-                     : std::string("nothing seen");
+    if (!v.reached) return "nothing seen";
+    const Figures mm(to_mm((v.reached->max - v.reached->min).maxCoeff()), 0);
+    return fmt::format("{} .. {} mm seen", mm(to_mm(v.reached->min[axis])), mm(to_mm(v.reached->max[axis])));
   }
   constexpr double kShare = 1e-4;  // of the largest extent: ten times the tolerance of the bounds
   const double size = to_mm((v.max - v.min).maxCoeff());

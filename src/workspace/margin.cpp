@@ -266,7 +266,7 @@ class SearchJudge {
       std::vector<double> g = limits(m_, X, joints(s.joints), std::span<const double>(p_));
       double here = std::numeric_limits<double>::infinity();
       for (const Slot& slot : slots)
-        if (slot.limit != kOutOfReach) here = std::min(here, g[static_cast<std::size_t>(slot.limit)]);
+        if (slot.limit != kOutOfReach) here = std::min(here, slot.scale * g[static_cast<std::size_t>(slot.limit)]);
       if (here <= least) continue;
       least = here;
       best = std::move(g);
@@ -503,10 +503,6 @@ Result<std::unique_ptr<PointJudge>> judge_for(const machine::Stages& m, const Op
 }
 Result<std::unique_ptr<PointJudge>> judge_for(const machine::Parallel& m, const Options& options,
                                               const FieldOptions& field_options) {
-  if (!m.task.places()) {
-    return fail("WS107", fmt::format("{} does not hold x, y, z in its task: there is no field over positions", m.name),
-                {}, "`polypod workspace` measures such a machine in the coordinates of its task");
-  }
   return std::make_unique<JudgeOf<ParallelJudge>>(ParallelJudge(m, options), options, field_options);
 }
 template <class Hexapod>
@@ -525,6 +521,12 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
   if (!(field_options.tilt_max > 0 && field_options.tilt_max < std::numbers::pi / 2)) {
     return fail("WS130", fmt::format("the largest tilt to look for, {:g} deg, must be above 0 and below 90",
                                      units::to_deg(field_options.tilt_max)));
+  }
+  if (!kinematics::task(machine).places()) {
+    return fail("WS107",
+                fmt::format("{} does not hold x, y, z in its task: there is no field over positions",
+                            machine::name_of(machine)),
+                {}, "`polypod workspace` measures machines of legs in the coordinates of their task");
   }
   // What is wrong with directions or machine, volume() says before its first box.
   Options probe = options;

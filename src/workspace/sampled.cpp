@@ -68,9 +68,17 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
                             machine::name_of(machine)),
                 {}, "leave out the tilt and the ranges of A and B");
   }
+  if (!kinematics::task(machine).places()) {
+    return fail("WS106",
+                fmt::format("{}: no bounds are known for its workspace, and a sample needs x, y, z in the task",
+                            machine::name_of(machine)),
+                {}, "give the machine a task that holds x, y and z");
+  }
   const std::vector<Mat3> orientations = sampled_orientations(options.directions);
   Volume out;
   out.proven = false;
+  Reached seen{Vec3::Constant(std::numeric_limits<double>::infinity()),
+               Vec3::Constant(-std::numeric_limits<double>::infinity())};
   const auto take = [&](const Sample& sample) -> Result<Hits> {
     std::vector<std::uint8_t> in(sample.points());
     const auto done = out.points;
@@ -95,6 +103,8 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
       hits.low = hits.low.cwiseMin(p);
       hits.high = hits.high.cwiseMax(p);
     }
+    seen.min = seen.min.cwiseMin(hits.low);
+    seen.max = seen.max.cwiseMax(hits.high);
     return hits;
   };
   // Where it is: the box of what is reached, one cell wider, looked at again where it is much smaller.
@@ -121,25 +131,22 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
   out.converged = false;
   const std::int64_t most = std::min(kMostPoints, options.max_cells);
   constexpr double kGrows = 1.4, kSigmas = 1.96;
-  Reached seen{Vec3::Constant(std::numeric_limits<double>::infinity()),
-               Vec3::Constant(-std::numeric_limits<double>::infinity())};
+  constexpr double kFewest = 30;  // cells that differ: with fewer the interval is no normal one
   for (double along = 10; !out.converged; along *= kGrows) {
     const Sample sample(low, high, static_cast<int>(along));
     if (along > 10 && static_cast<std::int64_t>(sample.points()) > most) break;
     POLYPOD_ASSIGN(hits, take(sample));
     const double cell = sample.cell().prod();
     out.volume = 0.5 * cell * hits.sum;
-    const double error = 0.5 * cell * std::sqrt(hits.differences);
+    const double error = 0.5 * cell * std::sqrt(std::max(hits.differences, 1.0));
     out.lower = std::max(0.0, out.volume - kSigmas * error);
     out.upper = out.volume + kSigmas * error;
-    seen.min = seen.min.cwiseMin(hits.low);
-    seen.max = seen.max.cwiseMax(hits.high);
     out.min = seen.min - sample.cell();
     out.max = seen.max + sample.cell();
-    out.converged = hits.any() && kSigmas * error <= 0.5 * options.relative_tolerance * out.volume;
+    out.converged = hits.differences >= kFewest && kSigmas * error <= 0.5 * options.relative_tolerance * out.volume;
   }
   if (!out.converged) out.stopped = Stopped::cells;
-  if (seen.min.allFinite()) out.reached = seen;
+  out.reached = seen;
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return out;
 }

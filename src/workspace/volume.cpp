@@ -48,8 +48,9 @@ Status check(const AnyMachine& machine, const Options& options) {
 }
 
 tl::unexpected<Error> no_bounds(const std::string& name) {
-  return fail("WS102", fmt::format("{}: its inverse is a search, so nothing can be proven of its workspace", name), {},
-              "`polypod workspace` without --contains and --largest takes a sample");
+  return fail("WS102",
+              fmt::format("{}: no bounds are known for its inverse, so nothing can be proven of its workspace", name),
+              {}, "`polypod workspace` without --contains and --largest takes a sample");
 }
 
 /// Calls ask(limits) with what the family knows of its limits.
@@ -116,9 +117,10 @@ LimitBits interference_bits(const AnyMachine& machine) {
 
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names) {
   const machine::LimitTable table = kinematics::limit_table(machine);
-  // "joint" is base-joint and platform-joint; "length" of struts and "drive" of any leg are one.
-  const auto is_called = [](const std::string& group, const std::string& name) {
-    return group == name || group.ends_with("-" + name) || (group == "drive" && name == "length");
+  // "joint" is base-joint and platform-joint; "length" the drives of legs that it ends.
+  const auto is_called = [](const machine::LimitInfo& limit, const std::string& name) {
+    return limit.group == name || limit.group.ends_with("-" + name) ||
+           (limit.group == "drive" && limit.holds_reach && name == "length");
   };
   LimitBits bits = 0;
   for (std::size_t start = 0; start < names.size();) {
@@ -127,7 +129,7 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
     start = comma + 1;
     LimitBits named = 0;
     for (std::size_t i = 0; i < table.size(); ++i)
-      if (is_called(table[i].group, name)) named |= LimitBits{1} << i;
+      if (is_called(table[i], name)) named |= LimitBits{1} << i;
     if (named == 0) {
       std::vector<std::string> groups;
       for (const machine::LimitInfo& limit : table)

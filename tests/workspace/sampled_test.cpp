@@ -99,6 +99,14 @@ TEST(Sampled, WhatNeedsAProofIsRefused) {
   workspace::Options tilted;
   tilted.directions.tilt = 0.1;
   EXPECT_EQ(workspace::volume(test::load("scissors"), tilted).error().id, "WS104");
+  // Nothing is said of places where the task does not hold them.
+  const AnyMachine planar = read(R"(
+family = "serial"
+task = ["x", "y", "C"]
+dh = [ { a_mm = 300 }, { a_mm = 250 }, { a_mm = 100 } ]
+)");
+  EXPECT_EQ(workspace::volume(planar, {}).error().id, "WS106");
+  EXPECT_EQ(workspace::field(planar, {}, workspace::Grid{}).error().id, "WS107");
   // Fields and surveys ask for the upright tool as ranges of no width.
   const auto box = workspace::extent(test::load("scissors"), {}, true);
   ASSERT_TRUE(box.has_value());
