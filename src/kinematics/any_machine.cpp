@@ -67,11 +67,9 @@ ForwardResult delta_poses(const M& m, const JointVector& q) {
     out.reason = "no real assembly: the rods of the first three chains do not meet in one point";
     return out;
   }
-  const std::vector<double> p = nominal_parameters(m);
   for (const Vec3& X : {both.machine, both.other}) {
     const Pose pose{Mat3::Identity(), X};
-    const ClosureVector F = closure(m, pose, std::span<const double>(q.data(), q.size()), std::span<const double>(p));
-    const double residual = F.cwiseAbs().maxCoeff();
+    const double residual = closure_residual(m, pose, q);
     if (m.arms > 3 && residual > 2 * kFits * m.rod_length[3]) continue;
     out.poses.push_back(pose);
     out.residuals.push_back(residual);
@@ -89,12 +87,8 @@ template <class M>
 ForwardResult searched_poses(const M& m, const JointVector& q) {
   ForwardResult out;
   out.complete = false;
-  const std::vector<double> p = nominal_parameters(m);
   out.poses = poses_by_search(m, q);
-  for (const Pose& X : out.poses) {
-    const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
-    out.residuals.push_back(closure(m, X, joints, std::span<const double>(p)).cwiseAbs().maxCoeff());
-  }
+  for (const Pose& X : out.poses) out.residuals.push_back(closure_residual(m, X, q));
   if (out.poses.empty()) {
     out.reason =
         "the joints do not close: Newton's method found no pose from home nor from 2000 further starts; that "
@@ -173,10 +167,7 @@ ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
           return out;
         }
         out.poses.push_back(forward(m, q));
-        const std::vector<double> p = nominal_parameters(m);
-        const ClosureVector F =
-            closure(m, out.poses.back(), std::span<const double>(q.data(), q.size()), std::span<const double>(p));
-        out.residuals.push_back(F.cwiseAbs().maxCoeff());
+        out.residuals.push_back(closure_residual(m, out.poses.back(), q));
         return out;
       },
       machine);
@@ -204,15 +195,7 @@ std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, 
 }
 
 LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
-  constexpr double kSlack = 1e-10;
-  return std::visit(
-      [&](const auto& m) {
-        const std::vector<double> p = nominal_parameters(m);
-        auto g = limits(m, X_MT, std::span<const double>(q.data(), q.size()), std::span<const double>(p));
-        for (double& value : g) value += kSlack;
-        return violated(g);
-      },
-      machine);
+  return std::visit([&](const auto& m) { return violations_of_limits(m, X_MT, q); }, machine);
 }
 
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {

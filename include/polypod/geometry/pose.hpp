@@ -60,6 +60,17 @@ inline Mat3 rotation_abc(double a, double b, double c) {
   return rotation_z(c) * rotation_y(b) * rotation_x(a);
 }
 
+/// The same on any number type.
+template <class T>
+Matrix3<T> rotation_by_angles(const T& a, const T& b, const T& c) {
+  using std::cos, std::sin;
+  const T ca = cos(a), sa = sin(a), cb = cos(b), sb = sin(b), cc = cos(c), sc = sin(c);
+  Matrix3<T> R;
+  R << cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa, sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa,
+      -sb, cb * sa, cb * ca;
+  return R;
+}
+
 /// The angles A, B, C of R = R_z(C) R_y(B) R_x(A), with -pi/2 <= B <= pi/2. Where cos B = 0 (gimbal lock) A is set to
 /// 0. Near gimbal lock A and C are each ill-conditioned; A is therefore taken from R_z(C)^T R, so that the three angles
 /// together give R back to rounding everywhere.

@@ -26,6 +26,25 @@ std::vector<double> nominal_parameters(const M& m) {
   return p;
 }
 
+/// How far the closure is from 0: its largest |F_i| with the nominal parameters, m (or the closure's unit).
+template <Machine M>
+double closure_residual(const M& m, const Pose& X, const JointVector& q) {
+  const std::vector<double> p = nominal_parameters(m);
+  const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+  return closure(m, X, joints, std::span<const double>(p)).cwiseAbs().maxCoeff();
+}
+
+/// The limits below 0 with the nominal parameters; one that is missed by rounding alone (1e-10) is kept.
+template <Machine M>
+LimitBits violations_of_limits(const M& m, const Pose& X, const JointVector& q) {
+  constexpr double kSlack = 1e-10;
+  const std::vector<double> p = nominal_parameters(m);
+  const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+  std::vector<double> g = limits(m, X, joints, std::span<const double>(p));
+  for (double& value : g) value += kSlack;
+  return violated(g);
+}
+
 /// X moved by a small twist in its first order: p + v, (1 + [w]x) R, on dual numbers (dual parts of v and w: unit).
 inline PoseT<Dual> dual_pose(const Pose& X) {
   PoseT<Dual> out = X.cast<Dual>();

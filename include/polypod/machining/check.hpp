@@ -14,8 +14,8 @@ namespace polypod::machining {
 
 struct CheckProblem {
   int line = 0;
-  std::string
-      kind;  ///< "reach", "limit", "singular", "branch", "axis" (a turn that the machine does not have), "empty"
+  /// "reach", "limit", "singular", "branch", "axis" (a turn that the machine does not have), "empty"
+  std::string kind;
   std::string detail;
 };
 

@@ -91,7 +91,8 @@ struct Extent {
   [[nodiscard]] bool empty() const { return (high.array() < low.array()).any(); }
 };
 /// A box that certainly holds what is reachable from all required directions, and with `upright_too` also what is
-/// reachable with R = 1; tight to some per cent. Empty if that is proven to be nothing. Errors: those of volume().
+/// reachable with R = 1; tight to some per cent. Empty if that is proven to be nothing. Of machines without bounds the
+/// box of what a sample found, a cell wider. Errors: those of volume().
 /// Cost: 0.1 to 1 s.
 Result<Extent> extent(const AnyMachine& machine, const Options& options, bool upright_too);
 

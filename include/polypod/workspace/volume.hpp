@@ -85,7 +85,7 @@ struct Reached {
 
 /// A workspace's volume between proven bounds, or what a sample says of it.
 struct Volume {
-  /// False for a machine whose inverse is a search: `lower` and `upper` are then the ends of the 95 % confidence
+  /// False for a machine without bounds (has_bounds): `lower` and `upper` are then the ends of the 95 % confidence
   /// interval of the sample, `min` and `max` the box that it found widened by one cell of its grid, `points` the number
   /// of points, and nothing is certain but that the points of `reached` were reached.
   bool proven = true;
@@ -121,7 +121,7 @@ struct Volume {
 /// on the rail, direction by direction. Serial arms: the closed wrist inverse on interval derivatives; a point counts
 /// where for each direction some branch keeps the limits.
 ///
-/// Machines whose inverse is a search (arms without a closed one, stages): sampled_volume(), which proves nothing.
+/// Machines without bounds (arms without the wrist of WristInverse, stages): sampled_volume(), which proves nothing.
 ///
 /// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
 /// Errors: WS100 (directions out of range), WS101 (tolerance), WS110
@@ -133,9 +133,10 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options);
 /// coarser grid found to be reached stand two points, each at random in the cell; the share of them that the inverse
 /// reaches in all of sampled_orientations() gives the volume V = sum of cells times shares, and the differences within
 /// the cells its standard error s = cell sqrt(sum (x_1 - x_2)^2) / 2. The grid becomes finer until 1.96 s is within
-/// half of the relative tolerance of V or 60 000 points were looked at (`converged` is false then). Where the inverse
+/// half of the relative tolerance of V with 30 cells that differ, or would have 60 000 points (`converged` is false
+/// then). Where the inverse
 /// is a search, a pose that it does not find counts as not reached. The same result for any number of threads. Errors:
-/// those of volume(). Cost: one inverse a point and direction.
+/// those of volume(), WS106 (the task does not hold x, y, z). Cost: one inverse a point and direction.
 Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options);
 
 /// Whether volume() proves its bounds for this machine.

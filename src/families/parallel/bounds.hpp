@@ -127,17 +127,6 @@ class ParallelLimits {
     return out;
   }
 
-  /// Rotation R_z(c) R_y(b) R_x(a).
-  template <class T>
-  static Matrix3<T> rotation(const T& a, const T& b, const T& c) {
-    using std::cos, std::sin;
-    const T ca = cos(a), sa = sin(a), cb = cos(b), sb = sin(b), cc = cos(c), sc = sin(c);
-    Matrix3<T> R;
-    R << cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa, sc * cb, sc * sb * sa + cc * ca,
-        sc * sb * ca - cc * sa, -sb, cb * sa, cb * ca;
-    return R;
-  }
-
   /// The pose where the following coordinates have the values u (in the order of `free_`). `prescribed(k)` gives the
   /// coordinate k of the box or patch, `patched()` the rotation of the patch.
   template <class T, class Prescribed, class Patched>
@@ -158,11 +147,11 @@ class ParallelLimits {
     PoseT<T> X;
     X.p = Vector3<T>(c[0], c[1], c[2]);
     if (m_.task.names_axis()) {
-      X.R = patched() * rotation<T>(T(0.0), T(0.0), about_axis);
+      X.R = patched() * rotation_by_angles<T>(T(0.0), T(0.0), about_axis);
     } else if (m_.task.size() == 6) {
       X.R = patched();
     } else {
-      X.R = rotation<T>(c[3], c[4], c[5]);
+      X.R = rotation_by_angles<T>(c[3], c[4], c[5]);
     }
     return X;
   }

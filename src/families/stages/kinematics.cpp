@@ -36,15 +36,7 @@ bool is_chain(const Stages& m, std::size_t k) {
 }
 
 double residual_of(const AnyMachine& machine, const Pose& X, const JointVector& q) {
-  return std::visit(
-      [&](const auto& m) {
-        const std::vector<double> p = kinematics::nominal_parameters(m);
-        return closure(m, X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())),
-                       std::span<const double>(p))
-            .cwiseAbs()
-            .maxCoeff();
-      },
-      machine);
+  return std::visit([&](const auto& m) { return kinematics::closure_residual(m, X, q); }, machine);
 }
 
 /// The tool tip of stages that stand one behind the other.
@@ -202,15 +194,6 @@ std::vector<StagePose> at_home(const Stages& m) {
   return out;
 }
 
-LimitBits violations_of(const Stages& m, const Pose& X, const JointVector& q) {
-  constexpr double kSlack = 1e-10;
-  const std::vector<double> p = kinematics::nominal_parameters(m);
-  std::vector<double> g =
-      limits(m, X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())), std::span<const double>(p));
-  for (double& value : g) value += kSlack;
-  return kinematics::violated(g);
-}
-
 /// Adds what a search found, with all solutions of the closed stage there.
 void add(const Stages& m, const Search& found, InverseResult& out) {
   constexpr double kSame = 1e-6;
@@ -236,7 +219,7 @@ void add(const Stages& m, const Search& found, InverseResult& out) {
     if (known) continue;
     s.branch = one.branch == "only" ? "" : one.branch;
     s.singular = one.singular;
-    s.violations = violations_of(m, X, s.joints);
+    s.violations = kinematics::violations_of_limits(m, X, s.joints);
     out.solutions.push_back(std::move(s));
   }
 }

@@ -27,18 +27,6 @@ inline Task task(const Stages& m) {
 
 namespace stages_detail {
 
-/// R_z(C) R_y(B) R_x(A) and the place of p = x, y, z, A, B, C.
-template <class T>
-PoseT<T> mounted(std::span<const T> p) {
-  using std::cos, std::sin;
-  const T ca = cos(p[3]), sa = sin(p[3]), cb = cos(p[4]), sb = sin(p[4]), cc = cos(p[5]), sc = sin(p[5]);
-  PoseT<T> out;
-  out.R << cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa, sc * cb, sc * sb * sa + cc * ca,
-      sc * sb * ca - cc * sa, -sb, cb * sa, cb * ca;
-  out.p << p[0], p[1], p[2];
-  return out;
-}
-
 /// Joints, parameters and mount of each stage, one after the other.
 template <class T, class Take>
 void each_stage(const Stages& m, std::span<const T> q, std::span<const T> p, Take&& take) {
@@ -48,7 +36,8 @@ void each_stage(const Stages& m, std::span<const T> q, std::span<const T> p, Tak
     const auto parameters = static_cast<std::size_t>(m.data[k].parameters);
     PoseT<T> mount = m.data[k].mount.cast<T>();
     if (k > 0) {
-      mount = mounted(p.subspan(parameter, 6));
+      const std::span<const T> figures = p.subspan(parameter, 6);  // x, y, z, A, B, C
+      mount = {rotation_by_angles(figures[3], figures[4], figures[5]), {figures[0], figures[1], figures[2]}};
       parameter += 6;
     }
     take(k, mount, q.subspan(joint, joints), p.subspan(parameter, parameters));
