@@ -251,6 +251,10 @@ class Reader {
         }
         checksum = true;
       }
+      if (letter == 'N' && count > 0) {
+        return error(block, i, "GC106", "N within a block; a line number stands at the start of its line",
+                     "move N to the start of the line, or remove it");
+      }
       if (count == words.size()) {
         return error(block, i, "GC108", fmt::format("more than {} words in one block", words.size()),
                      "split the block");
