@@ -120,18 +120,10 @@ double rounded_um(double m) {
 
 /// The answer of `correct` where it is yes, and what it does not hold for.
 void print_answer(const machining::Correction& c) {
-  const machining::SlowTransitions& slow = c.slow_transitions;
-  if (slow.count > 0) {
-    fmt::print(
-        "not judged: {} of {} transitions take more than one revolution (up to {:.1f}, line {}), so that the bend need "
-        "not change evenly on them; there the tool may be off the path by up to their length, {:.2f} mm\n",
-        slow.count, c.transitions, slow.revolutions, slow.line, units::to_mm(slow.longest));
-  }
   print_steep(c.after.steep);
   if (!c.within_tolerance) return;
   fmt::print("yes{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)\n",
-             slow.count > 0 || c.after.steep.distance > 0 ? ", apart from what was not judged" : "",
-             units::to_um(c.largest_after),
+             c.all_judged() ? "" : ", apart from what was not judged", units::to_um(c.largest_after),
              c.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "",
              units::to_um(c.tolerance));
 }
@@ -451,11 +443,6 @@ Command correct_command() {
                             {"time_after_s", c.modes.time_after},
                             {"moves_left_as_they_were", c.left_as_they_were},
                             {"not_judged", not_judged_json(c.after.not_judged)},
-                            {"transitions_not_judged",
-                             {{"count", c.slow_transitions.count},
-                              {"line", c.slow_transitions.line},
-                              {"most_revolutions", c.slow_transitions.revolutions},
-                              {"longest_mm", to_mm(c.slow_transitions.longest)}}},
                             {"steep_not_judged", steep_json(c.after.steep)},
                             {"written", writes},
                             {"outside", outside},

@@ -629,24 +629,7 @@ class Corrector {
     return {};
   }
 
-  void find_slow_transitions() {
-    SlowTransitions& slow = out_.slow_transitions;
-    slow = {};
-    for (std::size_t c = 0; c < way_.moves.size(); ++c) {
-      const gcode::Move& move = way_.moves[c].move;
-      if (!way_.moves[c].transition || !(move.feed > 0)) continue;
-      const double revolutions = move.length() / move.feed * move.spindle_speed;
-      if (revolutions <= 1) continue;
-      ++slow.count;
-      slow.longest = std::max(slow.longest, move.length());
-      if (revolutions <= slow.revolutions) continue;
-      slow.revolutions = revolutions;
-      slow.line = line_of(static_cast<std::size_t>(way_.source[c]));
-    }
-  }
-
   void decide() {
-    find_slow_transitions();
     const MoveOutcome* worst = nullptr;
     for (const MoveOutcome& m : out_.moves) {
       const auto reach = [](const MoveOutcome& o) { return o.distance_after + o.corner_after; };

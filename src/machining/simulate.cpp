@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/end_force.hpp"
+#include "polypod/machining/yielding.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {
@@ -37,6 +39,16 @@ constexpr double kLookAhead = 0.04;
 constexpr double kLeastFall = 0.1e-6;
 // Strips shallower than this share of the deepest do not make a wall.
 constexpr double kWallShare = 0.1;
+// Steps of a transition: one a tooth within these.
+constexpr double kFewestYields = 12, kMostYields = 60;
+// Teeth that pass on a transition, for what has no time or no end.
+constexpr double kFewestTeeth = 1e-6, kMostTeeth = 1e6;
+// Directions in which a transition may yield.
+constexpr int kDirections = 32;
+// A tip within this of the last one meets the same, m.
+constexpr double kNearTip = 5e-6;
+// The chip for which forces are taken to grow in proportion, m.
+constexpr double kThinChip = 20e-6;
 
 /// The cutter on its way: stock, machine and the state between two points.
 class Pass {
@@ -200,33 +212,65 @@ class Pass {
     return a.direction(a.length()).dot(b.direction(0)) > std::cos(options_.smooth_angle);
   }
 
-  /// A joint of the correction: deflection and force go straight from those before it to those after it, because the
-  /// mean over the last revolution does.
+  /// A joint of the correction, in steps: the command goes from one place to the other at its feed, and the tool
+  /// follows as it yields to the force of its own way (yield_step).
   Status transition(std::size_t index, ToolModel& tool) {
     const gcode::Move& move = moves_[index].move;
-    const double length = move.length();
-    Sample after;
-    const Vec3 before = deflection_;
-    if (index + 1 < moves_.size() && moves_[index + 1].move.kind != gcode::MoveKind::rapid &&
-        !moves_[index + 1].transition) {
-      POLYPOD_TRY(evaluate(index + 1, 0, moves_[index + 1].move.length(), tool, after));
-    }
-    const std::int64_t steps = steps_of(moves_[index], length);
+    const double length = move.length(), radius = tool.cutter->radius();
+    // How many teeth pass. Where none do, or the feed is 0, may_cut refuses what cuts.
+    const double teeth =
+        std::clamp(length / move.feed * move.spindle_speed * tool.cutter->teeth, kFewestTeeth, kMostTeeth);
+    const auto steps = static_cast<std::int64_t>(std::clamp(std::ceil(teeth), kFewestYields, kMostYields));
+    Vec3 tip = move.start + deflection_, looked_at = Vec3::Constant(1e3);
+    double thickest = 0;
     for (std::int64_t k = 0; k <= steps; ++k) {
-      const double share = static_cast<double>(k) / static_cast<double>(steps);
-      Sample sample = after;
+      Sample sample;
       sample.move = static_cast<int>(index);
-      sample.s = length * share;
+      sample.s = length * static_cast<double>(k) / static_cast<double>(steps);
       sample.command = move.point(sample.s);
-      sample.deflection = before + share * (after.deflection - before);
-      sample.force = after.force * share;
-      const Vec3 at = sample.bent();
-      result_.removed += sweep(at, tool.cutter->radius(), true);
-      deflection_ = sample.deflection;
+      if (k > 0) {
+        if ((tip - looked_at).norm() > kNearTip) {
+          thickest = look_around(tip, tool);
+          looked_at = tip;
+          if (thickest > kNoCut) POLYPOD_TRY(may_cut(move));
+        }
+        Mat3 C;
+        POLYPOD_TRY(compliance(move, sample.command, C));
+        const Yielded yielded = yield_step(tip, sample.command, C, around_, teeth / static_cast<double>(steps));
+        tip = yielded.tip;
+        sample.force = yielded.force;
+        result_.removed += sweep(tip, radius, true);
+      }
+      sample.cutting = thickest > kNoCut || k == 0;
+      sample.depth = static_cast<float>(thickest);
+      deflection_ = sample.deflection = tip - sample.command;
       ++result_.points;
       visit_(sample);
     }
     return {};
+  }
+
+  /// The force of every direction of the plane at a tip, into `around_`; the deepest cut of them, m.
+  double look_around(const Vec3& tip, ToolModel& tool) {
+    const double radius = tool.cutter->radius(), ahead = look_ahead_length(radius);
+    double deepest = 0;
+    around_.resize(kDirections);
+    for (int j = 0; j < kDirections; ++j) {
+      const double angle = 2 * std::numbers::pi * j / kDirections;
+      const Eigen::Vector2d d(std::cos(angle), std::sin(angle));
+      ForceAlong& out = around_[static_cast<std::size_t>(j)];
+      out = {d, Vec3::Zero(), Vec3::Zero()};
+      cutting::look_ahead(stock_, tip, radius, d, ahead, profile_);
+      if (!(profile_.max_depth > kNoCut)) continue;
+      deepest = std::max(deepest, profile_.max_depth);
+      const auto force = [&](double feed_per_tooth) {
+        const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
+        return Vec3(f.x() * d.x() - f.y() * d.y(), f.x() * d.y() + f.y() * d.x(), f.z());
+      };
+      out.edge = force(0);
+      out.chip = (force(kThinChip) - out.edge) / kThinChip;
+    }
+    return deepest;
   }
 
   [[nodiscard]] double look_ahead_length(double radius) const { return machining::look_ahead_length(stock_, radius); }
@@ -456,6 +500,7 @@ class Pass {
   statics::Probe probe_;
   std::map<int, ToolModel> models_;
   cutting::EngagementProfile profile_;
+  std::vector<ForceAlong> around_;
   PassResult result_;
   Sample last_;  ///< the end of the last feed move
   Vec3 last_bent_ = Vec3::Zero();

@@ -119,14 +119,13 @@ class Page {
     const std::string checked = fmt::format("{} of the program that was written were checked, at most 0.1 mm apart{}",
                                             plural(c_.after.pass.points, "point", "points"),
                                             options_.verified ? ", and again with cells half as large" : "");
-    const bool all_judged = c_.slow_transitions.count == 0 && !(c_.after.steep.distance > 0);
     if (c_.within_tolerance) {
       report_.add_verdict(
-          all_judged ? Verdict::good : Verdict::neutral,
+          c_.all_judged() ? Verdict::good : Verdict::neutral,
           fmt::format(
               "Yes{}. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
               "largest distance is {}. {}.",
-              all_judged ? "" : ", apart from what was not judged", given(to_um(c_.tolerance)), kUm,
+              c_.all_judged() ? "" : ", apart from what was not judged", given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
               checked));
     } else {
@@ -138,16 +137,6 @@ class Page {
                       options_.output.empty() ? " No corrected program was written."
                                               : " It was written all the same, with these moves as near as they go."));
       outside();
-    }
-    if (const machining::SlowTransitions& slow = c_.slow_transitions; slow.count > 0) {
-      report_.add_verdict(
-          Verdict::neutral,
-          fmt::format(
-              "Not judged: {} of {} (short blocks that take the load on or off between two moves). The cutter "
-              "turns more than once on them, up to {} times at line {}, so that the bend need not change evenly; "
-              "there the tool may be off the path by up to their length, {} mm.",
-              count(index(slow.count)), plural(index(c_.transitions), "transition", "transitions"),
-              fixed(slow.revolutions, 1), slow.line, fixed(units::to_mm(slow.longest), 2)));
     }
     if (const machining::Steep& steep = c_.after.steep; steep.distance > 0) {
       report_.add_verdict(
@@ -418,8 +407,8 @@ class Page {
     }
     if (c_.transitions > 0) {
       items.push_back(
-          fmt::format("On {} (short blocks that take the load on or off) force and bend are taken to change "
-                      "evenly from one end to the other, not computed.",
+          fmt::format("On {} (short blocks that take the load on or off) the tool follows the force of its own way in "
+                      "steps, at the programmed feed; where the controller slows down there, it may go on for longer.",
                       plural(index(c_.transitions), "transition", "transitions")));
     }
     items.push_back(

@@ -56,16 +56,6 @@ struct MoveOutcome {
   bool within = false;                             ///< inside the tube, corners and resolution counted
 };
 
-/// Transitions on which the cutter turns more than once. The force is then free to follow the way of the transition,
-/// and that the bend changes evenly along it is not known: the tool may come off the path by as much as the bend
-/// changes, which is the length of the transition.
-struct SlowTransitions {
-  int count = 0;
-  int line = 0;            ///< of the original program, where the slowest stands
-  double revolutions = 0;  ///< on the slowest
-  double longest = 0;      ///< m
-};
-
 struct Correction {
   std::string text;        ///< the corrected program
   gcode::Program program;  ///< the same, read back
@@ -79,14 +69,16 @@ struct Correction {
   double largest_distance = 0;  ///< m, of a deflected point from its programmed move, ends as spheres, densely checked
   double largest_before = 0, largest_after = 0;  ///< m, the same with the controller's corners
   PathModes modes;                               ///< what the controller does with the blocks
-  bool within_tolerance = false;                 ///< every move is: judged, inside the tube, at both switch positions
-  std::string reason;                            ///< where and why not
-  std::vector<std::string> remedies;             ///< what would help, if it is not
-  std::optional<OtherSwitch> other_switch;       ///< where the program has blocks with /
+  bool within_tolerance = false;  ///< every move is: judged, inside the tube, at both switch positions; see all_judged
+  std::string reason;             ///< where and why not
+  std::vector<std::string> remedies;        ///< what would help, if it is not
+  std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
   std::size_t lines_in = 0, lines_out = 0;
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
-  SlowTransitions slow_transitions;  ///< not judged
-  int left_as_they_were = 0;         ///< moves that no correction brings closer to the programmed path
+  int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
+
+  /// Whether `within_tolerance` answers for all of the cut: else for all but steep places.
+  [[nodiscard]] bool all_judged() const { return !(after.steep.distance > 0); }
 };
 
 /// Corrects a program so that every point of every cutting move ends within `job.tolerance` of the programmed move and

@@ -49,8 +49,8 @@ struct Sample {
 /// A move of a pass.
 struct PassMove {
   gcode::Move move;
-  /// A joint that the correction put in: shorter than a revolution's feed, its deflection goes straight from that
-  /// before it to that after it.
+  /// A joint that the correction put in: the command jumps from one bend to another while the tool should stand. Its
+  /// force does not follow the command but the way of the tool (yield_step).
   bool transition = false;
   /// The move that the bent tool follows, if that is not the commanded one: a corrected command may lean by some
   /// degrees where the bend changes fast, but chips are cut in the direction in which the bent tool moves. Must outlive
