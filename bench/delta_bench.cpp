@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
 #include "polypod/motion/delta_motion.hpp"
 #include "polypod/workspace/volume.hpp"

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "polypod/kinematics/hexapod_modes.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/families/hexapod/modes.hpp"
+#include "polypod/families/hexapod/slider_kinematics.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace {

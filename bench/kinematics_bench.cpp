@@ -10,7 +10,7 @@
 #include <kdl/chainjnttojacsolver.hpp>
 #include <vector>
 
-#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/families/serial/kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"
 

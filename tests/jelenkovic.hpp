@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::jelenkovic {

@@ -10,7 +10,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/reach.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/pages/compliance_map.hpp"
 
 namespace polypod::app {

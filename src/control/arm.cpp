@@ -6,7 +6,7 @@
 
 #include "controllers.hpp"
 #include "polypod/calibration/simulate.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/families/serial/kinematics.hpp"
 
 namespace polypod::control {
 namespace {

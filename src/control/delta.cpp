@@ -9,7 +9,7 @@
 
 #include "controllers.hpp"
 #include "polypod/calibration/simulate.hpp"
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 
 namespace polypod::control {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "controllers.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 
 namespace polypod::control {
 

@@ -8,8 +8,8 @@
 #include <limits>
 
 #include "polypod/core/units.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/delta.hpp"
 
 namespace polypod::motion {
 namespace {

@@ -7,7 +7,7 @@
 #include "machine_lines.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"

@@ -19,14 +19,14 @@ Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w) {
 
 Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan) {
   const std::vector<double>& p = plan.nominal;
-  if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
-    Columns E(6, static_cast<Eigen::Index>(p.size()) + q.size());
-    E.leftCols(p.size()) = machine::parameter_columns(*arm, q);
-    E.rightCols(q.size()) = machine::forward_jacobian(*arm, q).J;
-    return E;
-  }
   return std::visit(
       [&](const auto& m) -> Columns {
+        if constexpr (requires { parameter_columns(m, q); }) {  // a chain: the tool's pose is a formula of both
+          Columns E(6, static_cast<Eigen::Index>(p.size()) + q.size());
+          E.leftCols(p.size()) = parameter_columns(m, q);
+          E.rightCols(q.size()) = forward_jacobian(m, q).J;
+          return E;
+        }
         const Pose X = kinematics::settled(machine, X_MT, q);
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         const auto A = kinematics::closure_by_pose(m, X, joints, p);

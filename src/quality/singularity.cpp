@@ -41,21 +41,21 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
   Sides out;
   out.length = kinematics::dexterity(machine, X, q, length).characteristic_length;
   const double L = out.length;
-  if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
-    // What the task sees, in the tool's frame, so that the turn about its axis is the row to leave out.
-    const machine::ForwardJacobian fj = machine::forward_jacobian(*arm, q);
-    const int rows = kinematics::coordinate_count(kinematics::task(machine));
-    Eigen::MatrixXd J(6, fj.J.cols());
-    J.topRows(3) = fj.X_MT.R.transpose() * fj.J.topRows(3) / L;
-    J.bottomRows(3) = fj.X_MT.R.transpose() * fj.J.bottomRows(3);
-    for (int i = 0; i < J.cols(); ++i)
-      if (kinematics::joint_kind(machine, i) == machine::JointKind::prismatic) J.col(i) *= L;
-    out.A = Eigen::MatrixXd::Identity(rows, rows);
-    out.B = -J.topRows(rows);
-    return out;
-  }
   std::visit(
       [&](const auto& m) {
+        if constexpr (requires { forward_jacobian(m, q); }) {
+          // What the task sees, in the tool's frame, so that the turn about its axis is the row to leave out.
+          const auto fj = forward_jacobian(m, q);
+          const int rows = kinematics::coordinate_count(kinematics::task(machine));
+          Eigen::MatrixXd J(6, fj.J.cols());
+          J.topRows(3) = fj.X_MT.R.transpose() * fj.J.topRows(3) / L;
+          J.bottomRows(3) = fj.X_MT.R.transpose() * fj.J.bottomRows(3);
+          for (int i = 0; i < J.cols(); ++i)
+            if (joint_kind(m, i) == machine::JointKind::prismatic) J.col(i) *= L;
+          out.A = Eigen::MatrixXd::Identity(rows, rows);
+          out.B = -J.topRows(rows);
+          return;
+        }
         const std::vector<double> p = kinematics::nominal_parameters(m);
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         out.A = kinematics::closure_by_pose(m, X, joints, p);
@@ -274,8 +274,9 @@ struct JudgedPose {
   bool within_limits = true;
 };
 
-/// Joints of an arm drawn from their ranges; turning joints without an end over one turn.
-std::vector<JudgedPose> poses_of_arm(const machine::SerialArm& arm) {
+/// Joints of a chain drawn from their ranges; turning joints without an end over one turn.
+template <class Chain>
+std::vector<JudgedPose> poses_of_chain(const Chain& arm) {
   Random random(1);
   std::vector<JudgedPose> out;
   while (out.size() < kJudged) {
@@ -284,7 +285,7 @@ std::vector<JudgedPose> poses_of_arm(const machine::SerialArm& arm) {
       const machine::JointRange range = joint_range(arm, i);
       q[i] = random.uniform(std::max(range.min, -std::numbers::pi), std::min(range.max, std::numbers::pi));
     }
-    out.push_back({machine::forward(arm, q), q, true});
+    out.push_back({forward(arm, q), q, true});
   }
   return out;
 }
@@ -322,7 +323,7 @@ std::vector<JudgedPose> judged_poses(const AnyMachine& machine) {
         if constexpr (requires { home_pose(m); })
           return poses_round_home(machine, home_pose(m));
         else
-          return poses_of_arm(m);
+          return poses_of_chain(m);
       },
       machine);
 }
@@ -370,8 +371,9 @@ std::string in_words(const PoseIndependentSingularity& s) {
 std::optional<NearSingularity> nearest(const AnyMachine& machine, const Pose& X_MT, const JointVector& q_start,
                                        double length) {
   const double L = kinematics::dexterity(machine, X_MT, q_start, length).characteristic_length;
-  const auto* arm = std::get_if<machine::SerialArm>(&machine);
-  Pose X = arm != nullptr ? machine::forward(*arm, q_start) : X_MT;
+  const bool chain = kinematics::is_serial(machine);
+  const auto at_joints = [&](const JointVector& joints) { return kinematics::forward(machine, joints).poses.front(); };
+  Pose X = chain ? at_joints(q_start) : X_MT;
   const Pose start = X;
   JointVector q = q_start;
   const auto value = [&](const Pose& at, const JointVector& joints) { return determinant_of(machine, at, joints, L); };
@@ -384,7 +386,7 @@ std::optional<NearSingularity> nearest(const AnyMachine& machine, const Pose& X_
     if (std::abs(*here) < kDone * std::max(1.0, std::abs(*first))) {
       return NearSingularity{X, (X.p - start.p).norm(), rotation_vector(X.R * start.R.transpose()).norm()};
     }
-    if (arm != nullptr) {
+    if (chain) {
       Eigen::VectorXd gradient(q.size());
       for (int i = 0; i < q.size(); ++i) {
         JointVector plus = q, minus = q;
@@ -396,7 +398,7 @@ std::optional<NearSingularity> nearest(const AnyMachine& machine, const Pose& X_
       Eigen::VectorXd step = -*here / gradient.squaredNorm() * gradient;
       if (step.norm() > 0.2) step *= 0.2 / step.norm();
       q += step;
-      X = machine::forward(*arm, q);
+      X = at_joints(q);
       continue;
     }
     Vec6 gradient;

@@ -3,210 +3,31 @@
 
 #include <fmt/format.h>
 
-#include <concepts>
+#include <algorithm>
 #include <optional>
 
-#include "polypod/kinematics/families.hpp"
+#include "polypod/families/serial/kinematics.hpp"
+#include "polypod/kinematics/parts.hpp"
 
 namespace polypod::statics {
 
-using machine::JacobianMatrix;
 using machine::JointVector;
 using machine::SerialArm;
 
 namespace {
 
-/// The columns whose compliances add up: those of every row of the table, since a brake gives way too.
-struct Columns {
-  Pose X_MT;
-  JacobianMatrix J;
-};
-
-/// `X_MT` is the pose of the joints where it is known; a parallel machine has several poses of the same joints.
-Columns columns_of(const SerialArm& arm, const JointVector& q, const Pose*) {
-  machine::ForwardJacobian fj = machine::forward_jacobian(arm, q, true);
-  return {fj.X_MT, std::move(fj.J)};
-}
-double column_compliance(const SerialArm& arm, int i) {
-  return arm.dh[static_cast<std::size_t>(i)].compliance;
-}
-void set_column_compliance(SerialArm& arm, int i, double c) {
-  arm.dh[static_cast<std::size_t>(i)].compliance = c;
-}
-std::string column_name(const SerialArm&, int i) {
-  return fmt::format("joint {}", i + 1);
-}
-int column_count(const SerialArm& arm) {
-  return static_cast<int>(arm.dh.size());
-}
-
-template <class M>
-concept SixLegged = requires(const M& m) {
-  m.leg_compliance;
-};
-
-/// Hexapods: the forward Jacobian's columns, each with the compliance of its strut or slider.
-template <SixLegged M>
-Columns columns_of(const M& m, const JointVector& q, const Pose* X_MT) {
-  const Pose X = X_MT != nullptr ? *X_MT : machine::forward(m, q);
-  return {X, machine::jacobian(m, X, q)};
-}
-template <SixLegged M>
-double column_compliance(const M& m, int i) {
-  return m.leg_compliance[static_cast<std::size_t>(i)];
-}
-template <SixLegged M>
-void set_column_compliance(M& m, int i, double c) {
-  m.leg_compliance[static_cast<std::size_t>(i)] = c;
-  m.compliance = 0;
-  for (const double each : m.leg_compliance) m.compliance += each / machine::kLegs;
-}
-template <SixLegged M>
-std::string column_name(const M&, int i) {
-  return fmt::format("leg {}", i + 1);
-}
-template <SixLegged M>
-int column_count(const M&) {
-  return machine::kLegs;
-}
-
-/// Deltas: a column of each drive, then one of each parallelogram. Chain i gives way by B_i dq_i + dc_i along its rods,
-/// A dX is what all chains give way. With four chains the loads share out as their stiffnesses K: dX is then
-/// (A^T K A)^-1 A^T K times what the chains would give way alone, and sum c_i J_i J_i^T = (A^T K A)^-1.
-template <std::derived_from<machine::Delta> M>
-Columns columns_of(const M& m, const JointVector& q, const Pose* X_MT) {
-  const Pose X = X_MT != nullptr ? *X_MT : machine::forward(m, q);
-  const machine::DeltaJacobians pair = machine::jacobians(m, X.p, q);
-  Eigen::VectorXd gives(m.arms);
-  for (int i = 0; i < m.arms; ++i) {
-    gives[i] = pair.B[i] * pair.B[i] * m.drive_compliance[std::size_t(i)] + m.rod_compliance[std::size_t(i)];
-  }
-  // A chain that gives way by a millionth of the softest one stands for a rigid one.
-  const double least = 1e-6 * gives.maxCoeff();
-  Eigen::VectorXd K = Eigen::VectorXd::Ones(m.arms);
-  if (least > 0) K = gives.cwiseMax(least).cwiseInverse();
-  const Eigen::VectorXd root = K.cwiseSqrt();
-  const Eigen::MatrixXd held =
-      (root.asDiagonal() * pair.A).completeOrthogonalDecomposition().pseudoInverse() * root.asDiagonal();
-  Columns out{X, JacobianMatrix::Zero(6, 2 * m.arms)};
-  out.J.template topRightCorner(3, m.arms) = held;
-  out.J.template topLeftCorner(3, m.arms) = held * pair.B.asDiagonal();
-  return out;
-}
-double column_compliance(const machine::Delta& m, int i) {
-  return i < m.arms ? m.drive_compliance[std::size_t(i)] : m.rod_compliance[std::size_t(i - m.arms)];
-}
-void set_column_compliance(machine::Delta& m, int i, double c) {
-  (i < m.arms ? m.drive_compliance[std::size_t(i)] : m.rod_compliance[std::size_t(i - m.arms)]) = c;
-}
-std::string column_name(const machine::Delta& m, int i) {
-  return i < m.arms ? fmt::format("drive {}", i + 1) : fmt::format("rod {}", i - m.arms + 1);
-}
-int column_count(const machine::Delta& m) {
-  return 2 * m.arms;
-}
-
-/// Machines of legs: a column of each leg, driven or not, by what it becomes longer.
-Columns columns_of(const machine::Parallel& m, const JointVector& q, const Pose* X_MT) {
-  const Pose X = X_MT != nullptr ? settled(m, *X_MT).value_or(*X_MT) : machine::forward(m, q);
-  return {X, machine::leg_columns(m, X, q)};
-}
-double column_compliance(const machine::Parallel& m, int i) {
-  return m.legs[static_cast<std::size_t>(i)].compliance;
-}
-void set_column_compliance(machine::Parallel& m, int i, double c) {
-  m.legs[static_cast<std::size_t>(i)].compliance = c;
-}
-std::string column_name(const machine::Parallel&, int i) {
-  return fmt::format("leg {}", i + 1);
-}
-int column_count(const machine::Parallel& m) {
-  return static_cast<int>(m.legs.size());
-}
-bool column_turns(const machine::Parallel&, int) {
-  return false;
-}
-
-/// Machines in series: the columns of every stage, carried to the tool tip.
-Columns columns_of(const machine::Stages& m, const JointVector& q, const Pose* X_MT);
-double column_compliance(const machine::Stages& m, int i);
-void set_column_compliance(machine::Stages& m, int i, double c);
-std::string column_name(const machine::Stages& m, int i);
-int column_count(const machine::Stages& m);
-bool column_turns(const machine::Stages& m, int i);
-
-/// Whether the column turns (rad/Nm) or slides or stretches (m/N).
-bool column_turns(const SerialArm& arm, int i) {
-  return arm.dh[static_cast<std::size_t>(i)].kind == machine::JointKind::revolute;
-}
-template <SixLegged M>
-bool column_turns(const M&, int) {
-  return false;
-}
-bool column_turns(const machine::RotaryDelta& m, int i) {
-  return i < m.arms;
-}
-bool column_turns(const machine::LinearDelta&, int) {
-  return false;
-}
-
-Columns columns_of(const machine::Stages& m, const JointVector& q, const Pose* X_MT) {
-  const std::vector<machine::StagePose> stages = stage_poses(m, X_MT != nullptr ? *X_MT : machine::forward(m, q), q);
-  Columns out;
-  out.X_MT = stages.back().X_MB * stages.back().X;
-  out.J.resize(6, column_count(m));
-  Eigen::Index at = 0;
-  for (std::size_t k = 0; k < stages.size(); ++k) {
-    const Columns own =
-        std::visit([&](const auto& stage) { return columns_of(stage, stages[k].q, &stages[k].X); }, m.machines[k]);
-    for (Eigen::Index i = 0; i < own.J.cols(); ++i) out.J.col(at++) = carried(stages[k], own.J.col(i), out.X_MT.p);
-  }
-  return out;
-}
-/// Calls ask(machine of the stage, number in it, number of the stage from 1) for a column of the whole.
-template <class M, class Ask>
-auto in_stage(M& m, int i, Ask&& ask) {
-  std::size_t k = 0;
-  const auto count = [&] { return std::visit([](const auto& stage) { return column_count(stage); }, m.machines[k]); };
-  for (; k + 1 < m.machines.size() && i >= count(); ++k) i -= count();
-  return std::visit([&](auto& stage) { return ask(stage, i, k + 1); }, m.machines[k]);
-}
-double column_compliance(const machine::Stages& m, int i) {
-  return in_stage(m, i, [](const auto& stage, int own, std::size_t) { return column_compliance(stage, own); });
-}
-void set_column_compliance(machine::Stages& m, int i, double c) {
-  in_stage(m, i, [&](auto& stage, int own, std::size_t) { set_column_compliance(stage, own, c); });
-}
-std::string column_name(const machine::Stages& m, int i) {
-  return in_stage(m, i, [](const auto& stage, int own, std::size_t k) {
-    return fmt::format("stage {} {}", k, column_name(stage, own));
-  });
-}
-bool column_turns(const machine::Stages& m, int i) {
-  return in_stage(m, i, [](const auto& stage, int own, std::size_t) { return column_turns(stage, own); });
-}
-int column_count(const machine::Stages& m) {
-  int n = 0;
-  for (const AnyMachine& machine : m.machines) {
-    n += std::visit([](const auto& stage) { return column_count(stage); }, machine);
-  }
-  return n;
-}
-
 Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {
   Compliance out;
-  std::visit(
-      [&](const auto& m) {
-        const Columns columns = columns_of(m, q, X_MT);
-        out.X_MT = columns.X_MT;
-        for (int i = 0; i < columns.J.cols(); ++i) {
-          const Vec6 j = columns.J.col(i);
-          out.by_joint.push_back(column_compliance(m, i) * j * j.transpose());
-          out.joint.push_back(column_name(m, i));
-          out.C += out.by_joint.back();
-        }
-      },
-      machine);
+  const machine::ElementColumns columns = kinematics::element_columns(machine, q, X_MT);
+  out.X_MT = columns.X_MT;
+  const std::vector<machine::Element> elements = kinematics::elements(machine);
+  for (int i = 0; i < columns.J.cols(); ++i) {
+    const machine::Element& element = elements[static_cast<std::size_t>(i)];
+    const Vec6 j = columns.J.col(i);
+    out.by_joint.push_back(element.compliance * j * j.transpose());
+    out.joint.push_back(element.name);
+    out.C += out.by_joint.back();
+  }
   out.joints = q;
   out.reachable = true;
   return out;
@@ -228,72 +49,46 @@ Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT) {
 }
 
 std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
-  return std::visit(
-      [&](const auto& m) {
-        const Columns columns = columns_of(m, q, &X_MT);
-        std::vector<Mat3> out;
-        for (int i = 0; i < columns.J.cols(); ++i) {
-          const Vec3 v = columns.J.col(i).template head<3>();
-          out.push_back(v * v.transpose());
-        }
-        return out;
-      },
-      machine);
+  const machine::ElementColumns columns = kinematics::element_columns(machine, q, &X_MT);
+  std::vector<Mat3> out;
+  for (int i = 0; i < columns.J.cols(); ++i) {
+    const Vec3 v = columns.J.col(i).head<3>();
+    out.push_back(v * v.transpose());
+  }
+  return out;
 }
 
 std::vector<double> column_compliances(const AnyMachine& machine) {
-  return std::visit(
-      [](const auto& m) {
-        std::vector<double> out;
-        for (int i = 0; i < column_count(m); ++i) out.push_back(column_compliance(m, i));
-        return out;
-      },
-      machine);
+  std::vector<double> out;
+  for (const machine::Element& element : kinematics::elements(machine)) out.push_back(element.compliance);
+  return out;
 }
 
 Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector<double>& compliances) {
+  const std::size_t count = kinematics::elements(machine).size();
+  if (compliances.size() != count) {
+    return fail("MA105", fmt::format("{} compliances for {} joints", compliances.size(), count));
+  }
   AnyMachine out = machine;
-  return std::visit(
-      [&](auto& m) -> Result<AnyMachine> {
-        if (static_cast<int>(compliances.size()) != column_count(m)) {
-          return fail("MA105", fmt::format("{} compliances for {} joints", compliances.size(), column_count(m)));
-        }
-        for (int i = 0; i < column_count(m); ++i) {
-          set_column_compliance(m, i, compliances[static_cast<std::size_t>(i)]);
-        }
-        return AnyMachine(m);
-      },
-      out);
+  for (std::size_t i = 0; i < count; ++i) kinematics::set_compliance(out, static_cast<int>(i), compliances[i]);
+  return out;
 }
 
 std::vector<std::string> column_names(const AnyMachine& machine) {
-  return std::visit(
-      [](const auto& m) {
-        std::vector<std::string> out;
-        for (int i = 0; i < column_count(m); ++i) out.push_back(column_name(m, i));
-        return out;
-      },
-      machine);
+  std::vector<std::string> out;
+  for (const machine::Element& element : kinematics::elements(machine)) out.push_back(element.name);
+  return out;
 }
 
 std::vector<bool> column_turns(const AnyMachine& machine) {
-  return std::visit(
-      [](const auto& m) {
-        std::vector<bool> out;
-        for (int i = 0; i < column_count(m); ++i) out.push_back(column_turns(m, i));
-        return out;
-      },
-      machine);
+  std::vector<bool> out;
+  for (const machine::Element& element : kinematics::elements(machine)) out.push_back(element.turns);
+  return out;
 }
 
 bool has_compliance(const AnyMachine& machine) {
-  return std::visit(
-      [](const auto& m) {
-        for (int i = 0; i < column_count(m); ++i)
-          if (column_compliance(m, i) > 0) return true;
-        return false;
-      },
-      machine);
+  const std::vector<machine::Element> elements = kinematics::elements(machine);
+  return std::any_of(elements.begin(), elements.end(), [](const machine::Element& e) { return e.compliance > 0; });
 }
 
 Status needs_compliance(const AnyMachine& machine) {

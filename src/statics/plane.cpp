@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/reach.hpp"
+#include "polypod/kinematics/parts.hpp"
 
 namespace polypod::statics {
 namespace {
@@ -69,7 +69,7 @@ PlaneGrid plane_grid(Plane plane, double at, const Rectangle& rectangle, int col
 }
 
 std::optional<Rectangle> reached_rectangle(const AnyMachine& machine, Plane plane, double at, const Mat3& R_MT) {
-  const kinematics::Reach box = kinematics::reach(machine);
+  const machine::Reach box = kinematics::reach(machine);
   const PlaneAxes axes = axes_of(plane);
   if (!(box.low[axes.normal] <= at && at <= box.high[axes.normal])) return std::nullopt;
   const Rectangle all{{box.low[axes.u], box.high[axes.u]}, {box.low[axes.v], box.high[axes.v]}};

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "margin.hpp"
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/workspace/shape.hpp"
 
 namespace polypod::workspace {
@@ -203,7 +203,7 @@ Result<Fit> fit_points(const AnyMachine& machine, const Options& options, const 
             for (int i = 0; i < m.arms; ++i) changed.rod_length[i] += length - nominal;
             const AnyMachine any(changed);
             // Not judge_of, which would look at the whole machine each time.
-            const auto other = judge_of_delta(any, options, field_options);
+            const auto other = judge_unchecked(any, options, field_options);
             return least_margin(*other, points, Vec3::Zero());
           });
           out.base_height = scan(-2 * reach, 2 * reach, 0,

@@ -9,238 +9,16 @@
 #include <limits>
 #include <numbers>
 
+#include "family_judges.hpp"
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/families.hpp"
 
 namespace polypod::workspace {
 namespace {
 
-using machine::kLegs;
-
-/// What a branch that does not exist here says of its other limits.
-constexpr double kUnknown = 1e3;
-
-/// A limit that is looked at: its index and what its value is multiplied with to give m.
-struct Slot {
-  int limit = 0;
-  double scale = 1;
-};
-
-/// The limits that are heeded and given.
-template <class M>
-std::vector<Slot> slots_of(const M& m, const Options& options) {
-  std::vector<Slot> out;
-  const machine::LimitTable table = limit_table(m);
-  for (std::size_t i = 0; i < table.size(); ++i) {
-    if ((options.limits >> i & 1U) == 0 || !table[i].given || (table[i].between_bodies && !options.interference))
-      continue;
-    out.push_back({static_cast<int>(i), table[i].scale});
-  }
-  return out;
-}
-
 /// The limits of a family at one pose, branch by branch. Each has `slots`, `kBranches`, and
-/// `values(X, out)`, out[branch * slots.size() + slot].
-template <class Hexapod>
-class HexapodJudge {
- public:
-  static constexpr int kBranches = 1;
-  std::vector<Slot> slots;
-
-  HexapodJudge(const Hexapod& m, const Options& options)
-      : slots(slots_of(m, options)), m_(m), p_(kinematics::nominal_parameters(m)) {
-    if constexpr (requires { m.rail_length; }) slots.push_back({kOutOfReach, 1});
-  }
-
-  /// Limits of hexapods have no holes between the samples.
-  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
-
-  void values(const Pose& X, double* out) const {
-    machine::JointVector q(kLegs);
-    double reach = kUnknown;
-    if constexpr (requires { m_.rail_length; }) {
-      const Vec3 origin = X.p - m_.tool_length * X.R.col(2);
-      for (int i = 0; i < kLegs; ++i) {
-        const Vec3& u = m_.rail_direction[i];
-        const Vec3 y = origin + X.R * m_.platform_joint[i] - m_.rail_outer[i];
-        const double along = u.dot(y), across = (y - along * u).norm();
-        reach = std::min(reach, m_.length_of_leg(i) - across);
-        const double half = std::sqrt(std::max(0.0, m_.length_of_leg(i) * m_.length_of_leg(i) - across * across));
-        // The root nearer the outer end where both are on the rail, else the one nearer the rail.
-        const auto off = [&](double at) { return std::max({-at, at - m_.rail_length[i], 0.0}); };
-        q[i] = off(along + half) < off(along - half) ? along + half : along - half;
-      }
-    } else {
-      machine::lengths(m_, X, q.data());
-    }
-    const std::vector<double> g = limits(m_, X, std::span<const double>(q.data(), kLegs), std::span<const double>(p_));
-    for (const Slot& slot : slots)
-      *out++ = slot.limit == kOutOfReach ? reach : slot.scale * g[static_cast<std::size_t>(slot.limit)];
-  }
-
- private:
-  const Hexapod& m_;
-  std::vector<double> p_;
-};
-
-/// Arms with the closed wrist inverse: any of its branches may keep the limits.
-class ArmJudge {
- public:
-  static constexpr int kBranches = machine::WristInverse::kBranches;
-  std::vector<Slot> slots;
-
-  ArmJudge(const machine::WristInverse& inverse, LimitBits heeded) : inverse_(inverse), f_(inverse.form()) {
-    const double size = std::abs(f_.a1) + f_.a2 + std::abs(f_.d4) + f_.reach;
-    for (int i = 0; i < 10; ++i) {
-      const auto joint = static_cast<std::size_t>(i / 2);
-      const bool whole_turn = f_.max[joint] - f_.min[joint] >= 2 * std::numbers::pi - 1e-9;
-      if ((heeded >> i & 1U) != 0 && !whole_turn) slots.push_back({i, size});
-    }
-    slots.push_back({kOutOfReach, 1});
-  }
-
-  /// The tool axes that lie along the forearm. A limit of joint 5 just short of that forbids a thin cone round them,
-  /// which samples miss. In the plane of the arm, elbow = p + L k with L = reach +- d4, at the distance a2 from
-  /// joint 2.
-  [[nodiscard]] std::vector<Vec3> critical(const Vec3& p_M) const {
-    std::vector<Vec3> out;
-    const Vec3 p = f_.X_BM * p_M;
-    const double r = std::hypot(p.x(), p.y());
-    if (!(r > 0)) return out;
-    const Vec3 along(p.x() / r, p.y() / r, 0);
-    const Eigen::Vector2d to_tip(r, p.z() - f_.d1);
-    for (const double side : {1.0, -1.0})
-      for (const double L : {f_.reach + f_.d4, f_.reach - f_.d4}) {
-        const Eigen::Vector2d from_joint = to_tip - Eigen::Vector2d(side * f_.a1, 0);
-        const double distance = from_joint.norm();
-        const double cosine = (f_.a2 * f_.a2 - distance * distance - L * L) / (2 * L * distance);
-        if (!(std::abs(cosine) <= 1)) continue;
-        const double middle = std::atan2(from_joint.y(), from_joint.x()), turn = std::acos(cosine);
-        for (const double angle : {middle + turn, middle - turn}) {
-          const Vec3 k = std::cos(angle) * along + std::sin(angle) * Vec3::UnitZ();
-          out.push_back(f_.X_BM.R.transpose() * k);
-        }
-      }
-    return out;
-  }
-
-  void values(const Pose& X, double* out) const {
-    machine::WristInverse::Branches branches;
-    const Vec3 k = X.R.col(2);
-    inverse_.solve(X.p, k, branches);
-    const Vec3 c = f_.X_BM * X.p + f_.reach * (f_.X_BM.R * k);
-    const double r = std::hypot(c.x(), c.y()), height = c.z() - f_.d1;
-    for (int b = 0; b < kBranches; ++b) {
-      const double rho = ((b & 2) == 0 ? r : -r) - f_.a1, distance = std::hypot(rho, height);
-      const double reach = std::min(f_.a2 + std::abs(f_.d4) - distance, distance - std::abs(f_.a2 - std::abs(f_.d4)));
-      for (const Slot& slot : slots) {
-        if (slot.limit == kOutOfReach) {
-          *out++ = reach;
-        } else if (!branches.exists[b]) {
-          *out++ = kUnknown;
-        } else {
-          const auto joint = static_cast<std::size_t>(slot.limit / 2);
-          const double q = branches.joints[b][slot.limit / 2];
-          *out++ = slot.scale * (slot.limit % 2 == 0 ? q - f_.min[joint] : f_.max[joint] - q);
-        }
-      }
-    }
-  }
-
- private:
-  machine::WristInverse inverse_;
-  machine::WristInverse::Form f_;
-};
-
-/// Deltas, on the first roots of their drives. A turned tool is out of reach.
-template <machine::DeltaFamily M>
-class DeltaJudge {
- public:
-  static constexpr int kBranches = 1;
-  std::vector<Slot> slots;
-
-  DeltaJudge(const M& m, const Options& options)
-      : slots(slots_of(m, options)),
-        m_(m),
-        singular_(options.singular_distance),
-        p_(kinematics::nominal_parameters(m)) {
-    slots.push_back({kOutOfReach, 1});
-    if (singular_ > 0) slots.push_back({kNearSingular, 1});
-  }
-  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
-
-  void values(const Pose& X, double* out) const {
-    if (!X.R.isIdentity(1e-9)) {
-      std::fill_n(out, slots.size(), -kUnknown);
-      return;
-    }
-    machine::JointVector q(m_.arms);
-    double reach = kUnknown;
-    for (int i = 0; i < m_.arms; ++i) {
-      const machine::DriveRoots roots = drive_roots(m_, i, X.p);
-      q[i] = roots.first;
-      reach = std::min(reach, machine::reach_of(m_, i, X.p));
-    }
-    const std::vector<double> g =
-        limits(m_, X, std::span<const double>(q.data(), q.size()), std::span<const double>(p_));
-    for (const Slot& slot : slots) {
-      if (slot.limit == kOutOfReach) {
-        *out++ = reach;
-      } else if (slot.limit == kNearSingular) {
-        const machine::Closeness close = closeness(m_, X.p);
-        *out++ = close.reached ? close.least() - singular_ : reach;
-      } else {
-        *out++ = slot.scale * g[static_cast<std::size_t>(slot.limit)];
-      }
-    }
-  }
-
- private:
-  const M& m_;
-  double singular_;
-  std::vector<double> p_;
-};
-
-/// Machines of legs, on the roots that they take.
-class ParallelJudge {
- public:
-  static constexpr int kBranches = 1;
-  std::vector<Slot> slots;
-
-  ParallelJudge(const machine::Parallel& m, const Options& options)
-      : slots(slots_of(m, options)), m_(m), p_(kinematics::nominal_parameters(m)) {
-    slots.push_back({kOutOfReach, 1});
-  }
-  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
-
-  void values(const Pose& target, double* out) const {
-    const std::optional<Pose> X = settled(m_, target);
-    double reach = X ? kUnknown : -kUnknown;
-    machine::JointVector q(joint_count(m_));
-    for (int j = 0; X && j < q.size(); ++j) {
-      const machine::LegRoots roots = leg_roots(m_, driven_leg(m_, j), *X);
-      if (driven_leg(m_, j).two_roots()) reach = std::min(reach, roots.under / driven_leg(m_, j).rod);
-      q[j] = roots.low;
-    }
-    std::vector<double> g;
-    if (X) {
-      if (const auto taken = joints_of(m_, *X)) q = *taken;
-      g = limits(m_, *X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())),
-                 std::span<const double>(p_));
-    }
-    for (const Slot& slot : slots) {
-      *out++ = slot.limit == kOutOfReach ? reach : X ? slot.scale * g[static_cast<std::size_t>(slot.limit)] : kUnknown;
-    }
-  }
-
- private:
-  const machine::Parallel& m_;
-  std::vector<double> p_;
-};
-
-/// Machines whose inverse is a search: the best of the solutions that it finds.
+/// `values(X, out)`, out[branch * slots.size() + slot]. The families' own are pose_judge(m, options), where they have
+/// one; this is that of all others: the best of the solutions that the inverse finds.
 template <class M>
 class SearchJudge {
  public:
@@ -487,30 +265,6 @@ class JudgeOf final : public PointJudge {
   double tilt_max_;
 };
 
-Result<std::unique_ptr<PointJudge>> judge_for(const machine::SerialArm& arm, const Options& options,
-                                              const FieldOptions& field_options) {
-  const auto closed = machine::WristInverse::of(arm);
-  if (!closed) {
-    return std::make_unique<JudgeOf<SearchJudge<machine::SerialArm>>>(SearchJudge<machine::SerialArm>(arm, options),
-                                                                      options, field_options);
-  }
-  return std::make_unique<JudgeOf<ArmJudge>>(ArmJudge(*closed, options.limits), options, field_options);
-}
-Result<std::unique_ptr<PointJudge>> judge_for(const machine::Stages& m, const Options& options,
-                                              const FieldOptions& field_options) {
-  return std::make_unique<JudgeOf<SearchJudge<machine::Stages>>>(SearchJudge<machine::Stages>(m, options), options,
-                                                                 field_options);
-}
-Result<std::unique_ptr<PointJudge>> judge_for(const machine::Parallel& m, const Options& options,
-                                              const FieldOptions& field_options) {
-  return std::make_unique<JudgeOf<ParallelJudge>>(ParallelJudge(m, options), options, field_options);
-}
-template <class Hexapod>
-Result<std::unique_ptr<PointJudge>> judge_for(const Hexapod& m, const Options& options,
-                                              const FieldOptions& field_options) {
-  return std::make_unique<JudgeOf<HexapodJudge<Hexapod>>>(HexapodJudge<Hexapod>(m, options), options, field_options);
-}
-
 }  // namespace
 
 Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Options& options,
@@ -536,26 +290,20 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
   probe.bounds_tolerance = 0;
   probe.progress = nullptr;
   if (has_bounds(machine)) POLYPOD_TRY(volume(machine, probe));
-  if (auto delta = judge_of_delta(machine, options, field_options)) return delta;
-  return std::visit(
-      [&]<class M>(const M& m) -> Result<std::unique_ptr<PointJudge>> {
-        if constexpr (machine::DeltaFamily<M>) {
-          return nullptr;
-        } else {
-          return judge_for(m, options, field_options);
-        }
-      },
-      machine);
+  return judge_unchecked(machine, options, field_options);
 }
 
-std::unique_ptr<PointJudge> judge_of_delta(const AnyMachine& machine, const Options& options,
-                                           const FieldOptions& field_options) {
+std::unique_ptr<PointJudge> judge_unchecked(const AnyMachine& machine, const Options& options,
+                                            const FieldOptions& field_options) {
   return std::visit(
       [&]<class M>(const M& m) -> std::unique_ptr<PointJudge> {
-        if constexpr (machine::DeltaFamily<M>) {
-          return std::make_unique<JudgeOf<DeltaJudge<M>>>(DeltaJudge<M>(m, options), options, field_options);
+        if constexpr (requires { pose_judge(m, options); }) {
+          if (auto own = pose_judge(m, options)) {
+            using Own = std::remove_cvref_t<decltype(*own)>;
+            return std::make_unique<JudgeOf<Own>>(std::move(*own), options, field_options);
+          }
         }
-        return nullptr;
+        return std::make_unique<JudgeOf<SearchJudge<M>>>(SearchJudge<M>(m, options), options, field_options);
       },
       machine);
 }

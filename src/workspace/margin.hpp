@@ -30,9 +30,9 @@ class PointJudge {
 Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Options& options,
                                              const FieldOptions& field_options);
 
-/// The same for a delta whose machine and options are known to be good; `machine` must outlive it.
-std::unique_ptr<PointJudge> judge_of_delta(const AnyMachine& machine, const Options& options,
-                                           const FieldOptions& field_options);
+/// The same where machine and options are known to be good; `machine` must outlive it.
+std::unique_ptr<PointJudge> judge_unchecked(const AnyMachine& machine, const Options& options,
+                                            const FieldOptions& field_options);
 
 /// The share t of the way from `inside` to `outside` at which the margin (f_inside >= 0 there, f_outside < 0) changes
 /// its sign: false position with halving, so that jumps are found too.

@@ -9,7 +9,7 @@
 #include "margin.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/reach.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::workspace {
@@ -108,7 +108,7 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
     return hits;
   };
   // Where it is: the box of what is reached, one cell wider, looked at again where it is much smaller.
-  const kinematics::Reach reach = kinematics::reach(machine);
+  const machine::Reach reach = kinematics::reach(machine);
   Vec3 low = reach.low, high = reach.high;
   for (int round = 0; round < 4; ++round) {
     constexpr int kScout = 12, kFiner = 20;

@@ -5,10 +5,8 @@
 #include <fmt/ranges.h>
 #include <tbb/task_arena.h>
 
-#include "../families/parallel/bounds.hpp"
-#include "arm_limits.hpp"
-#include "delta_limits.hpp"
-#include "hexapod_limits.hpp"
+#include "family_bounds.hpp"
+#include "no_bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/shape.hpp"
@@ -16,14 +14,21 @@
 namespace polypod::workspace {
 namespace {
 
-bool is_delta(const AnyMachine& machine) {
-  return std::holds_alternative<machine::RotaryDelta>(machine) || std::holds_alternative<machine::LinearDelta>(machine);
+/// Whether the family can say how near a point is to a singular pose.
+bool measures_closeness(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        return requires {
+          closeness(m, Vec3());
+        };
+      },
+      machine);
 }
 
 Status check(const AnyMachine& machine, const Options& options) {
-  if (options.singular_distance != 0 && !(is_delta(machine) && options.singular_distance > 0)) {
-    return fail("WS105", is_delta(machine) ? "the distance from singular poses is negative"
-                                           : "a distance from singular poses is known for deltas only");
+  if (options.singular_distance != 0 && !(measures_closeness(machine) && options.singular_distance > 0)) {
+    return fail("WS105", measures_closeness(machine) ? "the distance from singular poses is negative"
+                                                     : "a distance from singular poses is known for deltas only");
   }
   const Directions& d = options.directions;
   constexpr double kRight = std::numbers::pi / 2;
@@ -47,62 +52,17 @@ Status check(const AnyMachine& machine, const Options& options) {
   return {};
 }
 
-tl::unexpected<Error> no_bounds(const std::string& name) {
-  return fail("WS102",
-              fmt::format("{}: no bounds are known for its inverse, so nothing can be proven of its workspace", name),
-              {}, "`polypod workspace` without --contains and --largest takes a sample");
-}
-
-/// Calls ask(limits) with what the family knows of its limits.
-template <class Ask>
-auto with_limits(const machine::StrutHexapod& m, const Options& options, Ask&& ask) {
-  return ask(StrutLimits(m, options));
-}
-template <class Ask>
-auto with_limits(const machine::SliderHexapod& m, const Options& options, Ask&& ask) {
-  return ask(SliderLimits(m, options));
-}
-template <class Ask>
-auto with_limits(const machine::SerialArm& arm, const Options& options, Ask&& ask)
-    -> decltype(ask(ArmLimits({}, LimitBits{}))) {
-  const auto closed = machine::WristInverse::of(arm);
-  if (!closed) return no_bounds(arm.name);
-  return ask(ArmLimits(closed->form(), options.limits));
-}
-template <class Ask>
-auto with_limits(const machine::Stages& m, const Options&, Ask&& ask) -> decltype(ask(ArmLimits({}, LimitBits{}))) {
-  return no_bounds(m.name);
-}
-template <class Ask>
-auto with_limits(const machine::Parallel& m, const Options& options, Ask&& ask)
-    -> decltype(ask(ParallelLimits(m, options))) {
-  const machine::Task task = m.task;
-  if (!task.places() && task.size() != 3) {
-    return fail("WS106", fmt::format("{}: a task of {} coordinates without x, y, z has no volume", m.name, task.size()),
-                {}, "workspaces are for tasks that hold x, y, z, or three coordinates in all");
+/// Calls ask(limits) with what the family knows of its limits over boxes (bounds_of), if it knows something.
+template <class M, class Ask>
+auto with_limits(const M& m, const Options& options, Ask&& ask) {
+  if constexpr (requires { bounds_of(m, options); }) {
+    auto limits = bounds_of(m, options);
+    using Answer = decltype(ask(*limits));
+    if (!limits) return Answer(tl::unexpected(limits.error()));
+    return ask(*limits);
+  } else {
+    return no_bounds(m.name);
   }
-  const Directions& d = options.directions;
-  const auto asks = [](const std::optional<std::array<double, 2>>& range) {
-    return range && *range != std::array<double, 2>{0, 0};
-  };
-  const bool whole = task.size() == 6 || task.names_axis();
-  if ((d.tilt != 0 && !whole) || (asks(d.a_range) && !(task.places() && task.holds(machine::Coordinate::a))) ||
-      (asks(d.b_range) && !(task.places() && task.holds(machine::Coordinate::b)))) {
-    return fail("WS104",
-                fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles", m.name), {},
-                "leave out the tilt and the ranges of A and B");
-  }
-  return ask(ParallelLimits(m, options));
-}
-template <machine::DeltaFamily M, class Ask>
-auto with_limits(const M& m, const Options& options, Ask&& ask) -> decltype(ask(DeltaBounds<M>(m, options))) {
-  const Directions& d = options.directions;
-  constexpr std::array<double, 2> kNone{0, 0};
-  if (d.tilt != 0 || d.a_range.value_or(kNone) != kNone || d.b_range.value_or(kNone) != kNone) {
-    return fail("WS104", fmt::format("{} is a delta and cannot tilt its tool", m.name), {},
-                "leave out the tilt and the ranges of A and B");
-  }
-  return ask(DeltaBounds<M>(m, options));
 }
 
 }  // namespace
@@ -157,7 +117,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
   POLYPOD_TRY(check(machine, options));
   if (!has_bounds(machine)) return sampled_volume(machine, options);
   return std::visit(
-      [&](const auto& m) {
+      [&](const auto& m) -> Result<Volume> {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
           tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
           return arena.execute([&] { return Subdivision<Limits>(limits, options).run(); });
@@ -170,7 +130,7 @@ Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, 
                              std::int64_t max_cells) {
   POLYPOD_TRY(check(machine, options));
   return std::visit(
-      [&](const auto& m) {
+      [&](const auto& m) -> Result<bool> {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<bool> {
           return Subdivision<Limits>(limits, options).holds(shape, max_cells);
         });

@@ -7,9 +7,9 @@
 
 #include "kinematics/invariants.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/geometry/trilateration.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/delta.hpp"
 
 namespace polypod {
 namespace {

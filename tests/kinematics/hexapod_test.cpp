@@ -3,10 +3,10 @@
 
 #include "kinematics/invariants.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/delta/kinematics.hpp"
+#include "polypod/families/hexapod/slider_kinematics.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
 #include "polypod/kinematics/twist.hpp"
 #include "polypod/statics/compliance.hpp"
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-#include "polypod/kinematics/hexapod_modes.hpp"
+#include "polypod/families/hexapod/modes.hpp"
 
 #include <gmock/gmock.h>
 #include <tbb/global_control.h>
@@ -9,9 +9,9 @@
 #include <random>
 
 #include "leg_homotopy.hpp"
+#include "polypod/families/hexapod/slider_kinematics.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
 
 namespace polypod::machine {
 namespace {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-#include "polypod/kinematics/serial_arm.hpp"
+#include "polypod/families/serial/kinematics.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Prints src/kinematics/start_platform.inc: a general complex platform and its 40 zeros, found by monodromy alone: one
-// zero is made by hand, and closed ways through other platforms turn it into the others.
-//   start_platform [seed] > src/kinematics/start_platform.inc
+// Prints src/families/hexapod/start_platform.inc: a general complex platform and its 40 zeros, found by monodromy
+// alone: one zero is made by hand, and closed ways through other platforms turn it into the others.
+//   start_platform [seed] > src/families/hexapod/start_platform.inc
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>

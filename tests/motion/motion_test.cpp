@@ -7,7 +7,7 @@
 #include "machines.hpp"
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/motion/delta_motion.hpp"
 
 namespace polypod::motion {

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 
 namespace polypod::quality {
 namespace {

@@ -6,7 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 
 namespace polypod::statics {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/reach.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/statics/identify.hpp"
 #include "polypod/statics/plane.hpp"
 

@@ -6,7 +6,7 @@
 
 #include <random>
 
-#include "arm_limits.hpp"
+#include "../families/serial/bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/shape.hpp"

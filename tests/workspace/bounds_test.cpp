@@ -4,8 +4,8 @@
 
 #include <random>
 
+#include "../families/hexapod/bounds.hpp"
 #include "half_space.hpp"
-#include "hexapod_limits.hpp"
 #include "patches.hpp"
 
 namespace polypod::workspace {

@@ -8,7 +8,7 @@
 
 #include "machines.hpp"
 
-#include "delta_limits.hpp"
+#include "../families/delta/bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/delta_study.hpp"

@@ -11,9 +11,9 @@
 
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/hexapod/slider_kinematics.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
 #include "polypod/workspace/field.hpp"
 #include "polypod/workspace/volume.hpp"
 

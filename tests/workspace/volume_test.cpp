@@ -8,8 +8,8 @@
 #include "machines.hpp"
 
 #include "polypod/core/units.hpp"
+#include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
 
 namespace polypod::workspace {
 namespace {

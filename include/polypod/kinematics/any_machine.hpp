@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "polypod/families/hexapod/modes.hpp"
 #include "polypod/kinematics/concept.hpp"
-#include "polypod/kinematics/hexapod_modes.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::kinematics {

@@ -2,9 +2,8 @@
 // The questions of every family of machine::Families: what dispatch over AnyMachine needs to see.
 #pragma once
 
-#include "polypod/families/parallel/kinematics.hpp"
-#include "polypod/families/stages/kinematics.hpp"
-#include "polypod/kinematics/delta.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
-#include "polypod/kinematics/slider_hexapod.hpp"
-#include "polypod/kinematics/strut_hexapod.hpp"
+#include "polypod/families/delta/parts.hpp"
+#include "polypod/families/hexapod/parts.hpp"
+#include "polypod/families/parallel/parts.hpp"
+#include "polypod/families/serial/parts.hpp"
+#include "polypod/families/stages/parts.hpp"

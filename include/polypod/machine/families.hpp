@@ -5,13 +5,13 @@
 
 #include <variant>
 
+#include "polypod/families/delta/linear_machine.hpp"
+#include "polypod/families/delta/rotary_machine.hpp"
+#include "polypod/families/hexapod/slider_machine.hpp"
+#include "polypod/families/hexapod/strut_machine.hpp"
 #include "polypod/families/parallel/machine.hpp"
+#include "polypod/families/serial/machine.hpp"
 #include "polypod/families/stages/machine.hpp"
-#include "polypod/machine/linear_delta.hpp"
-#include "polypod/machine/rotary_delta.hpp"
-#include "polypod/machine/serial_arm.hpp"
-#include "polypod/machine/slider_hexapod.hpp"
-#include "polypod/machine/strut_hexapod.hpp"
 
 namespace polypod::machine {
 

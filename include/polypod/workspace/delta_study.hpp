@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "polypod/kinematics/delta.hpp"
+#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/workspace/field.hpp"
 
 namespace polypod::workspace {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <optional>
 
+#include "polypod/families/hexapod/kinematics.hpp"
 #include "polypod/families/parallel/equations.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/hexapod.hpp"
 
 namespace polypod::machine {
 

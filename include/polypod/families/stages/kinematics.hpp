@@ -6,11 +6,11 @@
 #include <cmath>
 #include <optional>
 
+#include "polypod/families/hexapod/kinematics.hpp"
+#include "polypod/families/serial/kinematics.hpp"
 #include "polypod/families/stages/machine.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/hexapod.hpp"
-#include "polypod/kinematics/serial_arm.hpp"
 
 namespace polypod::machine {
 

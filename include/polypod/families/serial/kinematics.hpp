@@ -1,0 +1,180 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Serial arms: chain, closure, limits, Jacobian, inverse. The functions stand in the namespace of the family's struct,
+// so that the analyses find them by argument-dependent lookup.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "polypod/families/serial/machine.hpp"
+#include "polypod/kinematics/concept.hpp"
+
+namespace polypod::machine {
+
+using kinematics::InverseResult;
+using kinematics::LimitBits;
+
+inline int joint_count(const SerialArm& arm) {
+  return arm.free_joints();
+}
+JointKind joint_kind(const SerialArm& arm, int joint);
+JointRange joint_range(const SerialArm& arm, int joint);
+inline Task task(const SerialArm& arm) {
+  return arm.task;
+}
+/// X_MT(q; p) = X_MB A_1 ... A_n X_FT on any number type; p holds a, alpha, d, theta_offset of each row, SI, and q the
+/// free joints (SLAV (2.13), (2.16)). Cost: 4 sines and cosines a row.
+template <class T>
+PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p) {
+  using std::cos, std::sin;
+  PoseT<T> X = arm.X_MB.cast<T>();
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
+    const DhRow& row = arm.dh[i];
+    const T value = row.locked ? T(*row.locked) : q[next++];
+    const bool turns = row.kind == JointKind::revolute;
+    const T a = p[4 * i], alpha = p[4 * i + 1];
+    const T d = turns ? p[4 * i + 2] : T(p[4 * i + 2] + T(row.sign) * value);
+    const T theta = turns ? T(p[4 * i + 3] + T(row.sign) * value) : p[4 * i + 3];
+    const T ct = cos(theta), st = sin(theta), ca = cos(alpha), sa = sin(alpha);
+    PoseT<T> A;
+    if (arm.convention == DhConvention::standard) {
+      A.R << ct, -(ca * st), sa * st, st, ca * ct, -(sa * ct), T(0.0), sa, ca;
+      A.p << a * ct, a * st, d;
+    } else {
+      A.R << ct, -st, T(0.0), st * ca, ct * ca, -sa, st * sa, ct * sa, ca;
+      A.p << a, -(sa * d), ca * d;
+    }
+    X = X * A;
+  }
+  return X * arm.X_FT.cast<T>();
+}
+
+/// The closure of a serial arm is the pose error of its chain, 6 equations:
+///   F = [ p_X - p(q) ; 1/2 sum_k r_k(q) x x_k ],
+/// x_k and r_k the columns of the two rotations. The second half is sin(angle) times the axis of R_X R(q)^T: zero for
+/// equal rotations (and for half turns, which forward kinematics never meets); its derivative by the rotation vector of
+/// X is the identity at a solution, so A = 1 there and J = -B.
+template <class T>
+ClosureVectorT<T> closure(const SerialArm& arm, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
+  const PoseT<T> X = chain(arm, q, p);
+  ClosureVectorT<T> F(6);
+  Vector3<T> turn = Vector3<T>::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const Vector3<T> r = X.R.col(k), x = X_MT.R.col(k);
+    turn += Vector3<T>(r.y() * x.z() - r.z() * x.y(), r.z() * x.x() - r.x() * x.z(), r.x() * x.y() - r.y() * x.x());
+  }
+  for (int i = 0; i < 3; ++i) {
+    F[i] = X_MT.p[i] - X.p[i];
+    F[3 + i] = T(0.5) * turn[i];
+  }
+  return F;
+}
+
+/// The limits of a serial arm: q - min and max - q of every free joint, in that order.
+template <class T>
+std::vector<T> limits(const SerialArm& arm, const PoseT<T>&, std::span<const T> q, std::span<const T>) {
+  std::vector<T> g;
+  std::size_t next = 0;
+  for (const DhRow& row : arm.dh) {
+    if (row.locked) continue;
+    g.push_back(q[next] - T(row.range.min));
+    g.push_back(T(row.range.max) - q[next]);
+    ++next;
+  }
+  return g;
+}
+
+/// "joint 2 below its minimum", ...
+std::string limit_name(const SerialArm& arm, int limit);
+/// Two a free joint, whose number is the group. Angles count on the sum of all lengths.
+LimitTable limit_table(const SerialArm& arm);
+
+/// X_MT of the free joints q. One solution always. Cost: about 0.1 us for five joints.
+Pose forward(const SerialArm& arm, const JointVector& q);
+
+struct ForwardJacobian {
+  Pose X_MT;
+  /// Columns [k x (p_T - o); k] (revolute) or [k; 0] (prismatic), k and o the axis and origin of frame i - 1 in M
+  /// (SLAV (2.38); (2.37) is misprinted), times the sign of the joint. One column a row of the table if `locked_too`.
+  JacobianMatrix J;
+};
+/// Forward kinematics and geometric Jacobian in one pass. With `locked_too` the Jacobian has a column for every row of
+/// the table, for statics with a compliant brake.
+ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, bool locked_too = false);
+
+JacobianMatrix jacobian(const SerialArm& arm, const Pose& X_MT, const JointVector& q);
+
+/// What the tool does for a unit of each Denavit-Hartenberg parameter, 6 x 4 rows in the order of `parameters` (a,
+/// alpha, d, theta_offset): a row's a and d shift along its x and z, alpha and theta turn about them; in M, at the tip.
+/// The same as -A^-1 F_p of the closure, in closed form. Cost: 0.4 us for six rows.
+Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm, const JointVector& q);
+
+/// All inverse solutions of the task for the pose X_MT (for Task::axis only the position and the third column count).
+///
+/// Arms with the wrist of LOLA 50 (standard table, five free joints, alpha = 90, 0, 90, -90, a_3 = 0, joints 4 and 5
+/// cutting in a point on the line of the tool axis, further joints locked): closed form, SLAV (2.18) to (2.34),
+/// 8 branches `front|back elbow-up|elbow-down`, `wrist-flipped` for cos(theta_5) < 0. Where the wrist centre is on axis
+/// 1, or the tool axis along joint 4, the free joint is 0 and the solution marked singular. Arms with six joints and a
+/// spherical wrist: SphericalWristInverse. Other arms: inverse_damped.
+InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
+
+/// The solution next to `start` by damped Newton steps from there: the same posture on the way along a path. At most
+/// one; none where the steps do not converge.
+InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start);
+
+/// Whether inverse() is in closed form for this arm.
+bool has_closed_inverse(const SerialArm& arm);
+
+/// The closed inverse with everything that depends on the table alone worked out once, for inner loops.
+class WristInverse {
+ public:
+  /// Empty if the arm has no such form.
+  static Result<WristInverse> of(const SerialArm& arm);
+
+  static constexpr int kBranches = 8;
+  struct Branches {
+    JointVector joints[kBranches];
+    bool exists[kBranches] = {};  ///< the target is within reach on this branch
+    bool singular[kBranches] = {};
+  };
+  static const char* name(int branch);
+
+  /// Tip position and unit tool axis in M -> all branches, order: front/back (4), elbow-up/down (2), wrist/flipped (1).
+  /// Cost: 0.3 us.
+  void solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const;
+
+  /// The first branch whose joints keep all ranges, as an index, or -1.
+  [[nodiscard]] int first_within_limits(const Branches& branches) const;
+  [[nodiscard]] LimitBits violations(const JointVector& q) const;
+
+  /// The numbers of the closed form, for bounds over boxes of poses: X_BM, the lengths of SLAV (2.18) to (2.22), the
+  /// angle of the tool axis about joint 5, and per joint the sense, offset and range; angle t_i = sign_i q_i +
+  /// offset_i.
+  struct Form {
+    Pose X_BM;
+    double a1 = 0, d1 = 0, a2 = 0, d4 = 0, reach = 0, axis_angle = 0;
+    std::array<double, 5> sign{}, offset{}, min{}, max{};
+  };
+  [[nodiscard]] Form form() const {
+    Form f{X_BM_, a1_, d1_, a2_, d4_, reach_, axis_angle_, {}, {}, {}, {}};
+    for (std::size_t i = 0; i < 5; ++i) {
+      f.sign[i] = sign_[i];
+      f.offset[i] = offset_[i];
+      f.min[i] = min_[i];
+      f.max[i] = max_[i];
+    }
+    return f;
+  }
+
+ private:
+  Pose X_BM_;
+  double a1_ = 0, d1_ = 0, a2_ = 0, d4_ = 0, reach_ = 0, axis_angle_ = 0;
+  double sign_[5] = {}, offset_[5] = {}, min_[5] = {}, max_[5] = {};
+};
+
+static_assert(kinematics::Machine<SerialArm>);
+
+}  // namespace polypod::machine

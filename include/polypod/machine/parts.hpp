@@ -1,0 +1,40 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a machine is made of, apart from its kinematics: what gives way, what a picture shows, how far it reaches.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/machine/common.hpp"
+
+namespace polypod::machine {
+
+/// Something that gives way under load.
+struct Element {
+  std::string name;       ///< "joint 1", "leg 1", "rod 1", ...
+  double compliance = 0;  ///< rad/Nm where it turns, m/N where it slides or stretches
+  bool turns = false;
+};
+
+/// What the tool does, [m; rad] in M, for a unit by which each element gives way; in the order of `elements`.
+struct ElementColumns {
+  Pose X_MT;
+  JacobianMatrix J;
+};
+
+/// A part as lines in M.
+struct OutlinePart {
+  /// How it is drawn: what stands still, what moves, the platform, the tool, and joints as dots.
+  enum class Role { fixed, moving, platform, tool, joints } role = Role::moving;
+  std::string name;          ///< "base", "legs at home", ...; empty where it needs none
+  std::vector<Vec3> points;  ///< m, one after the other
+  bool thick = true;
+};
+using Outline = std::vector<OutlinePart>;
+
+/// A box in M, m.
+struct Reach {
+  Vec3 low = Vec3::Zero(), high = Vec3::Zero();
+};
+
+}  // namespace polypod::machine

@@ -1,0 +1,340 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/families/delta/kinematics.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <cmath>
+
+#include "polypod/geometry/trilateration.hpp"
+
+namespace polypod::machine {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+/// The platform joint less the base joint (or the rail's start).
+Vec3 from_base(const RotaryDelta& m, int i, const Vec3& X) {
+  return X + m.platform_joint[i] - m.tool - m.base_joint[i];
+}
+Vec3 from_base(const LinearDelta& m, int i, const Vec3& X) {
+  return X + m.platform_joint[i] - m.tool - m.rail_start[i];
+}
+
+std::string common_limit_name(int limit, const char* arm) {
+  using L = DeltaLimits;
+  const int i = limit % 4 + 1;
+  if (limit < L::kElbow) return fmt::format("rod {} too far aside for its ball joints", i);
+  if (limit < L::kPlatform) return fmt::format("elbow {} beyond its limit", i);
+  if (limit < L::kLow) return fmt::format("rod {} too flat against the platform", i);
+  if (limit < L::kHigh) return fmt::format("{} below its smallest value", "xyz"[limit - L::kLow]);
+  if (limit < L::kMode) return fmt::format("{} above its largest value", "xyz"[limit - L::kHigh]);
+  if (limit == L::kMode) return "in another assembly mode";
+  if (limit < L::kRods) return fmt::format("rod {} reaches the table", limit - L::kTable + 1);
+  int pair = L::kRods;
+  for (int a = 1; a <= kMaxArms; ++a)
+    for (int b = a + 1; b <= kMaxArms; ++b)
+      if (pair++ == limit) return fmt::format("rods {} and {} collide", a, b);
+  for (int a = 1; a <= kMaxArms; ++a)
+    for (int b = 1; b <= kMaxArms; ++b)
+      if (a != b && pair++ == limit) return fmt::format("rod {} hits {} {}", a, arm, b);
+  return fmt::format("rod {} hits the base", (limit - L::kBase) % kMaxArms + 1);
+}
+
+/// `drive` is what the range of a drive counts for in m.
+LimitTable common_limit_table(const Delta& m, double drive) {
+  using L = DeltaLimits;
+  LimitTable out(L::kSide, {"drive", drive});
+  out.insert(out.end(), L::kLow - L::kSide, {"joint"});
+  push_tip_limits(out, m);
+  out.push_back({"mode"});
+  out.insert(out.end(), L::kRods - L::kTable, {"table"});
+  out.insert(out.end(), L::kBase - L::kRods, {"rods", 1, true, true});
+  out.insert(out.end(), L::kCount - L::kBase, {"base", 1, true, true});
+  for (const int of_first : {L::kMin, L::kMax, L::kSide, L::kElbow, L::kPlatform, L::kTable, L::kBase})
+    for (int i = m.arms; i < kMaxArms; ++i) out[static_cast<std::size_t>(of_first + i)].given = false;
+  return out;
+}
+
+template <class M>
+std::array<Vec3, 3> centers(const M& m, const double* q) {
+  std::array<Vec3, 3> out;
+  for (int i = 0; i < 3; ++i) out[static_cast<std::size_t>(i)] = driven_end(m, i, q[i]) - m.platform_joint[i] + m.tool;
+  return out;
+}
+
+template <class M>
+DeltaPoses poses_of(const M& m, const double* q) {
+  const TwoPoints points = trilaterate(centers(m, q), {m.rod_length[0], m.rod_length[1], m.rod_length[2]});
+  DeltaPoses out;
+  out.real = points.real();
+  const bool above = points.above.z() >= points.below.z();
+  out.machine = above ? points.above : points.below;
+  out.other = above ? points.below : points.above;
+  for (int i = 3; i < m.arms; ++i) {
+    out.mismatch = (out.machine + m.platform_joint[i] - m.tool - driven_end(m, i, q[i])).norm() - m.rod_length[i];
+  }
+  return out;
+}
+
+template <class M>
+kinematics::NewtonResult newton(const M& m, const JointVector& q, const Pose& seed) {
+  kinematics::NewtonResult out{Pose{Mat3::Identity(), seed.p}, 0, 0, false};
+  Vec3& X = out.X_MT.p;
+  constexpr int kMost = 50;
+  const auto ways = [&](auto& Y, auto& F) {
+    for (int i = 0; i < m.arms; ++i) {
+      const Vec3 y = X + m.platform_joint[i] - m.tool - driven_end(m, i, q[i]);
+      Y.row(i) = y.transpose();
+      F[i] = 0.5 * (square(m.rod_length[i]) - y.squaredNorm());
+    }
+  };
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxArms, 3> Y(m.arms, 3);
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxArms, 1> F(m.arms);
+  for (; out.iterations < kMost && !out.converged; ++out.iterations) {
+    ways(Y, F);
+    Vec3 step = Y.colPivHouseholderQr().solve(F);
+    if (!step.allFinite()) break;
+    const double size = step.norm(), most = 0.7 * m.rod_length[0];
+    if (size > most) step *= most / size;
+    X += step;
+    out.converged = size <= 1e-13 * m.rod_length[0];
+  }
+  ways(Y, F);
+  for (int i = 0; i < m.arms; ++i) {
+    out.residual = std::max(out.residual, std::abs(Y.row(i).norm() - m.rod_length[i]));
+  }
+  out.converged = out.converged && out.residual <= 1e-10 * m.rod_length[0];
+  return out;
+}
+
+template <class M>
+DeltaJacobians jacobians_of(const M& m, const Vec3& X, const JointVector& q) {
+  DeltaJacobians out;
+  out.A.resize(m.arms, 3);
+  out.B.resize(m.arms);
+  for (int i = 0; i < m.arms; ++i) {
+    const Vec3 w = (X + m.platform_joint[i] - m.tool - driven_end(m, i, q[i])) / m.rod_length[i];
+    out.A.row(i) = w.transpose();
+    out.B[i] = w.dot(driven_end_rate(m, i, q[i]));
+  }
+  return out;
+}
+
+template <class M>
+JacobianMatrix jacobian_of(const M& m, const Pose& X, const JointVector& q) {
+  DeltaJacobians pair = jacobians_of(m, X.p, q);
+  for (int i = 0; i < m.arms; ++i) {  // rows of the closure: lengths times w
+    pair.A.row(i) *= m.rod_length[i];
+    pair.B[i] *= m.rod_length[i];
+  }
+  JacobianMatrix J = JacobianMatrix::Zero(6, m.arms);
+  const Eigen::MatrixXd B = pair.B.asDiagonal();
+  J.topRows<3>() = Eigen::MatrixXd(pair.A).completeOrthogonalDecomposition().solve(B);
+  return J;
+}
+
+template <class M>
+Closeness closeness_of(const M& m, const Vec3& X) {
+  Closeness out;
+  JointVector q(m.arms);
+  out.elbow_gap = out.drop = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < m.arms; ++i) {
+    const DriveRoots roots = drive_roots(m, i, X);
+    if (!roots.real()) return {};
+    q[i] = roots.first;
+    const Vec3 end = driven_end(m, i, q[i]), joint = X + m.platform_joint[i] - m.tool;
+    out.drop = std::min(out.drop, joint.z() - end.z());
+    const double gap = 2 * std::sqrt(roots.under);
+    if (gap >= out.elbow_gap) continue;
+    out.elbow_gap = gap;
+    if constexpr (std::is_same_v<M, RotaryDelta>) out.folded = (end - m.base_joint[i]).dot(joint - end) < 0;
+  }
+  out.reached = true;
+  const DeltaPoses both = poses_of(m, q.data());
+  out.pose_gap = both.real ? (both.machine - both.other).norm() : 0.0;
+  const DeltaJacobians pair = jacobians_of(m, X, q);
+  out.det_A = pair.determinant_A();
+  out.det_B = pair.determinant_B();
+  return out;
+}
+
+template <class M>
+LimitBits violations_of(const M& m, const Pose& X, const JointVector& q, std::span<const double> p) {
+  std::vector<double> g = limits(m, X, std::span<const double>(q.data(), q.size()), p);
+  for (double& value : g) value += delta_detail::kLimitSlack;
+  return kinematics::violated(g);
+}
+
+template <class M>
+InverseResult inverse_of(const M& m, const Pose& X, const char* first, const char* second) {
+  InverseResult out;
+  constexpr double kTurned = 1e-9;
+  if (!(X.R - Mat3::Identity()).isZero(kTurned)) {
+    out.reason = "a delta holds its platform parallel to the base: R must be 1";
+    return out;
+  }
+  PerArm<DriveRoots> roots;
+  bool singular = false;
+  for (int i = 0; i < m.arms; ++i) {
+    roots[i] = drive_roots(m, i, X.p);
+    if (!roots[i].real()) {
+      out.reason += fmt::format("{}rod {} does not reach", out.reason.empty() ? "" : ", ", i + 1);
+    }
+    singular = singular || roots[i].under < 1e-12 * square(m.rod_length[i]);
+  }
+  if (!out.reason.empty()) return out;
+  const std::vector<double> p = kinematics::nominal_parameters(m);
+  for (unsigned choice = 0; choice < 1U << m.arms; ++choice) {
+    kinematics::Solution s;
+    s.joints.resize(m.arms);
+    std::string arms;
+    for (int i = 0; i < m.arms; ++i) {
+      const bool other = (choice >> i & 1U) != 0;
+      s.joints[i] = other ? roots[i].second : roots[i].first;
+      if (other) arms += fmt::format("{}{}", arms.empty() ? "" : ", ", i + 1);
+    }
+    s.branch = arms.empty() ? std::string(first) : fmt::format("{} at {}", second, arms);
+    s.violations = violations_of(m, X, s.joints, p);
+    s.singular = singular;
+    out.solutions.push_back(std::move(s));
+  }
+  return out;
+}
+
+}  // namespace
+
+LimitTable limit_table(const RotaryDelta& m) {
+  return common_limit_table(m, m.rod_length[0]);
+}
+LimitTable limit_table(const LinearDelta& m) {
+  return common_limit_table(m, 1);
+}
+std::string limit_name(const RotaryDelta&, int limit) {
+  if (limit < DeltaLimits::kMax) return fmt::format("arm {} below its smallest angle", limit + 1);
+  if (limit < DeltaLimits::kSide) return fmt::format("arm {} above its largest angle", limit - DeltaLimits::kMax + 1);
+  return common_limit_name(limit, "arm");
+}
+std::string limit_name(const LinearDelta&, int limit) {
+  if (limit < DeltaLimits::kMax) return fmt::format("carriage {} before the start of its rail", limit + 1);
+  if (limit < DeltaLimits::kSide) {
+    return fmt::format("carriage {} beyond the end of its rail", limit - DeltaLimits::kMax + 1);
+  }
+  return common_limit_name(limit, "rail");
+}
+
+Pose home_pose(const Delta& m) {
+  return Pose{Mat3::Identity(), m.home};
+}
+
+Vec3 driven_end(const RotaryDelta& m, int i, double q) {
+  const double theta = q + m.zero[i], s = m.arm_length[i] * std::sin(theta);
+  return m.base_joint[i] + Vec3(s * m.outward[i].x(), s * m.outward[i].y(), -m.arm_length[i] * std::cos(theta));
+}
+Vec3 driven_end(const LinearDelta& m, int i, double q) {
+  return m.rail_start[i] + q * m.rail_direction[i];
+}
+Vec3 driven_end_rate(const RotaryDelta& m, int i, double q) {
+  const double theta = q + m.zero[i], c = m.arm_length[i] * std::cos(theta);
+  return {c * m.outward[i].x(), c * m.outward[i].y(), m.arm_length[i] * std::sin(theta)};
+}
+Vec3 driven_end_rate(const LinearDelta& m, int i, double) {
+  return m.rail_direction[i];
+}
+
+DriveRoots drive_roots(const RotaryDelta& m, int i, const Vec3& X) {
+  const Vec3 y = from_base(m, i, X);
+  const double r = y.dot(m.outward[i]), aside = y.dot(m.axis[i]), h = y.z();
+  const double d2 = square(m.arm_length[i]), D2 = r * r + h * h;
+  const double alpha = 0.5 * (D2 + d2 - square(m.rod_length[i]) + aside * aside);
+  const double beta2 = d2 * D2 - alpha * alpha, beta = std::sqrt(std::max(0.0, beta2));
+  const double middle = 0.5 * (m.range.min + m.range.max);
+  const auto angle = [&](double side) {
+    const double theta = std::atan2(alpha * r + side * h, side * r - alpha * h) - m.zero[i];
+    return theta - kTurn * std::round((theta - middle) / kTurn);
+  };
+  return {angle(beta), angle(-beta), D2 > 0 ? beta2 / D2 : -1.0};
+}
+DriveRoots drive_roots(const LinearDelta& m, int i, const Vec3& X) {
+  const Vec3 y = from_base(m, i, X);
+  const double along = m.rail_direction[i].dot(y);
+  const double under = square(m.rod_length[i]) - (y - along * m.rail_direction[i]).squaredNorm();
+  const double half = std::sqrt(std::max(0.0, under));
+  return {along - half, along + half, under};
+}
+
+double reach_of(const RotaryDelta& m, int i, const Vec3& X) {
+  const Vec3 y = from_base(m, i, X);
+  const double aside = std::abs(y.dot(m.axis[i])), c = m.rod_length[i];
+  if (aside > c) return c - aside;
+  const double rho = std::sqrt(square(c) - square(aside)), D = std::hypot(y.dot(m.outward[i]), y.z());
+  return std::min(m.arm_length[i] + rho - D, D - std::abs(m.arm_length[i] - rho));
+}
+double reach_of(const LinearDelta& m, int i, const Vec3& X) {
+  const Vec3 y = from_base(m, i, X);
+  return m.rod_length[i] - (y - m.rail_direction[i].dot(y) * m.rail_direction[i]).norm();
+}
+
+InverseResult inverse(const RotaryDelta& m, const Pose& X) {
+  return inverse_of(m, X, "outer", "inner");
+}
+InverseResult inverse(const LinearDelta& m, const Pose& X) {
+  return inverse_of(m, X, "upper", "lower");
+}
+
+DeltaPoses both_poses(const RotaryDelta& m, const JointVector& q) {
+  return poses_of(m, q.data());
+}
+DeltaPoses both_poses(const LinearDelta& m, const JointVector& q) {
+  return poses_of(m, q.data());
+}
+Pose forward(const RotaryDelta& m, const JointVector& q) {
+  return Pose{Mat3::Identity(), poses_of(m, q.data()).machine};
+}
+Pose forward(const LinearDelta& m, const JointVector& q) {
+  return Pose{Mat3::Identity(), poses_of(m, q.data()).machine};
+}
+kinematics::NewtonResult forward_from(const RotaryDelta& m, const JointVector& q, const Pose& seed) {
+  return newton(m, q, seed);
+}
+kinematics::NewtonResult forward_from(const LinearDelta& m, const JointVector& q, const Pose& seed) {
+  return newton(m, q, seed);
+}
+
+double DeltaJacobians::determinant_A() const {
+  if (A.rows() == 3) return Mat3(A).determinant();
+  return std::sqrt(std::max(0.0, Mat3(A.transpose() * A).determinant()));
+}
+DeltaJacobians jacobians(const RotaryDelta& m, const Vec3& X, const JointVector& q) {
+  return jacobians_of(m, X, q);
+}
+DeltaJacobians jacobians(const LinearDelta& m, const Vec3& X, const JointVector& q) {
+  return jacobians_of(m, X, q);
+}
+
+Closeness closeness(const RotaryDelta& m, const Vec3& X) {
+  return closeness_of(m, X);
+}
+Closeness closeness(const LinearDelta& m, const Vec3& X) {
+  return closeness_of(m, X);
+}
+
+ChainAngles chain_angles(const RotaryDelta& m, int i, const Vec3& X, double q) {
+  const Vec3 w = (X + m.platform_joint[i] - m.tool - driven_end(m, i, q)) / m.rod_length[i];
+  ChainAngles out;
+  out.phi = -m.direction[i];
+  out.theta_1 = q + m.zero[i] - kTurn / 4;
+  out.theta_3 = std::acos(std::clamp(w.dot(m.axis[i]), -1.0, 1.0));
+  out.theta_2 = std::atan2(w.z(), w.dot(m.outward[i])) - out.theta_1;
+  return out;
+}
+
+JacobianMatrix jacobian(const RotaryDelta& m, const Pose& X, const JointVector& q) {
+  return jacobian_of(m, X, q);
+}
+JacobianMatrix jacobian(const LinearDelta& m, const Pose& X, const JointVector& q) {
+  return jacobian_of(m, X, q);
+}
+
+}  // namespace polypod::machine

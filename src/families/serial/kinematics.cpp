@@ -1,0 +1,314 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/families/serial/kinematics.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "polypod/families/serial/spherical_wrist.hpp"
+#include "polypod/kinematics/closure.hpp"
+
+namespace polypod::machine {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+// Two lengths or directions of a table count as equal below this (m, rad): far above the rounding of degrees in files,
+// far below any workshop.
+constexpr double kSame = 1e-12;
+// A solution that misses a limit by less than this keeps it (rad): rounding of the inverse.
+constexpr double kLimitSlack = 1e-9;
+
+const DhRow& free_row(const SerialArm& arm, int joint) {
+  int seen = 0;
+  for (const DhRow& row : arm.dh)
+    if (!row.locked && seen++ == joint) return row;
+  return arm.dh.back();
+}
+
+/// The turn of an angle that lies in its range if there is one, else the one in (-pi, pi].
+double in_range(double angle, double min, double max) {
+  double q = angle;  // sums of a few angles: a turn or two away at most, where std::remainder would cost more
+  while (q > kPi) q -= 2 * kPi;
+  while (q < -kPi) q += 2 * kPi;
+  if (q > max + kLimitSlack && q - 2 * kPi >= min - kLimitSlack) q -= 2 * kPi;
+  if (q < min - kLimitSlack && q + 2 * kPi <= max + kLimitSlack) q += 2 * kPi;
+  return q;
+}
+
+/// A row's matrix at its joint value.
+Pose row_pose(const DhRow& row, DhConvention convention, double value) {
+  const bool turns = row.kind == JointKind::revolute;
+  const double theta = row.theta_offset + (turns ? row.sign * value : 0.0);
+  const double d = row.d + (turns ? 0.0 : row.sign * value);
+  const double ct = std::cos(theta), st = std::sin(theta), ca = std::cos(row.alpha), sa = std::sin(row.alpha);
+  Pose A;
+  if (convention == DhConvention::standard) {
+    A.R << ct, -ca * st, sa * st, st, ca * ct, -sa * ct, 0, sa, ca;
+    A.p << row.a * ct, row.a * st, d;
+  } else {
+    A.R << ct, -st, 0, st * ca, ct * ca, -sa, st * sa, ct * sa, ca;
+    A.p << row.a, -sa * d, ca * d;
+  }
+  return A;
+}
+
+InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
+  return kinematics::inverse_damped(
+      arm, X_MT, [&](const JointVector& q) { return forward(arm, q); },
+      [&](const Pose& X, const JointVector& q) { return jacobian(arm, X, q); }, options);
+}
+
+}  // namespace
+
+JointKind joint_kind(const SerialArm& arm, int joint) {
+  return free_row(arm, joint).kind;
+}
+JointRange joint_range(const SerialArm& arm, int joint) {
+  return free_row(arm, joint).range;
+}
+
+LimitTable limit_table(const SerialArm& arm) {
+  double size = arm.X_FT.p.norm();
+  for (const DhRow& row : arm.dh) size += std::abs(row.a) + std::abs(row.d);
+  LimitTable out;
+  int joint = 0;
+  for (const DhRow& row : arm.dh) {
+    if (row.locked) continue;
+    const LimitInfo info{fmt::format("{}", ++joint), row.kind == JointKind::revolute && size > 0 ? size : 1.0, true,
+                         false, true};
+    out.insert(out.end(), 2, info);
+  }
+  return out;
+}
+
+std::string limit_name(const SerialArm& arm, int limit) {
+  int joint = limit / 2, seen = -1, number = 0;
+  for (const DhRow& row : arm.dh) {
+    ++number;
+    if (!row.locked && ++seen == joint) break;
+  }
+  return fmt::format("joint {} {}", number, limit % 2 == 0 ? "below its minimum" : "above its maximum");
+}
+
+Pose forward(const SerialArm& arm, const JointVector& q) {
+  Pose X = arm.X_MB;
+  int next = 0;
+  for (const DhRow& row : arm.dh) {
+    const double value = row.locked ? *row.locked : q[next++];
+    X = X * row_pose(row, arm.convention, value);
+  }
+  return X * arm.X_FT;
+}
+
+ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, bool locked_too) {
+  ForwardJacobian out;
+  Vec3 axis[kMaxJoints], origin[kMaxJoints];
+  JointKind kind[kMaxJoints];
+  int columns = 0, next = 0;
+  Pose X = arm.X_MB;
+  const bool standard = arm.convention == DhConvention::standard;
+  for (const DhRow& row : arm.dh) {
+    const double value = row.locked ? *row.locked : q[next++];
+    const Pose before = X;
+    X = X * row_pose(row, arm.convention, value);
+    if (row.locked && !locked_too) continue;
+    const Pose& frame = standard ? before : X;
+    axis[columns] = row.sign * frame.R.col(2);
+    origin[columns] = frame.p;
+    kind[columns] = row.kind;
+    ++columns;
+  }
+  out.X_MT = X * arm.X_FT;
+  out.J.resize(6, columns);
+  for (int i = 0; i < columns; ++i) {
+    if (kind[i] == JointKind::revolute) {
+      out.J.col(i).head<3>() = axis[i].cross(out.X_MT.p - origin[i]);
+      out.J.col(i).tail<3>() = axis[i];
+    } else {
+      out.J.col(i).head<3>() = axis[i];
+      out.J.col(i).tail<3>().setZero();
+    }
+  }
+  return out;
+}
+
+Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm, const JointVector& q) {
+  const auto rows = static_cast<Eigen::Index>(arm.dh.size());
+  Eigen::Matrix<double, 6, Eigen::Dynamic> out(6, 4 * rows);
+  // First the axes with their points, then, the tip known, what they do to it.
+  Pose X = arm.X_MB;
+  int next = 0;
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const DhRow& row = arm.dh[static_cast<std::size_t>(i)];
+    const Pose before = X;
+    X = X * row_pose(row, arm.convention, row.locked ? *row.locked : q[next++]);
+    // Standard: turn and shift along z of the frame before, then along x of the frame after; modified: the other way.
+    const bool standard = arm.convention == DhConvention::standard;
+    const Pose &x_frame = standard ? X : before, &z_frame = standard ? before : X;
+    out.col(4 * i) << x_frame.R.col(0), Vec3::Zero();
+    out.col(4 * i + 1) << x_frame.p, x_frame.R.col(0);
+    out.col(4 * i + 2) << z_frame.R.col(2), Vec3::Zero();
+    out.col(4 * i + 3) << z_frame.p, z_frame.R.col(2);
+  }
+  const Vec3 tip = (X * arm.X_FT).p;
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    for (const Eigen::Index c : {4 * i + 1, 4 * i + 3}) {
+      const Vec3 point = out.col(c).head<3>(), axis = out.col(c).tail<3>();
+      out.col(c).head<3>() = axis.cross(tip - point);
+    }
+  }
+  return out;
+}
+
+JacobianMatrix jacobian(const SerialArm& arm, const Pose&, const JointVector& q) {
+  return forward_jacobian(arm, q).J;
+}
+
+Result<WristInverse> WristInverse::of(const SerialArm& arm) {
+  const auto no = [](const char* why) { return fail("KI100", why); };
+  if (arm.convention != DhConvention::standard || arm.task != Task::axis || arm.dh.size() < 5) {
+    return no("not a standard table of a 5-axis machine");
+  }
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
+    const DhRow& row = arm.dh[i];
+    if (row.kind != JointKind::revolute || (i < 5) == row.locked.has_value()) return no("needs five free joints first");
+  }
+  const auto is = [](double x, double y) { return std::abs(std::remainder(x - y, 2 * kPi)) < kSame; };
+  const auto& r = arm.dh;
+  if (!is(r[0].alpha, kPi / 2) || !is(r[1].alpha, 0) || !is(r[2].alpha, kPi / 2) || !is(r[3].alpha, -kPi / 2)) {
+    return no("the twists of joints 1 to 4 are not 90, 0, 90, -90 deg");
+  }
+  if (std::abs(r[1].d) > kSame || std::abs(r[2].a) > kSame || std::abs(r[2].d) > kSame || std::abs(r[3].a) > kSame) {
+    return no("joints 2 to 4 have offsets");
+  }
+  // The tool in the frame that turns with joint 5: its axis must lie across joint 5 and run through the wrist centre.
+  Pose E;
+  E.p = Vec3(r[4].a, 0, r[4].d);
+  E.R << 1, 0, 0, 0, std::cos(r[4].alpha), -std::sin(r[4].alpha), 0, std::sin(r[4].alpha), std::cos(r[4].alpha);
+  for (std::size_t i = 5; i < r.size(); ++i) E = E * row_pose(r[i], arm.convention, *r[i].locked);
+  E = E * arm.X_FT;
+  const Vec3 k = E.R.col(2);
+  if (std::abs(k.z()) > kSame || (E.p + E.p.norm() * k).norm() > kSame * (1 + E.p.norm())) {
+    return no("the tool axis does not run through the wrist centre across joint 5");
+  }
+  if (!(r[1].a > 0) || !(std::abs(r[3].d) > 0)) return no("a link has no length");
+  WristInverse out;
+  out.X_BM_ = arm.X_MB.inverse();
+  out.a1_ = r[0].a;
+  out.d1_ = r[0].d;
+  out.a2_ = r[1].a;
+  out.d4_ = r[3].d;
+  out.reach_ = E.p.norm();
+  out.axis_angle_ = std::atan2(k.y(), k.x());
+  for (int i = 0; i < 5; ++i) {
+    out.sign_[i] = r[i].sign;
+    out.offset_[i] = r[i].theta_offset;
+    out.min_[i] = r[i].range.min;
+    out.max_[i] = r[i].range.max;
+  }
+  return out;
+}
+
+const char* WristInverse::name(int branch) {
+  static constexpr const char* kNames[kBranches] = {
+      "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
+      "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
+  return kNames[branch];
+}
+
+void WristInverse::solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const {
+  const Vec3 k = X_BM_.R * k_M;
+  const Vec3 c = X_BM_ * p_M + reach_ * k;  // wrist centre (2.18)
+  const double r = std::hypot(c.x(), c.y());
+  const double height = c.z() - d1_;
+  const bool over_axis = r < kSame;
+  const double t1_front = over_axis ? 0.0 : std::atan2(c.y(), c.x());
+  const double c1_front = over_axis ? 1.0 : c.x() / r, s1_front = over_axis ? 0.0 : c.y() / r;
+  for (int shoulder = 0; shoulder < 2; ++shoulder) {
+    const double side = shoulder == 0 ? 1.0 : -1.0;
+    const double t1 = shoulder == 0 ? t1_front : t1_front + kPi;
+    const double c1 = side * c1_front, s1 = side * s1_front;
+    const double rho = side * r - a1_;
+    // s3 by the law of cosines (2.20); the elbow's two sides are the two signs of its cosine (2.21).
+    const double s3_raw = (rho * rho + height * height - a2_ * a2_ - d4_ * d4_) / (2 * a2_ * d4_);
+    const bool reached = std::abs(s3_raw) <= 1 + 1e-14;
+    const double s3 = std::clamp(s3_raw, -1.0, 1.0);
+    const double c3_up = std::sqrt((1 - s3) * (1 + s3));
+    const double t3_up = std::atan2(s3, c3_up);
+    const double to_wrist = std::atan2(height, rho);
+    const double between = std::atan2(d4_ * c3_up, a2_ + d4_ * s3);
+    for (int elbow = 0; elbow < 2; ++elbow) {
+      const int base = 4 * elbow + 2 * shoulder;
+      out.exists[base] = out.exists[base + 1] = reached;
+      if (!reached) continue;
+      const double t3 = elbow == 0 ? t3_up : kPi - t3_up;
+      const double t2 = to_wrist + (elbow == 0 ? between : -between);  // (2.22)
+      const double c23 = std::cos(t2 + t3), s23 = std::sin(t2 + t3);
+      // k in frame 3, whose axes in the base are (c23 x1 + s23 z), (normal n), (s23 x1 - c23 z) (2.24), (2.28).
+      const double k_out = c1 * k.x() + s1 * k.y();
+      const double k3x = c23 * k_out + s23 * k.z();
+      const double k3y = s1 * k.x() - c1 * k.y();
+      const double k3z = s23 * k_out - c23 * k.z();
+      // k_3 = (c4 c5, s4 c5, -s5), s5 the sine of the axis angle of joint 5 (2.25).
+      const double s5 = std::clamp(-k3z, -1.0, 1.0);
+      const double c5 = std::hypot(k3x, k3y);
+      const bool wrist_free = c5 < 1e-12;
+      const double t4 = wrist_free ? 0.0 : std::atan2(k3y, k3x);
+      const double t5 = std::atan2(s5, c5);
+      const double angles[2][5] = {{t1, t2, t3, t4, t5 - axis_angle_}, {t1, t2, t3, t4 + kPi, kPi - t5 - axis_angle_}};
+      for (int wrist = 0; wrist < 2; ++wrist) {
+        JointVector& q = out.joints[base + wrist];
+        q.resize(5);
+        for (int i = 0; i < 5; ++i) q[i] = in_range(sign_[i] * (angles[wrist][i] - offset_[i]), min_[i], max_[i]);
+        if (wrist_free) q[3] = 0;
+        out.singular[base + wrist] = wrist_free || over_axis;
+      }
+    }
+  }
+}
+
+LimitBits WristInverse::violations(const JointVector& q) const {
+  LimitBits bits = 0;
+  for (int i = 0; i < 5; ++i) {
+    if (q[i] < min_[i] - kLimitSlack) bits |= LimitBits{1} << (2 * i);
+    if (q[i] > max_[i] + kLimitSlack) bits |= LimitBits{1} << (2 * i + 1);
+  }
+  return bits;
+}
+
+int WristInverse::first_within_limits(const Branches& branches) const {
+  for (int b = 0; b < kBranches; ++b)
+    if (branches.exists[b] && violations(branches.joints[b]) == 0) return b;
+  return -1;
+}
+
+bool has_closed_inverse(const SerialArm& arm) {
+  return WristInverse::of(arm).has_value() || SphericalWristInverse::of(arm).has_value();
+}
+
+InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start) {
+  kinematics::DampedOptions options;
+  options.start = start;
+  return inverse_numerically(arm, X_MT, options);
+}
+
+InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
+  const Result<WristInverse> closed = WristInverse::of(arm);
+  if (!closed) {
+    const auto spherical = SphericalWristInverse::of(arm);
+    return spherical ? spherical->solve(X_MT) : inverse_numerically(arm, X_MT, {});
+  }
+  InverseResult out;
+  WristInverse::Branches branches;
+  closed->solve(X_MT.p, X_MT.R.col(2), branches);
+  for (int b = 0; b < WristInverse::kBranches; ++b) {
+    if (!branches.exists[b]) continue;
+    out.solutions.push_back(
+        {branches.joints[b], WristInverse::name(b), closed->violations(branches.joints[b]), branches.singular[b]});
+  }
+  if (out.solutions.empty()) out.reason = "the wrist centre is out of reach of the two links";
+  return out;
+}
+
+}  // namespace polypod::machine

@@ -1,0 +1,8 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The limits of the families at one pose: pose_judge(m, options) of each that does not leave it to a search.
+#pragma once
+
+#include "../families/delta/judge.hpp"
+#include "../families/hexapod/judge.hpp"
+#include "../families/parallel/judge.hpp"
+#include "../families/serial/judge.hpp"
