@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <set>
 #include <sstream>
 
 #include "machines.hpp"
@@ -94,22 +95,66 @@ void compare(const AnyMachine& m, const Row& row, double lowered = 0) {
   EXPECT_LT(farthest(found, module), kForwardOfModule);
 }
 
-void expect_pentapod(const std::string& name, double lowered) {
+/// The sign of det F_X: poses of another sign are in another assembly mode, beyond singular poses.
+bool is_positive(const machine::Parallel& m, const Pose& X, const JointVector& q) {
+  const machine::EquationRows rows = machine::closure_rows(m, X, q);
+  EXPECT_EQ(rows.A.rows(), 6);
+  return Mat6(rows.A).determinant() > 0;
+}
+
+/// `folded`: rows in home's mode to whose joints the straight way of joints from home leads over a singular pose.
+void expect_pentapod(const std::string& name, double lowered, const std::set<std::size_t>& folded, int beyond) {
   const AnyMachine m = test::load(data(name + ".toml"));
+  const auto& legs = std::get<machine::Parallel>(m);
+  const Pose home = *kinematics::home_pose(m);
+  const bool side = is_positive(legs, home, *machine::joints_of(legs, home));
   const std::vector<Row> rows = recorded(name, 5, 5);
   ASSERT_EQ(rows.size(), kRows);
+  int other_side = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     SCOPED_TRACE(i);
     compare(m, rows[i], lowered);
+
+    std::vector<double> asked = rows[i].pose;
+    asked[2] -= lowered;
+    const JointVector q = Eigen::Map<const Eigen::VectorXd>(rows[i].joints.data(), 5);
+    const auto forward = kinematics::forward(m, q);
+    ASSERT_EQ(forward.poses.size(), 1U);
+    const bool is_beyond = is_positive(legs, kinematics::pose_of(kinematics::task(m), asked), q) != side;
+    other_side += is_beyond;
+    const double miss = farthest(kinematics::coordinates_of(kinematics::task(m), forward.poses.front()), asked);
+    if (is_beyond) {
+      EXPECT_GT(miss, 1e-3);
+    } else if (!folded.contains(i)) {
+      EXPECT_LT(miss, kForward);
+    }
   }
+  EXPECT_EQ(other_side, beyond);
 }
 
 TEST(LinuxCncModules, PentakinsAsItIsLoaded) {
-  expect_pentapod("pentakins_defaults", 0);
+  expect_pentapod("pentakins_defaults", 0, {22, 35}, 4);
 }
 
 TEST(LinuxCncModules, PentakinsWithAToolAndUnlikeRings) {
-  expect_pentapod("pentakins_tool", 0.120);
+  expect_pentapod("pentakins_tool", 0.120, {}, 3);
+}
+
+/// A turn about the tool axis, that the rings do not see, makes no other pose of one.
+TEST(LinuxCncModules, PosesOfOnePentapodAreListedOnce) {
+  const AnyMachine m = test::load(data("pentakins_defaults.toml"));
+  const machine::Task task = kinematics::task(m);
+  const Row row = recorded("pentakins_defaults", 5, 5)[38];
+  const auto all = kinematics::forward_all(m, Eigen::Map<const Eigen::VectorXd>(row.joints.data(), 5));
+  ASSERT_GT(all.poses.size(), 1U);
+  EXPECT_LT(farthest(kinematics::coordinates_of(task, all.poses.front()), row.pose), kForward);
+  for (std::size_t i = 0; i < all.poses.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      EXPECT_GT(
+          farthest(kinematics::coordinates_of(task, all.poses[i]), kinematics::coordinates_of(task, all.poses[j])),
+          1e-3);
+    }
+  }
 }
 
 TEST(LinuxCncModules, TripodkinsAboveAndBelowItsMotors) {
