@@ -147,7 +147,7 @@ inline Interval sin(const Interval& x) {
 }
 
 }  // namespace polypod
-
+/// \cond EIGEN_TRAITS
 template <>
 struct Eigen::NumTraits<polypod::Interval> : Eigen::GenericNumTraits<polypod::Interval> {
   using Real = polypod::Interval;
@@ -168,3 +168,4 @@ struct Eigen::NumTraits<polypod::Interval> : Eigen::GenericNumTraits<polypod::In
   static Real lowest() { return {std::numeric_limits<double>::lowest()}; }
   static int digits10() { return std::numeric_limits<double>::digits10; }
 };
+/// \endcond

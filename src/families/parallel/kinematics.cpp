@@ -146,7 +146,9 @@ InverseResult inverse(const Parallel& m, const Pose& target) {
   return out;
 }
 
-kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, const Pose& seed) {
+namespace {
+
+kinematics::NewtonResult newton(const Parallel& m, const JointVector& q, const Pose& seed) {
   constexpr int kSteps = 60;
   constexpr double kLongest = 0.5, kDone = 1e-14, kCloses = 1e-9;
   kinematics::NewtonResult out{seed, 0, 0, false};
@@ -169,20 +171,49 @@ kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, c
   return out;
 }
 
+/// The sign of det F_X, which changes at singular poses alone: 0 where there are more than six equations, which have
+/// none.
+int side_of(const Parallel& m, const Pose& X, const JointVector& q) {
+  const EquationRows rows = closure_rows(m, X, q);
+  if (rows.A.rows() != 6) return 0;
+  const double det = Mat6(rows.A).determinant();
+  return (det > 0) - (det < 0);
+}
+
+}  // namespace
+
+kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, const Pose& seed) {
+  kinematics::NewtonResult out = newton(m, q, seed);
+  if (!m.idle_turn || !out.converged) return out;
+  // The equation of the idle turn, sin(C - C_home) = 0, is met half a turn off, too: the same tool, turned back.
+  Mat3& R = out.X_MT.R;
+  if (R(0, 0) * std::cos(m.home_angles.z()) + R(1, 0) * std::sin(m.home_angles.z()) >= 0) return out;
+  R.leftCols<2>() *= -1;
+  return newton(m, q, out.X_MT);
+}
+
 kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector& q) {
-  kinematics::NewtonResult out = forward_from(m, q, m.home);
+  const kinematics::NewtonResult direct = forward_from(m, q, m.home);
   const std::optional<JointVector> home = joints_of(m, m.home);
-  if (out.converged || !home) return out;
+  if (!home) return direct;
+  // Newton's method may step over singular poses into another assembly mode: det F_X then has the other sign.
+  const int side = side_of(m, m.home, *home);
+  const auto in_mode = [&](const kinematics::NewtonResult& found, const JointVector& joints) {
+    return found.converged && (side == 0 || side_of(m, found.X_MT, joints) == side);
+  };
+  if (in_mode(direct, q)) return direct;
+  kinematics::NewtonResult last = direct;
   for (const int steps : {4, 16, 64}) {
     Pose at = m.home;
     for (int k = 1; k <= steps; ++k) {
-      out = forward_from(m, *home + (q - *home) * (double(k) / steps), at);
-      if (!out.converged) break;
-      at = out.X_MT;
+      const JointVector joints = *home + (q - *home) * (double(k) / steps);
+      last = forward_from(m, joints, at);
+      if (!in_mode(last, joints)) break;
+      if (k == steps) return last;
+      at = last.X_MT;
     }
-    if (out.converged) break;
   }
-  return out;
+  return direct.converged ? direct : last;  // a pose beyond is better than none
 }
 
 Pose forward(const Parallel& m, const JointVector& q) {

@@ -247,7 +247,7 @@ InverseResult inverse(const Parallel& m, const Pose& X_MT);
 /// Newton's method from a seed on all equations, in least squares where they are more than six: converged only where
 /// they close.
 kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, const Pose& seed_MT);
-/// The same from home, by way of joints between those of home and q where it does not converge at once.
+/// The same from home, by joints between those of home and q where that ends nowhere or beyond singular poses.
 kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector& q);
 Pose forward(const Parallel& m, const JointVector& q);
 

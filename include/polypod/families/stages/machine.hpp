@@ -43,9 +43,9 @@ struct Stages : TipLimits {
   static Result<Stages> from(const config::Table& table);
 };
 
-/// stage[k].mount.x, .y, .z, .a, .b, .c of each stage but the first, then its machine's own as stage[k].machine.<key>.
+/// `stage[k].mount.x`, .y, .z, .a, .b, .c of each stage but the first; its machine's own as `stage[k].machine.KEY`.
 std::vector<Parameter> parameters(const Stages& m);
-/// The stages' own settings as stage[k].machine.<key>; limits of the tool tip.
+/// The stages' own settings as `stage[k].machine.KEY`; limits of the tool tip.
 std::vector<Parameter> settings(const Stages& m);
 std::string to_toml(const Stages& m);
 /// The machine with other values of `parameters`. Errors: those of the stages' readers.
