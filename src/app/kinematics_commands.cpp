@@ -138,6 +138,18 @@ Command machines_command() {
       }};
 }
 
+namespace {
+
+/// Which limits home breaks; empty where it keeps them, or where the machine has no home.
+std::string home_beyond_limits(const machine::AnyMachine& m) {
+  const auto home = kinematics::home_pose(m);
+  if (!home) return "";
+  const kinematics::InverseResult result = kinematics::inverse(m, *home);
+  return result.reachable() != nullptr ? "" : kinematics::reason_of(m, result);
+}
+
+}  // namespace
+
 Command info_command() {
   auto o = std::make_shared<MachineOptions>();
   return {"info", "Show a machine: family, joints, parameters, where its numbers come from", "polypod info lola50",
@@ -164,6 +176,8 @@ Command info_command() {
                                       {"freedoms", count->freedoms}, {"idle", count->idle},
                                       {"passive", count->passive},   {"degrees", count->degrees}};
             }
+            const std::string home = home_beyond_limits(m);
+            if (!home.empty()) document["home_beyond_limits"] = home;
             const SingularNote singular(m, context);
             if (context.json) {
               document["singular_everywhere"] = singular.everywhere();
@@ -172,6 +186,7 @@ Command info_command() {
             }
             fmt::print("{} ({}): {}\n{} degrees of freedom\n", one_line(machine::name_of(m)), machine::family_of(m),
                        one_line(machine::description_of(m)), kinematics::degrees_of_freedom(m));
+            if (!home.empty()) fmt::print("note: home is not within the limits: {}\n", home);
             if (count) {
               fmt::print("Gruebler: 6 ({} - {} - 1) + {} - {} + {} = {}\n", count->members, count->joints,
                          count->freedoms, count->idle, count->passive, count->degrees);
@@ -276,7 +291,8 @@ Command ik_command() {
                        s.singular ? " (singular)" : "", joints_in_words(m, s.joints));
           }
           const machine::Task task = kinematics::task(m);
-          if (task.size() < 6 && !task.names_axis() && task != machine::Task::point) {
+          if (task.size() < 6 && !task.names_axis() &&
+              (task != machine::Task::point || kinematics::orientation_follows(m))) {
             fmt::print(
                 "the whole pose x, y, z, A, B, C: {}\n",
                 pose_in_words(Json(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)))));
@@ -378,14 +394,13 @@ Command jacobian_command() {
           return kAnswerIsNo;
         }
         const kinematics::JacobianMatrix J = kinematics::jacobian(m, X, s->joints);
-        const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J);
+        const Eigen::MatrixXd square = kinematics::task_jacobian(kinematics::task(m), J, X);
         const kinematics::Dexterity d = kinematics::dexterity(m, X, s->joints, units::from_mm(o->length_mm));
         const machine::Task task = kinematics::task(m);
-        // Of a task without x, y, z only the rows that it has.
         const auto rows_named = [&](const std::vector<std::string>& all) {
           std::vector<std::string> held;
           for (int i = 0; i < task.size(); ++i) held.push_back(all[static_cast<std::size_t>(task[i])]);
-          return task.places() ? all : held;
+          return held;
         };
         if (context.json) {
           const auto rows = rows_named({"vx_m", "vy_m", "vz_m", "wx_rad", "wy_rad", "wz_rad"});
@@ -399,8 +414,9 @@ Command jacobian_command() {
           return kDone;
         }
         if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
-        fmt::print("Jacobian (m and rad per rad or m; rows {} in M)\n",
-                   fmt::join(rows_named({"v_x", "v_y", "v_z", "w_x", "w_y", "w_z"}), " "));
+        fmt::print("Jacobian (m and rad per rad or m; rows {} in M{})\n",
+                   fmt::join(rows_named({"v_x", "v_y", "v_z", "w_x", "w_y", "w_z"}), " "),
+                   task.names_axis() ? ", w_x and w_y in the tool's frame, across its axis" : "");
         for (int i = 0; i < square.rows(); ++i) {
           for (int j = 0; j < square.cols(); ++j) fmt::print(" {:>9.4f}", square(i, j));
           fmt::print("\n");
@@ -410,8 +426,10 @@ Command jacobian_command() {
             !kinematics::task(m).turns()
                 ? ""
                 : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
-        fmt::print("condition {:.4f}, smallest singular value {:.6f}{} of the {}{}\ndeterminant {:.6g}\n", d.condition,
-                   d.sigma_min, serial ? " m/rad" : "",
+        constexpr double kBeyondDouble = 1e15;
+        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\ndeterminant {:.6g}\n",
+                   d.condition < kBeyondDouble ? fmt::format("{:.4f}", d.condition) : "infinite", d.sigma_min,
+                   serial ? " m/rad" : "",
                    serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,
                    d.determinant);
         return kDone;

@@ -96,6 +96,19 @@ struct Numbers {
 Result<Numbers> workspace_numbers(const Options& o, const machine::AnyMachine& m, const Context& context) {
   POLYPOD_ASSIGN(options, o.where.workspace.options(m, context));
   POLYPOD_ASSIGN(v, workspace::volume(m, options));
+  if (!kinematics::task(m).places()) {
+    const Json region = region_json(m, v);
+    std::string unit = region["measure_unit"].get<std::string>();
+    std::replace(unit.begin(), unit.end(), ' ', '_');
+    const auto number = [&](const char* key) { return region[key].get<double>(); };
+    return Numbers{{{"measure_" + unit, number("measure")},
+                    {"measure_lower_" + unit, number("measure_lower")},
+                    {"measure_upper_" + unit, number("measure_upper")}},
+                   v.converged,
+                   {},
+                   {},
+                   region};
+  }
   return Numbers{{{"volume_mm3", units::to_mm3(v.volume)},
                   {"volume_lower_mm3", units::to_mm3(v.lower)},
                   {"volume_upper_mm3", units::to_mm3(v.upper)}},
@@ -205,7 +218,7 @@ Command sweep_command() {
             a.option("--tolerance", o->tolerances, "KEY=mm: of the analysis errors (repeatable)");
             a.flag("--together", o->together, "Several lists change together, not in all combinations");
             a.option("--csv", o->csv, "Write the table to this file too");
-            o->where.declare(a);
+            o->where.declare_region(a);
             a.option("--rel-tol", o->where.workspace.rel_tol,
                      "Of the analysis workspace: gap between the bounds as a share of the volume (default 0.01)");
           },
@@ -215,7 +228,6 @@ Command sweep_command() {
                           "known: workspace, dexterity, errors");
             }
             POLYPOD_TRY(check_files({o->machine}, {o->csv}, context.json));
-            if (!o->where.pose.empty()) return fail("AP159", "a sweep looks at workspaces, not at a pose");
             POLYPOD_TRY(refuse_unused(*o, context));
             std::vector<std::string> fixed;
             POLYPOD_ASSIGN(varied, varied_of(o->sets, fixed));

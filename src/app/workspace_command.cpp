@@ -124,6 +124,16 @@ bool came_within(const workspace::Volume& v, const workspace::Options& options) 
   return false;
 }
 
+namespace {
+
+Json stopped_json(const workspace::Volume& v) {
+  return v.stopped == workspace::Stopped::memory  ? Json("memory")
+         : v.stopped == workspace::Stopped::cells ? Json("boxes")
+                                                  : Json();
+}
+
+}  // namespace
+
 Json volume_json(const workspace::Volume& v) {
   const auto mm = [](const Vec3& p) {
     return Json::array({units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z())});
@@ -136,9 +146,37 @@ Json volume_json(const workspace::Volume& v) {
           {"proven", v.proven},
           {"points", v.points},
           {"converged", v.converged},
-          {"stopped_by", v.stopped == workspace::Stopped::memory  ? Json("memory")
-                         : v.stopped == workspace::Stopped::cells ? Json("boxes")
-                                                                  : Json()},
+          {"stopped_by", stopped_json(v)},
+          {"empty", v.empty},
+          {"seconds", v.seconds}};
+}
+
+Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v) {
+  const machine::Task task = kinematics::task(machine);
+  double factor = 1;
+  std::string product;
+  Json names = Json::array(), unit = Json::array(), low = Json::array(), high = Json::array();
+  for (int i = 0; i < task.size(); ++i) {
+    const char* of = task.is_angle(i) ? "deg" : "mm";
+    factor *= units::to_user(1, of);
+    product += (i > 0 ? " " : "") + std::string(of);
+    names.push_back(machine::name_of(task[i]));
+    unit.push_back(of);
+    low.push_back(units::to_user(v.min[i], of));
+    high.push_back(units::to_user(v.max[i], of));
+  }
+  return {{"volume_mm3", Json()},
+          {"coordinates", names},
+          {"coordinate_units", unit},
+          {"measure", factor * v.volume},
+          {"measure_lower", factor * v.lower},
+          {"measure_upper", factor * v.upper},
+          {"measure_unit", product},
+          {"bounds", {{"min", low}, {"max", high}}},
+          {"proven", v.proven},
+          {"points", v.points},
+          {"converged", v.converged},
+          {"stopped_by", stopped_json(v)},
           {"empty", v.empty},
           {"seconds", v.seconds}};
 }
@@ -187,6 +225,16 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
   return held ? kDone : kAnswerIsNo;
 }
 
+/// What lies beyond singular poses, in a sentence; empty where a sample saw nothing.
+std::string beyond_text(const workspace::BeyondSingular& beyond) {
+  if (beyond.beyond == 0) return "";
+  return fmt::format(
+      "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine comes "
+      "there "
+      "only where the drives do not hold it. Limits leave them out, as `--set limits.z_min_mm=...`\n",
+      100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points);
+}
+
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
 Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const Context& context) {
   POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--report", "--stl", "--vtp", "--vti"},
@@ -194,42 +242,27 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
   workspace::Options quiet = options;
   quiet.progress = nullptr;
   POLYPOD_ASSIGN(v, workspace::volume(m, quiet));
-  const machine::Task task = kinematics::task(m);
-  double factor = 1;
-  Json names = Json::array(), unit = Json::array(), low = Json::array(), high = Json::array();
-  std::string text;
-  for (int i = 0; i < task.size(); ++i) {
-    const char* of = task.is_angle(i) ? "deg" : "mm";
-    factor *= units::to_user(1, of);
-    names.push_back(machine::name_of(task[i]));
-    unit.push_back(of);
-    low.push_back(units::to_user(v.min[i], of));
-    high.push_back(units::to_user(v.max[i], of));
-    text += fmt::format("{}        {:.2f} .. {:.2f} {}\n", machine::name_of(task[i]), units::to_user(v.min[i], of),
-                        units::to_user(v.max[i], of), of);
-  }
-  std::string product;
-  for (const Json& one : unit) product += (product.empty() ? "" : " ") + one.get<std::string>();
+  const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
+  Json document = region_json(m, v);
+  document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
   if (context.json) {
-    print_json({{"volume_mm3", Json()},
-                {"coordinates", names},
-                {"coordinate_units", unit},
-                {"measure", factor * v.volume},
-                {"measure_lower", factor * v.lower},
-                {"measure_upper", factor * v.upper},
-                {"measure_unit", product},
-                {"bounds", {{"min", low}, {"max", high}}},
-                {"points", v.points},
-                {"converged", v.converged},
-                {"empty", v.empty},
-                {"seconds", v.seconds}});
+    print_json(document);
   } else if (v.empty) {
     fmt::print("no coordinates of the task are reachable (proven with {} boxes)\n", v.points);
   } else {
+    const machine::Task task = kinematics::task(m);
+    std::string text;
+    for (int i = 0; i < task.size(); ++i) {
+      const char* of = task.is_angle(i) ? "deg" : "mm";
+      text += fmt::format("{}        {:.2f} .. {:.2f} {}\n", machine::name_of(task[i]), units::to_user(v.min[i], of),
+                          units::to_user(v.max[i], of), of);
+    }
     fmt::print(
         "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
-        "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n",
-        factor * v.volume, product, factor * v.lower, factor * v.upper, text, v.points, v.seconds);
+        "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n{}",
+        document["measure"].get<double>(), document["measure_unit"].get<std::string>(),
+        document["measure_lower"].get<double>(), document["measure_upper"].get<double>(), text, v.points, v.seconds,
+        beyond_text(beyond));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }
@@ -245,75 +278,68 @@ Command workspace_command() {
     WorkspaceFiles files;
   };
   auto o = std::make_shared<Options>();
-  return {
-      "workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
-      "polypod workspace hexapod-strut --tilt 20",
-      [o](Arguments& a) {
-        declare_machine(a, o->machine, o->sets);
-        o->workspace.declare(a);
-        a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
-        a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
-        o->files.declare(a);
-      },
-      [o](const Context& context) -> Result<int> {
-        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        POLYPOD_ASSIGN(options, o->workspace.options(m, context));
-        const SingularNote singular(m, context);
-        if (!kinematics::task(m).places()) return in_coordinates(m, options, context);
-        POLYPOD_TRY(o->files.refuse_unused(context));
-        if (!o->contains.empty()) {
-          POLYPOD_TRY(refuse_beside_contains(context));
-          return contains(m, options, o->contains, context);
-        }
-        POLYPOD_TRY(o->files.check(o->machine, context.json));
-        POLYPOD_ASSIGN(v, workspace::volume(m, options));
-        Json document = volume_json(v);
-        const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
-        document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
-        workspace::Shape shape;
-        if (!o->largest.empty()) {
-          POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
-          POLYPOD_ASSIGN(found, workspace::largest_inside(m, options, kind));
-          shape = found;
-          document["largest"] = {{"shape", o->largest},
-                                 {"center_mm", vector_json(shape.center * units::kMmPerMetre)},
-                                 {"half_mm", vector_json(shape.half * units::kMmPerMetre)},
-                                 {"volume_mm3", units::to_mm3(shape.volume())}};
-        }
-        if (context.progress) fmt::print(stderr, "\r\x1b[K");
-        POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
-        if (context.json) {
-          print_json(singular.in(document));
-        } else if (!v.proven && !v.reached) {
-          fmt::print(
-              "the sample of {} points found none that is reached from every direction; that there is none "
-              "is not proven\n",
-              v.points);
-        } else if (v.empty) {
-          fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
-        } else {
-          fmt::print("volume   {}\n", volume_text(v));
-          for (int k = 0; k < 3; ++k) {
-            fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
-          }
-          fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
-          if (beyond.beyond > 0) {
-            fmt::print(
-                "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine "
-                "comes there only where the drives do not hold it. Limits leave them out, as `--set "
-                "limits.z_min_mm=...`\n",
-                100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points);
-          }
-          if (!o->largest.empty()) {
-            const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
-            const Figures mm(sides.minCoeff(), 1);
-            fmt::print("certainly inside: {} of {} x {} x {} mm about {}, {} mm3\n", o->largest, mm(sides.x()),
-                       mm(sides.y()), mm(sides.z()), place_text(shape.center),
-                       figure(units::to_mm3(shape.volume()), 0));
-          }
-        }
-        return came_within(v, options) ? kDone : kAnswerIsNo;
-      }};
+  return {"workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
+          "polypod workspace hexapod-strut --tilt 20",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            o->workspace.declare(a);
+            a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
+            a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
+            o->files.declare(a);
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(options, o->workspace.options(m, context));
+            const SingularNote singular(m, context);
+            if (!kinematics::task(m).places()) return in_coordinates(m, options, context);
+            POLYPOD_TRY(o->files.refuse_unused(context));
+            if (!o->contains.empty()) {
+              POLYPOD_TRY(refuse_beside_contains(context));
+              return contains(m, options, o->contains, context);
+            }
+            POLYPOD_TRY(o->files.check(o->machine, context.json));
+            POLYPOD_ASSIGN(v, workspace::volume(m, options));
+            Json document = volume_json(v);
+            const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
+            document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
+            workspace::Shape shape;
+            if (!o->largest.empty()) {
+              POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
+              POLYPOD_ASSIGN(found, workspace::largest_inside(m, options, kind));
+              shape = found;
+              document["largest"] = {{"shape", o->largest},
+                                     {"center_mm", vector_json(shape.center * units::kMmPerMetre)},
+                                     {"half_mm", vector_json(shape.half * units::kMmPerMetre)},
+                                     {"volume_mm3", units::to_mm3(shape.volume())}};
+            }
+            if (context.progress) fmt::print(stderr, "\r\x1b[K");
+            POLYPOD_TRY(o->files.write(m, options, v, o->machine, o->sets, context));
+            if (context.json) {
+              print_json(singular.in(document));
+            } else if (!v.proven && !v.reached) {
+              fmt::print(
+                  "the sample of {} points found none that is reached from every direction; that there is none "
+                  "is not proven\n",
+                  v.points);
+            } else if (v.empty) {
+              fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
+            } else {
+              fmt::print("volume   {}\n", volume_text(v));
+              for (int k = 0; k < 3; ++k) {
+                fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
+              }
+              fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
+              fmt::print("{}", beyond_text(beyond));
+              if (!o->largest.empty()) {
+                const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
+                const Figures mm(sides.minCoeff(), 1);
+                fmt::print("certainly inside: {} of {} x {} x {} mm about {}, {} mm3\n", o->largest, mm(sides.x()),
+                           mm(sides.y()), mm(sides.z()), place_text(shape.center),
+                           figure(units::to_mm3(shape.volume()), 0));
+              }
+            }
+            return came_within(v, options) ? kDone : kAnswerIsNo;
+          }};
 }
 
 }  // namespace polypod::app

@@ -30,5 +30,7 @@ Result<std::size_t> memory_argument(const std::string& text);
 bool came_within(const workspace::Volume& v, const workspace::Options& options);
 
 Json volume_json(const workspace::Volume& v);
+/// The same of a machine whose task does not hold x, y, z, in the coordinates of the task.
+Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v);
 
 }  // namespace polypod::app

@@ -303,10 +303,23 @@ std::vector<double> coordinates_of(Task task, const Pose& X) {
   return c;
 }
 
-Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J) {
+Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J, const Pose& X_MT) {
+  JacobianMatrix seen = J;
+  if (task.names_axis()) seen.bottomRows(3) = X_MT.R.transpose() * J.bottomRows(3);
   Eigen::MatrixXd out(task.size(), J.cols());
-  for (int i = 0; i < task.size(); ++i) out.row(i) = J.row(static_cast<int>(task[i]));
+  for (int i = 0; i < task.size(); ++i) out.row(i) = seen.row(static_cast<int>(task[i]));
   return out;
+}
+
+bool orientation_follows(const AnyMachine& machine) {
+  constexpr double kTurns = 1e-6;  // rad per m
+  const auto home = home_pose(machine);
+  if (task(machine).turns() || !home) return false;
+  const InverseResult result = inverse(machine, *home);
+  if (result.solutions.empty()) return false;
+  const JacobianMatrix J =
+      jacobian(machine, settled(machine, *home, result.solutions[0].joints), result.solutions[0].joints);
+  return J.allFinite() && J.bottomRows(3).norm() > kTurns * J.topRows(3).norm();
 }
 
 namespace {
@@ -331,14 +344,15 @@ Eigen::MatrixXd rates_by_twist(const M& m, const Pose& X, const JointVector& q, 
     if (length <= 0) length = m.size;
   }
   if (length <= 0) length = 1;
-  Eigen::MatrixXd J = task_jacobian(task(m), jacobian(m, X, q));
+  Eigen::MatrixXd J = task_jacobian(task(m), jacobian(m, X, q), X);
   for (int i = 0; i < J.rows(); ++i)
     if (task(m).is_angle(i)) J.row(i) *= length;
   return J.completeOrthogonalDecomposition().pseudoInverse();
 }
 
 /// S of a serial arm and its L. Distance of a joint's axis from the tip: |v| / |w| of its column.
-Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const JacobianMatrix& J, double& length) {
+Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const Pose& X_MT, const JacobianMatrix& J,
+                               double& length) {
   if (length <= 0) {
     int turning = 0;
     for (int i = 0; i < J.cols(); ++i) {
@@ -349,7 +363,7 @@ Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const JacobianMatr
     }
     length = turning > 0 && length > 0 ? length / turning : 1.0;
   }
-  Eigen::MatrixXd S = task_jacobian(task(arm), J);
+  Eigen::MatrixXd S = task_jacobian(task(arm), J, X_MT);
   for (int i = 0; i < S.rows(); ++i)
     if (task(arm).is_angle(i)) S.row(i) *= length;
   return S;
@@ -363,9 +377,9 @@ Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVect
   Eigen::MatrixXd S;
   if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
     const JacobianMatrix J = machine::jacobian(*arm, X_MT, q);
-    const Eigen::MatrixXd square = task_jacobian(task(*arm), J);
+    const Eigen::MatrixXd square = task_jacobian(task(*arm), J, X_MT);
     if (square.rows() == square.cols()) out.determinant = square.determinant();
-    S = twist_by_rates(*arm, J, out.characteristic_length);
+    S = twist_by_rates(*arm, X_MT, J, out.characteristic_length);
   } else {
     const Pose X = settled(machine, X_MT, q);
     S = std::visit([&](const auto& m) { return rates_by_twist(m, X, q, out.characteristic_length); }, machine);

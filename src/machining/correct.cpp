@@ -713,29 +713,45 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   std::vector<bool> which(result.programmed.size(), false);
   std::string lines;
   std::size_t named = 0;
-  double feed = 0;
   for (std::size_t i = 0; i < result.programmed.size(); ++i) {
     const int line = program.blocks[static_cast<std::size_t>(result.programmed[i].block)].line;
     const auto at =
         std::find_if(result.moves.begin(), result.moves.end(), [&](const auto& m) { return m.line == line; });
     if (at == result.moves.end() || at->within) continue;
     which[i] = true;
-    feed = std::max(feed, result.programmed[i].feed);
     if (named++ < 8) lines += fmt::format("{}{}", lines.empty() ? "" : ", ", line);
   }
   if (named == 0) return out;
   if (named > 8) lines += fmt::format(" and {} more", named - 8);
   lines = (named == 1 ? "line " : "lines ") + lines;
-  for (const double factor : {0.75, 0.5, 0.33, 0.2, 0.1}) {
-    Corrector slower(job, program, accepted, quiet);
-    slower.scale_feeds(which, factor);
-    if (!holds(slower.run())) continue;
-    out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, F{:.0f} where it is largest", lines, 100 * factor,
-                              units::to_mm_per_min(feed * factor)));
-    return out;
+  // What bends in a corner comes from the move before it, too.
+  std::vector<bool> before = which, all(which.size(), true);
+  for (std::size_t i = 0; i + 1 < which.size(); ++i) before[i] = which[i] || which[i + 1];
+  struct Slower {
+    const std::vector<bool>& moves;
+    std::string where;
+    std::vector<double> factors;
+  };
+  for (const Slower& slower : {Slower{which, lines, {0.75, 0.5, 0.33, 0.2, 0.1}},
+                               Slower{before, lines + " and the moves before them", {0.5, 0.2}},
+                               Slower{all, "the whole program", {0.5, 0.2}}}) {
+    for (const double factor : slower.factors) {
+      Corrector corrector(job, program, accepted, quiet);
+      corrector.scale_feeds(slower.moves, factor);
+      if (!holds(corrector.run())) continue;
+      double feed = 0;
+      for (std::size_t i = 0; i < which.size(); ++i) {
+        if (slower.moves[i]) feed = std::max(feed, result.programmed[i].feed);
+      }
+      out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, F{:.0f} where it is largest", slower.where,
+                                100 * factor, units::to_mm_per_min(feed * factor)));
+      return out;
+    }
   }
-  out.push_back(
-      fmt::format("no feed down to a tenth would do in {}: take less depth or width, or a stiffer place", lines));
+  out.push_back(fmt::format(
+      "no smaller feed of those that were tried would do, in {} or in the whole program (down to a tenth and "
+      "a fifth): take less depth or width, or a stiffer place",
+      lines));
   return out;
 }
 

@@ -236,31 +236,40 @@ Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassRe
 
 namespace {
 
-/// Looks back from each point that cuts over the way on which the engagement is averaged.
+/// Where force and bend change too quickly for what was found: see Steep.
 class SteepPlaces {
  public:
   SteepPlaces(const Job& job, const Way& way) : job_(job), way_(way) {}
 
-  /// A point in the tube whose bend found is `distance` from the programmed move.
-  void see(const Sample& sample, double distance, const gcode::Move& programmed, int line) {
-    if (sample.move != move_) {
-      move_ = sample.move;
+  /// A point that cuts, of the programmed move `source`, whose bend found is `distance` from it.
+  void see(const Sample& sample, double distance, const gcode::Move& programmed, int source, int line) {
+    const gcode::Move& move = way_.moves[static_cast<std::size_t>(sample.move)].move;
+    const double window = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
+    if (source != source_) lag_ = sample.deflection;
+    if (source != source_ || sample.move != move_) {
       before_.clear();
       first_ = 0;
     }
-    const gcode::Move& move = way_.moves[static_cast<std::size_t>(sample.move)].move;
-    const double window = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
+    const double step = source == source_ ? (sample.command - last_).norm() : 0;
+    source_ = source;
+    move_ = sample.move;
+    last_ = sample.command;
     before_.push_back({sample.s, sample.deflection});
     while (sample.s - before_[first_].s > window) ++first_;
-    const double step = before_.size() > 1 ? sample.s - before_[before_.size() - 2].s : 0;
+    const double length = std::max(lag_.norm(), kLeastLag);
+    lag_ += (1 - std::exp(-step / length)) * (sample.deflection - lag_);
+
     const double tube = job_.tolerance - resolution(job_);
-    const Vec3& earlier = before_[first_].deflection;
-    if (distance > tube || (earlier - sample.deflection).norm() < resolution(job_)) return;
-    const double held = path_error(programmed, Vec3(sample.command + earlier), sample.away).distance;
-    if (held <= job_.tolerance) return;
+    if (distance > tube) return;
+    double most = 0;
+    for (const Vec3& other : {before_[first_].deflection, lag_}) {
+      if ((other - sample.deflection).norm() < resolution(job_)) continue;
+      most = std::max(most, path_error(programmed, Vec3(sample.command + other), sample.away).distance);
+    }
+    if (most <= job_.tolerance) return;
     out_.length += step;
-    if (held <= out_.distance) return;
-    out_.distance = held;
+    if (most <= out_.distance) return;
+    out_.distance = most;
     out_.window = window;
     out_.line = line;
   }
@@ -268,15 +277,17 @@ class SteepPlaces {
   [[nodiscard]] const Steep& found() const { return out_; }
 
  private:
+  static constexpr double kLeastLag = 1e-6;  // m
   struct Bend {
     double s = 0;
     Vec3 deflection;
   };
   const Job& job_;
   const Way& way_;
-  std::vector<Bend> before_;  ///< of the move at hand
+  std::vector<Bend> before_;  ///< of the commanded move at hand
   std::size_t first_ = 0;     ///< the first of them within the window
-  int move_ = -1;
+  Vec3 lag_ = Vec3::Zero(), last_ = Vec3::Zero();
+  int move_ = -1, source_ = -1;
   Steep out_;
 };
 
@@ -339,7 +350,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     out.commanded_ends[c].end = out.commanded_ends[c].end || sample.s >= length - near;
     out.largest_distance = std::max(out.largest_distance, e.distance);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
-    if (!way.moves[c].transition) steep.see(sample, e.distance, programmed[i], m.line);
+    if (!way.moves[c].transition) steep.see(sample, e.distance, programmed[i], static_cast<int>(i), m.line);
     if (way.moves[c].transition) return;  // taken to change evenly, not computed: no part of the means
     few.add(sample);
     ++m.points;

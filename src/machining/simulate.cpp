@@ -331,8 +331,11 @@ class Pass {
     footprint_.any = false;
     const double fall = -d.z() * ahead;
     const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
-    if (fall > kLeastFall && (s < length || ideal || descends_on(index))) {
-      const Vec3 over = bends ? Vec3(p.x() + deflection_.x(), p.y() + deflection_.y(), p.z()) : p;
+    const bool descends = descends_on(index);
+    if (fall > kLeastFall && (s < length || ideal || descends)) {
+      Vec3 over = bends ? Vec3(p.x() + deflection_.x(), p.y() + deflection_.y(), p.z()) : p;
+      // Nor does it meet what stands below the end of the way down.
+      if (!descends) over.z() += std::max(0.0, fall + d.z() * (length - s));
       cutting::look_down(stock_, over, radius, feed, fall, footprint_);
     }
     if (!(profile_.max_depth > kNoCut) && !footprint_.any) {

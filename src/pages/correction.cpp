@@ -141,9 +141,9 @@ class Page {
     if (const machining::Steep& steep = c_.after.steep; steep.distance > 0) {
       report_.add_verdict(
           Verdict::neutral,
-          fmt::format("Not judged: {} mm of the cut, where the force changes within the {} mm ahead on which the "
-                      "engagement is averaged, as where a wide cutter comes out of the stock. If it changes that much "
-                      "later, the tool is up to {} {} from the programmed path (line {}).",
+          fmt::format("Not judged: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
+                      "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
+                      "engagement is averaged: the tool may be up to {} {} from the programmed path (line {}).",
                       fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
                       fixed(to_um(steep.distance), 0), kUm, steep.line));
     }
@@ -161,7 +161,8 @@ class Page {
     }
     const Verdict good = c_.within_tolerance ? Verdict::good : Verdict::bad;
     std::vector<KeyFigure> figures;
-    figures.push_back({fixed(to_um(c_.largest_before), 1), kUm, "largest distance from the path, as it is",
+    figures.push_back({fixed(to_um(c_.largest_before), 1), kUm,
+                       "largest distance from the path with the controller's corners, as it is",
                        c_.largest_before <= c_.tolerance ? Verdict::good : Verdict::bad});
     figures.push_back({fixed(to_um(c_.largest_after), 1), kUm,
                        fmt::format("largest distance, corrected (tube {} {})", given(to_um(c_.tolerance)), kUm), good});

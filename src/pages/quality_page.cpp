@@ -171,12 +171,15 @@ class Page {
   }
   [[nodiscard]] std::string directions() const {
     const auto& d = options_.workspace.directions;
+    if (kinematics::orientation_follows(machine_)) return "the tilt of the tool that follows from its position";
     if (fields_.survey.orientations.size() == 1) return "tool upright (R = 1)";
     if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
     return fmt::format("{}, tilts up to {} deg", fields_.survey.orientations.size(), plain(to_deg(d.tilt)));
   }
   /// Whether errors turn the tool at all: those of a delta do not.
-  [[nodiscard]] bool turns() const { return kinematics::task(machine_) != machine::Task::point; }
+  [[nodiscard]] bool turns() const {
+    return kinematics::task(machine_) != machine::Task::point || kinematics::orientation_follows(machine_);
+  }
   [[nodiscard]] bool one_direction() const { return fields_.survey.orientations.size() == 1; }
   [[nodiscard]] Entries facts() const {
     Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},

@@ -128,8 +128,9 @@ std::string given(double value) {
   return text[0] == '-' ? "−" + text.substr(1) : text;
 }
 
-std::string directions_of(const Options& options) {
+std::string directions_of(const AnyMachine& machine, const Options& options) {
   const auto& d = options.directions;
+  if (kinematics::orientation_follows(machine)) return "with the tilt of the tool that follows from its position";
   if (!d.is_ranges()) {
     return d.tilt > 0 ? fmt::format("with every tilt up to {} deg", given(to_deg(d.tilt)))
                       : std::string("with the tool upright (R = 1)");
@@ -289,7 +290,8 @@ class Page {
         volume_(volume),
         page_(page),
         report_(fmt::format("Workspace of {}", machine::name_of(machine)),
-                fmt::format("Which points the tool tip reaches {}, and what stops it beyond", directions_of(options)),
+                fmt::format("Which points the tool tip reaches {}, and what stops it beyond",
+                            directions_of(machine, options)),
                 facts()) {
     options_.progress = nullptr;
     options_.keep_cells = false;
@@ -303,7 +305,7 @@ class Page {
     if (volume_.empty) {
       report_.add_section("What is reached");
       report_.add_verdict(Verdict::bad,
-                          fmt::format("No point is reachable {}. This is proven.", directions_of(options_)));
+                          fmt::format("No point is reachable {}. This is proven.", directions_of(machine_, options_)));
       POLYPOD_TRY(volume_against_tilt());
       inputs();
       return report_.to_html();
@@ -321,7 +323,7 @@ class Page {
   [[nodiscard]] Entries facts() const {
     Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
                 {"family", machine::family_of(machine_)},
-                {"tool directions", directions_of(options_)}};
+                {"tool directions", directions_of(machine_, options_)}};
     for (const std::string& set : page_.sets) out.emplace_back("changed", set);
     if (!page_.version.empty()) out.emplace_back("made with", "Polypod " + page_.version);
     return out;
@@ -407,13 +409,13 @@ class Page {
           "Three planes through the middle of the workspace. The deeper the colour, the farther the tool is inside the "
           "limits; the colour says which limit is the nearest.");
     } else {
-      report_.add_text(
-          fmt::format("Three planes through the middle of the workspace. The deeper the colour, the farther the tool "
-                      "may tilt from z "
-                      "at every azimuth before a limit stops it; the colour says which limit that is. {}",
-                      options_.directions.is_ranges() || options_.directions.tilt > 0
-                          ? fmt::format("The black line encloses what is reached {}.", directions_of(options_))
-                          : "At the border only the upright tool is left."));
+      report_.add_text(fmt::format(
+          "Three planes through the middle of the workspace. The deeper the colour, the farther the tool "
+          "may tilt from z "
+          "at every azimuth before a limit stops it; the colour says which limit that is. {}",
+          options_.directions.is_ranges() || options_.directions.tilt > 0
+              ? fmt::format("The black line encloses what is reached {}.", directions_of(machine_, options_))
+              : "At the border only the upright tool is left."));
     }
     std::vector<std::pair<std::string, report::Figure>> panels;
     for (const Section& s : sections_)
@@ -597,7 +599,7 @@ class Page {
 
   void inputs() {
     report_.add_section("Inputs");
-    Entries entries{{"tool directions", directions_of(options_)},
+    Entries entries{{"tool directions", directions_of(machine_, options_)},
                     {"tolerance of the volume", given(100 * options_.relative_tolerance) + " %"},
                     {"boxes examined", fixed(static_cast<double>(volume_.points), 0)},
                     {"leg against leg", options_.interference ? "heeded" : "not heeded"},
@@ -626,7 +628,7 @@ class Page {
   }
 
   [[nodiscard]] std::string capital() const {
-    std::string text = directions_of(options_);
+    std::string text = directions_of(machine_, options_);
     text[0] = 'W';
     return text;
   }

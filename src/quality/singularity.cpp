@@ -24,7 +24,21 @@ struct Sides {
   Eigen::MatrixXd A, B;
   double length = 1;
   std::optional<double> constraints;  ///< see Singularity
+  /// Where a chain behind closed loops turns the tool about its own axis, which the task leaves free: the speed that
+  /// the task sees by the joints'. The equations do not show what that turn takes away.
+  Eigen::MatrixXd seen;
 };
+
+/// The task's speed [v / L; w] by the joints', prismatic ones on L.
+Eigen::MatrixXd speed_of_task(const AnyMachine& machine, const Pose& X, const JointVector& q, double L) {
+  const machine::Task task = kinematics::task(machine);
+  Eigen::MatrixXd out = kinematics::task_jacobian(task, kinematics::jacobian(machine, X, q), X);
+  for (int i = 0; i < out.rows(); ++i)
+    if (!task.is_angle(i)) out.row(i) /= L;
+  for (int i = 0; i < out.cols(); ++i)
+    if (kinematics::joint_kind(machine, i) == machine::JointKind::prismatic) out.col(i) *= L;
+  return out;
+}
 
 /// Each row of A divided by the length of its translational part (by its own if it has no other), that of B alike.
 void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
@@ -70,6 +84,9 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
         }
       },
       machine);
+  if (kinematics::is_serial(machine)) return out;
+  const machine::Task task = kinematics::task(machine);
+  if (!out.constraints && task.names_axis() && q.size() == task.size()) out.seen = speed_of_task(machine, X, q, L);
   out.A.rightCols(3) /= L;
   divide_rows(out.A, &out.B);
   for (int i = 0; i < out.B.cols(); ++i)
@@ -165,6 +182,17 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
   const Eigen::VectorXd idle = B.matrixV().rightCols<1>();
   out.idle_joints = idle / idle.cwiseAbs().maxCoeff();
 
+  if (sides.seen.size() > 0 && out.control > kRankLost) {
+    const Eigen::JacobiSVD<Eigen::MatrixXd> speed(sides.seen, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double least = speed.singularValues().tail<1>()[0];
+    if (least < out.mobility) {
+      out.mobility = least;
+      const Eigen::VectorXd lost = speed.matrixU().rightCols<1>();  // v in M, w in the tool's frame
+      out.lost_motion << sides.length * lost.head<3>(), X.R * Vec3(lost[3], lost[4], 0);
+      const Eigen::VectorXd still = speed.matrixV().rightCols<1>();
+      out.idle_joints = still / still.cwiseAbs().maxCoeff();
+    }
+  }
   out.kind = (out.mobility < threshold ? 1 : 0) + (out.control < threshold ? 2 : 0);
   return out;
 }

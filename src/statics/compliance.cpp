@@ -165,7 +165,8 @@ Map compliance_map(const AnyMachine& machine, const PlaneGrid& grid, const Mat3&
       point.compliance = compliance_at(machine, Pose{R_MT, point.p_M});
       if (point.compliance.reachable) {
         const Eigen::MatrixXd J = kinematics::task_jacobian(
-            kinematics::task(machine), kinematics::jacobian(machine, point.compliance.X_MT, point.compliance.joints));
+            kinematics::task(machine), kinematics::jacobian(machine, point.compliance.X_MT, point.compliance.joints),
+            point.compliance.X_MT);
         if (J.rows() == J.cols()) point.determinant = J.determinant();
       }
       map.points.push_back(std::move(point));

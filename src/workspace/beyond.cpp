@@ -34,8 +34,10 @@ BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options
   constexpr double kSingular = 1e-9;
   BeyondSingular out;
   const auto home = kinematics::home_pose(machine);
-  if (kinematics::takes_any_posture(machine) || !home || volume.empty || !kinematics::task(machine).places())
-    return out;
+  if (kinematics::takes_any_posture(machine) || !home || volume.empty) return out;
+  const machine::Task task = kinematics::task(machine);
+  const bool places = task.places();
+  if (!places && task.size() != 3) return out;
   const kinematics::InverseResult at_home = kinematics::inverse(machine, *home);
   if (at_home.solutions.empty()) return out;
   const machine::JointVector& q_home = at_home.solutions.front().joints;
@@ -46,11 +48,14 @@ BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options
   const std::vector<Mat3> orientations = sampled_orientations(options.directions);
   Random random(1);
   for (std::size_t draw = 0; draw < kDraws && out.points < kPoints; ++draw) {
-    Vec3 p;
+    Vec3 p;  // or the three coordinates of the task
     for (int k = 0; k < 3; ++k) p[k] = random.uniform(volume.min[k], volume.max[k]);
-    if (!reaches_samples(machine, options, orientations, p)) continue;
-    const Pose target{orientations.front(), p};
-    const machine::JointVector q = kinematics::inverse(machine, target).solutions.front().joints;
+    if (places && !reaches_samples(machine, options, orientations, p)) continue;
+    const Pose target = places ? Pose{orientations.front(), p} : kinematics::pose_of(task, {p.x(), p.y(), p.z()});
+    const kinematics::InverseResult found = kinematics::inverse(machine, target);
+    const kinematics::Solution* reached = places ? &found.solutions.front() : found.reachable();
+    if (reached == nullptr) continue;
+    const machine::JointVector& q = reached->joints;
     const double here = handedness(machine, kinematics::settled(machine, target, q), q, L);
     ++out.points;
     if (here * sign < 0) ++out.beyond;

@@ -460,6 +460,16 @@ TEST(Files, ThatDoNotCloseAreRefusedWithTheReason) {
   EXPECT_EQ(id_of("family = \"parallel\"\ntask = [\"x\", \"y\", \"z\", \"A\"]\nhome = { z_mm = 400 }\n" + kThreeStruts +
                   "constraint = [{ kind = \"orientation\" }]"),
             "MA156");
+  // A tripod whose C follows from its hinges already, while nothing says B.
+  const auto swapped = machine::load("tripod-z3", {});
+  ASSERT_TRUE(swapped);
+  std::string text = machine::to_toml(*swapped);
+  const std::size_t task = text.find("\"B\"");
+  ASSERT_NE(task, std::string::npos) << text;
+  const auto refused = machine::from_text(text.replace(task, 3, "\"C\""), "swapped.toml");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(to_string(refused.error()).find("C follows from the constraints already and B is left"), std::string::npos)
+      << to_string(refused.error());
   // Parallel struts with equal triangles: mobile at home.
   EXPECT_EQ(id_of(head + R"(leg = [
   { drive = "strut", base_mm = [100, 0, 0], platform_mm = [100, 0, 0], min_mm = 100, max_mm = 900 },

@@ -221,7 +221,8 @@ TEST(SerialArm, JacobianOfEquation4_44) {
   // The lengths are known to half a millimetre only, which moves these joints by up to 0.05 deg.
   for (int i = 0; i < 5; ++i) EXPECT_NEAR(units::to_deg(q[i]), expected_deg[i], 0.05) << i;
   const Eigen::MatrixXd J = kinematics::task_jacobian(
-      machine::Task::axis, kinematics::jacobian(lola50, kinematics::pose_of(machine::Task::axis, {0, -1.3, 0}), q));
+      machine::Task::axis, kinematics::jacobian(lola50, kinematics::pose_of(machine::Task::axis, {0, -1.3, 0}), q),
+      kinematics::pose_of(machine::Task::axis, {0, -1.3, 0}));
   Eigen::Matrix<double, 5, 5> printed;
   printed << 1.3, 0, 0, -0.38, 0, 0, 0, -0.805, 0, -0.407, 0, 1.3, 1.026, 0, 0, 0, -1, -1, 0, -1, 0, 0, 0, 0.932, 0;
   // Half of the last printed digit: the third decimal, but the second for -0.38.

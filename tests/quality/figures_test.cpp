@@ -14,8 +14,10 @@
 #include "polypod/families/hexapod/slider_kinematics.hpp"
 #include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/families.hpp"
 #include "polypod/quality/elements.hpp"
 #include "polypod/quality/errors.hpp"
+#include "polypod/quality/singularity.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -234,6 +236,30 @@ TEST(StageElements, ElementsOfStagesAreNamedByTheirStage) {
        {"stage[1].machine.leg.length[2]", "stage[1].machine.base.joint[3]", "stage[2].machine.dh.alpha[1]",
         "stage[2].mount", "stage[2].mount.a", "stage[1].machine.tool", "joint[4]"}) {
     EXPECT_TRUE(keys.contains(key)) << key;
+  }
+}
+
+/// The wrist of the five-axis Tricept with its tool along joint 4: joint 4 turns the tool about itself, and the task,
+/// which leaves that turn free, has lost a motion. Its turns are those across the tool, tilted or not.
+TEST(Stages, AWristInLineHasLostAMotion) {
+  const AnyMachine m = test::load("tricept-wrist");
+  const machine::Stages* stages = std::get_if<machine::Stages>(&m);
+  for (const Vec3& p : {Vec3(0, 0, 0), Vec3(0.05, 0.1, 0)}) {
+    machine::JointVector q = kinematics::inverse(m, machine::home_pose(*stages)).solutions.at(0).joints;
+    // Moved drives lean the Tricept; joint 5 at 0 puts the tool in line with joint 4.
+    q.head<3>() += p;
+    q[4] = 0;
+    const Pose X = kinematics::forward(m, q).poses.at(0);
+    machine::JointVector turned = q;
+    turned[3] += 0.5;
+    const Pose same = kinematics::forward(m, turned).poses.at(0);
+    ASSERT_LT((same.p - X.p).norm(), 1e-9);
+    ASSERT_LT((same.R.col(2) - X.R.col(2)).norm(), 1e-9);
+    const Singularity s = singularity(m, X, q);
+    EXPECT_LT(s.mobility, 1e-6);
+    EXPECT_EQ(s.kind, 1);
+    EXPECT_NEAR(std::abs(s.idle_joints[3]), 1, 1e-6);
+    EXPECT_GT(kinematics::dexterity(m, X, q).condition, 1e6);
   }
 }
 

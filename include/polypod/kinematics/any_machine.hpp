@@ -86,8 +86,13 @@ inline int coordinate_count(Task task) {
 }
 
 /// The part of a Jacobian that a task sees: of the rows v_x, v_y, v_z, w_x, w_y, w_z those of its coordinates x, y, z,
-/// A, B, C, in its order; so without w_z for a 5-axis machine (SLAV (2.36)).
-Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J);
+/// A, B, C, in its order. Of a 5-axis machine, whose pose prescribes the tool's axis alone, the turns are those about x
+/// and y of the tool's frame, X_MT.R^T w, across its axis; upright they are w_x and w_y (SLAV (2.36)).
+Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J, const Pose& X_MT);
+
+/// Whether the tool turns as it moves though the task prescribes no orientation: that of a Tricept follows from its
+/// position, a delta keeps it. Judged at home.
+bool orientation_follows(const AnyMachine& machine);
 
 /// How well joints and tool move each other at a pose. Lengths and angles have no common measure: angles count as
 /// lengths on the characteristic length L.

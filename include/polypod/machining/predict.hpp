@@ -63,10 +63,14 @@ struct OtherSwitch {
   bool within_tolerance = false;
 };
 
-/// Where the force rises or falls within the way ahead on which the engagement is averaged (look_ahead_length): as
-/// where a wide cutter comes out of the stock. There the bend may still be the one of that way before.
+/// Where the force rises or falls quickly, as where a cutter comes out of the stock:
+/// - within the way ahead on which the engagement is averaged (look_ahead_length): there the bend may still be the one
+///   of that way before;
+/// - within the bend's own length: a tool whose bend delta goes back moves faster than its feed and cuts thicker chips.
+///   The bend then follows that of the balance by delta' = (delta_balance - delta) / |delta| along the path, the lag of
+///   a force in proportion to the chip (compare yield_step); moves are judged by the balance at the programmed feed.
 struct Steep {
-  double length = 0;    ///< m of the cut where that bend would leave the tube, and the one that was found does not
+  double length = 0;    ///< m of the cut where such a bend would leave the tube, and the one that was found does not
   double distance = 0;  ///< m, of the worst of them from the programmed move
   double window = 0;    ///< m, the way ahead there
   int line = 0;

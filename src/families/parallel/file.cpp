@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Machine files of parallel machines of legs: reading, checking, writing.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/SVD>
 #include <algorithm>
@@ -258,6 +259,28 @@ Status check_constraints(const config::Table& table, const Parallel& m) {
   const int together = rank_of(both, m.size).rank;
   const std::string counts =
       fmt::format("constraints and passive rods hold {} of 6 freedoms and the task prescribes {}", held, m.task.size());
+  if (together < 6 && held + m.task.size() >= 6) {
+    // As many as are needed, but some of the task's follow from the constraints already.
+    const auto rank_with = [&](const Eigen::MatrixXd& rows, Coordinate c) {
+      Eigen::MatrixXd more(rows.rows() + 1, 6);
+      more << rows, task_rows(Task{c}, m.home, m.size);
+      return rank_of(more, m.size).rank;
+    };
+    std::vector<std::string> follow, free;
+    for (int k = 0; k < 6; ++k) {
+      const auto c = static_cast<Coordinate>(k);
+      if (m.task.holds(c) && rank_with(passive.A, c) == held) follow.emplace_back(name_of(c));
+      if (!m.task.holds(c) && rank_with(both, c) > together) free.emplace_back(name_of(c));
+    }
+    return fail("MA156",
+                fmt::format("{}, but at home {} from the constraints already and {} left to nothing", counts,
+                            follow.empty() ? "some of these follow"
+                                           : fmt::format("{} follow{}", fmt::join(follow, ", "),
+                                                         follow.size() == 1 ? "s" : ""),
+                            free.empty() ? "a motion is"
+                                         : fmt::format("{} {}", fmt::join(free, ", "), free.size() == 1 ? "is" : "are")),
+                table.place_of("task"), "put what is left to nothing into the task, in the place of what follows");
+  }
   if (together < 6) {
     return fail("MA156",
                 fmt::format("{}: {} left to nothing", counts,
