@@ -45,6 +45,39 @@ void forward_arms(benchmark::State& state) {
 }
 BENCHMARK(forward_arms);
 
+machine::LinearDelta rails() {
+  return std::get<machine::LinearDelta>(*machine::load("delta-linear"));
+}
+std::vector<Vec3> poses_on_rails(const machine::LinearDelta& m) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> part(-0.1, 0.1);
+  std::vector<Vec3> out(kPoses);
+  for (Vec3& X : out) X = m.home + Vec3(part(random), part(random), part(random));
+  return out;
+}
+
+void inverse_rails(benchmark::State& state) {
+  const auto m = rails();
+  const auto X = poses_on_rails(m);
+  std::size_t k = 0;
+  double q[3];
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(drive_positions(m, X[k++ % kPoses], q));
+    benchmark::DoNotOptimize(q);
+  }
+}
+BENCHMARK(inverse_rails);
+
+void forward_rails(benchmark::State& state) {
+  const auto m = rails();
+  const auto X = poses_on_rails(m);
+  std::vector<machine::JointVector> q(kPoses, machine::JointVector(3));
+  for (std::size_t k = 0; k < kPoses; ++k) drive_positions(m, X[k], q[k].data());
+  std::size_t k = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(both_poses(m, q[k++ % kPoses]));
+}
+BENCHMARK(forward_rails);
+
 /// 0: delta-brno, 1: delta-linear, 2: delta-picker with collisions; to 0.5 %.
 void bounded(benchmark::State& state) {
   const char* names[] = {"delta-brno", "delta-linear", "delta-picker"};

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Kinematics of LOLA 50 beside Orocos KDL: the same arm, the same joints, in the same run.
+// Kinematics of LOLA 50 beside Orocos KDL: the same arm, the same joints, in the same run. Then the inverse of any
+// machine, as programs ask for it.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -8,9 +9,11 @@
 #include <kdl/chainfksolverpos_recursive.hpp>
 #include <kdl/chainiksolverpos_lma.hpp>
 #include <kdl/chainjnttojacsolver.hpp>
+#include <random>
 #include <vector>
 
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"
 
@@ -165,5 +168,38 @@ void polypod_compliance_probe(benchmark::State& state) {
   }
 }
 BENCHMARK(polypod_compliance_probe);
+
+/// All solutions with the limits that they break, for poses within a part of the workspace.
+void any_inverse(benchmark::State& state, const char* name) {
+  const machine::AnyMachine m = *machine::load(name);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> part(-1, 1);
+  std::vector<Pose> poses;
+  for (int k = 0; k < 1024; ++k) {
+    const double a = part(random), b = part(random), c = part(random), d = part(random), e = part(random);
+    if (std::holds_alternative<machine::SerialArm>(m)) {
+      machine::JointVector q(kinematics::joint_count(m));
+      q << 0.4 * a, 0.4 * b, 0.4 * c, 0.4 * d, 0.3 + 0.4 * e;
+      poses.push_back(kinematics::forward(m, q).poses.front());
+      continue;
+    }
+    const Pose home = *kinematics::home_pose(m);
+    const bool turns = kinematics::task(m).turns();
+    const double size = turns ? 0.005 : 0.1;
+    poses.push_back({turns ? rotation_abc(0.2 * d, 0.2 * e, 0) : home.R, home.p + size * Vec3(a, b, c)});
+  }
+  std::size_t i = 0, solutions = 0;
+  for (auto _ : state) {
+    const kinematics::InverseResult result = kinematics::inverse(m, poses[i++ & 1023]);
+    solutions += result.solutions.size();
+    benchmark::DoNotOptimize(result.solutions.data());
+  }
+  state.counters["solutions"] = benchmark::Counter(static_cast<double>(solutions), benchmark::Counter::kAvgIterations);
+}
+BENCHMARK_CAPTURE(any_inverse, arm, "lola50");
+BENCHMARK_CAPTURE(any_inverse, struts, "hexapod-strut");
+BENCHMARK_CAPTURE(any_inverse, sliders, "hexapod-slider");
+BENCHMARK_CAPTURE(any_inverse, rotary_delta, "delta-brno");
+BENCHMARK_CAPTURE(any_inverse, linear_delta, "delta-linear");
 
 }  // namespace

@@ -54,6 +54,31 @@ void dexterity_map(benchmark::State& state) {
 }
 BENCHMARK(dexterity_map)->Unit(benchmark::kMillisecond)->UseRealTime();
 
+/// Surveys of machines that the kernel of six legs does not know; the time is that of one pose, on one thread.
+void survey_of(benchmark::State& state, const char* name, bool tolerances) {
+  const auto m = *machine::load(name);
+  const auto sizes = tolerances ? *quality::sized(m, {{"all", 0.01}}, true) : std::vector<quality::Sized>();
+  auto options = options_of(16, 0);
+  options.workspace.threads = 1;
+  const auto survey = *quality::survey(m, options);
+  const auto poses = static_cast<double>(survey.inside.size() * survey.orientations.size());
+  for (auto _ : state) {
+    if (tolerances) {
+      benchmark::DoNotOptimize(quality::tolerance_field(m, survey, options, sizes));
+    } else {
+      benchmark::DoNotOptimize(quality::dexterity_field(m, survey, options));
+    }
+  }
+  state.counters["pose"] =
+      benchmark::Counter(poses, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK_CAPTURE(survey_of, dexterity_arm, "lola50", false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(survey_of, dexterity_rotary_delta, "delta-brno", false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(survey_of, dexterity_linear_delta, "delta-linear", false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(survey_of, tolerances_arm, "lola50", true)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(survey_of, tolerances_rotary_delta, "delta-brno", true)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(survey_of, tolerances_linear_delta, "delta-linear", true)->Unit(benchmark::kMillisecond);
+
 /// One pose with Eigen's JacobiSVD.
 void dexterity_by_svd(benchmark::State& state) {
   const auto m = *machine::load("hexapod-strut");

@@ -264,7 +264,7 @@ Command ik_command() {
         for (const kinematics::Solution& s : result.solutions) {
           if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
           Json entry{{"joints", joints_for_user(m, s.joints)},
-                     {"branch", s.branch},
+                     {"branch", kinematics::branch_name(m, s.branch)},
                      {"pose", whole_pose_for_user(kinematics::settled(m, X, s.joints))},
                      {"violations", kinematics::limit_names(m, s.violations)}};
           if (s.singular) entry["singular"] = true;
@@ -287,8 +287,9 @@ Command ik_command() {
           fmt::print("no solution: {}\n", result.reason);
         } else {
           for (const kinematics::Solution& s : result.solutions) {
-            fmt::print("{:<32} {}{}\n  {}\n", s.branch, in_words(kinematics::limit_names(m, s.violations)),
-                       s.singular ? " (singular)" : "", joints_in_words(m, s.joints));
+            fmt::print("{:<32} {}{}\n  {}\n", kinematics::branch_name(m, s.branch),
+                       in_words(kinematics::limit_names(m, s.violations)), s.singular ? " (singular)" : "",
+                       joints_in_words(m, s.joints));
           }
           const machine::Task task = kinematics::task(m);
           if (task.size() < 6 && !task.names_axis() &&

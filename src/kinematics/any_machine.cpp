@@ -263,6 +263,15 @@ std::optional<Pose> home_pose(const AnyMachine& machine) {
       machine);
 }
 
+std::string branch_name(const AnyMachine& machine, unsigned branch) {
+  return std::visit(
+      [&](const auto& m) -> std::string {
+        if constexpr (requires { branch_name(m, branch); }) return branch_name(m, branch);
+        return "only";
+      },
+      machine);
+}
+
 std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
   if (result.solutions.empty()) return result.reason;
   const auto best = std::min_element(

@@ -70,6 +70,8 @@ InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const Jo
 Pose settled(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 /// Where the machine has it, the whole pose without known joints: empty where the following coordinates cannot be met.
 std::optional<Pose> settled(const AnyMachine& machine, const Pose& X_MT);
+/// What a solution's branch is called: "front elbow-up", "inner at 1, 3", "posture 2"; "only" where there is but one.
+std::string branch_name(const AnyMachine& machine, unsigned branch);
 /// Why an inverse gives nothing within the limits: its own reason, or the limits of the solution that breaks the
 /// fewest.
 std::string reason_of(const AnyMachine& machine, const InverseResult& result);

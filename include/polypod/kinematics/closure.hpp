@@ -21,6 +21,7 @@ using ClosureMatrix =
 /// The nominal values of the parameters p, SI.
 template <Machine M>
 std::vector<double> nominal_parameters(const M& m) {
+  if constexpr (requires { parameter_values(m); }) return parameter_values(m);
   std::vector<double> p;
   for (const Parameter& parameter : parameters(m)) p.push_back(parameter.value);
   return p;
@@ -269,7 +270,7 @@ InverseResult inverse_damped(const M& m, const Pose& target, Forward&& forward_o
   };
   std::stable_sort(out.solutions.begin(), out.solutions.end(),
                    [&](const Solution& a, const Solution& b) { return from_middle(a) < from_middle(b); });
-  for (std::size_t i = 0; i < out.solutions.size(); ++i) out.solutions[i].branch = "numeric-" + std::to_string(i + 1);
+  for (std::size_t i = 0; i < out.solutions.size(); ++i) out.solutions[i].branch = kNumericBranch + unsigned(i);
   out.converged = !out.solutions.empty();
   if (!out.converged) {
     out.reason = "the numeric search did not converge from " + std::to_string(options.seeds) +

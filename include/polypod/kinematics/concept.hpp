@@ -37,6 +37,8 @@ using Dual = ceres::Jet<double, 6>;
 /// 64).
 /// - `limit_name(m, i)`: what stops the machine where g_i < 0.
 ///
+/// Families with several solutions of their inverse have `branch_name(m, branch)`; those whose solutions are asked for
+/// often have `parameter_values(m)`, the values of `parameters(m)` without names.
 /// Families of machine files say more of their limits by `limit_table(m)`: groups that can be switched off, scales,
 /// which are given.
 ///
@@ -62,10 +64,13 @@ concept Machine = requires(const M& m, int i, const PoseT<double>& X, std::span<
 /// Violated limits, one bit each, in the order of `limits(m, ...)`.
 using LimitBits = std::uint64_t;
 
+/// Branches that a numeric search numbers count from here: "numeric-1", ...
+inline constexpr unsigned kNumericBranch = 1U << 16;
+
 /// One solution of the inverse kinematics.
 struct Solution {
   JointVector joints;        ///< rad or m
-  std::string branch;        ///< e.g. "front elbow-up"
+  unsigned branch = 0;       ///< `branch_name(m, branch)` says it in words, e.g. "front elbow-up"
   LimitBits violations = 0;  ///< limits that this solution breaks
   bool singular = false;     ///< the branch is not isolated here; a free joint was set to 0
 };

@@ -188,17 +188,6 @@ Status finish_delta(const config::Table& table, Delta& m) {
   return {};
 }
 
-void push_rods(std::vector<Parameter>& out, const Delta& m, int i) {
-  out.push_back({fmt::format("rod.length[{}]", i + 1), m.rod_length[i], "mm"});
-  for (int k = 0; k < 3; ++k) {
-    out.push_back({fmt::format("platform.joint[{}].{}", i + 1, "xyz"[k]), m.platform_joint[i][k], "mm"});
-  }
-}
-
-void push_tool(std::vector<Parameter>& out, const Delta& m) {
-  for (int k = 0; k < 3; ++k) out.push_back({fmt::format("tool.{}", "xyz"[k]), m.tool[k], "mm"});
-}
-
 void push_delta_settings(std::vector<Parameter>& out, const Delta& m, const std::string& driven) {
   out.push_back({"tool.length", m.tool.z(), "mm"});
   out.push_back({"joint.side", m.joint.side, "deg"});

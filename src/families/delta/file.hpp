@@ -2,6 +2,7 @@
 // What the machine files of both delta families have in common.
 #pragma once
 
+#include "../../machine/parameter_list.hpp"
 #include "polypod/core/config.hpp"
 #include "polypod/families/delta/machine.hpp"
 
@@ -36,8 +37,16 @@ void point_chain(Delta& m, int i, double azimuth);
 /// MA143 where no two chains' directions differ, and the sign of the assembly mode.
 Status finish_delta(const config::Table& table, Delta& m);
 
-void push_rods(std::vector<Parameter>& out, const Delta& m, int i);
-void push_tool(std::vector<Parameter>& out, const Delta& m);
+/// The parameters of the rods of chain i, and of the tool.
+template <class Each>
+void list_rod(Each&& each, const Delta& m, int i) {
+  each(m.rod_length[i], "mm", "rod.length[{}]", i + 1);
+  list_point(each, m.platform_joint[i], "mm", "platform.joint[{}].{}", i);
+}
+template <class Each>
+void list_tool(Each&& each, const Delta& m) {
+  for (int k = 0; k < 3; ++k) each(m.tool[k], "mm", "tool.{}", "xyz"[k]);
+}
 /// Settings that both families share; `driven` is the key of what is driven, "arm" or "rail", for its diameter.
 void push_delta_settings(std::vector<Parameter>& out, const Delta& m, const std::string& driven);
 /// Everything but the family's own tables.

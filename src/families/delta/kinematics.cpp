@@ -22,6 +22,13 @@ Vec3 from_base(const LinearDelta& m, int i, const Vec3& X) {
   return X + m.platform_joint[i] - m.tool - m.rail_start[i];
 }
 
+const PerArm<Vec3>& base_joints(const RotaryDelta& m) {
+  return m.base_joint;
+}
+const PerArm<Vec3>& base_joints(const LinearDelta& m) {
+  return m.rail_start;
+}
+
 std::string common_limit_name(int limit, const char* arm) {
   using L = DeltaLimits;
   const int i = limit % 4 + 1;
@@ -32,13 +39,11 @@ std::string common_limit_name(int limit, const char* arm) {
   if (limit < L::kMode) return fmt::format("{} above its largest value", "xyz"[limit - L::kHigh]);
   if (limit == L::kMode) return "in another assembly mode";
   if (limit < L::kRods) return fmt::format("rod {} reaches the table", limit - L::kTable + 1);
-  int pair = L::kRods;
-  for (int a = 1; a <= kMaxArms; ++a)
-    for (int b = a + 1; b <= kMaxArms; ++b)
-      if (pair++ == limit) return fmt::format("rods {} and {} collide", a, b);
-  for (int a = 1; a <= kMaxArms; ++a)
-    for (int b = 1; b <= kMaxArms; ++b)
-      if (a != b && pair++ == limit) return fmt::format("rod {} hits {} {}", a, arm, b);
+  for (int a = 0; a < kMaxArms; ++a)
+    for (int b = 0; b < kMaxArms; ++b) {
+      if (a < b && L::rods(a, b) == limit) return fmt::format("rods {} and {} collide", a + 1, b + 1);
+      if (a != b && L::rod_arm(a, b) == limit) return fmt::format("rod {} hits {} {}", a + 1, arm, b + 1);
+    }
   return fmt::format("rod {} hits the base", (limit - L::kBase) % kMaxArms + 1);
 }
 
@@ -160,47 +165,174 @@ Closeness closeness_of(const M& m, const Vec3& X) {
   return out;
 }
 
+/// The elbow of an arm on its two circles, see drive_roots: side = beta or -beta.
+struct Elbow {
+  double r, h, D2, alpha, beta2;
+  Elbow(const RotaryDelta& m, int i, const Vec3& y) : r(y.dot(m.outward[i])), h(y.z()), D2(r * r + h * h) {
+    const double d2 = square(m.arm_length[i]);
+    alpha = 0.5 * (D2 + d2 - square(m.rod_length[i]) + square(y.dot(m.axis[i])));
+    beta2 = d2 * D2 - alpha * alpha;
+  }
+  [[nodiscard]] double beta() const { return std::sqrt(std::max(0.0, beta2)); }
+  [[nodiscard]] double under() const { return D2 > 0 ? beta2 / D2 : -1.0; }
+  /// Sine and cosine of the arm's angle from straight up, times d D^2.
+  [[nodiscard]] double sine(double side) const { return alpha * r + side * h; }
+  [[nodiscard]] double cosine(double side) const { return side * r - alpha * h; }
+};
+
+/// The drive's angle within half a turn of the middle of its range.
+double drive_angle(const RotaryDelta& m, int i, const Elbow& elbow, double side) {
+  const double q = std::atan2(elbow.sine(side), elbow.cosine(side)) - m.zero[i];
+  const double off = q - 0.5 * (m.range.min + m.range.max);
+  return std::abs(off) < 0.5 * kTurn ? q : q - kTurn * std::round(off / kTurn);
+}
+
+/// The foot of a platform joint on its rail, and how far off the carriage may be.
+struct Foot {
+  double along, under;
+  Foot(const LinearDelta& m, int i, const Vec3& y) : along(m.rail_direction[i].dot(y)) {
+    under = square(m.rod_length[i]) - (y - along * m.rail_direction[i]).squaredNorm();
+  }
+  [[nodiscard]] double half() const { return std::sqrt(std::max(0.0, under)); }
+};
+
+using Chain = delta_detail::Chain<double>;
+/// Both solutions of one chain.
+struct TwoChains {
+  DriveRoots roots;
+  Chain chain[2];
+};
+TwoChains two_chains(const RotaryDelta& m, int i, const Pose& X) {
+  const Elbow elbow(m, i, from_base(m, i, X.p));
+  const double beta = elbow.beta(), unit = 1 / (m.arm_length[i] * elbow.D2);
+  TwoChains out;
+  out.roots = {drive_angle(m, i, elbow, beta), drive_angle(m, i, elbow, -beta), elbow.under()};
+  const Vec3 platform = X * Vec3(m.platform_joint[i] - m.tool);
+  for (int k = 0; k < 2; ++k) {
+    const double side = k == 0 ? beta : -beta, out_part = unit * elbow.sine(side);
+    const Vec3 arm(out_part * m.outward[i].x(), out_part * m.outward[i].y(), -unit * elbow.cosine(side));
+    out.chain[k] = {m.base_joint[i], arm,       m.base_joint[i] + m.arm_length[i] * arm,
+                    platform,        m.axis[i], m.rod_length[i]};
+  }
+  return out;
+}
+TwoChains two_chains(const LinearDelta& m, int i, const Pose& X) {
+  TwoChains out;
+  out.roots = drive_roots(m, i, X.p);
+  const Vec3 platform = X * Vec3(m.platform_joint[i] - m.tool);
+  for (int k = 0; k < 2; ++k) {
+    const double q = k == 0 ? out.roots.first : out.roots.second;
+    out.chain[k] = {m.rail_start[i], m.rail_direction[i], driven_end(m, i, q), platform, m.axis[i], m.rod_length[i]};
+  }
+  return out;
+}
+
+/// Whether any two axes of those that `pairs(each)` passes on are nearer than `touch`, with the slack of limits.
+template <class Pairs>
+bool touching(double touch, Pairs&& pairs) {
+  bool out = false;
+  pairs([&](const Vec3& p, const Vec3& p_end, const Vec3& q, const Vec3& q_end) {
+    out = out || nearer_than(p, p_end, q, q_end, touch - delta_detail::kLimitSlack);
+  });
+  return out;
+}
+
+/// The limits that chain i breaks alone.
 template <class M>
-LimitBits violations_of(const M& m, const Pose& X, const JointVector& q, std::span<const double> p) {
-  std::vector<double> g = limits(m, X, std::span<const double>(q.data(), q.size()), p);
-  for (double& value : g) value += delta_detail::kLimitSlack;
-  return kinematics::violated(g);
+LimitBits own_violations(const M& m, const delta_detail::RodLimits& rod, const Pose& X, const Chain& chain, double q,
+                         int i) {
+  LimitBits bits = 0;
+  delta_detail::chain_limits(m, rod, X, chain, q, i, [&](int limit, double value) {
+    if (value < -delta_detail::kLimitSlack) bits |= LimitBits{1} << limit;
+  });
+  if (m.bodies.rod_diameter > 0 && m.bodies.base_thickness > 0) {
+    const auto pairs = [&](auto&& each) { delta_detail::rods_and_base(m, chain, base_joints(m), each); };
+    if (touching(delta_detail::base_touches(m), pairs)) bits |= LimitBits{1} << (DeltaLimits::kBase + i);
+  }
+  return bits;
+}
+
+/// Those that chains i < j break together.
+template <class M>
+LimitBits common_violations(const M& m, const Chain& a, const Chain& b, int i, int j) {
+  using namespace delta_detail;
+  using L = DeltaLimits;
+  LimitBits bits = 0;
+  if (!(m.bodies.rod_diameter > 0)) return bits;
+  // Pairs of rods whose middles are far apart need not be looked at one by one.
+  const double wide = rods_touch(m) + m.bodies.rod_spacing;
+  if (nearer_than(a.end, a.platform, b.end, b.platform, wide) &&
+      touching(rods_touch(m), [&](auto&& each) { rods_and_rods(m, a, b, each); }))
+    bits |= LimitBits{1} << L::rods(i, j);
+  if (!(m.bodies.arm_diameter > 0)) return bits;
+  if (touching(arm_touches(m), [&](auto&& each) { rods_and_arm(m, a, b, each); })) {
+    bits |= LimitBits{1} << L::rod_arm(i, j);
+  }
+  if (touching(arm_touches(m), [&](auto&& each) { rods_and_arm(m, b, a, each); })) {
+    bits |= LimitBits{1} << L::rod_arm(j, i);
+  }
+  return bits;
 }
 
 template <class M>
-InverseResult inverse_of(const M& m, const Pose& X, const char* first, const char* second) {
+InverseResult inverse_of(const M& m, const Pose& X) {
   InverseResult out;
   constexpr double kTurned = 1e-9;
   if (!(X.R - Mat3::Identity()).isZero(kTurned)) {
     out.reason = "a delta holds its platform parallel to the base: R must be 1";
     return out;
   }
-  PerArm<DriveRoots> roots;
+  PerArm<TwoChains> two;
   bool singular = false;
   for (int i = 0; i < m.arms; ++i) {
-    roots[i] = drive_roots(m, i, X.p);
-    if (!roots[i].real()) {
+    two[i] = two_chains(m, i, X);
+    if (!two[i].roots.real()) {
       out.reason += fmt::format("{}rod {} does not reach", out.reason.empty() ? "" : ", ", i + 1);
     }
-    singular = singular || roots[i].under < 1e-12 * square(m.rod_length[i]);
+    singular = singular || two[i].roots.under < 1e-12 * square(m.rod_length[i]);
   }
   if (!out.reason.empty()) return out;
-  const std::vector<double> p = kinematics::nominal_parameters(m);
+  // What each root breaks alone and each two together is worked out once, not for every choice.
+  const delta_detail::RodLimits rod(m.joint);
+  LimitBits own[kMaxArms][2], common[kMaxArms][2][kMaxArms][2], tip = 0;
+  Vec3 y[kMaxArms][2];
+  delta_detail::tip_limits(m, X, [&](int limit, double value) {
+    if (value < -delta_detail::kLimitSlack) tip |= LimitBits{1} << limit;
+  });
+  for (int i = 0; i < m.arms; ++i) {
+    for (int a = 0; a < 2; ++a) {
+      const Chain& chain = two[i].chain[a];
+      y[i][a] = chain.platform - chain.end;
+      own[i][a] = own_violations(m, rod, X, chain, a == 0 ? two[i].roots.first : two[i].roots.second, i);
+      for (int j = 0; j < i; ++j)
+        for (int b = 0; b < 2; ++b) common[j][b][i][a] = common_violations(m, two[j].chain[b], chain, j, i);
+    }
+  }
+  out.solutions.reserve(std::size_t{1} << m.arms);
   for (unsigned choice = 0; choice < 1U << m.arms; ++choice) {
     kinematics::Solution s;
+    const auto of = [&](int i) { return choice >> i & 1U; };
     s.joints.resize(m.arms);
-    std::string arms;
-    for (int i = 0; i < m.arms; ++i) {
-      const bool other = (choice >> i & 1U) != 0;
-      s.joints[i] = other ? roots[i].second : roots[i].first;
-      if (other) arms += fmt::format("{}{}", arms.empty() ? "" : ", ", i + 1);
-    }
-    s.branch = arms.empty() ? std::string(first) : fmt::format("{} at {}", second, arms);
-    s.violations = violations_of(m, X, s.joints, p);
+    s.branch = choice;
     s.singular = singular;
-    out.solutions.push_back(std::move(s));
+    s.violations = tip;
+    for (int i = 0; i < m.arms; ++i) {
+      s.joints[i] = of(i) == 0 ? two[i].roots.first : two[i].roots.second;
+      s.violations |= own[i][of(i)];
+      for (int j = 0; j < i; ++j) s.violations |= common[j][of(j)][i][of(i)];
+    }
+    const double mode = delta_detail::mode_limit(m, y[0][of(0)], y[1][of(1)], y[2][of(2)]);
+    if (mode < -delta_detail::kLimitSlack) s.violations |= LimitBits{1} << DeltaLimits::kMode;
+    out.solutions.push_back(s);
   }
   return out;
+}
+
+std::string branch_of(const Delta& m, unsigned branch, const char* first, const char* second) {
+  std::string chains;
+  for (int i = 0; i < m.arms; ++i)
+    if ((branch >> i & 1U) != 0) chains += fmt::format("{}{}", chains.empty() ? "" : ", ", i + 1);
+  return chains.empty() ? first : fmt::format("{} at {}", second, chains);
 }
 
 }  // namespace
@@ -232,9 +364,6 @@ Vec3 driven_end(const RotaryDelta& m, int i, double q) {
   const double theta = q + m.zero[i], s = m.arm_length[i] * std::sin(theta);
   return m.base_joint[i] + Vec3(s * m.outward[i].x(), s * m.outward[i].y(), -m.arm_length[i] * std::cos(theta));
 }
-Vec3 driven_end(const LinearDelta& m, int i, double q) {
-  return m.rail_start[i] + q * m.rail_direction[i];
-}
 Vec3 driven_end_rate(const RotaryDelta& m, int i, double q) {
   const double theta = q + m.zero[i], c = m.arm_length[i] * std::cos(theta);
   return {c * m.outward[i].x(), c * m.outward[i].y(), m.arm_length[i] * std::sin(theta)};
@@ -244,24 +373,23 @@ Vec3 driven_end_rate(const LinearDelta& m, int i, double) {
 }
 
 DriveRoots drive_roots(const RotaryDelta& m, int i, const Vec3& X) {
-  const Vec3 y = from_base(m, i, X);
-  const double r = y.dot(m.outward[i]), aside = y.dot(m.axis[i]), h = y.z();
-  const double d2 = square(m.arm_length[i]), D2 = r * r + h * h;
-  const double alpha = 0.5 * (D2 + d2 - square(m.rod_length[i]) + aside * aside);
-  const double beta2 = d2 * D2 - alpha * alpha, beta = std::sqrt(std::max(0.0, beta2));
-  const double middle = 0.5 * (m.range.min + m.range.max);
-  const auto angle = [&](double side) {
-    const double theta = std::atan2(alpha * r + side * h, side * r - alpha * h) - m.zero[i];
-    return theta - kTurn * std::round((theta - middle) / kTurn);
-  };
-  return {angle(beta), angle(-beta), D2 > 0 ? beta2 / D2 : -1.0};
+  const Elbow elbow(m, i, from_base(m, i, X));
+  const double beta = elbow.beta();
+  return {drive_angle(m, i, elbow, beta), drive_angle(m, i, elbow, -beta), elbow.under()};
 }
 DriveRoots drive_roots(const LinearDelta& m, int i, const Vec3& X) {
-  const Vec3 y = from_base(m, i, X);
-  const double along = m.rail_direction[i].dot(y);
-  const double under = square(m.rod_length[i]) - (y - along * m.rail_direction[i]).squaredNorm();
-  const double half = std::sqrt(std::max(0.0, under));
-  return {along - half, along + half, under};
+  const Foot foot(m, i, from_base(m, i, X));
+  return {foot.along - foot.half(), foot.along + foot.half(), foot.under};
+}
+bool drive_position(const RotaryDelta& m, int i, const Vec3& X, double& q) {
+  const Elbow elbow(m, i, from_base(m, i, X));
+  q = drive_angle(m, i, elbow, elbow.beta());
+  return elbow.under() >= 0;
+}
+bool drive_position(const LinearDelta& m, int i, const Vec3& X, double& q) {
+  const Foot foot(m, i, from_base(m, i, X));
+  q = foot.along - foot.half();
+  return foot.under >= 0;
 }
 
 double reach_of(const RotaryDelta& m, int i, const Vec3& X) {
@@ -277,10 +405,16 @@ double reach_of(const LinearDelta& m, int i, const Vec3& X) {
 }
 
 InverseResult inverse(const RotaryDelta& m, const Pose& X) {
-  return inverse_of(m, X, "outer", "inner");
+  return inverse_of(m, X);
 }
 InverseResult inverse(const LinearDelta& m, const Pose& X) {
-  return inverse_of(m, X, "upper", "lower");
+  return inverse_of(m, X);
+}
+std::string branch_name(const RotaryDelta& m, unsigned branch) {
+  return branch_of(m, branch, "outer", "inner");
+}
+std::string branch_name(const LinearDelta& m, unsigned branch) {
+  return branch_of(m, branch, "upper", "lower");
 }
 
 DeltaPoses both_poses(const RotaryDelta& m, const JointVector& q) {

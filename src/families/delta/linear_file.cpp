@@ -98,19 +98,23 @@ Result<LinearDelta> LinearDelta::from(const config::Table& table) {
   return m;
 }
 
-std::vector<Parameter> parameters(const LinearDelta& m) {
-  std::vector<Parameter> out;
+namespace {
+template <class Each>
+void list_parameters(const LinearDelta& m, Each&& each) {
   for (int i = 0; i < m.arms; ++i) {
-    for (int k = 0; k < 3; ++k) {
-      out.push_back({fmt::format("rail.start[{}].{}", i + 1, "xyz"[k]), m.rail_start[i][k], "mm"});
-    }
-    for (int k = 0; k < 3; ++k) {
-      out.push_back({fmt::format("rail.direction[{}].{}", i + 1, "xyz"[k]), m.rail_direction[i][k], ""});
-    }
-    push_rods(out, m, i);
+    list_point(each, m.rail_start[i], "mm", "rail.start[{}].{}", i);
+    list_point(each, m.rail_direction[i], "", "rail.direction[{}].{}", i);
+    list_rod(each, m, i);
   }
-  push_tool(out, m);
-  return out;
+  list_tool(each, m);
+}
+}  // namespace
+
+std::vector<Parameter> parameters(const LinearDelta& m) {
+  return named_parameters([&](auto&& each) { list_parameters(m, each); });
+}
+std::vector<double> parameter_values(const LinearDelta& m) {
+  return values_of([&](auto&& each) { list_parameters(m, each); });
 }
 
 std::vector<Parameter> settings(const LinearDelta& m) {

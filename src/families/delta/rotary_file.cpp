@@ -111,19 +111,25 @@ Result<RotaryDelta> RotaryDelta::from(const config::Table& table) {
   return m;
 }
 
-std::vector<Parameter> parameters(const RotaryDelta& m) {
-  std::vector<Parameter> out;
+namespace {
+template <class Each>
+void list_parameters(const RotaryDelta& m, Each&& each) {
   for (int i = 0; i < m.arms; ++i) {
-    for (int k = 0; k < 3; ++k) {
-      out.push_back({fmt::format("base.joint[{}].{}", i + 1, "xyz"[k]), m.base_joint[i][k], "mm"});
-    }
-    out.push_back({fmt::format("arm.direction[{}]", i + 1), m.direction[i], "deg"});
-    out.push_back({fmt::format("arm.length[{}]", i + 1), m.arm_length[i], "mm"});
-    out.push_back({fmt::format("drive.zero[{}]", i + 1), m.zero[i], "deg"});
-    push_rods(out, m, i);
+    list_point(each, m.base_joint[i], "mm", "base.joint[{}].{}", i);
+    each(m.direction[i], "deg", "arm.direction[{}]", i + 1);
+    each(m.arm_length[i], "mm", "arm.length[{}]", i + 1);
+    each(m.zero[i], "deg", "drive.zero[{}]", i + 1);
+    list_rod(each, m, i);
   }
-  push_tool(out, m);
-  return out;
+  list_tool(each, m);
+}
+}  // namespace
+
+std::vector<Parameter> parameters(const RotaryDelta& m) {
+  return named_parameters([&](auto&& each) { list_parameters(m, each); });
+}
+std::vector<double> parameter_values(const RotaryDelta& m) {
+  return values_of([&](auto&& each) { list_parameters(m, each); });
 }
 
 std::vector<Parameter> settings(const RotaryDelta& m) {

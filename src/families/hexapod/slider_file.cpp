@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "../../machine/machine_file.hpp"
+#include "../../machine/parameter_list.hpp"
 #include "file.hpp"
 #include "polypod/core/units.hpp"
 
@@ -160,19 +161,24 @@ Result<SliderHexapod> SliderHexapod::from(const config::Table& table) {
   return m;
 }
 
-std::vector<Parameter> parameters(const SliderHexapod& m) {
-  std::vector<Parameter> out;
-  const auto point = [&](const char* key, int i, const Vec3& p, const char* unit) {
-    for (int k = 0; k < 3; ++k) out.push_back({fmt::format("{}[{}].{}", key, i + 1, "xyz"[k]), p[k], unit});
-  };
+namespace {
+template <class Each>
+void list_parameters(const SliderHexapod& m, Each&& each) {
   for (int i = 0; i < kLegs; ++i) {
-    out.push_back({fmt::format("leg.length[{}]", i + 1), m.length_of_leg(i), "mm"});
-    point("base.joint", i, m.rail_outer[i], "mm");
-    point("rail.direction", i, m.rail_direction[i], "");
-    point("platform.joint", i, m.platform_joint[i], "mm");
+    each(m.length_of_leg(i), "mm", "leg.length[{}]", i + 1);
+    list_point(each, m.rail_outer[i], "mm", "base.joint[{}].{}", i);
+    list_point(each, m.rail_direction[i], "", "rail.direction[{}].{}", i);
+    list_point(each, m.platform_joint[i], "mm", "platform.joint[{}].{}", i);
   }
-  out.push_back({"tool.length", m.tool_length, "mm"});
-  return out;
+  each(m.tool_length, "mm", "tool.length");
+}
+}  // namespace
+
+std::vector<Parameter> parameters(const SliderHexapod& m) {
+  return named_parameters([&](auto&& each) { list_parameters(m, each); });
+}
+std::vector<double> parameter_values(const SliderHexapod& m) {
+  return values_of([&](auto&& each) { list_parameters(m, each); });
 }
 
 std::vector<Parameter> settings(const SliderHexapod& m) {

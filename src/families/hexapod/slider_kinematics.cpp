@@ -27,13 +27,6 @@ double root(const SliderRoots& r, int which) {
   return which == 0 ? r.outer : r.inner;
 }
 
-std::string branch_name(unsigned choice) {
-  std::string legs;
-  for (unsigned i = 0; i < kLegs; ++i)
-    if ((choice >> i & 1U) != 0) legs += fmt::format("{}{}", legs.empty() ? "" : ", ", i + 1);
-  return legs.empty() ? "outer" : "inner at " + legs;
-}
-
 /// The limits that concern leg i alone.
 LimitBits bits_of_leg(int i) {
   LimitBits bits = 0;
@@ -104,7 +97,7 @@ InverseResult inverse(const SliderHexapod& m, const Pose& X) {
     s.joints.resize(kLegs);
     const unsigned choice = first ^ subset;
     for (int i = 0; i < kLegs; ++i) s.joints[i] = root(roots[i], static_cast<int>(choice >> i & 1U));
-    s.branch = branch_name(choice);
+    s.branch = choice;
     s.violations = hexapod_detail::violations_of(m, X, s.joints);
     for (int i = 0; i < kLegs; ++i) {
       s.singular = s.singular || roots[i].inner - roots[i].outer < 1e-6 * m.length_of_leg(i);
@@ -113,6 +106,13 @@ InverseResult inverse(const SliderHexapod& m, const Pose& X) {
     if (subset == both) break;
   }
   return out;
+}
+
+std::string branch_name(const SliderHexapod&, unsigned branch) {
+  std::string legs;
+  for (unsigned i = 0; i < kLegs; ++i)
+    if ((branch >> i & 1U) != 0) legs += fmt::format("{}{}", legs.empty() ? "" : ", ", i + 1);
+  return legs.empty() ? "outer" : "inner at " + legs;
 }
 
 SliderPath follow(const SliderHexapod& m, std::span<const Pose> path, const JointVector* start, LimitBits mask) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "../../machine/machine_file.hpp"
+#include "../../machine/parameter_list.hpp"
 #include "file.hpp"
 #include "polypod/core/units.hpp"
 
@@ -107,17 +108,23 @@ Result<StrutHexapod> StrutHexapod::from(const config::Table& table) {
   return m;
 }
 
-std::vector<Parameter> parameters(const StrutHexapod& m) {
-  std::vector<Parameter> out;
+namespace {
+template <class Each>
+void list_parameters(const StrutHexapod& m, Each&& each) {
   for (int i = 0; i < kLegs; ++i) {
-    out.push_back({fmt::format("leg.length[{}]", i + 1), m.leg_offset[i], "mm"});
-    for (int k = 0; k < 3; ++k)
-      out.push_back({fmt::format("base.joint[{}].{}", i + 1, "xyz"[k]), m.base_joint[i][k], "mm"});
-    for (int k = 0; k < 3; ++k)
-      out.push_back({fmt::format("platform.joint[{}].{}", i + 1, "xyz"[k]), m.platform_joint[i][k], "mm"});
+    each(m.leg_offset[i], "mm", "leg.length[{}]", i + 1);
+    list_point(each, m.base_joint[i], "mm", "base.joint[{}].{}", i);
+    list_point(each, m.platform_joint[i], "mm", "platform.joint[{}].{}", i);
   }
-  out.push_back({"tool.length", m.tool_length, "mm"});
-  return out;
+  each(m.tool_length, "mm", "tool.length");
+}
+}  // namespace
+
+std::vector<Parameter> parameters(const StrutHexapod& m) {
+  return named_parameters([&](auto&& each) { list_parameters(m, each); });
+}
+std::vector<double> parameter_values(const StrutHexapod& m) {
+  return values_of([&](auto&& each) { list_parameters(m, each); });
 }
 
 std::vector<Parameter> settings(const StrutHexapod& m) {

@@ -78,16 +78,6 @@ bool keeps_orientation(const Parallel& m, const Pose& X) {
   return !kept || (X.R * m.home.R.transpose()).trace() > 1;
 }
 
-std::string branch_name(const Parallel& m, unsigned high) {
-  std::string out;
-  for (int j = 0; j < joint_count(m); ++j) {
-    if (!driven_leg(m, j).two_roots()) continue;
-    out += fmt::format("{}{} {}", out.empty() ? "" : ", ", m.driven[static_cast<std::size_t>(j)] + 1,
-                       (high >> j & 1U) != 0 ? "high" : "low");
-  }
-  return out.empty() ? "only" : out;
-}
-
 }  // namespace
 
 LimitTable limit_table(const Parallel& m) {
@@ -134,7 +124,7 @@ InverseResult inverse(const Parallel& m, const Pose& target) {
     kinematics::Solution s;
     const unsigned high = roots.first ^ subset;
     s.joints = chosen(roots, high);
-    s.branch = branch_name(m, high);
+    s.branch = high;
     s.violations = violations_of(m, *X, s.joints);
     for (std::size_t j = 0; j < roots.of.size(); ++j) {
       const ParallelLeg& leg = driven_leg(m, static_cast<int>(j));
@@ -144,6 +134,16 @@ InverseResult inverse(const Parallel& m, const Pose& target) {
     if (subset == roots.two || out.solutions.size() == kMostSolutions) break;
   }
   return out;
+}
+
+std::string branch_name(const Parallel& m, unsigned high) {
+  std::string out;
+  for (int j = 0; j < joint_count(m); ++j) {
+    if (!driven_leg(m, j).two_roots()) continue;
+    out += fmt::format("{}{} {}", out.empty() ? "" : ", ", m.driven[static_cast<std::size_t>(j)] + 1,
+                       (high >> j & 1U) != 0 ? "high" : "low");
+  }
+  return out.empty() ? "only" : out;
 }
 
 namespace {

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "../../machine/machine_file.hpp"
+#include "../../machine/parameter_list.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::machine {
@@ -146,17 +147,24 @@ Result<SerialArm> SerialArm::from(const config::Table& table) {
   return arm;
 }
 
-std::vector<Parameter> parameters(const SerialArm& arm) {
-  std::vector<Parameter> out;
+namespace {
+template <class Each>
+void list_parameters(const SerialArm& arm, Each&& each) {
   for (std::size_t i = 0; i < arm.dh.size(); ++i) {
     const DhRow& row = arm.dh[i];
-    const std::string prefix = fmt::format("dh[{}].", i + 1);
-    out.push_back({prefix + "a", row.a, "mm"});
-    out.push_back({prefix + "alpha", row.alpha, "deg"});
-    out.push_back({prefix + "d", row.d, "mm"});
-    out.push_back({prefix + "theta_offset", row.theta_offset, "deg"});
+    each(row.a, "mm", "dh[{}].a", i + 1);
+    each(row.alpha, "deg", "dh[{}].alpha", i + 1);
+    each(row.d, "mm", "dh[{}].d", i + 1);
+    each(row.theta_offset, "deg", "dh[{}].theta_offset", i + 1);
   }
-  return out;
+}
+}  // namespace
+
+std::vector<Parameter> parameters(const SerialArm& arm) {
+  return named_parameters([&](auto&& each) { list_parameters(arm, each); });
+}
+std::vector<double> parameter_values(const SerialArm& arm) {
+  return values_of([&](auto&& each) { list_parameters(arm, each); });
 }
 
 Result<SerialArm> with_parameters(const SerialArm& arm, std::span<const double> p) {

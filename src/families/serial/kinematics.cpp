@@ -36,21 +36,55 @@ double in_range(double angle, double min, double max) {
   return q;
 }
 
-/// A row's matrix at its joint value.
-Pose row_pose(const DhRow& row, DhConvention convention, double value) {
+/// A sine and a cosine of one angle.
+struct Turn {
+  double c, s;
+};
+/// Of a twist: no row of most tables has another than 0 and a quarter of a turn.
+Turn turn_of_twist(double alpha) {
+  constexpr double kCosineOfQuarter = 6.123233995736766e-17;  // of pi / 2 as a double
+  if (alpha == 0) return {1, 0};
+  if (std::abs(alpha) == kPi / 2) return {kCosineOfQuarter, alpha > 0 ? 1.0 : -1.0};
+  return {std::cos(alpha), std::sin(alpha)};
+}
+
+/// Of the direction from the origin to (x, y); of none the angle is 0.
+Turn turn_to(double x, double y) {
+  const double n = std::sqrt(square(x) + square(y));
+  return n > 0 ? Turn{x / n, y / n} : Turn{1, 0};
+}
+Turn operator+(const Turn& a, const Turn& b) {
+  return {a.c * b.c - a.s * b.s, a.s * b.c + a.c * b.s};
+}
+
+/// X times a row's matrix at its joint value: Rz(theta) and Rx(alpha) one after the other, with half the products of
+/// the matrix.
+void pass_row(Pose& X, const DhRow& row, DhConvention convention, double value) {
   const bool turns = row.kind == JointKind::revolute;
   const double theta = row.theta_offset + (turns ? row.sign * value : 0.0);
-  const double d = row.d + (turns ? 0.0 : row.sign * value);
-  const double ct = std::cos(theta), st = std::sin(theta), ca = std::cos(row.alpha), sa = std::sin(row.alpha);
-  Pose A;
-  if (convention == DhConvention::standard) {
-    A.R << ct, -ca * st, sa * st, st, ca * ct, -sa * ct, 0, sa, ca;
-    A.p << row.a * ct, row.a * st, d;
-  } else {
-    A.R << ct, -st, 0, st * ca, ct * ca, -sa, st * sa, ct * sa, ca;
-    A.p << row.a, -sa * d, ca * d;
+  const double d = row.d + (turns ? 0.0 : row.sign * value), a = row.a;
+  const double ct = std::cos(theta), st = std::sin(theta);
+  const auto [ca, sa] = turn_of_twist(row.alpha);
+  const bool standard = convention == DhConvention::standard;
+  for (int i = 0; i < 3; ++i) {
+    double x = X.R(i, 0), y = X.R(i, 1), z = X.R(i, 2), y_turned = 0;
+    if (standard) {
+      y_turned = ct * y - st * x;
+      x = ct * x + st * y;
+      X.p[i] += a * x + d * z;
+      y = ca * y_turned + sa * z;
+      z = ca * z - sa * y_turned;
+    } else {
+      y_turned = ca * y + sa * z;
+      z = ca * z - sa * y;
+      X.p[i] += a * x + d * z;
+      y = ct * y_turned - st * x;
+      x = ct * x + st * y_turned;
+    }
+    X.R(i, 0) = x;
+    X.R(i, 1) = y;
+    X.R(i, 2) = z;
   }
-  return A;
 }
 
 InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
@@ -96,7 +130,7 @@ Pose forward(const SerialArm& arm, const JointVector& q) {
   int next = 0;
   for (const DhRow& row : arm.dh) {
     const double value = row.locked ? *row.locked : q[next++];
-    X = X * row_pose(row, arm.convention, value);
+    pass_row(X, row, arm.convention, value);
   }
   return X * arm.X_FT;
 }
@@ -111,7 +145,7 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
   for (const DhRow& row : arm.dh) {
     const double value = row.locked ? *row.locked : q[next++];
     const Pose before = X;
-    X = X * row_pose(row, arm.convention, value);
+    pass_row(X, row, arm.convention, value);
     if (row.locked && !locked_too) continue;
     const Pose& frame = standard ? before : X;
     axis[columns] = row.sign * frame.R.col(2);
@@ -142,7 +176,7 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
   for (Eigen::Index i = 0; i < rows; ++i) {
     const DhRow& row = arm.dh[static_cast<std::size_t>(i)];
     const Pose before = X;
-    X = X * row_pose(row, arm.convention, row.locked ? *row.locked : q[next++]);
+    pass_row(X, row, arm.convention, row.locked ? *row.locked : q[next++]);
     // Standard: turn and shift along z of the frame before, then along x of the frame after; modified: the other way.
     const bool standard = arm.convention == DhConvention::standard;
     const Pose &x_frame = standard ? X : before, &z_frame = standard ? before : X;
@@ -174,7 +208,7 @@ Result<WristInverse> WristInverse::of(const SerialArm& arm) {
     const DhRow& row = arm.dh[i];
     if (row.kind != JointKind::revolute || (i < 5) == row.locked.has_value()) return no("needs five free joints first");
   }
-  const auto is = [](double x, double y) { return std::abs(std::remainder(x - y, 2 * kPi)) < kSame; };
+  const auto is = [](double x, double y) { return x == y || std::abs(std::remainder(x - y, 2 * kPi)) < kSame; };
   const auto& r = arm.dh;
   if (!is(r[0].alpha, kPi / 2) || !is(r[1].alpha, 0) || !is(r[2].alpha, kPi / 2) || !is(r[3].alpha, -kPi / 2)) {
     return no("the twists of joints 1 to 4 are not 90, 0, 90, -90 deg");
@@ -184,9 +218,10 @@ Result<WristInverse> WristInverse::of(const SerialArm& arm) {
   }
   // The tool in the frame that turns with joint 5: its axis must lie across joint 5 and run through the wrist centre.
   Pose E;
-  E.p = Vec3(r[4].a, 0, r[4].d);
-  E.R << 1, 0, 0, 0, std::cos(r[4].alpha), -std::sin(r[4].alpha), 0, std::sin(r[4].alpha), std::cos(r[4].alpha);
-  for (std::size_t i = 5; i < r.size(); ++i) E = E * row_pose(r[i], arm.convention, *r[i].locked);
+  DhRow fifth = r[4];
+  fifth.theta_offset = 0;
+  pass_row(E, fifth, arm.convention, 0);
+  for (std::size_t i = 5; i < r.size(); ++i) pass_row(E, r[i], arm.convention, *r[i].locked);
   E = E * arm.X_FT;
   const Vec3 k = E.R.col(2);
   if (std::abs(k.z()) > kSame || (E.p + E.p.norm() * k).norm() > kSame * (1 + E.p.norm())) {
@@ -210,41 +245,44 @@ Result<WristInverse> WristInverse::of(const SerialArm& arm) {
   return out;
 }
 
-const char* WristInverse::name(int branch) {
-  static constexpr const char* kNames[kBranches] = {
-      "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
-      "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
-  return kNames[branch];
-}
-
 void WristInverse::solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const {
   const Vec3 k = X_BM_.R * k_M;
   const Vec3 c = X_BM_ * p_M + reach_ * k;  // wrist centre (2.18)
-  const double r = std::hypot(c.x(), c.y());
+  const double r = std::sqrt(square(c.x()) + square(c.y()));
   const double height = c.z() - d1_;
   const bool over_axis = r < kSame;
   const double t1_front = over_axis ? 0.0 : std::atan2(c.y(), c.x());
   const double c1_front = over_axis ? 1.0 : c.x() / r, s1_front = over_axis ? 0.0 : c.y() / r;
+  struct Reach {
+    double s3, c3, t3, between;  ///< elbow up; between: the wrist centre against the upper arm
+    Turn turn_between;
+    bool reached;
+  };
+  const auto reach = [&](double rho) {
+    // s3 by the law of cosines (2.20); the elbow's two sides are the two signs of its cosine (2.21).
+    const double s3_raw = (rho * rho + height * height - a2_ * a2_ - d4_ * d4_) / (2 * a2_ * d4_);
+    const double s3 = std::clamp(s3_raw, -1.0, 1.0), c3 = std::sqrt((1 - s3) * (1 + s3));
+    const double along = a2_ + d4_ * s3, across = d4_ * c3;
+    return Reach{
+        s3, c3, std::asin(s3), std::atan2(across, along), turn_to(along, across), std::abs(s3_raw) <= 1 + 1e-14};
+  };
+  const Reach front = reach(r - a1_), back = a1_ == 0 ? front : reach(-r - a1_);
   for (int shoulder = 0; shoulder < 2; ++shoulder) {
     const double side = shoulder == 0 ? 1.0 : -1.0;
     const double t1 = shoulder == 0 ? t1_front : t1_front + kPi;
     const double c1 = side * c1_front, s1 = side * s1_front;
     const double rho = side * r - a1_;
-    // s3 by the law of cosines (2.20); the elbow's two sides are the two signs of its cosine (2.21).
-    const double s3_raw = (rho * rho + height * height - a2_ * a2_ - d4_ * d4_) / (2 * a2_ * d4_);
-    const bool reached = std::abs(s3_raw) <= 1 + 1e-14;
-    const double s3 = std::clamp(s3_raw, -1.0, 1.0);
-    const double c3_up = std::sqrt((1 - s3) * (1 + s3));
-    const double t3_up = std::atan2(s3, c3_up);
+    const auto& [s3, c3_up, t3_up, between, turn_between, reached] = shoulder == 0 ? front : back;
     const double to_wrist = std::atan2(height, rho);
-    const double between = std::atan2(d4_ * c3_up, a2_ + d4_ * s3);
+    const Turn turn_to_wrist = turn_to(rho, height);
     for (int elbow = 0; elbow < 2; ++elbow) {
       const int base = 4 * elbow + 2 * shoulder;
       out.exists[base] = out.exists[base + 1] = reached;
       if (!reached) continue;
       const double t3 = elbow == 0 ? t3_up : kPi - t3_up;
       const double t2 = to_wrist + (elbow == 0 ? between : -between);  // (2.22)
-      const double c23 = std::cos(t2 + t3), s23 = std::sin(t2 + t3);
+      const Turn turn_2 = turn_to_wrist + Turn{turn_between.c, elbow == 0 ? turn_between.s : -turn_between.s};
+      const auto [c23, s23] = turn_2 + Turn{elbow == 0 ? c3_up : -c3_up, s3};
       // k in frame 3, whose axes in the base are (c23 x1 + s23 z), (normal n), (s23 x1 - c23 z) (2.24), (2.28).
       const double k_out = c1 * k.x() + s1 * k.y();
       const double k3x = c23 * k_out + s23 * k.z();
@@ -252,7 +290,7 @@ void WristInverse::solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const 
       const double k3z = s23 * k_out - c23 * k.z();
       // k_3 = (c4 c5, s4 c5, -s5), s5 the sine of the axis angle of joint 5 (2.25).
       const double s5 = std::clamp(-k3z, -1.0, 1.0);
-      const double c5 = std::hypot(k3x, k3y);
+      const double c5 = std::sqrt(square(k3x) + square(k3y));
       const bool wrist_free = c5 < 1e-12;
       const double t4 = wrist_free ? 0.0 : std::atan2(k3y, k3x);
       const double t5 = std::atan2(s5, c5);
@@ -271,8 +309,8 @@ void WristInverse::solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const 
 LimitBits WristInverse::violations(const JointVector& q) const {
   LimitBits bits = 0;
   for (int i = 0; i < 5; ++i) {
-    if (q[i] < min_[i] - kLimitSlack) bits |= LimitBits{1} << (2 * i);
-    if (q[i] > max_[i] + kLimitSlack) bits |= LimitBits{1} << (2 * i + 1);
+    bits |= LimitBits{q[i] < min_[i] - kLimitSlack} << (2 * i);
+    bits |= LimitBits{q[i] > max_[i] + kLimitSlack} << (2 * i + 1);
   }
   return bits;
 }
@@ -287,6 +325,14 @@ bool has_closed_inverse(const SerialArm& arm) {
   return WristInverse::of(arm).has_value() || SphericalWristInverse::of(arm).has_value();
 }
 
+std::string branch_name(const SerialArm&, unsigned branch) {
+  static constexpr const char* kNames[WristInverse::kBranches] = {
+      "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
+      "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
+  if (branch < WristInverse::kBranches) return kNames[branch];
+  return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
+}
+
 InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start) {
   kinematics::DampedOptions options;
   options.start = start;
@@ -294,18 +340,17 @@ InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVe
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
+  if (const auto spherical = SphericalWristInverse::of(arm)) return spherical->solve(X_MT);
   const Result<WristInverse> closed = WristInverse::of(arm);
-  if (!closed) {
-    const auto spherical = SphericalWristInverse::of(arm);
-    return spherical ? spherical->solve(X_MT) : inverse_numerically(arm, X_MT, {});
-  }
+  if (!closed) return inverse_numerically(arm, X_MT, {});
   InverseResult out;
+  out.solutions.reserve(WristInverse::kBranches);
   WristInverse::Branches branches;
   closed->solve(X_MT.p, X_MT.R.col(2), branches);
   for (int b = 0; b < WristInverse::kBranches; ++b) {
     if (!branches.exists[b]) continue;
-    out.solutions.push_back(
-        {branches.joints[b], WristInverse::name(b), closed->violations(branches.joints[b]), branches.singular[b]});
+    const JointVector& q = branches.joints[b];
+    out.solutions.push_back({q, unsigned(b), closed->violations(q), branches.singular[b]});
   }
   if (out.solutions.empty()) out.reason = "the wrist centre is out of reach of the two links";
   return out;

@@ -143,10 +143,9 @@ kinematics::InverseResult SphericalWristInverse::solve(const Pose& X_MT) const {
         const double above = right.dot(to_wrist) * up_.dot(elbow_at) - up_.dot(to_wrist) * right.dot(elbow_at);
         const bool up = std::abs(above) < kFree * kFree ? q3 == third->angle[0] : above > 0;
         if (up != (elbow == 0)) continue;
-        const std::string name = std::string(back == 0 ? "front" : "back") + (up ? " elbow-up" : " elbow-down");
         const double q1 = shoulders[back].q1;
         const Mat3 R = (turn(j[0].axis, q1) * turn(axis, q2) * turn(j[2].axis, q3)).transpose() * T.R;
-        wrist(R, q1, q2, q3, over_axis, name, out);
+        wrist(R, q1, q2, q3, over_axis, unsigned(4 * elbow + 2 * back), out);
       }
     }
   }
@@ -154,8 +153,8 @@ kinematics::InverseResult SphericalWristInverse::solve(const Pose& X_MT) const {
   return out;
 }
 
-void SphericalWristInverse::wrist(const Mat3& R, double q1, double q2, double q3, bool over_axis,
-                                  const std::string& branch, kinematics::InverseResult& out) const {
+void SphericalWristInverse::wrist(const Mat3& R, double q1, double q2, double q3, bool over_axis, unsigned branch,
+                                  kinematics::InverseResult& out) const {
   const auto& j = joints_;
   const Vec3 &w4 = j[3].axis, &w5 = j[4].axis, &w6 = j[5].axis, target = R * w6;
   // Square axes: w_4 . R_5 w_6 = cos(q5 - middle). An arc cosine would lose half of the digits where 4 and 6 are in
@@ -178,7 +177,7 @@ void SphericalWristInverse::wrist(const Mat3& R, double q1, double q2, double q3
       if (s.joints[i] < range.min - kSame) s.violations |= kinematics::LimitBits{1} << (2 * i);
       if (s.joints[i] > range.max + kSame) s.violations |= kinematics::LimitBits{1} << (2 * i + 1);
     }
-    s.branch = branch + (flipped == 1 ? " wrist-flipped" : "");
+    s.branch = branch + unsigned(flipped);
     s.singular = over_axis || in_line;
     out.solutions.push_back(std::move(s));
   }

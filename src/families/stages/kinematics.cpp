@@ -217,19 +217,19 @@ void add(const Stages& m, const Search& found, InverseResult& out) {
       return (other.joints - s.joints).cwiseAbs().maxCoeff() < kSame;
     });
     if (known) continue;
-    s.branch = one.branch == "only" ? "" : one.branch;
+    s.branch = one.branch;
     s.singular = one.singular;
     s.violations = kinematics::violations_of_limits(m, X, s.joints);
     out.solutions.push_back(std::move(s));
   }
 }
 
-void name_branches(InverseResult& result) {
-  int k = 0;
-  for (Solution& s : result.solutions) {
-    ++k;
-    s.branch = s.branch.empty() ? fmt::format("posture {}", k) : fmt::format("posture {}, {}", k, s.branch);
-  }
+/// Above this bit the posture's number, below the branch of the closed stage.
+constexpr unsigned kPostureBit = 16;
+
+void number_postures(InverseResult& result) {
+  unsigned k = 0;
+  for (Solution& s : result.solutions) s.branch |= k++ << kPostureBit;
 }
 
 }  // namespace
@@ -379,7 +379,7 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
   std::stable_sort(out.solutions.begin(), out.solutions.end(), [&](const Solution& a, const Solution& b) {
     return (a.joints - at_start).norm() < (b.joints - at_start).norm();
   });
-  name_branches(out);
+  number_postures(out);
   out.converged = !out.solutions.empty();
   if (!out.converged) {
     out.reason = fmt::format(
@@ -388,6 +388,13 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
         std::min(starts, kMostInVain), units::to_mm(best));
   }
   return out;
+}
+
+std::string branch_name(const Stages& m, unsigned branch) {
+  std::string out = fmt::format("posture {}", (branch >> kPostureBit) + 1);
+  if (is_chain(m, m.closed)) return out;
+  const std::string closed = kinematics::branch_name(m.machines[m.closed], branch & ((1U << kPostureBit) - 1));
+  return closed == "only" ? out : out + ", " + closed;
 }
 
 InverseResult inverse_from(const Stages& m, const Pose& X_MT, const JointVector& start) {
@@ -410,7 +417,7 @@ InverseResult inverse_from(const Stages& m, const Pose& X_MT, const JointVector&
     return out;
   }
   add(m, found, out);
-  name_branches(out);
+  number_postures(out);
   return out;
 }
 

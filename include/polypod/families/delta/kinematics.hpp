@@ -53,6 +53,8 @@ struct DeltaLimits {
   static constexpr int kBase = 49;    ///< rods of i against the edges of the base
   static constexpr int kCount = 53;
   static constexpr int kFirstBody = kRods;  ///< from here on bodies that touch
+  static constexpr int rods(int i, int j) { return kRods + i * (7 - i) / 2 + j - i - 1; }  ///< i < j
+  static constexpr int rod_arm(int i, int j) { return kRodArm + 3 * i + (j < i ? j : j - 1); }
 };
 
 namespace delta_detail {
@@ -156,91 +158,148 @@ std::vector<T> parameter_rules(const LinearDelta& m, std::span<const T> p) {
   return out;
 }
 
+namespace delta_detail {
+
+/// Sine and cosines of the limits of rods.
+struct RodLimits {
+  double side, elbow_min, elbow_max, platform;
+  explicit RodLimits(const RodJoint& joint)
+      : side(std::sin(joint.side)),
+        elbow_min(std::cos(joint.elbow_min)),
+        elbow_max(std::cos(joint.elbow_max)),
+        platform(std::cos(joint.platform)) {}
+};
+
+/// The limits that concern chain i alone, but for the base; `put(limit, value)` takes those that are given.
+template <class T, class Put>
+void chain_limits(const Delta& m, const RodLimits& rod, const PoseT<T>& X_MT, const Chain<T>& chain, const T& q, int i,
+                  Put&& put) {
+  using hexapod_detail::smaller;
+  using L = DeltaLimits;
+  constexpr double kRight = std::numbers::pi / 2;
+  const Vector3<T> y = chain.platform - chain.end;
+  const T& c = chain.rod;
+  put(L::kMin + i, T(q - T(m.range.min)));
+  put(L::kMax + i, T(T(m.range.max) - q));
+  if (m.joint.side < kRight) {
+    const T most = c * T(rod.side), aside = y.dot(chain.axis);
+    put(L::kSide + i, smaller(T(most - aside), T(most + aside)));
+  }
+  if (m.joint.elbow_min > 0 || m.joint.elbow_max < std::numbers::pi) {
+    const T along = y.dot(chain.arm);
+    put(L::kElbow + i, smaller(T(c * T(rod.elbow_min) - along), T(along - c * T(rod.elbow_max))));
+  }
+  if (m.joint.platform < std::numbers::pi) {
+    put(L::kPlatform + i, T(y.dot(Vector3<T>(X_MT.R.col(2))) - c * T(rod.platform)));
+  }
+  if (m.bodies.table_z) {
+    const T table(*m.bodies.table_z - 0.5 * m.bodies.rod_diameter);
+    put(L::kTable + i, smaller(T(table - chain.end[2]), T(table - chain.platform[2])));
+  }
+}
+
+/// The limits of the tool tip that are given.
+template <class T, class Put>
+void tip_limits(const Delta& m, const PoseT<T>& X_MT, Put&& put) {
+  for (int k = 0; k < 3; ++k) {
+    if (std::isfinite(m.low[k])) put(DeltaLimits::kLow + k, T(X_MT.p[k] - T(m.low[k])));
+    if (std::isfinite(m.high[k])) put(DeltaLimits::kHigh + k, T(T(m.high[k]) - X_MT.p[k]));
+  }
+}
+
+/// The limit kMode from y_i = X - C_i of the first three chains.
+template <class T>
+T mode_limit(const Delta& m, const Vector3<T>& y_1, const Vector3<T>& y_2, const Vector3<T>& y_3) {
+  const Vector3<T> n = Vector3<T>(y_1 - y_2).cross(Vector3<T>(y_1 - y_3));
+  return n.dot(y_1) * T(m.mode_sign / square(m.rod_length[0]));
+}
+
+/// Passes the axes of each rod of the chain, both ends, to `each`.
+template <class T, class Each>
+void each_rod(const Delta& m, const Chain<T>& chain, Each&& each) {
+  const auto offsets = rod_offsets(m);
+  for (int k = 0; k < rods_of(m); ++k) {
+    const Vector3<T> aside = chain.axis * T(offsets[static_cast<std::size_t>(k)]);
+    each(Vector3<T>(chain.end + aside), Vector3<T>(chain.platform + aside));
+  }
+}
+/// Passes each pair of axes of which one is of chain a's rods, and the other of b's rods, of b's arm, or an edge of the
+/// base, to `each`.
+template <class T, class Each>
+void rods_and_rods(const Delta& m, const Chain<T>& a, const Chain<T>& b, Each&& each) {
+  each_rod(m, a, [&](const Vector3<T>& p, const Vector3<T>& p_end) {
+    each_rod(m, b, [&](const Vector3<T>& q, const Vector3<T>& q_end) { each(p, p_end, q, q_end); });
+  });
+}
+template <class M, class T, class Each>
+void rods_and_arm(const M& m, const Chain<T>& a, const Chain<T>& b, Each&& each) {
+  const Vector3<T> end = arm_end(m, b);
+  each_rod(m, a, [&](const Vector3<T>& p, const Vector3<T>& p_end) { each(p, p_end, b.base, end); });
+}
+template <class T, class Each>
+void rods_and_base(const Delta& m, const Chain<T>& a, const PerArm<Vector3<T>>& base, Each&& each) {
+  each_rod(m, a, [&](const Vector3<T>& p, const Vector3<T>& p_end) {
+    for (int j = 0; j < m.arms; ++j) each(p, p_end, base[j], base[(j + 1) % m.arms]);
+  });
+}
+/// The distances at which their axes touch.
+inline double rods_touch(const Delta& m) {
+  return m.bodies.rod_diameter;
+}
+inline double arm_touches(const Delta& m) {
+  return 0.5 * (m.bodies.rod_diameter + m.bodies.arm_diameter);
+}
+inline double base_touches(const Delta& m) {
+  return 0.5 * (m.bodies.rod_diameter + m.bodies.base_thickness);
+}
+
+/// The least distance of the pairs of axes that `pairs(each)` passes on.
+template <class T, class Pairs>
+T least_distance(Pairs&& pairs) {
+  T least = T(std::numeric_limits<double>::max());
+  pairs([&](const Vector3<T>& p, const Vector3<T>& p_end, const Vector3<T>& q, const Vector3<T>& q_end) {
+    least = hexapod_detail::smaller(least, T(segment_distance(p, p_end, q, q_end)));
+  });
+  return least;
+}
+
+}  // namespace delta_detail
+
 /// The limits in the order of DeltaLimits; 1 where a limit is not given.
 template <class M, class T>
 requires DeltaFamily<M> std::vector<T> limits(const M& m, const PoseT<T>& X_MT, std::span<const T> q,
                                               std::span<const T> p) {
-  using hexapod_detail::smaller;
+  using namespace delta_detail;
   using L = DeltaLimits;
   std::vector<T> g(static_cast<std::size_t>(L::kCount), T(1.0));
-  const auto at = [&](int limit) -> T& { return g[static_cast<std::size_t>(limit)]; };
-  PerArm<delta_detail::Chain<T>> chain;
-  constexpr double kRight = std::numbers::pi / 2;
+  const auto put = [&](int limit, const T& value) { g[static_cast<std::size_t>(limit)] = value; };
+  const RodLimits rod(m.joint);
+  PerArm<Chain<T>> chain;
+  PerArm<Vector3<T>> y, base;
   for (int i = 0; i < m.arms; ++i) {
     chain[i] = delta_detail::chain(m, X_MT, q, p, i);
-    const Vector3<T> y = chain[i].platform - chain[i].end;
-    const T& c = chain[i].rod;
-    at(L::kMin + i) = q[static_cast<std::size_t>(i)] - T(m.range.min);
-    at(L::kMax + i) = T(m.range.max) - q[static_cast<std::size_t>(i)];
-    if (m.joint.side < kRight) {
-      const T most = c * T(std::sin(m.joint.side)), aside = y.dot(chain[i].axis);
-      at(L::kSide + i) = smaller(T(most - aside), T(most + aside));
-    }
-    if (m.joint.elbow_min > 0 || m.joint.elbow_max < std::numbers::pi) {
-      const T along = y.dot(chain[i].arm);
-      at(L::kElbow + i) =
-          smaller(T(c * T(std::cos(m.joint.elbow_min)) - along), T(along - c * T(std::cos(m.joint.elbow_max))));
-    }
-    if (m.joint.platform < std::numbers::pi) {
-      at(L::kPlatform + i) = y.dot(Vector3<T>(X_MT.R.col(2))) - c * T(std::cos(m.joint.platform));
-    }
-    if (m.bodies.table_z) {
-      const T table(*m.bodies.table_z - 0.5 * m.bodies.rod_diameter);
-      at(L::kTable + i) = smaller(T(table - chain[i].end[2]), T(table - chain[i].platform[2]));
-    }
+    y[i] = chain[i].platform - chain[i].end;
+    base[i] = chain[i].base;
+    chain_limits(m, rod, X_MT, chain[i], q[static_cast<std::size_t>(i)], i, put);
   }
-  for (int k = 0; k < 3; ++k) {
-    if (std::isfinite(m.low[k])) at(L::kLow + k) = X_MT.p[k] - T(m.low[k]);
-    if (std::isfinite(m.high[k])) at(L::kHigh + k) = T(m.high[k]) - X_MT.p[k];
-  }
-  {
-    std::array<Vector3<T>, 3> y;  // X - C_i
-    for (int i = 0; i < 3; ++i) y[static_cast<std::size_t>(i)] = chain[i].platform - chain[i].end;
-    const Vector3<T> n = Vector3<T>(y[0] - y[1]).cross(Vector3<T>(y[0] - y[2]));
-    at(L::kMode) = n.dot(y[0]) * T(m.mode_sign / square(m.rod_length[0]));
-  }
-  const DeltaBodies& bodies = m.bodies;
-  if (!(bodies.rod_diameter > 0)) return g;
-  const auto rods = delta_detail::rod_offsets(m);
-  const auto shifted = [&](const Vector3<T>& v, int i, int rod) {
-    return Vector3<T>(v + chain[i].axis * T(rods[static_cast<std::size_t>(rod)]));
-  };
-  const int count = delta_detail::rods_of(m);
-  int pair = L::kRods;
-  for (int i = 0; i < kMaxArms; ++i) {
-    for (int j = i + 1; j < kMaxArms; ++j, ++pair) {
-      if (j >= m.arms) continue;
-      T least = T(std::numeric_limits<double>::max());
-      for (int a = 0; a < count; ++a)
-        for (int b = 0; b < count; ++b) {
-          least = smaller(least, T(segment_distance(shifted(chain[i].end, i, a), shifted(chain[i].platform, i, a),
-                                                    shifted(chain[j].end, j, b), shifted(chain[j].platform, j, b))));
-        }
-      at(pair) = least - T(bodies.rod_diameter);
-    }
-  }
-  pair = L::kRodArm;
-  for (int i = 0; i < kMaxArms; ++i) {
-    for (int j = 0; j < kMaxArms; ++j) {
-      if (j == i) continue;
-      const int limit = pair++;
-      if (i >= m.arms || j >= m.arms || !(bodies.arm_diameter > 0)) continue;
-      T least = T(std::numeric_limits<double>::max());
-      for (int a = 0; a < count; ++a) {
-        least = smaller(least, T(segment_distance(shifted(chain[i].end, i, a), shifted(chain[i].platform, i, a),
-                                                  chain[j].base, delta_detail::arm_end(m, chain[j]))));
+  tip_limits(m, X_MT, put);
+  put(L::kMode, mode_limit(m, y[0], y[1], y[2]));
+  if (!(m.bodies.rod_diameter > 0)) return g;
+  for (int i = 0; i < m.arms; ++i) {
+    for (int j = 0; j < m.arms; ++j) {
+      if (i < j) {
+        const T d = least_distance<T>([&](auto&& each) { rods_and_rods(m, chain[i], chain[j], each); });
+        put(L::rods(i, j), d - T(rods_touch(m)));
       }
-      at(limit) = least - T(0.5 * (bodies.rod_diameter + bodies.arm_diameter));
-    }
-  }
-  for (int i = 0; i < m.arms && bodies.base_thickness > 0; ++i) {
-    T least = T(std::numeric_limits<double>::max());
-    for (int a = 0; a < count; ++a)
-      for (int j = 0; j < m.arms; ++j) {
-        least = smaller(least, T(segment_distance(shifted(chain[i].end, i, a), shifted(chain[i].platform, i, a),
-                                                  chain[j].base, chain[(j + 1) % m.arms].base)));
+      if (i != j && m.bodies.arm_diameter > 0) {
+        const T d = least_distance<T>([&](auto&& each) { rods_and_arm(m, chain[i], chain[j], each); });
+        put(L::rod_arm(i, j), d - T(arm_touches(m)));
       }
-    at(L::kBase + i) = least - T(0.5 * (bodies.rod_diameter + bodies.base_thickness));
+    }
+    if (m.bodies.base_thickness > 0) {
+      const T d = least_distance<T>([&](auto&& each) { rods_and_base(m, chain[i], base, each); });
+      put(L::kBase + i, d - T(base_touches(m)));
+    }
   }
   return g;
 }
@@ -256,7 +315,9 @@ Pose home_pose(const Delta& m);
 
 /// S_i(q) and dS_i/dq.
 Vec3 driven_end(const RotaryDelta& m, int i, double q);
-Vec3 driven_end(const LinearDelta& m, int i, double q);
+inline Vec3 driven_end(const LinearDelta& m, int i, double q) {
+  return m.rail_start[i] + q * m.rail_direction[i];
+}
 Vec3 driven_end_rate(const RotaryDelta& m, int i, double q);
 Vec3 driven_end_rate(const LinearDelta& m, int i, double q);
 
@@ -283,23 +344,27 @@ DriveRoots drive_roots(const LinearDelta& m, int i, const Vec3& X);
 double reach_of(const RotaryDelta& m, int i, const Vec3& X);
 double reach_of(const LinearDelta& m, int i, const Vec3& X);
 
-/// The first roots of all drives, in q[0 .. arms - 1]; false where one does not reach. Cost: 0.1 us for three arms.
+/// The first root alone, in `q`; false where the rod does not reach.
+bool drive_position(const RotaryDelta& m, int i, const Vec3& X, double& q);
+bool drive_position(const LinearDelta& m, int i, const Vec3& X, double& q);
+
+/// The first roots of all drives, in q[0 .. arms - 1]; false where one does not reach. Cost: 0.07 us for three arms.
 template <DeltaFamily M>
 bool drive_positions(const M& m, const Vec3& X, double* q) {
   bool real = true;
-  for (int i = 0; i < m.arms; ++i) {
-    const DriveRoots roots = drive_roots(m, i, X);
-    real = real && roots.real();
-    q[i] = roots.first;
-  }
+  for (int i = 0; i < m.arms; ++i) real = drive_position(m, i, X, q[i]) && real;
   return real;
 }
 
-/// Up to 2^arms solutions: every choice of the two roots. First all first roots ("outer", on rails "upper"), the others
-/// are named by the chains on their second root ("inner at 1, 3", "lower at 2"). Empty where a rod does not reach, or
-/// where X_MT is turned (R = 1 is all that a delta can do). `singular` where two roots meet (kind 1).
+/// Up to 2^arms solutions: every choice of the two roots, first all first roots. Empty where a rod does not reach, or
+/// where X_MT is turned (R = 1 is all that a delta can do). `singular` where two roots meet (kind 1). Cost: 0.5 us for
+/// three chains.
 InverseResult inverse(const RotaryDelta& m, const Pose& X_MT);
 InverseResult inverse(const LinearDelta& m, const Pose& X_MT);
+/// "outer", on rails "upper", or the chains on their second root, "inner at 1, 3", "lower at 2": the bits of the
+/// branch.
+std::string branch_name(const RotaryDelta& m, unsigned branch);
+std::string branch_name(const LinearDelta& m, unsigned branch);
 
 /// Both tool points of given drives by trilateration (KOZ 4.4.2); four arms: of the first three, and how far the fourth
 /// rod's length is off.

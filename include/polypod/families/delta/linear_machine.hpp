@@ -26,6 +26,8 @@ struct LinearDelta : Delta {
 /// Rail by rail: rail.start[i].x, .y, .z, rail.direction[i].x, .y, .z, rod.length[i], platform.joint[i].x, .y, .z; then
 /// tool.x, .y, .z.
 std::vector<Parameter> parameters(const LinearDelta& m);
+/// Their values alone.
+std::vector<double> parameter_values(const LinearDelta& m);
 /// What a designer changes: the keys of the machine file with their values.
 std::vector<Parameter> settings(const LinearDelta& m);
 std::string to_toml(const LinearDelta& m);

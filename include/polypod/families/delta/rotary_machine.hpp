@@ -27,6 +27,8 @@ struct RotaryDelta : Delta {
 /// The parameters of the kinematics, arm by arm: base.joint[i].x, .y, .z, arm.direction[i], arm.length[i],
 /// drive.zero[i], rod.length[i], platform.joint[i].x, .y, .z; then tool.x, .y, .z.
 std::vector<Parameter> parameters(const RotaryDelta& m);
+/// Their values alone.
+std::vector<double> parameter_values(const RotaryDelta& m);
 /// What a designer changes: the keys of the machine file with their values.
 std::vector<Parameter> settings(const RotaryDelta& m);
 std::string to_toml(const RotaryDelta& m);

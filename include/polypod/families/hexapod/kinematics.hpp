@@ -41,6 +41,11 @@ inline Interval smaller(const Interval& a, const Interval& b) {
   return {std::min(a.lo(), b.lo()), std::min(a.hi(), b.hi())};
 }
 
+template <class T>
+T cone_margin(double cosine, const Vector3<T>& local, const Vec3& home_direction) {
+  return local.dot(home_direction.cast<T>()) - T(cosine);
+}
+
 /// How far the unit direction w of a leg is inside its joint's limit: >= 0 inside, no unit. `home` is the unit
 /// direction at home and `normal` that of the joint's platform, both where the joint stands now.
 ///   cone: w . home - cos(angle);
@@ -54,7 +59,7 @@ T joint_margin(const JointLimit& limit, const Vector3<T>& w, const Vec3& home_di
     case JointLimitKind::none:
       break;
     case JointLimitKind::cone:
-      return local.dot(home_direction.cast<T>()) - T(std::cos(limit.angle));
+      return cone_margin<T>(std::cos(limit.angle), local, home_direction);
     case JointLimitKind::elevation: {
       const double e = std::acos(std::clamp(home_direction.z(), -1.0, 1.0));
       const double high = e > limit.angle ? std::cos(e - limit.angle) : 2.0;  // no limit: the cosine never gets there
@@ -100,8 +105,14 @@ void push_leg_limits(std::vector<T>& g, const Hexapod& m, const Matrix3<T>& R,
     for (int k = 0; k < 3; ++k) w[i][k] = y[k] / length;
   }
   const Matrix3<T> identity = Mat3::Identity().cast<T>();
+  const double cosine = std::cos(m.joint.angle);
   const auto push_end = [&](const JointSeats& seats, const Matrix3<T>& turned) {
+    const bool one_cone = m.joint.kind == JointLimitKind::cone && !seats.angle;
     for (int i = 0; i < kLegs; ++i) {
+      if (one_cone) {
+        g.push_back(cone_margin<T>(cosine, turned.transpose() * w[i], axis_of(seats, m.home, i)));
+        continue;
+      }
       g.push_back(joint_margin<T>(limit_of(m.joint, seats, i), w[i], axis_of(seats, m.home, i), turned));
     }
   };

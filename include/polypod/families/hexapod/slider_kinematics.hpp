@@ -109,9 +109,10 @@ void slider_roots(const SliderHexapod& m, const Pose& X_MT, SliderRoots* out);
 
 /// Up to 64 solutions: every choice of roots that lie on their rails; a leg with none there gives the root that is
 /// nearer its rail. First the solution with all legs on the root nearer the outer end (smaller q), as the source takes
-/// it; branches "outer", or "inner at 2, 5" naming the legs on their other root. Empty where a leg does not reach its
-/// rail's line.
+/// it. Empty where a leg does not reach its rail's line.
 InverseResult inverse(const SliderHexapod& m, const Pose& X_MT);
+/// "outer", or "inner at 2, 5" naming the legs on their other root: the bits of the branch.
+std::string branch_name(const SliderHexapod& m, unsigned branch);
 
 /// Joints along a path of poses, each slider by continuity (JEL 3.2.2, 7.2): the solution that starts on `start` (or,
 /// if empty, tries all choices) and takes at each pose, slider by slider, the root nearer to the last, but where both

@@ -69,6 +69,8 @@ struct SliderHexapod : TipLimits {
 /// The parameters of the kinematics: leg.length[i], base.joint[i].x, .y, .z (the outer end; moves the whole rail),
 /// rail.direction[i].x, .y, .z (of the unit vector u_i), platform.joint[i].x, .y, .z and tool.length: 61, leg by leg.
 std::vector<Parameter> parameters(const SliderHexapod& m);
+/// Their values alone.
+std::vector<double> parameter_values(const SliderHexapod& m);
 
 /// The machine with other values of its parameters, in the order of `parameters`; directions are made unit vectors, and
 /// rails keep their lengths. Lists take the place of rail pairs and circles where they moved; a home that is not given

@@ -46,6 +46,8 @@ struct StrutHexapod : TipLimits {
 /// The parameters of the kinematics: leg.length[i] (zero offset of strut i), base.joint[i].x, .y, .z,
 /// platform.joint[i].x, .y, .z (i from 1) and tool.length: 43 in this order, leg by leg.
 std::vector<Parameter> parameters(const StrutHexapod& m);
+/// Their values alone.
+std::vector<double> parameter_values(const StrutHexapod& m);
 
 /// The machine with other values of its parameters, in the order of `parameters`. Lists of joints take the place of
 /// circles where they moved; a home that is not given is found anew. Errors: those of strut_hexapod_from.

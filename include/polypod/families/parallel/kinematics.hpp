@@ -239,10 +239,12 @@ std::vector<T> parameter_rules(const Parallel& m, std::span<const T> p) {
 /// neither is, else the other. Empty where a leg does not reach.
 std::optional<JointVector> joints_of(const Parallel& m, const Pose& X_MT);
 
-/// All combinations of the roots of the legs, the machine's first; at most 64, further ones are left out. Branches: the
-/// legs with two roots by number, "1 low, 2 high, ..."; "only" where there is none. A pose whose following coordinates
-/// cannot be met has no solution.
+/// All combinations of the roots of the legs, the machine's first; at most 64, further ones are left out. A pose whose
+/// following coordinates cannot be met has no solution.
 InverseResult inverse(const Parallel& m, const Pose& X_MT);
+/// The legs with two roots by number, "1 low, 2 high, ..."; "only" where there is none. A branch has a bit for each
+/// drive on its higher root.
+std::string branch_name(const Parallel& m, unsigned branch);
 
 /// Newton's method from a seed on all equations, in least squares where they are more than six: converged only where
 /// they close.

@@ -116,10 +116,13 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 ///
 /// Arms with the wrist of LOLA 50 (standard table, five free joints, alpha = 90, 0, 90, -90, a_3 = 0, joints 4 and 5
 /// cutting in a point on the line of the tool axis, further joints locked): closed form, SLAV (2.18) to (2.34),
-/// 8 branches `front|back elbow-up|elbow-down`, `wrist-flipped` for cos(theta_5) < 0. Where the wrist centre is on axis
+/// 8 branches, flipped for cos(theta_5) < 0. Where the wrist centre is on axis
 /// 1, or the tool axis along joint 4, the free joint is 0 and the solution marked singular. Arms with six joints and a
 /// spherical wrist: SphericalWristInverse. Other arms: inverse_damped.
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
+/// `front|back elbow-up|elbow-down [wrist-flipped]` of the closed forms in the order of WristInverse, else
+/// "numeric-1"...
+std::string branch_name(const SerialArm& arm, unsigned branch);
 
 /// The solution next to `start` by damped Newton steps from there: the same posture on the way along a path. At most
 /// one; none where the steps do not converge.
@@ -140,8 +143,6 @@ class WristInverse {
     bool exists[kBranches] = {};  ///< the target is within reach on this branch
     bool singular[kBranches] = {};
   };
-  static const char* name(int branch);
-
   /// Tip position and unit tool axis in M -> all branches, order: front/back (4), elbow-up/down (2), wrist/flipped (1).
   /// Cost: 0.3 us.
   void solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const;

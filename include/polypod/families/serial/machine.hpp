@@ -54,6 +54,8 @@ struct SerialArm {
 
 /// The parameters of the kinematics, 4 a row: dh[i].a, dh[i].alpha, dh[i].d, dh[i].theta_offset (i from 1).
 std::vector<Parameter> parameters(const SerialArm& arm);
+/// Their values alone.
+std::vector<double> parameter_values(const SerialArm& arm);
 
 /// The arm with other values of its parameters, in the order of `parameters`.
 Result<SerialArm> with_parameters(const SerialArm& arm, std::span<const double> p);

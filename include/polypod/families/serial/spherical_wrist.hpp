@@ -34,7 +34,7 @@ class SphericalWristInverse {
     Vec3 axis, point;  ///< in M at joint values 0; positive turns of the joint are positive turns about the axis
     JointRange range;
   };
-  void wrist(const Mat3& R, double q1, double q2, double q3, bool over_axis, const std::string& branch,
+  void wrist(const Mat3& R, double q1, double q2, double q3, bool over_axis, unsigned branch,
              kinematics::InverseResult& out) const;
 
   std::array<Joint, 6> joints_;

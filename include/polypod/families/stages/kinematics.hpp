@@ -114,9 +114,10 @@ Pose settled(const Stages& m, const Pose& X_MT, const JointVector& q);
 /// The poses that up to 24 searches find (until eight find nothing new), by distance from home: Levenberg and
 /// Marquardt's method on the joints of all stages, where the closed stage is settled again after each step, so that it
 /// never leaves what its constraints allow. Starts: home, then chains at points of a Halton sequence in their ranges.
-/// Not proven to be all. For each the solutions of the closed stage's own inverse. Branches: "posture 1", ... with that
-/// of the stage behind it.
+/// Not proven to be all. For each the solutions of the closed stage's own inverse.
 kinematics::InverseResult inverse(const Stages& m, const Pose& X_MT);
+/// "posture 1", ..., with the branch of the closed stage behind it where that has several.
+std::string branch_name(const Stages& m, unsigned branch);
 /// The one that a search from the joints `start` finds; none where it does not converge.
 inline bool has_closed_inverse(const Stages&) {
   return false;
