@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <tbb/task_arena.h>
 
 #include "../families/parallel/bounds.hpp"
 #include "arm_limits.hpp"
@@ -14,6 +13,20 @@
 #include "polypod/workspace/shape.hpp"
 
 namespace polypod::workspace {
+
+extern template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const ParallelLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const StrutLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const StrutLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const SliderLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const SliderLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::RotaryDelta>&, const Options&);
+extern template Result<bool> subdivided_holds(const DeltaBounds<machine::RotaryDelta>&, const Options&, const Shape&,
+                                              std::int64_t);
+extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&);
+extern template Result<bool> subdivided_holds(const DeltaBounds<machine::LinearDelta>&, const Options&, const Shape&,
+                                              std::int64_t);
+
 namespace {
 
 bool is_delta(const AnyMachine& machine) {
@@ -159,8 +172,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
-          tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
-          return arena.execute([&] { return Subdivision<Limits>(limits, options).run(); });
+          return subdivided_volume(limits, options);
         });
       },
       machine);
@@ -172,7 +184,7 @@ Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, 
   return std::visit(
       [&](const auto& m) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<bool> {
-          return Subdivision<Limits>(limits, options).holds(shape, max_cells);
+          return subdivided_holds(limits, options, shape, max_cells);
         });
       },
       machine);
