@@ -27,7 +27,7 @@ int main() {
   // An unreachable pose is no error: the list of solutions is then empty, and `reason` says why.
   const kinematics::InverseResult inverse = kinematics::inverse(*machine, X_MT);
   for (const kinematics::Solution& s : inverse.solutions) {
-    std::printf("%-30s", polypod::kinematics::branch_name(*machine, s.branch).c_str());
+    std::printf("%-30s", kinematics::branch_name(*machine, s.branch).c_str());
     for (const double q : s.joints) std::printf(" %9.4f", u::to_deg(q));
     std::printf(" deg  %s\n", s.violations == 0 ? "within all limits" : "breaks a limit");
   }

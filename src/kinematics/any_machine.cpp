@@ -312,14 +312,6 @@ std::vector<double> coordinates_of(Task task, const Pose& X) {
   return c;
 }
 
-Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J, const Pose& X_MT) {
-  JacobianMatrix seen = J;
-  if (task.names_axis()) seen.bottomRows(3) = X_MT.R.transpose() * J.bottomRows(3);
-  Eigen::MatrixXd out(task.size(), J.cols());
-  for (int i = 0; i < task.size(); ++i) out.row(i) = seen.row(static_cast<int>(task[i]));
-  return out;
-}
-
 bool orientation_follows(const AnyMachine& machine) {
   constexpr double kTurns = 1e-6;  // rad per m
   const auto home = home_pose(machine);
@@ -333,12 +325,52 @@ bool orientation_follows(const AnyMachine& machine) {
 
 namespace {
 
+/// A matrix of a machine's size, on the stack.
+using Small = ClosureMatrix;
+
+Small rows_of_task(Task task, const JacobianMatrix& J, const Pose& X_MT) {
+  JacobianMatrix seen = J;
+  if (task.names_axis()) seen.bottomRows(3) = X_MT.R.transpose() * J.bottomRows(3);
+  Small out(task.size(), J.cols());
+  for (int i = 0; i < task.size(); ++i) out.row(i) = seen.row(static_cast<int>(task[i]));
+  return out;
+}
+
+/// The least and the largest singular value by Jacobi's rotations of the columns against each other until all are
+/// square (Hestenes 1958): for small matrices as exact as Eigen's and some times as fast.
+std::pair<double, double> singular_range(Small A) {
+  if (A.cols() > A.rows()) A = A.transpose().eval();
+  constexpr double kSquare = 1e-15;
+  constexpr int kSweeps = 30;  // five are enough as a rule
+  bool turned = true;
+  for (int sweep = 0; turned && sweep < kSweeps; ++sweep) {
+    turned = false;
+    for (Eigen::Index i = 0; i < A.cols(); ++i) {
+      for (Eigen::Index j = i + 1; j < A.cols(); ++j) {
+        const double a = A.col(i).squaredNorm(), b = A.col(j).squaredNorm(), ab = A.col(i).dot(A.col(j));
+        if (!(std::abs(ab) > kSquare * std::sqrt(a * b))) continue;
+        turned = true;
+        const double zeta = 0.5 * (b - a) / ab;
+        const double t = (zeta < 0 ? -1 : 1) / (std::abs(zeta) + std::sqrt(1 + zeta * zeta));
+        const double c = 1 / std::sqrt(1 + t * t), s = c * t;
+        for (Eigen::Index k = 0; k < A.rows(); ++k) {
+          const double x = A(k, i), y = A(k, j);
+          A(k, i) = c * x - s * y;
+          A(k, j) = s * x + c * y;
+        }
+      }
+    }
+  }
+  const auto norms = A.colwise().norm();
+  return {norms.minCoeff(), norms.maxCoeff()};
+}
+
 /// S of a parallel machine and its L.
 template <class M>
-Eigen::MatrixXd rates_by_twist(const M& m, const Pose& X, const JointVector& q, double& length) {
+Small rates_by_twist(const M& m, const Pose& X, const JointVector& q, double& length) {
   if constexpr (requires { six_legs(m, q); }) {
     const machine::SixLegs legs = six_legs(m, q);
-    Eigen::MatrixXd S = machine::leg_rows(X, legs.anchor, legs.end);
+    Small S = machine::leg_rows(X, legs.anchor, legs.end);
     if constexpr (requires { m.rail_direction; }) {
       for (int i = 0; i < S.rows(); ++i) S.row(i) /= S.row(i).template head<3>().dot(m.rail_direction[i]);
     }
@@ -353,15 +385,23 @@ Eigen::MatrixXd rates_by_twist(const M& m, const Pose& X, const JointVector& q, 
     if (length <= 0) length = m.size;
   }
   if (length <= 0) length = 1;
-  Eigen::MatrixXd J = task_jacobian(task(m), jacobian(m, X, q), X);
+  if constexpr (requires { jacobians(m, X.p, q); }) {
+    // Of three chains A v = B dq/dt at once, unless one of the two is singular.
+    constexpr double kSingular = 1e-9;
+    const machine::DeltaJacobians pair = jacobians(m, X.p, q);
+    const double least = pair.B.cwiseAbs().minCoeff();
+    if (m.arms == 3 && least > kSingular * pair.B.cwiseAbs().maxCoeff() && std::abs(pair.determinant_A()) > kSingular) {
+      return pair.B.cwiseInverse().asDiagonal() * pair.A;
+    }
+  }
+  Small J = rows_of_task(task(m), jacobian(m, X, q), X);
   for (int i = 0; i < J.rows(); ++i)
     if (task(m).is_angle(i)) J.row(i) *= length;
   return J.completeOrthogonalDecomposition().pseudoInverse();
 }
 
 /// S of a serial arm and its L. Distance of a joint's axis from the tip: |v| / |w| of its column.
-Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const Pose& X_MT, const JacobianMatrix& J,
-                               double& length) {
+Small twist_by_rates(const machine::SerialArm& arm, const Pose& X_MT, const JacobianMatrix& J, double& length) {
   if (length <= 0) {
     int turning = 0;
     for (int i = 0; i < J.cols(); ++i) {
@@ -372,7 +412,7 @@ Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const Pose& X_MT, 
     }
     length = turning > 0 && length > 0 ? length / turning : 1.0;
   }
-  Eigen::MatrixXd S = task_jacobian(task(arm), J, X_MT);
+  Small S = rows_of_task(task(arm), J, X_MT);
   for (int i = 0; i < S.rows(); ++i)
     if (task(arm).is_angle(i)) S.row(i) *= length;
   return S;
@@ -380,13 +420,17 @@ Eigen::MatrixXd twist_by_rates(const machine::SerialArm& arm, const Pose& X_MT, 
 
 }  // namespace
 
+Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J, const Pose& X_MT) {
+  return rows_of_task(task, J, X_MT);
+}
+
 Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
   Dexterity out;
   out.characteristic_length = std::max(length, 0.0);
-  Eigen::MatrixXd S;
+  Small S;
   if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
     const JacobianMatrix J = machine::jacobian(*arm, X_MT, q);
-    const Eigen::MatrixXd square = task_jacobian(task(*arm), J, X_MT);
+    const Small square = rows_of_task(task(*arm), J, X_MT);
     if (square.rows() == square.cols()) out.determinant = square.determinant();
     S = twist_by_rates(*arm, X_MT, J, out.characteristic_length);
   } else {
@@ -396,9 +440,9 @@ Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVect
   }
   out.condition = std::numeric_limits<double>::infinity();
   if (!S.allFinite()) return out;
-  const Eigen::VectorXd sigma = Eigen::JacobiSVD<Eigen::MatrixXd>(S).singularValues();
-  if (S.rows() <= S.cols() || !std::holds_alternative<machine::SerialArm>(machine)) out.sigma_min = sigma.tail<1>()[0];
-  if (out.sigma_min > 0) out.condition = sigma[0] / out.sigma_min;
+  const auto [least, largest] = singular_range(S);
+  if (S.rows() <= S.cols() || !std::holds_alternative<machine::SerialArm>(machine)) out.sigma_min = least;
+  if (out.sigma_min > 0) out.condition = largest / out.sigma_min;
   return out;
 }
 

@@ -6,3 +6,23 @@
 #include "../families/hexapod/bounds.hpp"
 #include "../families/parallel/bounds.hpp"
 #include "../families/serial/bounds.hpp"
+#include "polypod/workspace/shape.hpp"
+#include "subdivide.hpp"
+
+namespace polypod::workspace {
+
+// Each compiles for half a minute: src/families/<family>/subdivide.cpp.
+extern template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const ParallelLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const StrutLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const StrutLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const SliderLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const SliderLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::RotaryDelta>&, const Options&);
+extern template Result<bool> subdivided_holds(const DeltaBounds<machine::RotaryDelta>&, const Options&, const Shape&,
+                                              std::int64_t);
+extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&);
+extern template Result<bool> subdivided_holds(const DeltaBounds<machine::LinearDelta>&, const Options&, const Shape&,
+                                              std::int64_t);
+
+}  // namespace polypod::workspace

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
@@ -708,5 +709,18 @@ class Subdivision {
   mutable std::atomic<std::int64_t> patches_{0};  ///< that were kept
   std::unique_ptr<Node> root_;
 };
+
+/// Subdivision::run and ::holds of one family's limits. They take long to compile: those of most families are in
+/// source files of their own.
+template <class Limits>
+Result<Volume> subdivided_volume(const Limits& limits, const Options& options) {
+  tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
+  return arena.execute([&] { return Subdivision<Limits>(limits, options).run(); });
+}
+template <class Limits>
+Result<bool> subdivided_holds(const Limits& limits, const Options& options, const Shape& shape,
+                              std::int64_t max_cells) {
+  return Subdivision<Limits>(limits, options).holds(shape, max_cells);
+}
 
 }  // namespace polypod::workspace

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <tbb/task_arena.h>
 
 #include "family_bounds.hpp"
 #include "no_bounds.hpp"
@@ -119,8 +118,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
   return std::visit(
       [&](const auto& m) -> Result<Volume> {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
-          tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
-          return arena.execute([&] { return Subdivision<Limits>(limits, options).run(); });
+          return subdivided_volume(limits, options);
         });
       },
       machine);
@@ -132,7 +130,7 @@ Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, 
   return std::visit(
       [&](const auto& m) -> Result<bool> {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<bool> {
-          return Subdivision<Limits>(limits, options).holds(shape, max_cells);
+          return subdivided_holds(limits, options, shape, max_cells);
         });
       },
       machine);

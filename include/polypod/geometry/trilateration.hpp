@@ -21,7 +21,8 @@ struct TwoPoints {
 };
 
 /// With e = C2 - C1, f = C3 - C1, n = e x f the point of the centres' plane of equal power to the spheres is
-///   C1 + (k_e f x n + k_f n x e) / |n|^2,  k_e = (|e|^2 + r1^2 - r2^2) / 2,  k_f = (|f|^2 + r1^2 - r3^2) / 2,
+///   C1 + (k_e f x n + k_f n x e) / |n|^2 = C1 + (k_e (f.f e - e.f f) + k_f (e.e f - e.f e)) / |n|^2,  k_e = (|e|^2 +
+///   r1^2 - r2^2) / 2,  k_f = (|f|^2 + r1^2 - r3^2) / 2,
 /// and the points lie square to the plane at sqrt(r1^2 - its squared distance from C1) from it. The same points as KOZ
 /// appendix B (4) to (15), without its auxiliary frame. Two solutions, one (double) where they touch, none or, with
 /// centres on a line, none that is isolated. Ill-conditioned where the two points meet. Cost: 10 ns.
@@ -35,9 +36,10 @@ inline TwoPoints trilaterate(const std::array<Vec3, 3>& center, const std::array
     return out;
   }
   const double k_e = 0.5 * (ee + r2 - radius[1] * radius[1]), k_f = 0.5 * (ff + r2 - radius[2] * radius[2]);
-  const Vec3 foot = (k_e * f.cross(n) + k_f * n.cross(e)) / nn;
+  const double ef = e.dot(f), inverse = 1 / nn;
+  const Vec3 foot = (inverse * (k_e * ff - k_f * ef)) * e + (inverse * (k_f * ee - k_e * ef)) * f;
   out.height2 = r2 - foot.squaredNorm();
-  const Vec3 up = std::sqrt(std::max(0.0, out.height2) / nn) * n;
+  const Vec3 up = std::sqrt(std::max(0.0, out.height2) * inverse) * n;
   out.above = center[0] + foot + up;
   out.below = center[0] + foot - up;
   return out;

@@ -109,7 +109,7 @@ struct Dexterity {
 /// tip. Where a slider's leg is square to its rail, S is infinite (kind 1).
 /// Serial arms (SLAV (2.38)): S takes joint speeds to [v; L w] (rows that the task sees); the determinant is that of
 /// the same matrix without L, SI. L: mean distance of the joint axes from the tool tip, 1 m if there are none.
-/// A `length` above 0 replaces L. Cost: 2 us.
+/// A `length` above 0 replaces L. Cost: 0.4 us (deltas) to 2 us.
 Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0);
 
 }  // namespace polypod::kinematics

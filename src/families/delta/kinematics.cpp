@@ -74,9 +74,9 @@ DeltaPoses poses_of(const M& m, const double* q) {
   const TwoPoints points = trilaterate(centers(m, q), {m.rod_length[0], m.rod_length[1], m.rod_length[2]});
   DeltaPoses out;
   out.real = points.real();
-  const bool above = points.above.z() >= points.below.z();
-  out.machine = above ? points.above : points.below;
-  out.other = above ? points.below : points.above;
+  out.machine = points.above;
+  out.other = points.below;
+  if (out.machine.z() < out.other.z()) std::swap(out.machine, out.other);
   for (int i = 3; i < m.arms; ++i) {
     out.mismatch = (out.machine + m.platform_joint[i] - m.tool - driven_end(m, i, q[i])).norm() - m.rod_length[i];
   }
