@@ -16,31 +16,16 @@ namespace polypod::quality {
 using Lanes = LegKernel::Lanes;
 using Mask = long long __attribute__((vector_size(LegKernel::kLanes * sizeof(long long))));
 
-std::optional<SixLegMachine> six_leg_machine(const AnyMachine& machine) {
-  SixLegMachine out;
-  double tool = 0;
-  if (const auto* strut = std::get_if<machine::StrutHexapod>(&machine)) {
-    out.anchor = strut->base_joint;
-    out.end = strut->platform_joint;
-    tool = strut->tool_length;
-  } else if (const auto* slider = std::get_if<machine::SliderHexapod>(&machine)) {
-    out.rails = true;
-    out.anchor = slider->rail_outer;
-    out.rail = slider->rail_direction;
-    out.end = slider->platform_joint;
-    for (std::size_t i = 0; i < 6; ++i) {
-      out.rail_length[i] = slider->rail_length[i];
-      out.leg_length[i] = slider->length_of_leg(static_cast<int>(i));
-    }
-    tool = slider->tool_length;
-  } else {
-    return {};
-  }
-  for (Vec3& e : out.end) e.z() -= tool;
-  return out;
+std::optional<machine::LegLayout> six_legs_of(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) -> std::optional<machine::LegLayout> {
+        if constexpr (requires { leg_layout(m); }) return leg_layout(m);
+        return {};
+      },
+      machine);
 }
 
-LegKernel::LegKernel(const SixLegMachine& machine, const std::vector<Mat3>& orientations)
+LegKernel::LegKernel(const machine::LegLayout& machine, const std::vector<Mat3>& orientations)
     : machine_(machine), directions_(orientations.size()) {
   groups_.resize((directions_ + kLanes - 1) / kLanes);
   for (std::size_t d = 0; d < groups_.size() * kLanes; ++d) {
@@ -264,7 +249,7 @@ struct LegKernelBody {
   template <LegQuestion Question>
   POLYPOD_INLINE static void run(const LegKernel& k, const Vec3& p, LegKernel::Answer& answer) {
     std::array<double, 3> sum{};
-    const SixLegMachine& m = k.machine_;
+    const machine::LegLayout& m = k.machine_;
     for (std::size_t g = 0; g < k.groups_.size(); ++g) {
       const LegKernel::Group& group = k.groups_[g];
       Lanes K[6][6], along_rail[6], slider[6];

@@ -6,21 +6,13 @@
 #include <optional>
 #include <vector>
 
+#include "polypod/families/hexapod/parts.hpp"
 #include "polypod/quality/survey.hpp"
 
 namespace polypod::quality {
 
-/// Six legs between anchors and platform joints, on struts or on rails.
-struct SixLegMachine {
-  bool rails = false;
-  std::array<Vec3, 6> anchor;           ///< base joints, or the outer ends of the rails
-  std::array<Vec3, 6> rail;             ///< unit directions
-  std::array<double, 6> rail_length{};  ///< m
-  std::array<double, 6> leg_length{};   ///< of legs on rails, m
-  std::array<Vec3, 6> end;              ///< platform joints in T
-};
-/// Empty for machines of other families.
-std::optional<SixLegMachine> six_leg_machine(const AnyMachine& machine);
+/// The legs of machines whose family says them (leg_layout); nothing of others.
+std::optional<machine::LegLayout> six_legs_of(const AnyMachine& machine);
 
 /// How far each leg may be off, or is: dl_i = length + base . w - platform . R^T w + joint (w . u on rails) + direction
 /// . w q_i. As tolerances the absolute values add up; of a ball the radius counts.
@@ -38,7 +30,7 @@ enum class LegQuestion {
 
 class LegKernel {
  public:
-  LegKernel(const SixLegMachine& machine, const std::vector<Mat3>& orientations);
+  LegKernel(const machine::LegLayout& machine, const std::vector<Mat3>& orientations);
 
   /// The elements as sizes of legs; false if one acts on more than a leg (the tool's length).
   bool set_sizes(const AnyMachine& machine, const std::vector<Sized>& sizes, Region region);
@@ -62,7 +54,7 @@ class LegKernel {
 
  private:
   friend struct LegKernelBody;
-  SixLegMachine machine_;
+  machine::LegLayout machine_;
   std::array<LegSizes, 6> sizes_{};
   std::vector<Group> groups_;
   std::size_t directions_ = 0;

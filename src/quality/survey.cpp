@@ -86,7 +86,7 @@ void ask_points(const AnyMachine& machine, const Survey& survey, LegQuestion que
 /// The kernel for errors of these sizes, if the machine has one.
 std::optional<LegKernel> kernel_for(const AnyMachine& machine, const Survey& survey, const std::vector<Sized>& sizes,
                                     Region region) {
-  const auto legs = six_leg_machine(machine);
+  const auto legs = six_legs_of(machine);
   if (!legs) return {};
   LegKernel kernel(*legs, survey.orientations);
   if (!kernel.set_sizes(machine, sizes, region)) return {};
@@ -96,26 +96,14 @@ std::optional<LegKernel> kernel_for(const AnyMachine& machine, const Survey& sur
 }  // namespace
 
 std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X) {
-  if (const auto* strut = std::get_if<machine::StrutHexapod>(&machine)) {
-    JointVector q(machine::kLegs);
-    machine::lengths(*strut, X, q.data());
-    return q;
-  }
-  if (const auto* slider = std::get_if<machine::SliderHexapod>(&machine)) {
-    JointVector q(machine::kLegs);
-    machine::SliderRoots roots[machine::kLegs];
-    machine::slider_roots(*slider, X, roots);
-    for (int i = 0; i < machine::kLegs; ++i) {
-      if (!roots[i].real) return {};
-      const double length = slider->rail_length[static_cast<std::size_t>(i)];
-      const auto on_rail = [&](double s) { return s >= 0 && s <= length; };
-      q[i] = !on_rail(roots[i].outer) && on_rail(roots[i].inner) ? roots[i].inner : roots[i].outer;
-    }
-    return q;
-  }
-  const kinematics::InverseResult result = kinematics::inverse(machine, X);
-  if (const kinematics::Solution* s = result.reachable()) return s->joints;
-  return {};
+  return std::visit(
+      [&](const auto& m) -> std::optional<JointVector> {
+        if constexpr (requires { joints_of_legs(m, X); }) return joints_of_legs(m, X);
+        const kinematics::InverseResult result = kinematics::inverse(machine, X);
+        if (const kinematics::Solution* s = result.reachable()) return s->joints;
+        return {};
+      },
+      machine);
 }
 
 Pose pose_at(const Survey& survey, std::size_t point, int direction) {
@@ -215,7 +203,7 @@ Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& 
   DexterityField out;
   out.length = length;
   std::optional<LegKernel> kernel;
-  if (const auto legs = six_leg_machine(machine)) {
+  if (const auto legs = six_legs_of(machine)) {
     kernel.emplace(*legs, survey.orientations);
     kernel->set_length(length);
     out.length = kernel->length();

@@ -101,7 +101,7 @@ TEST(Survey, AllSignsOfTheLegsAreTried) {
     const auto all = elements(any);
     for (std::size_t e = 0; e < all.size(); ++e)
       if (all[e].group == "leg.length") sizes.push_back({static_cast<int>(e), 1e-5 * std::exp(normal(random))});
-    LegKernel kernel(*six_leg_machine(any), {Mat3::Identity()});
+    LegKernel kernel(*six_legs_of(any), {Mat3::Identity()});
     ASSERT_TRUE(kernel.set_sizes(any, sizes, Region::box));
     const Pose X{Mat3::Identity(), Vec3(0, 0, 0.075)};
     const auto answer = kernel.ask(LegQuestion::tolerance, X.p);
@@ -109,7 +109,7 @@ TEST(Survey, AllSignsOfTheLegsAreTried) {
     EXPECT_NEAR(answer.mean[0] / exact->position, 1, 1e-9) << k;
     EXPECT_NEAR(answer.mean[1] / exact->orientation, 1, 1e-9) << k;
     // Which pattern: the strut errors that give the farthest point.
-    const auto& legs = *six_leg_machine(any);
+    const auto legs = *six_legs_of(any);
     int pattern = 0, last = 0;
     for (int i = 0; i < 6; ++i) {
       const Vec3 arm = legs.end[i], y = X.p + arm - legs.anchor[i], w = y.normalized();

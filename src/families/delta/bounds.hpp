@@ -2,6 +2,8 @@
 // The limits of deltas over boxes of tool positions.
 #pragma once
 
+#include <fmt/format.h>
+
 #include "../../workspace/first_order.hpp"
 #include "../../workspace/linear.hpp"
 #include "../hexapod/bounds.hpp"

@@ -138,4 +138,43 @@ Outline outline(const SliderHexapod& m, const Vec3&) {
   return out;
 }
 
+std::optional<JointVector> joints_of_legs(const StrutHexapod& m, const Pose& X_MT) {
+  JointVector q(kLegs);
+  lengths(m, X_MT, q.data());
+  return q;
+}
+std::optional<JointVector> joints_of_legs(const SliderHexapod& m, const Pose& X_MT) {
+  JointVector q(kLegs);
+  SliderRoots roots[kLegs];
+  slider_roots(m, X_MT, roots);
+  for (int i = 0; i < kLegs; ++i) {
+    if (!roots[i].real) return {};
+    const double length = m.rail_length[static_cast<std::size_t>(i)];
+    const auto on_rail = [&](double s) { return s >= 0 && s <= length; };
+    q[i] = !on_rail(roots[i].outer) && on_rail(roots[i].inner) ? roots[i].inner : roots[i].outer;
+  }
+  return q;
+}
+
+LegLayout leg_layout(const StrutHexapod& m) {
+  LegLayout out;
+  out.anchor = m.base_joint;
+  out.end = m.platform_joint;
+  for (Vec3& e : out.end) e.z() -= m.tool_length;
+  return out;
+}
+LegLayout leg_layout(const SliderHexapod& m) {
+  LegLayout out;
+  out.rails = true;
+  out.anchor = m.rail_outer;
+  out.rail = m.rail_direction;
+  out.end = m.platform_joint;
+  for (std::size_t i = 0; i < kLegs; ++i) {
+    out.rail_length[i] = m.rail_length[i];
+    out.leg_length[i] = m.length_of_leg(static_cast<int>(i));
+  }
+  for (Vec3& e : out.end) e.z() -= m.tool_length;
+  return out;
+}
+
 }  // namespace polypod::machine

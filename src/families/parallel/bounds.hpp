@@ -3,6 +3,8 @@
 // that follow are enclosed by an interval Newton step on the constraints.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <Eigen/QR>
 
 #include "../../workspace/domain_number.hpp"

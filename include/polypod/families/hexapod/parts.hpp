@@ -2,6 +2,9 @@
 // What gives way on a hexapod, how far it reaches, how it looks.
 #pragma once
 
+#include <array>
+#include <optional>
+
 #include "polypod/families/hexapod/slider_kinematics.hpp"
 #include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/machine/parts.hpp"
@@ -26,5 +29,22 @@ Vec3 middle_of_work(const SliderHexapod& m);
 /// At home: base or rails, legs, platform and tool.
 Outline outline(const StrutHexapod& m, const Vec3& tip);
 Outline outline(const SliderHexapod& m, const Vec3& tip);
+
+/// The joints that the legs take at a pose whatever limits they break: strut lengths; on rails the root of the outer
+/// end where it lies on its rail. Nothing where a leg does not reach its rail.
+std::optional<JointVector> joints_of_legs(const StrutHexapod& m, const Pose& X_MT);
+std::optional<JointVector> joints_of_legs(const SliderHexapod& m, const Pose& X_MT);
+
+/// Six legs between anchors and platform joints, for loops over many poses.
+struct LegLayout {
+  bool rails = false;
+  std::array<Vec3, kLegs> anchor;           ///< base joints, or the outer ends of the rails
+  std::array<Vec3, kLegs> rail;             ///< unit directions
+  std::array<double, kLegs> rail_length{};  ///< m
+  std::array<double, kLegs> leg_length{};   ///< of legs on rails, m
+  std::array<Vec3, kLegs> end;              ///< platform joints in T
+};
+LegLayout leg_layout(const StrutHexapod& m);
+LegLayout leg_layout(const SliderHexapod& m);
 
 }  // namespace polypod::machine
