@@ -296,6 +296,14 @@ class Pass {
     return d.z() < 0 && d.dot(now.direction(now.length())) > std::cos(options_.smooth_angle);
   }
 
+  /// How far the next move goes down in its first `way`, m.
+  [[nodiscard]] double next_fall(std::size_t index, double way) const {
+    if (index + 1 >= moves_.size() || !(way > 0)) return 0;
+    const gcode::Move& next = moves_[index + 1].move;
+    if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return 0;
+    return std::max(0.0, -next.direction(0).z()) * std::min(way, next.length());
+  }
+
   [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
 
   /// Fills deflection, force and engagement of the point at s.
@@ -331,12 +339,18 @@ class Pass {
     footprint_.any = false;
     const double fall = -d.z() * ahead;
     const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
-    const bool descends = descends_on(index);
-    if (fall > kLeastFall && (s < length || ideal || descends)) {
+    if (fall > kLeastFall && (s < length || ideal || descends_on(index))) {
       Vec3 over = bends ? Vec3(p.x() + deflection_.x(), p.y() + deflection_.y(), p.z()) : p;
-      // Nor does it meet what stands below the end of the way down.
-      if (!descends) over.z() += std::max(0.0, fall + d.z() * (length - s));
+      // Nor does it meet what stands below the end of the way down; where it cuts up to there and the next move goes on
+      // down, what that comes to.
+      const double beyond_end = std::max(0.0, fall + d.z() * (length - s));
+      over.z() += beyond_end;
       cutting::look_down(stock_, over, radius, feed, fall, footprint_);
+      const double next = std::min(beyond_end, next_fall(index, ahead - (length - s)));
+      if (footprint_.any && next > 0) {
+        over.z() -= next;
+        cutting::look_down(stock_, over, radius, feed, fall, footprint_);
+      }
     }
     if (!(profile_.max_depth > kNoCut) && !footprint_.any) {
       deflection_.setZero();

@@ -56,14 +56,13 @@ class HexapodJudge {
   std::vector<double> p_;
 };
 
-template <class M>
-requires requires(const M& m) {
-  m.base_joint;
-} || requires(const M& m) {
-  m.rail_outer;
+inline std::optional<HexapodJudge<machine::StrutHexapod>> pose_judge(const machine::StrutHexapod& m,
+                                                                     const Options& options) {
+  return HexapodJudge<machine::StrutHexapod>(m, options);
 }
-std::optional<HexapodJudge<M>> pose_judge(const M& m, const Options& options) {
-  return HexapodJudge<M>(m, options);
+inline std::optional<HexapodJudge<machine::SliderHexapod>> pose_judge(const machine::SliderHexapod& m,
+                                                                      const Options& options) {
+  return HexapodJudge<machine::SliderHexapod>(m, options);
 }
 
 }  // namespace polypod::workspace
