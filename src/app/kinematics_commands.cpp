@@ -74,10 +74,22 @@ Json joint_ranges_json(const machine::AnyMachine& m) {
   return out;
 }
 
+/// Whether the machine moves coordinates that its task does not prescribe, as the tilt of a Tricept.
+bool moves_more_than_its_task(const machine::AnyMachine& m) {
+  const machine::Task task = kinematics::task(m);
+  return task.size() < 6 && !task.names_axis() && (task != machine::Task::point || kinematics::orientation_follows(m));
+}
+
+void print_whole_pose(const Json& pose) {
+  fmt::print("the whole pose x, y, z, A, B, C: {}\n", pose_in_words(pose));
+}
+
 Json pose_json(const machine::AnyMachine& m, const Pose& X, double residual, const machine::JointVector& q) {
-  return {{"pose", pose_for_user(m, X)},
-          {"residual", residual},
-          {"violations", kinematics::limit_names(m, kinematics::violations(m, X, q))}};
+  Json out{{"pose", pose_for_user(m, X)},
+           {"residual", residual},
+           {"violations", kinematics::limit_names(m, kinematics::violations(m, X, q))}};
+  if (moves_more_than_its_task(m)) out["whole_pose"] = whole_pose_for_user(X);
+  return out;
 }
 
 std::string in_words(const std::vector<std::string>& violations) {
@@ -241,66 +253,62 @@ void print_twist(const Json& twist) {
 
 Command ik_command() {
   auto o = std::make_shared<MachineOptions>();
-  return {
-      "ik", "Inverse kinematics: joints of a pose, all branches, violated limits",
-      "polypod ik lola50 --pose 0,-1300,0,10,-5",
-      [o](Arguments& a) {
-        declare_machine(a, o->machine, o->sets);
-        a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-        a.flag("--free-twist", o->free_twist, "Turn about the tool axis to the nearest angle that keeps all limits");
-      },
-      [o](const Context& context) -> Result<int> {
-        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
-        if (!kinematics::task(m).turns()) {
-          POLYPOD_TRY(refuse(context, {"--free-twist"}, "it serves machines that can turn their tool"));
-        }
-        Json twist;
-        if (o->free_twist) twist = turn_freely(m, X);
-        const kinematics::InverseResult result = kinematics::inverse(m, X);
-        const bool reachable = result.reachable() != nullptr;
-        Json solutions = Json::array();
-        const kinematics::Solution* best = nullptr;
-        for (const kinematics::Solution& s : result.solutions) {
-          if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
-          Json entry{{"joints", joints_for_user(m, s.joints)},
-                     {"branch", kinematics::branch_name(m, s.branch)},
-                     {"pose", whole_pose_for_user(kinematics::settled(m, X, s.joints))},
-                     {"violations", kinematics::limit_names(m, s.violations)}};
-          if (s.singular) entry["singular"] = true;
-          solutions.push_back(entry);
-        }
-        std::vector<std::string> violations;
-        if (best != nullptr) violations = kinematics::limit_names(m, best->violations);
-        if (best == nullptr) violations.push_back(result.reason);
-        if (context.json) {
-          Json document{{"reachable", reachable},
-                        {"converged", result.converged},
-                        {"violations", violations},
-                        {"solutions", solutions}};
-          if (o->free_twist) document["twist"] = twist;
-          print_json(document);
-          return reachable ? kDone : kAnswerIsNo;
-        }
-        if (o->free_twist) print_twist(twist);
-        if (result.solutions.empty()) {
-          fmt::print("no solution: {}\n", result.reason);
-        } else {
-          for (const kinematics::Solution& s : result.solutions) {
-            fmt::print("{:<32} {}{}\n  {}\n", kinematics::branch_name(m, s.branch),
-                       in_words(kinematics::limit_names(m, s.violations)), s.singular ? " (singular)" : "",
-                       joints_in_words(m, s.joints));
-          }
-          const machine::Task task = kinematics::task(m);
-          if (task.size() < 6 && !task.names_axis() &&
-              (task != machine::Task::point || kinematics::orientation_follows(m))) {
-            fmt::print(
-                "the whole pose x, y, z, A, B, C: {}\n",
-                pose_in_words(Json(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)))));
-          }
-        }
-        return reachable ? kDone : kAnswerIsNo;
-      }};
+  return {"ik", "Inverse kinematics: joints of a pose, all branches, violated limits",
+          "polypod ik lola50 --pose 0,-1300,0,10,-5",
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+            a.flag("--free-twist", o->free_twist,
+                   "Turn about the tool axis to the nearest angle that keeps all limits");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+            if (!kinematics::task(m).turns()) {
+              POLYPOD_TRY(refuse(context, {"--free-twist"}, "it serves machines that can turn their tool"));
+            }
+            Json twist;
+            if (o->free_twist) twist = turn_freely(m, X);
+            const kinematics::InverseResult result = kinematics::inverse(m, X);
+            const bool reachable = result.reachable() != nullptr;
+            Json solutions = Json::array();
+            const kinematics::Solution* best = nullptr;
+            for (const kinematics::Solution& s : result.solutions) {
+              if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
+              Json entry{{"joints", joints_for_user(m, s.joints)},
+                         {"branch", kinematics::branch_name(m, s.branch)},
+                         {"pose", whole_pose_for_user(kinematics::settled(m, X, s.joints))},
+                         {"violations", kinematics::limit_names(m, s.violations)}};
+              if (s.singular) entry["singular"] = true;
+              solutions.push_back(entry);
+            }
+            std::vector<std::string> violations;
+            if (best != nullptr) violations = kinematics::limit_names(m, best->violations);
+            if (best == nullptr) violations.push_back(result.reason);
+            if (context.json) {
+              Json document{{"reachable", reachable},
+                            {"converged", result.converged},
+                            {"violations", violations},
+                            {"solutions", solutions}};
+              if (o->free_twist) document["twist"] = twist;
+              print_json(document);
+              return reachable ? kDone : kAnswerIsNo;
+            }
+            if (o->free_twist) print_twist(twist);
+            if (result.solutions.empty()) {
+              fmt::print("no solution: {}\n", result.reason);
+            } else {
+              for (const kinematics::Solution& s : result.solutions) {
+                fmt::print("{:<32} {}{}\n  {}\n", kinematics::branch_name(m, s.branch),
+                           in_words(kinematics::limit_names(m, s.violations)), s.singular ? " (singular)" : "",
+                           joints_in_words(m, s.joints));
+              }
+              if (moves_more_than_its_task(m)) {
+                print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));
+              }
+            }
+            return reachable ? kDone : kAnswerIsNo;
+          }};
 }
 
 Command fk_command() {
@@ -340,6 +348,7 @@ Command fk_command() {
         } else {
           for (const Json& p : poses) {
             fmt::print("{}\n  {}\n", pose_in_words(p["pose"]), in_words(p["violations"]));
+            if (p.contains("whole_pose")) print_whole_pose(p["whole_pose"]);
           }
           if (poses.empty()) fmt::print("no pose: {}\n", why);
           if (o->all && !poses.empty()) {

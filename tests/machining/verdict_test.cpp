@@ -257,9 +257,9 @@ TEST(Verdict, ATransitionOnWhichTheToolGoesOnIsNotWithinTheTube) {
 /// A feed down to the surface of the stock cuts nothing, whatever stands below its end.
 TEST(Verdict, AFeedDownToTheSurfaceIsNoCut) {
   for (const char* height : {"Z0", "Z0.2"}) {
-    const auto e = testing::with_program(
-        "slavkovic_groove", std::string("G21 G90 G17 G94\nT1 M6\nS12000 M3\nG0 X-20 Y0 Z5\nG1 ") + height +
-                                " F300\nG1 X0 Z-2 F600\nG1 X20\nG0 Z5\nM2\n");
+    const auto e =
+        testing::with_program("slavkovic_groove", std::string("G21 G90 G17 G94\nT1 M6\nS12000 M3\nG0 X-20 Y0 Z5\nG1 ") +
+                                                      height + " F300\nG1 X0 Z-2 F600\nG1 X20\nG0 Z5\nM2\n");
     machining::PredictOptions fine;
     fine.step = 0.1e-3;
     for (const machining::MovePrediction& m : testing::predict(e, fine).moves) EXPECT_NE(m.line, 5) << height;
