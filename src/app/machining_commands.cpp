@@ -108,7 +108,8 @@ Json steep_json(const machining::Steep& s) {
 void print_steep(const machining::Steep& s) {
   if (!(s.distance > 0)) return;
   fmt::print(
-      "not judged: {:.1f} mm of the cut, where the force changes quickly: the bend lags behind it, and where it changes is "
+      "not judged: {:.1f} mm of the cut, where the force changes quickly: the bend lags behind it, and where it "
+      "changes is "
       "known to the {:.2f} mm ahead on which the engagement is averaged; the tool may be up to {:.0f} um from the "
       "programmed path (line {})\n",
       to_mm(s.length), to_mm(s.window), to_um(s.distance), s.line);

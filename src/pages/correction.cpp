@@ -141,11 +141,12 @@ class Page {
     if (const machining::Steep& steep = c_.after.steep; steep.distance > 0) {
       report_.add_verdict(
           Verdict::neutral,
-          fmt::format("Not judged: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
-                      "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
-                      "engagement is averaged: the tool may be up to {} {} from the programmed path (line {}).",
-                      fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
-                      fixed(to_um(steep.distance), 0), kUm, steep.line));
+          fmt::format(
+              "Not judged: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
+              "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
+              "engagement is averaged: the tool may be up to {} {} from the programmed path (line {}).",
+              fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
+              fixed(to_um(steep.distance), 0), kUm, steep.line));
     }
     if (c_.largest_after > c_.largest_before) {
       report_.add_verdict(Verdict::bad, "The largest distance is not smaller than that of the program as it is.");

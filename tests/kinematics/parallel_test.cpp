@@ -468,7 +468,8 @@ TEST(Files, ThatDoNotCloseAreRefusedWithTheReason) {
   ASSERT_NE(task, std::string::npos) << text;
   const auto refused = machine::from_text(text.replace(task, 3, "\"C\""), "swapped.toml");
   ASSERT_FALSE(refused);
-  EXPECT_NE(to_string(refused.error()).find("C follows from the constraints already and x, B are left"), std::string::npos)
+  EXPECT_NE(to_string(refused.error()).find("C follows from the constraints already and x, B are left"),
+            std::string::npos)
       << to_string(refused.error());
   // Parallel struts with equal triangles: mobile at home.
   EXPECT_EQ(id_of(head + R"(leg = [

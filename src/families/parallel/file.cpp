@@ -272,14 +272,14 @@ Status check_constraints(const config::Table& table, const Parallel& m) {
       if (m.task.holds(c) && rank_with(passive.A, c) == held) follow.emplace_back(name_of(c));
       if (!m.task.holds(c) && rank_with(both, c) > together) free.emplace_back(name_of(c));
     }
-    return fail("MA156",
-                fmt::format("{}, but at home {} from the constraints already and {} left to nothing", counts,
-                            follow.empty() ? "some of these follow"
-                                           : fmt::format("{} follow{}", fmt::join(follow, ", "),
-                                                         follow.size() == 1 ? "s" : ""),
-                            free.empty() ? "a motion is"
-                                         : fmt::format("{} {}", fmt::join(free, ", "), free.size() == 1 ? "is" : "are")),
-                table.place_of("task"), "put what is left to nothing into the task, in the place of what follows");
+    return fail(
+        "MA156",
+        fmt::format("{}, but at home {} from the constraints already and {} left to nothing", counts,
+                    follow.empty() ? "some of these follow"
+                                   : fmt::format("{} follow{}", fmt::join(follow, ", "), follow.size() == 1 ? "s" : ""),
+                    free.empty() ? "a motion is"
+                                 : fmt::format("{} {}", fmt::join(free, ", "), free.size() == 1 ? "is" : "are")),
+        table.place_of("task"), "put what is left to nothing into the task, in the place of what follows");
   }
   if (together < 6) {
     return fail("MA156",
