@@ -698,11 +698,17 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   if (result.after.pass.points > kTryRemediesBelow) return out;
   CorrectOptions quiet = options;
   quiet.keep_samples = quiet.verify = false;  // a first look; whoever follows the advice is told the whole
+  // What holds after a few rounds is advice; a program on which many do not help is answered before long.
+  constexpr int kRounds = 3;
+  quiet.rounds = std::min(quiet.rounds, kRounds);
   const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
   Job wider = job;
   // The smallest of these that does: how far the failed try was off says little of what would do.
-  for (double um = units::to_um(job.tolerance), most = 2 * std::max(um, units::to_um(result.largest_after));
-       um < most;) {
+  constexpr double kWidest = 10, kWide = 500;  // times the tolerance, or um: nobody asked for more
+  const double asked = units::to_um(job.tolerance);
+  const double most =
+      std::min(std::max(kWidest * asked, kWide), 2 * std::max(asked, units::to_um(result.largest_after)));
+  for (double um = asked; um < most;) {
     um = std::ceil(um * 1.25);
     wider.tolerance = units::from_um(um);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
@@ -732,9 +738,9 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
     std::string where;
     std::vector<double> factors;
   };
-  for (const Slower& slower : {Slower{which, lines, {0.75, 0.5, 0.33, 0.2, 0.1}},
-                               Slower{before, lines + " and the moves before them", {0.5, 0.2}},
-                               Slower{all, "the whole program", {0.5, 0.2}}}) {
+  for (const Slower& slower :
+       {Slower{which, lines, {0.75, 0.5, 0.25, 0.1}}, Slower{before, lines + " and the moves before them", {0.5, 0.2}},
+        Slower{all, "the whole program", {0.2}}}) {
     for (const double factor : slower.factors) {
       Corrector corrector(job, program, accepted, quiet);
       corrector.scale_feeds(slower.moves, factor);
