@@ -105,14 +105,15 @@ Json steep_json(const machining::Steep& s) {
           {"window_mm", to_mm(s.window)}};
 }
 
-void print_steep(const machining::Steep& s) {
+/// `at`: "" or ", with block delete on".
+void print_steep(const machining::Steep& s, const std::string& at = "") {
   if (!(s.distance > 0)) return;
   fmt::print(
-      "not judged: {:.1f} mm of the cut, where the force changes quickly: the bend lags behind it, and where it "
-      "changes is "
-      "known to the {:.2f} mm ahead on which the engagement is averaged; the tool may be up to {:.0f} um from the "
+      "not judged{}: {:.1f} mm of the cut, where the force changes quickly: the bend lags behind it, and where it "
+      "changes "
+      "is known to the {:.2f} mm ahead on which the engagement is averaged; the tool may be up to {:.0f} um from the "
       "programmed path (line {})\n",
-      to_mm(s.length), to_mm(s.window), to_um(s.distance), s.line);
+      at, to_mm(s.length), to_mm(s.window), to_um(s.distance), s.line);
 }
 
 /// In um, without the noise that the conversion leaves.
@@ -139,7 +140,8 @@ void add_other_switch(Json& document, const std::optional<machining::OtherSwitch
   document["other_block_delete"] = {{"block_delete", other->block_delete},
                                     {"distance_before_um", to_um(other->distance_before)},
                                     {"distance_after_um", to_um(other->distance_after)},
-                                    {"within_tolerance", other->within_tolerance}};
+                                    {"within_tolerance", other->within_tolerance},
+                                    {"steep_not_judged", steep_json(other->steep)}};
 }
 
 void print_other_switch(const std::optional<machining::OtherSwitch>& other) {
@@ -147,6 +149,7 @@ void print_other_switch(const std::optional<machining::OtherSwitch>& other) {
   fmt::print("block delete   {}: up to {:.1f} um from the programmed path, {} the tolerance\n",
              other->block_delete ? "on" : "off", to_um(other->distance_after),
              other->within_tolerance ? "within" : "beyond");
+  print_steep(other->steep, fmt::format(", with block delete {}", other->block_delete ? "on" : "off"));
 }
 
 /// um, the largest tube that makes sense

@@ -97,17 +97,15 @@ Result<Numbers> workspace_numbers(const Options& o, const machine::AnyMachine& m
   POLYPOD_ASSIGN(options, o.where.workspace.options(m, context));
   POLYPOD_ASSIGN(v, workspace::volume(m, options));
   if (!kinematics::task(m).places()) {
-    const Json region = region_json(m, v);
-    std::string unit = region["measure_unit"].get<std::string>();
-    std::replace(unit.begin(), unit.end(), ' ', '_');
-    const auto number = [&](const char* key) { return region[key].get<double>(); };
-    return Numbers{{{"measure_" + unit, number("measure")},
-                    {"measure_lower_" + unit, number("measure_lower")},
-                    {"measure_upper_" + unit, number("measure_upper")}},
+    Region region = region_of(m, v);
+    std::replace(region.unit.begin(), region.unit.end(), ' ', '_');
+    return Numbers{{{"measure_" + region.unit, region.measure},
+                    {"measure_lower_" + region.unit, region.lower},
+                    {"measure_upper_" + region.unit, region.upper}},
                    v.converged,
                    {},
                    {},
-                   region};
+                   region_json(m, v)};
   }
   return Numbers{{{"volume_mm3", units::to_mm3(v.volume)},
                   {"volume_lower_mm3", units::to_mm3(v.lower)},

@@ -151,15 +151,23 @@ Json volume_json(const workspace::Volume& v) {
           {"seconds", v.seconds}};
 }
 
+Region region_of(const machine::AnyMachine& machine, const workspace::Volume& v) {
+  const machine::Task task = kinematics::task(machine);
+  Region out{v.volume, v.lower, v.upper, ""};
+  for (int i = 0; i < task.size(); ++i) {
+    const char* unit = task.is_angle(i) ? "deg" : "mm";
+    for (double* measure : {&out.measure, &out.lower, &out.upper}) *measure *= units::to_user(1, unit);
+    out.unit += (i > 0 ? " " : "") + std::string(unit);
+  }
+  return out;
+}
+
 Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v) {
   const machine::Task task = kinematics::task(machine);
-  double factor = 1;
-  std::string product;
+  const Region region = region_of(machine, v);
   Json names = Json::array(), unit = Json::array(), low = Json::array(), high = Json::array();
   for (int i = 0; i < task.size(); ++i) {
     const char* of = task.is_angle(i) ? "deg" : "mm";
-    factor *= units::to_user(1, of);
-    product += (i > 0 ? " " : "") + std::string(of);
     names.push_back(machine::name_of(task[i]));
     unit.push_back(of);
     low.push_back(units::to_user(v.min[i], of));
@@ -168,10 +176,10 @@ Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v)
   return {{"volume_mm3", Json()},
           {"coordinates", names},
           {"coordinate_units", unit},
-          {"measure", factor * v.volume},
-          {"measure_lower", factor * v.lower},
-          {"measure_upper", factor * v.upper},
-          {"measure_unit", product},
+          {"measure", region.measure},
+          {"measure_lower", region.lower},
+          {"measure_upper", region.upper},
+          {"measure_unit", region.unit},
           {"bounds", {{"min", low}, {"max", high}}},
           {"proven", v.proven},
           {"points", v.points},
@@ -243,14 +251,15 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
   quiet.progress = nullptr;
   POLYPOD_ASSIGN(v, workspace::volume(m, quiet));
   const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
-  Json document = region_json(m, v);
-  document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
   if (context.json) {
+    Json document = region_json(m, v);
+    document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
     print_json(document);
   } else if (v.empty) {
     fmt::print("no coordinates of the task are reachable (proven with {} boxes)\n", v.points);
   } else {
     const machine::Task task = kinematics::task(m);
+    const Region region = region_of(m, v);
     std::string text;
     for (int i = 0; i < task.size(); ++i) {
       const char* of = task.is_angle(i) ? "deg" : "mm";
@@ -260,9 +269,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     fmt::print(
         "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
         "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n{}",
-        document["measure"].get<double>(), document["measure_unit"].get<std::string>(),
-        document["measure_lower"].get<double>(), document["measure_upper"].get<double>(), text, v.points, v.seconds,
-        beyond_text(beyond));
+        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_text(beyond));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }

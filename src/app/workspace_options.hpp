@@ -30,7 +30,13 @@ Result<std::size_t> memory_argument(const std::string& text);
 bool came_within(const workspace::Volume& v, const workspace::Options& options);
 
 Json volume_json(const workspace::Volume& v);
-/// The same of a machine whose task does not hold x, y, z, in the coordinates of the task.
+/// The volume of a machine whose task does not hold x, y, z, in the coordinates of the task: mm and deg.
+struct Region {
+  double measure = 0, lower = 0, upper = 0;
+  std::string unit;  ///< "mm deg deg"
+};
+Region region_of(const machine::AnyMachine& machine, const workspace::Volume& v);
+/// volume_json of such a machine.
 Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v);
 
 }  // namespace polypod::app

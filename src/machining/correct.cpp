@@ -626,6 +626,7 @@ class Corrector {
     other.distance_before = corners_of(job_, program_, as_it_was, before, inside()).largest_with;
     other.distance_after = corners_of(job_, out_.program, way, after, inside()).largest_with;
     other.within_tolerance = other.distance_after <= inside() && after.not_judged.empty();
+    other.steep = after.steep;
     return {};
   }
 

@@ -431,6 +431,7 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
   other.distance_before = other.distance_after =
       corners_of(job, program, way, p, job.tolerance - resolution(job)).largest_with;
   other.within_tolerance = other.distance_after <= job.tolerance - resolution(job) && p.not_judged.empty();
+  other.steep = p.steep;
   return other;
 }
 

@@ -108,7 +108,7 @@ class Watch {
     if (!drive_positions(m_, X, q.data())) return LimitBits{1} << kReach | singular;
     auto g =
         limits(m_, Pose{Mat3::Identity(), X}, std::span<const double>(q.data(), q.size()), std::span<const double>(p_));
-    for (double& value : g) value += machine::delta_detail::kLimitSlack;
+    for (double& value : g) value += kinematics::kLimitSlack;
     LimitBits bits = kinematics::violated(g);
     if (singular != 0 && closeness(m_, X).least() < options_.singular) bits |= singular;
     return bits;

@@ -114,6 +114,19 @@ class Page {
 
   [[nodiscard]] bool mirror() const { return options_.method == CorrectMethod::mirror; }
 
+  /// `at`: " with block delete on", or nothing.
+  void not_judged(const machining::Steep& steep, const std::string& at) {
+    if (!(steep.distance > 0)) return;
+    report_.add_verdict(
+        Verdict::neutral,
+        fmt::format(
+            "Not judged{}: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
+            "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
+            "engagement is averaged: the tool may be up to {} {} from the programmed path (line {}).",
+            at, fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
+            fixed(to_um(steep.distance), 0), kUm, steep.line));
+  }
+
   void answer() {
     report_.add_section("Does the deflected tool stay within the tolerance?");
     const std::string checked = fmt::format("{} of the program that was written were checked, at most 0.1 mm apart{}",
@@ -138,15 +151,10 @@ class Page {
                                               : " It was written all the same, with these moves as near as they go."));
       outside();
     }
-    if (const machining::Steep& steep = c_.after.steep; steep.distance > 0) {
-      report_.add_verdict(
-          Verdict::neutral,
-          fmt::format(
-              "Not judged: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
-              "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
-              "engagement is averaged: the tool may be up to {} {} from the programmed path (line {}).",
-              fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
-              fixed(to_um(steep.distance), 0), kUm, steep.line));
+    not_judged(c_.after.steep, "");
+    if (c_.other_switch) {
+      not_judged(c_.other_switch->steep,
+                 fmt::format(" with block delete {}", c_.other_switch->block_delete ? "on" : "off"));
     }
     if (c_.largest_after > c_.largest_before) {
       report_.add_verdict(Verdict::bad, "The largest distance is not smaller than that of the program as it is.");

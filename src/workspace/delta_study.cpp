@@ -25,7 +25,7 @@ class Study {
     const auto g =
         limits(m_, Pose{Mat3::Identity(), X}, std::span<const double>(q.data(), q.size()), std::span<const double>(p_));
     return std::all_of(g.begin(), g.begin() + machine::DeltaLimits::kFirstBody,
-                       [](double value) { return value >= -machine::delta_detail::kLimitSlack; });
+                       [](double value) { return value >= -kinematics::kLimitSlack; });
   }
 
   [[nodiscard]] DeltaPoint at(const Vec3& X) const {

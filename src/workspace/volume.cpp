@@ -105,8 +105,8 @@ bool has_bounds(const AnyMachine& machine) {
   return std::visit(
       [](const auto& m) {
         if constexpr (requires { machine::WristInverse::of(m); }) return machine::WristInverse::of(m).has_value();
-        return !requires {
-          m.kAnyPosture;
+        return requires(const Options& options) {
+          bounds_of(m, options);
         };
       },
       machine);

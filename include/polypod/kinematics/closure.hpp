@@ -35,14 +35,13 @@ double closure_residual(const M& m, const Pose& X, const JointVector& q) {
   return closure(m, X, joints, std::span<const double>(p)).cwiseAbs().maxCoeff();
 }
 
-/// The limits below 0 with the nominal parameters; one that is missed by rounding alone (1e-10) is kept.
+/// The limits below -kLimitSlack with the nominal parameters.
 template <Machine M>
 LimitBits violations_of_limits(const M& m, const Pose& X, const JointVector& q) {
-  constexpr double kSlack = 1e-10;
   const std::vector<double> p = nominal_parameters(m);
   const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
   std::vector<double> g = limits(m, X, joints, std::span<const double>(p));
-  for (double& value : g) value += kSlack;
+  for (double& value : g) value += kLimitSlack;
   return violated(g);
 }
 

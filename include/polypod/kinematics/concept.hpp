@@ -63,6 +63,8 @@ concept Machine = requires(const M& m, int i, const PoseT<double>& X, std::span<
 
 /// Violated limits, one bit each, in the order of `limits(m, ...)`.
 using LimitBits = std::uint64_t;
+/// A limit that is missed by less than this is kept, in its unit (m, rad or none): rounding of the inverse.
+inline constexpr double kLimitSlack = 1e-10;
 
 /// Branches that a numeric search numbers count from here: "numeric-1", ...
 inline constexpr unsigned kNumericBranch = 1U << 16;

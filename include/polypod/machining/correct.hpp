@@ -77,8 +77,10 @@ struct Correction {
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
   int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
 
-  /// Whether `within_tolerance` answers for all of the cut: else for all but steep places.
-  [[nodiscard]] bool all_judged() const { return !(after.steep.distance > 0); }
+  /// Whether `within_tolerance` answers for all of the cut: else for all but steep places, at either switch position.
+  [[nodiscard]] bool all_judged() const {
+    return !(after.steep.distance > 0) && !(other_switch && other_switch->steep.distance > 0);
+  }
 };
 
 /// Corrects a program so that every point of every cutting move ends within `job.tolerance` of the programmed move and

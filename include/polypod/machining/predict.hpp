@@ -55,14 +55,6 @@ struct NotJudged {
   std::string why;
 };
 
-/// A program with the other position of the block delete switch.
-struct OtherSwitch {
-  bool block_delete = false;   ///< the position that was judged
-  double distance_before = 0;  ///< m, largest distance of the program as it is, corners counted
-  double distance_after = 0;   ///< m, the same of the corrected program
-  bool within_tolerance = false;
-};
-
 /// Where the force rises or falls quickly, as where a cutter comes out of the stock:
 /// - within the way ahead on which the engagement is averaged (look_ahead_length): there the bend may still be the one
 ///   of that way before;
@@ -74,6 +66,15 @@ struct Steep {
   double distance = 0;  ///< m, of the worst of them from the programmed move
   double window = 0;    ///< m, the way ahead there
   int line = 0;
+};
+
+/// A program with the other position of the block delete switch.
+struct OtherSwitch {
+  bool block_delete = false;   ///< the position that was judged
+  double distance_before = 0;  ///< m, largest distance of the program as it is, corners counted
+  double distance_after = 0;   ///< m, the same of the corrected program
+  bool within_tolerance = false;
+  Steep steep;  ///< not judged
 };
 
 struct Prediction {

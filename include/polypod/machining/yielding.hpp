@@ -29,7 +29,8 @@ struct Yielded {
 /// say h and a residual across; d is where that residual is 0, between the given directions by linear interpolation.
 /// Where the edges hold the tool against all of r it stands still. Of several balances the shortest step counts; where
 /// there is none, because the force jumps from one direction to the next, the direction that comes nearest. Along z the
-/// tip follows c + C F.
+/// tip follows c + C F, and what the end of the cutter meets is left out. Derived here; with `chip` the same in all
+/// directions and no edge it is the lag tau x' = c - x, tau the time in which the command covers the bend.
 ///
 /// `around`: at least three directions, evenly round the circle, in order. `passes` > 0. Cost: some 10 ns a direction.
 Yielded yield_step(const Vec3& before, const Vec3& command, const Mat3& C, std::span<const ForceAlong> around,

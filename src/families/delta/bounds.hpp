@@ -24,17 +24,12 @@ class DeltaBounds {
   DeltaBounds(const M& m, const Options& options) : m_(m), mask_(options.limits), singular_(options.singular_distance) {
     const auto& bodies = m.bodies;
     if (!options.interference || !(bodies.rod_diameter > 0)) return;
-    int bit = L::kRods;
-    for (int i = 0; i < machine::kMaxArms; ++i)
-      for (int j = i + 1; j < machine::kMaxArms; ++j, ++bit)
-        if (j < m.arms && heeds(bit)) pairs_.push_back({Other::rod, i, j, bit});
-    for (int i = 0; i < machine::kMaxArms; ++i)
-      for (int j = 0; j < machine::kMaxArms; ++j) {
-        if (i == j) continue;
-        if (i < m.arms && j < m.arms && bodies.arm_diameter > 0 && heeds(bit))
-          pairs_.push_back({Other::arm, i, j, bit});
-        ++bit;
-      }
+    for (int i = 0; i < m.arms; ++i)
+      for (int j = i + 1; j < m.arms; ++j)
+        if (heeds(L::rods(i, j))) pairs_.push_back({Other::rod, i, j, L::rods(i, j)});
+    for (int i = 0; i < m.arms && bodies.arm_diameter > 0; ++i)
+      for (int j = 0; j < m.arms; ++j)
+        if (i != j && heeds(L::rod_arm(i, j))) pairs_.push_back({Other::arm, i, j, L::rod_arm(i, j)});
     for (int i = 0; i < m.arms; ++i)
       if (bodies.base_thickness > 0 && heeds(L::kBase + i)) pairs_.push_back({Other::base, i, i, L::kBase + i});
   }

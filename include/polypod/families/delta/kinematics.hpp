@@ -59,8 +59,7 @@ struct DeltaLimits {
 
 namespace delta_detail {
 
-// A limit that is missed by less than this is kept (m or rad): rounding of the inverse.
-inline constexpr double kLimitSlack = 1e-10;
+using kinematics::kLimitSlack;
 /// Parameters of a chain; those of the rod begin at kRod.
 inline constexpr std::size_t kStride = 10, kRod = 6;
 
