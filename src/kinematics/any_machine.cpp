@@ -230,10 +230,10 @@ InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const Jo
 Pose settled(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
   return std::visit(
       [&]<class M>(const M& m) -> Pose {
-        if constexpr (requires { settled(m, X_MT); }) {
-          return settled(m, X_MT).value_or(X_MT);
-        } else if constexpr (requires { settled(m, X_MT, q); }) {
+        if constexpr (requires { settled(m, X_MT, q); }) {
           return settled(m, X_MT, q);
+        } else if constexpr (requires { settled(m, X_MT); }) {
+          return settled(m, X_MT).value_or(X_MT);
         } else if constexpr (std::is_same_v<M, machine::SerialArm>) {
           return forward(m, q);
         } else if constexpr (machine::DeltaFamily<M>) {
@@ -285,8 +285,12 @@ std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
   return std::visit(
       [&](const auto& m) {
-        if constexpr (requires { settled(m, X_MT); }) return jacobian(m, settled(m, X_MT).value_or(X_MT), q);
-        return jacobian(m, X_MT, q);
+        if constexpr (requires { settled(m, X_MT, q); })
+          return jacobian(m, X_MT, q);  // which settles it
+        else if constexpr (requires { settled(m, X_MT); })
+          return jacobian(m, settled(m, X_MT).value_or(X_MT), q);
+        else
+          return jacobian(m, X_MT, q);
       },
       machine);
 }

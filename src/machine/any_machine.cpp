@@ -194,15 +194,22 @@ std::string without_indices(const std::string& key) {
 /// The machine that the first family of this name reads.
 template <class... F>
 Result<AnyMachine> read_as(FamilyList<F...>, const std::string& family, const config::Table& table) {
-  Result<AnyMachine> out = fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
-                                fmt::format("known: {}", fmt::join(std::array{F::kFamily...}, ", ")));
+  Result<AnyMachine> out = AnyMachine();
+  std::vector<std::string> known;
   const auto attempt = [&]<class M>(std::type_identity<M>) {
-    if (family != M::kFamily) return false;
+    if constexpr (requires { M::reads(family); }) {
+      for (const std::string& name : M::families()) known.push_back(name);
+      if (!M::reads(family)) return false;
+    } else {
+      known.emplace_back(M::kFamily);
+      if (family != M::kFamily) return false;
+    }
     out = M::from(table).map([](M&& m) { return AnyMachine(std::move(m)); });
     return true;
   };
-  (void)(attempt(std::type_identity<F>{}) || ...);
-  return out;
+  if ((attempt(std::type_identity<F>{}) || ...)) return out;
+  return fail("MA101", fmt::format("unknown family \"{}\"", family), table.place_of("family"),
+              fmt::format("known: {}", fmt::join(known, ", ")));
 }
 
 /// The table of a machine that a file names: another file, found from the folder of `from`, or a catalogue machine.
@@ -378,7 +385,12 @@ std::string name_of(const AnyMachine& machine) {
   return std::visit([](const auto& m) { return m.name; }, machine);
 }
 std::string family_of(const AnyMachine& machine) {
-  return std::visit([](const auto& m) { return std::string(m.kFamily); }, machine);
+  return std::visit(
+      [](const auto& m) {
+        if constexpr (requires { family_of(m); }) return family_of(m);
+        return std::string(m.kFamily);
+      },
+      machine);
 }
 const Provenance& provenance_of(const AnyMachine& machine) {
   return std::visit([](const auto& m) -> const Provenance& { return m.provenance; }, machine);

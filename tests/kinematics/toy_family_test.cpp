@@ -1,63 +1,17 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// How little a new family takes: a gantry of three crossed slides whose rails may be out of square. Its struct, seven
-// short functions, and it has forward and inverse kinematics, Jacobians, parameter errors and limits in intervals.
+// How little a new family takes: the gantry of examples/cpp, a struct and its closure, and what follows from them, by
+// itself and as machine::Own.
 #include <gtest/gtest.h>
 
+#include "examples/cpp/gantry.hpp"
 #include "kinematics/invariants.hpp"
+#include "polypod/core/random.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::toy {
 
-using machine::JointKind;
-using machine::JointRange;
-using machine::Parameter;
-using machine::Task;
-
-struct Gantry {
-  double travel = 0.5;       ///< m, of each slide
-  double out_of_square = 0;  ///< rad, of the y slide towards x
-};
-
-int joint_count(const Gantry&) {
-  return 3;
-}
-JointKind joint_kind(const Gantry&, int) {
-  return JointKind::prismatic;
-}
-JointRange joint_range(const Gantry& g, int) {
-  return {-g.travel, g.travel};
-}
-Task task(const Gantry&) {
-  return Task::point;
-}
-std::vector<Parameter> parameters(const Gantry& g) {
-  return {{"out_of_square", g.out_of_square, "deg"}};
-}
-
-template <class T>
-machine::ClosureVectorT<T> closure(const Gantry&, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
-  using std::cos, std::sin;
-  machine::ClosureVectorT<T> F(6);
-  F[0] = X.p[0] - q[0] + q[1] * sin(p[0]);
-  F[1] = X.p[1] - q[1] * cos(p[0]);
-  F[2] = X.p[2] - q[2];
-  F[3] = T(0.5) * (X.R(2, 1) - X.R(1, 2));  // the carriage does not turn
-  F[4] = T(0.5) * (X.R(0, 2) - X.R(2, 0));
-  F[5] = T(0.5) * (X.R(1, 0) - X.R(0, 1));
-  return F;
-}
-
-template <class T>
-std::vector<T> limits(const Gantry& g, const PoseT<T>&, std::span<const T> q, std::span<const T>) {
-  std::vector<T> out;
-  for (const T& x : q) {
-    out.push_back(x + T(g.travel));
-    out.push_back(T(g.travel) - x);
-  }
-  return out;
-}
-std::string limit_name(const Gantry&, int i) {
-  return "slide " + std::to_string(i / 2 + 1);
-}
+using gantry::Gantry;
 
 static_assert(kinematics::Machine<Gantry>);
 
@@ -92,6 +46,101 @@ TEST(ToyFamily, ParameterErrorInFirstOrder) {
       -(kinematics::closure_by_pose(g, X, q, p).inverse() * kinematics::closure_by_parameters(g, X, q, p));
   EXPECT_NEAR(dX(0, 0), -0.2, 1e-15);
   EXPECT_NEAR(dX.col(0).tail(5).norm(), 0.0, 1e-15);
+}
+
+/// A machine of legs of the catalogue with none of its closed forms: the concept's functions alone.
+struct Legs {
+  static constexpr std::string_view kFamily = "legs-alone";
+  machine::Parallel m;
+};
+std::string to_toml(const Legs&) {
+  return "";
+}
+int joint_count(const Legs& l) {
+  return joint_count(l.m);
+}
+machine::JointKind joint_kind(const Legs& l, int i) {
+  return joint_kind(l.m, i);
+}
+machine::JointRange joint_range(const Legs& l, int i) {
+  return joint_range(l.m, i);
+}
+machine::Task task(const Legs& l) {
+  return task(l.m);
+}
+std::vector<machine::Parameter> parameters(const Legs& l) {
+  return parameters(l.m);
+}
+template <class T>
+machine::ClosureVectorT<T> closure(const Legs& l, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
+  return closure(l.m, X, q, p);
+}
+template <class T>
+std::vector<T> limits(const Legs& l, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
+  return limits(l.m, X, q, p);
+}
+std::string limit_name(const Legs& l, int i) {
+  return limit_name(l.m, i);
+}
+Pose home_pose(const Legs& l) {
+  return home_pose(l.m);
+}
+
+TEST(OwnFamily, KeepsTheInvariants) {
+  const machine::AnyMachine any = machine::own(Gantry{0.5, 0.02});
+  testing::check_invariants(
+      std::get<machine::Own>(any), [&](const auto& q) { return kinematics::forward(any, q).poses.at(0); },
+      [&](const Pose& X) { return kinematics::inverse(any, X); },
+      [&](const Pose& X, const auto& q) { return kinematics::jacobian(any, X, q); });
+}
+
+class OwnFamilyOfLegs : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Catalogue, OwnFamilyOfLegs, ::testing::Values("tricept", "tripod-z3", "hexa", "planar-3rrr"),
+                         [](const auto& one) {
+                           std::string name = one.param;
+                           std::erase(name, '-');
+                           return name;
+                         });
+
+// What the catalogue's machine has in closed form follows from its closure, to rounding: the tool of a Tricept tilts,
+// that of the tripod moves sideways, and no pose prescribes it.
+TEST_P(OwnFamilyOfLegs, IsWhatItsClosedFormsAre) {
+  const auto known = machine::load(GetParam());
+  ASSERT_TRUE(known);
+  const machine::AnyMachine any = machine::own(Legs{std::get<machine::Parallel>(*known)});
+  const machine::Task what = kinematics::task(*known);
+  const Pose home = *kinematics::home_pose(*known);
+  const std::vector<double> at_home = kinematics::coordinates_of(what, home);
+  Random random(7);
+  int compared = 0;
+  for (int k = 0; k < 40; ++k) {
+    std::vector<double> at = at_home;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      at[i] += (what.is_angle(static_cast<int>(i)) ? 0.15 : 0.05) * random.uniform(-1, 1);
+    }
+    const Pose target = kinematics::pose_of(what, at);
+    const kinematics::InverseResult wanted = kinematics::inverse(*known, target);
+    if (wanted.reachable() == nullptr) continue;
+    const machine::JointVector& q = wanted.reachable()->joints;
+    const kinematics::InverseResult found = kinematics::inverse(any, target);
+    const bool holds = std::any_of(found.solutions.begin(), found.solutions.end(), [&](const auto& s) {
+      return (s.joints - q).cwiseAbs().maxCoeff() < 1e-8 && s.violations == 0;
+    });
+    EXPECT_TRUE(holds) << found.solutions.size();
+    const Pose X = kinematics::settled(*known, target, q), X_own = kinematics::settled(any, target, q);
+    EXPECT_LT((X.p - X_own.p).norm() + (X.R - X_own.R).norm(), 1e-10);
+    const auto J = kinematics::jacobian(*known, target, q), J_own = kinematics::jacobian(any, target, q);
+    EXPECT_LT((J - J_own).norm(), 1e-7 * J.norm());
+    const auto forward = kinematics::forward(any, q);
+    ASSERT_EQ(forward.poses.size(), 1U);
+    EXPECT_LT((forward.poses[0].p - kinematics::forward(*known, q).poses.at(0).p).norm(), 1e-9);
+    ++compared;
+  }
+  EXPECT_GT(compared, 20);
+}
+
+TEST(OwnFamily, OfPolypodsNamesIsRefused) {
+  EXPECT_THROW(machine::own_detail::add_reader("serial", {}), std::invalid_argument);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include "polypod/families/delta/parts.hpp"
 #include "polypod/families/hexapod/parts.hpp"
+#include "polypod/families/own/parts.hpp"
 #include "polypod/families/parallel/parts.hpp"
 #include "polypod/families/serial/parts.hpp"
 #include "polypod/families/stages/parts.hpp"

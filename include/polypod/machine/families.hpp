@@ -9,6 +9,7 @@
 #include "polypod/families/delta/rotary_machine.hpp"
 #include "polypod/families/hexapod/slider_machine.hpp"
 #include "polypod/families/hexapod/strut_machine.hpp"
+#include "polypod/families/own/machine.hpp"
 #include "polypod/families/parallel/machine.hpp"
 #include "polypod/families/serial/machine.hpp"
 #include "polypod/families/stages/machine.hpp"
@@ -22,7 +23,8 @@ struct FamilyList {
   static constexpr bool holds = (std::same_as<F, Family> || ...);
 };
 
-/// Each has `kFamily`, its name in files, and `from(table)`, its reader.
-using Families = FamilyList<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta, Parallel, Stages>;
+/// Each has `kFamily`, its name in files, and `from(table)`, its reader; Own reads the families that `add_family`
+/// added.
+using Families = FamilyList<SerialArm, StrutHexapod, SliderHexapod, RotaryDelta, LinearDelta, Parallel, Stages, Own>;
 
 }  // namespace polypod::machine
