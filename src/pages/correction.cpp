@@ -10,6 +10,7 @@
 
 #include "correction_figures.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/report/html.hpp"
 
 namespace polypod::pages {
@@ -542,21 +543,11 @@ class Page {
     report_.add_heading("Machine: " + machine::name_of(job_.machine));
     report_.add_text(machine::description_of(job_.machine));
     Entries compliances;
-    std::visit(
-        [&](const auto& m) {
-          if constexpr (requires { m.dh; }) {
-            for (std::size_t i = 0; i < m.dh.size(); ++i) {
-              const bool turns = m.dh[i].kind == machine::JointKind::revolute;
-              compliances.emplace_back(fmt::format("compliance of joint {}", i + 1),
-                                       turns ? fmt::format("{:.4g} rad/Nm", m.dh[i].compliance)
-                                             : fmt::format("{:.4g} µm/N", units::to_um_per_N(m.dh[i].compliance)));
-            }
-          } else if constexpr (requires { m.compliance; }) {
-            compliances.emplace_back("compliance of a leg",
-                                     fmt::format("{:.4g} µm/N", units::to_um_per_N(m.compliance)));
-          }
-        },
-        job_.machine);
+    for (const machine::Element& element : kinematics::elements(job_.machine)) {
+      compliances.emplace_back("compliance of " + element.name,
+                               element.turns ? fmt::format("{:.4g} rad/Nm", element.compliance)
+                                             : fmt::format("{:.4g} µm/N", units::to_um_per_N(element.compliance)));
+    }
     report_.add_definitions(compliances);
     Table sources;
     sources.caption = "Where the machine's numbers come from";
