@@ -47,10 +47,7 @@ Command budget_command() {
             if (o->warming == 0)
               POLYPOD_TRY(refuse(context, {"--expansion"}, "it serves --warming; give the rise in K"));
             POLYPOD_ASSIGN(here, pose_joints(m, o->pose));
-            if (!here.reachable) {
-              fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
-              return kAnswerIsNo;
-            }
+            if (!here.reachable) return cannot_take(context, here.reason);
             Json document = Json::object();
             if (const auto no = said_of_singular_pose(m, here, context, document, figures)) return *no;
             const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;

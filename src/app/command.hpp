@@ -137,6 +137,11 @@ Json matrix_json(const Eigen::MatrixXd& M);
 Json vector_json(const Vec3& v);
 /// Prints the document and a newline.
 void print_json(const Json& document);
+/// What JSON holds as `error`.
+Json error_json(const Error& error);
+/// kAnswerIsNo of a command that needs a pose, with the reason on stderr and, where JSON is asked for, as its `error`
+/// (AP119).
+int cannot_take(const Context& context, const std::string& reason, const char* which = "this pose");
 /// An argument as a shell reads it back.
 std::string for_shell(const std::string& argument);
 /// A progress line on stderr, if it is a terminal; false if the user pressed Ctrl-C.

@@ -38,10 +38,7 @@ Command compliance_command() {
             POLYPOD_TRY(needs_compliance(m));
             if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;
             const statics::Compliance c = statics::compliance_at(m, X);
-            if (!c.reachable) {
-              fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", c.reason);
-              return kAnswerIsNo;
-            }
+            if (!c.reachable) return cannot_take(context, c.reason);
             Json document = Json::object();
             const PoseJoints here{X, c.joints, true, {}};
             if (const auto no =

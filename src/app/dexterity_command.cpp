@@ -88,10 +88,7 @@ double infinite_if_singular(double condition) {
 Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double length, const SingularNote& singular,
                     const Context& context) {
   POLYPOD_ASSIGN(here, pose_joints(m, o.where.pose));
-  if (!here.reachable) {
-    fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
-    return kAnswerIsNo;
-  }
+  if (!here.reachable) return cannot_take(context, here.reason);
   kinematics::Dexterity d = kinematics::dexterity(m, here.X_MT, here.joints, length);
   d.condition = infinite_if_singular(d.condition);
   const quality::Singularity near = quality::singularity(m, here.X_MT, here.joints, length);

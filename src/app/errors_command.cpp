@@ -121,10 +121,7 @@ Json surveyed_json(const machine::AnyMachine& m, const Surveyed& s) {
 Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::vector<quality::Sized>& sizes,
                     const quality::ToleranceOptions& tolerance, const SingularNote& singular, const Context& context) {
   POLYPOD_ASSIGN(here, pose_joints(m, o.where.pose));
-  if (!here.reachable) {
-    fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
-    return kAnswerIsNo;
-  }
+  if (!here.reachable) return cannot_take(context, here.reason);
   Json document{{"pose", pose_for_user(m, here.X_MT)}, {"joints", joints_for_user(m, here.joints)}};
   if (const auto no = said_of_singular_pose(m, here, context, document, {"position_mm", "orientation_rad"})) return *no;
   if (o.tolerances.empty()) {

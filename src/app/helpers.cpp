@@ -313,6 +313,18 @@ void print_json(const Json& document) {
   fmt::print("{}\n", document.dump(2, ' ', false, Json::error_handler_t::replace));
 }
 
+int cannot_take(const Context& context, const std::string& reason, const char* which) {
+  const Error error{"AP119", fmt::format("the machine cannot take {}: {}", which, reason), {}, {}};
+  fmt::print(stderr, "polypod: {}\n", to_string(error));
+  if (context.json) print_json({{"error", error_json(error)}});
+  return kAnswerIsNo;
+}
+
+Json error_json(const Error& e) {
+  return {{"id", e.id},           {"message", e.message},     {"file", e.place.file},
+          {"line", e.place.line}, {"column", e.place.column}, {"hint", e.hint}};
+}
+
 std::string for_shell(const std::string& argument) {
   const auto plain = [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("_-./=:,+", c) != nullptr;

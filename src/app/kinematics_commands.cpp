@@ -381,10 +381,8 @@ Command jacobian_command() {
         const kinematics::InverseResult inverse = kinematics::inverse(m, X);
         const kinematics::Solution* s = inverse.reachable();
         if (s == nullptr && !inverse.solutions.empty()) s = &inverse.solutions.front();
-        if (s == nullptr) {
-          fmt::print(stderr, "polypod: the pose is out of reach: {}\n", inverse.reason);
-          return kAnswerIsNo;
-        }
+        if (s == nullptr) return cannot_take(context, inverse.reason);
+        const std::vector<std::string> broken = kinematics::limit_names(m, s->violations);
         const SingularNote singular(m, context);
         // Where A of A dX + B dq = 0 has lost rank there is no matrix that gives dX from dq.
         const quality::Singularity near = quality::singularity(m, X, s->joints);
@@ -419,10 +417,12 @@ Command jacobian_command() {
               {"jacobian_full", matrix_json(J)}, {"joints", joints_for_user(m, s->joints)},
               {"determinant", d.determinant},    {"condition", d.condition},
               {"sigma_min", d.sigma_min},        {"characteristic_length_mm", units::to_mm(d.characteristic_length)}};
+          document["violations"] = broken;
           if (!words.empty()) document["singular"] = words;
           print_json(singular.in(document));
           return kDone;
         }
+        if (!broken.empty()) fmt::print("beyond the limits of the machine: {}\n", fmt::join(broken, ", "));
         if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
         fmt::print("Jacobian (m and rad per rad or m; rows {} in M{})\n",
                    fmt::join(rows_named({"v_x", "v_y", "v_z", "w_x", "w_y", "w_z"}), " "),

@@ -99,14 +99,20 @@ Json not_judged_json(const std::vector<machining::NotJudged>& moves) {
 }
 
 Json steep_json(const machining::Steep& s) {
-  return {{"length_mm", to_mm(s.length)},
-          {"line", s.line},
-          {"distance_um", to_um(s.distance)},
-          {"window_mm", to_mm(s.window)}};
+  return {{"length_mm", to_mm(s.length)},         {"line", s.line},
+          {"distance_um", to_um(s.distance)},     {"window_mm", to_mm(s.window)},
+          {"largest_within_um", to_um(s.within)}, {"line_within", s.within > 0 ? Json(s.within_line) : Json()}};
 }
 
 /// `at`: "" or ", with block delete on".
-void print_steep(const machining::Steep& s, const std::string& at = "") {
+/// `shown`: the distance that is printed already, m.
+void print_steep(const machining::Steep& s, double shown, const std::string& at = "") {
+  if (to_um(s.within) >= to_um(shown) + 1) {
+    fmt::print(
+        "quick changes  where the force changes quickly the bend may differ{}: up to {:.0f} um from the "
+        "programmed path, inside the tube (line {})\n",
+        at, to_um(s.within), s.within_line);
+  }
   if (!(s.distance > 0)) return;
   fmt::print(
       "not judged{}: {:.1f} mm of the cut, where the force changes quickly: the bend lags behind it, and where it "
@@ -123,7 +129,7 @@ double rounded_um(double m) {
 
 /// The answer of `correct` where it is yes, and what it does not hold for.
 void print_answer(const machining::Correction& c) {
-  print_steep(c.after.steep);
+  print_steep(c.after.steep, c.largest_after);
   if (!c.within_tolerance) return;
   fmt::print("yes{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)\n",
              c.all_judged() ? "" : ", apart from what was not judged", units::to_um(c.largest_after),
@@ -149,7 +155,8 @@ void print_other_switch(const std::optional<machining::OtherSwitch>& other) {
   fmt::print("block delete   {}: up to {:.1f} um from the programmed path, {} the tolerance\n",
              other->block_delete ? "on" : "off", to_um(other->distance_after),
              other->within_tolerance ? "within" : "beyond");
-  print_steep(other->steep, fmt::format(", with block delete {}", other->block_delete ? "on" : "off"));
+  print_steep(other->steep, other->distance_after,
+              fmt::format(", with block delete {}", other->block_delete ? "on" : "off"));
 }
 
 /// um, the largest tube that makes sense
@@ -280,7 +287,7 @@ Command predict_command() {
           fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),
                      within ? "" : ", see G64 P in docs/path-modes.md");
         }
-        print_steep(p.steep);
+        print_steep(p.steep, p.largest_distance);
         print_other_switch(p.other_switch);
         if (spread) {
           fmt::print(
@@ -288,12 +295,12 @@ Command predict_command() {
               to_um(band.normal_mean), to_um(band.deflection_max));
         }
         print_map(in.job, map);
-        if (!p.moves.empty()) fmt::print("\n  line   length    normal error um        force N\n");
+        if (!p.moves.empty()) fmt::print("\n  line   length    normal error um     distance um  force N\n");
         constexpr std::size_t kMost = 40;
         for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {
           const machining::MovePrediction& m = p.moves[i];
-          fmt::print("  {:>4} {:>8.2f}   {:>7.1f} .. {:<7.1f} {:>7.1f}\n", m.line, to_mm(m.length), to_um(m.normal.min),
-                     to_um(m.normal.max), m.mean_force.norm());
+          fmt::print("  {:>4} {:>8.2f}   {:>7.1f} .. {:<7.1f} {:>9.1f} {:>10.1f}\n", m.line, to_mm(m.length),
+                     to_um(m.normal.min), to_um(m.normal.max), to_um(m.largest_distance), m.mean_force.norm());
         }
         if (p.moves.size() > kMost) fmt::print("  ... {} more, see --json\n", p.moves.size() - kMost);
         print_not_judged(p.not_judged);
@@ -385,7 +392,6 @@ Command correct_command() {
               page.version = POLYPOD_VERSION;
               page.output = writes ? o->output : "";
               page.method = options.method;
-              page.verified = options.verify;
               page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
                                          for_shell(o->job), for_shell(o->output), for_shell(o->report));
               for (const std::string& file : o->measured) page.command += " --measured " + for_shell(file);
@@ -435,7 +441,7 @@ Command correct_command() {
                             {"points_checked", c.after.pass.points},
                             {"tolerance_um", rounded_um(c.tolerance)},
                             {"within_tolerance", c.within_tolerance},
-                            {"verified_with_finer_cells", o->verify && c.within_tolerance},
+                            {"verified_with_finer_cells", c.verified},
                             {"reason", c.reason},
                             {"remedies", c.remedies},
                             {"corner_before_um", to_um(c.modes.corner_before)},
@@ -465,7 +471,7 @@ Command correct_command() {
               fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
                          c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
               fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
-                         o->verify ? ", and again with finer cells" : "");
+                         c.verified ? ", and again with finer cells" : "");
               print_modes(c);
               print_other_switch(c.other_switch);
               print_map(in.job, map);

@@ -190,14 +190,7 @@ int run_command(int argc, char** argv) {
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
     const int answer = exit_status(status.error());
     if (answer == kAnswerIsNo && context.json) {
-      const Error& e = status.error();
-      print_json({{"error",
-                   {{"id", e.id},
-                    {"message", e.message},
-                    {"file", e.place.file},
-                    {"line", e.place.line},
-                    {"column", e.place.column},
-                    {"hint", e.hint}}}});
+      print_json({{"error", error_json(status.error())}});
     }
     return answer;
   }

@@ -60,10 +60,7 @@ Command singularities_command() {
             if (!o->to.empty()) {
               POLYPOD_ASSIGN(Y, pose_argument(m, o->to));
               const quality::PathSingularity p = quality::along_path(m, X, Y, o->samples);
-              if (p.reached == 0) {
-                fmt::print(stderr, "polypod: the machine cannot take the first pose: {}\n", p.stopped_by);
-                return kAnswerIsNo;
-              }
+              if (p.reached == 0) return cannot_take(context, p.stopped_by, "the first pose");
               if (context.json) {
                 print_json(singular.in({{"share", p.share},
                                         {"at", singularity_json(m, p.X_MT, p.at)},
@@ -83,10 +80,7 @@ Command singularities_command() {
               // A singular pose may lie beyond the limits: look at it all the same.
               if (const auto q = quality::joints_at(m, X)) here.joints = *q;
             }
-            if (here.joints.size() == 0) {
-              fmt::print(stderr, "polypod: the machine cannot take this pose: {}\n", here.reason);
-              return kAnswerIsNo;
-            }
+            if (here.joints.size() == 0) return cannot_take(context, here.reason);
             const quality::Singularity s = quality::singularity(m, X, here.joints, length);
             const auto near = quality::nearest(m, X, here.joints, length);
             if (context.json) {

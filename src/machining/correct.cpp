@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 
 #include "fit.hpp"
 #include "modes.hpp"
@@ -24,11 +25,12 @@ constexpr double kNarrowest = 0.02;
 // A narrower tube that leaves more than this share of the distance did not help: something else is wrong there.
 constexpr double kHelps = 0.98;
 // How often moves that became worse are given back their text before the whole program is.
-constexpr int kGiveBackRounds = 5;
+constexpr int kGiveBackRounds = 12;
 // The step of the check is at most this, m.
 constexpr double kCheckStep = 0.1e-3;
-// Remedies are tried out where a correction takes no longer than this many points.
-constexpr std::size_t kTryRemediesBelow = 200'000;
+// Remedies are tried out where a correction takes no longer than this many points, and until all tries together have
+// taken this many.
+constexpr std::size_t kTryRemediesBelow = 200'000, kMostTried = 4'000'000;
 
 /// The blocks that stand for one rewritten move.
 using Plan = std::vector<Piece>;
@@ -310,11 +312,18 @@ class Corrector {
   }
 
   [[nodiscard]] std::vector<std::string> header_lines() const {
-    std::vector<std::string> header{
-        fmt::format("{} {}", kCorrectedMark, machine::name_of(job_.machine)),
-        fmt::format("Polypod: tube radius {:g} um, cutter {:g} mm with {} teeth, origin X{:g} Y{:g} Z{:g} mm",
-                    units::to_um(job_.tolerance), units::to_mm(job_.cutter.diameter), job_.cutter.teeth,
-                    units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z()))};
+    std::set<int> tools;
+    for (const MovePrediction& m : out_.before.moves) tools.insert(moves_[static_cast<std::size_t>(m.move)].tool);
+    std::string cutters;
+    for (const int tool : tools) {
+      const cutting::Cutter& c = job_.cutter_of(tool);
+      const std::string cutter = fmt::format("cutter {:g} mm with {} teeth, ", units::to_mm(c.diameter), c.teeth);
+      if (cutters.find(cutter) == std::string::npos) cutters += cutter;
+    }
+    std::vector<std::string> header{fmt::format("{} {}", kCorrectedMark, machine::name_of(job_.machine)),
+                                    fmt::format("Polypod: tube radius {:g} um, {}origin X{:g} Y{:g} Z{:g} mm",
+                                                units::to_um(job_.tolerance), cutters, units::to_mm(job_.X_MW.p.x()),
+                                                units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z()))};
     header.push_back(fmt::format("Polypod: {} of {} moves rewritten, do not correct again",
                                  std::count(rewritten_.begin(), rewritten_.end(), true), moves_.size()));
     if (job_.measured) {
@@ -385,7 +394,8 @@ class Corrector {
     options.keep_samples = options_.keep_samples;
     options.progress = progress("checking what was written");
     POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way_, options));
-    if (verifies() && (fit_finely_ || after.largest_distance <= inside())) {
+    out_.verified = verifies() && (fit_finely_ || after.largest_distance <= inside());
+    if (out_.verified) {
       POLYPOD_TRY(look_finely(out_.program, way_, after));
       fit_finely_ = fit_finely_ || after.largest_distance > inside();
     }
@@ -498,14 +508,28 @@ class Corrector {
     return write_and_check();
   }
 
-  /// A move that came no closer to the programmed path gets its text back; if that does not help, all do.
+  /// A move that came no closer to the programmed path gets its text back; where one that has its text came farther,
+  /// the rewritten ones next to it do, which left it other material. If that does not help, all do.
   Status give_back_what_got_worse() {
+    const auto give_back = [&](std::size_t i) {
+      rewritten_[i] = false;
+      frozen_[i] = true;
+    };
     for (int round = 0; round < kGiveBackRounds && count(&Corrector::worse) > 0; ++round) {
+      std::vector<std::size_t> which;
       for (std::size_t i = 0; i < moves_.size(); ++i) {
-        if (!worse(i) || !rewritten_[i]) continue;
-        rewritten_[i] = false;
-        frozen_[i] = true;
+        if (!worse(i)) continue;
+        if (rewritten_[i]) {
+          which.push_back(i);
+          continue;
+        }
+        std::size_t before = i, after = i + 1;
+        while (before > 0 && !rewritten_[before]) --before;
+        while (after < moves_.size() && !rewritten_[after]) ++after;
+        if (rewritten_[before]) which.push_back(before);
+        if (after < moves_.size() && after == i + 1) which.push_back(after);
       }
+      std::for_each(which.begin(), which.end(), give_back);
       spread_choice();
       POLYPOD_TRY(write_and_check());
     }
@@ -702,14 +726,19 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   // What holds after a few rounds is advice; a program on which many do not help is answered before long.
   constexpr int kRounds = 3;
   quiet.rounds = std::min(quiet.rounds, kRounds);
-  const auto holds = [](const Result<Correction>& c) { return c && c->within_tolerance; };
+  std::size_t tried = 0;
+  const auto holds = [&](const Result<Correction>& c) {
+    if (c) tried += static_cast<std::size_t>(c->rounds + 1) * c->after.pass.points;
+    return c && c->within_tolerance;
+  };
   Job wider = job;
   // The smallest of these that does: how far the failed try was off says little of what would do.
   constexpr double kWidest = 10, kWide = 500;  // times the tolerance, or um: nobody asked for more
   const double asked = units::to_um(job.tolerance);
   const double most =
       std::min(std::max(kWidest * asked, kWide), 2 * std::max(asked, units::to_um(result.largest_after)));
-  for (double um = asked; um < most;) {
+  const bool judged = result.before.not_judged.empty();  // else no tube is wide enough
+  for (double um = asked; judged && um < most && tried < kMostTried;) {
     um = std::ceil(um * 1.25);
     wider.tolerance = units::from_um(um);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
@@ -743,6 +772,10 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
        {Slower{which, lines, {0.75, 0.5, 0.25, 0.1}}, Slower{before, lines + " and the moves before them", {0.5, 0.2}},
         Slower{all, "the whole program", {0.2}}}) {
     for (const double factor : slower.factors) {
+      if (tried >= kMostTried) {
+        out.push_back("further remedies were not tried out: each try of this program takes long");
+        return out;
+      }
       Corrector corrector(job, program, accepted, quiet);
       corrector.scale_feeds(slower.moves, factor);
       if (!holds(corrector.run())) continue;
@@ -762,6 +795,17 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   return out;
 }
 
+/// Whether one correction is better than another of the same program: inside the tube, else with fewer moves outside,
+/// else with the smaller distance.
+bool closer(const Correction& a, const Correction& b) {
+  if (a.within_tolerance != b.within_tolerance) return a.within_tolerance;
+  const auto outside = [](const Correction& c) {
+    return std::count_if(c.moves.begin(), c.moves.end(), [](const MoveOutcome& m) { return !m.within; });
+  };
+  const auto of_a = outside(a), of_b = outside(b);
+  return of_a != of_b ? of_a < of_b : a.largest_after < b.largest_after - kSameDistance;
+}
+
 }  // namespace
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
@@ -770,14 +814,16 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
   POLYPOD_ASSIGN(out, Corrector(job, program, accepted, options).run());
-  // Where the pieces end decides what the cells make of a corner: other pieces may do.
-  const bool small = out.after.pass.points <= kTryRemediesBelow && options.method == CorrectMethod::tube;
-  for (const double share : {0.9, 0.65}) {
+  // Where the pieces end decides what the cells make of a corner: other pieces may do. The best of them stays.
+  // What is not judged of the program as it is no correction answers.
+  const bool small = out.after.pass.points <= kTryRemediesBelow && options.method == CorrectMethod::tube &&
+                     out.before.not_judged.empty();
+  for (const double share : {0.9, 0.65, 1.4, 2.0}) {
     if (out.within_tolerance || !small) break;
     CorrectOptions other = options;
     other.fit_share = share;
     POLYPOD_ASSIGN(again, Corrector(job, program, accepted, other).run());
-    if (again.within_tolerance) out = std::move(again);
+    if (closer(again, out)) out = std::move(again);
   }
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {
     out.remedies = remedies_for(job, program, accepted, options, out);

@@ -266,7 +266,13 @@ class SteepPlaces {
       if ((other - sample.deflection).norm() < resolution(job_)) continue;
       most = std::max(most, path_error(programmed, Vec3(sample.command + other), sample.away).distance);
     }
-    if (most <= job_.tolerance) return;
+    if (most <= job_.tolerance) {
+      if (most > out_.within) {
+        out_.within = most;
+        out_.within_line = line;
+      }
+      return;
+    }
     out_.length += step;
     if (most <= out_.distance) return;
     out_.distance = most;

@@ -128,20 +128,28 @@ class Page {
             fixed(to_um(steep.distance), 0), kUm, steep.line));
   }
 
+  /// How far the bend may be where the force changes quickly, if that is farther than what is said.
+  [[nodiscard]] std::string quick_changes() const {
+    const machining::Steep& steep = c_.after.steep;
+    if (to_um(steep.within) < to_um(c_.largest_after) + 1) return "";
+    return fmt::format(", and may be up to {} {} where the force changes quickly (line {})",
+                       fixed(to_um(steep.within), 0), kUm, steep.within_line);
+  }
+
   void answer() {
     report_.add_section("Does the deflected tool stay within the tolerance?");
     const std::string checked = fmt::format("{} of the program that was written were checked, at most 0.1 mm apart{}",
                                             plural(c_.after.pass.points, "point", "points"),
-                                            options_.verified ? ", and again with cells half as large" : "");
+                                            c_.verified ? ", and again with cells half as large" : "");
     if (c_.within_tolerance) {
       report_.add_verdict(
           c_.all_judged() ? Verdict::good : Verdict::neutral,
           fmt::format(
               "Yes{}. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
-              "largest distance is {}. {}.",
+              "largest distance is {}{}. {}.",
               c_.all_judged() ? "" : ", apart from what was not judged", given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
-              checked));
+              quick_changes(), checked));
     } else {
       std::string reason = c_.reason;
       if (!reason.empty()) reason.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(reason.front())));

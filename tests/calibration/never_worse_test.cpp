@@ -135,6 +135,7 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   const auto n = static_cast<Eigen::Index>(pose_coordinates(nominal).size());
   Errors all{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
   int judged = 0, beyond = 0, told = 0, told_worse = 0;
+  std::vector<bool> left_open(static_cast<std::size_t>(n), false);
   for (const std::uint64_t seed : one.seeds) {
     SCOPED_TRACE(fmt::format("seed {}", seed));
     const AnyMachine truth = truth_of(nominal, seed, one.size);
@@ -166,6 +167,7 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
       EXPECT_LT(e.after[k], 25 * e.stated[k]) << coordinate;
       const auto& open = c->verdict.left_open;
       const bool is_told = std::find(open.begin(), open.end(), coordinate) == open.end();
+      if (!is_told) left_open[static_cast<std::size_t>(k)] = true;
       told += is_told ? 1 : 0;
       told_worse += is_told && e.after[k] > e.before[k] ? 1 : 0;
       beyond += e.after[k] > 9 * e.stated[k] ? 1 : 0;
@@ -184,11 +186,12 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
     EXPECT_GT(judged, 0);
   }
   // Over the seeds: what is left open is no worse than the drawing on the whole, and deviations are as stated. A mean
-  // of ten squares that hang together spreads by half of itself.
+  // of ten squares that hang together spreads by half of itself. What is left open rests on the size of all errors,
+  // known as from four parameters: Student's t with four degrees of freedom has twice the variance.
   for (Eigen::Index k = 0; k < n && judged == 10; ++k) {
     const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
     EXPECT_LT(all.after[k], 1.1 * all.before[k]) << coordinate;
-    EXPECT_LT(all.after[k], 2.5 * all.stated[k]) << coordinate;
+    EXPECT_LT(all.after[k], (left_open[static_cast<std::size_t>(k)] ? 5 : 2.5) * all.stated[k]) << coordinate;
   }
 }
 

@@ -267,5 +267,65 @@ TEST(Verdict, AFeedDownToTheSurfaceIsNoCut) {
   }
 }
 
+/// The ramps stay as they were, and the helix is improved all the same: it once lost its correction to them.
+TEST(Verdict, WhatCanBeImprovedIsBesideWhatCannot) {
+  const auto e = load(trial("ramp_and_helix.ngc"), trial("ramp_and_helix.toml"));
+  const auto c = correct(e);
+  EXPECT_FALSE(c.within_tolerance);
+  for (const machining::MoveOutcome& m : c.moves) {
+    EXPECT_LT(to_um(m.distance_after), to_um(m.distance_before) + 1.01) << "line " << m.line;
+    if (m.line == 14) {
+      EXPECT_TRUE(m.rewritten);
+      EXPECT_LT(m.distance_after, 0.6 * m.distance_before);
+    }
+  }
+  // Where no mode brings a corner inside, it is not left to plain G64 either.
+  auto rounded = e;
+  rounded.program = unwrap(gcode::parse("G64\n" + gcode::to_text(e.program), "rounded.ngc"));
+  rounded.interpretation = unwrap(gcode::interpret(rounded.program, rounded.job.interpret_options()));
+  const auto r = correct(rounded);
+  EXPECT_FALSE(r.within_tolerance);
+  EXPECT_LT(to_um(r.modes.corner_after), 80);
+}
+
+/// A tube that cannot be kept is no reason for a worse program: tubes of 54 um and more leave 52.6 um.
+TEST(Verdict, ATighterTubeLeavesNoMore) {
+  auto e = load(trial("soft_slot.ngc"), trial("soft_slot.toml"));
+  const double wide = correct(e).largest_distance;
+  EXPECT_TRUE(correct(e).within_tolerance);
+  for (const double tube : {50.0, 30.0}) {
+    e.job.tolerance = units::from_um(tube);
+    const auto c = correct(e);
+    EXPECT_FALSE(c.within_tolerance);
+    EXPECT_LT(to_um(c.largest_distance), 1.05 * to_um(wide)) << tube;
+  }
+}
+
+/// A yes says how far the bend may be where the force changes quickly, inside the tube, too.
+TEST(Verdict, AYesSaysWhereTheForceChangesQuickly) {
+  auto e = load(trial("soft_slot.ngc"), trial("soft_slot.toml"));
+  e.job.tolerance = 150e-6;
+  const auto c = correct(e);
+  ASSERT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_EQ(c.after.steep.distance, 0);
+  EXPECT_GT(c.after.steep.within, c.largest_distance);
+  EXPECT_LE(c.after.steep.within, e.job.tolerance);
+  EXPECT_EQ(c.after.steep.within_line, 7);
+}
+
+/// What was not looked at with finer cells does not say so.
+TEST(Verdict, ANoIsNotCalledVerified) {
+  auto e = load(trial("soft_slot.ngc"), trial("soft_slot.toml"));
+  machining::CorrectOptions options;
+  options.verify = true;
+  e.job.tolerance = 30e-6;
+  EXPECT_FALSE(correct(e, options).verified);
+  e.job.tolerance = 100e-6;
+  const auto c = correct(e, options);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_TRUE(c.verified);
+  EXPECT_THAT(c.text, HasSubstr("cutter 10 mm with 2 teeth"));
+}
+
 }  // namespace
 }  // namespace polypod

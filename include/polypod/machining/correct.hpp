@@ -75,6 +75,7 @@ struct Correction {
   std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
   std::size_t lines_in = 0, lines_out = 0;
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
+  bool verified = false;      ///< what was written was looked at again with finer cells
   int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
 
   /// Whether `within_tolerance` answers for all of the cut: else for all but steep places, at either switch position.

@@ -66,6 +66,8 @@ struct Steep {
   double distance = 0;  ///< m, of the worst of them from the programmed move
   double window = 0;    ///< m, the way ahead there
   int line = 0;
+  double within = 0;  ///< m, the farthest of those bends that stay inside the tube
+  int within_line = 0;
 };
 
 /// A program with the other position of the block delete switch.

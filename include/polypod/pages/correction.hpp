@@ -13,7 +13,6 @@ struct CorrectionPageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
   std::string output;   ///< where the corrected program was written; empty: it was not
   machining::CorrectMethod method = machining::CorrectMethod::tube;
-  bool verified = false;  ///< it was looked at again with finer cells
 };
 
 /// One self-contained HTML file about a correction: verdict, key figures, paths from above with the bend enlarged, a
