@@ -6,9 +6,6 @@
 
 namespace polypod::machine::hexapod_detail {
 
-// A limit that is missed by less than this is kept (m or, for cosines, no unit): rounding of the inverse.
-inline constexpr double kLimitSlack = 1e-10;
-
 /// Newton from home; if that does not converge, along a straight way of joints from home to q in ever finer steps.
 template <class M>
 Pose forward_from_home(const M& m, const JointVector& q, const JointVector& q_home) {
@@ -24,14 +21,6 @@ Pose forward_from_home(const M& m, const JointVector& q, const JointVector& q_ho
     }
   }
   return result.X_MT;
-}
-
-template <class M>
-kinematics::LimitBits violations_of(const M& m, const Pose& X, const JointVector& q) {
-  const std::vector<double> p = kinematics::nominal_parameters(m);
-  std::vector<double> g = limits(m, X, std::span<const double>(q.data(), q.size()), std::span<const double>(p));
-  for (double& value : g) value += kLimitSlack;
-  return kinematics::violated(g);
 }
 
 }  // namespace polypod::machine::hexapod_detail

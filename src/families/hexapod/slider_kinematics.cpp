@@ -16,12 +16,12 @@ using Roots = std::array<SliderRoots, kLegs>;
 /// The root (0 outer, 1 inner) that the source takes: on the rail, the outer one if both are; else the one nearer it.
 int first_choice(const SliderHexapod& m, const SliderRoots& r, int leg) {
   const double length = m.rail_length[leg];
-  constexpr double kSlack = hexapod_detail::kLimitSlack;
+  constexpr double kSlack = kinematics::kLimitSlack;
   const auto off = [&](double q) { return std::max({-q - kSlack, q - length - kSlack, 0.0}); };
   return off(r.inner) < off(r.outer) ? 1 : 0;
 }
 bool on_rail(const SliderHexapod& m, double q, int leg) {
-  return q >= -hexapod_detail::kLimitSlack && q <= m.rail_length[leg] + hexapod_detail::kLimitSlack;
+  return q >= -kinematics::kLimitSlack && q <= m.rail_length[leg] + kinematics::kLimitSlack;
 }
 double root(const SliderRoots& r, int which) {
   return which == 0 ? r.outer : r.inner;
@@ -98,7 +98,7 @@ InverseResult inverse(const SliderHexapod& m, const Pose& X) {
     const unsigned choice = first ^ subset;
     for (int i = 0; i < kLegs; ++i) s.joints[i] = root(roots[i], static_cast<int>(choice >> i & 1U));
     s.branch = choice;
-    s.violations = hexapod_detail::violations_of(m, X, s.joints);
+    s.violations = kinematics::violations_of_limits(m, X, s.joints);
     for (int i = 0; i < kLegs; ++i) {
       s.singular = s.singular || roots[i].inner - roots[i].outer < 1e-6 * m.length_of_leg(i);
     }
@@ -126,7 +126,7 @@ SliderPath follow(const SliderHexapod& m, std::span<const Pose> path, const Join
     for (int which = 0; which < 2; ++which) {
       JointVector q(kLegs);
       for (int i = 0; i < kLegs; ++i) q[i] = root(roots[k][i], which);
-      violated[k][which] = hexapod_detail::violations_of(m, path[k], q) & mask;
+      violated[k][which] = kinematics::violations_of_limits(m, path[k], q) & mask;
     }
   }
   const auto possible = [&](std::size_t k, int i, int which) {
@@ -180,7 +180,7 @@ SliderPath follow(const SliderHexapod& m, std::span<const Pose> path, const Join
       }
       broken |= violated[k][current[i]] & bits_of_leg(i);
     }
-    if (broken == 0) broken = hexapod_detail::violations_of(m, path[k], q) & mask;
+    if (broken == 0) broken = kinematics::violations_of_limits(m, path[k], q) & mask;
     if (broken != 0) {
       out.reason = fmt::format("pose {}: {}", k + 1, limit_name(m, std::countr_zero(broken)));
       return out;

@@ -45,7 +45,7 @@ InverseResult inverse(const StrutHexapod& m, const Pose& X) {
   kinematics::Solution s;
   s.joints.resize(kLegs);
   lengths(m, X, s.joints.data());
-  s.violations = hexapod_detail::violations_of(m, X, s.joints);
+  s.violations = kinematics::violations_of_limits(m, X, s.joints);
   out.solutions.push_back(std::move(s));
   return out;
 }

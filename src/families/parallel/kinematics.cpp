@@ -12,8 +12,7 @@
 namespace polypod::machine {
 namespace {
 
-// A limit that is missed by less than this is kept (m or rad): rounding of the inverse.
-constexpr double kLimitSlack = 1e-10;
+using kinematics::kLimitSlack;
 constexpr unsigned kMostSolutions = 64;
 
 using ByJoints = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEquations, kMaxJoints>;
