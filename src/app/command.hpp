@@ -133,6 +133,9 @@ class SingularNote {
 std::optional<int> refused_as_singular(const machine::AnyMachine& machine, const Context& context,
                                        const std::vector<std::string>& figures = {});
 
+/// --columns, as csv::columns_of takes them.
+void declare_columns(Arguments& arguments, std::vector<std::string>& columns);
+
 Json matrix_json(const Eigen::MatrixXd& M);
 Json vector_json(const Vec3& v);
 /// Prints the document and a newline.

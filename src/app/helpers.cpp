@@ -308,6 +308,11 @@ Json vector_json(const Vec3& v) {
   return Json::array({v.x(), v.y(), v.z()});
 }
 
+void declare_columns(Arguments& arguments, std::vector<std::string>& columns) {
+  arguments.option("--columns", columns,
+                   "NAME=COLUMN: which column of the files stands for a name, as \"x_mm=X [m]\" (repeatable)");
+}
+
 void print_json(const Json& document) {
   // Names of files may hold bytes that are not UTF-8.
   fmt::print("{}\n", document.dump(2, ' ', false, Json::error_handler_t::replace));

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -58,6 +59,15 @@ std::vector<std::string> notes_of(const cutting::Cutter& cutter, const cutting::
     if (std::find(notes.begin(), notes.end(), note) == notes.end()) notes.push_back(note);
   }
   return notes;
+}
+
+std::string in_words(const cutting::LackOfFit& l) {
+  return fmt::format(
+      "Lack of fit: the forces do not grow in proportion to the chip; with chips to the power {:.2f} the residual rms "
+      "across the axis is {:.2f} N instead of {:.2f} N. A size effect, a runout of which teeth miss small feeds, or "
+      "wear: "
+      "the intervals do not hold, and the coefficients serve the measured feeds alone.",
+      l.exponent, l.residual_rms, l.linear_rms);
 }
 
 }  // namespace
@@ -218,7 +228,7 @@ Command identify_compliance_command() {
 Command identify_cutting_command() {
   struct Options {
     std::string cutter, out, name;
-    std::vector<std::string> files;
+    std::vector<std::string> files, columns;
   };
   auto o = std::make_shared<Options>();
   return {"identify cutting", "Cutting coefficients from mean forces measured at several feeds",
@@ -230,6 +240,7 @@ Command identify_cutting_command() {
             a.option("--cutter", o->cutter, "The cutter file", true);
             a.option("-o,--output", o->out, "The material, as a material file");
             a.option("--name", o->name, "Its name");
+            declare_columns(a, o->columns);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(cutter, cutting::read_cutter(o->cutter));
@@ -237,13 +248,18 @@ Command identify_cutting_command() {
             inputs.push_back(o->cutter);
             POLYPOD_TRY(check_files(inputs, {o->out}, context.json));
             std::vector<cutting::MeasuredForce> rows;
+            POLYPOD_ASSIGN(columns, csv::columns_of(o->columns));
+            std::vector<std::string> unused;
             for (const std::string& file : o->files) {
-              POLYPOD_ASSIGN(more, cutting::read_forces(cutter, file));
-              rows.insert(rows.end(), more.begin(), more.end());
+              POLYPOD_ASSIGN(more, cutting::read_forces(cutter, file, columns));
+              rows.insert(rows.end(), more.cuts.begin(), more.cuts.end());
+              for (std::string& name : more.unused_columns) unused.push_back(std::move(name));
             }
             POLYPOD_ASSIGN(r, cutting::identify_cutting(cutter, rows));
             r.material.name = o->name;
-            const std::vector<std::string> notes = notes_of(cutter, r.material, rows);
+            std::vector<std::string> notes = notes_of(cutter, r.material, rows);
+            if (r.lack_of_fit) notes.push_back(in_words(*r.lack_of_fit));
+            if (!unused.empty()) notes.push_back(fmt::format("Not read: the columns {}.", fmt::join(unused, ", ")));
             if (!o->out.empty()) {
               const std::string text = cutting::to_toml(r.material);
               POLYPOD_ASSIGN(table, config::parse(text, o->out));
@@ -276,6 +292,11 @@ Command identify_cutting_command() {
                           {"cuts", rows.size()},
                           {"equations", r.equations},
                           {"condition", r.condition},
+                          {"lack_of_fit", r.lack_of_fit ? Json{{"exponent", r.lack_of_fit->exponent},
+                                                               {"residual_rms_N", r.lack_of_fit->residual_rms},
+                                                               {"linear_residual_rms_N", r.lack_of_fit->linear_rms}}
+                                                        : Json()},
+                          {"unused_columns", unused},
                           {"outliers", outliers},
                           {"notes", notes}});
               return kDone;

@@ -4,12 +4,14 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
-#include "polypod/core/csv.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/plausibility.hpp"
 
 namespace polypod::cutting {
 namespace {
@@ -66,12 +68,88 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
   return {};
 }
 
+/// The forces across the axis of unit coefficients with chips to the power `exponent`: columns Ktc, Krc, Kte, Kre.
+Eigen::MatrixXd shapes_across(const Cutter& cutter, const std::vector<MeasuredForce>& rows, double exponent) {
+  Eigen::MatrixXd out(2 * static_cast<Eigen::Index>(rows.size()), 4);
+  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(rows.size()); ++i) {
+    const MeasuredForce& row = rows[static_cast<std::size_t>(i)];
+    const Engagement e = straight_engagement(cutter, row.side, row.ae, row.ap);
+    for (const auto& [column, k] : {std::pair{0, 0}, {1, 1}, {2, 3}, {3, 4}}) {
+      Material unit;
+      unit.exponent = exponent;
+      unit.*kCoefficient[k] = 1;
+      out.block<2, 1>(2 * i, column) = mean_force(cutter, unit, e, row.feed_per_tooth).head<2>();
+    }
+  }
+  return out;
+}
+
+/// Whether another exponent of the chip explains the forces across the axis better than chance does: Fisher's test of
+/// one parameter more.
+std::optional<LackOfFit> lack_of_fit(const Cutter& cutter, const std::vector<MeasuredForce>& rows,
+                                     const Eigen::VectorXd& force) {
+  constexpr double kLeast = 0.35, kMost = 1.45, kStep = 0.1;
+  constexpr double kSure = 3.29;  // of a normal variable: 99.9 %
+  constexpr double kNormal95 = 1.96;
+  const double freedom = static_cast<double>(force.size()) - 5;
+  if (freedom < 3) return {};
+  const auto squares = [&](double exponent) {
+    Eigen::MatrixXd S = shapes_across(cutter, rows, exponent);
+    const Eigen::RowVectorXd norms = S.colwise().norm();
+    if (!(norms.minCoeff() > 0)) return std::numeric_limits<double>::infinity();
+    S = S * norms.cwiseInverse().asDiagonal();
+    return (force - S * S.colPivHouseholderQr().solve(force)).squaredNorm();
+  };
+  const double linear = squares(1);
+  double best = linear, exponent = 1;
+  for (double m = kLeast; m < kMost + 0.5 * kStep; m += kStep) {
+    if (const double s = squares(m); s < best) {
+      best = s;
+      exponent = m;
+    }
+  }
+  const double rounding = 1e-12 * force.squaredNorm();
+  const double t = std::sqrt((linear - best) / ((best + rounding) / freedom));
+  if (!(t > kSure * student_95(freedom) / kNormal95)) return {};
+  const double count = static_cast<double>(force.size());
+  return LackOfFit{exponent, std::sqrt(best / count), std::sqrt(linear / count)};
+}
+
+/// What to look for where a coefficient comes out below 0.
+std::string why_below_zero(const std::vector<MeasuredForce>& rows) {
+  constexpr double kNearlyEqual = 1.2;
+  const auto [least, largest] = std::minmax_element(
+      rows.begin(), rows.end(), [](const auto& a, const auto& b) { return a.feed_per_tooth < b.feed_per_tooth; });
+  if (largest->feed_per_tooth < kNearlyEqual * least->feed_per_tooth) {
+    return fmt::format(
+        "the feeds are nearly equal ({:g} to {:g} mm), so that edge and cutting forces are hardly told "
+        "apart; measure at feeds that differ twice or more",
+        units::to_mm(least->feed_per_tooth), units::to_mm(largest->feed_per_tooth));
+  }
+  return "forces act on the tool, x along the feed, y to its left; is a sign or the direction wrong?";
+}
+
+/// Refuses what no metal has: a unit was mistaken.
+Status of_a_metal(const Material& material) {
+  constexpr double kFar = 10;  // times beyond what is published
+  const double ktc = units::to_N_per_mm2(material.ktc);
+  if (ktc >= kTangentialCut.low / kFar && ktc <= kTangentialCut.high * kFar) return {};
+  const double slip = ktc < kTangentialCut.low ? 1e3 : 1e-3;
+  const bool thousand = ktc * slip >= kTangentialCut.low && ktc * slip <= kTangentialCut.high;
+  const std::string units_slipped = ktc < kTangentialCut.low ? "forces in kN instead of N, or feeds in um instead of mm"
+                                                             : "forces in mN instead of N, or feeds in m instead of mm";
+  return fail("ID124",
+              fmt::format("Ktc comes out as {:.3g} N/mm^2: metals have {:g} to {:g}", ktc, kTangentialCut.low,
+                          kTangentialCut.high),
+              {}, thousand ? "a thousand times off: are the " + units_slipped + "?" : "check the units of all columns");
+}
+
 }  // namespace
 
-Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::string& path) {
-  POLYPOD_ASSIGN(table, csv::read(path));
+Result<ForceTable> read_forces(const Cutter& cutter, const std::string& path, const csv::Columns& columns) {
+  POLYPOD_ASSIGN(table, csv::read(path, columns));
   POLYPOD_TRY(table.needs({"feed_per_tooth_mm", "ap_mm", "Fx_N", "Fy_N", "Fz_N"}));
-  std::vector<MeasuredForce> out;
+  ForceTable out;
   for (const csv::Table::Row& row : table.rows) {
     MeasuredForce m;
     m.place = table.place_of(row);
@@ -101,6 +179,12 @@ Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::
                               feed, ap, ae, kLargestFeed_mm, kLargestDepth_mm),
                   m.place);
     }
+    if (ap > units::to_mm(cutter.length) * (1 + 1e-12)) {
+      return fail("ID120",
+                  fmt::format("a cut of ap {:g} mm, but the edges of the cutter are {:g} mm long", ap,
+                              units::to_mm(cutter.length)),
+                  m.place, "check ap_mm and the cutter's length_mm");
+    }
     for (const double force : {x, y, z}) {
       if (std::abs(force) <= kLargestForce_N) continue;
       return fail("ID120", fmt::format("a mean force of {:g} N: at most {:g}", force, kLargestForce_N), m.place);
@@ -109,9 +193,11 @@ Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::
     m.ap = units::from_mm(ap);
     m.ae = units::from_mm(ae);
     m.mean = Vec3(x, y, z);
-    out.push_back(std::move(m));
+    out.cuts.push_back(std::move(m));
   }
   POLYPOD_TRY(csv::no_row_twice(table));
+  POLYPOD_ASSIGN(unused, table.unused());
+  out.unused_columns = std::move(unused);
   return out;
 }
 
@@ -149,10 +235,11 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
     K[k] = out.value[static_cast<std::size_t>(k)];
     out.material.*kCoefficient[k] = K[k];
     if (k % 3 != 2 && K[k] < 0) {
-      return fail("ID123", fmt::format("{} comes out below 0", kName[k]), {},
-                  "forces act on the tool, x along the feed, y to its left; is a sign or the direction wrong?");
+      return fail("ID123", fmt::format("{} comes out below 0", kName[k]), {}, why_below_zero(rows));
     }
   }
+  POLYPOD_TRY(of_a_metal(out.material));
+  out.lack_of_fit = lack_of_fit(cutter, rows, force_across);
   double sum = 0;
   Eigen::Matrix3Xd residuals(3, n);
   for (Eigen::Index i = 0; i < n; ++i) {

@@ -131,9 +131,9 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
   ASSERT_TRUE(files::write_whole(path, header + "0.05,2,4,down,-5.4,110,8.5\n0.05,2,,slot,1,2,3\n"));
   const auto good = read_forces(kCutter, path);
   ASSERT_TRUE(good) << to_string(good.error());
-  EXPECT_EQ((*good)[0].side, CutSide::down);
-  EXPECT_DOUBLE_EQ((*good)[1].ae, 8e-3);
-  EXPECT_DOUBLE_EQ((*good)[0].mean.y(), 110);
+  EXPECT_EQ(good->cuts[0].side, CutSide::down);
+  EXPECT_DOUBLE_EQ(good->cuts[1].ae, 8e-3);
+  EXPECT_DOUBLE_EQ(good->cuts[0].mean.y(), 110);
   const struct {
     std::string text;
     const char* id;
@@ -144,6 +144,8 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
       {header, "ID102", 0},
       {header + "0.05,2,4,down,3,1,2\n0.05,2,4,down,3,1,2\n", "ID103", 3},
       {header + "0.05,2,9,down,3,1,2\n", "ID120", 2},
+      {header + "0.05,20.1,4,down,3,1,2\n", "ID120", 2},  // deeper than the edges are long
+      {"feed_per_tooth_mm,ap_mm,Ae_mm,Direction,Fx_N,Fy_N,Fz_N\n0.05,2,4,down,3,1,2\n", "ID108", 1},
       {header + "0.05,2,4,sideways,3,1,2\n", "ID120", 2},
       {header + "0,2,4,up,3,1,2\n", "ID120", 2},
       {header + "0.05,2,,up,3,1,2\n", "ID120", 2},
@@ -165,6 +167,59 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
   EXPECT_NEAR(back->ktc, kTruth[0], 1e-8 * kTruth[0]);
   EXPECT_NEAR(back->kae, kTruth[5], 1e-8 * kTruth[5]);
   std::filesystem::remove(path);
+}
+
+/// Measurements of an independent simulation of a cutter of 10 mm with four teeth.
+const Cutter kTen{"EM10", 10e-3, 4, 30 * units::from_deg(1), 25e-3};
+Result<CuttingIdentification> of_file(const std::string& name) {
+  const auto table = read_forces(kTen, std::string(POLYPOD_TEST_DATA) + "/cutting/data/" + name);
+  if (!table) return tl::unexpected(table.error());
+  return identify_cutting(kTen, table->cuts);
+}
+
+TEST(IdentifyCutting, UnitsThatSlippedAreRefused) {
+  EXPECT_EQ(of_file("f_kN.csv").error().id, "ID124");
+  EXPECT_NE(of_file("f_kN.csv").error().hint.find("kN"), std::string::npos);
+  // Feeds in um, those above 100 mm left out of the file.
+  std::vector<MeasuredForce> rows = measured(0, 1);
+  for (MeasuredForce& row : rows) row.feed_per_tooth *= 1000;
+  const auto r = identify_cutting(kCutter, rows);
+  ASSERT_FALSE(r);
+  EXPECT_EQ(r.error().id, "ID124");
+  EXPECT_EQ(of_file("f_um.csv").error().id, "ID120");
+  EXPECT_EQ(of_file("f_bigap.csv").error().id, "ID120");
+}
+
+TEST(IdentifyCutting, NearlyEqualFeedsAreNamedAndNoSignIsBlamed) {
+  const auto r = of_file("f_near2.csv");
+  ASSERT_FALSE(r);
+  EXPECT_EQ(r.error().id, "ID123");
+  EXPECT_NE(r.error().hint.find("nearly equal"), std::string::npos);
+  EXPECT_EQ(r.error().hint.find("sign"), std::string::npos);
+}
+
+TEST(IdentifyCutting, ASizeEffectIsALackOfFit) {
+  const auto r = of_file("f_exp.csv");  // chips to the power 0.75, noise 1.2 N
+  ASSERT_TRUE(r) << to_string(r.error());
+  ASSERT_TRUE(r->lack_of_fit);
+  EXPECT_NEAR(r->lack_of_fit->exponent, 0.75, 0.051);
+  EXPECT_LT(r->lack_of_fit->residual_rms, 0.6 * r->lack_of_fit->linear_rms);
+}
+
+// 99.9 %: of 300 measurements in proportion to the chip hardly one is called a lack of fit.
+TEST(IdentifyCutting, ProportionIsNoLackOfFit) {
+  const std::vector<MeasuredForce> exact = measured(0, 1);
+  int called = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    Random random(seed);
+    std::vector<MeasuredForce> rows = exact;
+    for (MeasuredForce& row : rows)
+      for (double& f : row.mean) f += 5 * random.normal();
+    const auto r = identify_cutting(kCutter, rows);
+    ASSERT_TRUE(r);
+    called += r->lack_of_fit ? 1 : 0;
+  }
+  EXPECT_LE(called, 3);
 }
 
 }  // namespace

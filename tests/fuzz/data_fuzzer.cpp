@@ -72,7 +72,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const auto forces = cutting::read_forces(cutting::Cutter{"", 8e-3, 4, 0.5, 0.02}, file.path());
   if (!forces) return require_error(forces.error()), 0;
-  for (const cutting::MeasuredForce& force : *forces) {
+  for (const cutting::MeasuredForce& force : forces->cuts) {
     require(force.mean.allFinite() && force.feed_per_tooth > 0 && force.ap > 0 && force.ae > 0, "forces are finite");
   }
   return 0;

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "polypod/core/csv.hpp"
 #include "polypod/cutting/force.hpp"
 
 namespace polypod::cutting {
@@ -18,15 +20,28 @@ struct MeasuredForce {
   Place place;
 };
 
+/// What a file held.
+struct ForceTable {
+  std::vector<MeasuredForce> cuts;
+  std::vector<std::string> unused_columns;
+};
 /// Reads the columns feed_per_tooth_mm, ap_mm, Fx_N, Fy_N, Fz_N and, if given, direction (up, down, slot; without:
-/// slot) and ae_mm (without: the diameter). Errors: ID100 to ID103, ID106, ID120 (a depth, feed or direction out of
-/// range).
-Result<std::vector<MeasuredForce>> read_forces(const Cutter& cutter, const std::string& path);
+/// slot) and ae_mm (without: the diameter). Errors: ID100 to ID103, ID106 to ID109, ID120 (a depth, feed or direction
+/// out of range, a cut deeper than the edges are long).
+Result<ForceTable> read_forces(const Cutter& cutter, const std::string& path, const csv::Columns& columns = {});
 
 struct ForceOutlier {
   std::size_t row = 0;  ///< index into the measurements
   int axis = 0;         ///< 0..2
   double residual = 0;  ///< N
+};
+
+/// Forces that do not grow in proportion to the chip: with chips to the power `exponent` the residuals are smaller than
+/// chance makes them (99.9 %).
+struct LackOfFit {
+  double exponent = 1;
+  double residual_rms = 0;  ///< N, across the axis, with that exponent
+  double linear_rms = 0;    ///< N, across the axis, in proportion
 };
 
 /// The six coefficients in the order Ktc, Krc, Kac (N/m^2), Kte, Kre, Kae (N/m).
@@ -37,15 +52,17 @@ struct CuttingIdentification {
   std::size_t equations = 0;
   double condition = 0;                ///< of the equations with columns of unit length
   std::vector<Vec3> residuals;         ///< N, measured less computed
+  std::optional<LackOfFit> lack_of_fit;
   std::vector<ForceOutlier> outliers;  ///< beyond 3.5 robust standard deviations of their axis, from 10 cuts on; kept
 };
 
 /// Mean forces are linear in the coefficients, F = sum_k K_k F_k with F_k = mean_force of the unit coefficient, so one
 /// linear least-squares problem answers: 3 equations a cut. Tangential and radial coefficients share the two equations
 /// across the axis, the axial ones have the third, with a variance of its own. Needs two feeds at least: one alone
-/// cannot tell cutting from edge coefficients. Exponent 1. Errors: ID121 (not more equations than coefficients), ID122
-/// (these cuts cannot tell the coefficients apart), ID123 (a tangential or radial coefficient below 0: is the sign or
-/// the direction wrong?). Cost: about 1 us a cut.
+/// cannot tell cutting from edge coefficients. Exponent 1; whether another one explains the forces better is tested.
+/// Errors: ID121 (not more equations than coefficients), ID122 (these cuts cannot tell the coefficients apart), ID123 (a
+/// tangential or radial coefficient below 0: is the sign or the direction wrong, or are the feeds nearly equal?), ID124 (a
+/// tangential coefficient far from any metal's: a unit). Cost: about 20 us a cut.
 Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::vector<MeasuredForce>& rows);
 
 /// A material file that read_material takes.
