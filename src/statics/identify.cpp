@@ -81,8 +81,11 @@ Result<std::vector<std::string>> unused_columns(const csv::Table& table) {
     const std::size_t most = name.size() >= 5 ? 2 : (name.size() >= 3 ? 1 : 0);
     std::size_t least = most + 1;
     std::string nearest;
+    const auto stem = [](std::string_view text) { return lower(text.substr(0, text.rfind('_'))); };
     for (const std::string& other : known) {
-      const std::size_t edits = edits_between(lower(name), lower(other));
+      // x_m for x_mm, a_rad for a_deg: the same quantity in another unit.
+      const bool unit = name.find('_') != std::string::npos && stem(name) == stem(other);
+      const std::size_t edits = unit ? std::min<std::size_t>(most, 1) : edits_between(lower(name), lower(other));
       if (edits >= least) continue;
       least = edits;
       nearest = other;
