@@ -290,7 +290,7 @@ Command predict_command() {
                    to_um(p.largest_distance),
                    p.largest_distance > in.job.tolerance - machining::resolution(in.job) ? "beyond"
                    : trust                                                               ? "within"
-                           : "by a doubtful measurement, which decides nothing about",
+                           : "by a doubtful measurement, not judged against",
                    to_um(in.job.tolerance));
         if (p.corner > 0) {
           fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),

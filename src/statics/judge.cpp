@@ -111,7 +111,7 @@ std::vector<std::pair<Mat3, int>> signed_permutations() {
 std::vector<Arrangement> arrangements(bool shifts) {
   std::vector<Arrangement> out;
   const auto add = [&](Arrangement a) { out.push_back(std::move(a)); };
-  const std::string check = "; check the first line of the file, and the axes of force and displacement";
+  const char* check = "check the first line of the file, and the axes of force and displacement";
   for (const auto& [P, steps] : signed_permutations()) {
     if (steps == 0) continue;
     Arrangement of_forces, of_displacements, of_both;
@@ -126,11 +126,11 @@ std::vector<Arrangement> arrangements(bool shifts) {
           "sign where it stands on the other side";
     } else {
       of_displacements.what = in_words(P, "d");
-      of_displacements.hint = "the displacements " + of_displacements.what + check;
+      of_displacements.hint = check;
       of_forces.right = P.transpose();
       of_forces.steps = steps;
       of_forces.what = in_words(P, "F");
-      of_forces.hint = "the forces " + of_forces.what + check;
+      of_forces.hint = check;
       add(of_forces);
       if (P.determinant() > 0) {
         of_both.left = P;
@@ -149,7 +149,7 @@ std::vector<Arrangement> arrangements(bool shifts) {
       a.flip_direction = d;
       a.flip_force = f;
       a.what = fmt::format("the sign of d{}_F{} is wrong", kAxes[d], kAxes[f]);
-      a.hint = a.what + "; check that gauge";
+      a.hint = "check that gauge";
       add(a);
     }
   if (shifts) {
@@ -588,7 +588,7 @@ Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
   const bool beyond = fit.residual_rms > kMoreThanNoise * fit.noise + 1e-9;
   if (!judgement.errors.empty()) {
     const Error& e = judgement.errors.front();
-    return {Answer::no, fmt::format("{} {}: {}.", fits, e.message, e.hint)};
+    return {Answer::no, fmt::format("{} They cannot be: {}; {}", fits, e.message, e.hint)};
   }
   if (fit.explained < kLeastExplained && beyond) {
     return {Answer::no, fits + " That is no model of this machine: check units, signs, axes, and the machine."};
