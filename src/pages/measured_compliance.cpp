@@ -124,7 +124,10 @@ std::string measured_verdict(const ComplianceMap& map, bool plain) {
                                ? fmt::format("{} times its noise", number(c.rms(row, column) / noise, 2))
                                : std::string("far more than its noise"));
     }
-    out += fmt::format("; all but {}: there something else gives way, or the readings are off", which);
+    out += fmt::format(
+        "; all but {}, undecided: something else gives way there, or its noise is told too small; more points would "
+        "tell",
+        which);
   }
   std::string apart;
   for (const auto& [row, column] : statics::kEntryPlaces) {
