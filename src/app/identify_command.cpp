@@ -8,11 +8,13 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "measured_problems.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/identify.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/pages/calibration.hpp"
+#include "polypod/statics/judge.hpp"
 #include "polypod/statics/measured_map.hpp"
 #include "quality_files.hpp"
 
@@ -27,11 +29,21 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
   }
   std::string errors;
   for (const double e : r.standard_error) errors += fmt::format("{}{:.3g}", errors.empty() ? "" : ", ", e);
-  return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}",
-                     points.size(), files, units::to_um(r.residual_rms), errors);
+  std::string held;
+  for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+    if (r.upper_bound[i])
+      held += fmt::format("; {} is held at 0, with an upper bound (95 %) of {:.3g}", r.joint[i], *r.upper_bound[i]);
+  }
+  return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}{}",
+                     points.size(), files, units::to_um(r.residual_rms), errors, held);
 }
 
-constexpr double kOtherUnit = 100;  // times the compliances that a machine had: a unit was mistaken
+/// "Yes: ...", "In part: ...", "No: ...".
+std::string in_words(const statics::Verdict& verdict) {
+  std::string name(statics::name_of(verdict.answer));
+  name[0] = static_cast<char>(name[0] - 'a' + 'A');
+  return name + ": " + verdict.why;
+}
 
 /// Of the machine's provenance.
 const char* compliance_key(const statics::Identification& r) {
@@ -47,6 +59,14 @@ Json json_of(const statics::Foretold& f) {
 std::string in_words(const statics::Foretold& f) {
   return fmt::format("{:.1f} um rms", units::to_um(f.joints)) +
          (f.map ? fmt::format(" (a map without joints: {:.1f} um)", units::to_um(*f.map)) : std::string());
+}
+
+/// The exit status; where the answer is no, why, and that no machine was written.
+int end(const statics::Verdict& verdict, const statics::Judgement& judgement) {
+  if (verdict.answer != statics::Verdict::Answer::no) return kDone;
+  for (const Error& e : judgement.errors) fmt::print(stderr, "polypod: {}\n", to_string(e));
+  fmt::print(stderr, "polypod: these are no compliances of this machine, and no machine file was written\n");
+  return kAnswerIsNo;
 }
 
 /// What is implausible about the coefficients and about the least and the largest feed.
@@ -76,153 +96,180 @@ Command identify_compliance_command() {
   struct Options {
     std::string machine, out, report;
     std::vector<std::string> sets, files;
+    double noise_um = 0;
   };
   auto o = std::make_shared<Options>();
-  return {"identify compliance", "Joint compliances from measured displacements of the tip",
-          "polypod identify compliance lola50 displacements.csv",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.positional("DATA", o->files, "CSV files: x_mm,y_mm,z_mm,force_N,dx_Fx_um,dy_Fx_um,...,dz_Fz_um");
-            a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
-            a.option("--report", o->report, "An HTML page: compliances, residuals and how sure they are");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            std::vector<std::string> inputs = o->files;
-            inputs.push_back(o->machine);
-            POLYPOD_TRY(check_files(inputs, {o->out, o->report}, context.json));
-            std::vector<statics::MeasuredPoint> points;
-            std::vector<std::vector<statics::MeasuredPoint>> groups;
-            for (const std::string& file : o->files) {
-              POLYPOD_ASSIGN(more, statics::read_displacements(file));
-              points.insert(points.end(), more.begin(), more.end());
-              groups.push_back(std::move(more));
-            }
-            POLYPOD_ASSIGN(given_rms, statics::prediction_rms(m, points));
-            POLYPOD_ASSIGN(r, statics::identify_compliance(m, points));
-            files::Outputs together;
-            if (!o->out.empty()) {
-              POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
-              // The key whose numbers change, so that an older source of theirs does not stand beside it.
-              machine::note(found, compliance_key(r), note_of(r, points));
-              POLYPOD_TRY(together.add(o->out, machine::to_toml(found)));
-            }
-            pages::ComplianceChecks checks{given_rms, {}};
-            Json left_out = Json::array();
-            std::vector<statics::Foretold> foretold;
-            if (groups.size() > 1) {
-              POLYPOD_ASSIGN(each, statics::leave_one_out(m, groups));
-              foretold = each;
-            }
-            for (std::size_t i = 0; i < foretold.size(); ++i) {
-              checks.left_out.emplace_back(o->files[i], foretold[i].joints);
-              left_out.push_back(json_of(foretold[i]));
-              left_out.back()["file"] = o->files[i];
-            }
-            // Dealt out, where each part leaves enough; a plane left out is the harder question.
-            std::optional<statics::Foretold> dealt;
-            if (points.size() >= kLeastHeldOut) {
-              POLYPOD_ASSIGN(both, statics::hold_out(m, points));
-              dealt = both;
-            }
-            if (!o->report.empty()) {
-              std::string command = "polypod identify compliance " + for_shell(o->machine);
-              for (const std::string& file : o->files) command += " " + for_shell(file);
-              for (const std::string& set : o->sets) command += option_in_words("--set", set);
-              command += option_in_words("-o", o->out) + option_in_words("--report", o->report);
-              POLYPOD_TRY(together.add(o->report,
-                                       pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
-            }
-            POLYPOD_TRY(together.commit());
-            static constexpr const char* kAxes = "xyz";
-            Json alike = Json::array();
-            for (const auto& [a, b] : r.hardly_apart)
-              alike.push_back({{"joints", {r.joint[std::size_t(a)], r.joint[std::size_t(b)]}},
-                               {"correlation", r.correlation[std::size_t(a)][std::size_t(b)]}});
-            Json outliers = Json::array();
-            for (const statics::Outlier& x : r.outliers) {
-              const statics::MeasuredPoint& p = points[x.point];
-              outliers.push_back({{"file", p.place.file},
-                                  {"line", p.place.line},
-                                  {"displacement", fmt::format("d{}_F{}", kAxes[x.direction], kAxes[x.force_axis])},
-                                  {"residual_um", units::to_um(x.residual)}});
-            }
-            if (context.json) {
-              // What slides or stretches is given twice: in m/N among all, in um/N of its own.
-              Json um_per_N = Json::array(), unit = Json::array();
-              for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-                um_per_N.push_back(r.turns[i] ? Json() : Json(units::to_um_per_N(r.compliance[i])));
-                unit.push_back(r.turns[i] ? "rad/Nm" : "m/N");
-              }
-              const bool all_turn = std::find(r.turns.begin(), r.turns.end(), false) == r.turns.end();
-              Json document{{"joint", r.joint},
-                            {"compliance_rad_per_Nm", r.compliance},
-                            {"unit", unit},
-                            {"standard_error", r.standard_error},
-                            {"half_interval_95", r.half_interval},
-                            {"residual_rms_um", units::to_um(r.residual_rms)},
-                            {"given_rms_um", units::to_um(given_rms)},
-                            {"leave_one_out", left_out},
-                            {"hold_out", dealt ? json_of(*dealt) : Json()},
-                            {"equations", r.equations},
-                            {"points", points.size()},
-                            {"condition", r.condition},
-                            {"correlation", r.correlation},
-                            {"hardly_apart", alike},
-                            {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
-                            {"symmetric", r.symmetric},
-                            {"outliers", outliers}};
-              if (!all_turn) document["compliance_um_per_N"] = um_per_N;
-              print_json(document);
-              return kDone;
-            }
-            fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(),
-                       r.equations, units::to_um(r.residual_rms), r.condition);
-            for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-              if (i == 0 || r.turns[i] != r.turns[i - 1]) {
-                fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
-              }
-              if (r.turns[i]) {
-                fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], units::to_tenth_urad(r.compliance[i]),
-                           units::to_tenth_urad(r.half_interval[i]));
-              } else {
-                fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
-                           units::to_um_per_N(r.half_interval[i]));
-              }
-            }
-            for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-              if (r.compliance[i] == 0) fmt::print("{} is held at 0: its best value would be negative\n", r.joint[i]);
-            }
-            if (r.times_given > kOtherUnit || r.times_given < 1 / kOtherUnit) {
-              fmt::print(
-                  "these are {:.3g} times the compliances of the given machine: are displacements in um and the "
-                  "force in N?\n",
-                  r.times_given);
-            }
-            fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
-                       units::to_um(given_rms));
-            if (dealt) {
-              fmt::print("a fifth of the points at a time predicted from the others: {}\n", in_words(*dealt));
-            }
-            for (std::size_t i = 0; i < foretold.size(); ++i) {
-              fmt::print("{}: predicted from the other files to {}\n",
-                         std::filesystem::path(o->files[i]).filename().string(), in_words(foretold[i]));
-            }
-            fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
-                       units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than the residuals explain");
-            for (const Json& x : alike) {
-              fmt::print("{} and {} are hardly told apart: their estimates correlate by {:.3f}\n",
-                         x["joints"][0].get<std::string>(), x["joints"][1].get<std::string>(),
-                         x["correlation"].get<double>());
-            }
-            for (const Json& x : outliers) {
-              fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.0f} um\n", x["file"].get<std::string>(),
-                         x["line"].get<int>(), x["displacement"].get<std::string>(), x["residual_um"].get<double>());
-            }
-            for (const std::string* path : {&o->out, &o->report})
-              if (!path->empty()) fmt::print("wrote {}\n", *path);
-            return kDone;
-          }};
+  return {
+      "identify compliance", "Joint compliances from measured displacements of the tip",
+      "polypod identify compliance lola50 displacements.csv",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.positional("DATA", o->files,
+                     "CSV files: x_mm,y_mm,z_mm,force_N,dx_Fx_um,dy_Fx_um,...,dz_Fz_um[,a_deg,b_deg,c_deg]"
+                     "[,q1,...,qn][,sigma_um]; Fx_N,Fy_N,Fz_N in place of force_N; blank where not measured");
+        a.option("--noise-um", o->noise_um, {1e-6, 1e6},
+                 "Standard deviation of one displacement, um (default: the column sigma_um, else what the asymmetry "
+                 "of the cross displacements tells)");
+        a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
+        a.option("--report", o->report, "An HTML page: compliances, residuals and how sure they are");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        std::vector<std::string> inputs = o->files;
+        inputs.push_back(o->machine);
+        POLYPOD_TRY(check_files(inputs, {o->out, o->report}, context.json));
+        POLYPOD_ASSIGN(read, statics::read_displacements(o->files));
+        const std::vector<statics::MeasuredPoint>& points = read.points;
+        std::vector<std::vector<statics::MeasuredPoint>> groups;
+        for (auto begin = points.begin(); const std::size_t count : read.of_file) {
+          groups.emplace_back(begin, begin + std::ptrdiff_t(count));
+          begin += std::ptrdiff_t(count);
+        }
+        POLYPOD_ASSIGN(given_rms, statics::prediction_rms(m, points));
+        POLYPOD_ASSIGN(r, statics::identify_compliance(m, points, units::from_um(o->noise_um)));
+        const statics::Judgement judgement = statics::judge(m, points);
+        const statics::Verdict verdict = statics::verdict_of(r, judgement);
+        const bool refused = verdict.answer == statics::Verdict::Answer::no;
+        files::Outputs together;
+        if (!o->out.empty() && !refused) {
+          POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
+          // The key whose numbers change, so that an older source of theirs does not stand beside it.
+          machine::note(found, compliance_key(r), note_of(r, points));
+          POLYPOD_TRY(together.add(o->out, machine::to_toml(found)));
+        }
+        pages::ComplianceChecks checks{given_rms, {}, in_words(verdict), !refused && judgement.good()};
+        Json left_out = Json::array();
+        std::vector<statics::Foretold> foretold;
+        if (groups.size() > 1) {
+          POLYPOD_ASSIGN(each, statics::leave_one_out(m, groups));
+          foretold = each;
+        }
+        for (std::size_t i = 0; i < foretold.size(); ++i) {
+          checks.left_out.emplace_back(o->files[i], foretold[i].joints);
+          left_out.push_back(json_of(foretold[i]));
+          left_out.back()["file"] = o->files[i];
+        }
+        // Dealt out, where each part leaves enough; a plane left out is the harder question.
+        std::optional<statics::Foretold> dealt;
+        if (points.size() >= kLeastHeldOut) {
+          POLYPOD_ASSIGN(both, statics::hold_out(m, points));
+          dealt = both;
+        }
+        if (!o->report.empty()) {
+          std::string command = "polypod identify compliance " + for_shell(o->machine);
+          for (const std::string& file : o->files) command += " " + for_shell(file);
+          for (const std::string& set : o->sets) command += option_in_words("--set", set);
+          if (o->noise_um > 0) command += fmt::format(" --noise-um {}", o->noise_um);
+          command += option_in_words("-o", o->out) + option_in_words("--report", o->report);
+          POLYPOD_TRY(
+              together.add(o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
+        }
+        POLYPOD_TRY(together.commit());
+        static constexpr const char* kAxes = "xyz";
+        Json alike = Json::array();
+        for (const auto& [a, b] : r.hardly_apart)
+          alike.push_back({{"joints", {r.joint[std::size_t(a)], r.joint[std::size_t(b)]}},
+                           {"correlation", r.correlation[std::size_t(a)][std::size_t(b)]}});
+        Json outliers = Json::array();
+        for (const statics::Outlier& x : r.outliers) {
+          const statics::MeasuredPoint& p = points[x.point];
+          outliers.push_back({{"file", p.place.file},
+                              {"line", p.place.line},
+                              {"displacement", fmt::format("d{}_F{}", kAxes[x.direction], kAxes[x.force_axis])},
+                              {"residual_um", units::to_um(x.residual)}});
+        }
+        if (context.json) {
+          // What slides or stretches is given twice: in m/N among all, in um/N of its own.
+          Json um_per_N = Json::array(), unit = Json::array(), upper = Json::array();
+          for (const std::optional<double>& bound : r.upper_bound) upper.push_back(bound ? Json(*bound) : Json());
+          for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+            um_per_N.push_back(r.turns[i] ? Json() : Json(units::to_um_per_N(r.compliance[i])));
+            unit.push_back(r.turns[i] ? "rad/Nm" : "m/N");
+          }
+          const bool all_turn = std::find(r.turns.begin(), r.turns.end(), false) == r.turns.end();
+          Json document{{"joint", r.joint},
+                        {"compliance_rad_per_Nm", r.compliance},
+                        {"unit", unit},
+                        {"standard_error", r.standard_error},
+                        {"half_interval_95", r.half_interval},
+                        {"upper_bound_95", upper},
+                        {"verdict", statics::name_of(verdict.answer)},
+                        {"why", verdict.why},
+                        {"errors", problems_json(judgement.errors)},
+                        {"doubts", problems_json(judgement.doubts)},
+                        {"unused_columns", read.unused_columns},
+                        {"r_squared", r.explained},
+                        {"signal_rms_um", units::to_um(r.signal_rms)},
+                        {"noise_um", r.noise > 0 ? Json(units::to_um(r.noise)) : Json()},
+                        {"noise_stated", r.noise_stated},
+                        {"written", !o->out.empty() && !refused},
+                        {"residual_rms_um", units::to_um(r.residual_rms)},
+                        {"given_rms_um", units::to_um(given_rms)},
+                        {"leave_one_out", left_out},
+                        {"hold_out", dealt ? json_of(*dealt) : Json()},
+                        {"equations", r.equations},
+                        {"points", points.size()},
+                        {"condition", r.condition},
+                        {"correlation", r.correlation},
+                        {"hardly_apart", alike},
+                        {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
+                        {"symmetric", r.symmetric},
+                        {"outliers", outliers}};
+          if (!all_turn) document["compliance_um_per_N"] = um_per_N;
+          print_json(document);
+          return end(verdict, judgement);
+        }
+        fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(), r.equations,
+                   units::to_um(r.residual_rms), r.condition);
+        for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+          if (i == 0 || r.turns[i] != r.turns[i - 1]) {
+            fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
+          }
+          if (r.upper_bound[i]) {
+            const double bound =
+                r.turns[i] ? units::to_tenth_urad(*r.upper_bound[i]) : units::to_um_per_N(*r.upper_bound[i]);
+            fmt::print("{:<10} {:>11}   at most {:.{}f} (95 %, one-sided)\n", r.joint[i], "0", bound,
+                       r.turns[i] ? 2 : 5);
+          } else if (r.turns[i]) {
+            fmt::print("{:<10} {:>11.2f}   +- {:.2f}\n", r.joint[i], units::to_tenth_urad(r.compliance[i]),
+                       units::to_tenth_urad(r.half_interval[i]));
+          } else {
+            fmt::print("{:<10} {:>11.5f}   +- {:.5f}\n", r.joint[i], units::to_um_per_N(r.compliance[i]),
+                       units::to_um_per_N(r.half_interval[i]));
+          }
+        }
+        for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+          if (r.compliance[i] == 0)
+            fmt::print("{} is held at 0, because its best value would be negative: not known to be rigid\n",
+                       r.joint[i]);
+        }
+        fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
+                   units::to_um(given_rms));
+        if (dealt) {
+          fmt::print("a fifth of the points at a time predicted from the others: {}\n", in_words(*dealt));
+        }
+        for (std::size_t i = 0; i < foretold.size(); ++i) {
+          fmt::print("{}: predicted from the other files to {}\n",
+                     std::filesystem::path(o->files[i]).filename().string(), in_words(foretold[i]));
+        }
+        fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
+                   units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than noise");
+        for (const Json& x : alike) {
+          fmt::print("{} and {} are hardly told apart: their estimates correlate by {:.3f}\n",
+                     x["joints"][0].get<std::string>(), x["joints"][1].get<std::string>(),
+                     x["correlation"].get<double>());
+        }
+        for (const Json& x : outliers) {
+          fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.0f} um\n", x["file"].get<std::string>(),
+                     x["line"].get<int>(), x["displacement"].get<std::string>(), x["residual_um"].get<double>());
+        }
+        print_doubts(judgement.doubts);
+        print_unused(read.unused_columns);
+        fmt::print("{}\n", in_words(verdict));
+        for (const std::string* path : {&o->out, &o->report})
+          if (!path->empty() && !(refused && path == &o->out)) fmt::print("wrote {}\n", *path);
+        return end(verdict, judgement);
+      }};
 }
 
 Command identify_cutting_command() {

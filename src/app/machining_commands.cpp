@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "measured_problems.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
@@ -45,7 +46,7 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
                          const std::vector<std::string>& measured) {
   POLYPOD_ASSIGN(job, machining::read_job(job_path));
   if (!measured.empty()) {
-    POLYPOD_ASSIGN(compliance, machining::read_measured(measured));
+    POLYPOD_ASSIGN(compliance, machining::read_measured(measured, {}, &job.machine));
     job.measured = std::move(compliance);
   }
   POLYPOD_ASSIGN(program, gcode::read(program_path));
@@ -62,7 +63,10 @@ void add_map(Json& document, const machining::Job& job, const machining::MapBand
   const statics::MeasuredMap& map = job.measured->map;
   document["measured_compliance"] = {{"files", job.measured->files},
                                      {"points", map.size()},
-                                     {"correlation_length_mm", to_mm(map.correlation_length())}};
+                                     {"correlation_length_mm", to_mm(map.correlation_length())},
+                                     {"left_out", job.measured->left_out},
+                                     {"unused_columns", job.measured->unused_columns},
+                                     {"doubts", problems_json(job.measured->doubts)}};
   document["map_band_95_um"] = mean_and_max(band.normal);
   if (band.joints.count > 0) document["model_difference_um"] = mean_and_max(band.joints);
 }
@@ -72,6 +76,11 @@ void print_map(const machining::Job& job, const machining::MapBand& band) {
   const statics::MeasuredMap& map = job.measured->map;
   fmt::print("compliance     interpolated from {} measured points, correlation length {:.0f} mm\n", map.size(),
              to_mm(map.correlation_length()));
+  if (job.measured->left_out > 0) {
+    fmt::print("               {} points do not tell all six compliances and are left out\n", job.measured->left_out);
+  }
+  print_doubts(job.measured->doubts);
+  print_unused(job.measured->unused_columns);
   if (band.normal.count > 0) {
     fmt::print("its band       +- {:.1f} um of the normal error, up to {:.1f} um (95 %, at {} points)\n",
                to_um(band.normal.mean), to_um(band.normal.max), band.normal.count);
@@ -80,6 +89,11 @@ void print_map(const machining::Job& job, const machining::MapBand& band) {
     fmt::print("joints' model  deflections {:.1f} um from these, up to {:.1f} um\n", to_um(band.joints.mean),
                to_um(band.joints.max));
   }
+}
+
+/// Whether the measured compliance is beyond doubt, so that a yes can rest on it.
+bool trusted(const machining::Job& job) {
+  return !job.measured || job.measured->doubts.empty();
 }
 
 // mm; the range of --step, as that of a job's step_mm
@@ -224,7 +238,7 @@ Command predict_command() {
         const machining::MapBand map = machining::map_band(in.job, p);
         options.progress(1);
         const bool spread = !in.job.material.spread.empty();
-        const bool within = p.within(in.job);
+        const bool trust = trusted(in.job), within = p.within(in.job) && trust;
         const Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
         if (context.json) {
           Json moves = Json::array();
@@ -281,7 +295,9 @@ Command predict_command() {
         fmt::print("vertical error {}\n", spread_text(p.vertical));
         fmt::print("distance       up to {:.1f} um from the programmed path, {} the tolerance of {:g} um\n",
                    to_um(p.largest_distance),
-                   p.largest_distance <= in.job.tolerance - machining::resolution(in.job) ? "within" : "beyond",
+                   p.largest_distance > in.job.tolerance - machining::resolution(in.job) ? "beyond"
+                   : trust                                                               ? "within"
+                           : "by a doubtful measurement, not judged against",
                    to_um(in.job.tolerance));
         if (p.corner > 0) {
           fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),
@@ -383,6 +399,11 @@ Command correct_command() {
             };
             POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
             if (line) line(1);
+            if (!trusted(in.job)) {
+              c.within_tolerance = false;
+              c.reason = "the measured compliance is doubtful: " + in.job.measured->doubts.front().message;
+              c.remedies = {in.job.measured->doubts.front().hint};
+            }
             const bool writes =
                 c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
             files::Outputs together;  // program and report appear together or not at all

@@ -6,12 +6,14 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "measured_problems.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/pages/compliance_map.hpp"
+#include "polypod/statics/judge.hpp"
 
 namespace polypod::app {
 namespace {
@@ -40,16 +42,6 @@ Result<std::array<double, 2>> range_of(const std::string& text, const std::strin
 }
 
 using Measured = std::vector<statics::MeasuredPoint>;
-
-/// The measured points of all files. Errors: those of read_displacements.
-Result<Measured> measured_of(const MapOptions& o) {
-  Measured out;
-  for (const std::string& file : o.measured) {
-    POLYPOD_ASSIGN(more, statics::read_displacements(file));
-    out.insert(out.end(), more.begin(), more.end());
-  }
-  return out;
-}
 
 /// The rectangle of the measured points of the plane; of all of them, with the margin of a map, where none lies in it
 /// or they lie on a line.
@@ -306,7 +298,7 @@ Json measured_json(const pages::MeasuredCompliance& m) {
           {"correlation_length_mm", units::to_mm(m.map.correlation_length())},
           {"difference_rms_um_per_N", units::to_um_per_N(c.rms_of_all)},
           {"noise_um_per_N", units::to_um_per_N(c.noise_of_all)},
-          {"explained", pages::explained(c)},
+          {"explained", pages::explained(m)},
           {"fields", fields}};
 }
 
@@ -440,8 +432,11 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   POLYPOD_TRY(check_outputs(o, context.json));
   POLYPOD_ASSIGN(m, machine_of(o.machine, o.sets));
   pages::ComplianceMap map{m, {}, {}, {}, {}, {}, {}, {}};
-  POLYPOD_ASSIGN(measured, measured_of(o));
+  POLYPOD_ASSIGN(read, statics::read_displacements(o.measured));
+  const Measured& measured = read.points;
   if (!measured.empty()) POLYPOD_TRY(needs_compliance(m));
+  const statics::Judgement judgement = statics::judge(m, measured);
+  if (!judgement.errors.empty()) return tl::unexpected(judgement.errors.front());
   const SingularNote singular(m, context);
   const machine::Task task = kinematics::task(m);
   if (!task.places()) {
@@ -503,9 +498,17 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   if (context.json) {
     std::vector<std::string> written = o.outputs;
     if (!o.path_csv.empty()) written.push_back(o.path_csv);
-    print_json(singular.in(map_json(map, written)));
+    Json document = map_json(map, written);
+    if (map.measured) {
+      document["measured"]["doubts"] = problems_json(judgement.doubts);
+      document["measured"]["unused_columns"] = read.unused_columns;
+      if (!judgement.doubts.empty()) document["measured"]["explained"] = false;
+    }
+    print_json(singular.in(document));
   } else {
     print_map(o, map);
+    print_doubts(judgement.doubts);
+    print_unused(read.unused_columns);
   }
   return kDone;
 }

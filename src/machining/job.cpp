@@ -3,11 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/statics/judge.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -25,7 +27,7 @@ Status read_measured_key(const config::Table& table, Job& job) {
   POLYPOD_ASSIGN(files, table.optional_texts("measured_compliance"));
   for (std::string& file : files) file = config::beside(job.path, file);
   if (files.empty()) return {};
-  POLYPOD_ASSIGN(measured, read_measured(files, table.place_of("measured_compliance")));
+  POLYPOD_ASSIGN(measured, read_measured(files, table.place_of("measured_compliance"), &job.machine));
   job.measured = std::move(measured);
   return {};
 }
@@ -90,7 +92,8 @@ Status read_controller(const config::Table& table, Job& job) {
 }  // namespace
 
 Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
-                                                                const Place& place) {
+                                                                const Place& place,
+                                                                const machine::AnyMachine* machine) {
   if (files.empty()) return nullptr;
   // What has no line of its own, a file that is not there, is wrong where it is asked for.
   const auto placed = [&](Error error) {
@@ -100,12 +103,12 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
     }
     return tl::unexpected<Error>(std::move(error));
   };
-  std::vector<statics::MeasuredPoint> points;
-  for (const std::string& file : files) {
-    auto more = statics::read_displacements(file);
-    if (!more) return placed(std::move(more.error()));
-    points.insert(points.end(), more->begin(), more->end());
-  }
+  auto read = statics::read_displacements(files);
+  if (!read) return placed(std::move(read.error()));
+  const std::vector<statics::MeasuredPoint>& points = read->points;
+  statics::Judgement judgement;
+  if (machine != nullptr) judgement = statics::judge(*machine, points);
+  if (!judgement.errors.empty()) return placed(std::move(judgement.errors.front()));
   auto map = statics::MeasuredMap::of(points);
   if (!map) return placed(std::move(map.error()));
   const double off = angle_between(map->axis(), Vec3::UnitZ());
@@ -116,7 +119,10 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
                 place.file.empty() ? points.front().place : place,
                 "the measured compliance holds for one direction of the tool: measure with the tool upright");
   }
-  return std::make_shared<const MeasuredCompliance>(MeasuredCompliance{files, std::move(*map)});
+  return std::make_shared<const MeasuredCompliance>(MeasuredCompliance{
+      files, std::move(*map), std::move(judgement.doubts), std::move(read->unused_columns),
+      static_cast<std::size_t>(
+          std::count_if(points.begin(), points.end(), [](const auto& p) { return !statics::tells_all_entries(p); }))});
 }
 
 Status follows_programs(const machine::AnyMachine& machine) {

@@ -444,6 +444,7 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
 void add_summary(report::Report& page, std::size_t points, const statics::Identification& r,
                  const ComplianceChecks& checks) {
   page.add_section("Summary");
+  if (!checks.verdict.empty()) page.add_verdict(checks.good ? Verdict::good : Verdict::bad, checks.verdict);
   page.add_text(
       fmt::format("The compliances found explain the measured displacements to {} µm rms; those of the given "
                   "machine to {} µm.",
@@ -459,11 +460,15 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
                               r.joint[j], fixed(r.correlation[i][j], 3)));
   }
   page.add_text(fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
-                            fixed(to_um(r.asymmetry_rms), 1),
-                            r.symmetric ? "no more than the residuals explain" : "more than the residuals explain"));
+                            fixed(to_um(r.asymmetry_rms), 1), r.symmetric ? "no more than noise" : "more than noise"));
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-    if (r.compliance[i] == 0)
-      page.add_text(fmt::format("{}: held at 0, because the best value would be negative.", r.joint[i]));
+    if (!r.upper_bound[i]) continue;
+    page.add_text(fmt::format(
+        "{}: held at 0, because the best value would be negative; it is at most {} {} (95 %, "
+        "one-sided), and not known to be rigid.",
+        r.joint[i],
+        number(r.turns[i] ? units::to_tenth_urad(*r.upper_bound[i]) : units::to_um_per_N(*r.upper_bound[i])),
+        r.turns[i] ? "× 1e-7 rad/Nm" : "µm/N"));
   }
 }
 
@@ -573,8 +578,7 @@ void add_planes(report::Report& page, const machine::AnyMachine& machine,
     first = false;
     page.add_heading(
         fmt::format("{}: {}", std::filesystem::path(file.front().place.file).filename().string(), shown_place(map)));
-    page.add_verdict(explained(map.measured->compared) ? Verdict::good : Verdict::neutral,
-                     measured_verdict(map, false) + ".");
+    page.add_verdict(explained(*map.measured) ? Verdict::good : Verdict::neutral, measured_verdict(map, false) + ".");
     add_measured(page, map, false);
   }
 }

@@ -239,7 +239,7 @@ class Page {
   void glance() {
     report_.add_section("At a glance");
     if (map_.measured) {
-      report_.add_verdict(explained(map_.measured->compared) ? Verdict::good : Verdict::neutral,
+      report_.add_verdict(explained(*map_.measured) ? Verdict::good : Verdict::neutral,
                           measured_verdict(map_, false) + ".");
     }
     const int points = static_cast<int>(map_.map.points.size()), out_of_reach = points - reached(map_.map);

@@ -22,6 +22,7 @@ constexpr double kInPlane = 0.5e-3;     // m
 constexpr double kFewestSpan = 1e-3;    // m: points that spread less lie on a line
 constexpr double kMoreThanNoise = 1.5;  // as Identification::symmetric judges
 constexpr double kStandsOut = 0.25;     // of the map: more of it beyond two deviations is said in words
+constexpr double kByChance = 0.1;       // of the map: twice what is beyond two deviations where the model is right
 constexpr double kNoNoise = 0.01;       // of the difference: a ratio to less noise says nothing
 
 double spread(const std::array<double, 2>& range) {
@@ -88,8 +89,14 @@ Result<MeasuredCompliance> measured_over(const ComplianceMap& map, const std::ve
   return out;
 }
 
-bool explained(const statics::Compared& c) {
-  return c.rms_of_all <= kMoreThanNoise * c.noise_of_all;
+bool explained(const MeasuredCompliance& m) {
+  const statics::Compared& c = m.compared;
+  const auto off = [&](const std::pair<int, int>& e) {
+    return c.rms(e.first, e.second) > kMoreThanNoise * c.noise(e.first, e.second) &&
+           m.beyond(e.first, e.second) > kByChance;
+  };
+  return c.rms_of_all <= kMoreThanNoise * c.noise_of_all &&
+         std::none_of(statics::kEntryPlaces.begin(), statics::kEntryPlaces.end(), off);
 }
 
 std::string measured_verdict(const ComplianceMap& map, bool plain) {
@@ -101,8 +108,27 @@ std::string measured_verdict(const ComplianceMap& map, bool plain) {
   out += c.noise_of_all > kNoNoise * c.rms_of_all
              ? fmt::format("{} times the noise of the readings", number(c.rms_of_all / c.noise_of_all, 2))
              : std::string("far above the noise of the readings");
-  out += explained(c) ? ": no more than noise explains"
-                      : ": more than noise; the differences show where something else gives way";
+  const bool all = c.rms_of_all <= kMoreThanNoise * c.noise_of_all;
+  if (explained(*map.measured)) {
+    out += ": no more than noise explains";
+  } else if (!all) {
+    out += ": more than noise; the differences show where something else gives way";
+  } else {
+    std::string which;
+    for (const auto& [row, column] : statics::kEntryPlaces) {
+      const double noise = c.noise(row, column);
+      if (!(c.rms(row, column) > kMoreThanNoise * noise && map.measured->beyond(row, column) > kByChance)) continue;
+      which += fmt::format("{}C{}{}{}, which is off by {}", which.empty() ? "" : ", ", plain ? "_" : "", "xyz"[row],
+                           "xyz"[column],
+                           noise > kNoNoise * c.rms(row, column)
+                               ? fmt::format("{} times its noise", number(c.rms(row, column) / noise, 2))
+                               : std::string("far more than its noise"));
+    }
+    out += fmt::format(
+        "; all but {}, undecided: something else gives way there, or its noise is told too small; more points would "
+        "tell",
+        which);
+  }
   std::string apart;
   for (const auto& [row, column] : statics::kEntryPlaces) {
     const double share = map.measured->beyond(row, column);

@@ -5,8 +5,14 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <cmath>
+#include <map>
+#include <numeric>
+#include <string_view>
 
+#include "not_negative.hpp"
 #include "polypod/core/csv.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
@@ -21,110 +27,366 @@ constexpr double kNotApart = 1e8;
 constexpr double kAlike = 0.9;    // correlation of two estimates from which on the sum is known better than the two
 constexpr double kOutlier = 3.5;  // robust standard deviations
 
-/// Least squares with c >= 0 from the normal equations H c = g (H positive definite), by an active set: held at 0 is
-/// what would be negative, and let go again what would grow. `free` says which are not held.
-Eigen::VectorXd not_negative(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, std::vector<bool>& free) {
-  const int n = static_cast<int>(g.size());
-  free.assign(static_cast<std::size_t>(n), true);
-  Eigen::VectorXd c = Eigen::VectorXd::Zero(n);
-  for (int round = 0; round < 10 * n; ++round) {
-    Eigen::MatrixXd Hf = H;
-    Eigen::VectorXd gf = g;
-    for (int i = 0; i < n; ++i) {
-      if (free[static_cast<std::size_t>(i)]) continue;
-      Hf.row(i).setZero();
-      Hf.col(i).setZero();
-      Hf(i, i) = 1;
-      gf[i] = 0;
+constexpr const char* kAxes = "xyz";
+constexpr double kJointsOffPlace = 10e-3;               // m, between the pose and that of the file's joints ...
+constexpr double kJointsOffAngle = units::from_deg(1);  // ... beyond which they are not of one row
+
+/// "dx_Fy_um" for direction 0 under the force along axis 1.
+std::string column_of(int direction, int force) {
+  return fmt::format("d{}_F{}_um", kAxes[direction], kAxes[force]);
+}
+std::string force_column(int axis) {
+  return fmt::format("F{}_N", kAxes[axis]);
+}
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return out;
+}
+
+/// Insertions, deletions and replacements that make one text of the other (Levenshtein).
+std::size_t edits_between(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
     }
-    c = Hf.ldlt().solve(gf);
-    int worst = 0;
-    if (c.minCoeff(&worst) < 0) {
-      free[static_cast<std::size_t>(worst)] = false;
-      continue;
-    }
-    const Eigen::VectorXd pull = g - H * c;
-    int grows = -1;
-    for (int i = 0; i < n; ++i) {
-      if (!free[static_cast<std::size_t>(i)] && pull[i] > 1e-12 * g.norm() && (grows < 0 || pull[i] > pull[grows]))
-        grows = i;
-    }
-    if (grows < 0) break;
-    free[static_cast<std::size_t>(grows)] = true;
   }
-  return c.cwiseMax(0.0);
+  return row[b.size()];
+}
+
+bool is_joint(std::string_view name) {
+  return name.size() >= 2 && name[0] == 'q' && name[1] != '0' &&
+         std::all_of(name.begin() + 1, name.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
+/// Columns that nothing reads. Errors: ID145 where one is nearly a name that is read.
+Result<std::vector<std::string>> unused_columns(const csv::Table& table) {
+  std::vector<std::string> known{"x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg", "force_N", "sigma_um"};
+  for (int f = 0; f < 3; ++f) {
+    known.push_back(force_column(f));
+    for (int d = 0; d < 3; ++d) known.push_back(column_of(d, f));
+  }
+  for (int q = 1; q <= 9; ++q) known.push_back(fmt::format("q{}", q));
+  std::vector<std::string> unused;
+  for (const auto& [name, at] : table.column) {
+    if (is_joint(name) || std::find(known.begin(), known.end(), name) != known.end()) continue;
+    // A short name has few letters to miss.
+    const std::size_t most = name.size() >= 5 ? 2 : (name.size() >= 3 ? 1 : 0);
+    std::size_t least = most + 1;
+    std::string nearest;
+    const auto stem = [](std::string_view text) { return lower(text.substr(0, text.rfind('_'))); };
+    for (const std::string& other : known) {
+      // x_m for x_mm, a_rad for a_deg: the same quantity in another unit.
+      const bool unit = name.find('_') != std::string::npos && stem(name) == stem(other);
+      const std::size_t edits = unit ? std::min<std::size_t>(most, 1) : edits_between(lower(name), lower(other));
+      if (edits >= least) continue;
+      least = edits;
+      nearest = other;
+    }
+    if (!nearest.empty()) {
+      return fail("ID145", fmt::format("the column {} is not read, and {} is", name, nearest),
+                  Place{table.path, table.header_line, 1},
+                  fmt::format("write {} if that is what it holds, in its unit; else give it another name", nearest));
+    }
+    unused.push_back(name);
+  }
+  return unused;
+}
+
+/// The forces of a row: force_N, or one along each axis. Errors: ID101, ID104.
+Status read_forces(const csv::Table& table, const csv::Table::Row& row, MeasuredPoint& p) {
+  Vec3 forces = Vec3::Zero();
+  if (table.has("force_N")) {
+    POLYPOD_ASSIGN(force, table.number(row, "force_N"));
+    forces.setConstant(force);
+  }
+  for (int f = 0; f < 3; ++f) {
+    if (table.text(row, force_column(f)).empty()) continue;
+    POLYPOD_ASSIGN(force, table.number(row, force_column(f)));
+    forces[f] = force;
+  }
+  for (int f = 0; f < 3; ++f) {
+    if (p.given.col(f).any() && forces[f] == 0) {
+      return fail("ID104",
+                  fmt::format("{} is 0 or missing, but there are displacements under it",
+                              table.has("force_N") ? std::string("force_N") : force_column(f)),
+                  p.place, "leave displacements blank that were not measured");
+    }
+    if (!p.given.col(f).any()) forces[f] = 0;
+  }
+  p.force = forces.cwiseAbs().maxCoeff();
+  if (forces != Vec3::Constant(p.force)) p.own_forces = forces;
+  return {};
+}
+
+Result<MeasuredPoint> point_of(const csv::Table& table, const csv::Table::Row& row, int joints) {
+  MeasuredPoint p;
+  p.place = table.place_of(row);
+  if (row.cells.size() < table.column.size()) {
+    return fail("ID101", fmt::format("{} cells for {} columns", row.cells.size(), table.column.size()), p.place,
+                "a displacement that was not measured is a blank cell between its commas");
+  }
+  POLYPOD_ASSIGN(x, table.number(row, "x_mm"));
+  POLYPOD_ASSIGN(y, table.number(row, "y_mm"));
+  POLYPOD_ASSIGN(z, table.number(row, "z_mm"));
+  POLYPOD_ASSIGN(a, table.number(row, "a_deg", 0));
+  POLYPOD_ASSIGN(b, table.number(row, "b_deg", 0));
+  POLYPOD_ASSIGN(c, table.number(row, "c_deg", 0));
+  p.X_MT =
+      Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)), units::from_mm(1) * Vec3(x, y, z)};
+  for (int q = 1; q <= joints; ++q) {
+    POLYPOD_ASSIGN(joint, table.number(row, fmt::format("q{}", q)));
+    p.joints_user.push_back(joint);
+  }
+  POLYPOD_ASSIGN(sigma, table.number(row, "sigma_um", 0));
+  if (sigma < 0) return fail("ID101", fmt::format("sigma_um = {:g} is below 0", sigma), p.place);
+  p.sigma = units::from_um(sigma);
+  for (int f = 0; f < 3; ++f)
+    for (int d = 0; d < 3; ++d) {
+      p.given(d, f) = !table.text(row, column_of(d, f)).empty();
+      if (!p.given(d, f)) continue;
+      POLYPOD_ASSIGN(um, table.number(row, column_of(d, f)));
+      p.displacement(d, f) = units::from_um(um);
+    }
+  if (!p.given.any()) return fail("ID101", "the row has no displacement", p.place);
+  POLYPOD_TRY(read_forces(table, row, p));
+  if (p.displacement.cwiseAbs().maxCoeff() > kUnbelievable) {
+    return fail("ID105",
+                fmt::format("a displacement of {:g} mm: no machine gives way that far",
+                            units::to_mm(p.displacement.cwiseAbs().maxCoeff())),
+                p.place, "displacements are in um; are these nm, or the force in another unit?");
+  }
+  return p;
+}
+
+/// All that a row says, to find it again in another file.
+std::vector<double> contents_of(const MeasuredPoint& p) {
+  std::vector<double> out = p.joints_user;
+  const auto add = [&](const auto& values) { out.insert(out.end(), values.begin(), values.end()); };
+  add(p.X_MT.p);
+  add(p.X_MT.R.reshaped());
+  add(p.forces());
+  add(p.displacement.reshaped());
+  for (const bool given : p.given.reshaped()) out.push_back(given ? 1 : 0);
+  return out;
+}
+
+/// The 0.95 quantile of a normal distribution of this mean and deviation that is cut off below 0.
+double bound_above(double mean, double deviation) {
+  const auto above = [](double z) { return 0.5 * std::erfc(z / std::sqrt(2.0)); };
+  // Far below 0 the tail is that of an exponential distribution.
+  const double start = -mean / deviation;
+  if (start > 8) return deviation / start * 2.995732273553991;  // ln 20
+  const double tail = 0.05 * above(start);
+  double low = std::max(start, -8.0), high = std::max(start, 0.0) + 8;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (low + high);
+    (above(middle) > tail ? low : high) = middle;
+  }
+  return std::max(0.0, mean + deviation * high);
+}
+
+/// Asymmetry of the cross displacements, by pair: half the difference, each displacement at the force of its column.
+struct Asymmetry {
+  std::array<std::vector<double>, 3> half;  // m; of dy_Fx and dx_Fy, dz_Fx and dx_Fz, dz_Fy and dy_Fz
+  [[nodiscard]] std::size_t count() const { return half[0].size() + half[1].size() + half[2].size(); }
+};
+Asymmetry asymmetry_of(const std::vector<MeasuredPoint>& points) {
+  constexpr std::array<std::pair<int, int>, 3> kPairs{{{0, 1}, {0, 2}, {1, 2}}};
+  Asymmetry out;
+  for (const MeasuredPoint& p : points) {
+    const Vec3 forces = p.forces();
+    for (std::size_t k = 0; k < kPairs.size(); ++k) {
+      const auto [i, j] = kPairs[k];
+      if (!p.given(i, j) || !p.given(j, i)) continue;
+      // C_ij is told by both, each with the noise of a displacement over its force.
+      const double size = std::sqrt(2 / (1 / (forces[i] * forces[i]) + 1 / (forces[j] * forces[j])));
+      out.half[k].push_back(0.5 * size * (p.displacement(i, j) / forces[j] - p.displacement(j, i) / forces[i]));
+    }
+  }
+  return out;
+}
+
+/// The noise of a displacement, as the asymmetry of the cross displacements tells it: about its mean, pair by pair.
+double noise_of(const Asymmetry& asymmetry) {
+  double sum = 0, freedoms = 0;
+  for (const std::vector<double>& half : asymmetry.half) {
+    if (half.size() < 2) continue;
+    const double mean = std::accumulate(half.begin(), half.end(), 0.0) / double(half.size());
+    for (const double a : half) sum += (a - mean) * (a - mean);
+    freedoms += double(half.size() - 1);
+  }
+  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise.
+  return freedoms > 0 ? std::sqrt(2 * sum / freedoms) : 0.0;
+}
+
+/// Whether a pair of cross displacements is off by a constant that its scatter does not explain.
+bool leans(const Asymmetry& asymmetry) {
+  constexpr double kSure = 4;  // standard errors of the mean
+  for (const std::vector<double>& half : asymmetry.half) {
+    if (half.size() < 3) continue;
+    const auto n = double(half.size());
+    const double mean = std::accumulate(half.begin(), half.end(), 0.0) / n;
+    double spread = 0;
+    for (const double a : half) spread += (a - mean) * (a - mean) / (n - 1);
+    if (std::abs(mean) > 1e-12 && std::abs(mean) > std::sqrt(spread) && std::abs(mean) > kSure * std::sqrt(spread / n))
+      return true;
+  }
+  return false;
+}
+
+double stated_noise(const std::vector<MeasuredPoint>& points) {
+  double sum = 0;
+  for (const MeasuredPoint& p : points) {
+    if (!(p.sigma > 0)) return 0;
+    sum += p.sigma * p.sigma;
+  }
+  return points.empty() ? 0 : std::sqrt(sum / double(points.size()));
 }
 
 }  // namespace
 
-Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
-  POLYPOD_ASSIGN(table, csv::read(path));
-  static constexpr const char* kAxes = "xyz";
-  std::vector<std::string> needed{"x_mm", "y_mm", "z_mm", "force_N"};
-  for (int f = 0; f < 3; ++f)
-    for (int d = 0; d < 3; ++d) needed.push_back(fmt::format("d{}_F{}_um", kAxes[d], kAxes[f]));
-  POLYPOD_TRY(table.needs(needed));
-  std::vector<MeasuredPoint> points;
-  for (const csv::Table::Row& row : table.rows) {
-    MeasuredPoint p;
-    p.place = table.place_of(row);
-    POLYPOD_ASSIGN(x, table.number(row, "x_mm"));
-    POLYPOD_ASSIGN(y, table.number(row, "y_mm"));
-    POLYPOD_ASSIGN(z, table.number(row, "z_mm"));
-    POLYPOD_ASSIGN(a, table.number(row, "a_deg", 0));
-    POLYPOD_ASSIGN(b, table.number(row, "b_deg", 0));
-    POLYPOD_ASSIGN(c, table.number(row, "c_deg", 0));
-    p.X_MT = Pose{rotation_abc(units::from_deg(a), units::from_deg(b), units::from_deg(c)),
-                  units::from_mm(1) * Vec3(x, y, z)};
-    POLYPOD_ASSIGN(force, table.number(row, "force_N"));
-    p.force = force;
-    for (int f = 0; f < 3; ++f)
-      for (int d = 0; d < 3; ++d) {
-        POLYPOD_ASSIGN(um, table.number(row, fmt::format("d{}_F{}_um", kAxes[d], kAxes[f])));
-        p.displacement(d, f) = units::from_um(um);
+Result<Displacements> read_displacements(const std::vector<std::string>& files) {
+  Displacements out;
+  std::map<std::vector<double>, Place> seen;
+  for (const std::string& path : files) {
+    POLYPOD_ASSIGN(table, csv::read(path));
+    POLYPOD_ASSIGN(unused, unused_columns(table));
+    for (std::string& name : unused) {
+      if (std::find(out.unused_columns.begin(), out.unused_columns.end(), name) == out.unused_columns.end())
+        out.unused_columns.push_back(std::move(name));
+    }
+    std::vector<std::string> needed{"x_mm", "y_mm", "z_mm"};
+    bool own = false, any = false;
+    for (int f = 0; f < 3; ++f) own = own || table.has(force_column(f));
+    for (int f = 0; f < 3; ++f) {
+      bool under = false;
+      for (int d = 0; d < 3; ++d) under = under || table.has(column_of(d, f));
+      if (under && own) needed.push_back(force_column(f));
+      any = any || under;
+    }
+    if (!own) needed.emplace_back("force_N");
+    if (!any) needed.push_back(column_of(0, 0));
+    POLYPOD_TRY(table.needs(needed));
+    if (own && table.has("force_N")) {
+      return fail("ID104", "the forces stand twice: in force_N, and along each axis", Place{path, table.header_line, 1},
+                  "give force_N, or Fx_N, Fy_N and Fz_N");
+    }
+    int joints = 0;
+    for (const auto& [name, at] : table.column) joints += is_joint(name) ? 1 : 0;
+    POLYPOD_TRY(csv::no_row_twice(table));
+    for (const csv::Table::Row& row : table.rows) {
+      POLYPOD_ASSIGN(p, point_of(table, row, joints));
+      const auto [it, fresh] = seen.try_emplace(contents_of(p), p.place);
+      if (!fresh) {
+        const bool same_file = it->second.file == path;
+        return fail("ID103",
+                    fmt::format("the row stands already in {}line {}", same_file ? "" : it->second.file + ", ",
+                                it->second.line),
+                    p.place, "a row that stands twice would count twice");
       }
-    if (!(p.force > 0)) {
-      return fail("ID104", fmt::format("force_N = {:g} must be above 0", p.force), p.place);
+      out.points.push_back(std::move(p));
     }
-    if (p.displacement.cwiseAbs().maxCoeff() > kUnbelievable) {
-      return fail("ID105",
-                  fmt::format("a displacement of {:g} mm: no machine gives way that far",
-                              units::to_mm(p.displacement.cwiseAbs().maxCoeff())),
-                  p.place, "displacements are in um; are these nm, or the force in another unit?");
-    }
-    points.push_back(p);
+    out.of_file.push_back(table.rows.size());
   }
-  POLYPOD_TRY(csv::no_row_twice(table));
-  return points;
+  return out;
 }
 
-Result<Identification> identify_compliance(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
+Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path) {
+  POLYPOD_ASSIGN(read, read_displacements(std::vector<std::string>{path}));
+  return std::move(read.points);
+}
+
+Result<machine::JointVector> joints_of(const AnyMachine& machine, const MeasuredPoint& point) {
+  const auto out_of_reach = [&] {
+    return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
+  };
+  if (point.joints_user.empty()) {
+    const kinematics::InverseResult inverse = kinematics::inverse(machine, point.X_MT);
+    const kinematics::Solution* s = inverse.reachable();
+    if (s == nullptr) return out_of_reach();
+    return s->joints;
+  }
+  const int n = kinematics::joint_count(machine);
+  if (static_cast<int>(point.joints_user.size()) != n) {
+    return fail("ID147", fmt::format("{} joints q1, q2, ... for a machine that has {}", point.joints_user.size(), n),
+                point.place, "give all joints that move, or leave the columns out");
+  }
+  machine::JointVector q(n);
+  for (int i = 0; i < n; ++i) {
+    const double value = point.joints_user[static_cast<std::size_t>(i)];
+    q[i] = kinematics::joint_kind(machine, i) == machine::JointKind::revolute ? units::from_deg(value)
+                                                                              : units::from_mm(value);
+  }
+  // Of several poses of a parallel machine's joints the one that the row means.
+  double place = -1, angle = 0;
+  for (const Pose& X : kinematics::forward_all(machine, q).poses) {
+    const Pose wanted = machine::prescribed(kinematics::task(machine), point.X_MT, X);
+    const double off = (wanted.p - X.p).norm(), turned = rotation_vector(X.R.transpose() * wanted.R).norm();
+    if (place >= 0 &&
+        place / kJointsOffPlace + angle / kJointsOffAngle <= off / kJointsOffPlace + turned / kJointsOffAngle)
+      continue;
+    place = off;
+    angle = turned;
+  }
+  if (place < 0) {
+    return fail("ID146", "the machine has no pose at the joints of this row", point.place,
+                "check the columns q1, q2, ... (deg or mm)");
+  }
+  if (place > kJointsOffPlace || angle > kJointsOffAngle) {
+    return fail("ID146",
+                fmt::format("the joints of this row give a pose that is {:.1f} mm and {:.2f} deg off that of the row",
+                            units::to_mm(place), units::to_deg(angle)),
+                point.place, "check the columns q1, q2, ... (deg or mm), the pose and the machine");
+  }
+  const kinematics::InverseResult near = kinematics::inverse_near(machine, point.X_MT, q);
+  const kinematics::Solution* s = near.reachable();
+  if (s == nullptr) return out_of_reach();
+  return s->joints;
+}
+
+Result<Mat3> computed_compliance(const AnyMachine& machine, const MeasuredPoint& point) {
+  POLYPOD_ASSIGN(q, joints_of(machine, point));
+  const std::vector<Mat3> unit = unit_compliances(machine, point.X_MT, q);
+  const std::vector<double> c = column_compliances(machine);
+  Mat3 C = Mat3::Zero();
+  for (std::size_t k = 0; k < unit.size(); ++k) C += c[k] * unit[k];
+  return C;
+}
+
+Result<Identification> identify_compliance(const AnyMachine& machine, const std::vector<MeasuredPoint>& points,
+                                           double noise) {
   Identification out;
   std::vector<std::vector<Mat3>> shapes;  // per point and joint: J_k J_k^T F, columns by force axis
   for (const MeasuredPoint& point : points) {
-    const kinematics::InverseResult inverse = kinematics::inverse(machine, point.X_MT);
-    const kinematics::Solution* s = inverse.reachable();
-    if (s == nullptr) {
-      return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
-    }
-    const std::vector<Mat3> unit = unit_compliances(machine, point.X_MT, s->joints);
+    POLYPOD_ASSIGN(q, joints_of(machine, point));
     shapes.emplace_back();
-    for (const Mat3& share : unit) shapes.back().push_back(share * point.force);
+    for (const Mat3& share : unit_compliances(machine, point.X_MT, q)) shapes.back().push_back(point.computed(share));
+    out.equations += point.equations();
   }
   const int n = shapes.empty() ? 0 : static_cast<int>(shapes[0].size());
-  out.equations = 9 * points.size();
   if (out.equations <= static_cast<std::size_t>(n)) {
     return fail("ID110", fmt::format("{} equations for {} compliances", out.equations, n), {}, "measure more points");
   }
-  Eigen::MatrixXd A(out.equations, n);
-  Eigen::VectorXd b(out.equations);
+  // Displacements that were not measured are rows of zeros.
+  const auto rows = static_cast<Eigen::Index>(9 * points.size());
+  Eigen::MatrixXd A(rows, n);
+  Eigen::VectorXd b(rows);
   for (std::size_t i = 0; i < points.size(); ++i) {
     for (int k = 0; k < n; ++k) A.block<9, 1>(9 * i, k) = shapes[i][k].reshaped();
     b.segment<9>(9 * i) = points[i].displacement.reshaped();
-    const Mat3 cross = 0.5 * (points[i].displacement - points[i].displacement.transpose());
-    out.asymmetry_rms += cross.squaredNorm();
   }
-  out.asymmetry_rms = std::sqrt(out.asymmetry_rms / (6.0 * double(points.size())));
+  const Asymmetry asymmetry = asymmetry_of(points);
+  for (const auto& half : asymmetry.half)
+    for (const double a : half) out.asymmetry_rms += a * a / double(asymmetry.count());
+  out.asymmetry_rms = std::sqrt(out.asymmetry_rms);
   // Columns scaled to unit length: the condition then says which joints these poses tell apart, whatever their size.
   const Eigen::VectorXd scale = A.colwise().norm();
   if (!(scale.minCoeff() > 0)) {
@@ -159,6 +421,22 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     const double error = free[static_cast<std::size_t>(k)] ? std::sqrt(variance * inverse(k, k)) / scale[k] : 0.0;
     out.standard_error.push_back(error);
     out.half_interval.push_back(t * error);
+    out.upper_bound.emplace_back();
+    if (!free[static_cast<std::size_t>(k)]) {
+      // What the readings alone say of it, the others free as they are: one step of the normal equations.
+      Eigen::MatrixXd Hk = H;
+      Eigen::VectorXd gk = S.transpose() * b;
+      for (int j = 0; j < n; ++j) {
+        if (j == k || free[static_cast<std::size_t>(j)]) continue;
+        Hk.row(j).setZero();
+        Hk.col(j).setZero();
+        Hk(j, j) = 1;
+        gk[j] = 0;
+      }
+      const double best = Hk.ldlt().solve(gk)[k];
+      const double deviation = std::sqrt(variance * Hk.inverse()(k, k));
+      if (deviation > 0) out.upper_bound.back() = bound_above(best, deviation) / scale[k];
+    }
     out.joint.push_back(names[static_cast<std::size_t>(k)]);
     out.correlation.emplace_back();
     for (int j = 0; j < n; ++j) {
@@ -174,20 +452,24 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   }
   if (counted > 0) out.times_given = times / counted;
   out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
-  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise, and that shows in the direct
-  // displacements: what is askew spoils the residuals of the cross ones, but not theirs.
-  constexpr double kAskew = 1.5;
-  double direct = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    for (const int k : {0, 4, 8})
-      direct += r[9 * static_cast<Eigen::Index>(i) + k] * r[9 * static_cast<Eigen::Index>(i) + k];
-  }
-  direct = std::sqrt(direct / (3.0 * double(points.size())));
-  out.symmetric = out.asymmetry_rms <= kAskew * direct / std::sqrt(2.0) + 1e-12;
+  out.signal_rms = std::sqrt(b.squaredNorm() / double(out.equations));
+  out.explained = 1 - r.squaredNorm() / b.squaredNorm();
+  if (!(noise > 0)) noise = stated_noise(points);
+  out.noise_stated = noise > 0;
+  out.noise = out.noise_stated ? noise : noise_of(asymmetry);
+  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise.
+  constexpr double kAskew = 1.5, kOfSignal = 0.2;
+  out.symmetric = out.noise_stated ? out.asymmetry_rms <= kAskew * out.noise / std::sqrt(2.0) + 1e-12
+                                   : !leans(asymmetry) && out.asymmetry_rms <= kOfSignal * out.signal_rms;
   for (int k = 0; k < n; ++k)
     for (int j = 0; j < k; ++j)
       if (std::abs(out.correlation[std::size_t(k)][std::size_t(j)]) > kAlike) out.hardly_apart.push_back({j, k});
-  const double limit = kOutlier * robust_deviation(r);
+  Eigen::VectorXd measured(static_cast<Eigen::Index>(out.equations));
+  Eigen::Index filled = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    for (int k = 0; k < 9; ++k)
+      if (points[i].given(k % 3, k / 3)) measured[filled++] = r[9 * static_cast<Eigen::Index>(i) + k];
+  const double limit = kOutlier * robust_deviation(measured);
   for (std::size_t i = 0; i < points.size(); ++i) {
     out.residuals.push_back(r.segment<9>(9 * i).reshaped(3, 3));
     for (int f = 0; f < 3; ++f)
@@ -198,15 +480,13 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
 }
 
 Result<double> prediction_rms(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
-  double sum = 0;
+  double sum = 0, count = 0;
   for (const MeasuredPoint& point : points) {
-    const Compliance c = compliance_at(machine, point.X_MT);
-    if (!c.reachable) {
-      return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
-    }
-    sum += (point.displacement - c.linear() * point.force).squaredNorm();
+    POLYPOD_ASSIGN(C, computed_compliance(machine, point));
+    sum += (point.displacement - point.computed(C)).squaredNorm();
+    count += double(point.equations());
   }
-  return points.empty() ? 0.0 : std::sqrt(sum / (9.0 * double(points.size())));
+  return points.empty() ? 0.0 : std::sqrt(sum / count);
 }
 
 }  // namespace polypod::statics

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -83,7 +84,24 @@ double matern(double r) {
 }  // namespace
 
 Mat3 measured_compliance(const MeasuredPoint& point) {
-  return 0.5 / point.force * (point.displacement + point.displacement.transpose());
+  const Vec3 forces = point.forces();
+  Mat3 C = Mat3::Zero();
+  for (const auto& [row, column] : kEntryPlaces) {
+    double sum = 0, count = 0;
+    for (const auto& [d, f] : {std::pair{row, column}, {column, row}}) {
+      if (!point.given(d, f)) continue;
+      sum += point.displacement(d, f) / forces[f];
+      ++count;
+    }
+    C(row, column) = C(column, row) = count > 0 ? sum / count : 0.0;
+  }
+  return C;
+}
+
+bool tells_all_entries(const MeasuredPoint& point) {
+  return std::all_of(kEntryPlaces.begin(), kEntryPlaces.end(), [&](const std::pair<int, int>& e) {
+    return point.given(e.first, e.second) || point.given(e.second, e.first);
+  });
 }
 
 double MeasuredMap::correlation(double distance) const {
@@ -97,9 +115,15 @@ Eigen::VectorXd MeasuredMap::basis(const Vec3& p) const {
   return out;
 }
 
-Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& points) {
+Result<MeasuredMap> MeasuredMap::of(const std::vector<MeasuredPoint>& measured) {
+  std::vector<MeasuredPoint> points;
+  std::copy_if(measured.begin(), measured.end(), std::back_inserter(points), tells_all_entries);
   if (points.size() < kFewest) {
-    return fail("ID130", fmt::format("{} points make no map", points.size()), {},
+    const std::string partial =
+        points.size() < measured.size()
+            ? fmt::format(", those of {} in which all six compliances were measured", measured.size())
+            : "";
+    return fail("ID130", fmt::format("{} points make no map{}", points.size(), partial), {},
                 fmt::format("measure at least {}, spread over the region of the work", kFewest));
   }
   MeasuredMap map;
@@ -238,14 +262,14 @@ std::array<double, kEntries> MeasuredMap::noise() const {
 Result<Compared> compare(const AnyMachine& machine, const MeasuredMap& map, const std::vector<MeasuredPoint>& points) {
   Compared out;
   Mat3 square = Mat3::Zero();
+  const auto whole = double(std::count_if(points.begin(), points.end(), tells_all_entries));
   for (const MeasuredPoint& point : points) {
-    const Compliance c = compliance_at(machine, point.X_MT);
-    if (!c.reachable) {
-      return fail("ID111", "the machine cannot take this pose", point.place, "check the position and the machine");
-    }
-    out.difference.push_back(measured_compliance(point) - c.linear());
-    out.deviation += map.deviation(point.X_MT.p) / double(points.size());
-    square += out.difference.back().cwiseAbs2() / double(points.size());
+    POLYPOD_ASSIGN(C, computed_compliance(machine, point));
+    out.difference.emplace_back(Mat3::Zero());
+    if (!tells_all_entries(point)) continue;
+    out.difference.back() = measured_compliance(point) - C;
+    out.deviation += map.deviation(point.X_MT.p) / whole;
+    square += out.difference.back().cwiseAbs2() / whole;
   }
   out.rms = square.cwiseSqrt();
   const std::array<double, kEntries> noise = map.noise();
@@ -265,11 +289,12 @@ Result<Compared> compare(const AnyMachine& machine, const MeasuredMap& map, cons
 }
 
 double prediction_rms(const MeasuredMap& map, const std::vector<MeasuredPoint>& points) {
-  double sum = 0;
+  double sum = 0, count = 0;
   for (const MeasuredPoint& point : points) {
-    sum += (point.displacement - map.at(point.X_MT.p) * point.force).squaredNorm();
+    sum += (point.displacement - point.computed(map.at(point.X_MT.p))).squaredNorm();
+    count += double(point.equations());
   }
-  return points.empty() ? 0.0 : std::sqrt(sum / (9.0 * double(points.size())));
+  return points.empty() ? 0.0 : std::sqrt(sum / count);
 }
 
 Result<std::vector<Foretold>> leave_one_out(const AnyMachine& machine,

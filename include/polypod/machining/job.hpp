@@ -23,6 +23,9 @@ namespace polypod::machining {
 struct MeasuredCompliance {
   std::vector<std::string> files;
   statics::MeasuredMap map;
+  std::vector<Error> doubts = {};                ///< statics::Judgement::doubts: why no yes can rest on it
+  std::vector<std::string> unused_columns = {};  ///< of the files
+  std::size_t left_out = 0;                      ///< points of partial tests, which make no map
 };
 
 /// The controller that runs the program: what LinuxCNC's planner does between the blocks.
@@ -72,10 +75,12 @@ struct Job {
 };
 
 /// One map from all the files (the columns of `polypod identify compliance`); no files make no map. `place` is where
-/// they are asked for, if that is a file. Errors: ID1xx of the files, ID130 and ID131 of the map, MC102 the tool axis
-/// of the measurements is more than 1 deg off z_M, the tool axis of every job.
+/// they are asked for, if that is a file. `machine` is what the displacements are judged against (statics::judge);
+/// without one they are not. Errors: ID1xx of the files, ID130 and ID131 of the map, ID140 to ID142 displacements that
+/// cannot be, MC102 the tool axis of the measurements is more than 1 deg off z_M, the tool axis of every job.
 Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
-                                                                const Place& place = {});
+                                                                const Place& place = {},
+                                                                const machine::AnyMachine* machine = nullptr);
 
 /// Error: MC309 for a machine whose task does not hold x, y and z.
 Status follows_programs(const machine::AnyMachine& machine);

@@ -30,6 +30,8 @@ struct ComplianceChecks {
   double given_rms = 0;  ///< m: statics::prediction_rms with the compliances that the machine had
   /// File and m: statics::leave_one_out, one entry a file; empty where there was one file only.
   std::vector<std::pair<std::string, double>> left_out;
+  std::string verdict = {};  ///< in words, statics::verdict_of; empty: none is shown
+  bool good = true;          ///< whether the verdict rests on data without a doubt
 };
 
 /// One self-contained HTML file about `r` = statics::identify_compliance(machine, points): residual rms against that of

@@ -50,7 +50,8 @@ Result<MeasuredCompliance> measured_over(const ComplianceMap& map, const std::ve
 /// and the entries that are beyond two deviations on a quarter of the map or more. `plain`: in ASCII.
 std::string measured_verdict(const ComplianceMap& map, bool plain);
 
-/// Whether the joints explain the readings: their differences are at most 1.5 times the noise of a reading.
-bool explained(const statics::Compared& compared);
+/// Whether the joints explain the readings: their differences are at most 1.5 times the noise of a reading, and no
+/// entry is both above 1.5 times its own noise and beyond two deviations on more than a tenth of the map.
+bool explained(const MeasuredCompliance& measured);
 
 }  // namespace polypod::pages

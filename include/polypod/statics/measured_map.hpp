@@ -20,8 +20,11 @@ inline constexpr int kEntries = 6;
 inline constexpr std::array<std::pair<int, int>, kEntries> kEntryPlaces{
     {{0, 0}, {1, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}}};
 
-/// What one point says of the compliance: (D + D^T) / 2F, m/N.
+/// What one point says of the compliance: (C + C^T) / 2 with the columns d_j / F_j, m/N; of a cross compliance of
+/// which only one displacement was measured, that one alone, and 0 where none was.
 Mat3 measured_compliance(const MeasuredPoint& point);
+/// Whether each of its six entries was measured: by one displacement at least.
+bool tells_all_entries(const MeasuredPoint& point);
 
 /// C(p) by universal kriging: each entry of C is a linear function of the place p plus a Gaussian field with the
 /// correlation (1 + r + r^2/3) exp(-r), r = sqrt(5) |p - p'| / length (Matern 5/2), seen with independent noise. The
@@ -36,8 +39,9 @@ class MeasuredMap {
   /// Tool axes up to this angle apart count as one, rad.
   static constexpr double kOneDirection = units::from_deg(1);
 
-  /// From the displacements under forces along x, y and z: C = (D + D^T) / 2F. Errors: ID130 fewer than 6 points or
-  /// all at one place, ID131 tool axes that differ by more than 1 deg. Cost: n^3, 20 ms for 90 points.
+  /// From the displacements under forces along x, y and z, see measured_compliance. Points that do not tell all entries
+  /// are left out. Errors: ID130 fewer than 6 points or all at one place, ID131 tool axes that differ by more than
+  /// 1 deg. Cost: n^3, 20 ms for 90 points.
   static Result<MeasuredMap> of(const std::vector<MeasuredPoint>& points);
 
   /// C at the tip position p in M, m/N: symmetric, and positive semidefinite (negative eigenvalues, which noise may
@@ -104,7 +108,8 @@ struct Compared {
   std::array<std::array<std::size_t, 3>, 3> worst{};  ///< the point of the largest difference, by entry
   double rms_of_all = 0, noise_of_all = 0;            ///< root of the mean of the squares of the six entries
 };
-/// Errors: ID111 a pose out of reach. Cost: that of `deviation` a point.
+/// Points that do not tell all entries have a difference of 0 and do not count. Errors: those of joints_of. Cost: that
+/// of `deviation` a point.
 Result<Compared> compare(const AnyMachine& machine, const MeasuredMap& map, const std::vector<MeasuredPoint>& points);
 
 /// Measured against the map, m rms over all displacements.
