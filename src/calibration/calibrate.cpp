@@ -233,8 +233,10 @@ class Fit {
     POLYPOD_TRY(search_without_lost());
     if (put_back()) POLYPOD_TRY(search_without_lost());
     if (!converged_) {
-      return fail("CA115", fmt::format("no convergence in {} steps", out_.iterations), {},
-                  "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
+      return fail(
+          "CA115", fmt::format("no convergence in {} steps", out_.iterations), {},
+          "check the units of all rows (mm, deg), their signs, and the first guess of frame and target; else give "
+          "priors or bounds, or choose fewer parameters");
     }
     POLYPOD_TRY(judge());
     out_.change = change_over_priors();
@@ -616,10 +618,13 @@ class Fit {
       gain_ += weight[i] * (r.before.cwiseQuotient(e.sigma).squaredNorm() - square);
     }
     if (too_many_lost(lost, rows_.size())) {
-      return fail("CA115",
-                  fmt::format("with the parameters that were found the machine does not assemble in {} of {} rows",
-                              lost, rows_.size()),
-                  example->place, "are they near singular poses? leave them out, or give priors");
+      return fail(
+          "CA115",
+          fmt::format("with the parameters that were found the machine does not assemble in {} of {} rows", lost,
+                      rows_.size()),
+          example->place,
+          "check the units of all rows (mm, deg) and their signs; are they near singular poses? leave them out, or "
+          "give priors");
     }
     set_covariance(weight, sum, count);
     out_.gain = gain_in_deviations(weight);

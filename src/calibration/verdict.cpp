@@ -134,8 +134,12 @@ std::string refusal(const AnyMachine& machine, const Calibration& c) {
     const CommonChange& common = c.tried.front();
     return fmt::format(
         "Not judged: all changes look like {}. With it the parameters change by {:.2g} times their priors, without it "
-        "by {:.2g} times (root mean square). Find it with --estimate {}.",
-        in_words(common, machine), common.change, common.change_before, common.what);
+        "by {:.2g} times (root mean square). {}.",
+        in_words(common, machine), common.change, common.change_before,
+        common.what == "scale" ? std::string("Check the instrument (temperature, constants) and measure again with its "
+                                             "scale right; --estimate scale says how large it is, but then only the "
+                                             "drawing tells the size of the machine")
+                               : fmt::format("Find it with --estimate {}", common.what));
   }
   const bool held = c.held_back.rows > c.held_back.outliers;
   const Score& s = held ? c.held_back : c.fitted;

@@ -104,7 +104,10 @@ TEST_P(CommonError, IsNamedAndFound) {
     options.estimate_frame = one.what == "frame";
     options.estimate_scale = one.what == "scale";
     const Calibration found = calibrated(nominal, rows, options);
-    EXPECT_NE(found.verdict.answer, Answer::no) << found.verdict.text;
+    // With an unknown scale the size of the machine is the drawing's: much of the pose stays open, and that is said.
+    if (one.what == "frame") {
+      EXPECT_NE(found.verdict.answer, Answer::no) << found.verdict.text;
+    }
     EXPECT_LT(found.noise_factor, 1.3);
     if (one.what == "scale") {
       EXPECT_NEAR(found.scale, one.scale, 5 * found.scale_error);
@@ -185,7 +188,7 @@ std::vector<Measurement> repeated(const AnyMachine& nominal, const AnyMachine& t
 }
 
 // 15 poses, five readings each: 60 um a pose, 10 um within. Intervals of 95 % hold the truth as often; as independent
-// rows they held it in half to two thirds of the cases. (300 trials: see docs/calibration.md.)
+// rows they held it in half to two thirds of the cases.
 TEST(Claims, IntervalsFromRepeatsHoldTheTruth) {
   const AnyMachine nominal = machine_named("arm6.toml");
   CalibrationOptions options;
