@@ -139,7 +139,9 @@ std::string refusal(const AnyMachine& machine, const Calibration& c) {
         common.what == "scale" ? std::string("Check the instrument (temperature, constants) and measure again with its "
                                              "scale right; --estimate scale says how large it is, but then only the "
                                              "drawing tells the size of the machine")
-                               : fmt::format("Find it with --estimate {}", common.what));
+                               : fmt::format("Measure it on the machine and give it with --{0}, or find it with "
+                                             "--estimate {0}, which leaves to the drawing what acts like it",
+                                             common.what));
   }
   const bool held = c.held_back.rows > c.held_back.outliers;
   const Score& s = held ? c.held_back : c.fitted;

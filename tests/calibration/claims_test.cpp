@@ -104,10 +104,8 @@ TEST_P(CommonError, IsNamedAndFound) {
     options.estimate_frame = one.what == "frame";
     options.estimate_scale = one.what == "scale";
     const Calibration found = calibrated(nominal, rows, options);
-    // With an unknown scale the size of the machine is the drawing's: much of the pose stays open, and that is said.
-    if (one.what == "frame") {
-      EXPECT_NE(found.verdict.answer, Answer::no) << found.verdict.text;
-    }
+    // What acts like it is the drawing's then (a base may stand anywhere, a machine have any size), and may stay open.
+    EXPECT_THAT(found.verdict.text, Not(StartsWith("Not judged")));
     EXPECT_LT(found.noise_factor, 1.3);
     if (one.what == "scale") {
       EXPECT_NEAR(found.scale, one.scale, 5 * found.scale_error);
