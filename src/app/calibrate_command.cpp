@@ -49,7 +49,7 @@ constexpr std::array<std::pair<std::string_view, calibration::Loss>, 4> kLosses{
                                                                                  {"none", calibration::Loss::none}}};
 
 struct Options {
-  std::string machine, out, frame, target, residuals, targets, corrected, report, loss = "auto";
+  std::string machine, out, frame, target, residuals, covariance, targets, corrected, report, loss = "auto";
   std::vector<std::string> sets, files, estimate, only, hold;
   double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
 };
@@ -67,10 +67,10 @@ Result<calibration::CalibrationOptions> options_of(const Options& o) {
   out.only = o.only;
   out.hold = o.hold;
   for (const std::string& what : o.estimate) {
-    if (what != "frame" && what != "target") {
-      return fail("AP183", fmt::format("--estimate {}: not frame or target", what));
+    if (what != "frame" && what != "target" && what != "scale") {
+      return fail("AP183", fmt::format("--estimate {}: not frame, target or scale", what));
     }
-    (what == "frame" ? out.estimate_frame : out.estimate_target) = true;
+    (what == "frame" ? out.estimate_frame : what == "target" ? out.estimate_target : out.estimate_scale) = true;
   }
   const auto* loss = std::find_if(kLosses.begin(), kLosses.end(), [&](const auto& l) { return l.first == o.loss; });
   if (loss == kLosses.end()) return fail("AP183", fmt::format("--loss {}: not auto, huber, cauchy or none", o.loss));
@@ -127,8 +127,8 @@ std::string command_line(const Options& o) {
   if (o.loss != usual.loss) out += option_in_words("--loss", o.loss);
   value("--hold-back", &Options::hold_back);
   return out + option_in_words("-o", o.out) + option_in_words("--residuals", o.residuals) +
-         option_in_words("--targets", o.targets) + option_in_words("--corrected", o.corrected) +
-         option_in_words("--report", o.report);
+         option_in_words("--covariance", o.covariance) + option_in_words("--targets", o.targets) +
+         option_in_words("--corrected", o.corrected) + option_in_words("--report", o.report);
 }
 
 /// Poses of a file (x_mm, y_mm, z_mm and the angles of the task) as commands for the nominal machine.
@@ -159,23 +159,143 @@ Result<std::string> corrected_targets(const machine::AnyMachine& nominal, const 
   return out;
 }
 
+/// Lengths of the residuals' vectors, and each component with its sign, computed less measured: of a row with x, y, z
+/// in um and with angles in deg (axes: across the measured one), of another its reading in um.
 std::string residuals_csv(const Calibration& c, const std::vector<calibration::Measurement>& rows) {
-  std::string out = "file,line,kind,held_back,outlier,weight,before_um,after_um\n";
+  std::string out = "file,line,kind,held_back,outlier,weight,before_um,after_um";
+  for (const char* when : {"before", "after"})
+    for (const char* what : {"x_um", "y_um", "z_um", "a_deg", "b_deg", "c_deg", "reading_um"})
+      out += fmt::format(",{}_{}", when, what);
+  out += '\n';
   for (const calibration::RowResidual& r : c.residuals) {
     const calibration::Measurement& row = rows[r.row];
-    out += fmt::format("{},{},{},{:d},{:d},{:.4g},{:.4g},{:.4g}\n", row.place.file, row.place.line,
+    out += fmt::format("{},{},{},{:d},{:d},{:.4g},{:.4g},{:.4g}", row.place.file, row.place.line,
                        calibration::name_of(row.kind), r.held_back, r.outlier, r.weight,
                        units::to_um(r.before.head(r.lengths).norm()), units::to_um(r.after.head(r.lengths).norm()));
+    for (const Eigen::VectorXd* part : {&r.before, &r.after}) {
+      const bool reading = r.lengths == 1;
+      for (Eigen::Index k = 0; k < 6; ++k) {
+        const bool there = !reading && k < part->size();
+        out += there ? fmt::format(",{:.4g}", k < 3 ? units::to_um((*part)[k]) : units::to_deg((*part)[k])) : ",";
+      }
+      out += reading ? fmt::format(",{:.4g}", units::to_um((*part)[0])) : ",";
+    }
+    out += '\n';
   }
   return out;
+}
+
+/// The covariance of all parameters of the machine, in their units (a square for lengths: mm^2).
+struct Covariance {
+  std::vector<std::string> keys;
+  Eigen::MatrixXd values;
+};
+Covariance covariance_of(const machine::AnyMachine& nominal, const Calibration& c) {
+  Covariance out;
+  const std::vector<machine::Parameter> all = kinematics::parameters(nominal);
+  Eigen::VectorXd scale(std::ssize(all));
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    out.keys.push_back(with_unit(all[i].key, all[i].unit));
+    scale[static_cast<Eigen::Index>(i)] = units::to_user(1, all[i].unit);
+  }
+  out.values = scale.asDiagonal() * c.covariance * scale.asDiagonal();
+  return out;
+}
+std::string covariance_csv(const Covariance& c) {
+  std::string out = "parameter";
+  for (const std::string& key : c.keys) out += "," + key;
+  out += '\n';
+  for (std::size_t i = 0; i < c.keys.size(); ++i) {
+    out += c.keys[i];
+    for (const double value : c.values.row(static_cast<Eigen::Index>(i))) out += fmt::format(",{:.6g}", value);
+    out += '\n';
+  }
+  return out;
+}
+Json covariance_json(const Covariance& c) {
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < c.values.rows(); ++i)
+    rows.push_back(std::vector<double>(c.values.row(i).begin(), c.values.row(i).end()));
+  return {{"keys", c.keys}, {"matrix", rows}};
+}
+
+/// A chance, to no more digits than hold.
+std::string shown_chance(double p) {
+  return p < 1e-3 ? std::string("below 0.001") : fmt::format("{:.3f}", p);
+}
+constexpr double kUnlikely = 0.01;
+
+/// Of chi-square against the noise that was stated: whether chance explains it.
+std::string chi_square_verdict(const Calibration& c) {
+  if (c.chi_square_p < kUnlikely) return "above";
+  return c.chi_square_p > 1 - kUnlikely ? "below" : "agrees";
+}
+Json chi_square_json(const Calibration& c, bool stated) {
+  Json out{{"value", c.chi_square},
+           {"degrees_of_freedom", c.free_equations},
+           {"p_value", c.chi_square_p},
+           {"noise_stated", stated}};
+  out["verdict"] = stated ? Json(chi_square_verdict(c)) : Json();
+  return out;
+}
+
+Json common_json(const Calibration& c) {
+  Json out = Json::array();
+  for (const calibration::CommonChange& one : c.tried) {
+    Json trial{{"what", one.what}, {"explains", one.alone}, {"fitted", one.fitted}, {"likely", one.likely}};
+    if (one.fitted) {
+      trial["change_over_priors"] = one.change;
+      trial["change_over_priors_without"] = one.change_before;
+      if (one.what == "scale") {
+        trial["scale"] = one.scale;
+      } else {
+        trial["shift_mm"] = vector_json(one.shift * units::kMmPerMetre);
+        trial["turn_deg"] = vector_json(one.turn / units::kRadPerDeg);
+      }
+    }
+    out.push_back(std::move(trial));
+  }
+  return out;
+}
+
+Json drift_json(const calibration::Drift& d) {
+  Json list = Json::array();
+  for (const calibration::ComponentDrift& one : d.components) {
+    Json item{{"component", one.component}, {"over", one.over},
+              {"points", one.points},       {"t", one.t},
+              {"p_value", one.trend_p},     {"trend_found", one.trend_found}};
+    item[one.is_angle ? "trend_deg" : "trend_um"] = one.is_angle ? units::to_deg(one.trend) : units::to_um(one.trend);
+    if (one.over != "temperature") {
+      item["lag1"] = one.lag1;
+      item["lag1_p_value"] = one.lag1_p;
+      item["lag1_found"] = one.lag1_found;
+    }
+    list.push_back(std::move(item));
+  }
+  return {{"looked_for", d.looked}, {"found", d.found}, {"level_of_each", d.level}, {"components", list}};
+}
+
+Json repeats_json(const calibration::Repeats& r) {
+  return {{"rows", r.rows},
+          {"poses", r.poses},
+          {"within_over_noise", r.within},
+          {"between_over_noise", r.between},
+          {"F", r.F},
+          {"degrees_of_freedom", Json::array({r.between_degrees, r.within_degrees})},
+          {"p_value", r.p_value},
+          {"correlation", r.correlation}};
 }
 
 Json parameters_json(const Calibration& c) {
   Json out = Json::array();
   for (const calibration::Estimate& p : c.parameters) {
-    Json one{{"key", with_unit(p.key, p.unit)},          {"nominal", units::to_user(p.nominal, p.unit)},
-             {"value", units::to_user(p.value, p.unit)}, {"standard_error", units::to_user(p.standard_error, p.unit)},
-             {"identifiable", p.identifiable},           {"at_bound", p.at_bound}};
+    Json one{{"key", with_unit(p.key, p.unit)},
+             {"nominal", units::to_user(p.nominal, p.unit)},
+             {"value", units::to_user(p.value, p.unit)},
+             {"standard_error", units::to_user(p.standard_error, p.unit)},
+             {"half_interval_95", c.student * units::to_user(p.standard_error, p.unit)},
+             {"identifiable", p.identifiable},
+             {"at_bound", p.at_bound}};
     if (!p.identifiable) {
       Json like = Json::array();
       for (const calibration::Like& other : p.like)
@@ -192,6 +312,8 @@ Json score_json(const calibration::Score& s) {
           {"outliers", s.outliers},
           {"rms_before_mm", units::to_mm(s.rms_before)},
           {"rms_after_mm", units::to_mm(s.rms_after)},
+          {"rms_before_all_mm", units::to_mm(s.all_before)},
+          {"rms_after_all_mm", units::to_mm(s.all_after)},
           {"max_after_mm", units::to_mm(s.max_after)},
           {"angle_before_deg", units::to_deg(s.angle_before)},
           {"angle_after_deg", units::to_deg(s.angle_after)}};
@@ -265,16 +387,49 @@ void print_score(const char* what, const calibration::Score& s) {
              units::to_mm(s.rms_before), units::to_mm(s.rms_after), units::to_mm(s.max_after));
   if (s.angle_before > 0)
     fmt::print("; angles {:.4f} and {:.4f} deg", units::to_deg(s.angle_before), units::to_deg(s.angle_after));
-  if (s.outliers > 0) fmt::print(" ({} outliers aside)", s.outliers);
+  if (s.outliers > 0)
+    fmt::print(" ({} outliers aside; with them {:.4f} mm after)", s.outliers, units::to_mm(s.all_after));
   fmt::print("\n");
 }
 
-void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
-  fmt::print("{} rows, {} equations fitted; {} of {} parameters told, condition {:.3g}\n", rows, c.equations, c.rank,
-             c.parameters.size(), c.condition);
+void print_repeats(const calibration::Repeats& r) {
+  if (r.poses == 0) return;
+  fmt::print(
+      "{} rows are repeats at {} poses: {:.3g} times the noise within a pose, {:.3g} times between poses (F = {:.3g}, "
+      "chance {}); they count as what they are worth\n",
+      r.rows, r.poses, r.within, r.between, r.F, shown_chance(r.p_value));
+}
+
+void print_drift(const calibration::Drift& d) {
+  if (!d.looked) return;
+  if (!d.found) fmt::print("no drift: neither a trend over the rows nor neighbours that are alike\n");
+  for (const calibration::ComponentDrift& one : d.components) {
+    if (!one.trend_found && !one.lag1_found) continue;
+    fmt::print("drift of {} over the {}: {:.3g} {} (t = {:.1f}), neighbours correlate by {:.2f}\n", one.component,
+               one.over, one.is_angle ? units::to_deg(one.trend) : units::to_um(one.trend), one.is_angle ? "deg" : "um",
+               one.t, one.lag1);
+  }
+}
+
+void print_text(const Calibration& c, const Json& outliers, std::size_t rows, bool stated) {
+  fmt::print("{} rows, {} equations fitted; {} of {} unknowns told, condition {:.3g}\n", rows, c.equations, c.told,
+             c.unknowns, c.condition);
   print_score("fitted", c.fitted);
   print_score("held back", c.held_back);
+  if (c.held_back.rows > 0)
+    fmt::print("(held back: judged by a fit of the other rows; then all {} rows were fitted)\n", rows);
   fmt::print("the residuals show {:.2f} times the noise that was given\n", c.noise_factor);
+  fmt::print("chi-square {:.1f} with {:.1f} degrees of freedom", c.chi_square, c.free_equations);
+  if (stated) {
+    const std::string verdict = chi_square_verdict(c);
+    fmt::print(", chance {}: {}", shown_chance(c.chi_square_p),
+               verdict == "agrees"  ? "as the noise that was stated lets it"
+               : verdict == "above" ? "more than the noise that was stated explains"
+                                    : "less than the noise that was stated, which is smaller in truth");
+  }
+  fmt::print("; 95 % intervals are {:.3f} standard errors to each side\n", c.student);
+  print_repeats(c.repeats);
+  print_drift(c.drift);
   if (c.pulled_aside) {
     fmt::print("a few rows pulled the fit aside, so the loss is cauchy's, which lets them count for next to nothing\n");
   }
@@ -302,6 +457,7 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows) {
   };
   frame("frame", c.X_SM, c.frame_error);
   frame("target", c.X_TR, c.target_error);
+  if (c.scale_error > 0) fmt::print("{:<8} {:.6f} (+- {:.6f})\n", "scale", c.scale, c.scale_error);
   for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
   for (const Json& x : outliers) {
     if (x["lost"].get<bool>()) {
@@ -333,8 +489,8 @@ Command calibrate_command() {
                      "distance_mm,anchor_x_mm,..., gauge_mm,plane_x_mm,...,normal_x,... or contact");
         a.option("-o,--output", o->out, "The calibrated machine, as a machine file", true);
         a.option("--estimate", o->estimate,
-                 "frame, target: find where the machine stands in the instrument's "
-                 "frame, where the target sits on the tool (repeatable)");
+                 "frame, target, scale: find where the machine stands in the instrument's "
+                 "frame, where the target sits on the tool, the instrument's scale (repeatable)");
         a.option("--frame", o->frame, kFrameHelp);
         a.option("--target", o->target, kTargetHelp);
         a.option("--parameter", o->only,
@@ -351,9 +507,11 @@ Command calibrate_command() {
             "--loss", o->loss,
             "What outliers count for: huber, cauchy, none, or auto (default: huber, and cauchy where that leaves less "
             "than half)");
-        a.option("--hold-back", o->hold_back,
-                 "Percent of the rows that are judged, not fitted, where enough are left (default 20, 0 to 50)");
-        a.option("--residuals", o->residuals, "Every row before and after, CSV");
+        a.option(
+            "--hold-back", o->hold_back,
+            "Percent of the poses that a fit of the others is judged by, where enough are left (default 20, 0 to 50)");
+        a.option("--residuals", o->residuals, "Every row before and after, with signs, CSV");
+        a.option("--covariance", o->covariance, "Covariance of the parameters, with their names, CSV");
         a.option("--report", o->report, "An HTML page: residuals, parameters and how sure they are");
         a.option("--targets", o->targets, "Poses that the real machine shall take, CSV: x_mm,y_mm,z_mm,a_deg,...");
         a.option("--corrected", o->corrected, "What to ask the nominal controller for, CSV");
@@ -366,13 +524,16 @@ Command calibrate_command() {
         }
         std::vector<std::string> inputs = o->files;
         inputs.insert(inputs.end(), {o->machine, o->targets});
-        POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->corrected, o->report}, context.json));
+        POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->covariance, o->corrected, o->report}, context.json));
         std::vector<calibration::Measurement> rows;
         for (const std::string& file : o->files) {
           POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
           rows.insert(rows.end(), more.begin(), more.end());
         }
+        POLYPOD_TRY(calibration::no_row_twice(rows));
         POLYPOD_TRY(check_angles(context, m, rows));
+        const bool stated = context.given("--noise-um") ||
+                            std::all_of(rows.begin(), rows.end(), [](const auto& r) { return r.noise > 0; });
         if (const auto no = refused_as_singular(m, context, {"parameters", "rank"})) return *no;
         POLYPOD_ASSIGN(c, calibration::calibrate(m, rows, options));
         const bool good = c.verdict.answer != calibration::Answer::no;
@@ -395,12 +556,15 @@ Command calibrate_command() {
           POLYPOD_TRY(write(o->corrected, [&] { return corrected; }));
         }
         POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
+        POLYPOD_TRY(write(o->covariance, [&] { return covariance_csv(covariance_of(m, c)); }));
         POLYPOD_TRY(write(o->report, [&] {
           return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
         }));
         POLYPOD_TRY(together.commit());
         const Json outliers = outliers_json(c, rows);
         if (context.json) {
+          Json moved = Json::array();
+          for (const auto& one : c.moved) moved.push_back({{"key", one.key}, {"priors", one.priors}});
           Json document{{"better", c.verdict.answer == calibration::Answer::better},
                         {"verdict", c.verdict.text},
                         {"left_open", c.verdict.left_open},
@@ -420,6 +584,17 @@ Command calibrate_command() {
                         {"equations", c.equations},
                         {"condition", c.condition},
                         {"noise_factor", c.noise_factor},
+                        {"unknowns_told", c.told},
+                        {"unknowns_total", c.unknowns},
+                        {"degrees_of_freedom", c.free_equations},
+                        {"student_95", c.student},
+                        {"chi_square", chi_square_json(c, stated)},
+                        {"common_errors", common_json(c)},
+                        {"moved_far", moved},
+                        {"repeats", repeats_json(c.repeats)},
+                        {"drift", drift_json(c.drift)},
+                        {"covariance", covariance_json(covariance_of(m, c))},
+                        {"scale", {{"value", c.scale}, {"standard_error", c.scale_error}}},
                         {"few_rows_pulled_aside", c.pulled_aside},
                         {"outliers", outliers},
                         {"iterations", c.iterations},
@@ -427,7 +602,7 @@ Command calibrate_command() {
           if (!o->corrected.empty()) document["targets_missed"] = missed;
           print_json(document);
         } else {
-          print_text(c, outliers, rows.size());
+          print_text(c, outliers, rows.size(), stated);
           for (const std::string& path : written) fmt::print("wrote {}\n", path);
           if (!good) fmt::print("not written: {}\n", o->out);
           if (missed > 0) fmt::print("{} of the targets are out of the nominal machine's reach\n", missed);

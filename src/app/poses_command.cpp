@@ -81,7 +81,7 @@ Command poses_command() {
         a.option("--noise-deg", o->noise_deg, kNoise_deg, "Of the instrument, each angle (default 0.002)");
         a.option("--force", o->force, kForce_N, "N, for compliance (default 250)");
         a.option("--anchor", o->anchors, "x,y,z in mm: a ball-bar's fixed ball (repeatable, in turn)");
-        a.option("--estimate", o->estimate, "frame, target: as for `polypod calibrate` (repeatable)");
+        a.option("--estimate", o->estimate, "frame, target, scale: as for `polypod calibrate` (repeatable)");
         a.option("--frame", o->frame, kFrameHelp);
         a.option("--target", o->target, kTargetHelp);
         a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
@@ -122,6 +122,7 @@ Command poses_command() {
         options.X_TR = X_TR;
         options.estimate_frame = std::find(o->estimate.begin(), o->estimate.end(), "frame") != o->estimate.end();
         options.estimate_target = std::find(o->estimate.begin(), o->estimate.end(), "target") != o->estimate.end();
+        options.estimate_scale = std::find(o->estimate.begin(), o->estimate.end(), "scale") != o->estimate.end();
         POLYPOD_ASSIGN(anchors, points_of(o->anchors, "--anchor"));
         std::vector<double> counts;
         if (!o->curve.empty()) {
@@ -181,6 +182,8 @@ Command poses_command() {
           print_json({{"poses", list},
                       {"unknowns", from.unknowns},
                       {"held", from.held},
+                      {"unknowns_told", from.unknowns.size()},
+                      {"unknowns_total", from.total},
                       {"chosen", json_of(best, options.noise_position)},
                       {"random", json_of(random, options.noise_position)},
                       {"grid", json_of(tilted, options.noise_position)},
@@ -189,8 +192,8 @@ Command poses_command() {
                       {"curve", curve}});
           return kDone;
         }
-        fmt::print("{} of {} poses, {} unknowns{}\n\n", chosen.size(), o->candidates, from.unknowns.size(),
-                   from.held.empty() ? "" : fmt::format(", {} held", from.held.size()));
+        fmt::print("{} of {} poses; {} of {} unknowns told\n\n", chosen.size(), o->candidates, from.unknowns.size(),
+                   from.total);
         const auto line = [&](const std::string& what, const calibration::Uncertainty& u) {
           const auto cell = [](double x) { return std::isfinite(x) ? fmt::format("{:12.3f}", x) : "      untold"; };
           fmt::print("{:<14} {} {} {}\n", what, cell(units::to_um(u.reading * options.noise_position)),

@@ -9,7 +9,10 @@
 #include <limits>
 #include <set>
 
+#include "common.hpp"
+#include "distributions.hpp"
 #include "extent.hpp"
+#include "groups.hpp"
 #include "model.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
@@ -36,6 +39,7 @@ struct Problem {
   Noise noise{};
   std::vector<Pose> seed{};        ///< the nominal pose of every row
   std::vector<bool> not_fitted{};  ///< held back, or lost
+  std::vector<double> share{};     ///< for how many independent rows each counts
   Eigen::VectorXd start{}, scale{};
   std::vector<bool> chosen{};   ///< of the parameters
   std::vector<int> unfitted{};  ///< columns of the parameters that are neither searched for nor held: uncertain still
@@ -127,11 +131,14 @@ double weight_of(Loss loss, double bend, double squared_norm) {
 
 /// Robust standard deviation of whitened residuals of the fitted rows: 1 where the noise was guessed right.
 double robust_scale(const std::vector<Eigen::VectorXd>& residuals, const std::vector<bool>& not_fitted,
-                    double unknowns) {
+                    const std::vector<double>& share, double unknowns) {
   std::vector<double> all;
-  for (std::size_t i = 0; i < residuals.size(); ++i)
-    if (!not_fitted[i]) all.insert(all.end(), residuals[i].begin(), residuals[i].end());
-  const auto n = double(all.size());
+  double n = 0;
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    if (not_fitted[i]) continue;
+    all.insert(all.end(), residuals[i].begin(), residuals[i].end());
+    n += share[i] * static_cast<double>(residuals[i].size());
+  }
   if (!(n > unknowns)) return 1;
   return robust_deviation(Eigen::Map<const Eigen::VectorXd>(all.data(), std::ssize(all))) *
          std::sqrt(n / (n - unknowns));
@@ -139,10 +146,15 @@ double robust_scale(const std::vector<Eigen::VectorXd>& residuals, const std::ve
 
 Score score_of(const std::vector<RowResidual>& residuals, bool held_back) {
   Score s;
-  double lengths = 0, angles = 0;
+  double lengths = 0, angles = 0, all_lengths = 0;
   for (const RowResidual& r : residuals) {
     if (r.held_back != held_back) continue;
     ++s.rows;
+    if (!r.lost) {
+      s.all_before += r.before.head(r.lengths).squaredNorm();
+      s.all_after += r.after.head(r.lengths).squaredNorm();
+      all_lengths += r.lengths;
+    }
     if (r.outlier) {
       ++s.outliers;
       continue;
@@ -157,6 +169,7 @@ Score score_of(const std::vector<RowResidual>& residuals, bool held_back) {
     angles += static_cast<double>(turns);
   }
   for (double* x : {&s.rms_before, &s.rms_after}) *x = lengths > 0 ? std::sqrt(*x / lengths) : 0;
+  for (double* x : {&s.all_before, &s.all_after}) *x = all_lengths > 0 ? std::sqrt(*x / all_lengths) : 0;
   for (double* x : {&s.angle_before, &s.angle_after}) *x = angles > 0 ? std::sqrt(*x / angles) : 0;
   return s;
 }
@@ -188,21 +201,29 @@ constexpr double kLeastNoise = 1e-9;  // of the noise given: below it residuals 
 /// noise.
 constexpr double kLeastFree = 5;
 
+/// What the rows are, beside what was read.
+struct Setting {
+  std::vector<Pose> seed;         ///< the nominal machine's pose of every row, where Newton begins
+  std::vector<std::size_t> pose;  ///< which rows stand at one pose
+  std::vector<double> share;      ///< for how many independent rows each counts
+};
+
 /// One calibration: prepare, then search and judge until every fitted row assembles, then what was found.
 class Fit {
  public:
-  /// `seed`: the nominal machine's pose of every row, where Newton begins.
   /// The search begins with the noise as it was given, or with what the drawing leaves of the readings.
-  Fit(const AnyMachine& machine, const std::vector<Measurement>& rows, std::vector<Pose> seed,
+  Fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const Setting& setting,
       const CalibrationOptions& options, bool noise_as_given)
       : any_(machine),
         rows_(rows),
         options_(options),
+        pose_(setting.pose),
         problem_{machine, rows, options},
         noise_as_given_(noise_as_given) {
     problem_.nominal = kinematics::parameters(machine);
     problem_.noise = {options.noise_position, options.noise_angle};
-    problem_.seed = std::move(seed);
+    problem_.seed = setting.seed;
+    problem_.share = setting.share;
   }
 
   Result<Calibration> run() {
@@ -212,35 +233,19 @@ class Fit {
     POLYPOD_TRY(search_without_lost());
     if (put_back()) POLYPOD_TRY(search_without_lost());
     if (!converged_) {
-      return fail("CA115", fmt::format("no convergence in {} steps", out_.iterations), {},
-                  "give priors or bounds, choose fewer parameters, or check the first guess of frame and target");
+      return fail(
+          "CA115", fmt::format("no convergence in {} steps", out_.iterations), {},
+          "check the units of all rows (mm, deg), their signs, and the first guess of frame and target; else give "
+          "priors or bounds, or choose fewer parameters");
     }
     POLYPOD_TRY(judge());
     out_.change = change_over_priors();
     say_unknowns();
     POLYPOD_TRY(make_machine());
-    out_.verdict = judged(any_, rows_, out_);
-    out_.verdict.text += remarks();
-    out_.orientation_told = std::none_of(out_.verdict.left_open.begin(), out_.verdict.left_open.end(),
-                                         [](const std::string& c) { return c.ends_with("_deg"); });
     return std::move(out_);
   }
 
  private:
-  /// What the options have to do with the verdict.
-  std::string remarks() const {
-    std::string out;
-    const std::size_t outliers = out_.fitted.outliers + out_.held_back.outliers;
-    if (out_.verdict.answer == Answer::no && outliers > 0 && options_.loss != Loss::cauchy)
-      out += fmt::format(" {} of the rows {}: --loss cauchy lets them count for less.", outliers,
-                         outliers == 1 ? "looks like an outlier" : "look like outliers");
-    if (!problem_.unfitted.empty())
-      out += " Parameters that were not looked for count with their priors; --hold says that one is exact.";
-    if (out_.free_equations < kLeastFree)
-      out += " The equations are too few to show the noise: no less counts than was given.";
-    return out;
-  }
-
   /// The frames, and whether what was measured can be of this machine.
   Status place_rows() {
     out_.X_SM = options_.X_SM;
@@ -318,10 +323,11 @@ class Fit {
     }
     std::vector<bool> held_back(rows_.size(), false);
     if (options_.hold_back > 0) {
+      // Whole poses: what a repeat says is known from the others of its pose.
       const auto every = static_cast<std::size_t>(std::lround(1 / options_.hold_back));
       std::size_t left = all;
-      for (std::size_t i = every - 1; i < rows_.size(); i += every) {
-        held_back[i] = rows_[i].kind != Kind::contact;
+      for (std::size_t i = 0; i < rows_.size(); ++i) {
+        held_back[i] = pose_[i] % every == every - 1 && rows_[i].kind != Kind::contact;
         if (held_back[i]) left -= static_cast<std::size_t>(equation_count(rows_[i].kind));
       }
       if (2 * left < 3 * problem_.wanted.size()) held_back.assign(rows_.size(), false);
@@ -335,6 +341,7 @@ class Fit {
       r.before = e.r.cwiseProduct(e.sigma);
       r.lengths = e.lengths;
       r.held_back = held_back[i];
+      r.share = problem_.share[i];
       out_.residuals.push_back(std::move(r));
     }
     return {};
@@ -390,7 +397,8 @@ class Fit {
     whiten();
     std::vector<double> block;
     for (const int j : problem_.wanted) block.push_back(x_[j]);
-    problem_.noise_scale = noise_as_given_ ? 1.0 : std::max(1.0, robust_scale(whitened_, problem_.not_fitted, 0));
+    problem_.noise_scale =
+        noise_as_given_ ? 1.0 : std::max(1.0, robust_scale(whitened_, problem_.not_fitted, problem_.share, 0));
     // Sizes are learnt once the noise has settled: with too much of it all errors look small, which then keeps it
     // large. Where the noise is taken as it was given, it is the other way round.
     bool sizes = noise_as_given_, held = noise_as_given_;
@@ -411,7 +419,7 @@ class Fit {
     return {};
   }
 
-  /// The weight that the loss gives each row.
+  /// The weight that the loss gives each row, and its share.
   std::vector<double> weights() const {
     std::vector<double> out(rows_.size(), 1);
     for (std::size_t i = 0; i < rows_.size(); ++i) {
@@ -419,6 +427,7 @@ class Fit {
                    ? 0
                    : weight_of(options_.loss, problem_.noise_scale * bend_of(static_cast<int>(whitened_[i].size())),
                                whitened_[i].squaredNorm());
+      out[i] *= problem_.share[i];
     }
     return out;
   }
@@ -487,7 +496,7 @@ class Fit {
       if (moved < kSettled) break;
     }
     for (Eigen::Index k = 0; k < n; ++k) problem_.prior[problem_.wanted[static_cast<std::size_t>(k)]] = prior[k];
-    problem_.noise_scale = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, told));
+    problem_.noise_scale = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, problem_.share, told));
   }
 
   /// How strongly the default size of the errors draws t, e^u times of it, back: the derivative of -ln p(u), and a
@@ -509,8 +518,9 @@ class Fit {
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       if (problem_.not_fitted[i]) continue;
       const int n = equation_count(rows_[i].kind);
-      search.AddResidualBlock(new RowCost(problem_, i, n), loss_of(options_.loss, problem_.noise_scale * bend_of(n)),
-                              block.data());
+      ceres::LossFunction* loss = loss_of(options_.loss, problem_.noise_scale * bend_of(n));
+      if (problem_.share[i] < 1) loss = new ceres::ScaledLoss(loss, problem_.share[i], ceres::TAKE_OWNERSHIP);
+      search.AddResidualBlock(new RowCost(problem_, i, n), loss, block.data());
     }
     Equations e;
     problem_.extra(x_, e.r, e.J);
@@ -594,7 +604,7 @@ class Fit {
       problem_.equations(i, x_, false, e);
       RowResidual& r = out_.residuals[i];
       r.after = e.r.cwiseProduct(e.sigma);
-      r.weight = weight[i];
+      r.weight = weight[i] / problem_.share[i];
       r.outlier =
           r.lost || (std::sqrt(square) > problem_.noise_scale * outlier_of(n) && r.after.cwiseAbs().maxCoeff() > 1e-9);
       if (r.lost) {
@@ -603,15 +613,18 @@ class Fit {
       }
       if (problem_.not_fitted[i]) continue;
       out_.equations += static_cast<std::size_t>(n);
-      sum += weight[i] * weight[i] * square;
+      sum += weight[i] * r.weight * square;
       count += weight[i] * n;
       gain_ += weight[i] * (r.before.cwiseQuotient(e.sigma).squaredNorm() - square);
     }
     if (too_many_lost(lost, rows_.size())) {
-      return fail("CA115",
-                  fmt::format("with the parameters that were found the machine does not assemble in {} of {} rows",
-                              lost, rows_.size()),
-                  example->place, "are they near singular poses? leave them out, or give priors");
+      return fail(
+          "CA115",
+          fmt::format("with the parameters that were found the machine does not assemble in {} of {} rows", lost,
+                      rows_.size()),
+          example->place,
+          "check the units of all rows (mm, deg) and their signs; are they near singular poses? leave them out, or "
+          "give priors");
     }
     set_covariance(weight, sum, count);
     out_.gain = gain_in_deviations(weight);
@@ -640,6 +653,11 @@ class Fit {
     const double told = static_cast<double>(n) - C.squaredNorm();
     out_.free_equations = count - told;
     out_.noise_factor = std::sqrt(sum / std::max(1.0, out_.free_equations));
+    out_.taken_up = told;
+    out_.chi_square = sum;
+    out_.chi_square_p = chi_square_above(sum, std::max(1.0, out_.free_equations));
+    out_.student = student_quantile(0.05, std::max(1.0, out_.free_equations));
+    out_.others_uncertain = !problem_.unfitted.empty();
     // What was searched for is off by its own covariance, and by what the parameters that were not searched for do to
     // it (Schmidt's consider analysis): K J_u P_u with K = C R^T / s^2; those themselves by their priors.
     const double s = noise_that_counts();
@@ -739,10 +757,25 @@ class Fit {
       out_.held_beside.push_back(unknown(j).key);
       error_[j] = 0;
     }
+    const std::size_t rules = rules_among(problem_.wanted);
+    out_.unknowns = problem_.wanted.size() - rules;
+    out_.told = known_.kept.size() - std::min(rules, known_.kept.size());
+    out_.scale = 1 + x_[layout.scale];
+    out_.scale_error = error_[layout.scale];
     out_.X_SM = pose_from(x_.data() + layout.frame);
     out_.X_TR = pose_from(x_.data() + layout.target);
     out_.frame_error = error_.segment<6>(layout.frame);
     out_.target_error = error_.segment<6>(layout.target);
+  }
+
+  /// How many rules hold unknowns among these.
+  std::size_t rules_among(const std::vector<int>& columns) const {
+    Eigen::VectorXd r;
+    Eigen::MatrixXd J;
+    problem_.rules(problem_.start, r, J);
+    std::size_t out = 0;
+    for (Eigen::Index i = 0; i < J.rows(); ++i) out += J(i, columns).isZero(0) ? 0 : 1;
+    return out;
   }
 
   Status make_machine() {
@@ -763,6 +796,7 @@ class Fit {
   const AnyMachine& any_;
   const std::vector<Measurement>& rows_;
   const CalibrationOptions& options_;
+  const std::vector<std::size_t>& pose_;
   Problem problem_;
   Identifiability known_;
   Eigen::VectorXd x_;                      ///< what was found so far
@@ -779,11 +813,11 @@ class Fit {
 
 /// With the loss of the options; of Loss::automatic with the one that leaves less.
 Result<Calibration> fit_with_loss(const AnyMachine& machine, const std::vector<Measurement>& rows,
-                                  const std::vector<Pose>& seed, CalibrationOptions options, bool noise_as_given) {
+                                  const Setting& setting, CalibrationOptions options, bool noise_as_given) {
   constexpr double kPulledAside = 3;  // times the noise
   const auto with = [&](Loss loss) {
     options.loss = loss;
-    return Fit(machine, rows, seed, options, noise_as_given).run();
+    return Fit(machine, rows, setting, options, noise_as_given).run();
   };
   if (options.loss != Loss::automatic) return with(options.loss);
   Result<Calibration> huber = with(Loss::huber);
@@ -799,17 +833,88 @@ Result<Calibration> fit_with_loss(const AnyMachine& machine, const std::vector<M
 /// be, to which a search that begins with the residuals of the drawing comes, or by the machine. Where the first leaves
 /// more than the noise that was given, the search begins again with that noise; its answer counts where it leaves less
 /// than half as much, with changes that a machine can have.
-Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const std::vector<Pose>& seed,
+Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const Setting& setting,
                         const CalibrationOptions& options) {
   constexpr double kCoarse = 1.5;     // times the noise
   constexpr double kMostChange = 10;  // times the priors
-  Result<Calibration> first = fit_with_loss(machine, rows, seed, options, false);
+  Result<Calibration> first = fit_with_loss(machine, rows, setting, options, false);
   const bool searched = first || first.error().id == "CA115" || first.error().id == "CA118";
   if (!searched || (first && first->noise_factor <= kCoarse)) return first;
-  Result<Calibration> second = fit_with_loss(machine, rows, seed, options, true);
+  Result<Calibration> second = fit_with_loss(machine, rows, setting, options, true);
   const bool better = second && second->change < kMostChange &&
                       (first ? second->noise_factor < 0.5 * first->noise_factor : second->noise_factor < kCoarse);
   return better ? second : first;
+}
+
+/// The same, once more with what repeats have shown of their scatter: they count for as many rows as they are worth.
+Result<Calibration> fit_with_repeats(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
+                                     const CalibrationOptions& options) {
+  constexpr int kRounds = 3;
+  constexpr double kSettled = 0.02;  // of the correlation
+  const std::vector<std::size_t> repeats = repeats_of(rows, setting.pose);
+  Result<Calibration> out = fit(machine, rows, setting, options);
+  for (int round = 0; out; ++round) {
+    const double before = out->repeats.correlation;
+    const Repeats now =
+        repeats_in(rows, repeats, out->residuals, options.noise_position, options.noise_angle, out->taken_up);
+    out->repeats = now;
+    if (round == kRounds || (round > 0 && std::abs(now.correlation - before) < kSettled)) break;
+    if (now.correlation == 0) break;
+    setting.share = shares_of(repeats, now.correlation);
+    Result<Calibration> next = fit(machine, rows, setting, options);
+    if (!next) break;
+    next->repeats = now;
+    out = std::move(next);
+  }
+  return out;
+}
+
+/// Common errors that the readings may have in place of the machine.
+void try_common(const AnyMachine& machine, const std::vector<Measurement>& rows, const Setting& setting,
+                const CalibrationOptions& options, Calibration& found) {
+  if (found.parameters.empty()) return;
+  for (const std::string& what : untried(machine, rows, options)) {
+    CommonChange trial = explained_alone(machine, rows, setting.seed, options, found, what);
+    if (worth_a_fit(trial, found, options)) {
+      const Result<Calibration> with = fit(machine, rows, setting, with_common(options, what));
+      if (with) compare(machine, rows, setting.seed, options, found, *with, trial);
+    }
+    found.tried.push_back(std::move(trial));
+  }
+  std::stable_sort(found.tried.begin(), found.tried.end(), [](const CommonChange& a, const CommonChange& b) {
+    return a.likely && (!b.likely || a.change < b.change);
+  });
+}
+
+/// What the options have to do with the verdict.
+std::string remarks(const Calibration& c, const CalibrationOptions& options) {
+  std::string out;
+  const std::size_t outliers = c.fitted.outliers;
+  if (c.verdict.answer == Answer::no && outliers > 0 && options.loss != Loss::cauchy)
+    out += fmt::format(" {} of the rows {}: --loss cauchy lets them count for less.", outliers,
+                       outliers == 1 ? "looks like an outlier" : "look like outliers");
+  if (c.others_uncertain)
+    out += " Parameters that were not looked for count with their priors; --hold says that one is exact.";
+  if (c.free_equations < kLeastFree)
+    out += " The equations are too few to show the noise: no less counts than was given.";
+  return out;
+}
+
+/// A fit without the rows that are held back, by which these are judged, and then one of all rows.
+Result<Calibration> validated(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
+                              const CalibrationOptions& options) {
+  POLYPOD_ASSIGN(judging, fit_with_repeats(machine, rows, setting, options));
+  if (judging.held_back.rows == 0) return judging;
+  CalibrationOptions everything = options;
+  everything.hold_back = 0;
+  POLYPOD_ASSIGN(out, fit_with_repeats(machine, rows, setting, everything));
+  out.held_back = judging.held_back;
+  for (std::size_t i = 0; i < out.residuals.size(); ++i) {
+    RowResidual& r = out.residuals[i];
+    r.held_back = judging.residuals[i].held_back;
+    if (r.held_back) r.judged = judging.residuals[i].after;
+  }
+  return out;
 }
 
 }  // namespace
@@ -833,7 +938,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   if (rows.empty()) return fail("CA110", "no measurements");
   // Rows whose joints the drawing cannot take stand beyond a singular pose of it, or are wrong.
   std::vector<Measurement> taken;
-  std::vector<Pose> seed;
+  Setting setting;
   std::vector<std::size_t> number;
   const Measurement* untaken = nullptr;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -841,7 +946,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
     if (!at && untaken == nullptr) untaken = &rows[i];
     if (!at) continue;
     taken.push_back(rows[i]);
-    seed.push_back(*at);
+    setting.seed.push_back(*at);
     number.push_back(i);
   }
   if (too_many_lost(rows.size() - taken.size(), rows.size())) {
@@ -850,7 +955,18 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
                             rows.size() - taken.size(), rows.size()),
                 untaken->place, "check the joints and the machine");
   }
-  POLYPOD_ASSIGN(out, fit(nominal, taken, seed, options));
+  setting.pose = poses_of(nominal, taken);
+  setting.share.assign(taken.size(), 1);
+  POLYPOD_ASSIGN(out, validated(nominal, taken, setting, options));
+  CalibrationOptions everything = options;
+  everything.hold_back = 0;
+  try_common(nominal, taken, setting, everything, out);
+  out.moved = far_moved(out, options);
+  out.drift = drift_in(taken, setting.pose, out.residuals);
+  out.verdict = judged(nominal, taken, out);
+  out.verdict.text += remarks(out, options);
+  out.orientation_told = std::none_of(out.verdict.left_open.begin(), out.verdict.left_open.end(),
+                                      [](const std::string& c) { return c.ends_with("_deg"); });
   if (untaken != nullptr) out.residuals = with_untaken(rows, number, std::move(out.residuals));
   return out;
 }

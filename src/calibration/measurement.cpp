@@ -3,6 +3,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <map>
+
+#include <chrono>
+#include <optional>
+
 #include "polypod/core/csv.hpp"
 #include "polypod/core/units.hpp"
 
@@ -59,6 +68,44 @@ std::vector<std::string> columns_of(Kind kind) {
   return {"contact"};
 }
 
+/// Seconds of a number, of hh:mm[:ss], or of a date and such a time (ISO 8601); nothing for other texts.
+std::optional<double> seconds_of(const std::string& text) {
+  constexpr double kMinute = 60, kHour = 60 * kMinute, kDay = 24 * kHour;
+  int year = 0, month = 1, day = 1, hour = 0, minute = 0, used = 0;
+  double second = 0;
+  double date = 0;
+  const char* clock = text.c_str();
+  if (std::sscanf(clock, "%4d-%2d-%2d%n", &year, &month, &day, &used) == 3 && used > 0) {
+    const std::chrono::year_month_day ymd{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
+                                          std::chrono::day(static_cast<unsigned>(day))};
+    if (!ymd.ok()) return std::nullopt;
+    date = kDay * static_cast<double>(std::chrono::sys_days(ymd).time_since_epoch().count());
+    clock += used;
+    if (*clock == 'T' || *clock == ' ') ++clock;
+  }
+  const int read = std::sscanf(clock, "%2d:%2d:%lf", &hour, &minute, &second);
+  if (read < 2) return std::nullopt;
+  return date + kHour * hour + kMinute * minute + second;
+}
+
+/// When and how warm it was, where the file says so. Errors: ID101.
+Status read_conditions(const Table& table, const Table::Row& row, Measurement& m) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  POLYPOD_ASSIGN(temperature, table.number(row, "temperature_C", kNone));
+  m.temperature = temperature;
+  POLYPOD_ASSIGN(seconds, table.number(row, "time_s", kNone));
+  m.time = seconds;
+  if (const std::string text = table.text(row, "time"); !text.empty() && !table.has("time_s")) {
+    if (const auto at = seconds_of(text)) {
+      m.time = *at;
+    } else {
+      POLYPOD_ASSIGN(number, table.number(row, "time"));
+      m.time = number;
+    }
+  }
+  return {};
+}
+
 Result<Measurement> measurement_of(const AnyMachine& machine, const Table& table, const Table::Row& row, Kind kind) {
   Measurement m;
   m.kind = kind;
@@ -110,6 +157,7 @@ Result<Measurement> measurement_of(const AnyMachine& machine, const Table& table
     }
   }
   m.contact = table.text(row, "contact");
+  POLYPOD_TRY(read_conditions(table, row, m));
   return m;
 }
 
@@ -135,6 +183,31 @@ Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, co
   }
   POLYPOD_TRY(csv::no_row_twice(table));
   return out;
+}
+
+Status no_row_twice(const std::vector<Measurement>& rows) {
+  std::map<std::pair<std::vector<double>, std::string>, const Place*> seen;
+  for (const Measurement& row : rows) {
+    std::vector<double> key{static_cast<double>(row.kind), row.reading, row.noise};
+    const auto add = [&](const auto& values) {
+      for (const double value : values) key.push_back(value);
+    };
+    add(row.q);
+    add(row.X_SR.p);
+    add(row.X_SR.R.reshaped());
+    add(row.anchor_S);
+    add(row.normal_S);
+    for (const double condition : {row.time, row.temperature})
+      key.push_back(std::isfinite(condition) ? condition : -1e300);
+    const auto [it, fresh] = seen.try_emplace({std::move(key), row.contact}, &row.place);
+    if (fresh) continue;
+    const Place& first = *it->second;
+    return fail("ID103",
+                first.file == row.place.file ? fmt::format("the row stands already in line {}", first.line)
+                                             : fmt::format("the row stands already in {}:{}", first.file, first.line),
+                row.place, "a row that stands twice would count twice");
+  }
+  return {};
 }
 
 std::string measurements_csv(const AnyMachine& machine, const std::vector<Measurement>& rows) {

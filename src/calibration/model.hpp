@@ -15,10 +15,11 @@
 namespace polypod::calibration {
 
 /// The unknowns beside the machine's parameters, in one vector with them:
-///   [ places of contacts, 3 each | X_SM: translation, rotation vector | X_TR: the same | parameters p ].
+///   [ places of contacts, 3 each | X_SM: translation, rotation vector | X_TR: the same | k | parameters p ],
+/// the instrument showing 1 + k times the true lengths, about the origin of its frame S.
 struct Layout {
   std::map<std::string, int> contact;  ///< text of the column -> index of its first unknown
-  int frame = 0, target = 0, parameters = 0, count = 0;
+  int frame = 0, target = 0, scale = 0, parameters = 0, count = 0;
 };
 Layout layout_of(const std::vector<Measurement>& rows, std::size_t parameter_count);
 
@@ -104,6 +105,7 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
   const double* target = x.data() + layout.target;
   const Pose X_SM = pose_from(frame), X_TR = pose_from(target);
   const Pose Y = X_SM * X * X_TR;  // the target in S
+  const double k = row.kind == Kind::contact ? 1.0 : 1 + x[layout.scale];
 
   // Rows of dr by the twist [v; w] of the target in S, and r.
   const int n = equation_count(row.kind);
@@ -111,11 +113,14 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
   Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 6, 6> by_twist =
       Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 6, 6>::Zero(n, 6);
   out.r.resize(n);
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1> by_scale =
+      Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>::Zero(n);
   out.sigma.setConstant(n, 1 / s);
   out.lengths = std::min(n, 3);
   const auto position = [&](const Vec3& measured) {
-    out.r.head<3>() = s * (Y.p - measured);
-    by_twist.template topLeftCorner<3, 3>() = s * Mat3::Identity();
+    out.r.head<3>() = s * (k * Y.p - measured);
+    by_twist.template topLeftCorner<3, 3>() = s * k * Mat3::Identity();
+    if (row.kind != Kind::contact) by_scale.template head<3>() = s * Y.p;
   };
   switch (row.kind) {
     case Kind::point:
@@ -123,11 +128,11 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
       break;
     case Kind::axis: {
       position(row.X_SR.p);
-      const Vec3 k = Y.R.col(2);
+      const Vec3 along = Y.R.col(2);
       for (int i = 0; i < 2; ++i) {  // parts of the axis across the measured one
         const Vec3 across = row.X_SR.R.col(i);
-        out.r[3 + i] = sa * across.dot(k);
-        by_twist.template block<1, 3>(3 + i, 3) = sa * k.cross(across).transpose();
+        out.r[3 + i] = sa * across.dot(along);
+        by_twist.template block<1, 3>(3 + i, 3) = sa * along.cross(across).transpose();
       }
       break;
     }
@@ -141,13 +146,15 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
     case Kind::distance: {
       const Vec3 away = Y.p - row.anchor_S;
       const double length = away.norm();
-      out.r[0] = s * (length - row.reading);
-      by_twist.template block<1, 3>(0, 0) = s * away.transpose() / std::max(length, 1e-12);
+      out.r[0] = s * (k * length - row.reading);
+      by_twist.template block<1, 3>(0, 0) = s * k * away.transpose() / std::max(length, 1e-12);
+      by_scale[0] = s * length;
       break;
     }
     case Kind::gauge:
-      out.r[0] = s * (row.normal_S.dot(Y.p - row.anchor_S) - row.reading);
-      by_twist.template block<1, 3>(0, 0) = s * row.normal_S.transpose();
+      out.r[0] = s * (k * row.normal_S.dot(Y.p - row.anchor_S) - row.reading);
+      by_twist.template block<1, 3>(0, 0) = s * k * row.normal_S.transpose();
+      by_scale[0] = s * row.normal_S.dot(Y.p - row.anchor_S);
       break;
     case Kind::contact:
       position(x.segment<3>(layout.contact.at(row.contact)));
@@ -158,6 +165,7 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
 
   out.J.setZero(n, layout.count);
   if (row.kind == Kind::contact) out.J.middleCols<3>(layout.contact.at(row.contact)) = -s * Mat3::Identity();
+  out.J.col(layout.scale) = by_scale;
   // By X_SM: v = dt + J_l dw x (Y.p - t).
   const Mat3 turn_frame = left_jacobian(Vec3(frame[3], frame[4], frame[5]));
   out.J.middleCols<3>(layout.frame) = by_twist.template leftCols<3>();
@@ -222,6 +230,11 @@ void rules_at(const AnyMachine& machine, const Layout& layout, const Eigen::Vect
               Eigen::MatrixXd& J);
 std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& row);
 Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
+
+/// Trends and neighbours that are alike among the residuals, in the order of the rows or of their times; repeats at one
+/// pose one after another are one point. `poses`: the pose of each row.
+Drift drift_in(const std::vector<Measurement>& rows, const std::vector<std::size_t>& poses,
+               const std::vector<RowResidual>& residuals);
 
 /// What a calibration whose scores, noise and covariance are known is worth.
 Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c);

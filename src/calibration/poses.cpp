@@ -140,7 +140,7 @@ void apply_rules(const Eigen::MatrixXd& rules, Eigen::MatrixXd& J) {
 /// Equations by all unknowns of the layout, in units that compare.
 std::vector<Eigen::MatrixXd> all_equations(const AnyMachine& any, const std::vector<Stand>& stands, Kind kind,
                                            const std::vector<Vec3>& anchors, const CalibrationOptions& options,
-                                           Layout& layout) {
+                                           Layout& layout, Eigen::MatrixXd* rules_seen = nullptr) {
   return std::visit(
       [&](const auto& m) {
         layout = layout_of({}, parameters(m).size());
@@ -148,6 +148,7 @@ std::vector<Eigen::MatrixXd> all_equations(const AnyMachine& any, const std::vec
         Eigen::VectorXd unused;
         Eigen::MatrixXd rules;
         rules_at(m, layout, start.x, unused, rules);
+        if (rules_seen != nullptr) *rules_seen = rules;
         std::vector<Eigen::MatrixXd> out;
         const Noise noise{options.noise_position, options.noise_angle};
         Equations e;
@@ -180,7 +181,8 @@ Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t co
     return fail("CA121", fmt::format("only {} of {} poses found within the limits", out.stands.size(), count));
   }
   Layout layout;
-  const auto all = all_equations(machine, out.stands, kind, anchors, options, layout);
+  Eigen::MatrixXd rules;
+  const auto all = all_equations(machine, out.stands, kind, anchors, options, layout, &rules);
   Eigen::MatrixXd J(static_cast<Eigen::Index>(all.size()) * all.front().rows(), layout.count);
   for (std::size_t i = 0; i < all.size(); ++i) {
     J.middleRows(static_cast<Eigen::Index>(i) * all[i].rows(), all[i].rows()) = all[i];
@@ -189,6 +191,8 @@ Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t co
   if (!chosen) return tl::unexpected(chosen.error());
   const std::vector<int> wanted = wanted_unknowns(layout, *chosen, options, kind == Kind::pose || kind == Kind::axis);
   const Identifiability known = identifiable(J, wanted, Eigen::VectorXd::Ones(layout.count));
+  out.total = wanted.size();
+  for (Eigen::Index i = 0; i < rules.rows(); ++i) out.total -= rules(i, wanted).isZero(0) ? 0 : 1;
   for (const int j : known.kept) out.unknowns.push_back(unknown_of(machine, layout, j).key);
   for (const auto& [j, tie] : known.ties) out.held.push_back(unknown_of(machine, layout, j).key);
   for (const Eigen::MatrixXd& one : all) out.equations.push_back(columns(one, known.kept));
@@ -241,6 +245,7 @@ Result<Candidates> compliance_candidates(const AnyMachine& machine, std::size_t 
   const std::vector<double> nominal = statics::column_compliances(machine);
   const std::vector<std::string> names = statics::column_names(machine);
   for (std::size_t k = 0; k < nominal.size(); ++k) (nominal[k] > 0 ? out.unknowns : out.held).push_back(names[k]);
+  out.total = out.unknowns.size();
   return out;
 }
 

@@ -14,7 +14,8 @@ Layout layout_of(const std::vector<Measurement>& rows, std::size_t parameter_cou
   }
   out.frame = out.count;
   out.target = out.frame + 6;
-  out.parameters = out.target + 6;
+  out.scale = out.target + 6;
+  out.parameters = out.scale + 1;
   out.count = out.parameters + static_cast<int>(parameter_count);
   return out;
 }
@@ -127,6 +128,7 @@ std::vector<int> wanted_unknowns(const Layout& layout, const std::vector<bool>& 
     for (int j = 0; j < 6; ++j) out.push_back(layout.frame + j);
   if (options.estimate_target)
     for (int j = 0; j < (turns ? 6 : 3); ++j) out.push_back(layout.target + j);
+  if (options.estimate_scale) out.push_back(layout.scale);
   for (std::size_t i = 0; i < chosen.size(); ++i)
     if (chosen[i]) out.push_back(layout.parameters + static_cast<int>(i));
   return out;
@@ -135,6 +137,7 @@ std::vector<int> wanted_unknowns(const Layout& layout, const std::vector<bool>& 
 machine::Parameter unknown_of(const AnyMachine& machine, const Layout& layout, int j) {
   static constexpr const char* kParts[] = {"x", "y", "z", "a", "b", "c"};
   if (j >= layout.parameters) return kinematics::parameters(machine)[static_cast<std::size_t>(j - layout.parameters)];
+  if (j == layout.scale) return {"scale", 0, ""};
   if (j >= layout.frame) {
     const bool target = j >= layout.target;
     const int part = j - (target ? layout.target : layout.frame);

@@ -102,8 +102,47 @@ std::string misses(const Score& s, bool held) {
                      units::to_mm(s.rms_before));
 }
 
+/// "20.0 mm along z", "(5.00, -4.99, 5.00) mm"; of an angle "0.500 deg about y".
+std::string vector_in_words(const Vec3& user, const char* unit, const char* along) {
+  constexpr double kAlmostAll = 0.98;
+  const double size = user.norm();
+  for (int k = 0; k < 3; ++k)
+    if (std::abs(user[k]) > kAlmostAll * size)
+      return fmt::format("{:.3g} {} {} {}{}", std::abs(user[k]), unit, along, user[k] < 0 ? "-" : "", "xyz"[k]);
+  return fmt::format("({:.3g}, {:.3g}, {:.3g}) {}", user.x(), user.y(), user.z(), unit);
+}
+
+/// "one scale of the instrument, which shows 1.00300 times the lengths".
+std::string in_words(const CommonChange& c, const AnyMachine& machine) {
+  constexpr double kShown = 0.1;  // a turn whose effect is less than this share of the shift's is not named
+  if (c.what == "scale")
+    return fmt::format("one scale of the instrument, which shows {:.5f} times the lengths", c.scale);
+  const std::string of = c.what == "frame" ? "the instrument's frame" : "the target on the tool";
+  const double reach = size_of(machine), turned = c.turn.norm() * reach;
+  std::string out = fmt::format("one shift of {}", of);
+  const bool turns = turned > kShown * c.shift.norm(), shifts = c.shift.norm() > kShown * turned;
+  if (!shifts) out = fmt::format("one turn of {}", of);
+  if (shifts) out += " by " + vector_in_words(c.shift * units::kMmPerMetre, "mm", "along");
+  if (shifts && turns) out += " and a turn";
+  if (turns) out += " by " + vector_in_words(c.turn / units::kRadPerDeg, "deg", "about");
+  return out;
+}
+
 /// Why the answer is no whatever the pose, or nothing.
-std::string refusal(const Calibration& c) {
+std::string refusal(const AnyMachine& machine, const Calibration& c) {
+  if (!c.tried.empty() && c.tried.front().likely) {
+    const CommonChange& common = c.tried.front();
+    return fmt::format(
+        "Not judged: all changes look like {}. With it the parameters change by {:.2g} times their priors, without it "
+        "by {:.2g} times (root mean square). {}.",
+        in_words(common, machine), common.change, common.change_before,
+        common.what == "scale" ? std::string("Check the instrument (temperature, constants) and measure again with its "
+                                             "scale right; --estimate scale says how large it is, but then only the "
+                                             "drawing tells the size of the machine")
+                               : fmt::format("Measure it on the machine and give it with --{0}, or find it with "
+                                             "--estimate {0}, which leaves to the drawing what acts like it",
+                                             common.what));
+  }
   const bool held = c.held_back.rows > c.held_back.outliers;
   const Score& s = held ? c.held_back : c.fitted;
   if (c.noise_factor > kMisfit) {
@@ -139,6 +178,32 @@ std::string what_is_open(const AnyMachine& nominal, const std::vector<Measuremen
         " But the residuals are {:.1f} times the noise that was given: either the instrument is that coarse, or the "
         "machine has errors that no parameter describes, which the predicted deviations do not hold.",
         c.noise_factor);
+  }
+  if (!c.moved.empty()) {
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < std::min<std::size_t>(c.moved.size(), 3); ++i)
+      names.push_back(fmt::format("{} ({:.2g})", c.moved[i].key, c.moved[i].priors));
+    if (c.moved.size() > names.size()) names.push_back(fmt::format("{} more", c.moved.size() - names.size()));
+    out += fmt::format(
+        " But {} moved by ten times the prior and more (in brackets: how many times): either the machine is so far "
+        "off, "
+        "then say so with --prior-mm and --prior-deg, or something else was taken for its error.",
+        listed(names));
+  }
+  if (c.drift.found) {
+    std::vector<std::string> found;
+    for (const ComponentDrift& d : c.drift.components) {
+      if (d.trend_found)
+        found.push_back(fmt::format("{} changes by {:.2g} {} from the first to the last by {} (t = {:.1f})",
+                                    d.component, d.is_angle ? units::to_deg(d.trend) : units::to_um(d.trend),
+                                    d.is_angle ? "deg" : "um", d.over, d.t));
+      if (d.lag1_found)
+        found.push_back(fmt::format("neighbours of {} are alike (correlation {:.2f})", d.component, d.lag1));
+    }
+    out += fmt::format(
+        " But the residuals drift: {}. Instrument or machine changed while it was measured, or rows that stand side by "
+        "side share an error that no parameter describes; the predicted deviations do not hold that.",
+        listed(found));
   }
   const auto box_of = [](const auto& poses) {
     Eigen::AlignedBox3d box;
@@ -179,6 +244,23 @@ Eigen::VectorXd pose_deviation(const AnyMachine& machine, const Pose& X_MT, cons
   return (G * covariance).cwiseProduct(G).rowwise().sum().cwiseMax(0).cwiseSqrt();
 }
 
+namespace {
+
+/// " U (k = 2) of x, y and z: 0.018, 0.019 and 0.017 mm, the mean over the workspace."
+std::string expanded(const std::vector<std::string>& coordinates, const PoseSpread& after) {
+  constexpr double kCoverage = 2;
+  std::vector<std::string> names, values;
+  for (std::size_t i = 0; i < coordinates.size(); ++i) {
+    if (is_angle(coordinates[i])) continue;
+    names.push_back(spoken(coordinates[i]));
+    values.push_back(fmt::format("{:.2g}", kCoverage * units::to_mm(after.mean[static_cast<Eigen::Index>(i)])));
+  }
+  if (names.empty()) return "";
+  return fmt::format(" U (k = 2) of {} is {} mm, the mean over the workspace.", listed(names), listed(values));
+}
+
+}  // namespace
+
 Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c) {
   constexpr std::size_t kPoses = 100;
   constexpr std::uint64_t kSeed = 1;
@@ -200,7 +282,7 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
     shares.push_back(before > 0 ? fmt::format("{} ({:.0f} %)", spoken(all[i]), 100 * after / before)
                                 : fmt::format("{} (held)", spoken(all[i])));
   }
-  const std::string refused = refusal(c);
+  const std::string refused = refusal(nominal, c);
   const std::string doubts = what_is_open(nominal, rows, stands, c);
   if (c.parameters.empty() && c.noise_factor <= kMisfit) {
     out.answer = Answer::partly;
@@ -231,6 +313,7 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
         100 * chance, shares.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
     out.text += doubts;
   }
+  if (out.answer != Answer::no && !c.parameters.empty()) out.text += expanded(all, out.after);
   return out;
 }
 

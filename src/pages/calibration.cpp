@@ -122,8 +122,8 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
                                   fixed(to_um(c.fitted.rms_before), 1));
   if (c.held_back.rows > 0) {
     proof +=
-        fmt::format(", {} instead of {} µm on {} rows that were not fitted", fixed(to_um(c.held_back.rms_after), 1),
-                    fixed(to_um(c.held_back.rms_before), 1), c.held_back.rows);
+        fmt::format(", {} instead of {} µm on {} rows in a fit of the others, before all were fitted",
+                    fixed(to_um(c.held_back.rms_after), 1), fixed(to_um(c.held_back.rms_before), 1), c.held_back.rows);
   }
   page.add_text(proof +
                 ". Rows prove what they measure, and no more; the next chapter tells what is known of the "
@@ -131,11 +131,15 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
   page.add_key_figures({{fixed(to_um(c.fitted.rms_before), 1), "µm", "rms before, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.rms_after), 1), "µm", "rms after, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.max_after), 1), "µm", "largest after, outliers aside", Verdict::neutral},
-                        {fmt::format("{} of {}", c.rank, c.parameters.size()), "", "parameters told", Verdict::neutral},
+                        {fmt::format("{} of {}", c.told, c.unknowns), "", "unknowns told", Verdict::neutral},
                         {number(c.noise_factor), "×", "residuals over the given noise", Verdict::neutral}});
   const std::size_t outliers = c.fitted.outliers + c.held_back.outliers;
-  std::string text = fmt::format("{} rows, {} equations fitted in {} steps; condition {}.", rows.size(), c.equations,
-                                 c.iterations, number(c.condition));
+  std::string text = fmt::format(
+      "{} rows, {} equations fitted in {} steps; condition {}. Chi-square against the given noise is {} with {} "
+      "degrees "
+      "of freedom; 95 % intervals are {} standard errors to each side.",
+      rows.size(), c.equations, c.iterations, number(c.condition), fixed(c.chi_square, 1), fixed(c.free_equations, 1),
+      fixed(c.student, 3));
   text += outliers == 0   ? " No outliers."
           : outliers == 1 ? " One row is an outlier, listed below with the weight it has in the fit."
                           : fmt::format(" {} rows are outliers, listed below with their weights in the fit.", outliers);
@@ -154,6 +158,54 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
         "is least off the drawing, in units of the priors, was taken:");
     page.add_list(held);
   }
+}
+
+/// Common errors in place of the machine's, parameters that moved far, drift and repeats: what the answer rests on.
+void add_checks(report::Report& page, const Calibration& c) {
+  page.add_section("What else could explain the readings");
+  report::Table common;
+  common.caption =
+      "Errors that all readings have in common: what they explain alone of the drawing's squared residuals, and by how "
+      "many priors the parameters change (rms) with and without them";
+  common.columns = {
+      {"", "", -1}, {"explains", "%", 1}, {"change with", "", 2}, {"change without", "", 2}, {"", "", -1}};
+  for (const calibration::CommonChange& one : c.tried) {
+    std::vector<report::Cell> row{one.what, 100 * one.alone};
+    if (one.fitted) {
+      row.insert(row.end(), {one.change, one.change_before, std::string(one.likely ? "likely" : "")});
+    } else {
+      row.insert(row.end(), {std::string(), std::string(), std::string("too little")});
+    }
+    common.rows.push_back(std::move(row));
+  }
+  if (!common.rows.empty()) page.add_table(common);
+  std::vector<std::string> moved;
+  moved.reserve(c.moved.size());
+  for (const calibration::Moved& one : c.moved)
+    moved.push_back(fmt::format("{}: {} times its prior", one.key, number(one.priors)));
+  if (!moved.empty()) {
+    page.add_text("Parameters that moved by ten times their prior and more:");
+    page.add_list(moved);
+  }
+  if (c.repeats.poses > 0) {
+    const calibration::Repeats& r = c.repeats;
+    page.add_text(fmt::format(
+        "{} rows are repeats at {} poses. Within a pose they scatter by {} times the given noise, between poses the "
+        "residuals do by {} times; F = {} with {} and {} degrees of freedom. Repeats count as what they are worth.",
+        r.rows, r.poses, number(r.within), number(r.between), number(r.F), fixed(r.between_degrees, 1),
+        fixed(r.within_degrees, 0)));
+  }
+  if (!c.drift.looked) return;
+  report::Table drift;
+  drift.caption = "Drift of the residuals: trend from the first to the last, correlation of neighbours";
+  drift.columns = {{"", "", -1}, {"over", "", -1},       {"trend", "", -1},
+                   {"t", "", 1}, {"correlation", "", 2}, {"", "", -1}};
+  for (const calibration::ComponentDrift& d : c.drift.components) {
+    drift.rows.push_back({d.component, d.over,
+                          d.is_angle ? number(to_deg(d.trend)) + " deg" : number(to_um(d.trend)) + " µm", d.t, d.lag1,
+                          std::string(d.trend_found || d.lag1_found ? "more than chance" : "")});
+  }
+  page.add_table(drift);
 }
 
 // ------------------------------------------------------------------------------------------------- the tool's pose
@@ -327,14 +379,21 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
   }
 
   report::Table table;
-  table.caption = "Rms over single readings, outliers aside";
-  table.columns = {{"", "", -1},       {"rows", "", 0},      {"outliers", "", 0},         {"before", "µm", 1},
-                   {"after", "µm", 1}, {"largest", "µm", 1}, {"angles before", "deg", 5}, {"angles after", "deg", 5}};
+  table.caption = "Rms over single readings, outliers aside but for the column \"all rows\"";
+  table.columns = {{"", "", -1},
+                   {"rows", "", 0},
+                   {"outliers", "", 0},
+                   {"before", "µm", 1},
+                   {"after", "µm", 1},
+                   {"largest", "µm", 1},
+                   {"after, all rows", "µm", 1},
+                   {"angles before", "deg", 5},
+                   {"angles after", "deg", 5}};
   for (const auto& [name, s] : {std::pair{"fitted", c.fitted}, std::pair{"held back", c.held_back}}) {
     if (s.rows == 0) continue;
     table.rows.push_back({std::string(name), static_cast<double>(s.rows), static_cast<double>(s.outliers),
-                          to_um(s.rms_before), to_um(s.rms_after), to_um(s.max_after), to_deg(s.angle_before),
-                          to_deg(s.angle_after)});
+                          to_um(s.rms_before), to_um(s.rms_after), to_um(s.max_after), to_um(s.all_after),
+                          to_deg(s.angle_before), to_deg(s.angle_after)});
   }
   if (!angles) {
     table.columns.resize(table.columns.size() - 2);
@@ -589,6 +648,7 @@ std::string calibration_page(const machine::AnyMachine& nominal, const std::vect
                              const Calibration& c, const MeasuredPageOptions& how) {
   report::Report page("Calibration of a machine", machine::description_of(nominal), facts_of(nominal, rows, how));
   add_summary(page, rows, c);
+  add_checks(page, c);
   add_pose(page, nominal, c);
   add_residuals(page, rows, c);
   add_parameters(page, c);

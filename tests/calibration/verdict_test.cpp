@@ -86,7 +86,8 @@ TEST(Verdict, WhatTheNoiseHidesIsNotCalledBetter) {
       within += c.verdict.text.find("within the noise") != std::string::npos ? 1 : 0;
     }
   }
-  EXPECT_GE(within, 25);  // of 30; errors of 1 um are just visible in a few sets
+  // Of 30; errors of 1 um are just visible in a few sets, in some more since all 60 rows are fitted instead of 48.
+  EXPECT_GE(within, 22);
 }
 
 // Errors of 10 um: what is found of them must not be claimed where it is worse.

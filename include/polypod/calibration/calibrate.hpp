@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/calibration/checks.hpp"
 #include "polypod/calibration/measurement.hpp"
 #include "polypod/calibration/verdict.hpp"
 #include "polypod/core/units.hpp"
@@ -29,8 +30,10 @@ struct CalibrationOptions {
   std::vector<std::string> hold;  ///< beginnings of keys that stay nominal
   bool estimate_frame = false;    ///< X_SM too, the machine in the instrument's frame
   bool estimate_target = false;   ///< p_TR too, the target in the tool's frame (and R_TR where poses were measured)
-  Pose X_SM;                      ///< where the machine stands in the instrument's frame: known, or a first guess
-  Pose X_TR;                      ///< where the target sits on the tool: known, or a first guess
+  /// The scale of the instrument too: it shows 1 + k times the lengths that are, about the origin of its frame.
+  bool estimate_scale = false;
+  Pose X_SM;  ///< where the machine stands in the instrument's frame: known, or a first guess
+  Pose X_TR;  ///< where the target sits on the tool: known, or a first guess
   /// Standard deviations of the instrument, m and rad. Only their ratio to each other and to the priors matters for the
   /// values; standard errors come from the residuals.
   double noise_position = 20e-6;
@@ -40,7 +43,8 @@ struct CalibrationOptions {
   double bound_length = 0;  ///< m: hard bounds round the nominal lengths; 0: none
   double bound_angle = 0;   ///< rad
   Loss loss = Loss::automatic;
-  double hold_back = 0.2;  ///< this share of the rows, evenly spread, is not fitted but judged; 0 to 0.5
+  /// This share of the poses, evenly spread, is judged by a fit of the others; 0 to 0.5. All rows enter the last fit.
+  double hold_back = 0.2;
 };
 
 /// A change of a held parameter by 1 looks like a change of this unknown by `factor` (both SI), together with its
@@ -64,16 +68,20 @@ struct RowResidual {
   Eigen::VectorXd before, after;  ///< computed less measured: m, then rad (axis, pose)
   int lengths = 0;                ///< how many of them are m
   double weight = 1;              ///< of the robust loss, in the last step
-  bool held_back = false;
-  bool outlier = false;  ///< beyond (sqrt(equations) + 3) robust standard deviations, or lost
-  bool lost = false;     ///< the calibrated machine does not assemble there: near a singular pose; not fitted
-  bool untaken = false;  ///< lost because the nominal machine cannot take these joints; before and after are 0
+  double share = 1;               ///< for how many independent rows it counts: less than 1 for repeats (see Repeats)
+  bool held_back = false;         ///< of the fit that judges; `after` is of the last one, into which all rows went
+  Eigen::VectorXd judged{};       ///< of a row that was held back: what the fit without these rows leaves of it
+  bool outlier = false;           ///< beyond (sqrt(equations) + 3) robust standard deviations, or lost
+  bool lost = false;              ///< the calibrated machine does not assemble there: near a singular pose; not fitted
+  bool untaken = false;           ///< lost because the nominal machine cannot take these joints; before and after are 0
 };
 
-/// Root of the mean square over the equations that are lengths, m, without rows marked as outliers.
+/// Root of the mean square over the equations that are lengths, m, without rows marked as outliers; `all_`: with them
+/// (those that are lost aside).
 struct Score {
   std::size_t rows = 0, outliers = 0;
   double rms_before = 0, rms_after = 0, max_after = 0;
+  double all_before = 0, all_after = 0;
   double angle_before = 0, angle_after = 0;  ///< rad, over the equations that are angles
 };
 
@@ -84,6 +92,8 @@ struct Calibration {
   Pose X_SM, X_TR;
   Vec6 frame_error = Vec6::Zero(), target_error = Vec6::Zero();  ///< standard errors: m, rad; 0 where given or held
   std::vector<std::string> held_beside;                          ///< parts of frame and target that could not be told
+  double scale = 1, scale_error = 0;                             ///< of the instrument, where it was looked for
+  /// `fitted`: all rows in the last fit; `held_back`: those of the validation, in a fit of the others.
   Score fitted, held_back;
   std::vector<RowResidual> residuals;  ///< one a measurement
   /// Of all parameters of the machine, in their order, SI: what is known of them after the measurements, and before,
@@ -99,7 +109,20 @@ struct Calibration {
   double condition = 0;       ///< of the equations, columns scaled to unit length
   double noise_factor = 0;    ///< residuals over the noise that was given: 1 if it was right
   double free_equations =
-      0;              ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
+      0;  ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
+  /// The unknowns that were looked for (a direction of three numbers is two unknowns), and how many of them these
+  /// measurements tell.
+  std::size_t unknowns = 0, told = 0;
+  double taken_up = 0;      ///< equations that the parameters take up
+  double chi_square = 0;    ///< weighted squares of the residuals over the noise given, to be free_equations
+  double chi_square_p = 1;  ///< how likely chance makes it as large
+  /// A 95 % interval is so many standard errors on each side: Student's t with free_equations degrees of freedom.
+  double student = 1.96;
+  bool others_uncertain = false;    ///< parameters that were not looked for count with their priors
+  std::vector<CommonChange> tried;  ///< common errors in place of the machine's; the likely one first
+  std::vector<Moved> moved;
+  Repeats repeats;
+  Drift drift;
   double change = 0;  ///< root mean square of the parameters' changes over their default or stated priors
   /// By how many standard deviations the squares of the fitted residuals have become smaller than mere noise would let
   /// them; below about 3 the drawing explains the readings.

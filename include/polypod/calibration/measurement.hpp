@@ -2,6 +2,7 @@
 // What instruments say about a machine: poses, points, distances, readings of gauges, contacts.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -37,14 +38,20 @@ struct Measurement {
   double reading = 0;      ///< distance, gauge: m
   std::string contact;     ///< which place was touched
   double noise = 0;        ///< standard deviation of each coordinate, m (column sigma_um); 0: the instrument's
-  Place place;             ///< the row of the file
+  double time = std::numeric_limits<double>::quiet_NaN();         ///< s; column time_s or time; NaN: not given
+  double temperature = std::numeric_limits<double>::quiet_NaN();  ///< deg C; column temperature_C; NaN: not given
+  Place place;                                                    ///< the row of the file
 };
 
 /// Reads a file of measurements: columns q1 to qn (mm or deg, the machine's joints that move) and those of one kind
-/// (see Kind; further columns are left alone). Errors: ID100 to ID103, ID106 of tables, CA101 (no kind of measurement
+/// (see Kind; further columns are left alone); sigma_um, time_s or time (s, hh:mm:ss, or ISO 8601) and temperature_C if
+/// there are such columns. Errors: ID100 to ID103, ID106 of tables, CA101 (no kind of measurement
 /// among the columns), CA102 (a normal without length, a distance or noise not above 0), CA103 (joints far outside
 /// their ranges: another unit?).
 Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const std::string& path);
+
+/// Errors: ID103 where two rows say the same, in one file or in two: they would count twice.
+Status no_row_twice(const std::vector<Measurement>& rows);
 
 /// The same rows as a file, with columns as read_measurements takes them; all of one kind.
 std::string measurements_csv(const AnyMachine& machine, const std::vector<Measurement>& rows);

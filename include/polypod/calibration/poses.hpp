@@ -17,7 +17,8 @@ struct Candidates {
   std::vector<Stand> stands;
   std::vector<Eigen::MatrixXd> equations;
   std::vector<std::string> unknowns;  ///< keys
-  std::vector<std::string> held;      ///< keys of what no set of these poses can tell
+  std::vector<std::string> held;      ///< keys of what no set of these poses can tell, or what follows by a rule
+  std::size_t total = 0;              ///< unknowns that are looked for: of a direction's three numbers two
 };
 
 /// Candidates for calibrate() with these options: `kind` as measured from `anchors` (see SimulationOptions), at stands
