@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -49,8 +50,8 @@ constexpr std::array<std::pair<std::string_view, calibration::Loss>, 4> kLosses{
                                                                                  {"none", calibration::Loss::none}}};
 
 struct Options {
-  std::string machine, out, frame, target, residuals, covariance, targets, corrected, report, loss = "auto";
-  std::vector<std::string> sets, files, estimate, only, hold;
+  std::string machine, out, frame, target, residuals, covariance, targets, corrected, report, join, loss = "auto";
+  std::vector<std::string> sets, files, estimate, only, hold, columns;
   double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
 };
 
@@ -114,6 +115,8 @@ std::string command_line(const Options& o) {
     if (o.*what != usual.*what) out += fmt::format(" {} {}", name, o.*what);
   };
   texts("--set", o.sets);
+  texts("--columns", o.columns);
+  out += option_in_words("--join", o.join);
   texts("--estimate", o.estimate);
   out += option_in_words("--frame", o.frame) + option_in_words("--target", o.target);
   texts("--parameter", o.only);
@@ -129,6 +132,51 @@ std::string command_line(const Options& o) {
   return out + option_in_words("-o", o.out) + option_in_words("--residuals", o.residuals) +
          option_in_words("--covariance", o.covariance) + option_in_words("--targets", o.targets) +
          option_in_words("--corrected", o.corrected) + option_in_words("--report", o.report);
+}
+
+/// What the files hold.
+struct ReadRows {
+  std::vector<calibration::Measurement> rows;
+  std::vector<std::string> unused_columns, not_joined;
+};
+
+Result<ReadRows> rows_of(const Options& o, const machine::AnyMachine& m) {
+  ReadRows out;
+  POLYPOD_ASSIGN(columns, csv::columns_of(o.columns));
+  std::vector<csv::Table> tables;
+  for (const std::string& file : o.files) {
+    POLYPOD_ASSIGN(table, csv::read(file, columns, o.join.empty() ? csv::Absent::refused : csv::Absent::left));
+    tables.push_back(std::move(table));
+  }
+  if (!o.join.empty()) {
+    POLYPOD_ASSIGN(one, csv::joined(tables, o.join, out.not_joined));
+    tables = {std::move(one)};
+  }
+  for (const csv::Table& table : tables) {
+    POLYPOD_ASSIGN(more, calibration::read_measurements(m, table));
+    out.rows.insert(out.rows.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+    POLYPOD_ASSIGN(unused, table.unused());
+    for (std::string& name : unused) {
+      const bool known =
+          std::find(out.unused_columns.begin(), out.unused_columns.end(), name) != out.unused_columns.end();
+      if (!known && name != o.join) out.unused_columns.push_back(std::move(name));
+    }
+  }
+  return out;
+}
+
+std::vector<std::string> notes_of(const ReadRows& read, const std::string& join) {
+  constexpr std::size_t kMost = 8;
+  std::vector<std::string> notes;
+  if (!read.unused_columns.empty()) {
+    notes.push_back(fmt::format("not read: the columns {}", fmt::join(read.unused_columns, ", ")));
+  }
+  if (const std::size_t n = read.not_joined.size(); n > 0) {
+    const std::vector<std::string> first(read.not_joined.begin(), read.not_joined.begin() + long(std::min(n, kMost)));
+    notes.push_back(fmt::format("left out, as not all files have this {}: {}{}", join, fmt::join(first, ", "),
+                                n > kMost ? fmt::format(" and {} more", n - kMost) : ""));
+  }
+  return notes;
 }
 
 /// Poses of a file (x_mm, y_mm, z_mm and the angles of the task) as commands for the nominal machine.
@@ -510,6 +558,10 @@ Command calibrate_command() {
         a.option(
             "--hold-back", o->hold_back,
             "Percent of the poses that a fit of the others is judged by, where enough are left (default 20, 0 to 50)");
+        declare_columns(a, o->columns);
+        a.option("--join", o->join,
+                 "A column by which the files are joined, as a name of points: one has the joints, the others what was "
+                 "measured");
         a.option("--residuals", o->residuals, "Every row before and after, with signs, CSV");
         a.option("--covariance", o->covariance, "Covariance of the parameters, with their names, CSV");
         a.option("--report", o->report, "An HTML page: residuals, parameters and how sure they are");
@@ -525,11 +577,8 @@ Command calibrate_command() {
         std::vector<std::string> inputs = o->files;
         inputs.insert(inputs.end(), {o->machine, o->targets});
         POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->covariance, o->corrected, o->report}, context.json));
-        std::vector<calibration::Measurement> rows;
-        for (const std::string& file : o->files) {
-          POLYPOD_ASSIGN(more, calibration::read_measurements(m, file));
-          rows.insert(rows.end(), more.begin(), more.end());
-        }
+        POLYPOD_ASSIGN(read, rows_of(*o, m));
+        const std::vector<calibration::Measurement>& rows = read.rows;
         POLYPOD_TRY(calibration::no_row_twice(rows));
         POLYPOD_TRY(check_angles(context, m, rows));
         const bool stated = context.given("--noise-um") ||
@@ -573,6 +622,8 @@ Command calibrate_command() {
                         {"rms_before_mm", units::to_mm(c.fitted.rms_before)},
                         {"rms_after_mm", units::to_mm(c.fitted.rms_after)},
                         {"rank", c.rank},
+                        {"unused_columns", read.unused_columns},
+                        {"not_joined", read.not_joined},
                         {"parameters_total", c.parameters.size()},
                         {"fitted", score_json(c.fitted)},
                         {"held_back", score_json(c.held_back)},
@@ -603,6 +654,7 @@ Command calibrate_command() {
           print_json(document);
         } else {
           print_text(c, outliers, rows.size(), stated);
+          for (const std::string& note : notes_of(read, o->join)) fmt::print("note: {}\n", note);
           for (const std::string& path : written) fmt::print("wrote {}\n", path);
           if (!good) fmt::print("not written: {}\n", o->out);
           if (missed > 0) fmt::print("{} of the targets are out of the nominal machine's reach\n", missed);

@@ -95,7 +95,7 @@ std::string in_words(const cutting::LackOfFit& l) {
 Command identify_compliance_command() {
   struct Options {
     std::string machine, out, report;
-    std::vector<std::string> sets, files;
+    std::vector<std::string> sets, files, columns;
     double noise_um = 0;
   };
   auto o = std::make_shared<Options>();
@@ -110,6 +110,7 @@ Command identify_compliance_command() {
         a.option("--noise-um", o->noise_um, {1e-6, 1e6},
                  "Standard deviation of one displacement, um (default: the column sigma_um, else what the asymmetry "
                  "of the cross displacements tells)");
+        declare_columns(a, o->columns);
         a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
         a.option("--report", o->report, "An HTML page: compliances, residuals and how sure they are");
       },
@@ -118,7 +119,8 @@ Command identify_compliance_command() {
         std::vector<std::string> inputs = o->files;
         inputs.push_back(o->machine);
         POLYPOD_TRY(check_files(inputs, {o->out, o->report}, context.json));
-        POLYPOD_ASSIGN(read, statics::read_displacements(o->files));
+        POLYPOD_ASSIGN(columns, csv::columns_of(o->columns));
+        POLYPOD_ASSIGN(read, statics::read_displacements(o->files, columns));
         const std::vector<statics::MeasuredPoint>& points = read.points;
         std::vector<std::vector<statics::MeasuredPoint>> groups;
         for (auto begin = points.begin(); const std::size_t count : read.of_file) {

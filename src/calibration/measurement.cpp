@@ -170,6 +170,12 @@ std::string name_of(Kind kind) {
 
 Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const std::string& path) {
   POLYPOD_ASSIGN(table, csv::read(path));
+  POLYPOD_ASSIGN(rows, read_measurements(machine, table));
+  POLYPOD_TRY(table.unused());
+  return rows;
+}
+
+Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const csv::Table& table) {
   POLYPOD_ASSIGN(kind, kind_of(table));
   std::vector<std::string> needed;
   for (int i = 0; i < kinematics::joint_count(machine); ++i) needed.push_back(fmt::format("q{}", i + 1));

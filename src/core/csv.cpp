@@ -162,7 +162,7 @@ struct Line {
 
 }  // namespace
 
-Status Table::name_columns(std::vector<std::string> names, int line, const Columns& map) {
+Status Table::name_columns(std::vector<std::string> names, int line, const Columns& map, Absent absent) {
   header_line = line;
   names_ = std::move(names);
   if (!names_.empty() && names_.back().empty()) names_.pop_back();  // a separator at the end of the line
@@ -191,6 +191,7 @@ Status Table::name_columns(std::vector<std::string> names, int line, const Colum
   }
   for (const auto& [name, column] : map) {
     const auto it = of_file.find(column);
+    if (it == of_file.end() && absent == Absent::left) continue;
     if (it == of_file.end()) {
       return fail("ID109", fmt::format("there is no column \"{}\" to stand for {}", column, name), here,
                   fmt::format("the columns are: {}", fmt::join(names_, ", ")));
@@ -206,7 +207,7 @@ Status Table::name_columns(std::vector<std::string> names, int line, const Colum
   return {};
 }
 
-Result<Table> read(const std::string& path, const Columns& columns) {
+Result<Table> read(const std::string& path, const Columns& columns, Absent absent) {
   POLYPOD_ASSIGN(text, files::read(path));
   Table table;
   table.path = path;
@@ -232,8 +233,8 @@ Result<Table> read(const std::string& path, const Columns& columns) {
         return fail("ID102", "no line names the columns", Place{path, line_number, 1},
                     "write one before the first row, as x_mm,y_mm,z_mm");
       }
-      POLYPOD_TRY(is_row ? table.name_columns(in_remark, remark.number, columns)
-                         : table.name_columns(cells_of(line, separator), line_number, columns));
+      POLYPOD_TRY(is_row ? table.name_columns(in_remark, remark.number, columns, absent)
+                         : table.name_columns(cells_of(line, separator), line_number, columns, absent));
       if (!is_row) continue;
     }
     std::vector<std::string> cells = cells_of(line, separator);

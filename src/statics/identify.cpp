@@ -6,10 +6,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <string_view>
 
 #include "not_negative.hpp"
@@ -37,67 +35,6 @@ std::string column_of(int direction, int force) {
 }
 std::string force_column(int axis) {
   return fmt::format("F{}_N", kAxes[axis]);
-}
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return out;
-}
-
-/// Insertions, deletions and replacements that make one text of the other (Levenshtein).
-std::size_t edits_between(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
-bool is_joint(std::string_view name) {
-  return name.size() >= 2 && name[0] == 'q' && name[1] != '0' &&
-         std::all_of(name.begin() + 1, name.end(), [](char c) { return c >= '0' && c <= '9'; });
-}
-
-/// Columns that nothing reads. Errors: ID145 where one is nearly a name that is read.
-Result<std::vector<std::string>> unused_columns(const csv::Table& table) {
-  std::vector<std::string> known{"x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg", "force_N", "sigma_um"};
-  for (int f = 0; f < 3; ++f) {
-    known.push_back(force_column(f));
-    for (int d = 0; d < 3; ++d) known.push_back(column_of(d, f));
-  }
-  for (int q = 1; q <= 9; ++q) known.push_back(fmt::format("q{}", q));
-  std::vector<std::string> unused;
-  for (const auto& [name, at] : table.column) {
-    if (is_joint(name) || std::find(known.begin(), known.end(), name) != known.end()) continue;
-    // A short name has few letters to miss.
-    const std::size_t most = name.size() >= 5 ? 2 : (name.size() >= 3 ? 1 : 0);
-    std::size_t least = most + 1;
-    std::string nearest;
-    const auto stem = [](std::string_view text) { return lower(text.substr(0, text.rfind('_'))); };
-    for (const std::string& other : known) {
-      // x_m for x_mm, a_rad for a_deg: the same quantity in another unit.
-      const bool unit = name.find('_') != std::string::npos && stem(name) == stem(other);
-      const std::size_t edits = unit ? std::min<std::size_t>(most, 1) : edits_between(lower(name), lower(other));
-      if (edits >= least) continue;
-      least = edits;
-      nearest = other;
-    }
-    if (!nearest.empty()) {
-      return fail("ID145", fmt::format("the column {} is not read, and {} is", name, nearest),
-                  Place{table.path, table.header_line, 1},
-                  fmt::format("write {} if that is what it holds, in its unit; else give it another name", nearest));
-    }
-    unused.push_back(name);
-  }
-  return unused;
 }
 
 /// The forces of a row: force_N, or one along each axis. Errors: ID101, ID104.
@@ -129,8 +66,8 @@ Status read_forces(const csv::Table& table, const csv::Table::Row& row, Measured
 Result<MeasuredPoint> point_of(const csv::Table& table, const csv::Table::Row& row, int joints) {
   MeasuredPoint p;
   p.place = table.place_of(row);
-  if (row.cells.size() < table.column.size()) {
-    return fail("ID101", fmt::format("{} cells for {} columns", row.cells.size(), table.column.size()), p.place,
+  if (row.cells.size() < table.width()) {
+    return fail("ID101", fmt::format("{} cells for {} columns", row.cells.size(), table.width()), p.place,
                 "a displacement that was not measured is a blank cell between its commas");
   }
   POLYPOD_ASSIGN(x, table.number(row, "x_mm"));
@@ -253,16 +190,11 @@ double stated_noise(const std::vector<MeasuredPoint>& points) {
 
 }  // namespace
 
-Result<Displacements> read_displacements(const std::vector<std::string>& files) {
+Result<Displacements> read_displacements(const std::vector<std::string>& files, const csv::Columns& columns) {
   Displacements out;
   std::map<std::vector<double>, Place> seen;
   for (const std::string& path : files) {
-    POLYPOD_ASSIGN(table, csv::read(path));
-    POLYPOD_ASSIGN(unused, unused_columns(table));
-    for (std::string& name : unused) {
-      if (std::find(out.unused_columns.begin(), out.unused_columns.end(), name) == out.unused_columns.end())
-        out.unused_columns.push_back(std::move(name));
-    }
+    POLYPOD_ASSIGN(table, csv::read(path, columns));
     std::vector<std::string> needed{"x_mm", "y_mm", "z_mm"};
     bool own = false, any = false;
     for (int f = 0; f < 3; ++f) own = own || table.has(force_column(f));
@@ -280,7 +212,7 @@ Result<Displacements> read_displacements(const std::vector<std::string>& files) 
                   "give force_N, or Fx_N, Fy_N and Fz_N");
     }
     int joints = 0;
-    for (const auto& [name, at] : table.column) joints += is_joint(name) ? 1 : 0;
+    while (table.has(fmt::format("q{}", joints + 1))) ++joints;
     POLYPOD_TRY(csv::no_row_twice(table));
     for (const csv::Table::Row& row : table.rows) {
       POLYPOD_ASSIGN(p, point_of(table, row, joints));
@@ -295,6 +227,11 @@ Result<Displacements> read_displacements(const std::vector<std::string>& files) 
       out.points.push_back(std::move(p));
     }
     out.of_file.push_back(table.rows.size());
+    POLYPOD_ASSIGN(unused, table.unused());
+    for (std::string& name : unused) {
+      if (std::find(out.unused_columns.begin(), out.unused_columns.end(), name) == out.unused_columns.end())
+        out.unused_columns.push_back(std::move(name));
+    }
   }
   return out;
 }

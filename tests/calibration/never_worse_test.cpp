@@ -159,6 +159,14 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
                    1e3 * std::sqrt(e.stated[k]), 1e3 * c->verdict.before.mean[k], 1e3 * c->verdict.after.mean[k]);
     }
     if (c->verdict.answer == Answer::no) continue;
+    // A search that ended beside the minimum, say: the answer names it, and what is stated does not hold.
+    constexpr double kExplained = 1.5;
+    if (c->noise_factor > kExplained) {
+      EXPECT_EQ(c->verdict.answer, Answer::partly) << c->noise_factor;
+      EXPECT_THAT(c->verdict.text, ::testing::HasSubstr("times the noise"));
+      for (Eigen::Index k = 0; k < n; ++k) EXPECT_LT(e.after[k], e.before[k] + 9 * e.stated[k]);
+      continue;
+    }
     ++judged;
     for (Eigen::Index k = 0; k < n; ++k) {
       const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
@@ -188,7 +196,7 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   // Over the seeds: what is left open is no worse than the drawing on the whole, and deviations are as stated. A mean
   // of ten squares that hang together spreads by half of itself. What is left open rests on the size of all errors,
   // known as from four parameters: Student's t with four degrees of freedom has twice the variance.
-  for (Eigen::Index k = 0; k < n && judged == 10; ++k) {
+  for (Eigen::Index k = 0; k < n && judged >= 6; ++k) {
     const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
     EXPECT_LT(all.after[k], 1.1 * all.before[k]) << coordinate;
     EXPECT_LT(all.after[k], (left_open[static_cast<std::size_t>(k)] ? 5 : 2.5) * all.stated[k]) << coordinate;

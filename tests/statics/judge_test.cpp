@@ -289,7 +289,7 @@ TEST_F(DisplacementFiles, ColumnsThatNothingReads) {
   for (const auto& miss : misses) {
     const auto r = read(miss.column);
     ASSERT_FALSE(r) << miss.column;
-    EXPECT_EQ(r.error().id, "ID145");
+    EXPECT_EQ(r.error().id, "ID108");
     EXPECT_THAT(r.error().message, HasSubstr(miss.nearest)) << miss.column;
     EXPECT_EQ(r.error().place.line, 1);
   }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/core/csv.hpp"
 #include "polypod/core/error.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -44,11 +45,13 @@ struct Measurement {
 };
 
 /// Reads a file of measurements: columns q1 to qn (mm or deg, the machine's joints that move) and those of one kind
-/// (see Kind; further columns are left alone); sigma_um, time_s or time (s, hh:mm:ss, or ISO 8601) and temperature_C if
+/// (see Kind); sigma_um, time_s or time (s, hh:mm:ss, or ISO 8601) and temperature_C if
 /// there are such columns. Errors: ID100 to ID103, ID106 of tables, CA101 (no kind of measurement
 /// among the columns), CA102 (a normal without length, a distance or noise not above 0), CA103 (joints far outside
 /// their ranges: another unit?).
 Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const std::string& path);
+/// The same of a table that was read; what nothing asks for `table.unused()` then names.
+Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const csv::Table& table);
 
 /// Errors: ID103 where two rows say the same, in one file or in two: they would count twice.
 Status no_row_twice(const std::vector<Measurement>& rows);

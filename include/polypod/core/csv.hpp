@@ -15,6 +15,8 @@ namespace polypod::csv {
 
 /// Which column of the file stands for a name: `x_mm` -> "X [m]".
 using Columns = std::map<std::string, std::string, std::less<>>;
+/// What happens to a name of Columns whose column is not in the file, as in one of several that are joined.
+enum class Absent { refused, left };
 
 /// A table as it stands in a file: cells are texts until somebody asks for numbers.
 ///
@@ -37,6 +39,8 @@ class Table {
   std::vector<Row> rows;
 
   [[nodiscard]] bool has(std::string_view name) const;
+  /// The number of columns of the file.
+  [[nodiscard]] std::size_t width() const { return names_.size(); }
   [[nodiscard]] Place place_of(const Row& row) const { return {row.file, row.line, 1}; }
   /// Errors: ID100 for the first name that no column has.
   [[nodiscard]] Status needs(const std::vector<std::string>& names) const;
@@ -52,7 +56,7 @@ class Table {
   [[nodiscard]] Result<std::vector<std::string>> unused() const;
 
  private:
-  friend Result<Table> read(const std::string& path, const Columns& columns);
+  friend Result<Table> read(const std::string& path, const Columns& columns, Absent absent);
   friend Result<Table> joined(const std::vector<Table>& tables, const std::string& key,
                               std::vector<std::string>& left_out);
 
@@ -61,7 +65,7 @@ class Table {
     double factor = 1;  ///< of its numbers, to the unit that is asked for
   };
   [[nodiscard]] const Column* find(std::string_view name) const;
-  Status name_columns(std::vector<std::string> names, int line, const Columns& map);
+  Status name_columns(std::vector<std::string> names, int line, const Columns& map, Absent absent);
 
   std::vector<std::string> names_;  ///< as the file has them
   std::map<std::string, Column, std::less<>> columns_;
@@ -71,7 +75,7 @@ class Table {
 
 /// `columns` come before the names in the file. Errors: FI100, ID102 (no rows), ID106 (two columns for one name), ID107
 /// (a row with more cells than columns), ID109 (`columns` names a column that is not there).
-Result<Table> read(const std::string& path, const Columns& columns = {});
+Result<Table> read(const std::string& path, const Columns& columns = {}, Absent absent = Absent::refused);
 
 /// "x_mm=X [m]" and the like, as options give them. Errors: ID109.
 Result<Columns> columns_of(const std::vector<std::string>& texts);

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "polypod/core/csv.hpp"
 #include "polypod/core/error.hpp"
 #include "polypod/statics/compliance.hpp"
 
@@ -46,9 +47,9 @@ struct Displacements {
 /// given, else 0; q1..qn, deg or mm; sigma_um; lines that begin with # are remarks). Fx_N, Fy_N, Fz_N in place of
 /// force_N give each direction a force of its own; forces may push or pull. Displacements whose columns are not there
 /// or whose cells are blank are left out. Errors: ID100 a column is missing, ID101 not a number, ID102 no rows, ID103 a
-/// row twice, in one file or in two, ID104 a force of 0, ID105 displacements that look like another unit, ID145 a
+/// row twice, in one file or in two, ID104 a force of 0, ID105 displacements that look like another unit, ID108 a
 /// column whose name is nearly a known one.
-Result<Displacements> read_displacements(const std::vector<std::string>& files);
+Result<Displacements> read_displacements(const std::vector<std::string>& files, const csv::Columns& columns = {});
 /// The points of one file.
 Result<std::vector<MeasuredPoint>> read_displacements(const std::string& path);
 
