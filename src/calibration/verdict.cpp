@@ -194,9 +194,9 @@ std::string what_is_open(const AnyMachine& nominal, const std::vector<Measuremen
     std::vector<std::string> found;
     for (const ComponentDrift& d : c.drift.components) {
       if (d.trend_found)
-        found.push_back(fmt::format("{} changes by {:.2g} {} from the first to the last by {} (t = {:.1f})",
+        found.push_back(fmt::format("{} changes by {:.{}f} {} from the first to the last by {} (t = {:.1f})",
                                     d.component, d.is_angle ? units::to_deg(d.trend) : units::to_um(d.trend),
-                                    d.is_angle ? "deg" : "um", d.over, d.t));
+                                    d.is_angle ? 4 : 0, d.is_angle ? "deg" : "um", d.over, d.t));
       if (d.lag1_found)
         found.push_back(fmt::format("neighbours of {} are alike (correlation {:.2f})", d.component, d.lag1));
     }

@@ -324,7 +324,7 @@ Result<std::vector<std::string>> Table::unused() const {
   }
   std::vector<std::string> out;
   for (std::size_t i = 0; i < names_.size(); ++i) {
-    if (used.contains(i)) continue;
+    if (used.contains(i) || names_[i].empty()) continue;
     const std::string own = bare(names_[i]), own_base = bare(parts_of(names_[i]).base);
     for (const std::string& name : missing) {
       const std::string wanted = bare(name);
@@ -366,6 +366,7 @@ Result<Table> joined(const std::vector<Table>& tables, const std::string& key, s
       }
     }
     out.names_.insert(out.names_.end(), more.names_.begin(), more.names_.end());
+    out.names_[out.columns_.find(key)->second.cell] = out.names_[width + key_cell] = "";  // used, by this
     std::vector<Table::Row> rows;
     std::set<std::string, std::less<>> seen;
     for (Table::Row& row : out.rows) {

@@ -256,8 +256,7 @@ namespace {
 /// Marching triangles: each square of the grid is cut along one diagonal, so that every point of the border lies on one
 /// edge and belongs to two triangles, and the border is closed without doubtful cases.
 std::vector<Loop> border_of(const Field& f, const PointJudge& judge) {
-  const auto [nu, nv, one] = f.grid.points;
-  (void)one;
+  const int nu = f.grid.points[0], nv = f.grid.points[1];
   using Edge = std::pair<std::size_t, std::size_t>;  // from the lower index
   std::map<Edge, Edge> next;                         // along the border, inside to the left
   std::map<Edge, Vec3> at;
