@@ -890,7 +890,8 @@ void try_common(const AnyMachine& machine, const std::vector<Measurement>& rows,
 std::string remarks(const Calibration& c, const CalibrationOptions& options) {
   std::string out;
   const std::size_t outliers = c.fitted.outliers;
-  if (c.verdict.answer == Answer::no && outliers > 0 && options.loss != Loss::cauchy)
+  const bool many = c.verdict.answer == Answer::no || too_many_lost(outliers, c.residuals.size());
+  if (many && outliers > 0 && options.loss != Loss::cauchy)
     out += fmt::format(" {} of the rows {}: --loss cauchy lets them count for less.", outliers,
                        outliers == 1 ? "looks like an outlier" : "look like outliers");
   if (c.others_uncertain)
@@ -904,11 +905,13 @@ std::string remarks(const Calibration& c, const CalibrationOptions& options) {
 Result<Calibration> validated(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
                               const CalibrationOptions& options) {
   POLYPOD_ASSIGN(judging, fit_with_repeats(machine, rows, setting, options));
+  judging.noise_factor_judging = judging.noise_factor;
   if (judging.held_back.rows == 0) return judging;
   CalibrationOptions everything = options;
   everything.hold_back = 0;
   POLYPOD_ASSIGN(out, fit_with_repeats(machine, rows, setting, everything));
   out.held_back = judging.held_back;
+  out.noise_factor_judging = judging.noise_factor;
   for (std::size_t i = 0; i < out.residuals.size(); ++i) {
     RowResidual& r = out.residuals[i];
     r.held_back = judging.residuals[i].held_back;

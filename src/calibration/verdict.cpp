@@ -145,11 +145,12 @@ std::string refusal(const AnyMachine& machine, const Calibration& c) {
   }
   const bool held = c.held_back.rows > c.held_back.outliers;
   const Score& s = held ? c.held_back : c.fitted;
-  if (c.noise_factor > kMisfit) {
+  const double noise = std::max(c.noise_factor, c.noise_factor_judging);
+  if (noise > kMisfit) {
     return fmt::format(
         "Not judged: the residuals are {:.1f} times the noise that was given, so the readings are coarser than that "
         "(then give --noise-um), or the parameters do not explain them (check frame, target and units). As it is, {}.",
-        c.noise_factor, misses(s, held));
+        noise, misses(s, held));
   }
   if (c.gain < kGain) {
     return fmt::format(

@@ -105,9 +105,10 @@ struct Calibration {
   Verdict verdict;
   /// No angle of the tool is left open (see Verdict::left_open).
   bool orientation_told = true;
-  std::size_t equations = 0;  ///< fitted ones
-  double condition = 0;       ///< of the equations, columns scaled to unit length
-  double noise_factor = 0;    ///< residuals over the noise that was given: 1 if it was right
+  std::size_t equations = 0;        ///< fitted ones
+  double condition = 0;             ///< of the equations, columns scaled to unit length
+  double noise_factor = 0;          ///< residuals over the noise that was given: 1 if it was right
+  double noise_factor_judging = 0;  ///< the same of the fit without the rows held back; without one noise_factor
   double free_equations =
       0;  ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
   /// The unknowns that were looked for (a direction of three numbers is two unknowns), and how many of them these
