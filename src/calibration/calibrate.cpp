@@ -964,7 +964,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   CalibrationOptions everything = options;
   everything.hold_back = 0;
   try_common(nominal, taken, setting, everything, out);
-  out.moved = far_moved(out, options);
+  out.moved = moved_farthest(out, options);
   out.drift = drift_in(taken, setting.pose, out.residuals);
   out.verdict = judged(nominal, taken, out);
   out.verdict.text += remarks(out, options);

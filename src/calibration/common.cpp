@@ -5,6 +5,8 @@
 #include <cmath>
 #include <map>
 
+#include "polypod/core/statistics.hpp"
+
 namespace polypod::calibration {
 namespace {
 
@@ -149,6 +151,19 @@ std::vector<Moved> far_moved(const Calibration& c, const CalibrationOptions& opt
     if (priors >= kFar) out.push_back({p.key, priors});
   }
   std::stable_sort(out.begin(), out.end(), [](const Moved& a, const Moved& b) { return a.priors > b.priors; });
+  return out;
+}
+
+std::vector<Moved> moved_farthest(const Calibration& c, const CalibrationOptions& options) {
+  constexpr double kCoarsest = 2;
+  Eigen::VectorXd priors(static_cast<Eigen::Index>(c.parameters.size()));
+  for (std::size_t i = 0; i < c.parameters.size(); ++i) {
+    const Estimate& p = c.parameters[i];
+    priors[static_cast<Eigen::Index>(i)] = (p.value - p.nominal) / prior_of(p, options);
+  }
+  const double usual = std::clamp(robust_deviation(priors), 1.0, kCoarsest);
+  std::vector<Moved> out = far_moved(c, options);
+  std::erase_if(out, [&](const Moved& m) { return m.priors < kFar * usual; });
   return out;
 }
 

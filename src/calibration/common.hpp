@@ -26,5 +26,8 @@ void compare(const AnyMachine& machine, const std::vector<Measurement>& rows, co
              CommonChange& trial);
 /// The parameters that moved by ten priors (stated, or the default ones) and more, the furthest first.
 std::vector<Moved> far_moved(const Calibration& c, const CalibrationOptions& options);
+/// Those of them that also stand out: where the parameters moved by two priors and more as a rule, as on a machine that
+/// is coarser than usual, twenty priors.
+std::vector<Moved> moved_farthest(const Calibration& c, const CalibrationOptions& options);
 
 }  // namespace polypod::calibration

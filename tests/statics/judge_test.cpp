@@ -285,7 +285,7 @@ TEST_F(DisplacementFiles, ColumnsThatNothingReads) {
   const struct {
     const char* column;
     const char* nearest;
-  } misses[] = {{"A_deg", "a_deg"}, {"sigma_mm", "sigma_um"}, {"Q1", "q1"}, {"a_rad", "a_deg"}, {"FX_N", "Fx_N"}};
+  } misses[] = {{"A_deg", "a_deg"}, {"sigma_un", "sigma_um"}, {"Q1", "q1"}, {"FX_N", "Fx_N"}};
   for (const auto& miss : misses) {
     const auto r = read(miss.column);
     ASSERT_FALSE(r) << miss.column;
@@ -298,6 +298,9 @@ TEST_F(DisplacementFiles, ColumnsThatNothingReads) {
   EXPECT_THAT(good->unused_columns, ::testing::ElementsAre("operator"));
   EXPECT_THAT(read("sigma_um")->unused_columns, ::testing::IsEmpty());
   EXPECT_DOUBLE_EQ(read("sigma_um")->points[0].sigma, 1e-6);
+  // Another unit is converted.
+  EXPECT_DOUBLE_EQ(read("sigma_mm")->points[0].sigma, 1e-3);
+  EXPECT_NEAR(angles_abc(read("a_rad")->points[0].X_MT.R).x(), 1.0, 1e-12);
 }
 
 TEST_F(DisplacementFiles, TheSameRowInTwoFiles) {
