@@ -28,7 +28,7 @@ std::string_view trimmed(std::string_view text) {
 char separator_of(std::string_view line) {
   for (const char c : {';', '\t', ','})
     if (line.find(c) != std::string_view::npos) return c;
-  return trimmed(line).find_first_of(" ") == std::string_view::npos ? ',' : ' ';
+  return trimmed(line).find(' ') == std::string_view::npos ? ',' : ' ';
 }
 
 /// The cells of a line; quotation marks hold what they enclose together, and two of them stand for one.
