@@ -50,8 +50,8 @@ struct CuttingIdentification {
   std::array<double, 6> value{}, standard_error{}, half_interval{};  ///< half of the 95 % interval
   double residual_rms = 0;                                           ///< N
   std::size_t equations = 0;
-  double condition = 0;                ///< of the equations with columns of unit length
-  std::vector<Vec3> residuals;         ///< N, measured less computed
+  double condition = 0;         ///< of the equations with columns of unit length
+  std::vector<Vec3> residuals;  ///< N, measured less computed
   std::optional<LackOfFit> lack_of_fit;
   std::vector<ForceOutlier> outliers;  ///< beyond 3.5 robust standard deviations of their axis, from 10 cuts on; kept
 };
@@ -60,9 +60,9 @@ struct CuttingIdentification {
 /// linear least-squares problem answers: 3 equations a cut. Tangential and radial coefficients share the two equations
 /// across the axis, the axial ones have the third, with a variance of its own. Needs two feeds at least: one alone
 /// cannot tell cutting from edge coefficients. Exponent 1; whether another one explains the forces better is tested.
-/// Errors: ID121 (not more equations than coefficients), ID122 (these cuts cannot tell the coefficients apart), ID123 (a
-/// tangential or radial coefficient below 0: is the sign or the direction wrong, or are the feeds nearly equal?), ID124 (a
-/// tangential coefficient far from any metal's: a unit). Cost: about 20 us a cut.
+/// Errors: ID121 (not more equations than coefficients), ID122 (these cuts cannot tell the coefficients apart), ID123
+/// (a tangential or radial coefficient below 0: is the sign or the direction wrong, or are the feeds nearly equal?),
+/// ID124 (a tangential coefficient far from any metal's: a unit). Cost: about 20 us a cut.
 Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::vector<MeasuredForce>& rows);
 
 /// A material file that read_material takes.
