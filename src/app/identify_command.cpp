@@ -81,6 +81,22 @@ std::vector<std::string> notes_of(const cutting::Cutter& cutter, const cutting::
   return notes;
 }
 
+/// What the coefficients that decide would change, of their size.
+std::string in_words(const cutting::RunoutEffect& r, const std::array<double, 6>& value) {
+  std::vector<std::string> parts;
+  for (const auto& [k, name] : {std::pair<std::size_t, const char*>{0, "Ktc"}, {1, "Krc"}, {3, "Kte"}, {4, "Kre"}})
+    if (value[k] != 0) parts.push_back(fmt::format("{} {:.2g} %", name, 100 * r.change[k] / std::abs(value[k])));
+  const std::string changes = fmt::format("{}", fmt::join(parts, ", "));
+  if (r.given) {
+    return fmt::format("A runout of {:g} um (total indicator reading) is in the intervals: it changes up to {}.",
+                       units::to_um(r.reading), changes);
+  }
+  return fmt::format(
+      "No runout was given, and none is in the intervals: {:g} um (total indicator reading) would change up to {}. "
+      "Measure it at the edges and give --runout-um.",
+      units::to_um(r.reading), changes);
+}
+
 std::string in_words(const cutting::LackOfFit& l) {
   return fmt::format(
       "Lack of fit: the forces do not grow in proportion to the chip; with chips to the power {:.2f} the residual rms "
@@ -278,6 +294,7 @@ Command identify_cutting_command() {
   struct Options {
     std::string cutter, out, name;
     std::vector<std::string> files, columns;
+    double runout_um = 0;
   };
   auto o = std::make_shared<Options>();
   return {"identify cutting", "Cutting coefficients from mean forces measured at several feeds",
@@ -289,6 +306,8 @@ Command identify_cutting_command() {
             a.option("--cutter", o->cutter, "The cutter file", true);
             a.option("-o,--output", o->out, "The material, as a material file");
             a.option("--name", o->name, "Its name");
+            a.option("--runout-um", o->runout_um, {0, 1000},
+                     "Runout of the edges, total indicator reading: what it may change goes into the intervals");
             declare_columns(a, o->columns);
           },
           [o](const Context& context) -> Result<int> {
@@ -304,9 +323,13 @@ Command identify_cutting_command() {
               rows.insert(rows.end(), more.cuts.begin(), more.cuts.end());
               for (std::string& name : more.unused_columns) unused.push_back(std::move(name));
             }
-            POLYPOD_ASSIGN(r, cutting::identify_cutting(cutter, rows));
+            const auto runout =
+                context.given("--runout-um") ? std::optional(units::from_um(o->runout_um)) : std::nullopt;
+            POLYPOD_ASSIGN(r, cutting::identify_cutting(cutter, rows, runout));
             r.material.name = o->name;
             std::vector<std::string> notes = notes_of(cutter, r.material, rows);
+            if (cutter.teeth > 1 && !(r.runout.given && o->runout_um == 0))
+              notes.push_back(in_words(r.runout, r.value));
             if (r.lack_of_fit) notes.push_back(in_words(*r.lack_of_fit));
             if (!unused.empty()) notes.push_back(fmt::format("Not read: the columns {}.", fmt::join(unused, ", ")));
             if (!o->out.empty()) {
@@ -334,10 +357,13 @@ Command identify_cutting_command() {
                 coefficients.push_back({{"key", kKeys[k]},
                                         {"value", user(k, r.value[k])},
                                         {"standard_error", user(k, r.standard_error[k])},
-                                        {"half_interval_95", user(k, r.half_interval[k])}});
+                                        {"half_interval_95", user(k, r.half_interval[k])},
+                                        {"change_by_runout", user(k, r.runout.change[k])}});
               }
               print_json({{"coefficients", coefficients},
                           {"residual_rms_N", r.residual_rms},
+                          {"runout_um", units::to_um(r.runout.reading)},
+                          {"runout_given", r.runout.given},
                           {"cuts", rows.size()},
                           {"equations", r.equations},
                           {"condition", r.condition},

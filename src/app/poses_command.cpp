@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -18,14 +19,18 @@ namespace {
 
 struct Options {
   std::string machine, what = "geometry", kind = "points", criterion = "d", out, frame, target, curve;
-  std::vector<std::string> sets, anchors, estimate, only, hold;
+  std::vector<std::string> sets, anchors, estimate, only, hold, keep_out;
+  std::string instrument;
+  double floor = 0;
   int count = 30, candidates = 400, seed = 1;
-  double noise_um = 20, noise_deg = 0.002, force = 250;
+  double noise_um = 20, noise_deg = 0.002, force = 250, clearance = 0, acceptance = 180;
 };
 
 constexpr double kGridTilt = 20;  // deg
 // The readings are divided by it.
 constexpr config::Range kNoise_um{1e-3, 1e6}, kNoise_deg{1e-7, 180};
+
+constexpr config::Range kHeight_mm{-1e6, 1e6}, kClearance_mm{0, 1e5};
 
 constexpr std::array<const char*, 5> kKinds = {"points", "axes", "poses", "distances", "gauge"};
 
@@ -43,6 +48,56 @@ std::optional<calibration::Criterion> criterion_named(const std::string& name) {
   if (name == "e") return calibration::Criterion::eigenvalue;
   if (name == "v") return calibration::Criterion::reading;
   return std::nullopt;
+}
+
+Result<calibration::Site> site_of(const Options& o, const Context& context) {
+  calibration::Site site;
+  for (const std::string& text : o.keep_out) {
+    POLYPOD_ASSIGN(n, numbers_of(text, "--keep-out"));
+    calibration::Box box;
+    if (n.size() == 6) {
+      box.low = units::from_mm(1.0) * Vec3(n[0], n[1], n[2]);
+      box.high = units::from_mm(1.0) * Vec3(n[3], n[4], n[5]);
+    }
+    if (n.size() != 6 || !(box.low.array() <= box.high.array()).all()) {
+      return fail("AP152", fmt::format("--keep-out {}: not six numbers, the first corner below the second", text), {},
+                  "x0,y0,z0,x1,y1,z1 in mm, in M");
+    }
+    site.keep_out.push_back(box);
+  }
+  if (context.given("--floor")) site.floor = units::from_mm(o.floor);
+  if (!o.instrument.empty()) {
+    POLYPOD_ASSIGN(places, points_of({o.instrument}, "--instrument"));
+    site.instrument = places.front();
+  }
+  site.clearance = units::from_mm(o.clearance);
+  site.acceptance = units::from_deg(o.acceptance);
+  return site;
+}
+
+Json json_of(const calibration::Candidates& from, const calibration::Site& site) {
+  using calibration::Hindrance;
+  const auto left = [&](Hindrance why) { return from.left_out[static_cast<std::size_t>(why)]; };
+  Json out = {{"poses_drawn", from.drawn}, {"clearance_mm", units::to_mm(site.clearance)}};
+  if (site.floor) out["below_floor"] = left(Hindrance::floor);
+  if (!site.keep_out.empty()) out["in_a_box"] = left(Hindrance::box);
+  if (site.instrument) out["turned_away"] = left(Hindrance::turned_away), out["hidden"] = left(Hindrance::hidden);
+  return out;
+}
+
+void print_site(const calibration::Candidates& from, const calibration::Site& site) {
+  using calibration::Hindrance;
+  const auto left = [&](Hindrance why) { return from.left_out[static_cast<std::size_t>(why)]; };
+  std::vector<std::string> parts;
+  if (site.floor) parts.push_back(fmt::format("{} come below the floor", left(Hindrance::floor)));
+  if (!site.keep_out.empty()) parts.push_back(fmt::format("{} reach into a box", left(Hindrance::box)));
+  if (site.instrument) {
+    parts.push_back(fmt::format("at {} the target is turned away", left(Hindrance::turned_away)));
+    parts.push_back(fmt::format("at {} it is hidden", left(Hindrance::hidden)));
+  }
+  fmt::print(
+      "Of {} poses that were drawn {}. The machine counts as the lines of its picture, which keep {:g} mm away.\n\n",
+      from.drawn, fmt::join(parts, ", "), units::to_mm(site.clearance));
 }
 
 std::string stands_csv(const machine::AnyMachine& m, const std::vector<calibration::Stand>& stands,
@@ -86,6 +141,15 @@ Command poses_command() {
         a.option("--target", o->target, kTargetHelp);
         a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
         a.option("--hold", o->hold, "Beginning of a key: keep these (repeatable)");
+        a.option("--floor", o->floor, kHeight_mm, "z in M, mm: nothing that moves comes below");
+        a.option("--keep-out", o->keep_out,
+                 "x0,y0,z0,x1,y1,z1 in M, mm: the machine stays out of this box (repeatable)");
+        a.option("--instrument", o->instrument, "x,y,z in M, mm: from there the target is seen past machine and boxes");
+        a.option("--acceptance", o->acceptance, {0, 180},
+                 "deg: the target is seen within this angle from its z axis (default 180)");
+        a.option("--clearance", o->clearance, kClearance_mm,
+                 "mm that the lines of the machine keep from floor, boxes and line of sight: half of its thickness "
+                 "(default 0)");
         a.option("--curve", o->curve, "n1,n2,...: the uncertainty for these numbers of poses, too");
         a.option("-o,--output", o->out, "The chosen poses, CSV");
       },
@@ -124,6 +188,10 @@ Command poses_command() {
         options.estimate_target = std::find(o->estimate.begin(), o->estimate.end(), "target") != o->estimate.end();
         options.estimate_scale = std::find(o->estimate.begin(), o->estimate.end(), "scale") != o->estimate.end();
         POLYPOD_ASSIGN(anchors, points_of(o->anchors, "--anchor"));
+        POLYPOD_ASSIGN(site, site_of(*o, context));
+        if (!site.any())
+          POLYPOD_TRY(refuse(context, {"--clearance"}, "it serves --floor, --keep-out and --instrument"));
+        if (!site.instrument) POLYPOD_TRY(refuse(context, {"--acceptance"}, "it serves --instrument"));
         std::vector<double> counts;
         if (!o->curve.empty()) {
           POLYPOD_ASSIGN(list, numbers_of(o->curve, "--curve"));
@@ -134,8 +202,9 @@ Command poses_command() {
         const auto many = static_cast<std::size_t>(o->candidates);
         if (const auto no = refused_as_singular(m, context, {"poses"})) return *no;
         const auto make = [&] {
-          return compliance ? calibration::compliance_candidates(m, many, seed, o->force, options.noise_position)
-                            : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options);
+          return compliance ? calibration::compliance_candidates(m, many, seed, o->force, options.noise_position, site,
+                                                                 options.X_TR)
+                            : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options, site);
         };
         POLYPOD_ASSIGN(from, make());
         const auto pick = [&](const std::vector<std::size_t>& chosen) {
@@ -145,6 +214,18 @@ Command poses_command() {
         };
         POLYPOD_ASSIGN(chosen, calibration::choose(from.equations, static_cast<std::size_t>(o->count), *criterion));
         const calibration::Uncertainty best = pick(chosen);
+        const calibration::LostPose loss = calibration::worst_loss(from.equations, chosen, from.equations);
+        const std::size_t lost = chosen[loss.lost];
+        std::vector<calibration::Stand> of_chosen;
+        for (const std::size_t i : chosen) of_chosen.push_back(from.stands[i]);
+        const calibration::SiteCheck check(m, site, options.X_TR, from.stands);
+        const calibration::Way way = calibration::shortest_way(m, of_chosen, site.obstructs() ? &check : nullptr);
+        double as_drawn = 0;
+        for (std::size_t k = 0; k + 1 < of_chosen.size(); ++k)
+          as_drawn += calibration::way_between(m, of_chosen[k].q, of_chosen[k + 1].q);
+        std::vector<std::size_t> ordered;
+        for (const std::size_t k : way.order) ordered.push_back(chosen[k]);
+        const auto place = std::find(ordered.begin(), ordered.end(), lost) - ordered.begin() + 1;
         const auto grid = [&](double tilt_deg) {
           const auto stands =
               calibration::grid_stands(m, from.stands, static_cast<std::size_t>(o->count), units::from_deg(tilt_deg));
@@ -172,28 +253,45 @@ Command poses_command() {
           point["count"] = some.size();
           curve.push_back(point);
         }
-        if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, stands_csv(m, from.stands, chosen)));
+        if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, stands_csv(m, from.stands, ordered)));
         if (context.json) {
           Json list = Json::array();
-          for (const std::size_t i : chosen) {
+          for (const std::size_t i : ordered) {
             list.push_back(
                 {{"joints", joints_for_user(m, from.stands[i].q)}, {"pose", pose_for_user(m, from.stands[i].X_MT)}});
           }
-          print_json({{"poses", list},
-                      {"unknowns", from.unknowns},
-                      {"held", from.held},
-                      {"unknowns_told", from.unknowns.size()},
-                      {"unknowns_total", from.total},
-                      {"chosen", json_of(best, options.noise_position)},
-                      {"random", json_of(random, options.noise_position)},
-                      {"grid", json_of(tilted, options.noise_position)},
-                      {"grid_upright", json_of(upright, options.noise_position)},
-                      {"least_mean_percent", 100 * least},
-                      {"curve", curve}});
+          const auto moves = [](const std::vector<std::size_t>& which) {
+            Json out = Json::array();
+            for (const std::size_t k : which) out.push_back({{"from_pose", k + 1}, {"to_pose", k + 2}});
+            return out;
+          };
+          Json way_of_all = {{"ranges_of_the_busiest_drive", way.length}, {"as_drawn", as_drawn}};
+          if (site.obstructs()) {
+            way_of_all["moves_not_free"] = moves(way.not_free);
+            way_of_all["moves_not_judged"] = moves(way.not_judged);
+          }
+          Json one_lost = json_of(loss.left, options.noise_position);
+          one_lost["pose"] = place;
+          Json answer = {{"poses", list},
+                         {"unknowns", from.unknowns},
+                         {"held", from.held},
+                         {"unknowns_told", from.unknowns.size()},
+                         {"unknowns_total", from.total},
+                         {"chosen", json_of(best, options.noise_position)},
+                         {"random", json_of(random, options.noise_position)},
+                         {"grid", json_of(tilted, options.noise_position)},
+                         {"grid_upright", json_of(upright, options.noise_position)},
+                         {"least_mean_percent", 100 * least},
+                         {"way", way_of_all},
+                         {"one_lost", one_lost},
+                         {"curve", curve}};
+          if (site.any()) answer["site"] = json_of(from, site);
+          print_json(answer);
           return kDone;
         }
         fmt::print("{} of {} poses; {} of {} unknowns told\n\n", chosen.size(), o->candidates, from.unknowns.size(),
                    from.total);
+        if (site.any()) print_site(from, site);
         const auto line = [&](const std::string& what, const calibration::Uncertainty& u) {
           const auto cell = [](double x) { return std::isfinite(x) ? fmt::format("{:12.3f}", x) : "      untold"; };
           fmt::print("{:<14} {} {} {}\n", what, cell(units::to_um(u.reading * options.noise_position)),
@@ -201,6 +299,7 @@ Command poses_command() {
         };
         fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
         line("chosen", best);
+        line("one lost", loss.left);
         line("random", random);
         const bool turns = kinematics::task(m).turns();
         line(turns ? "grid, upright" : "grid", upright);
@@ -212,6 +311,18 @@ Command poses_command() {
                      point["reading_um"].get<double>(), point["mean_percent"].get<double>(),
                      point["worst_percent"].get<double>());
         }
+        fmt::print(
+            "\nThe poses are in an order with a short way: the busiest drives go {:.1f} times their range ({:.1f} as "
+            "drawn).\nThe loss of pose {} costs most.\n",
+            way.length, as_drawn, place);
+        const auto print_moves = [](const std::vector<std::size_t>& which, const char* what) {
+          if (which.empty()) return;
+          std::vector<std::string> names;
+          for (const std::size_t k : which) names.push_back(fmt::format("{} to {}", k + 1, k + 2));
+          fmt::print("{}: {}\n", what, fmt::join(names, ", "));
+        };
+        print_moves(way.not_free, "Moves that need a way round");
+        print_moves(way.not_judged, "Moves that were not judged (no pose of the machine found between)");
         if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
         return kDone;
       }};

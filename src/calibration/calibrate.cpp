@@ -456,7 +456,8 @@ class Fit {
   /// Noise and the size of the machine's errors, as the residuals and the changes found show them. Of each kind of
   /// parameter (lengths, angles) the default prior is scaled by t where the likelihood of the measurements (MacKay,
   /// Bayesian Interpolation, 1992) times what is thought of t beforehand is greatest:
-  ///   sum (change / prior)^2 - sum (1 - variance / prior^2) = pull_of(ln t).
+  ///   sum (change / prior)^2 - sum (1 - variance / prior^2) + rules = pull_of(ln t).
+  /// What a rule tells (of a unit vector its length) is nothing that was measured.
   /// Changes follow a new prior in first order. Without `sizes` of the noise alone.
   void learn_noise_and_priors(bool sizes) {
     constexpr int kSteps = 100;
@@ -470,16 +471,18 @@ class Fit {
     const double s = problem_.noise_scale;
     const Eigen::VectorXd right = R.transpose() * (R * change) + s * s * change.cwiseQuotient(prior.cwiseAbs2());
     if (sizes) prior = usual;
+    const std::array<std::size_t, 2> rules{rules_among(wanted_of(Learns::lengths)),
+                                           rules_among(wanted_of(Learns::angles))};
     double told = 0;
     for (int step = 0; step < kSteps; ++step) {
       const Eigen::MatrixXd C = root_of_covariance(R, prior, s);
       const Eigen::VectorXd variance = C.rowwise().squaredNorm();  // over prior^2
       change = prior.asDiagonal() * (C * (C.transpose() * (prior.cwiseProduct(right) / (s * s))));
-      told = static_cast<double>(n) - variance.sum();
+      told = static_cast<double>(n) - variance.sum() - static_cast<double>(rules[0] + rules[1]);
       if (!sizes) break;
       double moved = 0;
       for (const Learns kind : {Learns::lengths, Learns::angles}) {
-        double seen = 0, expected = 0, log_t = 0;
+        double seen = 0, expected = -static_cast<double>(rules[kind == Learns::lengths ? 0 : 1]), log_t = 0;
         for (Eigen::Index k = 0; k < n; ++k) {
           if (learns_[std::size_t(k)] != kind) continue;
           seen += std::pow(change[k] / prior[k], 2);
@@ -487,6 +490,7 @@ class Fit {
           log_t = std::log(prior[k] / usual[k]);
         }
         const auto [pull, stiffness] = pull_of(log_t);
+        expected = std::max(0.0, expected);
         const double by = std::clamp((seen - expected - pull) / (2 * std::max(seen, expected) + stiffness),
                                      -kLongestStep, kLongestStep);
         for (Eigen::Index k = 0; k < n; ++k)
@@ -497,6 +501,15 @@ class Fit {
     }
     for (Eigen::Index k = 0; k < n; ++k) problem_.prior[problem_.wanted[static_cast<std::size_t>(k)]] = prior[k];
     problem_.noise_scale = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, problem_.share, told));
+  }
+
+  enum class Learns { nothing, lengths, angles };
+  /// Columns of the unknowns whose size is learnt with the others of this kind.
+  std::vector<int> wanted_of(Learns kind) const {
+    std::vector<int> out;
+    for (std::size_t k = 0; k < learns_.size(); ++k)
+      if (learns_[k] == kind) out.push_back(problem_.wanted[k]);
+    return out;
   }
 
   /// How strongly the default size of the errors draws t, e^u times of it, back: the derivative of -ln p(u), and a
@@ -650,7 +663,7 @@ class Fit {
     const Eigen::MatrixXd R_all = triangle(weight, both), R = R_all.topLeftCorner(n, n);
     const Eigen::VectorXd prior = of_wanted(problem_.prior);
     const Eigen::MatrixXd C = root_of_covariance(R, prior, problem_.noise_scale);
-    const double told = static_cast<double>(n) - C.squaredNorm();
+    const double told = static_cast<double>(n) - C.squaredNorm() - static_cast<double>(rules_among(problem_.wanted));
     out_.free_equations = count - told;
     out_.noise_factor = std::sqrt(sum / std::max(1.0, out_.free_equations));
     out_.taken_up = told;
@@ -803,7 +816,6 @@ class Fit {
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
   bool converged_ = false;
   bool noise_as_given_;
-  enum class Learns { nothing, lengths, angles };
   std::vector<Learns> learns_;  ///< of each wanted unknown: with which others the size of its prior is learnt
   Eigen::VectorXd usual_;       ///< the priors before that
   Eigen::VectorXd error_;       ///< standard errors of all unknowns

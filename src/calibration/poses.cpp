@@ -163,6 +163,47 @@ std::vector<Eigen::MatrixXd> all_equations(const AnyMachine& any, const std::vec
       any);
 }
 
+/// Stands that can be measured at the site: `count` of them, or CA121, CA123.
+Status draw(const AnyMachine& machine, std::size_t count, std::uint64_t seed, const Site& site, const Pose& X_TR,
+            Candidates& out) {
+  constexpr std::size_t kMostTimes = 20;
+  for (std::size_t times = 1;; times = std::min(2 * times, kMostTimes)) {
+    std::vector<Stand> drawn = random_stands(machine, times * count, seed);
+    if (drawn.size() < count) {
+      return fail("CA121", fmt::format("only {} of {} poses found within the limits", drawn.size(), count));
+    }
+    const bool all = drawn.size() < times * count;
+    out.drawn = drawn.size();
+    out.stands.clear();
+    out.left_out.fill(0);
+    if (!site.any()) {
+      out.stands = std::move(drawn);
+      return {};
+    }
+    const SiteCheck check(machine, site, X_TR, drawn);
+    std::size_t looked_at = 0;
+    for (Stand& stand : drawn) {
+      if (out.stands.size() == count) break;
+      ++looked_at;
+      const Hindrance why = check.of(stand);
+      ++out.left_out[static_cast<std::size_t>(why)];
+      if (why == Hindrance::none) out.stands.push_back(std::move(stand));
+    }
+    out.drawn = looked_at;
+    out.left_out[static_cast<std::size_t>(Hindrance::none)] = 0;
+    if (out.stands.size() == count) return {};
+    if (!all && times < kMostTimes) continue;
+    const auto left = [&](Hindrance why) { return out.left_out[static_cast<std::size_t>(why)]; };
+    return fail(
+        "CA123",
+        fmt::format("only {} of {} poses can be measured there: {} come below the floor, {} into a box, at {} the "
+                    "target is turned away, at {} it is hidden",
+                    out.stands.size(), out.drawn, left(Hindrance::floor), left(Hindrance::box),
+                    left(Hindrance::turned_away), left(Hindrance::hidden)),
+        {}, "are floor, boxes and instrument given in M, in mm? Fewer --candidates and --count may do");
+  }
+}
+
 Eigen::MatrixXd columns(const Eigen::MatrixXd& J, const std::vector<int>& kept) {
   Eigen::MatrixXd out(J.rows(), static_cast<Eigen::Index>(kept.size()));
   for (std::size_t k = 0; k < kept.size(); ++k) out.col(static_cast<Eigen::Index>(k)) = J.col(kept[k]);
@@ -172,14 +213,12 @@ Eigen::MatrixXd columns(const Eigen::MatrixXd& J, const std::vector<int>& kept) 
 }  // namespace
 
 Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, Kind kind,
-                                       const std::vector<Vec3>& anchors, const CalibrationOptions& options) {
+                                       const std::vector<Vec3>& anchors, const CalibrationOptions& options,
+                                       const Site& site) {
   if (kind == Kind::contact) return fail("CA120", "poses for contacts cannot be chosen");
   if (!(options.noise_position > 0) || !(options.noise_angle > 0)) return fail("CA116", "noise must be above 0");
   Candidates out;
-  out.stands = random_stands(machine, count, seed);
-  if (out.stands.size() < count) {
-    return fail("CA121", fmt::format("only {} of {} poses found within the limits", out.stands.size(), count));
-  }
+  POLYPOD_TRY(draw(machine, count, seed, site, options.X_TR, out));
   Layout layout;
   Eigen::MatrixXd rules;
   const auto all = all_equations(machine, out.stands, kind, anchors, options, layout, &rules);
@@ -233,14 +272,11 @@ std::vector<Eigen::MatrixXd> compliance_equations(const AnyMachine& machine, con
 }
 
 Result<Candidates> compliance_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, double force,
-                                         double noise) {
+                                         double noise, const Site& site, const Pose& X_TR) {
   if (!(force > 0) || !(noise > 0)) return fail("CA120", "force and noise must be above 0");
   if (!statics::has_compliance(machine)) return fail("CA122", "the machine has no compliances");
   Candidates out;
-  out.stands = random_stands(machine, count, seed);
-  if (out.stands.size() < count) {
-    return fail("CA121", fmt::format("only {} of {} poses found within the limits", out.stands.size(), count));
-  }
+  POLYPOD_TRY(draw(machine, count, seed, site, X_TR, out));
   out.equations = compliance_equations(machine, out.stands, force, noise);
   const std::vector<double> nominal = statics::column_compliances(machine);
   const std::vector<std::string> names = statics::column_names(machine);
@@ -308,6 +344,19 @@ Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std:
   out.reading = std::sqrt(sum / count);
   out.mean = std::exp(-0.5 * lambda.array().log().mean());
   out.worst = 1 / std::sqrt(lambda[0]);
+  return out;
+}
+
+LostPose worst_loss(const std::vector<Eigen::MatrixXd>& candidates, const std::vector<std::size_t>& chosen,
+                    const std::vector<Eigen::MatrixXd>& over) {
+  LostPose out;
+  for (std::size_t lost = 0; lost < chosen.size(); ++lost) {
+    std::vector<Eigen::MatrixXd> rest;
+    for (std::size_t k = 0; k < chosen.size(); ++k)
+      if (k != lost) rest.push_back(candidates[chosen[k]]);
+    const Uncertainty left = uncertainty(rest, over);
+    if (lost == 0 || left.reading > out.left.reading) out = {lost, left};
+  }
   return out;
 }
 

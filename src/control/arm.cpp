@@ -21,7 +21,7 @@ constexpr int kJoints = 6;
 // Axes that are parallel to this have no common normal worth the name: the tip would be off by this times the reach.
 constexpr double kParallel = 1e-11;
 // A tool beside axis 6 by more than this is another machine, not an error of this one.
-constexpr double kMostAside = 5e-3, kMostTilt = 0.02;  // m, rad
+constexpr double kMostTilt = 0.02;  // rad
 constexpr double kRounding = 1e-10;                    // m or rad
 
 /// K = R_z(gamma) T_z(delta) T_x(a) R_x(alpha) R_z(theta) T_z(d).
@@ -172,11 +172,11 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
   craig.d[kJoints - 1] += K[kJoints].p.z();
   const double aside = K[kJoints].p.head<2>().norm();
   const double tilt = std::atan2(K[kJoints].R.col(2).head<2>().norm(), K[kJoints].R(2, 2));
-  if (aside > kMostAside || tilt > kMostTilt) {
+  if (tilt > kMostTilt) {
     return fail("CN102",
-                fmt::format("the tool tip lies {:.4g} mm beside axis 6 and the tool axis leans {:.4g} deg from it; "
+                fmt::format("the tool axis leans {:.4g} deg from axis 6 (and its tip lies {:.4g} mm beside it); "
                             "genserkins has no tool frame",
-                            units::to_mm(aside), units::to_deg(tilt)),
+                            units::to_deg(tilt), units::to_mm(aside)),
                 {}, kTargetsHint);
   }
 

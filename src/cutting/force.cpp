@@ -87,6 +87,32 @@ Vec3 mean_force(const Cutter& cutter, const Material& material, const Engagement
   return cutter.teeth * engagement.depth / (2 * kPi) * (span.edge + chip * span.cut);
 }
 
+Vec3 mean_force_with_runout(const Cutter& cutter, const Material& material, const Engagement& engagement,
+                            double feed_per_tooth, double eccentricity, double phase) {
+  if (!(engagement.exit > engagement.entry) || !(engagement.depth > 0)) return Vec3::Zero();
+  constexpr int kSteps = 360;
+  const int teeth = cutter.teeth;
+  const double step = (engagement.exit - engagement.entry) / kSteps;
+  const auto radius = [&](int tooth) { return eccentricity * std::cos(phase + tooth * cutter.pitch_angle()); };
+  Vec3 sum = Vec3::Zero();
+  for (int j = 0; j < teeth; ++j) {
+    // What tooth j stands out over the one m places before it: its chip is the least of m s_z sin(phi) and this.
+    std::vector<double> ahead(static_cast<std::size_t>(teeth));
+    for (int m = 1; m <= teeth; ++m) ahead[static_cast<std::size_t>(m - 1)] = radius(j) - radius(j - m);
+    for (int k = 0; k < kSteps; ++k) {
+      const double phi = engagement.entry + (k + 0.5) * step, s = std::sin(phi), c = std::cos(phi);
+      double h = feed_per_tooth * s + ahead[0];
+      for (int m = 2; m <= teeth; ++m) h = std::min(h, m * feed_per_tooth * s + ahead[static_cast<std::size_t>(m - 1)]);
+      if (!(h > 0)) continue;
+      const double chip = material.exponent == 1 ? h : std::pow(h, material.exponent);
+      const double ft = material.kte + material.ktc * chip, fr = material.kre + material.krc * chip,
+                   fa = material.kae + material.kac * chip;
+      sum += Vec3(-ft * c - fr * s, ft * s - fr * c, fa);
+    }
+  }
+  return engagement.depth / (2 * kPi) * step * sum;
+}
+
 void add_disc(const Cutter& cutter, const Material& material, double entry, double exit, double z, double dz,
               double feed_per_tooth, ForceHistory& history) {
   const int steps = static_cast<int>(history.angle.size());

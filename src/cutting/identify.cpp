@@ -115,6 +115,60 @@ std::optional<LackOfFit> lack_of_fit(const Cutter& cutter, const std::vector<Mea
   return LackOfFit{exponent, std::sqrt(best / count), std::sqrt(linear / count)};
 }
 
+/// What the same forces give with a runout in the model, worst over the place of the high tooth; into the spread where
+/// the runout is given. Forces are linear in the coefficients with a runout, too.
+RunoutEffect runout_effect(const Cutter& cutter, const std::vector<MeasuredForce>& rows, std::optional<double> given,
+                           const std::array<double, 6>& value, Material& found) {
+  constexpr double kSupposed = 10e-6;  // m
+  constexpr int kPlaces = 8;           // of the high tooth, within a pitch
+  RunoutEffect out;
+  out.reading = given.value_or(kSupposed);
+  out.given = given.has_value();
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  std::array<double, 6> worst{};
+  double most = -1;
+  for (int place = 0; place < kPlaces; ++place) {
+    const double phase = cutter.pitch_angle() * place / kPlaces;
+    Eigen::MatrixXd across(2 * n, 4), along(n, 2);
+    Eigen::VectorXd force_across(2 * n), force_along(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const MeasuredForce& row = rows[static_cast<std::size_t>(i)];
+      const Engagement e = straight_engagement(cutter, row.side, row.ae, row.ap);
+      const auto shape = [&](std::size_t k) {
+        Material unit;
+        unit.*kCoefficient[k] = 1;
+        return mean_force_with_runout(cutter, unit, e, row.feed_per_tooth, 0.5 * out.reading, phase);
+      };
+      for (const auto& [column, k] : {std::pair<Eigen::Index, std::size_t>{0, 0}, {1, 1}, {2, 3}, {3, 4}})
+        across.block<2, 1>(2 * i, column) = shape(k).head<2>();
+      along(i, 0) = shape(2).z();
+      along(i, 1) = shape(5).z();
+      force_across.segment<2>(2 * i) = row.mean.head<2>();
+      force_along[i] = row.mean.z();
+    }
+    const auto solved = [](const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
+      const Eigen::VectorXd scale = A.colwise().norm().transpose().cwiseMax(std::numeric_limits<double>::min());
+      return Eigen::VectorXd(
+          (A * scale.cwiseInverse().asDiagonal()).colPivHouseholderQr().solve(b).cwiseQuotient(scale));
+    };
+    const Eigen::VectorXd x = solved(across, force_across), z = solved(along, force_along);
+    const std::array<double, 6> with{x[0], x[1], z[0], x[2], x[3], z[1]};
+    std::array<double, 6> change{};
+    double size = 0;
+    for (std::size_t k = 0; k < 6; ++k) {
+      change[k] = with[k] - value[k];
+      out.change[k] = std::max(out.change[k], std::abs(change[k]));
+      if (value[k] != 0) size += std::pow(change[k] / value[k], 2);
+    }
+    if (size > most) {
+      most = size;
+      worst = change;
+    }
+  }
+  if (out.given && most > 0) found.spread.push_back(worst);
+  return out;
+}
+
 /// What to look for where a coefficient comes out below 0.
 std::string why_below_zero(const std::vector<MeasuredForce>& rows) {
   constexpr double kNearlyEqual = 1.2;
@@ -201,7 +255,8 @@ Result<ForceTable> read_forces(const Cutter& cutter, const std::string& path, co
   return out;
 }
 
-Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::vector<MeasuredForce>& rows) {
+Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::vector<MeasuredForce>& rows,
+                                               std::optional<double> runout) {
   CuttingIdentification out;
   out.equations = 3 * rows.size();
   constexpr std::size_t kLeast = 3;  // cuts: the two axial coefficients have one equation a cut
@@ -240,6 +295,9 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
   }
   POLYPOD_TRY(of_a_metal(out.material));
   out.lack_of_fit = lack_of_fit(cutter, rows, force_across);
+  out.runout = runout_effect(cutter, rows, runout, out.value, out.material);
+  for (std::size_t k = 0; k < 6 && out.runout.given; ++k)
+    out.half_interval[k] = std::hypot(out.half_interval[k], out.runout.change[k]);
   double sum = 0;
   Eigen::Matrix3Xd residuals(3, n);
   for (Eigen::Index i = 0; i < n; ++i) {

@@ -24,5 +24,8 @@ Vec3 middle_of_work(const machine::AnyMachine& machine) {
 machine::Outline outline(const machine::AnyMachine& machine, const Vec3& tip) {
   return std::visit([&](const auto& m) { return outline(m, tip); }, machine);
 }
+machine::Outline outline_at(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
+  return std::visit([&](const auto& m) { return outline_at(m, X_MT, q); }, machine);
+}
 
 }  // namespace polypod::kinematics

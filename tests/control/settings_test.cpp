@@ -351,14 +351,19 @@ TEST(Control, FitsOfDeltasThatAreOffAreBetterThanMeans) {
   }
 }
 
-// A tool a little beside axis 6: what is left is that and nothing else.
+// A tool beside axis 6, by a little or by much: what is left is that and nothing else, and a note says so.
 TEST(Control, ToolBesideAxisSixIsSaid) {
-  const auto m = machine::load(data("six_joints.toml"), {{"tool.x_mm", "0.3"}, {"tool.y_mm", "-0.4"}});
-  ASSERT_TRUE(m) << to_string(m.error());
-  const Settings s = settings_of(*m);
-  EXPECT_FALSE(s.exact);
-  EXPECT_NEAR(s.after.rms, 0.5e-3, 1e-9);
-  EXPECT_NEAR(s.after.max, 0.5e-3, 1e-9);
+  for (const double times : {1.0, 20.0, 160.0}) {
+    const auto m = machine::load(data("six_joints.toml"), {{"tool.x_mm", std::to_string(0.3 * times)},
+                                                           {"tool.y_mm", std::to_string(-0.4 * times)}});
+    ASSERT_TRUE(m) << to_string(m.error());
+    const Settings s = settings_of(*m);
+    EXPECT_FALSE(s.exact);
+    EXPECT_NEAR(s.after.rms, 0.5e-3 * times, 1e-9);
+    EXPECT_NEAR(s.after.max, 0.5e-3 * times, 1e-9);
+    ASSERT_FALSE(s.notes.empty());
+    EXPECT_NE(s.notes.back().find("beside axis 6"), std::string::npos) << s.notes.back();
+  }
 }
 
 std::string refused(const AnyMachine& m, Controller controller) {
@@ -371,7 +376,7 @@ TEST(Control, WhatNoModuleStandsForIsRefused) {
   EXPECT_EQ(refused(machine_of("hexapod-strut"), Controller::klipper), "CN101");
   EXPECT_EQ(refused(machine_of("lola50"), Controller::klipper), "CN101");
   EXPECT_EQ(refused(*machine::load("delta-brno", {{"arm.count", "4"}}), Controller::linuxcnc), "CN101");
-  EXPECT_EQ(refused(*machine::load(data("six_joints.toml"), {{"tool.x_mm", "80"}}), Controller::linuxcnc), "CN102");
+  EXPECT_EQ(refused(*machine::load(data("six_joints.toml"), {{"tool.b_deg", "20"}}), Controller::linuxcnc), "CN102");
   const auto lying = settings_for(*machine::load("delta-linear", {{"rail.incline_deg", "40"}}), Controller::klipper);
   ASSERT_FALSE(lying);
   EXPECT_EQ(lying.error().id, "CN103");

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <numbers>
 
 #include "polypod/core/files.hpp"
 #include "polypod/core/random.hpp"
@@ -22,18 +23,23 @@ Material truth() {
   return m;
 }
 
+/// The cuts of one test, without forces.
+std::vector<MeasuredForce> measured_shape() {
+  std::vector<MeasuredForce> rows;
+  for (const CutSide side : {CutSide::slot, CutSide::down, CutSide::up})
+    for (const double feed : {0.03e-3, 0.05e-3, 0.08e-3, 0.12e-3})
+      rows.push_back({side, side == CutSide::slot ? 8e-3 : 4e-3, 2e-3, feed, Vec3::Zero(), {}});
+  return rows;
+}
+
 /// Forces by turning the cutter step by step, not by the closed form that the identification uses.
 std::vector<MeasuredForce> measured(double noise, std::uint64_t seed) {
   Random random(seed);
-  std::vector<MeasuredForce> rows;
-  for (const CutSide side : {CutSide::slot, CutSide::down, CutSide::up}) {
-    for (const double feed : {0.03e-3, 0.05e-3, 0.08e-3, 0.12e-3}) {
-      MeasuredForce row{side, side == CutSide::slot ? 8e-3 : 4e-3, 2e-3, feed, Vec3::Zero(), {}};
-      const Engagement e = straight_engagement(kCutter, side, row.ae, row.ap);
-      row.mean = force_history(kCutter, truth(), {e}, feed, 3600).mean;
-      for (double& f : row.mean) f += noise * random.normal();
-      rows.push_back(row);
-    }
+  std::vector<MeasuredForce> rows = measured_shape();
+  for (MeasuredForce& row : rows) {
+    const Engagement e = straight_engagement(kCutter, row.side, row.ae, row.ap);
+    row.mean = force_history(kCutter, truth(), {e}, row.feed_per_tooth, 3600).mean;
+    for (double& f : row.mean) f += noise * random.normal();
   }
   return rows;
 }
@@ -81,6 +87,48 @@ TEST(IdentifyCutting, IntervalsCoverTheTruth) {
     for (std::size_t k = 0; k < 6; ++k) covered[k] += std::abs(r->value[k] - kTruth[k]) <= r->half_interval[k] ? 1 : 0;
   }
   for (const int n : covered) EXPECT_NEAR(n / double(kTrials), 0.95, 0.03);
+}
+
+// Two teeth, one of them so far out that the other one never cuts: one tooth with twice the feed.
+TEST(MeanForce, RunoutInClosedForm) {
+  const Engagement e = straight_engagement(kCutter, CutSide::down, 3e-3, 2e-3);
+  const Vec3 none = mean_force_with_runout(kCutter, truth(), e, 0.05e-3, 0, 0.3);
+  EXPECT_LT((none - mean_force(kCutter, truth(), e, 0.05e-3)).norm(), 1e-4 * none.norm());
+  const Cutter two{"two", 8e-3, 2, 0.5, 20e-3}, one{"one", 8e-3, 1, 0.5, 20e-3};
+  const Vec3 alone = mean_force_with_runout(two, truth(), e, 0.05e-3, 0.03e-3, 0);
+  EXPECT_LT((alone - mean_force(one, truth(), e, 0.1e-3)).norm(), 1e-4 * alone.norm());
+  // Square to the teeth the runout does not show.
+  const Vec3 even = mean_force_with_runout(two, truth(), e, 0.05e-3, 0.03e-3, std::numbers::pi / 2);
+  EXPECT_LT((even - mean_force(two, truth(), e, 0.05e-3)).norm(), 1e-4 * even.norm());
+}
+
+// A cutter that runs out by 40 um (total indicator reading), the high tooth anywhere: with the runout given the
+// intervals hold, without it they do not, and a note says so.
+TEST(IdentifyCutting, ARunoutThatIsGivenIsCovered) {
+  constexpr int kTrials = 300;
+  constexpr double kReading = 40e-6;
+  Random random(9);
+  int covered = 0, without = 0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    std::vector<MeasuredForce> rows = measured_shape();
+    const double phase = random.uniform(0, 2 * std::numbers::pi);
+    for (MeasuredForce& row : rows) {
+      const Engagement e = straight_engagement(kCutter, row.side, row.ae, row.ap);
+      row.mean = mean_force_with_runout(kCutter, truth(), e, row.feed_per_tooth, 0.5 * kReading, phase);
+      for (double& f : row.mean) f += 0.3 * random.normal();
+    }
+    const auto given = identify_cutting(kCutter, rows, kReading), not_given = identify_cutting(kCutter, rows);
+    ASSERT_TRUE(given && not_given);
+    EXPECT_TRUE(given->runout.given);
+    EXPECT_FALSE(not_given->runout.given);
+    EXPECT_EQ(given->value, not_given->value);
+    for (const std::size_t k : {0U, 1U, 3U, 4U}) {
+      covered += std::abs(given->value[k] - kTruth[k]) <= given->half_interval[k] ? 1 : 0;
+      without += std::abs(not_given->value[k] - kTruth[k]) <= not_given->half_interval[k] ? 1 : 0;
+    }
+  }
+  EXPECT_GT(covered, 0.95 * 4 * kTrials);
+  EXPECT_LT(without, 0.8 * 4 * kTrials);
 }
 
 TEST(IdentifyCutting, OutliersAreFlaggedAndKept) {

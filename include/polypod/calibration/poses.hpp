@@ -7,6 +7,7 @@
 
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/calibration/simulate.hpp"
+#include "polypod/calibration/site.hpp"
 
 namespace polypod::calibration {
 
@@ -19,21 +20,25 @@ struct Candidates {
   std::vector<std::string> unknowns;  ///< keys
   std::vector<std::string> held;      ///< keys of what no set of these poses can tell, or what follows by a rule
   std::size_t total = 0;              ///< unknowns that are looked for: of a direction's three numbers two
+  std::size_t drawn = 0;              ///< stands that were drawn, those left out because of the site counted
+  std::array<std::size_t, kHindrances> left_out{};  ///< of these, by why
 };
 
 /// Candidates for calibrate() with these options: `kind` as measured from `anchors` (see SimulationOptions), at stands
-/// drawn as random_stands does. Errors: CA114, CA116, CA120, CA121.
+/// drawn as random_stands does, up to 20 times as many where the site leaves some out. Errors: CA114, CA116, CA120,
+/// CA121, CA123 (the site leaves too few).
 Result<Candidates> geometry_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, Kind kind,
-                                       const std::vector<Vec3>& anchors, const CalibrationOptions& options);
+                                       const std::vector<Vec3>& anchors, const CalibrationOptions& options,
+                                       const Site& site = {});
 /// The same at given stands, for the unknowns of `like`; without those of which nothing shows there at all.
 std::vector<Eigen::MatrixXd> geometry_equations(const AnyMachine& machine, const std::vector<Stand>& stands, Kind kind,
                                                 const std::vector<Vec3>& anchors, const CalibrationOptions& options,
                                                 const Candidates& like);
 
 /// Candidates for statics::identify_compliance with a force (N) along each axis and this noise of a displacement (m).
-/// Errors: CA121, CA122.
+/// Errors: CA121, CA122, CA123.
 Result<Candidates> compliance_candidates(const AnyMachine& machine, std::size_t count, std::uint64_t seed, double force,
-                                         double noise);
+                                         double noise, const Site& site = {}, const Pose& X_TR = {});
 std::vector<Eigen::MatrixXd> compliance_equations(const AnyMachine& machine, const std::vector<Stand>& stands,
                                                   double force, double noise);
 
@@ -57,6 +62,15 @@ struct Uncertainty {
   double worst = 0;    ///< its longest axis, column units
 };
 Uncertainty uncertainty(const std::vector<Eigen::MatrixXd>& measured, const std::vector<Eigen::MatrixXd>& over);
+
+/// What is uncertain where one of the measured poses is lost (a reading that went wrong is seen too late): the loss
+/// that makes `reading` largest, and which of `chosen` it is.
+struct LostPose {
+  std::size_t lost = 0;  ///< index into `chosen`
+  Uncertainty left;
+};
+LostPose worst_loss(const std::vector<Eigen::MatrixXd>& candidates, const std::vector<std::size_t>& chosen,
+                    const std::vector<Eigen::MatrixXd>& over);
 
 /// Below this no set of as many candidates comes with Uncertainty::mean, chosen however, not even if it may hold some
 /// twice: log det is concave in M, so log det M' <= log det M + N max_j trace(J_j M^-1 J_j^T) - n for every set of N

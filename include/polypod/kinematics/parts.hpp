@@ -24,5 +24,7 @@ Vec3 middle_of_work(const machine::AnyMachine& machine);
 
 /// Base, rails, legs or links, platform, joints and tool in M: at home, arms with the tool tip at `tip` and R = 1.
 machine::Outline outline(const machine::AnyMachine& machine, const Vec3& tip);
+/// The same at the pose X_MT with the joints q (rad or m) that belong to it.
+machine::Outline outline_at(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
 
 }  // namespace polypod::kinematics

@@ -31,6 +31,14 @@ struct OutlinePart {
   bool thick = true;
 };
 using Outline = std::vector<OutlinePart>;
+/// What moves, and the platform, called so: "legs" becomes "legs at home".
+inline Outline called(Outline outline, const std::string& where) {
+  for (OutlinePart& part : outline) {
+    const bool moves = part.role == OutlinePart::Role::moving || part.role == OutlinePart::Role::platform;
+    if (moves && !part.name.empty()) part.name += where;
+  }
+  return outline;
+}
 
 /// A box in M, m.
 struct Reach {

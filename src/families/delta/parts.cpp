@@ -59,18 +59,18 @@ Reach reach_of(const M& m) {
 
 /// What the drive moves: the arm up to its elbow, or the whole rail.
 OutlinePart drive_of(const RotaryDelta& m, int i, const Vec3& elbow) {
-  return {Role::moving, "arms at home", {m.base_joint[i], elbow}};
+  return {Role::moving, "arms", {m.base_joint[i], elbow}};
 }
 OutlinePart drive_of(const LinearDelta& m, int i, const Vec3&) {
   return {Role::moving, "rails", {m.rail_start[i], m.rail_start[i] + m.range.max * m.rail_direction[i]}};
 }
 
 template <class M>
-Outline outline_of(const M& m) {
+Outline outline_of(const M& m, const Vec3& tip, const JointVector& q) {
   Outline out{{Role::fixed, "base", {}, false}};
-  OutlinePart platform{Role::platform, "platform at home", {}}, joints{Role::joints, "", {}};
+  OutlinePart platform{Role::platform, "platform", {}}, joints{Role::joints, "", {}};
   for (int i = 0; i < m.arms; ++i) {
-    const Vec3 elbow = driven_end(m, i, m.home_joint), end = m.home + m.platform_joint[i] - m.tool;
+    const Vec3 elbow = driven_end(m, i, q[i]), end = tip + m.platform_joint[i] - m.tool;
     OutlinePart drive = drive_of(m, i, elbow);
     out.front().points.push_back(drive.points.front());
     platform.points.push_back(end);
@@ -79,7 +79,7 @@ Outline outline_of(const M& m) {
     for (int rod = 0; rod < rods; ++rod) {
       const double offset = rods < 2 ? 0.0 : delta_detail::rod_offsets(m)[static_cast<std::size_t>(rod)];
       const Vec3 aside = offset * m.axis[i];
-      out.push_back({Role::moving, "rods at home", {elbow + aside, end + aside}, false});
+      out.push_back({Role::moving, "rods", {elbow + aside, end + aside}, false});
     }
     joints.points.push_back(elbow);
     joints.points.push_back(end);
@@ -87,7 +87,7 @@ Outline outline_of(const M& m) {
   out.front().points.push_back(out.front().points.front());
   platform.points.push_back(platform.points.front());
   out.push_back(std::move(platform));
-  out.push_back({Role::tool, "tool", {m.home - m.tool, m.home}});
+  out.push_back({Role::tool, "tool", {tip - m.tool, tip}});
   out.push_back(std::move(joints));
   return out;
 }
@@ -121,11 +121,17 @@ Vec3 middle_of_work(const Delta& m) {
   return m.home;
 }
 
+Outline outline_at(const RotaryDelta& m, const Pose& X_MT, const JointVector& q) {
+  return outline_of(m, X_MT.p, q);
+}
+Outline outline_at(const LinearDelta& m, const Pose& X_MT, const JointVector& q) {
+  return outline_of(m, X_MT.p, q);
+}
 Outline outline(const RotaryDelta& m, const Vec3&) {
-  return outline_of(m);
+  return called(outline_of(m, m.home, JointVector::Constant(m.arms, m.home_joint)), " at home");
 }
 Outline outline(const LinearDelta& m, const Vec3&) {
-  return outline_of(m);
+  return called(outline_of(m, m.home, JointVector::Constant(m.arms, m.home_joint)), " at home");
 }
 
 }  // namespace polypod::machine

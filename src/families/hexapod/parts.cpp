@@ -68,10 +68,10 @@ SixPoints platform_at(const M& m, const Pose& X) {
 }
 
 void add_legs(Outline& out, const SixPoints& anchor, const SixPoints& platform, const Pose& X_MT) {
-  out.push_back(ring(platform, Role::platform, "platform at home", true));
+  out.push_back(ring(platform, Role::platform, "platform", true));
   OutlinePart joints{Role::joints, "", {}};
   for (int i = 0; i < kLegs; ++i) {
-    out.push_back({Role::moving, "legs at home", {anchor[i], platform[i]}});
+    out.push_back({Role::moving, "legs", {anchor[i], platform[i]}});
     joints.points.push_back(anchor[i]);
     joints.points.push_back(platform[i]);
   }
@@ -117,25 +117,34 @@ Vec3 middle_of_work(const SliderHexapod& m) {
   return {0, 0, m.home.height + m.tool_length};
 }
 
-Outline outline(const StrutHexapod& m, const Vec3&) {
-  const Pose X = home_pose(m);
+Outline outline_at(const StrutHexapod& m, const Pose& X_MT, const JointVector&) {
   Outline out{ring(m.base_joint, Role::fixed, "base", false)};
-  add_legs(out, m.base_joint, platform_at(m, X), X);
+  add_legs(out, m.base_joint, platform_at(m, X_MT), X_MT);
   return out;
+}
+Outline outline_at(const SliderHexapod& m, const Pose& X_MT, const JointVector& q) {
+  SixPoints anchor;
+  Outline out;
+  for (int i = 0; i < kLegs; ++i) {
+    anchor[i] = m.rail_outer[i] + q[i] * m.rail_direction[i];
+    out.push_back({Role::fixed, "rails", {m.rail_outer[i], m.rail_inner[i]}});
+  }
+  add_legs(out, anchor, platform_at(m, X_MT), X_MT);
+  return out;
+}
+Outline outline(const StrutHexapod& m, const Vec3&) {
+  return called(outline_at(m, home_pose(m), {}), " at home");
 }
 Outline outline(const SliderHexapod& m, const Vec3&) {
   const Pose X = home_pose(m);
   std::array<SliderRoots, kLegs> roots;
   slider_roots(m, X, roots.data());
-  SixPoints anchor;
-  Outline out;
+  JointVector q(kLegs);
   for (int i = 0; i < kLegs; ++i) {
     const bool outer_on = roots[i].outer >= 0 && roots[i].outer <= m.rail_length[i];
-    anchor[i] = m.rail_outer[i] + (outer_on ? roots[i].outer : roots[i].inner) * m.rail_direction[i];
-    out.push_back({Role::fixed, "rails", {m.rail_outer[i], m.rail_inner[i]}});
+    q[i] = outer_on ? roots[i].outer : roots[i].inner;
   }
-  add_legs(out, anchor, platform_at(m, X), X);
-  return out;
+  return called(outline_at(m, X, q), " at home");
 }
 
 std::optional<JointVector> joints_of_legs(const StrutHexapod& m, const Pose& X_MT) {

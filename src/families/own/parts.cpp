@@ -42,9 +42,15 @@ Vec3 middle_of_work(const Own& m) {
 
 Outline outline(const Own& m, const Vec3& tip) {
   if (auto own = m.questions->drawn(tip)) return *std::move(own);
+  const Pose home = home_pose(m);
+  const kinematics::InverseResult at_home = inverse(m, home);
+  return called(outline_at(m, home, at_home.solutions.empty() ? JointVector() : at_home.solutions.front().joints),
+                " at home");
+}
+Outline outline_at(const Own& m, const Pose& X_MT, const JointVector& q) {
+  if (auto own = q.size() > 0 ? m.questions->drawn_at(X_MT, q) : std::nullopt) return *std::move(own);
   using Role = OutlinePart::Role;
-  const Vec3 home = home_pose(m).p;
-  return {{Role::moving, m.family + " at home", {Vec3::Zero(), home}}, {Role::joints, "", {home}}};
+  return {{Role::moving, m.family, {Vec3::Zero(), X_MT.p}}, {Role::joints, "", {X_MT.p}}};
 }
 
 }  // namespace polypod::machine

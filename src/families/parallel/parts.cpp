@@ -45,21 +45,22 @@ Vec3 middle_of_work(const Parallel& m) {
 }
 
 Outline outline(const Parallel& m, const Vec3&) {
+  return called(outline_at(m, m.home, joints_of(m, m.home).value_or(JointVector())), " at home");
+}
+Outline outline_at(const Parallel& m, const Pose& X_MT, const JointVector& q) {
   using Role = OutlinePart::Role;
-  const Pose X = m.home;
-  const auto q = joints_of(m, X);
   Outline out;
-  OutlinePart joints{Role::joints, "", {}}, platform{Role::platform, "platform at home", {}};
+  OutlinePart joints{Role::joints, "", {}}, platform{Role::platform, "platform", {}};
   Vec3 middle = Vec3::Zero();
   Eigen::Index drive = 0;
   for (const ParallelLeg& leg : m.legs) {
-    const double reading = leg.driven() && q ? (*q)[drive++] : 0.0;
-    const Vec3 anchor = leg_anchor(leg, reading), end = leg_end(m, leg, X);
+    const double reading = leg.driven() && q.size() > 0 ? q[drive++] : 0.0;
+    const Vec3 anchor = leg_anchor(leg, reading), end = leg_end(m, leg, X_MT);
     if (leg.drive == LegDrive::rail) {
       out.push_back({Role::fixed, "rails", {leg_anchor(leg, leg.range.min), leg_anchor(leg, leg.range.max)}});
     }
-    if (leg.drive == LegDrive::crank) out.push_back({Role::moving, "arms at home", {leg.base, anchor}});
-    out.push_back({Role::moving, "legs at home", {anchor, end}, leg.driven()});
+    if (leg.drive == LegDrive::crank) out.push_back({Role::moving, "arms", {leg.base, anchor}});
+    out.push_back({Role::moving, "legs", {anchor, end}, leg.driven()});
     joints.points.push_back(anchor);
     joints.points.push_back(end);
     platform.points.push_back(end);
@@ -67,7 +68,7 @@ Outline outline(const Parallel& m, const Vec3&) {
   }
   platform.points.push_back(platform.points.front());
   out.push_back(std::move(platform));
-  out.push_back({Role::tool, "tool", {middle, X.p}});
+  out.push_back({Role::tool, "tool", {middle, X_MT.p}});
   out.push_back(std::move(joints));
   return out;
 }

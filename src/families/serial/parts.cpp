@@ -39,9 +39,9 @@ Vec3 middle_of_work(const SerialArm&) {
   return Vec3::Zero();
 }
 
-Outline outline_at(const SerialArm& arm, const JointVector& q, const std::string& name) {
+Outline outline_at(const SerialArm& arm, const Pose& X_MT, const JointVector& q) {
   Outline out;
-  OutlinePart links{Role::moving, name, {arm.X_MB.p}}, joints{Role::joints, "", {arm.X_MB.p}};
+  OutlinePart links{Role::moving, "links", {arm.X_MB.p}}, joints{Role::joints, "", {arm.X_MB.p}};
   SerialArm partial = arm;
   partial.X_FT = Pose{};
   for (std::size_t rows = 1; rows <= arm.dh.size(); ++rows) {
@@ -52,7 +52,7 @@ Outline outline_at(const SerialArm& arm, const JointVector& q, const std::string
   }
   const Vec3 last = links.points.back();
   out.push_back(std::move(links));
-  out.push_back({Role::tool, "tool", {last, forward(arm, q).p}});
+  out.push_back({Role::tool, "tool", {last, X_MT.p}});
   out.push_back(std::move(joints));
   return out;
 }
@@ -67,7 +67,8 @@ Outline outline(const SerialArm& arm, const Vec3& tip) {
   const auto solved = inverse(arm, Pose{Mat3::Identity(), tip});
   const kinematics::Solution* solution = solved.reachable();
   if (solution == nullptr) return out;
-  for (OutlinePart& part : outline_at(arm, solution->joints, "links, tool upright in the middle")) {
+  const Pose X = forward(arm, solution->joints);
+  for (OutlinePart& part : called(outline_at(arm, X, solution->joints), ", tool upright in the middle")) {
     out.push_back(std::move(part));
   }
   return out;

@@ -58,12 +58,25 @@ Outline outline(const Stages& m, const Vec3&) {
     X = X * m.data[k].mount;
     const Pose home = kinematics::home_pose(m.machines[k]).value_or(Pose{});
     const auto* chain = std::get_if<SerialArm>(&m.machines[k]);
-    for (OutlinePart& part : chain != nullptr ? outline_at(*chain, m.data[k].home, "links at home")
-                                              : kinematics::outline(m.machines[k], home.p)) {
+    for (OutlinePart& part :
+         chain != nullptr ? called(outline_at(*chain, forward(*chain, m.data[k].home), m.data[k].home), " at home")
+                          : kinematics::outline(m.machines[k], home.p)) {
       for (Vec3& p : part.points) p = X * p;
       out.push_back(std::move(part));
     }
     X = X * (chain != nullptr ? forward(*chain, m.data[k].home) : home);
+  }
+  return out;
+}
+
+Outline outline_at(const Stages& m, const Pose& X_MT, const JointVector& q) {
+  Outline out;
+  const std::vector<StagePose> stages = stage_poses(m, X_MT, q);
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    for (OutlinePart& part : kinematics::outline_at(m.machines[k], stages[k].X, stages[k].q)) {
+      for (Vec3& p : part.points) p = stages[k].X_MB * p;
+      out.push_back(std::move(part));
+    }
   }
   return out;
 }

@@ -26,5 +26,7 @@ Vec3 middle_of_work(const Delta& m);
 /// At home: base, arms or rails, the two rods of each parallelogram, platform and tool.
 Outline outline(const RotaryDelta& m, const Vec3& tip);
 Outline outline(const LinearDelta& m, const Vec3& tip);
+Outline outline_at(const RotaryDelta& m, const Pose& X_MT, const JointVector& q);
+Outline outline_at(const LinearDelta& m, const Pose& X_MT, const JointVector& q);
 
 }  // namespace polypod::machine

@@ -29,6 +29,8 @@ Vec3 middle_of_work(const SliderHexapod& m);
 /// At home: base or rails, legs, platform and tool.
 Outline outline(const StrutHexapod& m, const Vec3& tip);
 Outline outline(const SliderHexapod& m, const Vec3& tip);
+Outline outline_at(const StrutHexapod& m, const Pose& X_MT, const JointVector& q);
+Outline outline_at(const SliderHexapod& m, const Pose& X_MT, const JointVector& q);
 
 /// The joints that the legs take at a pose whatever limits they break: strut lengths; on rails the root of the outer
 /// end where it lies on its rail. Nothing where a leg does not reach its rail.

@@ -91,6 +91,10 @@ class Answers final : public OwnQuestions {
     if constexpr (requires { outline(m_, tip); }) return outline(m_, tip);
     return {};
   }
+  [[nodiscard]] std::optional<Outline> drawn_at(const Pose& X, const JointVector& q) const override {
+    if constexpr (requires { outline_at(m_, X, q); }) return outline_at(m_, X, q);
+    return {};
+  }
   [[nodiscard]] std::vector<Parameter> designed() const override {
     if constexpr (requires { settings(m_); }) return settings(m_);
     return {};

@@ -17,7 +17,8 @@ void set_compliance(Own& m, int element, double compliance);
 Reach reach(const Own& m);
 /// The tool tip at home.
 Vec3 middle_of_work(const Own& m);
-/// The family's own, else a line from the origin of M to the tool tip at home.
+/// The family's own, else a line from the origin of M to the tool tip.
 Outline outline(const Own& m, const Vec3& tip);
+Outline outline_at(const Own& m, const Pose& X_MT, const JointVector& q);
 
 }  // namespace polypod::machine

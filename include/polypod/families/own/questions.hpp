@@ -48,6 +48,7 @@ class OwnQuestions {
   [[nodiscard]] virtual std::optional<LimitTable> table_of_limits() const { return {}; }
   [[nodiscard]] virtual std::optional<Reach> reached() const { return {}; }
   [[nodiscard]] virtual std::optional<Outline> drawn(const Vec3&) const { return {}; }
+  [[nodiscard]] virtual std::optional<Outline> drawn_at(const Pose&, const JointVector&) const { return {}; }
   [[nodiscard]] virtual std::vector<Parameter> designed() const { return {}; }
   /// The same machine with other figures; null where the family does not take them one by one.
   [[nodiscard]] virtual Result<std::shared_ptr<const OwnQuestions>> with(std::span<const double>) const {

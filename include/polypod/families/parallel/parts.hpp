@@ -19,5 +19,6 @@ Vec3 middle_of_work(const Parallel& m);
 
 /// At home: what drives the legs, the legs, the platform joints to the tool tip.
 Outline outline(const Parallel& m, const Vec3& tip);
+Outline outline_at(const Parallel& m, const Pose& X_MT, const JointVector& q);
 
 }  // namespace polypod::machine

@@ -20,7 +20,7 @@ Vec3 middle_of_work(const SerialArm& arm);
 /// The origins of the frames of the table with the tool upright at `tip`; nothing but the axes of the base if that is
 /// out of reach.
 Outline outline(const SerialArm& arm, const Vec3& tip);
-/// The same at the joints q.
-Outline outline_at(const SerialArm& arm, const JointVector& q, const std::string& name);
+/// The same at the joints q, whose pose is X_MT.
+Outline outline_at(const SerialArm& arm, const Pose& X_MT, const JointVector& q);
 
 }  // namespace polypod::machine

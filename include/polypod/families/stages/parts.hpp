@@ -19,5 +19,6 @@ Vec3 middle_of_work(const Stages& m);
 
 /// Every stage at home, where the stages before it put it.
 Outline outline(const Stages& m, const Vec3& tip);
+Outline outline_at(const Stages& m, const Pose& X_MT, const JointVector& q);
 
 }  // namespace polypod::machine
