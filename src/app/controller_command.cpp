@@ -12,7 +12,7 @@ namespace polypod::app {
 namespace {
 
 struct Options {
-  std::string machine, controller, out;
+  std::string machine, controller, out, weight = "even";
   std::vector<std::string> sets;
   int points = 400, seed = 1;
 };
@@ -31,8 +31,10 @@ Json json_of(const control::Settings& s) {
           {"points", s.points},
           {"rms_before_mm", mm(s.fitted, s.before.rms)},
           {"max_before_mm", mm(s.fitted, s.before.max)},
+          {"median_before_mm", mm(s.fitted, s.before.median)},
           {"rms_after_mm", units::to_mm(s.after.rms)},
           {"max_after_mm", units::to_mm(s.after.max)},
+          {"median_after_mm", units::to_mm(s.after.median)},
           {"angle_after_deg", units::to_deg(s.angle_after)},
           {"work_offset_mm", vector_json(s.work_offset * units::kMmPerMetre)},
           {"work_rotation_deg", units::to_deg(s.work_rotation)},
@@ -50,6 +52,9 @@ Command controller_command() {
             a.option("--for", o->controller, "linuxcnc or klipper", true);
             a.option("--points", o->points, {30, 100000}, "Poses to fit to, and as many to judge by (default 400)");
             a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the poses (default 1)");
+            a.option("--weight", o->weight,
+                     "Fits of deltas: even (default) or condition: poses count the less, the nearer they are to a "
+                     "singular one; better in the middle, worse at the border");
             a.option("-o,--output", o->out, "The settings, text to paste");
           },
           [o](const Context& context) -> Result<int> {
@@ -62,6 +67,10 @@ Command controller_command() {
             control::SettingsOptions options;
             options.points = static_cast<std::size_t>(o->points);
             options.seed = static_cast<std::uint64_t>(o->seed);
+            if (o->weight != "even" && o->weight != "condition") {
+              return fail("AP185", fmt::format("--weight {}: not even or condition", o->weight));
+            }
+            options.weight_by_condition = o->weight == "condition";
             POLYPOD_ASSIGN(
                 found, control::settings_for(m, klipper ? control::Controller::klipper : control::Controller::linuxcnc,
                                              options));
@@ -74,8 +83,9 @@ Command controller_command() {
             } else {
               fmt::print("{}{}: wrote {}\n", found.module,
                          found.exact ? ", exact"
-                                     : fmt::format(", misses rms {:.4f} mm, max {:.4f} mm",
-                                                   units::to_mm(found.after.rms), units::to_mm(found.after.max)),
+                                     : fmt::format(", misses median {:.4f} mm, rms {:.4f} mm, max {:.4f} mm",
+                                                   units::to_mm(found.after.median), units::to_mm(found.after.rms),
+                                                   units::to_mm(found.after.max)),
                          o->out);
             }
             return kDone;

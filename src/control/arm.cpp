@@ -21,8 +21,8 @@ constexpr int kJoints = 6;
 // Axes that are parallel to this have no common normal worth the name: the tip would be off by this times the reach.
 constexpr double kParallel = 1e-11;
 // A tool beside axis 6 by more than this is another machine, not an error of this one.
-constexpr double kMostTilt = 0.02;  // rad
-constexpr double kRounding = 1e-10;                    // m or rad
+constexpr double kMostTilt = 0.02;   // rad
+constexpr double kRounding = 1e-10;  // m or rad
 
 /// K = R_z(gamma) T_z(delta) T_x(a) R_x(alpha) R_z(theta) T_z(d).
 struct CommonNormal {

@@ -4,7 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "polypod/control/settings.hpp"
 #include "polypod/core/units.hpp"
@@ -21,16 +23,18 @@ class MissCount {
  public:
   void add(double miss) {
     square_ += miss * miss;
-    max_ = std::max(max_, miss);
-    ++count_;
+    all_.push_back(miss);
   }
   [[nodiscard]] Misses misses() const {
-    return {count_ == 0 ? 0 : std::sqrt(square_ / static_cast<double>(count_)), max_};
+    if (all_.empty()) return {};
+    std::vector<double> sorted = all_;
+    std::sort(sorted.begin(), sorted.end());
+    return {std::sqrt(square_ / static_cast<double>(sorted.size())), sorted.back(), sorted[sorted.size() / 2]};
   }
 
  private:
-  double square_ = 0, max_ = 0;
-  std::size_t count_ = 0;
+  double square_ = 0;
+  std::vector<double> all_;
 };
 
 inline void put(Settings& s, std::string section, std::string key, double value) {

@@ -87,6 +87,7 @@ bool model(const Numbers<T>& x, bool rotary, const std::array<double, kArms>& se
 struct Sample {
   Vec3 p_F;
   std::array<double, kArms> reading;
+  double weight = 1;  ///< in the fit
 };
 
 struct Study {
@@ -130,7 +131,7 @@ struct Residuals {
     for (const Sample& sample : study->fit) {
       Vector3<T> e;
       if (!study->miss(x, sample, e)) return false;
-      for (int k = 0; k < 3; ++k) *out++ = e[k];
+      for (int k = 0; k < 3; ++k) *out++ = T(sample.weight) * e[k];
     }
     return true;
   }
@@ -258,6 +259,8 @@ Result<Settings> delta_settings_of(const M& m, Controller controller, const Sett
   POLYPOD_ASSIGN(judge_samples, samples_of(judge, order, table));
   study.fit = std::move(fit_samples);
   study.judge = std::move(judge_samples);
+  for (std::size_t i = 0; i < fit.size() && options.weight_by_condition; ++i)
+    study.fit[i].weight = 1 / kinematics::dexterity(any, fit[i].X_MT, fit[i].q).condition;
 
   // Mean values to start from.
   Numbers<double>& x = study.start;

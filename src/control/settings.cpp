@@ -38,7 +38,8 @@ std::string remark(const std::string& raw) {
 }
 
 std::string misses_text(const Misses& misses) {
-  return fmt::format("rms {:.4f} mm, max {:.4f} mm", units::to_mm(misses.rms), units::to_mm(misses.max));
+  return fmt::format("median {:.4f} mm, rms {:.4f} mm, max {:.4f} mm", units::to_mm(misses.median),
+                     units::to_mm(misses.rms), units::to_mm(misses.max));
 }
 
 std::string sections(const Settings& s, const char* line) {

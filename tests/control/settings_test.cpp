@@ -351,6 +351,19 @@ TEST(Control, FitsOfDeltasThatAreOffAreBetterThanMeans) {
   }
 }
 
+// Poses near singular ones count less: the middle gets better, the border worse.
+TEST(Control, FitsMayBeWeighedByTheCondition) {
+  const AnyMachine m = recorded_machine("rotary_delta");
+  SettingsOptions weighed;
+  weighed.weight_by_condition = true;
+  const auto even = settings_for(m, Controller::klipper), light = settings_for(m, Controller::klipper, weighed);
+  ASSERT_TRUE(even && light);
+  EXPECT_LT(light->after.median, 0.6 * even->after.median);
+  EXPECT_GT(light->after.rms, even->after.rms);
+  EXPECT_GE(even->after.rms, even->after.median);
+  EXPECT_GE(even->after.max, even->after.rms);
+}
+
 // A tool beside axis 6, by a little or by much: what is left is that and nothing else, and a note says so.
 TEST(Control, ToolBesideAxisSixIsSaid) {
   for (const double times : {1.0, 20.0, 160.0}) {

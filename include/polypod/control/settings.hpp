@@ -24,12 +24,15 @@ struct Setting {
 
 /// How far the real tool misses the asked points, m, over poses within all limits.
 struct Misses {
-  double rms = 0, max = 0;
+  double rms = 0, max = 0, median = 0;
 };
 
 struct SettingsOptions {
   std::size_t points = 400;  ///< stands to fit to, and as many others to judge by
   std::uint64_t seed = 1;
+  /// Fitted settings (of deltas): a pose counts in inverse proportion to its condition, so that those near singular
+  /// ones, where every error grows, do not decide.
+  bool weight_by_condition = false;
 };
 
 /// A program point p (in {F}, see below) goes to the controller's p_C = R_z(work_rotation) p + work_offset.
