@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "closure_bounds.hpp"
 #include "family_bounds.hpp"
 #include "no_bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/families.hpp"
 #include "polypod/workspace/shape.hpp"
 
 namespace polypod::workspace {
@@ -51,6 +53,10 @@ Status check(const AnyMachine& machine, const Options& options) {
   return {};
 }
 
+/// Families without bounds of their own whose closure proves them.
+template <class M>
+constexpr bool kByClosure = std::is_same_v<M, machine::Own>;
+
 /// Calls ask(limits) with what the family knows of its limits over boxes (bounds_of), if it knows something.
 template <class M, class Ask>
 auto with_limits(const M& m, const Options& options, Ask&& ask) {
@@ -59,9 +65,31 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) {
     using Answer = decltype(ask(*limits));
     if (!limits) return Answer(tl::unexpected(limits.error()));
     return ask(*limits);
+  } else if constexpr (kByClosure<M>) {
+    auto limits = ClosureLimits::of(std::make_shared<const ClosureOf<M>>(m), options);
+    using Answer = decltype(ask(**limits));
+    if (!limits) return Answer(tl::unexpected(limits.error()));
+    if (!*limits) return Answer(no_bounds(m.name));
+    return ask(**limits);
   } else {
     return no_bounds(m.name);
   }
+}
+
+/// What the closure proves, or a sample where that does not come within the tolerance by so many boxes: a loose bound
+/// takes too long to be of use. Who asks for the boxes themselves gets those that there are.
+Result<Volume> volume_by_closure(const AnyMachine& machine, const ClosureLimits& limits, const Options& options) {
+  constexpr std::int64_t kMostBoxes = 150'000;
+  Options some = options;
+  // The sides are as loose as the volume: finer ones would take longer than it.
+  constexpr double kSides = 1e-3;
+  if (options.bounds_tolerance > 0) some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
+  // A sample needs places; without, what is proven is the only answer.
+  if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, kMostBoxes);
+  POLYPOD_ASSIGN(proven, subdivided_volume(limits, some));
+  const bool as_asked = some.max_cells == options.max_cells || proven.stopped == Stopped::memory;
+  if (proven.converged || options.keep_cells || as_asked) return proven;
+  return sampled_volume(machine, options);
 }
 
 }  // namespace
@@ -103,8 +131,12 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
 
 bool has_bounds(const AnyMachine& machine) {
   return std::visit(
-      [](const auto& m) {
+      []<class M>(const M& m) {
         if constexpr (requires { machine::WristInverse::of(m); }) return machine::WristInverse::of(m).has_value();
+        if constexpr (kByClosure<M>) {
+          const auto limits = ClosureLimits::of(std::make_shared<const ClosureOf<M>>(m), Options{});
+          return limits && limits->has_value();
+        }
         return requires(const Options& options) {
           bounds_of(m, options);
         };
@@ -114,9 +146,13 @@ bool has_bounds(const AnyMachine& machine) {
 
 Result<Volume> volume(const AnyMachine& machine, const Options& options) {
   POLYPOD_TRY(check(machine, options));
-  if (!has_bounds(machine)) return sampled_volume(machine, options);
   return std::visit(
-      [&](const auto& m) -> Result<Volume> {
+      [&]<class M>(const M& m) -> Result<Volume> {
+        if constexpr (kByClosure<M>) {  // with the limits that are heeded here
+          POLYPOD_ASSIGN(limits, ClosureLimits::of(std::make_shared<const ClosureOf<M>>(m), options));
+          return limits ? volume_by_closure(machine, *limits, options) : sampled_volume(machine, options);
+        }
+        if (!has_bounds(machine)) return sampled_volume(machine, options);
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
           return subdivided_volume(limits, options);
         });

@@ -58,6 +58,14 @@ class Answers final : public OwnQuestions {
                                            Numbers<Interval> p) const override {
     return limits(m_, X, q, p);
   }
+  [[nodiscard]] ClosureVectorT<BoxNumber> equations(const PoseT<BoxNumber>& X, Numbers<BoxNumber> q,
+                                                    Numbers<BoxNumber> p) const override {
+    return closure(m_, X, q, p);
+  }
+  [[nodiscard]] std::vector<BoxNumber> kept(const PoseT<BoxNumber>& X, Numbers<BoxNumber> q,
+                                            Numbers<BoxNumber> p) const override {
+    return limits(m_, X, q, p);
+  }
 
   [[nodiscard]] std::optional<Pose> home() const override {
     if constexpr (requires { home_pose(m_); }) return home_pose(m_);

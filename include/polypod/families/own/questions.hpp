@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/core/box_number.hpp"
 #include "polypod/families/own/machine.hpp"
 #include "polypod/kinematics/concept.hpp"
 #include "polypod/machine/parts.hpp"
@@ -37,6 +38,11 @@ class OwnQuestions {
   [[nodiscard]] virtual std::vector<double> kept(const PoseT<double>&, Numbers<double>, Numbers<double>) const = 0;
   [[nodiscard]] virtual std::vector<Interval> kept(const PoseT<Interval>&, Numbers<Interval>,
                                                    Numbers<Interval>) const = 0;
+  /// Over boxes, for certain workspaces.
+  [[nodiscard]] virtual ClosureVectorT<BoxNumber> equations(const PoseT<BoxNumber>&, Numbers<BoxNumber>,
+                                                            Numbers<BoxNumber>) const = 0;
+  [[nodiscard]] virtual std::vector<BoxNumber> kept(const PoseT<BoxNumber>&, Numbers<BoxNumber>,
+                                                    Numbers<BoxNumber>) const = 0;
 
   /// Closed forms, where the family has them.
   [[nodiscard]] virtual std::optional<Pose> home() const { return {}; }
