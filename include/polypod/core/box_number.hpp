@@ -55,6 +55,14 @@ class BoxNumber {
     std::fill_n(gradient_.begin(), domain_->count, 0.0);
   }
 
+  /// Any number of the range, without a domain.
+  static BoxNumber of(const Interval& range) {
+    BoxNumber out(std::isfinite(range.width()) ? range.mid() : 0.0);
+    out.rest_ = std::isfinite(range.width()) ? 0.5 * range.width() + kRound * range.magnitude()
+                                             : std::numeric_limits<double>::infinity();
+    return out;
+  }
+
   [[nodiscard]] double value() const { return value_; }
   [[nodiscard]] double rest() const { return rest_; }
   [[nodiscard]] double gradient(std::size_t k) const { return domain_ == nullptr ? 0.0 : gradient_[k]; }

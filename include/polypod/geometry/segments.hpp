@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "polypod/core/box_number.hpp"
 #include "polypod/core/interval.hpp"
 #include "polypod/geometry/pose.hpp"
 
@@ -67,6 +68,14 @@ inline Interval segment_distance(const Vector3<Interval>& p, const Vector3<Inter
   // Rounding of the closest points: some units in the last place of the coordinates.
   const double rounding = 1e-14 * (middle(p).norm() + middle(p_end).norm() + middle(q).norm() + middle(q_end).norm());
   return {std::max(0.0, outer.lo() - rounding), outer.hi() + rounding};
+}
+/// The same for first-order numbers: a range without a gradient.
+inline BoxNumber segment_distance(const Vector3<BoxNumber>& p, const Vector3<BoxNumber>& p_end,
+                                  const Vector3<BoxNumber>& q, const Vector3<BoxNumber>& q_end) {
+  const auto box = [](const Vector3<BoxNumber>& v) {
+    return Vector3<Interval>({v[0].lo(), v[0].hi()}, {v[1].lo(), v[1].hi()}, {v[2].lo(), v[2].hi()});
+  };
+  return BoxNumber::of(segment_distance(box(p), box(p_end), box(q), box(q_end)));
 }
 
 }  // namespace polypod
