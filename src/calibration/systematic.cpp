@@ -164,10 +164,10 @@ double divisor_of(Distribution distribution) {
 std::string unit_of(Quantity quantity) {
   switch (quantity) {
     case Quantity::scale:
-      return "µm/m";
+      return "um/m";
     case Quantity::offset:
     case Quantity::target:
-      return "µm";
+      return "um";
     case Quantity::temperature:
       return "K";
     case Quantity::force_gain:

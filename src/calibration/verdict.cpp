@@ -53,7 +53,7 @@ std::vector<std::string> spoken(const std::vector<std::string>& coordinates) {
   return out;
 }
 
-/// The systematic part that puts most into the pose over these stands, and what it is: "scale (5.8 µm/m)".
+/// The systematic part that puts most into the pose over these stands, and what it is: "scale (5.8 um/m)".
 std::string largest_systematic(const AnyMachine& machine, const std::vector<Stand>& stands, const Calibration& c,
                                const std::vector<Systematic>& parts) {
   std::vector<double> squares(parts.size(), 0);

@@ -41,7 +41,7 @@ h2{font-size:12.5pt;margin:7mm 0 2mm;padding-bottom:.8mm;border-bottom:.6pt soli
 h3{font-size:10.5pt;margin:3.5mm 0 1mm;break-after:avoid}
 p{margin:1.6mm 0;orphans:3;widows:3} ul{margin:1.4mm 0;padding-left:5mm} li{margin:.5mm 0}
 .pair{display:grid;grid-template-columns:1fr 1fr;gap:1mm 9mm}
-dl{margin:0} dl>div{display:grid;grid-template-columns:34mm 1fr;gap:3mm;padding:.7mm 0;border-bottom:.4pt solid #d6d6d2;break-inside:avoid;align-items:end}
+dl{margin:0} dl>div{display:grid;grid-template-columns:34mm 1fr;gap:3mm;padding:.7mm 0;border-bottom:.4pt solid #d6d6d2;break-inside:avoid}
 dt{color:#4b5058} dd{margin:0;overflow-wrap:anywhere;min-height:1.42em}
 .open{display:block;width:100%;min-height:1.42em;border-bottom:.6pt dotted #16181b}
 span.open{display:inline-block;width:34mm;vertical-align:baseline}
@@ -53,8 +53,8 @@ th.g{text-align:center;border-bottom:.4pt solid #8a8f96} th small{font-weight:40
 td{padding:.6mm 1.4mm;border-bottom:.4pt solid #d6d6d2;vertical-align:top}
 .r{text-align:right;white-space:nowrap} th:first-child,td:first-child{padding-left:0}
 tr.sum td{border-top:.8pt solid #16181b;border-bottom:0;font-weight:600} tr{break-inside:avoid} thead{display:table-header-group}
-.scroll{overflow-x:auto} .gum table{font-size:8.2pt} .gum th,.gum td{padding-left:.9mm;padding-right:.9mm}
-.hash{font:7.6pt/1.4 "Liberation Mono","DejaVu Sans Mono",monospace;overflow-wrap:anywhere}
+.scroll{overflow-x:auto;break-inside:avoid} .gum table{font-size:8.2pt} .gum th,.gum td{padding-left:.9mm;padding-right:.9mm}
+td.hash{width:104mm} td.role{width:30mm} .hash{font:7pt/1.5 "Liberation Mono","DejaVu Sans Mono",monospace;overflow-wrap:anywhere}
 figure{margin:2.5mm 0;break-inside:avoid} figcaption,.note{color:#4b5058;font-size:9pt}
 figure svg{max-width:100%;height:auto;display:block}
 .sign{display:grid;grid-template-columns:1fr 1fr 1fr;gap:10mm;margin-top:13mm;break-inside:avoid}
@@ -143,6 +143,11 @@ Shown shown(const std::string& coordinate) {
           angle ? 1000 * to_deg(1) : to_um(1),
           angle ? to_deg(1) : to_mm(1),
           angle};
+}
+
+/// "um/m" as a printed page writes it.
+std::string printed(const std::string& unit) {
+  return unit.starts_with("um") ? "µ" + unit.substr(1) : unit;
 }
 
 /// "x 12.3 mm, y -45.6 mm, A 1.20 deg".
@@ -242,6 +247,13 @@ void add_result(Sheet& sheet, const Calibration& r, const Certificate& c) {
       {{"", "", false}, {"rows", ""}, {"drawing", "µm"}, {"calibrated", "µm"}, {"largest after", "µm"}}, rows));
   const std::vector<std::string>& names = c.region.coordinates;
   const calibration::Verdict& v = r.verdict;
+  if (v.answer == calibration::Answer::no) {
+    sheet.text(
+        "The machine stays as in its drawing: no machine file was written, and no uncertainty of a calibrated machine "
+        "is "
+        "stated.");
+    return;
+  }
   rows.clear();
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Shown s = shown(names[i]);
@@ -252,22 +264,24 @@ void add_result(Sheet& sheet, const Calibration& r, const Certificate& c) {
                     U(v.after_readings.mean),
                     c.budget && c.budget->degrees[k] > 0 && c.budget->degrees[k] < 1e4 ? fixed(c.budget->degrees[k], 0)
                                                                                        : std::string("> 10 000"),
-                    open ? "left to the drawing" : "by the readings"});
+                    open ? "hardly" : "yes"});
   }
   sheet.raw(table_html(
       fmt::format("Expanded uncertainty U (k = 2) of the pose of the tool, over {} poses of the workspace", v.poses),
-      {{"coordinate", "", false},
-       {"U of the drawing", "mean"},
-       {"U calibrated", "mean"},
-       {"U calibrated", "largest"},
-       {"without systematic parts", "mean"},
-       {"degrees of freedom", "effective"},
+      {{"", "", false},
+       {"drawing", "mean"},
+       {"calibrated", "mean"},
+       {"calibrated", "largest"},
+       {"readings alone", "mean"},
+       {"ν", "effective"},
        {"told", "", false}},
       rows));
   sheet.note(
       "The expanded uncertainty is the standard uncertainty times the coverage factor k = 2, which for a normal "
-      "distribution corresponds to a coverage probability of about 95 %. The degrees of freedom are those of Welch and "
-      "Satterthwaite at the pose of the budget below.");
+      "distribution corresponds to a coverage probability of about 95 %. Readings alone: without the systematic parts "
+      "of "
+      "section 4. ν: degrees of freedom of Welch and Satterthwaite at the pose of section 4. Hardly told: more than a "
+      "fifth of what the drawing leaves open is left.");
 }
 
 void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certificate& c) {
@@ -301,8 +315,8 @@ void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certific
       const bool single = row.sensitivity.size() > 0;
       std::vector<std::string> cells{row.quantity, std::string(1, row.type), row.distribution};
       if (single) {
-        cells.insert(cells.end(), {number(row.size) + " " + row.unit, fixed(row.divisor, 2),
-                                   number(row.size / row.divisor) + " " + row.unit});
+        cells.insert(cells.end(), {number(row.size) + " " + printed(row.unit), fixed(row.divisor, 2),
+                                   number(row.size / row.divisor) + " " + printed(row.unit)});
       } else {
         cells.insert(cells.end(), {"", "", ""});
       }
@@ -330,8 +344,9 @@ void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certific
         "</div>\n");
   }
   std::vector<std::string> sources;
-  for (const calibration::BudgetRow& row : b.rows)
-    if (!row.source.empty()) sources.push_back(fmt::format("{}: {}", row.quantity, row.source));
+  for (const calibration::Systematic& part : c.options.systematic)
+    if (!part.source.empty())
+      sources.push_back(fmt::format("{}: {}", calibration::name_of(part.quantity), part.source));
   if (!sources.empty()) {
     sheet.heading("Where the sizes of the systematic parts are from");
     sheet.list(sources);
@@ -345,7 +360,7 @@ void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certific
 /// U (k = 2) of the tip in the direction in which it is largest, µm, over a level plane of the box; NaN out of reach.
 report::HeatMap map_at(const machine::AnyMachine& machine, const Calibration& r, const Eigen::AlignedBox3d& box,
                        const Mat3& R, double z) {
-  constexpr int kPoints = 25;
+  constexpr int kPoints = 41;
   const Vec3 size = box.sizes();
   const double step = std::max(size.x(), size.y()) / (kPoints - 1);
   report::HeatMap map;
@@ -387,7 +402,7 @@ void add_map(Sheet& sheet, const machine::AnyMachine& machine, const Calibration
   const Mat3 R = upright ? Mat3(Mat3::Identity()) : near_middle->X_MT.R;
   std::vector<report::HeatMap> maps;
   std::vector<double> levels;
-  double most = 0;
+  double least = 1e300, most = 0;
   for (const double share : {0.25, 0.5, 0.75}) {
     const double z = box.min().z() + share * box.sizes().z();
     if (!levels.empty() && z == levels.back()) continue;
@@ -396,6 +411,7 @@ void add_map(Sheet& sheet, const machine::AnyMachine& machine, const Calibration
     for (const double value : map.values) {
       if (!std::isfinite(value)) continue;
       any = true;
+      least = std::min(least, value);
       most = std::max(most, value);
     }
     if (!any) continue;
@@ -420,7 +436,7 @@ void add_map(Sheet& sheet, const machine::AnyMachine& machine, const Calibration
   grid.title = "U (k = 2) of the tool tip over three levels";
   grid.columns = static_cast<int>(maps.size());
   for (std::size_t i = 0; i < maps.size(); ++i) {
-    maps[i].min = 0;
+    maps[i].min = least;
     maps[i].max = most;
     grid.panels.emplace_back(fmt::format("z = {} mm", fixed(to_mm(levels[i]), 0)), maps[i]);
   }
@@ -540,7 +556,7 @@ void add_data(Sheet& sheet, const Calibration& r, const Certificate& c) {
   sheet.section("Data, model and assumptions");
   std::string out = "<div class=\"scroll\"><table><caption>Files, with the SHA-256 of their bytes</caption>\n<tbody>\n";
   for (const HashedFile& file : c.files)
-    out += fmt::format("<tr><td>{}</td><td>{}</td><td class=\"hash\">{}</td></tr>\n", escape(file.role),
+    out += fmt::format("<tr><td class=\"role\">{}</td><td>{}</td><td class=\"hash\">{}</td></tr>\n", escape(file.role),
                        escape(file.name), file.sha256.empty() ? "not known" : escape(file.sha256));
   sheet.raw(out + "</tbody></table></div>\n");
   std::vector<std::string> assumptions{
@@ -572,8 +588,11 @@ std::string certificate_page(const machine::AnyMachine& nominal, const std::vect
   add_who(sheet, nominal, rows, c);
   add_method(sheet, rows, r, c);
   add_result(sheet, r, c);
-  add_budget(sheet, nominal, c);
-  add_map(sheet, nominal, r, c);
+  const bool good = r.verdict.answer != calibration::Answer::no;
+  if (good) {
+    add_budget(sheet, nominal, c);
+    add_map(sheet, nominal, r, c);
+  }
   add_validity(sheet, rows, c);
   add_standards(sheet, c);
   add_data(sheet, r, c);
@@ -589,18 +608,18 @@ std::string certificate_page(const machine::AnyMachine& nominal, const std::vect
       "<div class=\"sign\"><div>Place, date</div><div>Operator</div><div>Responsible for the "
       "calibration</div></div>\n");
 
-  const std::string title =
-      c.statement.number.empty() ? "Calibration certificate" : "Calibration certificate " + c.statement.number;
+  const std::string name = good ? "Calibration certificate" : "Measurement report, no certificate";
+  const std::string title = c.statement.number.empty() ? name : name + " " + c.statement.number;
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
   page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   page += fmt::format("<title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n", escape(title), kCss);
   page += fmt::format(
-      "<header><div><h1>Calibration certificate</h1><p>Geometric calibration of {}</p></div><div class=\"no\">No. "
+      "<header><div><h1>{}</h1><p>Geometric calibration of {}</p></div><div class=\"no\">No. "
       "{}<br>Date {}</div></header>\n",
-      escape(machine::name_of(nominal)), field(c.statement.number), field(c.statement.date));
+      name, escape(machine::name_of(nominal)), field(c.statement.number), field(c.statement.date));
   page += sheet.body();
   page += fmt::format(
-      "<footer>{}This certificate may be passed on as a whole only. It states results of one measurement and claims no "
+      "<footer>{}This sheet may be passed on as a whole only. It states results of one measurement and claims no "
       "conformity with a standard and no accreditation.</footer>\n",
       c.version.empty() ? "" : fmt::format("Computed with Polypod {}. ", escape(c.version)));
   return page + "</main>\n</body>\n</html>\n";

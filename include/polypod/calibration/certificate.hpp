@@ -60,6 +60,10 @@ Mat3 tip_covariance(const AnyMachine& machine, const Pose& X_MT, const JointVect
 /// The standard uncertainty of the tip along the direction in which it is largest, m.
 double largest_deviation(const Mat3& tip_covariance);
 
+/// Reads what `polypod calibrate --covariance` wrote for this machine: the covariance of its parameters, SI, in their
+/// order. Errors: FI100, CA153 (other parameters than the machine's, cells that are no numbers, no covariance).
+Result<Eigen::MatrixXd> read_covariance(const AnyMachine& machine, const std::string& path);
+
 /// The poses that the rows measured: place and orientation as coordinates of the task.
 struct Region {
   std::vector<std::string> coordinates;

@@ -45,7 +45,7 @@ struct Systematic {
   /// Of b: 1, m or K.
   [[nodiscard]] double standard_uncertainty() const { return size / divisor; }
 };
-/// The unit in which a person states b of this quantity, and its value there: "µm/m", "µm", "K", "%".
+/// The unit in which a person states b of this quantity, and its value there: "um/m", "um", "K", "%".
 std::string unit_of(Quantity quantity);
 double for_user(Quantity quantity, double b);
 
