@@ -31,13 +31,13 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 constexpr std::string_view kCss = R"(*{box-sizing:border-box}
 html{background:#e9e9e6;-webkit-text-size-adjust:100%}
-body{margin:0;color:#16181b;font:10.5pt/1.42 "Liberation Serif","Times New Roman",Georgia,serif}
+body{margin:0;color:#16181b;font:9.8pt/1.38 "Liberation Serif","Times New Roman",Georgia,serif}
 main{background:#fff;max-width:210mm;margin:8mm auto;padding:16mm 16mm 14mm;box-shadow:0 1px 6px rgba(0,0,0,.25)}
 header{border-bottom:2.5pt double #16181b;padding-bottom:4mm;margin-bottom:5mm;display:flex;justify-content:space-between;gap:8mm;align-items:flex-end}
 h1{font-size:22pt;line-height:1.1;margin:0;font-weight:600;letter-spacing:.01em}
 header p{margin:.6mm 0 0;color:#4b5058;font-size:10.5pt}
 .no{text-align:right;white-space:nowrap;font-size:10pt;line-height:1.6}
-h2{font-size:12.5pt;margin:7mm 0 2mm;padding-bottom:.8mm;border-bottom:.6pt solid #16181b;break-after:avoid}
+h2{font-size:12pt;margin:5.2mm 0 1.6mm;padding-bottom:.8mm;border-bottom:.6pt solid #16181b;break-after:avoid}
 h3{font-size:10.5pt;margin:3.5mm 0 1mm;break-after:avoid}
 p{margin:1.6mm 0;orphans:3;widows:3} ul{margin:1.4mm 0;padding-left:5mm} li{margin:.5mm 0}
 .pair{display:grid;grid-template-columns:1fr 1fr;gap:1mm 9mm}
@@ -46,7 +46,7 @@ dt{color:#4b5058} dd{margin:0;overflow-wrap:anywhere;min-height:1.42em}
 .open{display:block;width:100%;min-height:1.42em;border-bottom:.6pt dotted #16181b}
 span.open{display:inline-block;width:34mm;vertical-align:baseline}
 .result{border:.8pt solid #16181b;padding:2.4mm 3.4mm;margin:2mm 0;break-inside:avoid}
-table{border-collapse:collapse;width:100%;font-size:9pt;font-variant-numeric:tabular-nums;margin:2mm 0}
+table{border-collapse:collapse;width:100%;font-size:8.6pt;font-variant-numeric:tabular-nums;margin:2mm 0}
 caption{text-align:left;color:#4b5058;font-size:9pt;padding-bottom:1mm}
 th{font-weight:600;text-align:left;vertical-align:bottom;padding:.7mm 1.4mm;border-bottom:.8pt solid #16181b}
 th.g{text-align:center;border-bottom:.4pt solid #8a8f96} th small{font-weight:400;color:#4b5058}
@@ -121,8 +121,13 @@ std::string table_html(const std::string& caption, const std::vector<Head>& head
   out += "</tr></thead>\n<tbody>\n";
   for (std::size_t i = 0; i < rows.size(); ++i) {
     out += i + sums >= rows.size() ? "<tr class=\"sum\">" : "<tr>";
-    for (std::size_t k = 0; k < rows[i].size(); ++k)
-      out += fmt::format("<td{}>{}</td>", k < heads.size() && heads[k].right ? " class=\"r\"" : "", escape(rows[i][k]));
+    // A shorter row begins with a cell over several columns.
+    const std::size_t wide = rows[i].empty() || rows[i].size() > heads.size() ? 1 : heads.size() - rows[i].size() + 1;
+    for (std::size_t k = 0; k < rows[i].size(); ++k) {
+      const std::size_t column = k == 0 ? 0 : k + wide - 1;
+      out += fmt::format("<td{}{}>{}</td>", column < heads.size() && heads[column].right ? " class=\"r\"" : "",
+                         k == 0 && wide > 1 ? fmt::format(" colspan=\"{}\"", wide) : "", escape(rows[i][k]));
+    }
     out += "</tr>\n";
   }
   return out + "</tbody></table></div>\n";
@@ -143,6 +148,11 @@ Shown shown(const std::string& coordinate) {
           angle ? 1000 * to_deg(1) : to_um(1),
           angle ? to_deg(1) : to_mm(1),
           angle};
+}
+
+/// Decimals that show a tenth of the two digits of this value that hold, three at most.
+int decimals_of(double combined) {
+  return combined > 0 ? std::clamp(2 - static_cast<int>(std::floor(std::log10(combined))), 0, 3) : 3;
 }
 
 /// "um/m" as a printed page writes it.
@@ -320,17 +330,22 @@ void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certific
       } else {
         cells.insert(cells.end(), {"", "", ""});
       }
-      for (const Eigen::Index k : columns) cells.push_back(single ? number(of(k).scale * row.sensitivity[k], 2) : "");
-      for (const Eigen::Index k : columns) cells.push_back(number(of(k).scale * row.contribution[k], 2));
+      for (const Eigen::Index k : columns) {
+        constexpr double kNothing = 5e-4;  // of the combined uncertainty
+        const bool felt = single && row.contribution[k] > kNothing * b.combined[k];
+        cells.push_back(!single ? "" : felt ? number(of(k).scale * row.sensitivity[k], 2) : "≈ 0");
+      }
+      for (const Eigen::Index k : columns)
+        cells.push_back(fixed(of(k).scale * row.contribution[k], decimals_of(of(k).scale * b.combined[k])));
       rows.push_back(std::move(cells));
     }
     const auto sum = [&](const std::string& name, const auto& value) {
-      std::vector<std::string> cells{name, "", "", "", "", ""};
-      for (std::size_t k = 0; k < columns.size(); ++k) cells.emplace_back();
+      std::vector<std::string> cells{name};
       for (const Eigen::Index k : columns) cells.push_back(value(k));
       rows.push_back(std::move(cells));
     };
-    sum("combined standard uncertainty", [&](Eigen::Index k) { return number(of(k).scale * b.combined[k], 2); });
+    sum("combined standard uncertainty",
+        [&](Eigen::Index k) { return fixed(of(k).scale * b.combined[k], decimals_of(of(k).scale * b.combined[k])); });
     sum("expanded uncertainty U (k = 2)",
         [&](Eigen::Index k) { return number(kCoverageFactor * of(k).scale * b.combined[k], 2); });
     const std::string unit = of(columns.front()).unit;
@@ -468,8 +483,8 @@ void add_validity(Sheet& sheet, const std::vector<Measurement>& rows, const Cert
   }
   sheet.raw(table_html("Poses that were measured", {{"coordinate", "", false}, {"from", ""}, {"to", ""}}, cells));
   const std::string temperature = temperature_in_words(c.statement, rows);
-  sheet.raw(fmt::format("<p>Temperature: {}. Load on the tool and speed of approach: {}.</p>\n",
-                        temperature.empty() ? field("") : escape(temperature), field("")));
+  sheet.raw("<div class=\"pair\"><div>" + fields_html({{"Temperature", temperature}, {"Load on the tool", ""}}) +
+            "</div><div>" + fields_html({{"Speed of approach", ""}, {"Valid until", ""}}) + "</div></div>\n");
   sheet.text(
       "The figures hold for the machine as it was on the day of the measurement, in this region. A collision, "
       "a repair, a changed tool or another temperature end their validity.");
