@@ -6,9 +6,11 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <tuple>
 
 #include "calibration_options.hpp"
+#include "certificate_output.hpp"
 #include "commands.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/core/csv.hpp"
@@ -50,7 +52,8 @@ constexpr std::array<std::pair<std::string_view, calibration::Loss>, 4> kLosses{
                                                                                  {"none", calibration::Loss::none}}};
 
 struct Options {
-  std::string machine, out, frame, target, residuals, covariance, targets, corrected, report, join, loss = "auto";
+  std::string machine, out, frame, target, residuals, covariance, targets, corrected, report, join, certificate,
+      certificate_report, loss = "auto";
   std::vector<std::string> sets, files, estimate, only, hold, columns;
   double noise_um = 20, noise_deg = 0.002, prior_mm = 0, prior_deg = 0, bound_mm = 0, bound_deg = 0, hold_back = 20;
 };
@@ -131,7 +134,9 @@ std::string command_line(const Options& o) {
   value("--hold-back", &Options::hold_back);
   return out + option_in_words("-o", o.out) + option_in_words("--residuals", o.residuals) +
          option_in_words("--covariance", o.covariance) + option_in_words("--targets", o.targets) +
-         option_in_words("--corrected", o.corrected) + option_in_words("--report", o.report);
+         option_in_words("--corrected", o.corrected) + option_in_words("--report", o.report) +
+         option_in_words("--certificate", o.certificate) +
+         option_in_words("--certificate-report", o.certificate_report);
 }
 
 /// What the files hold.
@@ -162,6 +167,20 @@ Result<ReadRows> rows_of(const Options& o, const machine::AnyMachine& m) {
       if (!known && name != o.join) out.unused_columns.push_back(std::move(name));
     }
   }
+  return out;
+}
+
+/// What went into the calibration.
+Result<std::vector<pages::HashedFile>> hashes_of(const Options& o, const machine::AnyMachine& nominal) {
+  std::vector<pages::HashedFile> out;
+  std::vector<std::pair<std::string, std::string>> inputs{{"machine, drawing", o.machine}};
+  for (const std::string& file : o.files) inputs.emplace_back("readings", file);
+  if (!o.certificate.empty()) inputs.emplace_back("statement", o.certificate);
+  for (const auto& [role, path] : inputs) {
+    POLYPOD_ASSIGN(one, hashed_file(role, path));
+    out.push_back(std::move(one));
+  }
+  if (!o.sets.empty()) out.push_back(hashed_bytes("drawing with --set", o.machine, machine::to_toml(nominal)));
   return out;
 }
 
@@ -341,7 +360,8 @@ Json parameters_json(const Calibration& c) {
              {"nominal", units::to_user(p.nominal, p.unit)},
              {"value", units::to_user(p.value, p.unit)},
              {"standard_error", units::to_user(p.standard_error, p.unit)},
-             {"half_interval_95", c.student * units::to_user(p.standard_error, p.unit)},
+             {"standard_error_readings", units::to_user(p.standard_error_readings, p.unit)},
+             {"half_interval_95", p.student * units::to_user(p.standard_error, p.unit)},
              {"identifiable", p.identifiable},
              {"at_bound", p.at_bound}};
     if (!p.identifiable) {
@@ -409,6 +429,7 @@ Json pose_json(const Calibration& c) {
   const std::vector<std::string> coordinates = calibration::pose_coordinates(c.machine);
   Json out = spread_json(coordinates, c.verdict.after);
   out["before"] = spread_json(coordinates, c.verdict.before);
+  out["without_systematic"] = spread_json(coordinates, c.verdict.after_readings);
   out["poses"] = c.verdict.poses;
   return out;
 }
@@ -440,6 +461,24 @@ void print_score(const char* what, const calibration::Score& s) {
   fmt::print("\n");
 }
 
+/// What the stated systematic parts add to the mean standard deviations.
+void print_systematic(const Calibration& c, const std::vector<calibration::Systematic>& parts) {
+  if (c.systematic.empty()) return;
+  std::vector<std::string> stated;
+  for (const calibration::Systematic& part : parts)
+    stated.push_back(fmt::format("{} {:.3g} {}", calibration::name_of(part.quantity),
+                                 calibration::for_user(part.quantity, part.standard_uncertainty()),
+                                 calibration::unit_of(part.quantity)));
+  std::vector<std::string> without;
+  const std::vector<std::string> coordinates = calibration::pose_coordinates(c.machine);
+  for (std::size_t i = 0; i < coordinates.size(); ++i)
+    without.push_back(
+        fmt::format("{} {:.5f}", coordinates[i],
+                    for_user(coordinates[i], c.verdict.after_readings.mean[static_cast<Eigen::Index>(i)])));
+  fmt::print("systematic parts, standard uncertainties: {}; included above, without them the means after are {}\n",
+             fmt::join(stated, ", "), fmt::join(without, ", "));
+}
+
 void print_repeats(const calibration::Repeats& r) {
   if (r.poses == 0) return;
   fmt::print(
@@ -459,7 +498,8 @@ void print_drift(const calibration::Drift& d) {
   }
 }
 
-void print_text(const Calibration& c, const Json& outliers, std::size_t rows, bool stated) {
+void print_text(const Calibration& c, const Json& outliers, std::size_t rows, bool stated,
+                const std::vector<calibration::Systematic>& systematic) {
   fmt::print("{} rows, {} equations fitted; {} of {} unknowns told, condition {:.3g}\n", rows, c.equations, c.told,
              c.unknowns, c.condition);
   print_score("fitted", c.fitted);
@@ -520,6 +560,7 @@ void print_text(const Calibration& c, const Json& outliers, std::size_t rows, bo
                x["weight"].get<double>());
   }
   print_pose(c);
+  print_systematic(c, systematic);
   fmt::print("{}\n", c.verdict.text);
 }
 
@@ -565,6 +606,11 @@ Command calibrate_command() {
         a.option("--residuals", o->residuals, "Every row before and after, with signs, CSV");
         a.option("--covariance", o->covariance, "Covariance of the parameters, with their names, CSV");
         a.option("--report", o->report, "An HTML page: residuals, parameters and how sure they are");
+        a.option("--certificate", o->certificate,
+                 "Who measured what, when and with which instrument, and its systematic parts, TOML");
+        a.option(
+            "--certificate-report", o->certificate_report,
+            "A certificate, HTML to print: results, uncertainty budget, validity; open lines for what is not given");
         a.option("--targets", o->targets, "Poses that the real machine shall take, CSV: x_mm,y_mm,z_mm,a_deg,...");
         a.option("--corrected", o->corrected, "What to ask the nominal controller for, CSV");
       },
@@ -575,8 +621,16 @@ Command calibrate_command() {
           return fail("AP183", "--targets and --corrected go together");
         }
         std::vector<std::string> inputs = o->files;
-        inputs.insert(inputs.end(), {o->machine, o->targets});
-        POLYPOD_TRY(check_files(inputs, {o->out, o->residuals, o->covariance, o->corrected, o->report}, context.json));
+        inputs.insert(inputs.end(), {o->machine, o->targets, o->certificate});
+        POLYPOD_TRY(check_files(inputs,
+                                {o->out, o->residuals, o->covariance, o->corrected, o->report, o->certificate_report},
+                                context.json));
+        calibration::Statement statement;
+        if (!o->certificate.empty()) {
+          POLYPOD_ASSIGN(stated, calibration::read_statement(o->certificate));
+          statement = std::move(stated);
+          options.systematic = statement.systematic;
+        }
         POLYPOD_ASSIGN(read, rows_of(*o, m));
         const std::vector<calibration::Measurement>& rows = read.rows;
         POLYPOD_TRY(calibration::no_row_twice(rows));
@@ -592,6 +646,21 @@ Command calibrate_command() {
           POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
           corrected = text;
         }
+        const std::string covariance = o->covariance.empty() ? "" : covariance_csv(covariance_of(m, c));
+        const pages::HashedFile covariance_hash = hashed_bytes("covariance", o->covariance, covariance);
+        machine::note(c.machine, "uncertainty",
+                      uncertainty_note(c, o->covariance.empty() ? nullptr : &covariance_hash));
+        const std::string calibrated = machine::to_toml(c.machine);
+        std::optional<pages::Certificate> certificate;
+        if (!o->certificate.empty() || !o->certificate_report.empty()) {
+          POLYPOD_ASSIGN(hashes, hashes_of(*o, m));
+          if (good) hashes.push_back(hashed_bytes("machine, calibrated", o->out, calibrated));
+          if (!o->covariance.empty()) hashes.push_back(covariance_hash);
+          certificate = certificate_of(m, rows, c, options, statement, stated);
+          certificate->files = std::move(hashes);
+          certificate->version = POLYPOD_VERSION;
+          certificate->command = command_line(*o);
+        }
         // A machine that is no better than its drawing is not written; what shows why it is not, is.
         files::Outputs together;
         std::vector<std::string> written;
@@ -601,14 +670,15 @@ Command calibrate_command() {
           return together.add(path, text());
         };
         if (good) {
-          POLYPOD_TRY(write(o->out, [&] { return machine::to_toml(c.machine); }));
+          POLYPOD_TRY(write(o->out, [&] { return calibrated; }));
           POLYPOD_TRY(write(o->corrected, [&] { return corrected; }));
         }
         POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
-        POLYPOD_TRY(write(o->covariance, [&] { return covariance_csv(covariance_of(m, c)); }));
+        POLYPOD_TRY(write(o->covariance, [&] { return covariance; }));
         POLYPOD_TRY(write(o->report, [&] {
           return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
         }));
+        POLYPOD_TRY(write(o->certificate_report, [&] { return pages::certificate_page(m, rows, c, *certificate); }));
         POLYPOD_TRY(together.commit());
         const Json outliers = outliers_json(c, rows);
         if (context.json) {
@@ -645,6 +715,8 @@ Command calibrate_command() {
                         {"repeats", repeats_json(c.repeats)},
                         {"drift", drift_json(c.drift)},
                         {"covariance", covariance_json(covariance_of(m, c))},
+                        {"systematic", systematic_json(c, options.systematic)},
+                        {"certificate", certificate ? certificate_json(*certificate) : Json()},
                         {"scale", {{"value", c.scale}, {"standard_error", c.scale_error}}},
                         {"few_rows_pulled_aside", c.pulled_aside},
                         {"outliers", outliers},
@@ -653,7 +725,7 @@ Command calibrate_command() {
           if (!o->corrected.empty()) document["targets_missed"] = missed;
           print_json(document);
         } else {
-          print_text(c, outliers, rows.size(), stated);
+          print_text(c, outliers, rows.size(), stated, options.systematic);
           for (const std::string& note : notes_of(read, o->join)) fmt::print("note: {}\n", note);
           for (const std::string& path : written) fmt::print("wrote {}\n", path);
           if (!good) fmt::print("not written: {}\n", o->out);

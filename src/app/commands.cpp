@@ -14,7 +14,8 @@ std::vector<Command> all_commands() {
       delta_command(), move_command(), pick_command(), fit_command(),  // deltas
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(), identify_cutting_command(),
-      simulate_measurement_command(), calibrate_command(), poses_command(), controller_command(),  // measured machines
+      simulate_measurement_command(), calibrate_command(), uncertainty_command(), poses_command(),  // measured machines
+      controller_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(),

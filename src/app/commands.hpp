@@ -29,6 +29,7 @@ Command simulate_measurement_command();
 Command calibrate_command();
 Command poses_command();
 Command controller_command();
+Command uncertainty_command();
 Command identify_cutting_command();
 Command force_command();
 Command predict_command();

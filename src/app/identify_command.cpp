@@ -4,16 +4,19 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 
 #include "commands.hpp"
 #include "measured_problems.hpp"
+#include "polypod/calibration/certificate.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/identify.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/pages/calibration.hpp"
+#include "polypod/statics/gain.hpp"
 #include "polypod/statics/judge.hpp"
 #include "polypod/statics/measured_map.hpp"
 #include "quality_files.hpp"
@@ -36,6 +39,20 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
   }
   return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}{}",
                      points.size(), files, units::to_um(r.residual_rms), errors, held);
+}
+
+/// The relative standard uncertainty that forces and displacements have in common: --force-gain-percent, and the parts
+/// force_gain and scale of the file. Errors: CA151 for another part, CA116.
+Result<double> gain_of(const std::vector<calibration::Systematic>& parts, double percent) {
+  double squares = std::pow(percent / 100, 2);
+  for (const calibration::Systematic& part : parts) {
+    if (part.quantity != calibration::Quantity::force_gain && part.quantity != calibration::Quantity::scale)
+      return fail(
+          "CA151", fmt::format("an identification of compliances knows no {}", calibration::name_of(part.quantity)),
+          part.place, "it knows force_gain, and scale of the displacements; the others serve `polypod calibrate`");
+    squares += std::pow(part.standard_uncertainty(), 2);
+  }
+  return std::sqrt(squares);
 }
 
 /// "Yes: ...", "In part: ...", "No: ...".
@@ -110,9 +127,9 @@ std::string in_words(const cutting::LackOfFit& l) {
 
 Command identify_compliance_command() {
   struct Options {
-    std::string machine, out, report;
+    std::string machine, out, report, certificate;
     std::vector<std::string> sets, files, columns;
-    double noise_um = 0;
+    double noise_um = 0, gain_percent = 0;
   };
   auto o = std::make_shared<Options>();
   return {
@@ -126,6 +143,10 @@ Command identify_compliance_command() {
         a.option("--noise-um", o->noise_um, {1e-6, 1e6},
                  "Standard deviation of one displacement, um (default: the column sigma_um, else what the asymmetry "
                  "of the cross displacements tells)");
+        a.option("--force-gain-percent", o->gain_percent, {0, 100},
+                 "Standard uncertainty of the force sensor's gain, which all readings share (default: not stated)");
+        a.option("--certificate", o->certificate,
+                 "Systematic parts, TOML: force_gain, and scale of the displacements, with their distributions");
         declare_columns(a, o->columns);
         a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
         a.option("--report", o->report, "An HTML page: compliances, residuals and how sure they are");
@@ -133,8 +154,14 @@ Command identify_compliance_command() {
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         std::vector<std::string> inputs = o->files;
-        inputs.push_back(o->machine);
+        inputs.insert(inputs.end(), {o->machine, o->certificate});
         POLYPOD_TRY(check_files(inputs, {o->out, o->report}, context.json));
+        calibration::Statement statement;
+        if (!o->certificate.empty()) {
+          POLYPOD_ASSIGN(stated, calibration::read_statement(o->certificate));
+          statement = std::move(stated);
+        }
+        POLYPOD_ASSIGN(relative, gain_of(statement.systematic, o->gain_percent));
         POLYPOD_ASSIGN(columns, csv::columns_of(o->columns));
         POLYPOD_ASSIGN(read, statics::read_displacements(o->files, columns));
         const std::vector<statics::MeasuredPoint>& points = read.points;
@@ -147,6 +174,7 @@ Command identify_compliance_command() {
         POLYPOD_ASSIGN(r, statics::identify_compliance(m, points, units::from_um(o->noise_um)));
         const statics::Judgement judgement = statics::judge(m, points);
         const statics::Verdict verdict = statics::verdict_of(r, judgement);
+        const statics::GainEffect gain = statics::add_gain(r, relative);
         const bool refused = verdict.answer == statics::Verdict::Answer::no;
         files::Outputs together;
         if (!o->out.empty() && !refused) {
@@ -178,6 +206,8 @@ Command identify_compliance_command() {
           for (const std::string& file : o->files) command += " " + for_shell(file);
           for (const std::string& set : o->sets) command += option_in_words("--set", set);
           if (o->noise_um > 0) command += fmt::format(" --noise-um {}", o->noise_um);
+          if (o->gain_percent > 0) command += fmt::format(" --force-gain-percent {}", o->gain_percent);
+          command += option_in_words("--certificate", o->certificate);
           command += option_in_words("-o", o->out) + option_in_words("--report", o->report);
           POLYPOD_TRY(
               together.add(o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
@@ -210,6 +240,9 @@ Command identify_compliance_command() {
                         {"unit", unit},
                         {"standard_error", r.standard_error},
                         {"half_interval_95", r.half_interval},
+                        {"gain_standard_uncertainty", relative > 0 ? Json(relative) : Json()},
+                        {"standard_error_readings", gain.standard_error_readings},
+                        {"standard_error_gain", gain.standard_error_gain},
                         {"upper_bound_95", upper},
                         {"verdict", statics::name_of(verdict.answer)},
                         {"why", verdict.why},
@@ -281,6 +314,11 @@ Command identify_compliance_command() {
           fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.0f} um\n", x["file"].get<std::string>(),
                      x["line"].get<int>(), x["displacement"].get<std::string>(), x["residual_um"].get<double>());
         }
+        if (relative > 0)
+          fmt::print(
+              "the gain of forces and displacements, {:.3g} % (one standard uncertainty), is in all intervals; the "
+              "residuals do not show it\n",
+              100 * relative);
         print_doubts(judgement.doubts);
         print_unused(read.unused_columns);
         fmt::print("{}\n", in_words(verdict));

@@ -16,6 +16,7 @@
 #include "model.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
+#include "systematic_columns.hpp"
 
 namespace polypod::calibration {
 
@@ -684,12 +685,66 @@ class Fit {
           (s * s);
       root.bottomRightCorner(all - n, all - n) = -unfitted.asDiagonal().toDenseMatrix();
     }
-    Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, all);
-    for (Eigen::Index k = 0; k < all; ++k) of_all.row(both[static_cast<std::size_t>(k)]) = root.row(k);
-    error_ = of_all.rowwise().norm();
+    // Its covariance in parts: K R^T R K^T / s^2 is of the readings' scatter, the rest is left of the priors.
+    const auto own = root.topLeftCorner(n, n);
+    const Eigen::MatrixXd scatter = own * (own.transpose() * R.transpose()) / s;
+    set_systematic(weight, own, s);
+    const Eigen::Index parts = std::ssize(out_.systematic);
+    Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, all + parts + scatter.cols());
+    for (Eigen::Index k = 0; k < all; ++k) {
+      auto row = of_all.row(both[static_cast<std::size_t>(k)]);
+      row.head(all) = root.row(k);
+      if (k >= n) continue;
+      row.segment(all, parts) = shift_.row(k);
+      row.tail(scatter.cols()) = scatter.row(k);
+    }
+    error_ = of_all.leftCols(all + parts).rowwise().norm();
+    error_of_readings_ = of_all.leftCols(all).rowwise().norm();
     const auto parameters = static_cast<Eigen::Index>(problem_.nominal.size());
-    out_.covariance = of_all.bottomRows(parameters) * of_all.bottomRows(parameters).transpose();
+    const auto square = [&](const auto& columns) -> Eigen::MatrixXd {
+      return columns.bottomRows(parameters) * columns.bottomRows(parameters).transpose();
+    };
+    out_.covariance_systematic = square(of_all.middleCols(all, parts));
+    out_.covariance_readings = square(of_all.rightCols(scatter.cols()));
+    const Eigen::MatrixXd without = square(of_all.leftCols(all));
+    out_.covariance_drawing = without - out_.covariance_readings;
+    out_.covariance = without + out_.covariance_systematic;
     set_covariance_before(both);
+  }
+
+  /// What systematic parts do to the unknowns that were searched for, whose covariance has the root `own`: K J_b, K =
+  /// -C J^T W / s^2.
+  void set_systematic(const std::vector<double>& weight, const Eigen::MatrixXd& own, double s) {
+    const std::vector<SystematicUnknown> unknowns = unknowns_of(options_.systematic, rows_);
+    const Eigen::Index count = std::ssize(unknowns);
+    Eigen::MatrixXd seen = Eigen::MatrixXd::Zero(own.rows(), count);  // J^T W J_b
+    Equations e;
+    for (std::size_t i = 0; count > 0 && i < rows_.size(); ++i) {
+      if (problem_.not_fitted[i]) continue;
+      problem_.equations(i, x_, true, e);
+      const Eigen::MatrixXd by_part =
+          systematic_columns(options_.systematic, unknowns, rows_[i], problem_.seed[i], problem_.layout, x_, e);
+      seen += weight[i] * (e.J(Eigen::all, problem_.wanted).transpose() * by_part);
+    }
+    shift_ = -own * (own.transpose() * seen) / (s * s);
+    out_.systematic.clear();
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const SystematicUnknown& unknown = unknowns[static_cast<std::size_t>(k)];
+      const Systematic& part = options_.systematic[unknown.part];
+      const bool of_three = part.quantity == Quantity::offset || part.quantity == Quantity::target;
+      SystematicEffect effect{unknown.part,
+                              unknown.axis >= 0 ? std::string(1, "xyz"[unknown.axis])
+                              : of_three        ? std::string("reading")
+                                                : std::string(),
+                              part.standard_uncertainty()};
+      effect.by_parameter = Eigen::VectorXd::Zero(std::ssize(problem_.nominal));
+      for (std::size_t j = 0; j < problem_.wanted.size(); ++j) {
+        const int parameter = problem_.wanted[j] - problem_.layout.parameters;
+        if (parameter >= 0) effect.by_parameter[parameter] = shift_(static_cast<Eigen::Index>(j), k);
+      }
+      shift_.col(k) *= effect.standard_uncertainty;
+      out_.systematic.push_back(std::move(effect));
+    }
   }
 
   /// By how many standard deviations the squared residuals of the fitted rows have become smaller, beyond what the fit
@@ -748,6 +803,8 @@ class Fit {
       const machine::Parameter& p = problem_.nominal[i];
       const int column = problem_.column(i);
       Estimate one{p.key, p.unit, p.value, x_[column], error_[column], true, false, {}};
+      one.standard_error_readings = error_of_readings_[column];
+      one.student = student_of(column);
       const double bound = problem_.is_length(i) ? options_.bound_length : options_.bound_angle;
       one.at_bound = bound > 0 && std::abs(x_[column] - p.value) > bound * (1 - 1e-6);
       const auto tie = known_.ties.find(column);
@@ -779,6 +836,14 @@ class Fit {
     out_.X_TR = pose_from(x_.data() + layout.target);
     out_.frame_error = error_.segment<6>(layout.frame);
     out_.target_error = error_.segment<6>(layout.target);
+  }
+
+  /// Of the interval of one unknown: degrees of freedom as Welch and Satterthwaite, systematic parts having no end of
+  /// them.
+  double student_of(int column) const {
+    if (!(error_[column] > error_of_readings_[column])) return out_.student;
+    const double ratio = error_[column] / std::max(error_of_readings_[column], 1e-3 * error_[column]);
+    return student_quantile(0.05, std::max(1.0, out_.free_equations) * std::pow(ratio, 4));
   }
 
   /// How many rules hold unknowns among these.
@@ -816,10 +881,12 @@ class Fit {
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
   bool converged_ = false;
   bool noise_as_given_;
-  std::vector<Learns> learns_;  ///< of each wanted unknown: with which others the size of its prior is learnt
-  Eigen::VectorXd usual_;       ///< the priors before that
-  Eigen::VectorXd error_;       ///< standard errors of all unknowns
-  double gain_ = 0;             ///< weighted squares of the fitted rows, before less after
+  std::vector<Learns> learns_;         ///< of each wanted unknown: with which others the size of its prior is learnt
+  Eigen::VectorXd usual_;              ///< the priors before that
+  Eigen::VectorXd error_;              ///< standard errors of all unknowns
+  Eigen::VectorXd error_of_readings_;  ///< without systematic parts
+  Eigen::MatrixXd shift_;              ///< of the wanted unknowns by one standard uncertainty of each systematic part
+  double gain_ = 0;                    ///< weighted squares of the fitted rows, before less after
   Calibration out_;
 };
 
@@ -951,6 +1018,10 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
         "noise must be above 0, priors and bounds not below 0, all of them finite, the share held back 0 to 0.5");
   }
   if (rows.empty()) return fail("CA110", "no measurements");
+  for (const Systematic& part : options.systematic)
+    if (part.quantity == Quantity::force_gain)
+      return fail("CA151", "a calibration of places knows no force_gain", part.place,
+                  "it serves `polypod identify compliance`");
   // Rows whose joints the drawing cannot take stand beyond a singular pose of it, or are wrong.
   std::vector<Measurement> taken;
   Setting setting;
@@ -978,7 +1049,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   try_common(nominal, taken, setting, everything, out);
   out.moved = moved_farthest(out, options);
   out.drift = drift_in(taken, setting.pose, out.residuals);
-  out.verdict = judged(nominal, taken, out);
+  out.verdict = judged(nominal, taken, out, options.systematic);
   out.verdict.text += remarks(out, options);
   out.orientation_told = std::none_of(out.verdict.left_open.begin(), out.verdict.left_open.end(),
                                       [](const std::string& c) { return c.ends_with("_deg"); });

@@ -237,7 +237,8 @@ Drift drift_in(const std::vector<Measurement>& rows, const std::vector<std::size
                const std::vector<RowResidual>& residuals);
 
 /// What a calibration whose scores, noise and covariance are known is worth.
-Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c);
+Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c,
+               const std::vector<Systematic>& systematic);
 
 /// A size of the machine, m: the largest of its lengths.
 double size_of(const AnyMachine& machine);

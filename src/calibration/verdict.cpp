@@ -53,6 +53,22 @@ std::vector<std::string> spoken(const std::vector<std::string>& coordinates) {
   return out;
 }
 
+/// The systematic part that puts most into the pose over these stands, and what it is: "scale (5.8 um/m)".
+std::string largest_systematic(const AnyMachine& machine, const std::vector<Stand>& stands, const Calibration& c,
+                               const std::vector<Systematic>& parts) {
+  std::vector<double> squares(parts.size(), 0);
+  for (const SystematicEffect& effect : c.systematic) {
+    const Eigen::VectorXd shift = effect.standard_uncertainty * effect.by_parameter;
+    for (const Stand& stand : stands)
+      squares[effect.part] += (twist_by_parameters(machine, stand.X_MT, stand.q).topRows(3) * shift).squaredNorm();
+  }
+  const auto most = std::max_element(squares.begin(), squares.end());
+  if (most == squares.end()) return "";
+  const Systematic& part = parts[static_cast<std::size_t>(most - squares.begin())];
+  return fmt::format("{} (standard uncertainty {:.2g} {})", name_of(part.quantity),
+                     for_user(part.quantity, part.standard_uncertainty()), unit_of(part.quantity));
+}
+
 /// What to measure, so that the coordinates that are open are told too.
 std::string what_would_tell(const AnyMachine& machine, const std::vector<Measurement>& rows,
                             const std::vector<std::string>& open) {
@@ -248,7 +264,7 @@ Eigen::VectorXd pose_deviation(const AnyMachine& machine, const Pose& X_MT, cons
 namespace {
 
 /// " U (k = 2) of x, y and z: 0.018, 0.019 and 0.017 mm, the mean over the workspace."
-std::string expanded(const std::vector<std::string>& coordinates, const PoseSpread& after) {
+std::string expanded(const std::vector<std::string>& coordinates, const PoseSpread& after, bool systematic) {
   constexpr double kCoverage = 2;
   std::vector<std::string> names, values;
   for (std::size_t i = 0; i < coordinates.size(); ++i) {
@@ -257,20 +273,22 @@ std::string expanded(const std::vector<std::string>& coordinates, const PoseSpre
     values.push_back(fmt::format("{:.2g}", kCoverage * units::to_mm(after.mean[static_cast<Eigen::Index>(i)])));
   }
   if (names.empty()) return "";
-  return fmt::format(" U (k = 2) of {} is {} mm, the mean over the workspace.", listed(names), listed(values));
+  return fmt::format(" U (k = 2) of {} is {} mm, the mean over the workspace{}.", listed(names), listed(values),
+                     systematic ? ", the stated systematic parts included" : "");
 }
 
 }  // namespace
 
-Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c) {
-  constexpr std::size_t kPoses = 100;
-  constexpr std::uint64_t kSeed = 1;
+Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c,
+               const std::vector<Systematic>& systematic) {
   Verdict out;
-  const std::vector<Stand> stands = random_stands(nominal, kPoses, kSeed);
+  const std::vector<Stand> stands = random_stands(nominal, kJudgedPoses, kJudgedSeed);
   out.poses = stands.size();
   out.before = spread_over(nominal, stands, c.covariance_before);
   out.after = spread_over(nominal, stands, c.covariance);
-  std::vector<std::string> told, shares;
+  out.after_readings =
+      c.systematic.empty() ? out.after : spread_over(nominal, stands, c.covariance_readings + c.covariance_drawing);
+  std::vector<std::string> told, shares, by_systematic;
   double chance = 0;
   const std::vector<std::string> all = pose_coordinates(nominal);
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -279,12 +297,21 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
     const bool open = !(after < kOpen * before);
     (open ? out.left_open : told).push_back(all[i]);
     if (!open) continue;
+    if (out.after_readings.mean[k] < kOpen * before) by_systematic.push_back(spoken(all[i]));
     if (before > 0) chance = std::max(chance, chance_of_worse(before, after));
     shares.push_back(before > 0 ? fmt::format("{} ({:.0f} %)", spoken(all[i]), 100 * after / before)
                                 : fmt::format("{} (held)", spoken(all[i])));
   }
   const std::string refused = refusal(nominal, c);
   const std::string doubts = what_is_open(nominal, rows, stands, c);
+  std::string remedy = "also measure " + what_would_tell(nominal, rows, out.left_open);
+  if (!by_systematic.empty()) {
+    remedy = fmt::format(
+        "measure with smaller systematic parts: without them the readings would tell {}; most comes from {}",
+        listed(by_systematic), largest_systematic(nominal, stands, c, systematic));
+    if (by_systematic.size() < out.left_open.size())
+      remedy += "; also measure " + what_would_tell(nominal, rows, out.left_open);
+  }
   if (c.parameters.empty() && c.noise_factor <= kMisfit) {
     out.answer = Answer::partly;
     out.text = "No parameter of the machine was looked for: it stays as the drawing has it.";
@@ -293,8 +320,8 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
   } else if (told.empty()) {
     out.text = fmt::format(
         "No: these measurements tell no coordinate of the pose well enough: more than {:.0f} % of its standard "
-        "deviation is left of {}. To tell {}, also measure {}.",
-        100 * kOpen, listed(shares), shares.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
+        "deviation is left of {}. To tell {}, {}.",
+        100 * kOpen, listed(shares), shares.size() == 1 ? "it" : "them", remedy);
   } else if (out.left_open.empty()) {
     out.answer = doubts.empty() ? Answer::better : Answer::partly;
     out.text =
@@ -309,12 +336,12 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
         "In part: {} of the pose {} better than in the drawing. The measurements leave open {} (in brackets: the share "
         "of its standard deviation that is left). The same parameters move {} too: over many machines that is an "
         "improvement, but at a pose of this one the drawing may be nearer, with a chance of up to {:.0f} %. To tell "
-        "{}, also measure {}.",
+        "{}, {}.",
         listed(spoken(told)), told.size() == 1 ? "is" : "are", listed(shares), shares.size() == 1 ? "it" : "them",
-        100 * chance, shares.size() == 1 ? "it" : "them", what_would_tell(nominal, rows, out.left_open));
+        100 * chance, shares.size() == 1 ? "it" : "them", remedy);
     out.text += doubts;
   }
-  if (out.answer != Answer::no && !c.parameters.empty()) out.text += expanded(all, out.after);
+  if (out.answer != Answer::no && !c.parameters.empty()) out.text += expanded(all, out.after, !c.systematic.empty());
   return out;
 }
 

@@ -282,8 +282,8 @@ void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Ca
   page.add_text(fmt::format(
       "What is not known of the parameters, taken to the tool: predicted standard deviations of the pose over {} poses "
       "of the workspace, before (from the priors alone) and after the calibration. A coordinate is told where less "
-      "than a fifth of its deviation is left.",
-      v.poses));
+      "than a fifth of its deviation is left.{}",
+      v.poses, c.systematic.empty() ? "" : " The stated systematic parts of the measurement (type B) are in it."));
   report::Table table;
   table.caption = "Predicted standard deviation of the pose of the tool";
   // What a narrow screen shows first is the answer.
@@ -419,7 +419,8 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
 void add_parameters(report::Report& page, const Calibration& c) {
   page.add_section("Parameters");
   report::Table table;
-  table.caption = "In the unit of each; one standard error, from the residuals and the priors.";
+  table.caption = fmt::format("In the unit of each; one standard error, from the residuals{} the priors.",
+                              c.systematic.empty() ? " and" : ", the stated systematic parts and");
   table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},       {"value", "", 5},
                    {"change", "", 5},     {"standard error", "", 5}, {"not told from", "", -1}};
   for (const calibration::Estimate& p : c.parameters) {

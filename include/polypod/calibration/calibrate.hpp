@@ -7,6 +7,7 @@
 
 #include "polypod/calibration/checks.hpp"
 #include "polypod/calibration/measurement.hpp"
+#include "polypod/calibration/systematic.hpp"
 #include "polypod/calibration/verdict.hpp"
 #include "polypod/core/units.hpp"
 
@@ -45,6 +46,9 @@ struct CalibrationOptions {
   Loss loss = Loss::automatic;
   /// This share of the poses, evenly spread, is judged by a fit of the others; 0 to 0.5. All rows enter the last fit.
   double hold_back = 0.2;
+  /// Errors that all readings share (GUM type B). They change no value; what they do to the parameters goes into the
+  /// covariance (see calibrate).
+  std::vector<Systematic> systematic;
 };
 
 /// A change of a held parameter by 1 looks like a change of this unknown by `factor` (both SI), together with its
@@ -57,10 +61,14 @@ struct Like {
 struct Estimate {
   std::string key, unit;
   double nominal = 0, value = 0;  ///< SI
-  double standard_error = 0;      ///< SI; what measurements and priors leave open
+  double standard_error = 0;      ///< SI; what measurements and priors leave open, systematic parts included
   bool identifiable = false;
   bool at_bound = false;   ///< a hard bound holds it: the error is larger than allowed, or no error of this parameter
   std::vector<Like> like;  ///< of a parameter that is not identifiable, the strongest first
+  double standard_error_readings = 0;  ///< without systematic parts
+  /// A 95 % interval is so many standard errors on each side: Student's t with the effective degrees of freedom (Welch
+  /// and Satterthwaite, GUM G.4), systematic parts counting as known exactly.
+  double student = 1.96;
 };
 
 struct RowResidual {
@@ -101,6 +109,10 @@ struct Calibration {
   /// held; those that were not looked for (CalibrationOptions::only) keep their priors, and what they do to the others
   /// counts.
   Eigen::MatrixXd covariance, covariance_before;
+  /// Parts of `covariance`, which is their sum: what the scatter of the readings does (type A, with free_equations
+  /// degrees of freedom), what the priors leave open of the drawing, and what systematic parts do.
+  Eigen::MatrixXd covariance_readings, covariance_drawing, covariance_systematic;
+  std::vector<SystematicEffect> systematic;  ///< one by one
   Eigen::VectorXd prior;
   Verdict verdict;
   /// No angle of the tool is left open (see Verdict::left_open).
@@ -151,6 +163,11 @@ struct Calibration {
 /// + P^-2)^-1 is below P^2. A direction that the measurements tell with the standard error e is off by (e / prior)^2 of
 /// its change, which is e / prior of its standard error where it is one prior long.
 ///
+/// Systematic parts (CalibrationOptions::systematic) are propagated, not fitted: with the gradient of the sum above, an
+/// error b that all readings share moves the solution by S b, S = -(J^T W J / s^2 + P^-2)^-1 J^T W J_b / s^2, and S u^2
+/// S^T is added to the covariance (Schmidt's consider analysis; GUM 5.1.2 of independent b). So values do not depend on
+/// what is stated of the instrument, and contributions add up in squares.
+///
 /// Identifiable, for rank and names (see Estimate::like), is an unknown whose change by 1 % of the machine's size
 /// (0.01 rad) does not hide in the noise behind those before it. Order: contacts, frame, target, then parameters by
 /// their own order.
@@ -160,7 +177,8 @@ struct Calibration {
 /// (the measured places lie on a line or in one point), CA113 (measured lengths are off by a factor: another unit?),
 /// CA114 (an unknown key), CA115 (the search does not converge, or more than
 /// a tenth of the rows is lost), CA116 (an option out of range), CA117 (a place that is
-/// touched once only), CA118 (the residuals stay above 100 times the noise), MA104. Cost: about 30 us a row and step;
+/// touched once only), CA118 (the residuals stay above 100 times the noise), CA151 (a systematic part that readings of
+/// places do not have), MA104. Cost: about 30 us a row and step;
 /// below 0.3 s for 100 points of a hexapod.
 Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measurement>& rows,
                               const CalibrationOptions& options = {});

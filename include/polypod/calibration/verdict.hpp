@@ -2,6 +2,7 @@
 // How well the tool's pose is known before and after a calibration, and what follows from that.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,10 @@ struct PoseSpread {
   Eigen::VectorXd mean, max;  ///< one value a coordinate of pose_coordinates, m and rad
 };
 
+/// The poses that a verdict judges: random_stands(machine, kJudgedPoses, kJudgedSeed).
+inline constexpr std::size_t kJudgedPoses = 100;
+inline constexpr std::uint64_t kJudgedSeed = 1;
+
 enum class Answer {
   better,  ///< every coordinate of the pose is better known than from the drawing, by the measurements
   partly,  ///< some are; the others are known about as well as from the drawing
@@ -38,7 +43,8 @@ struct Verdict {
   std::vector<std::string> left_open;  ///< coordinates (pose_coordinates) that the measurements do not tell
   std::string text;                    ///< one or two sentences: the answer, why, and what would tell more
   PoseSpread before, after;
-  std::size_t poses = 0;  ///< that were judged
+  PoseSpread after_readings;  ///< after, without systematic parts
+  std::size_t poses = 0;      ///< that were judged
 };
 
 }  // namespace polypod::calibration
