@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "leg_homotopy.hpp"
+#include "leg_subdivision.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -26,43 +27,53 @@ constexpr double kNearlyReal = 1e-7;
 constexpr double kOnePose = 1e-5;
 
 /// The platform about the middles of its joints and of size about 1, which no rotation or choice of origin changes.
-struct Normalised {
+struct Normalised : leg_subdivision::Problem {
   Vec3 a_middle = Vec3::Zero(), b_middle = Vec3::Zero();
   double scale = 1;  ///< a power of two, so that scaling is exact
-  leg_homotopy::LegsT<Interval> proof;
-  leg_homotopy::Legs legs;
 
   explicit Normalised(const SixLegs& six) {
+    a_middle = middle_of(six.anchor);
+    b_middle = middle_of(six.end);
     double size = 0;
-    for (int i = 0; i < kLegs; ++i) {
-      a_middle += six.anchor[i] / kLegs;
-      b_middle += six.end[i] / kLegs;
-    }
     for (int i = 0; i < kLegs; ++i)
       size += (six.anchor[i] - a_middle).squaredNorm() + (six.end[i] - b_middle).squaredNorm() +
               six.length[i] * six.length[i];
     scale = std::exp2(-std::round(std::log2(std::sqrt(size / kLegs))));
-    std::array<Interval, 7> first;  // leg 1, which the others are relative to
+    level = true;
+    const auto less = [&](double x, double middle) {
+      return x == middle ? Interval(0.0) : Interval(scale) * (Interval(x) - Interval(middle));
+    };
     for (int i = 0; i < kLegs; ++i) {
-      std::array<Interval, 7> leg;
+      level = level && six.anchor[i].z() == a_middle.z() && six.end[i].z() == b_middle.z();
       for (int k = 0; k < 3; ++k) {
-        const Interval a = Interval(scale) * (Interval(six.anchor[i][k]) - Interval(a_middle[k]));
-        const Interval b = Interval(scale) * (Interval(six.end[i][k]) - Interval(b_middle[k]));
-        leg[k] = a - b;
-        leg[3 + k] = a + b;
+        const Interval a = less(six.anchor[i][k], a_middle[k]);
+        const Interval b = less(six.end[i][k], b_middle[k]);
+        absolute.difference[i][k].re = a - b;
+        absolute.sum[i][k].re = a + b;
       }
-      leg[6] = square(Interval(scale) * Interval(six.length[i]));
-      if (i == 0) first = leg;
-      const auto put = [&](int k, leg_homotopy::ComplexT<Interval>& in_proof, leg_homotopy::Complex& in_legs) {
-        in_proof.re = i == 0 ? leg[k] : leg[k] - first[k];
+      absolute.square[i].re = square(Interval(scale) * Interval(six.length[i]));
+      // Relative to leg 1.
+      const auto put = [&](const auto& of, leg_homotopy::ComplexT<Interval>& in_proof,
+                           leg_homotopy::Complex& in_legs) {
+        in_proof.re = i == 0 ? of(i) : of(i) - of(0);
         in_legs.re = in_proof.re.mid();
       };
       for (int k = 0; k < 3; ++k) {
-        put(k, proof.difference[i][k], legs.difference[i][k]);
-        put(3 + k, proof.sum[i][k], legs.sum[i][k]);
+        put([&](int leg) { return absolute.difference[leg][k].re; }, proof.difference[i][k], legs.difference[i][k]);
+        put([&](int leg) { return absolute.sum[leg][k].re; }, proof.sum[i][k], legs.sum[i][k]);
       }
-      put(6, proof.square[i], legs.square[i]);
+      put([&](int leg) { return absolute.square[leg].re; }, proof.square[i], legs.square[i]);
     }
+  }
+
+  /// Of equal coordinates exactly theirs.
+  static Vec3 middle_of(const SixPoints& points) {
+    Vec3 middle = Vec3::Zero();
+    for (const Vec3& p : points) middle += p / kLegs;
+    for (int k = 0; k < 3; ++k)
+      if (std::all_of(points.begin(), points.end(), [&](const Vec3& p) { return p[k] == points[0][k]; }))
+        middle[k] = points[0][k];
+    return middle;
   }
 
   [[nodiscard]] Pose outside(const Pose& X) const { return {X.R, Vec3(X.p / scale + a_middle - X.R * b_middle)}; }
