@@ -12,17 +12,20 @@ constexpr int kE = 3;
 constexpr int kMean = 1;       ///< the one equation that is not linear in g
 constexpr int kProducts = 18;  ///< e_0^2 e_1^2 e_2^2, e_0 e_1, e_0 e_2, e_1 e_2, then g_j e_k
 constexpr double kRounding = 1e-13;
-constexpr double kReachOfE = 2.5;  ///< bound of the components of e, also in the boxes of uniqueness, which reach beyond the chart
+constexpr double kReachOfE =
+    2.5;  ///< bound of the components of e, also in the boxes of uniqueness, which reach beyond the chart
+
+constexpr double kShareOfG =
+    0.1;  ///< g is mostly narrowed by the equations; it is split where it weighs 10 times as much
+constexpr double kTryNewton = 0.3;    ///< from a box whose half sides of e are smaller
+constexpr double kNoticeable = 0.01;  ///< a variable is narrowed only if by this share of its width
 
 using Row = std::array<double, kN>;
 
-/// constant + linear x + products + gamma |g|^2
-struct Form {
-  double constant = 0;
-  std::array<double, kN> linear{};
-  std::array<double, kProducts> product{};
-  double gamma = 0;
-};
+/// A quadratic about a point: its value, slopes, the factors of the products of deviations, and of |g|^2. In one array,
+/// because what is done most is to add up such arrays.
+constexpr int kSlope = 1, kProduct = kSlope + kN, kSquare = kProduct + kProducts, kTerms = kSquare + 2;  // even
+using Terms = std::array<double, kTerms>;
 
 constexpr int product_of_g_e(int j, int k) {
   return 6 + 3 * j + k;
@@ -39,10 +42,10 @@ struct Unique {
 };
 
 struct Chart {
-  int one = 0;  ///< the component of e that is 1
-  std::array<Form, kN> equation;
-  Row moduli{};  ///< bound of the sums of the terms' moduli over the chart, for the rounding
-  Row slopes{};  ///< the same of the derivatives
+  int one = 0;                     ///< the component of e that is 1
+  std::array<Terms, kN> equation;  ///< about 0
+  Row moduli{};                    ///< bound of the sums of the terms' moduli over the chart, for the rounding
+  Row slopes{};                    ///< the same of the derivatives
   std::vector<Unique> unique;
 };
 
@@ -135,140 +138,135 @@ Chart chart_of(const std::array<Quadric, kN>& quadrics, int one, double reach) {
     if (k != one) at[v++] = k;
   for (int r = 0; r < kN; ++r) {
     const Quadric& f = quadrics[r];
-    Form& form = out.equation[r];
-    // The middle of each coefficient; its modulus, and what it may be off, counted so that kRounding covers it.
-    const auto put = [&](double& c, const Interval& value, double monomial) {
-      c = value.mid();
+    Terms& form = out.equation[r];
+    form.fill(0);
+    // The middle of each factor; its modulus, and what it may be off, counted so that kRounding covers it.
+    const auto put = [&](int term, const Interval& value, double monomial) {
+      form[term] = value.mid();
       const double counted = value.magnitude() + value.width() / kRounding;
       out.moduli[r] += counted * monomial;
       out.slopes[r] += 2 * counted * (kReachOfE + reach);
     };
-    put(form.constant, f.H[one][one], 1);
+    const auto twice = [&](const Interval& value) { return Interval(2.0) * value; };
+    put(0, f.H[one][one], 1);
     for (int k = 0; k < kE; ++k) {
-      put(form.linear[k], Interval(2.0) * f.H[at[k]][one], x[k]);
-      put(form.product[k], f.H[at[k]][at[k]], m[k]);
+      put(kSlope + k, twice(f.H[at[k]][one]), x[k]);
+      put(kProduct + k, f.H[at[k]][at[k]], m[k]);
     }
-    put(form.product[3], Interval(2.0) * f.H[at[0]][at[1]], m[3]);
-    put(form.product[4], Interval(2.0) * f.H[at[0]][at[2]], m[4]);
-    put(form.product[5], Interval(2.0) * f.H[at[1]][at[2]], m[5]);
+    put(kProduct + 3, twice(f.H[at[0]][at[1]]), m[3]);
+    put(kProduct + 4, twice(f.H[at[0]][at[2]]), m[4]);
+    put(kProduct + 5, twice(f.H[at[1]][at[2]]), m[5]);
     for (int j = 0; j < 4; ++j) {
-      put(form.linear[kE + j], Interval(2.0) * f.D[j][one], x[kE + j]);
-      for (int k = 0; k < kE; ++k)
-        put(form.product[product_of_g_e(j, k)], Interval(2.0) * f.D[j][at[k]], m[product_of_g_e(j, k)]);
+      put(kSlope + kE + j, twice(f.D[j][one]), x[kE + j]);
+      for (int k = 0; k < kE; ++k) {
+        const int product = product_of_g_e(j, k);
+        put(kProduct + product, twice(f.D[j][at[k]]), m[product]);
+      }
     }
-    form.gamma = f.gamma;
-    out.moduli[r] += std::abs(f.gamma) * 4 * reach * reach;
-    out.slopes[r] += std::abs(f.gamma) * 8 * reach;
+    put(kSquare, f.gamma, 4 * reach * reach);
   }
   return out;
 }
 
-/// Values and derivatives at a point.
-struct Expansion {
-  Row f;
-  std::array<Row, kN> J;
-};
+using Expansion = std::array<Terms, kN>;
 
+/// The equations about x.
 void expand(const Chart& chart, const Row& x, Expansion& at) {
   const std::array<double, kProducts> m = products_of(x);
   double gg = 0;
   for (int j = kE; j < kN; ++j) gg += x[j] * x[j];
   for (int r = 0; r < kN; ++r) {
-    const Form& form = chart.equation[r];
-    const double* c = form.product.data();
-    double f = form.constant + form.gamma * gg;
-    for (int v = 0; v < kN; ++v) f += form.linear[v] * x[v];
-    for (int k = 0; k < kProducts; ++k) f += c[k] * m[k];
-    at.f[r] = f;
-    Row& J = at.J[r];
-    J = form.linear;
-    J[0] += 2 * c[0] * x[0] + c[3] * x[1] + c[4] * x[2];
-    J[1] += 2 * c[1] * x[1] + c[3] * x[0] + c[5] * x[2];
-    J[2] += 2 * c[2] * x[2] + c[4] * x[0] + c[5] * x[1];
+    Terms& f = at[r];
+    f = chart.equation[r];
+    const double* c = f.data() + kProduct;
+    double value = f[0] + f[kSquare] * gg;
+    for (int v = 0; v < kN; ++v) value += f[kSlope + v] * x[v];
+    for (int k = 0; k < kProducts; ++k) value += c[k] * m[k];
+    f[0] = value;
+    double* slope = f.data() + kSlope;
+    slope[0] += 2 * c[0] * x[0] + c[3] * x[1] + c[4] * x[2];
+    slope[1] += 2 * c[1] * x[1] + c[3] * x[0] + c[5] * x[2];
+    slope[2] += 2 * c[2] * x[2] + c[4] * x[0] + c[5] * x[1];
     for (int j = 0; j < 4; ++j) {
       const double* d = c + product_of_g_e(j, 0);
       for (int k = 0; k < kE; ++k) {
-        J[k] += d[k] * x[kE + j];
-        J[kE + j] += d[k] * x[k];
+        slope[k] += d[k] * x[kE + j];
+        slope[kE + j] += d[k] * x[k];
       }
-      J[kE + j] += 2 * form.gamma * x[kE + j];
+      slope[kE + j] += 2 * f[kSquare] * x[kE + j];
     }
   }
 }
 
 /// A combination of the equations about a point.
 struct Combination {
-  double value = 0;
-  Row slope{};
-  std::array<double, kProducts> product{};
-  double gamma = 0;
+  Terms terms;
   double rounding = 0;
+
+  Combination(const Chart& chart, const Expansion& at, const double* multiplier) {
+    terms.fill(0);
+    for (int r = 0; r < kN; ++r) {
+      const double m = multiplier[r];
+      if (m == 0) continue;
+      for (int k = 0; k < kTerms; ++k) terms[k] += m * at[r][k];
+      rounding += std::abs(m) * chart.moduli[r];
+    }
+    rounding *= kRounding;
+  }
+  [[nodiscard]] double value() const { return terms[0]; }
+  [[nodiscard]] double slope(int v) const { return terms[kSlope + v]; }
+  [[nodiscard]] double product(int k) const { return terms[kProduct + k]; }
+  [[nodiscard]] double square() const { return terms[kSquare]; }
 };
 
-void combine(const Chart& chart, const Expansion& at, const Row& multiplier, Combination& out) {
-  out = {};
-  for (int r = 0; r < kN; ++r) {
-    const double m = multiplier[r];
-    if (m == 0) continue;
-    out.value += m * at.f[r];
-    for (int v = 0; v < kN; ++v) out.slope[v] += m * at.J[r][v];
-    for (int k = 0; k < kProducts; ++k) out.product[k] += m * chart.equation[r].product[k];
-    out.gamma += m * chart.equation[r].gamma;
-    out.rounding += std::abs(m) * chart.moduli[r];
-  }
-  out.rounding *= kRounding;
-}
-
-/// Solves by rows what it can; `solved` by e alone decides the order of the columns.
+/// Gauss and Jordan's elimination of the slopes, as far as pivots allow.
 struct Elimination {
-  std::array<Row, kN> T;           ///< J with columns times the box's sides and rows combined
-  std::array<Row, kN> multiplier;  ///< T = multiplier J, as far as rounding goes
-  std::array<int, kN> pivot_of;    ///< the column of which the row is the pivot, or -1
+  /// Slopes times the box's sides, rows combined; then the multipliers of the equations of which the row consists,
+  /// which are what counts (the slopes themselves are computed anew from them).
+  std::array<std::array<double, 2 * kN>, kN> row;
+  std::array<int, kN> pivot_of;  ///< the variable for which the row is solved, or -1
 
   Elimination(const Expansion& at, const Row& side) {
     pivot_of.fill(-1);
     for (int r = 0; r < kN; ++r) {
+      row[r].fill(0);
       double largest = 0;
       for (int v = 0; v < kN; ++v) {
-        T[r][v] = at.J[r][v] * side[v];
-        largest = std::max(largest, std::abs(T[r][v]));
+        row[r][v] = at[r][kSlope + v] * side[v];
+        largest = std::max(largest, std::abs(row[r][v]));
       }
       const double scale = largest > 0 ? 1 / largest : 1;
-      multiplier[r].fill(0);
-      multiplier[r][r] = scale;
-      for (double& t : T[r]) t *= scale;
+      for (int v = 0; v < kN; ++v) row[r][v] *= scale;
+      row[r][kN + r] = scale;
     }
   }
 
-  /// One more pivot among these columns, of a row that is none; `with_mean`: also the equation of |g|^2.
-  bool step(int first, int last, bool with_mean, double least) {
-    int row = -1, column = -1;
+  [[nodiscard]] const double* multiplier(int r) const { return row[r].data() + kN; }
+
+  /// One more pivot among these variables; `mean`: also of the equation of |g|^2. False where all are below `least`.
+  bool step(int first, int last, bool mean, double least) {
+    int pivot = -1, column = -1;
     double largest = least;
     for (int r = 0; r < kN; ++r) {
-      if (pivot_of[r] >= 0 || (r == kMean && !with_mean)) continue;
+      if (pivot_of[r] >= 0 || (r == kMean && !mean)) continue;
       for (int v = first; v < last; ++v) {
-        if (std::abs(T[r][v]) > largest) {
-          largest = std::abs(T[r][v]);
-          row = r;
+        if (std::abs(row[r][v]) > largest) {
+          largest = std::abs(row[r][v]);
+          pivot = r;
           column = v;
         }
       }
     }
-    if (row < 0) return false;
-    pivot_of[row] = column;
-    const double inverse = 1 / T[row][column];
-    for (int v = 0; v < kN; ++v) {
-      T[row][v] *= inverse;
-      multiplier[row][v] *= inverse;
-    }
+    if (pivot < 0) return false;
+    pivot_of[pivot] = column;
+    auto& top = row[pivot];
+    const double inverse = 1 / top[column];
+    for (double& t : top) t *= inverse;
     for (int r = 0; r < kN; ++r) {
-      const double factor = T[r][column];
-      if (r == row || factor == 0) continue;
-      for (int v = 0; v < kN; ++v) {
-        T[r][v] -= factor * T[row][v];
-        multiplier[r][v] -= factor * multiplier[row][v];
-      }
-      T[r][column] = 0;
+      const double factor = row[r][column];
+      if (r == pivot || factor == 0) continue;
+      for (int v = 0; v < 2 * kN; ++v) row[r][v] -= factor * top[v];
+      row[r][column] = 0;
     }
     return true;
   }
@@ -280,6 +278,11 @@ struct Deviations {
   std::array<double, kProducts> product;
   double gg = 0;
 
+  explicit Deviations(const Row& side) : hi(side) {
+    for (int v = 0; v < kN; ++v) lo[v] = -side[v];
+    measure();
+  }
+
   void measure() {
     gg = 0;
     for (int v = 0; v < kN; ++v) {
@@ -289,21 +292,21 @@ struct Deviations {
     product = products_of(most);
   }
 
-  /// Narrows by `row` = 0; false where that has no solution here. `narrow_to`: only this variable, or all (-1).
-  bool read(const Combination& row, int only = -1) {
+  /// Narrows by `row` = 0; false where that has no solution here.
+  bool read(const Combination& row) {
+    double rest = 0;
+    for (int k = 0; k < kProducts; ++k) rest += std::abs(row.product(k)) * product[k];
     // Squares lie between 0 and their greatest value.
-    double value = row.value, rest = row.rounding;
+    double value = row.value() + 0.5 * row.square() * gg;
+    rest += row.rounding + 0.5 * std::abs(row.square()) * gg;
     for (int k = 0; k < kE; ++k) {
-      value += 0.5 * row.product[k] * product[k];
-      rest += 0.5 * std::abs(row.product[k]) * product[k];
+      value += 0.5 * row.product(k) * product[k];
+      rest -= 0.5 * std::abs(row.product(k)) * product[k];
     }
-    for (int k = kE; k < kProducts; ++k) rest += std::abs(row.product[k]) * product[k];
-    value += 0.5 * row.gamma * gg;
-    rest += 0.5 * std::abs(row.gamma) * gg;
     Row low, high;
     double sum_low = value - rest, sum_high = value + rest;
     for (int v = 0; v < kN; ++v) {
-      const double p = row.slope[v] * lo[v], q = row.slope[v] * hi[v];
+      const double p = row.slope(v) * lo[v], q = row.slope(v) * hi[v];
       low[v] = std::min(p, q);
       high[v] = std::max(p, q);
       sum_low += low[v];
@@ -311,12 +314,12 @@ struct Deviations {
     }
     if (sum_low > 0 || sum_high < 0) return false;
     bool changed = false;
-    for (int v = only < 0 ? 0 : only; v < (only < 0 ? kN : only + 1); ++v) {
-      // slope x in -(all others)
-      const double from = -(sum_high - high[v]), to = -(sum_low - low[v]);
-      if (from <= low[v] && to >= high[v]) continue;
-      if (!(high[v] - low[v] > 0)) continue;
-      const double p = from / row.slope[v], q = to / row.slope[v];
+    for (int v = 0; v < kN; ++v) {
+      // slope x = - all others, if that says noticeably more.
+      const double from = high[v] - sum_high, to = low[v] - sum_low;
+      const double least = kNoticeable * (high[v] - low[v]);
+      if (!(from > low[v] + least || to < high[v] - least)) continue;
+      const double p = from / row.slope(v), q = to / row.slope(v);
       const double slack = 1e-15 * (most[v] + std::abs(p) + std::abs(q));
       lo[v] = std::max(lo[v], std::min(p, q) - slack);
       hi[v] = std::min(hi[v], std::max(p, q) + slack);
@@ -406,32 +409,31 @@ class Search {
 
   /// By |g|^2 = -e' H e alone.
   bool narrow_by_mean(const Chart& chart, Box& box) const {
-    const Form& form = chart.equation[kMean];
+    const Terms& form = chart.equation[kMean];
     Row x, h;
     for (int v = 0; v < kN; ++v) {
       x[v] = 0.5 * (box.lo[v] + box.hi[v]);
       h[v] = 0.5 * (box.hi[v] - box.lo[v]) * (1 + 1e-15) + 1e-16 * std::abs(x[v]);
     }
-    const double* c = form.product.data();
-    double value = form.constant, off = kRounding * chart.moduli[kMean];
+    const double *slope = form.data() + kSlope, *c = form.data() + kProduct;
+    double value = form[0], off = kRounding * chart.moduli[kMean];
     for (int k = 0; k < kE; ++k) {
-      value += (form.linear[k] + c[k] * x[k]) * x[k];
+      value += (slope[k] + c[k] * x[k]) * x[k];
       value += 0.5 * c[k] * h[k] * h[k];
       off += 0.5 * std::abs(c[k]) * h[k] * h[k];
     }
     value += c[3] * x[0] * x[1] + c[4] * x[0] * x[2] + c[5] * x[1] * x[2];
     off += std::abs(c[3]) * h[0] * h[1] + std::abs(c[4]) * h[0] * h[2] + std::abs(c[5]) * h[1] * h[2];
-    off += std::abs(form.linear[0] + 2 * c[0] * x[0] + c[3] * x[1] + c[4] * x[2]) * h[0];
-    off += std::abs(form.linear[1] + 2 * c[1] * x[1] + c[3] * x[0] + c[5] * x[2]) * h[1];
-    off += std::abs(form.linear[2] + 2 * c[2] * x[2] + c[4] * x[0] + c[5] * x[1]) * h[2];
+    off += std::abs(slope[0] + 2 * c[0] * x[0] + c[3] * x[1] + c[4] * x[2]) * h[0];
+    off += std::abs(slope[1] + 2 * c[1] * x[1] + c[3] * x[0] + c[5] * x[2]) * h[1];
+    off += std::abs(slope[2] + 2 * c[2] * x[2] + c[4] * x[0] + c[5] * x[1]) * h[2];
     // The mean of the joints is not exactly 0.
     for (int j = 0; j < 4; ++j) {
       const double g = std::abs(x[kE + j]) + h[kE + j];
-      off += std::abs(form.linear[kE + j]) * g;
+      off += std::abs(slope[kE + j]) * g;
       for (int k = 0; k < kE; ++k) off += std::abs(c[product_of_g_e(j, k)]) * g;
     }
-    // gamma = 6
-    const double gg_low = (-value - off) / form.gamma, gg_high = (-value + off) / form.gamma;
+    const double gg_low = (-value - off) / form[kSquare], gg_high = (-value + off) / form[kSquare];
     if (gg_high < 0) return false;
     double least = 0, most = 0;
     std::array<double, 4> low, high;
@@ -463,43 +465,36 @@ class Search {
     if (!narrow_by_mean(charts_[chart_index], box)) return false;
     const Chart& chart = charts_[chart_index];
     Row x, side;
-    Deviations d;
     for (int v = 0; v < kN; ++v) {
       x[v] = 0.5 * (box.lo[v] + box.hi[v]);
       side[v] = 0.5 * (box.hi[v] - box.lo[v]) * (1 + 1e-15) + 1e-16 * std::abs(x[v]);
-      d.lo[v] = -side[v];
-      d.hi[v] = side[v];
     }
-    d.measure();
+    Deviations d(side);
     Expansion at;
     expand(chart, x, at);
     Elimination system(at, side);
-    Combination row;
     int pivots = 0;
     while (pivots < 4 && system.step(kE, kN, false, 1e-3)) ++pivots;
     // Rows without g first.
     for (const bool mean : {false, true}) {
       for (int r = 0; r < kN; ++r) {
         if (system.pivot_of[r] >= 0 || (r == kMean) != mean) continue;
-        combine(chart, at, system.multiplier[r], row);
-        if (!d.read(row)) return false;
+        if (!d.read({chart, at, system.multiplier(r)})) return false;
       }
     }
     for (int r = 0; r < kN; ++r) {
-      if (system.pivot_of[r] < 0) continue;
-      combine(chart, at, system.multiplier[r], row);
-      if (!d.read(row)) return false;
+      if (system.pivot_of[r] >= 0 && !d.read({chart, at, system.multiplier(r)})) return false;
     }
     while (pivots < kN && system.step(0, kN, true, 1e-9)) ++pivots;
     Row step;
     bool near = pivots == kN;
     for (int r = 0; r < kN; ++r) {
       if (system.pivot_of[r] < 0) continue;
-      combine(chart, at, system.multiplier[r], row);
+      const Combination row(chart, at, system.multiplier(r));
       if (!d.read(row)) return false;
       const int v = system.pivot_of[r];
-      step[v] = -row.value / row.slope[v];
-      near = near && (v >= kE || std::abs(step[v]) < 2 * side[v]);
+      step[v] = -row.value() / row.slope(v);
+      near = near && (v >= kE || (side[v] < kTryNewton && std::abs(step[v]) < 2 * side[v]));
     }
     for (int v = 0; v < kN; ++v) {
       const double slack = 2e-16 * std::abs(x[v]);
@@ -530,7 +525,7 @@ class Search {
       for (int r = 0; r < kN; ++r) {
         if (system.pivot_of[r] < 0) return;
         double s = 0;
-        for (int i = 0; i < kN; ++i) s -= system.multiplier[r][i] * at.f[i];
+        for (int i = 0; i < kN; ++i) s -= system.multiplier(r)[i] * at[i][0];
         x[system.pivot_of[r]] += s;
         moved = std::max(moved, std::abs(s));
       }
@@ -539,7 +534,7 @@ class Search {
       last = moved;
       if (moved < 1e-9) break;
     }
-    if (!(last < 1e-6)) return;
+    if (!(last < 1e-6) || done(chart, Box{x, x, chart_index})) return;
     propose(point_in(chart, x));
   }
 
@@ -556,9 +551,8 @@ class Search {
     const std::optional<double> radius = leg_homotopy::certify(problem_.proof, point);
     if (!radius) return;
     const auto is_new = [&](const Point& p, double r) {
-      return std::all_of(result_.zeros.begin(), result_.zeros.end(), [&](const RealZero& z) {
-        return leg_homotopy::surely_different(z.point, z.radius, p, r);
-      });
+      return std::all_of(result_.zeros.begin(), result_.zeros.end(),
+                         [&](const RealZero& z) { return leg_homotopy::surely_different(z.point, z.radius, p, r); });
     };
     if (!is_new(point, *radius)) return;
     add({point, *radius});
@@ -585,15 +579,15 @@ class Search {
     unit.fill(1);
     Elimination system(at, unit);
     while (system.step(0, kN, true, 1e-13)) continue;
-    std::array<Combination, kN> row;
+    std::array<Terms, kN> row;
     Row rounding;
     for (int r = 0; r < kN; ++r) {
       const int v = system.pivot_of[r];
       if (v < 0) return;
-      combine(chart, at, system.multiplier[r], row[v]);
+      row[v] = Combination(chart, at, system.multiplier(r)).terms;
       rounding[v] = 0;
-      for (int i = 0; i < kN; ++i) rounding[v] += kRounding * std::abs(system.multiplier[r][i]) * chart.slopes[i];
-      row[v].slope[v] -= 1;
+      for (int i = 0; i < kN; ++i) rounding[v] += kRounding * std::abs(system.multiplier(r)[i]) * chart.slopes[i];
+      row[v][kSlope + v] -= 1;
     }
     // |Y Q|(side, side), without the squares' signs.
     const auto image = [&](const Row& side) {
@@ -602,8 +596,8 @@ class Search {
       for (int j = kE; j < kN; ++j) gg += side[j] * side[j];
       Row to;
       for (int v = 0; v < kN; ++v) {
-        to[v] = std::abs(row[v].gamma) * gg;
-        for (int k = 0; k < kProducts; ++k) to[v] += std::abs(row[v].product[k]) * m[k];
+        to[v] = std::abs(row[v][kSquare]) * gg;
+        for (int k = 0; k < kProducts; ++k) to[v] += std::abs(row[v][kProduct + k]) * m[k];
       }
       return to;
     };
@@ -619,12 +613,13 @@ class Search {
     double scale = 0;
     for (int v = 0; v < kN; ++v) {
       double defect = 0;
-      for (int w = 0; w < kN; ++w) defect += (std::abs(row[v].slope[w]) + rounding[v]) * side[w];
+      for (int w = 0; w < kN; ++w) defect += (std::abs(row[v][kSlope + w]) + rounding[v]) * side[w];
       if (defect > 0.05 * side[v]) return;
       scale = std::max(scale, 2 * to[v] / side[v]);
     }
     // 2 |Y Q| / side <= 0.94 and the defect 0.05.
-    for (int v = 0; v < kN; ++v) out.side[v] = std::min(0.94 / scale, 1 / *std::max_element(side.begin(), side.end())) * side[v];
+    for (int v = 0; v < kN; ++v)
+      out.side[v] = std::min(0.94 / scale, 1 / *std::max_element(side.begin(), side.end())) * side[v];
     // The zero itself lies in it.
     for (int v = 0; v < kN; ++v)
       if (!(out.side[v] > 100 * zero.radius * (1 + zero.point.weight))) return;
@@ -651,8 +646,8 @@ class Search {
     double largest = -1;
     for (int v = 0; v < kN; ++v) {
       double norm = 0;
-      for (int r = 0; r < kN; ++r) norm += at.J[r][v] * at.J[r][v];
-      const double smear = std::sqrt(norm) * w[v];
+      for (int r = 0; r < kN; ++r) norm += at[r][kSlope + v] * at[r][kSlope + v];
+      const double smear = std::sqrt(norm) * w[v] * (v < kE ? 1 : kShareOfG);
       if (smear > largest) {
         largest = smear;
         best = v;

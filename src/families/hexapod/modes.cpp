@@ -53,8 +53,7 @@ struct Normalised : leg_subdivision::Problem {
       }
       absolute.square[i].re = square(Interval(scale) * Interval(six.length[i]));
       // Relative to leg 1.
-      const auto put = [&](const auto& of, leg_homotopy::ComplexT<Interval>& in_proof,
-                           leg_homotopy::Complex& in_legs) {
+      const auto put = [&](const auto& of, leg_homotopy::ComplexT<Interval>& in_proof, leg_homotopy::Complex& in_legs) {
         in_proof.re = i == 0 ? of(i) : of(i) - of(0);
         in_legs.re = in_proof.re.mid();
       };
