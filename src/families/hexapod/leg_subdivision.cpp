@@ -31,11 +31,6 @@ constexpr int product_of_g_e(int j, int k) {
   return 6 + 3 * j + k;
 }
 
-struct Box {
-  Row lo, hi;
-  int chart = 0;
-};
-
 /// A box that holds no more than one zero.
 struct Unique {
   Row centre, side;
@@ -349,15 +344,55 @@ class Search {
     for (int c = 0; c < 4; ++c) charts_[c] = chart_of(quadrics, c, 2 * reach_);
   }
 
-  void add(const RealZero& zero) {
-    result_.zeros.push_back(zero);
-    for (Chart& chart : charts_) add_unique(chart, zero);
+  /// A real point close to a zero: where that is proven and new, it is listed, with its mirror image.
+  void propose(Point point) {
+    if (!leg_homotopy::polish(problem_.legs, point)) return;
+    point = leg_homotopy::point_of(point.z);
+    const std::optional<double> radius = leg_homotopy::certify(problem_.proof, point);
+    if (!radius || std::any_of(point.z.begin(), point.z.end(), [](const auto& c) { return c.im != 0; })) return;
+    const auto is_new = [&](const Point& p, double r) {
+      return std::all_of(result_.zeros.begin(), result_.zeros.end(),
+                         [&](const RealZero& z) { return leg_homotopy::surely_different(z.point, z.radius, p, r); });
+    };
+    if (!is_new(point, *radius)) return;
+    add({point, *radius});
+    if (!problem_.level) return;
+    leg_homotopy::PointT<double> mirrored = point.z;
+    for (const int k : {1, 2, 4, 7}) mirrored[k] = -mirrored[k];
+    const Point other = leg_homotopy::point_of(mirrored);
+    const std::optional<double> other_radius = leg_homotopy::certify(problem_.proof, other);
+    if (other_radius && is_new(other, *other_radius)) {
+      add({other, *other_radius});
+    } else {
+      twins_ = false;
+    }
+  }
+
+  std::optional<Box> narrowed(Box box) {
+    if (!narrow(box)) return {};
+    return box;
+  }
+
+  [[nodiscard]] std::optional<Box> alone_in(const RealZero& zero, int one) const {
+    Chart chart = charts_[one];
+    add_unique(chart, zero);
+    if (chart.unique.empty()) return {};
+    Box out;
+    out.one = one;
+    for (int v = 0; v < kN; ++v) {
+      out.lo[v] = chart.unique.back().centre[v] - chart.unique.back().side[v];
+      out.hi[v] = chart.unique.back().centre[v] + chart.unique.back().side[v];
+    }
+    return out;
   }
 
   Result run() {
+    for (const Chart& chart : charts_)
+      for (int r = 0; r < kN; ++r)
+        if (!std::isfinite(chart.moduli[r] + chart.slopes[r])) return result_;
     for (int c = 3; c >= 0; --c) {
       Box box;
-      box.chart = c;
+      box.one = c;
       for (int v = 0; v < kN; ++v) {
         box.hi[v] = v < kE ? 1 : 2 * reach_;
         box.lo[v] = -box.hi[v];
@@ -367,19 +402,23 @@ class Search {
       if (problem_.level) box.lo[c == 3 ? 1 : 0] = 0;
       open_.push_back(box);
     }
-    result_.complete = true;
-    while (!open_.empty() && result_.complete) {
+    bool stopped = false;
+    while (!open_.empty() && !stopped) {
       Box box = open_.back();
       open_.pop_back();
-      if (++result_.boxes > options_.boxes) result_.complete = false;
+      stopped = result_.boxes >= options_.boxes;
+      if (stopped) break;
+      ++result_.boxes;
       work(box);
+      stopped = result_.singular;
     }
+    result_.complete = !stopped && twins_;
     return result_;
   }
 
  private:
   void work(Box& box) {
-    const Chart& chart = charts_[box.chart];
+    const Chart& chart = charts_[box.one];
     for (int pass = 0; pass < 4; ++pass) {
       if (done(chart, box)) return;
       const Row before = width_of(box);
@@ -413,7 +452,7 @@ class Search {
     Row x, h;
     for (int v = 0; v < kN; ++v) {
       x[v] = 0.5 * (box.lo[v] + box.hi[v]);
-      h[v] = 0.5 * (box.hi[v] - box.lo[v]) * (1 + 1e-15) + 1e-16 * std::abs(x[v]);
+      h[v] = 0.5 * (box.hi[v] - box.lo[v]) * (1 + 1e-15) + 4e-16 * std::abs(x[v]);
     }
     const double *slope = form.data() + kSlope, *c = form.data() + kProduct;
     double value = form[0], off = kRounding * chart.moduli[kMean];
@@ -461,13 +500,13 @@ class Search {
   }
 
   bool narrow(Box& box) {
-    const int chart_index = box.chart;
+    const int chart_index = box.one;
     if (!narrow_by_mean(charts_[chart_index], box)) return false;
     const Chart& chart = charts_[chart_index];
     Row x, side;
     for (int v = 0; v < kN; ++v) {
       x[v] = 0.5 * (box.lo[v] + box.hi[v]);
-      side[v] = 0.5 * (box.hi[v] - box.lo[v]) * (1 + 1e-15) + 1e-16 * std::abs(x[v]);
+      side[v] = 0.5 * (box.hi[v] - box.lo[v]) * (1 + 1e-15) + 4e-16 * std::abs(x[v]);
     }
     Deviations d(side);
     Expansion at;
@@ -497,7 +536,7 @@ class Search {
       near = near && (v >= kE || (side[v] < kTryNewton && std::abs(step[v]) < 2 * side[v]));
     }
     for (int v = 0; v < kN; ++v) {
-      const double slack = 2e-16 * std::abs(x[v]);
+      const double slack = 4e-16 * (std::abs(x[v]) + side[v]);
       box.lo[v] = std::max(box.lo[v], x[v] + d.lo[v] - slack);
       box.hi[v] = std::min(box.hi[v], x[v] + d.hi[v] + slack);
       if (box.lo[v] > box.hi[v]) return false;
@@ -512,7 +551,6 @@ class Search {
     const Chart& chart = charts_[chart_index];
     const Box at_x{x, x, chart_index};
     if (done(chart, at_x)) return;
-    ++newtons_;
     double last = 1e300;
     for (int k = 0; k < 12; ++k) {
       Expansion at;
@@ -545,24 +583,9 @@ class Search {
     return leg_homotopy::point_of(z);
   }
 
-  void propose(Point point) {
-    if (!leg_homotopy::polish(problem_.legs, point)) return;
-    point = leg_homotopy::point_of(point.z);
-    const std::optional<double> radius = leg_homotopy::certify(problem_.proof, point);
-    if (!radius) return;
-    const auto is_new = [&](const Point& p, double r) {
-      return std::all_of(result_.zeros.begin(), result_.zeros.end(),
-                         [&](const RealZero& z) { return leg_homotopy::surely_different(z.point, z.radius, p, r); });
-    };
-    if (!is_new(point, *radius)) return;
-    add({point, *radius});
-    if (!problem_.level) return;
-    leg_homotopy::PointT<double> mirrored = point.z;
-    for (const int k : {1, 2}) mirrored[k] = -mirrored[k];
-    for (const int k : {4, 7}) mirrored[k] = -mirrored[k];
-    const Point other = leg_homotopy::point_of(mirrored);
-    const std::optional<double> other_radius = leg_homotopy::certify(problem_.proof, other);
-    if (other_radius && is_new(other, *other_radius)) add({other, *other_radius});
+  void add(const RealZero& zero) {
+    result_.zeros.push_back(zero);
+    for (Chart& chart : charts_) add_unique(chart, zero);
   }
 
   /// The largest box about the zero with sides in a fixed ratio in which two zeros x, y cannot be:
@@ -622,7 +645,7 @@ class Search {
       out.side[v] = std::min(0.94 / scale, 1 / *std::max_element(side.begin(), side.end())) * side[v];
     // The zero itself lies in it.
     for (int v = 0; v < kN; ++v)
-      if (!(out.side[v] > 100 * zero.radius * (1 + zero.point.weight))) return;
+      if (!(out.side[v] > (100 * zero.radius + 1e-13) * (1 + zero.point.weight))) return;
     for (int v = 0; v < kE; ++v)
       if (!(std::abs(out.centre[v]) + out.side[v] < kReachOfE)) return;
     chart.unique.push_back(out);
@@ -637,11 +660,11 @@ class Search {
       widest = std::max(widest, w[v]);
     }
     if (widest < options_.smallest) {
-      result_.complete = false;
+      result_.singular = true;
       return;
     }
     Expansion at;
-    expand(charts_[box.chart], x, at);
+    expand(charts_[box.one], x, at);
     int best = 0;
     double largest = -1;
     for (int v = 0; v < kN; ++v) {
@@ -667,15 +690,23 @@ class Search {
   std::array<Chart, 4> charts_;
   std::vector<Box> open_;
   Result result_;
-  int newtons_ = 0;
+  bool twins_ = true;  ///< the mirror image of every zero is listed
 };
 
 }  // namespace
 
-Result real_zeros(const Problem& problem, const std::vector<RealZero>& known, const Options& options) {
+Result real_zeros(const Problem& problem, const std::vector<Point>& known, const Options& options) {
   Search search(problem, options);
-  for (const RealZero& z : known) search.add(z);
+  for (const Point& p : known) search.propose(p);
   return search.run();
+}
+
+std::optional<Box> narrowed(const Problem& problem, const Box& box) {
+  return Search(problem, {}).narrowed(box);
+}
+
+std::optional<Box> alone_in(const Problem& problem, const RealZero& zero, int one) {
+  return Search(problem, {}).alone_in(zero, one);
 }
 
 }  // namespace polypod::machine::leg_subdivision

@@ -2,6 +2,8 @@
 // How many real poses six legs have, proven by dividing the space of rotations.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <vector>
 
 #include "leg_homotopy.hpp"
@@ -32,11 +34,13 @@ struct RealZero {
 
 struct Result {
   std::vector<RealZero> zeros;  ///< surely different from each other
-  bool complete = false;        ///< there is no further real zero with <e,e> > 0
+  bool complete = false;        ///< there is no further real zero
+  bool singular = false;        ///< not complete because of a box that became too small
   int boxes = 0;                ///< that were looked at
 };
 
-/// All real zeros of the six legs, or those found and `complete` = false.
+/// All real zeros of the six legs, or those found and `complete` = false. `known`: points close to zeros found already,
+/// which saves finding them.
 ///
 /// Unknowns are e, g of leg_homotopy in four charts: the largest component of e is 1 and the three others lie in
 /// [-1, 1], which covers every rotation; |g| <= |e| mean(l_i) follows from the mean of the legs. In a chart the
@@ -54,6 +58,18 @@ struct Result {
 ///
 /// Rounding: all sums here have fewer than 100 terms; they are taken to err by 1e-13 of the sum of their terms' moduli,
 /// bounded over the chart, which also covers the intervals of the data.
-Result real_zeros(const Problem& problem, const std::vector<RealZero>& known, const Options& options = {});
+Result real_zeros(const Problem& problem, const std::vector<Point>& known, const Options& options = {});
+
+/// A box of one chart: the component `one` of e is 1; its three others come first, then the four of g.
+struct Box {
+  std::array<double, leg_homotopy::kUnknowns> lo{}, hi{};
+  int one = 0;
+};
+
+/// The box narrowed once round the zeros in it; empty where it is thrown away. A step of real_zeros, for tests.
+std::optional<Box> narrowed(const Problem& problem, const Box& box);
+
+/// A box with no zero but this one; empty where there is no proof of one. A step of real_zeros, for tests.
+std::optional<Box> alone_in(const Problem& problem, const RealZero& zero, int one);
 
 }  // namespace polypod::machine::leg_subdivision

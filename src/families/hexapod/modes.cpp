@@ -191,6 +191,81 @@ kinematics::NewtonResult settle(const SixLegs& six, const Pose& seed, double siz
   return out;
 }
 
+bool new_among(const std::vector<Zero>& zeros, const Zero& z) {
+  return std::all_of(zeros.begin(), zeros.end(), [&](const Zero& other) { return surely_different(other, z); });
+}
+
+void count(const std::vector<Zero>& zeros, AssemblyModes& out) {
+  const auto finite = std::count_if(zeros.begin(), zeros.end(), [](const Zero& z) { return z.finite; });
+  out.zeros = static_cast<int>(zeros.size());
+  out.zeros_at_infinity = static_cast<int>(zeros.size() - finite);
+}
+
+/// The real zeros by division, beside those that are known.
+void divide(const Normalised& n, const ModesOptions& options, AssemblyModes& out, std::vector<Zero>& zeros) {
+  if (options.boxes <= 0) return;
+  std::vector<Point> known;
+  for (const Zero& z : zeros)
+    if (z.real && z.finite) known.push_back(z.point);
+  leg_subdivision::Options division;
+  division.boxes = options.boxes;
+  const leg_subdivision::Result found = leg_subdivision::real_zeros(n, known, division);
+  out.boxes = found.boxes;
+  out.singular_box = found.singular;
+  if (found.complete) {
+    out.proof = ModesProof::subdivision;
+    std::erase_if(zeros, [](const Zero& z) { return z.real && z.finite; });
+  }
+  for (const leg_subdivision::RealZero& z : found.zeros) {
+    const Zero zero{z.point, z.radius, true, true};
+    if (found.complete || new_among(zeros, zero)) zeros.push_back(zero);
+  }
+  count(zeros, out);
+}
+
+/// All zeros by homotopy, beside those that are known, until there is a proof.
+void follow(const Normalised& n, const SixLegs& six, const ModesOptions& options, AssemblyModes& out,
+            std::vector<PathResult>& path, std::vector<Zero>& zeros) {
+  const bool double_joints = in_pairs(six.anchor) || in_pairs(six.end);
+  const auto starts = leg_homotopy::start_points();
+  path.resize(starts.size());
+  while (out.passes < options.passes && out.proof == ModesProof::none) {
+    // The second pass repeats with smaller steps what the first may have lost; further ones go other ways.
+    const bool again = out.passes == 1;
+    std::vector<std::size_t> chosen;
+    for (std::size_t i = 0; i < path.size(); ++i)
+      if (!again || !path[i].zero || path[i].shared) chosen.push_back(i);
+    const leg_homotopy::Legs bend = bend_of(again ? 0 : out.passes);
+    leg_homotopy::TrackOptions track;
+    if (out.passes > 0) track.accuracy *= 0.01;
+    tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t c) {
+      PathResult& p = path[chosen[c]];
+      const auto end = leg_homotopy::track(leg_homotopy::start_legs(), n.legs, bend, starts[chosen[c]], track);
+      p.end = end.point;
+      p.zero = end.left == 0 ? proven(n, end.point) : std::nullopt;
+      p.shared = false;
+    });
+    for (std::size_t i = 0; i < path.size(); ++i) {
+      for (std::size_t j = 0; j < i && path[i].zero; ++j) {
+        if (!path[j].zero || surely_different(*path[j].zero, *path[i].zero)) continue;
+        path[i].shared = path[j].shared = true;
+      }
+      if (path[i].zero && new_among(zeros, *path[i].zero)) zeros.push_back(*path[i].zero);
+    }
+    ++out.passes;
+    count(zeros, out);
+    out.singular_ends =
+        static_cast<int>(std::count_if(path.begin(), path.end(), [](const PathResult& p) { return !p.zero; }));
+    if (out.zeros == kGeneralZeros) {
+      out.proof = ModesProof::general;
+    } else if (double_joints && out.zeros - out.zeros_at_infinity == kDoubleJointZeros) {
+      out.proof = ModesProof::double_joints;
+    } else if (out.passes == 1 && !n.level) {
+      divide(n, options, out, zeros);
+    }
+  }
+}
+
 bool same_pose(const Pose& a, const Pose& b, double size) {
   return (a.p - b.p).norm() < kOnePose * size && (a.R - b.R).norm() < kOnePose;
 }
@@ -213,45 +288,10 @@ AssemblyModes assembly_modes(const SixLegs& six, const ModesOptions& options) {
   if (!(size > 0)) return out;
 
   const Normalised n(six);
-  const bool double_joints = in_pairs(six.anchor) || in_pairs(six.end);
-  const auto starts = leg_homotopy::start_points();
-  std::vector<PathResult> path(starts.size());
   std::vector<Zero> zeros;
-  while (out.passes < options.passes && out.proof == ModesProof::none) {
-    // The second pass repeats with smaller steps what the first may have lost; further ones go other ways.
-    const bool again = out.passes == 1;
-    std::vector<std::size_t> chosen;
-    for (std::size_t i = 0; i < path.size(); ++i)
-      if (!again || !path[i].zero || path[i].shared) chosen.push_back(i);
-    const leg_homotopy::Legs bend = bend_of(again ? 0 : out.passes);
-    leg_homotopy::TrackOptions track;
-    if (out.passes > 0) track.accuracy *= 0.01;
-    tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t c) {
-      PathResult& p = path[chosen[c]];
-      const auto end = leg_homotopy::track(leg_homotopy::start_legs(), n.legs, bend, starts[chosen[c]], track);
-      p.end = end.point;
-      p.zero = end.left == 0 ? proven(n, end.point) : std::nullopt;
-      p.shared = false;
-    });
-    for (std::size_t i = 0; i < path.size(); ++i) {
-      for (std::size_t j = 0; j < i && path[i].zero; ++j) {
-        if (!path[j].zero || surely_different(*path[j].zero, *path[i].zero)) continue;
-        path[i].shared = path[j].shared = true;
-      }
-      if (path[i].zero &&
-          std::all_of(zeros.begin(), zeros.end(), [&](const Zero& z) { return surely_different(z, *path[i].zero); })) {
-        zeros.push_back(*path[i].zero);
-      }
-    }
-    ++out.passes;
-    const auto finite = std::count_if(zeros.begin(), zeros.end(), [](const Zero& z) { return z.finite; });
-    out.zeros = static_cast<int>(zeros.size());
-    out.zeros_at_infinity = static_cast<int>(zeros.size() - finite);
-    out.singular_ends =
-        static_cast<int>(std::count_if(path.begin(), path.end(), [](const PathResult& p) { return !p.zero; }));
-    if (out.zeros == kGeneralZeros) out.proof = ModesProof::general;
-    if (double_joints && finite == kDoubleJointZeros) out.proof = ModesProof::double_joints;
-  }
+  if (n.level) divide(n, options, out, zeros);
+  std::vector<PathResult> path;
+  follow(n, six, options, out, path, zeros);
 
   const auto residual_of = [&](const Pose& X) {
     double largest = 0;
@@ -318,6 +358,9 @@ std::string description_of(const AssemblyModes& m) {
       return fmt::format("{}: all there are. {}, and no platform with three double joints has more.", count, proven);
     case ModesProof::no_length:
       return "no assembly mode: a length is negative";
+    case ModesProof::subdivision:
+      return fmt::format("{}: all there are. That is proven by bounds on {} boxes of rotations, which leave no other.",
+                         count, m.boxes);
     case ModesProof::none:
       break;
   }
@@ -327,8 +370,20 @@ std::string description_of(const AssemblyModes& m) {
   }
   return fmt::format(
       "{} found; there may be others. {} of the {} complex solutions are proven, the other paths end at singular or "
-      "infinite ones; Newton from {} starts was searched besides.",
-      count, m.zeros, kGeneralZeros, m.starts);
+      "infinite ones; Newton from {} starts was searched besides.{}",
+      count, m.zeros, kGeneralZeros, m.starts,
+      m.boxes == 0     ? ""
+      : m.singular_box ? " Bounds on boxes of rotations prove no more, because a mode is singular or nearly so."
+                       : fmt::format(" Bounds on boxes of rotations prove no more: given up after {}.", m.boxes));
+}
+
+std::string method_of(const AssemblyModes& m) {
+  std::string out;
+  if (m.passes > 0) out = "parameter homotopy in dual quaternions, each end proven by interval arithmetic";
+  if (m.boxes > 0)
+    out += std::string(out.empty() ? "" : "; ") +
+           "division of the rotations into boxes with bounds, each mode proven by interval arithmetic";
+  return out;
 }
 
 bool AssemblyModes::moves() const {
