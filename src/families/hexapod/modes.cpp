@@ -359,8 +359,7 @@ std::string description_of(const AssemblyModes& m) {
     case ModesProof::no_length:
       return "no assembly mode: a length is negative";
     case ModesProof::subdivision:
-      return fmt::format("{}: all there are. That is proven by bounds on {} boxes of rotations, which leave no other.",
-                         count, m.boxes);
+      return fmt::format("{}: all there are. Bounds on boxes of all rotations prove that there is no other.", count);
     case ModesProof::none:
       break;
   }
