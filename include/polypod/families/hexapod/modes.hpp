@@ -46,7 +46,7 @@ struct ModesOptions {
 ///
 /// Division: the rotations are divided into boxes, and a box is thrown away where bounds of the six equations show that
 /// no pose is in it, or that none is but one whose existence and uniqueness are proven (interval Newton). Where no box
-/// is left, all real modes are known. First for platforms in planes z = const, which it takes 0.5 to 6 ms for.
+/// is left, all real modes are known. First for platforms in planes z = const, which it takes 0.5 to 7 ms for.
 ///
 /// Homotopy: the equations in dual quaternions have 40 isolated complex zeros for general legs (Ronga and Vust 1995).
 /// Those of one general complex platform are stored; they are followed to the given legs (parameter homotopy; Morgan
@@ -61,8 +61,8 @@ struct ModesOptions {
 /// missed; modes closer than 1e-5 of the machine's size count as one there.
 ///
 /// The result does not depend on the number of threads. No poses where a length is not a number.
-/// Cost on one core: 0.5 to 6 ms in planes; 8 to 10 ms in space where the paths suffice, 10 to 30 ms more where not;
-/// 0.1 to 0.5 s where nothing is proven.
+/// Cost on one core: 0.5 to 7 ms in planes; 8 to 10 ms in space where the paths suffice, 7 to 19 ms more where not;
+/// 60 to 170 ms where nothing is proven.
 AssemblyModes assembly_modes(const SixLegs& legs, const ModesOptions& options = {});
 
 /// One sentence for people: how many, and whether these are all.
