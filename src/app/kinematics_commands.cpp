@@ -108,11 +108,12 @@ int print_modes(const Context& context, const machine::AnyMachine& m, const mach
                 {"complete", modes.complete()},
                 {"found", modes.poses.size()},
                 {"statement", text},
-                {"method", "parameter homotopy in dual quaternions, each end proven by interval arithmetic"},
+                {"method", machine::method_of(modes)},
                 {"complex_proven", modes.zeros},
                 {"complex_at_infinity", modes.zeros_at_infinity},
                 {"paths_unproven", modes.singular_ends},
                 {"passes", modes.passes},
+                {"boxes", modes.boxes},
                 {"newton_starts", modes.starts},
                 {"moves", modes.moves()}});
   } else {

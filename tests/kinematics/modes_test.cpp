@@ -9,6 +9,7 @@
 #include <random>
 
 #include "leg_homotopy.hpp"
+#include "leg_subdivision.hpp"
 #include "polypod/families/hexapod/slider_kinematics.hpp"
 #include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -136,6 +137,49 @@ LegsT<Interval> exactly(const Legs& legs) {
   return out;
 }
 
+/// The homotopy alone.
+AssemblyModes by_homotopy(const SixLegs& legs) {
+  ModesOptions options;
+  options.boxes = 0;
+  return assembly_modes(legs, options);
+}
+
+/// The legs as the division wants them, about the middles of the joints.
+leg_subdivision::Problem problem_of(SixLegs legs) {
+  leg_subdivision::Problem out;
+  Vec3 a = Vec3::Zero(), b = Vec3::Zero();
+  for (int i = 0; i < kLegs; ++i) {
+    a += legs.anchor[i] / kLegs;
+    b += legs.end[i] / kLegs;
+  }
+  for (int i = 0; i < kLegs; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      const Interval a_i = Interval(legs.anchor[i][k]) - Interval(a[k]),
+                     b_i = Interval(legs.end[i][k]) - Interval(b[k]);
+      out.absolute.difference[i][k].re = a_i - b_i;
+      out.absolute.sum[i][k].re = a_i + b_i;
+    }
+    out.absolute.square[i].re = square(Interval(legs.length[i]));
+  }
+  const auto relative = [](int i, const auto& of, auto& proof, auto& middle) {
+    proof.re = i == 0 ? of[0].re : of[i].re - of[0].re;
+    middle.re = proof.re.mid();
+  };
+  for (int i = 0; i < kLegs; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      std::array<leg_homotopy::ComplexT<Interval>, kLegs> difference, sum;
+      for (int j = 0; j < kLegs; ++j) {
+        difference[j] = out.absolute.difference[j][k];
+        sum[j] = out.absolute.sum[j][k];
+      }
+      relative(i, difference, out.proof.difference[i][k], out.legs.difference[i][k]);
+      relative(i, sum, out.proof.sum[i][k], out.legs.sum[i][k]);
+    }
+    relative(i, out.absolute.square, out.proof.square[i], out.legs.square[i]);
+  }
+  return out;
+}
+
 TEST(StartPlatform, HasFortyProvenZeros) {
   const LegsT<Interval> legs = exactly(leg_homotopy::start_legs());
   const auto points = leg_homotopy::start_points();
@@ -249,13 +293,22 @@ TEST_P(RandomPlatforms, AllModesAreProvenAndHoldTheGivenPose) {
   for (int k = 0; k < 30; ++k) {
     const Pose X = random.pose();
     const SixLegs legs = random_legs(random, X, GetParam());
-    const AssemblyModes modes = assembly_modes(legs);
+    const AssemblyModes modes = by_homotopy(legs);
     EXPECT_EQ(modes.proof, ModesProof::general) << k;
     EXPECT_EQ(modes.zeros, 40);
     EXPECT_EQ(modes.starts, 0);
     EXPECT_EQ(modes.poses.size() % 2, 0U);  // zeros that are not real come in conjugate pairs, and 40 is even
     EXPECT_TRUE(holds(modes.poses, X)) << k;
     expect_closed(legs, modes);
+    // Two proofs that share only the proof of a single zero count the same.
+    const AssemblyModes divided = assembly_modes(legs);
+    EXPECT_EQ(divided.proof, GetParam() == 0 ? ModesProof::subdivision : ModesProof::general) << k;
+    expect_closed(legs, divided);
+    const leg_subdivision::Result real = leg_subdivision::real_zeros(problem_of(legs), {});
+    EXPECT_TRUE(real.complete) << k;
+    EXPECT_EQ(divided.poses.size(), modes.poses.size()) << k;
+    EXPECT_EQ(real.zeros.size(), modes.poses.size()) << k;
+    for (const Pose& Y : modes.poses) EXPECT_TRUE(holds(divided.poses, Y)) << k;
   }
 }
 
@@ -270,7 +323,6 @@ TEST_P(RandomPlatforms, SearchFindsTheSameModes) {
     EXPECT_EQ(found.size(), modes.poses.size()) << k;
   }
 }
-INSTANTIATE_TEST_SUITE_P(InSpaceAndFlat, RandomPlatforms, ::testing::Values(1.0, 0.0));
 
 TEST(AssemblyModes, FlatPlatformsHaveMirroredPairs) {
   Random random(22);
@@ -323,8 +375,9 @@ TEST(AssemblyModes, MeetTheClosedFormOfThreeTwoOne) {
         }
       }
     }
+    EXPECT_EQ(by_homotopy(legs).zeros, 8) << k;
     const AssemblyModes modes = assembly_modes(legs);
-    EXPECT_EQ(modes.zeros, 8) << k;
+    EXPECT_EQ(modes.proof, ModesProof::subdivision) << k;
     ASSERT_EQ(modes.poses.size(), expected.size()) << k;
     for (const Pose& X : expected) EXPECT_TRUE(holds(modes.poses, X, 1e-6)) << k;
     most = std::max(most, static_cast<int>(expected.size()));
@@ -471,6 +524,129 @@ TEST(AssemblyModes, AreTheSameBytesWithAnyNumberOfThreads) {
   }
 }
 
+/// A box of random sides round a zero, anywhere in it.
+leg_subdivision::Box box_round(const Point& zero, Random& random, double size, double reach) {
+  leg_subdivision::Box box;
+  box.one = zero.chart;
+  for (int k = 0, v = 0; k < 8; ++k) {
+    if (k == zero.chart) continue;
+    const double limit = k < 4 ? 1 : reach;
+    const auto part = [&] { return size * (v < 3 ? 1 : reach) * 0.5 * (1 + random.number()); };
+    box.lo[v] = std::max(-limit, zero.z[k].re - part());
+    box.hi[v] = std::min(limit, zero.z[k].re + part());
+    ++v;
+  }
+  return box;
+}
+
+// A wrong bound would lose a zero here long before it does in the whole search, where others find it again.
+TEST_P(RandomPlatforms, NoBoxWithAZeroIsThrownAway) {
+  Random random(32);
+  int narrower = 0, boxes = 0;
+  for (int k = 0; k < 60; ++k) {
+    SixLegs legs = random_legs(random, random.pose(), GetParam());
+    const leg_subdivision::Problem problem = problem_of(legs);
+    const leg_subdivision::Result all = leg_subdivision::real_zeros(problem, {});
+    ASSERT_TRUE(all.complete);
+    for (const leg_subdivision::RealZero& zero : all.zeros) {
+      for (int j = 0; j < 40; ++j) {
+        const double size = std::pow(10, -0.1 * j);
+        const leg_subdivision::Box box = box_round(zero.point, random, size, 6);
+        const auto to = leg_subdivision::narrowed(problem, box);
+        ++boxes;
+        ASSERT_TRUE(to) << k << ' ' << size;
+        bool less = false;
+        for (int i = 0, v = 0; i < 8; ++i) {
+          if (i == zero.point.chart) continue;
+          EXPECT_LE(to->lo[v], zero.point.z[i].re + 1e-11) << k << ' ' << size;
+          EXPECT_GE(to->hi[v], zero.point.z[i].re - 1e-11) << k << ' ' << size;
+          less = less || to->hi[v] - to->lo[v] < 0.9 * (box.hi[v] - box.lo[v]);
+          ++v;
+        }
+        narrower += less ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(boxes, 5000);
+  EXPECT_GT(narrower, boxes / 2);  // else the test would show nothing
+}
+
+// Beside singular poses another zero lies close by, and the box about each has to end before it.
+TEST_P(RandomPlatforms, NoOtherZeroIsInTheBoxOfOne) {
+  Random random(33);
+  int proven = 0;
+  for (int k = 0; k < 20; ++k) {
+    const SixLegs some = random_legs(random, random.pose(), GetParam());
+    const Pose X = singular_pose(some.anchor, some.end, random, std::pow(10, -1 - 0.1 * k));
+    const leg_subdivision::Problem problem = problem_of(legs_at(X, some.anchor, some.end));
+    const leg_subdivision::Result all = leg_subdivision::real_zeros(problem, {});
+    for (const leg_subdivision::RealZero& zero : all.zeros) {
+      for (int one = 0; one < 4; ++one) {
+        const auto box = leg_subdivision::alone_in(problem, zero, one);
+        if (!box) continue;
+        ++proven;
+        for (const leg_subdivision::RealZero& other : all.zeros) {
+          const double scale = 1 / other.point.z[one].re;
+          bool inside = std::isfinite(scale);
+          for (int i = 0, v = 0; i < 8; ++i) {
+            if (i == one) continue;
+            inside = inside && box->lo[v] <= scale * other.point.z[i].re && scale * other.point.z[i].re <= box->hi[v];
+            ++v;
+          }
+          EXPECT_EQ(inside, &other == &zero) << k;
+        }
+      }
+    }
+  }
+  EXPECT_GT(proven, 100);
+}
+
+TEST_P(RandomPlatforms, DivisionProvesNothingAtASingularPose) {
+  Random random(34);
+  for (int k = 0; k < 10; ++k) {
+    const SixLegs some = random_legs(random, random.pose(), GetParam());
+    const Pose X = singular_pose(some.anchor, some.end, random);
+    const leg_subdivision::Result real = leg_subdivision::real_zeros(problem_of(legs_at(X, some.anchor, some.end)), {});
+    EXPECT_FALSE(real.complete) << k;
+    EXPECT_TRUE(real.singular) << k;
+  }
+}
+
+TEST(AssemblyModes, OfTooFewBoxesAreNotComplete) {
+  Random random(35);
+  const SixLegs legs = random_legs(random, random.pose());
+  leg_subdivision::Options options;
+  options.boxes = leg_subdivision::real_zeros(problem_of(legs), {}).boxes;
+  EXPECT_TRUE(leg_subdivision::real_zeros(problem_of(legs), {}, options).complete);
+  --options.boxes;
+  EXPECT_FALSE(leg_subdivision::real_zeros(problem_of(legs), {}, options).complete);
+}
+
+// Both platforms three equal pairs on a circle: paths end at infinity, so that only the division proves anything.
+// Newton from anywhere finds the same.
+TEST(AssemblyModes, OfEqualLegsAreProven) {
+  const AnyMachine m = *load("hexapod-strut");
+  const auto& struts = std::get<StrutHexapod>(m);
+  for (const double length : {0.042, 0.05, 0.06, 0.07, 0.08, 0.09}) {
+    const SixLegs legs = six_legs(struts, JointVector::Constant(kLegs, length));
+    EXPECT_FALSE(by_homotopy(legs).complete());
+    const AssemblyModes modes = assembly_modes(legs);
+    EXPECT_EQ(modes.proof, ModesProof::subdivision) << length;
+    EXPECT_LT(modes.boxes, 2000) << length;
+    EXPECT_THAT(description_of(modes), HasSubstr("all there are"));
+    SixLegs large = legs;  // the search is in a box of size 2
+    for (int i = 0; i < kLegs; ++i) {
+      large.anchor[i] *= 20;
+      large.end[i] *= 20;
+      large.length[i] *= 20;
+    }
+    const std::vector<Pose> found = search(large, 6000, 400);
+    EXPECT_EQ(found.size(), modes.poses.size()) << length;
+    for (const Pose& X : found) EXPECT_TRUE(holds(modes.poses, {X.R, X.p / 20}, 1e-6)) << length;
+    for (const double r : modes.residuals) EXPECT_LT(r, 1e-9);
+  }
+}
+
 TEST(AssemblyModes, OfTheCatalogueHoldTheGivenPose) {
   int machines = 0;
   for (const CatalogueEntry& entry : catalogue()) {
@@ -486,6 +662,7 @@ TEST(AssemblyModes, OfTheCatalogueHoldTheGivenPose) {
       ASSERT_FALSE(inverse.solutions.empty()) << entry.name;
       const JointVector q = inverse.solutions.front().joints;
       const auto modes = kinematics::assembly_modes(m, q);
+      EXPECT_TRUE(modes->complete()) << entry.name;
       EXPECT_TRUE(holds(modes->poses, X)) << entry.name;
       for (const double r : modes->residuals) EXPECT_LT(r, 1e-9) << entry.name;
       EXPECT_TRUE(holds(modes->poses, kinematics::forward(m, q).poses.front())) << entry.name;
@@ -493,6 +670,8 @@ TEST(AssemblyModes, OfTheCatalogueHoldTheGivenPose) {
   }
   EXPECT_GE(machines, 7);
 }
+
+INSTANTIATE_TEST_SUITE_P(InSpaceAndFlat, RandomPlatforms, ::testing::Values(1.0, 0.0));
 
 }  // namespace
 }  // namespace polypod::machine

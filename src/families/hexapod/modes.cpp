@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "leg_homotopy.hpp"
+#include "leg_subdivision.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -26,43 +27,52 @@ constexpr double kNearlyReal = 1e-7;
 constexpr double kOnePose = 1e-5;
 
 /// The platform about the middles of its joints and of size about 1, which no rotation or choice of origin changes.
-struct Normalised {
+struct Normalised : leg_subdivision::Problem {
   Vec3 a_middle = Vec3::Zero(), b_middle = Vec3::Zero();
   double scale = 1;  ///< a power of two, so that scaling is exact
-  leg_homotopy::LegsT<Interval> proof;
-  leg_homotopy::Legs legs;
 
   explicit Normalised(const SixLegs& six) {
+    a_middle = middle_of(six.anchor);
+    b_middle = middle_of(six.end);
     double size = 0;
-    for (int i = 0; i < kLegs; ++i) {
-      a_middle += six.anchor[i] / kLegs;
-      b_middle += six.end[i] / kLegs;
-    }
     for (int i = 0; i < kLegs; ++i)
       size += (six.anchor[i] - a_middle).squaredNorm() + (six.end[i] - b_middle).squaredNorm() +
               six.length[i] * six.length[i];
     scale = std::exp2(-std::round(std::log2(std::sqrt(size / kLegs))));
-    std::array<Interval, 7> first;  // leg 1, which the others are relative to
+    level = true;
+    const auto less = [&](double x, double middle) {
+      return x == middle ? Interval(0.0) : Interval(scale) * (Interval(x) - Interval(middle));
+    };
     for (int i = 0; i < kLegs; ++i) {
-      std::array<Interval, 7> leg;
+      level = level && six.anchor[i].z() == a_middle.z() && six.end[i].z() == b_middle.z();
       for (int k = 0; k < 3; ++k) {
-        const Interval a = Interval(scale) * (Interval(six.anchor[i][k]) - Interval(a_middle[k]));
-        const Interval b = Interval(scale) * (Interval(six.end[i][k]) - Interval(b_middle[k]));
-        leg[k] = a - b;
-        leg[3 + k] = a + b;
+        const Interval a = less(six.anchor[i][k], a_middle[k]);
+        const Interval b = less(six.end[i][k], b_middle[k]);
+        absolute.difference[i][k].re = a - b;
+        absolute.sum[i][k].re = a + b;
       }
-      leg[6] = square(Interval(scale) * Interval(six.length[i]));
-      if (i == 0) first = leg;
-      const auto put = [&](int k, leg_homotopy::ComplexT<Interval>& in_proof, leg_homotopy::Complex& in_legs) {
-        in_proof.re = i == 0 ? leg[k] : leg[k] - first[k];
+      absolute.square[i].re = square(Interval(scale) * Interval(six.length[i]));
+      // Relative to leg 1.
+      const auto put = [&](const auto& of, leg_homotopy::ComplexT<Interval>& in_proof, leg_homotopy::Complex& in_legs) {
+        in_proof.re = i == 0 ? of(i) : of(i) - of(0);
         in_legs.re = in_proof.re.mid();
       };
       for (int k = 0; k < 3; ++k) {
-        put(k, proof.difference[i][k], legs.difference[i][k]);
-        put(3 + k, proof.sum[i][k], legs.sum[i][k]);
+        put([&](int leg) { return absolute.difference[leg][k].re; }, proof.difference[i][k], legs.difference[i][k]);
+        put([&](int leg) { return absolute.sum[leg][k].re; }, proof.sum[i][k], legs.sum[i][k]);
       }
-      put(6, proof.square[i], legs.square[i]);
+      put([&](int leg) { return absolute.square[leg].re; }, proof.square[i], legs.square[i]);
     }
+  }
+
+  /// Of equal coordinates exactly theirs.
+  static Vec3 middle_of(const SixPoints& points) {
+    Vec3 middle = Vec3::Zero();
+    for (const Vec3& p : points) middle += p / kLegs;
+    for (int k = 0; k < 3; ++k)
+      if (std::all_of(points.begin(), points.end(), [&](const Vec3& p) { return p[k] == points[0][k]; }))
+        middle[k] = points[0][k];
+    return middle;
   }
 
   [[nodiscard]] Pose outside(const Pose& X) const { return {X.R, Vec3(X.p / scale + a_middle - X.R * b_middle)}; }
@@ -181,6 +191,81 @@ kinematics::NewtonResult settle(const SixLegs& six, const Pose& seed, double siz
   return out;
 }
 
+bool new_among(const std::vector<Zero>& zeros, const Zero& z) {
+  return std::all_of(zeros.begin(), zeros.end(), [&](const Zero& other) { return surely_different(other, z); });
+}
+
+void count(const std::vector<Zero>& zeros, AssemblyModes& out) {
+  const auto finite = std::count_if(zeros.begin(), zeros.end(), [](const Zero& z) { return z.finite; });
+  out.zeros = static_cast<int>(zeros.size());
+  out.zeros_at_infinity = static_cast<int>(zeros.size() - finite);
+}
+
+/// The real zeros by division, beside those that are known.
+void divide(const Normalised& n, const ModesOptions& options, AssemblyModes& out, std::vector<Zero>& zeros) {
+  if (options.boxes <= 0) return;
+  std::vector<Point> known;
+  for (const Zero& z : zeros)
+    if (z.real && z.finite) known.push_back(z.point);
+  leg_subdivision::Options division;
+  division.boxes = options.boxes;
+  const leg_subdivision::Result found = leg_subdivision::real_zeros(n, known, division);
+  out.boxes = found.boxes;
+  out.singular_box = found.singular;
+  if (found.complete) {
+    out.proof = ModesProof::subdivision;
+    std::erase_if(zeros, [](const Zero& z) { return z.real && z.finite; });
+  }
+  for (const leg_subdivision::RealZero& z : found.zeros) {
+    const Zero zero{z.point, z.radius, true, true};
+    if (found.complete || new_among(zeros, zero)) zeros.push_back(zero);
+  }
+  count(zeros, out);
+}
+
+/// All zeros by homotopy, beside those that are known, until there is a proof.
+void follow(const Normalised& n, const SixLegs& six, const ModesOptions& options, AssemblyModes& out,
+            std::vector<PathResult>& path, std::vector<Zero>& zeros) {
+  const bool double_joints = in_pairs(six.anchor) || in_pairs(six.end);
+  const auto starts = leg_homotopy::start_points();
+  path.resize(starts.size());
+  while (out.passes < options.passes && out.proof == ModesProof::none) {
+    // The second pass repeats with smaller steps what the first may have lost; further ones go other ways.
+    const bool again = out.passes == 1;
+    std::vector<std::size_t> chosen;
+    for (std::size_t i = 0; i < path.size(); ++i)
+      if (!again || !path[i].zero || path[i].shared) chosen.push_back(i);
+    const leg_homotopy::Legs bend = bend_of(again ? 0 : out.passes);
+    leg_homotopy::TrackOptions track;
+    if (out.passes > 0) track.accuracy *= 0.01;
+    tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t c) {
+      PathResult& p = path[chosen[c]];
+      const auto end = leg_homotopy::track(leg_homotopy::start_legs(), n.legs, bend, starts[chosen[c]], track);
+      p.end = end.point;
+      p.zero = end.left == 0 ? proven(n, end.point) : std::nullopt;
+      p.shared = false;
+    });
+    for (std::size_t i = 0; i < path.size(); ++i) {
+      for (std::size_t j = 0; j < i && path[i].zero; ++j) {
+        if (!path[j].zero || surely_different(*path[j].zero, *path[i].zero)) continue;
+        path[i].shared = path[j].shared = true;
+      }
+      if (path[i].zero && new_among(zeros, *path[i].zero)) zeros.push_back(*path[i].zero);
+    }
+    ++out.passes;
+    count(zeros, out);
+    out.singular_ends =
+        static_cast<int>(std::count_if(path.begin(), path.end(), [](const PathResult& p) { return !p.zero; }));
+    if (out.zeros == kGeneralZeros) {
+      out.proof = ModesProof::general;
+    } else if (double_joints && out.zeros - out.zeros_at_infinity == kDoubleJointZeros) {
+      out.proof = ModesProof::double_joints;
+    } else if (out.passes == 1 && !n.level) {
+      divide(n, options, out, zeros);
+    }
+  }
+}
+
 bool same_pose(const Pose& a, const Pose& b, double size) {
   return (a.p - b.p).norm() < kOnePose * size && (a.R - b.R).norm() < kOnePose;
 }
@@ -203,45 +288,10 @@ AssemblyModes assembly_modes(const SixLegs& six, const ModesOptions& options) {
   if (!(size > 0)) return out;
 
   const Normalised n(six);
-  const bool double_joints = in_pairs(six.anchor) || in_pairs(six.end);
-  const auto starts = leg_homotopy::start_points();
-  std::vector<PathResult> path(starts.size());
   std::vector<Zero> zeros;
-  while (out.passes < options.passes && out.proof == ModesProof::none) {
-    // The second pass repeats with smaller steps what the first may have lost; further ones go other ways.
-    const bool again = out.passes == 1;
-    std::vector<std::size_t> chosen;
-    for (std::size_t i = 0; i < path.size(); ++i)
-      if (!again || !path[i].zero || path[i].shared) chosen.push_back(i);
-    const leg_homotopy::Legs bend = bend_of(again ? 0 : out.passes);
-    leg_homotopy::TrackOptions track;
-    if (out.passes > 0) track.accuracy *= 0.01;
-    tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t c) {
-      PathResult& p = path[chosen[c]];
-      const auto end = leg_homotopy::track(leg_homotopy::start_legs(), n.legs, bend, starts[chosen[c]], track);
-      p.end = end.point;
-      p.zero = end.left == 0 ? proven(n, end.point) : std::nullopt;
-      p.shared = false;
-    });
-    for (std::size_t i = 0; i < path.size(); ++i) {
-      for (std::size_t j = 0; j < i && path[i].zero; ++j) {
-        if (!path[j].zero || surely_different(*path[j].zero, *path[i].zero)) continue;
-        path[i].shared = path[j].shared = true;
-      }
-      if (path[i].zero &&
-          std::all_of(zeros.begin(), zeros.end(), [&](const Zero& z) { return surely_different(z, *path[i].zero); })) {
-        zeros.push_back(*path[i].zero);
-      }
-    }
-    ++out.passes;
-    const auto finite = std::count_if(zeros.begin(), zeros.end(), [](const Zero& z) { return z.finite; });
-    out.zeros = static_cast<int>(zeros.size());
-    out.zeros_at_infinity = static_cast<int>(zeros.size() - finite);
-    out.singular_ends =
-        static_cast<int>(std::count_if(path.begin(), path.end(), [](const PathResult& p) { return !p.zero; }));
-    if (out.zeros == kGeneralZeros) out.proof = ModesProof::general;
-    if (double_joints && finite == kDoubleJointZeros) out.proof = ModesProof::double_joints;
-  }
+  if (n.level) divide(n, options, out, zeros);
+  std::vector<PathResult> path;
+  follow(n, six, options, out, path, zeros);
 
   const auto residual_of = [&](const Pose& X) {
     double largest = 0;
@@ -308,6 +358,8 @@ std::string description_of(const AssemblyModes& m) {
       return fmt::format("{}: all there are. {}, and no platform with three double joints has more.", count, proven);
     case ModesProof::no_length:
       return "no assembly mode: a length is negative";
+    case ModesProof::subdivision:
+      return fmt::format("{}: all there are. Bounds on boxes of all rotations prove that there is no other.", count);
     case ModesProof::none:
       break;
   }
@@ -317,8 +369,20 @@ std::string description_of(const AssemblyModes& m) {
   }
   return fmt::format(
       "{} found; there may be others. {} of the {} complex solutions are proven, the other paths end at singular or "
-      "infinite ones; Newton from {} starts was searched besides.",
-      count, m.zeros, kGeneralZeros, m.starts);
+      "infinite ones; Newton from {} starts was searched besides.{}",
+      count, m.zeros, kGeneralZeros, m.starts,
+      m.boxes == 0     ? ""
+      : m.singular_box ? " Bounds on boxes of rotations prove no more, because a mode is singular or nearly so."
+                       : fmt::format(" Bounds on boxes of rotations prove no more: given up after {}.", m.boxes));
+}
+
+std::string method_of(const AssemblyModes& m) {
+  std::string out;
+  if (m.passes > 0) out = "parameter homotopy in dual quaternions, each end proven by interval arithmetic";
+  if (m.boxes > 0)
+    out += std::string(out.empty() ? "" : "; ") +
+           "division of the rotations into boxes with bounds, each mode proven by interval arithmetic";
+  return out;
 }
 
 bool AssemblyModes::moves() const {
