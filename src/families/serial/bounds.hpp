@@ -32,7 +32,7 @@ class ArmLimits {
   }
 
   [[nodiscard]] static int groups() { return 1; }
-  /// Half the way from the tip to joint 2's end of the forearm: measured to be faster than the whole.
+  /// Twice the way from the tip to joint 2's end of the forearm: measured to be faster than once and four times.
   [[nodiscard]] double lever() const { return 2 * (f_.reach + std::abs(f_.d4)); }
 
   void box(Vec3& low, Vec3& high, const Directions&) const {
@@ -71,8 +71,8 @@ class ArmLimits {
     }
     const ArmFrame frame(f_, c, k, d);
 
-    Verdict result = Verdict::dead;
-    BoundList of_branch;
+    Terms possible;
+    possible.verdict = Verdict::dead;
     std::array<Verdict, 2> but_for_first{Verdict::dead, Verdict::dead};
     for (std::size_t shoulder = 0; shoulder < 2; ++shoulder) {
       const double side = shoulder == 0 ? 1.0 : -1.0;
@@ -104,11 +104,12 @@ class ArmLimits {
             out.clear();
             return Verdict::inside;
           }
-          if (result == Verdict::dead) {  // the only possible branch so far
-            result = all.verdict;
-            of_branch = all.bounds;
+          if (possible.verdict == Verdict::dead) {  // the only possible branch so far
+            possible = all;
           } else {
-            result = Verdict::open;
+            Terms some;
+            either(possible, all, 0, some);
+            possible = some;
           }
         }
       }
@@ -119,8 +120,8 @@ class ArmLimits {
       out.clear();
       return Verdict::inside;
     }
-    if (result == Verdict::undecided) out.append(of_branch);
-    return result;
+    if (possible.verdict == Verdict::undecided) out.append(possible.bounds);
+    return possible.verdict;
   }
 
  private:
@@ -246,7 +247,7 @@ class ArmLimits {
     }
   }
 
-  /// One of two conditions.
+  /// One of two conditions: where both are possible, the one that keeps more is a bound from below.
   static void either(const Terms& a, const Terms& b, int limit, Terms& terms) {
     if (a.verdict == Verdict::inside || b.verdict == Verdict::inside) return;
     if (a.verdict == Verdict::dead) return terms.append(b);
