@@ -43,6 +43,8 @@ BENCHMARK(bounded)
     ->Args({1, 0, 100})
     ->Args({1, 20, 100})
     ->Args({3, 0, 100})
+    ->Args({3, 0, 10})
+    ->Args({3, 20, 100})
     ->Unit(benchmark::kMillisecond);
 
 /// The plain scan of the basic strut machine: steps a side; its error against the bounds.

@@ -2,8 +2,10 @@
 // Patches of tool orientations: a binary tree over a cone of tilts or ranges of A and B.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numbers>
 
@@ -42,6 +44,58 @@ struct Patch {
     if (whole_turn) return true;
     if (high[1] - low[1] > std::numbers::pi) return false;
     return edge[0].dot(at) >= spread && edge[1].dot(at) >= spread;
+  }
+
+  /// A point of the patch that is about the nearest to p, all relative to the reference point.
+  [[nodiscard]] Eigen::Vector2d nearest(const Eigen::Vector2d& p) const {
+    if (!sector) {
+      return {std::clamp(p[0], -std::abs(corner[3][0]), std::abs(corner[3][0])),
+              std::clamp(p[1], -std::abs(corner[3][1]), std::abs(corner[3][1]))};
+    }
+    const Eigen::Vector2d at = reference + p;
+    const double radius = std::clamp(at.norm(), low[0], high[0]);
+    double azimuth = std::atan2(at[1], at[0]);
+    if (!whole_turn) {
+      const double middle = 0.5 * (low[1] + high[1]), half = 0.5 * (high[1] - low[1]);
+      azimuth = middle + std::clamp(std::remainder(azimuth - middle, 2 * std::numbers::pi), -half, half);
+    }
+    return Eigen::Vector2d(radius * std::cos(azimuth), radius * std::sin(azimuth)) - reference;
+  }
+
+  /// Shortens first..last to where p + x along, |along| = 1, lies in the convex hull of the patch. False where nothing
+  /// is left, or the hull is not known.
+  [[nodiscard]] bool clip(const Eigen::Vector2d& p, const Eigen::Vector2d& along, double& first, double& last) const {
+    const auto keep = [&](double distance, double rate) {  // distance + x rate >= 0
+      if (rate > 0) {
+        first = std::max(first, -distance / rate);
+      } else if (rate < 0) {
+        last = std::min(last, -distance / rate);
+      } else if (distance < 0) {
+        last = -std::numeric_limits<double>::infinity();
+      }
+    };
+    if (!sector) {
+      for (int k = 0; k < 2; ++k) {
+        const double half = std::abs(corner[3][k]);
+        keep(half + p[k], along[k]);
+        keep(half - p[k], -along[k]);
+      }
+      return first <= last;
+    }
+    const double half_azimuth = 0.5 * (high[1] - low[1]);
+    if (!whole_turn && half_azimuth > 0.5 * std::numbers::pi + 1e-9) return false;
+    const Eigen::Vector2d at = reference + p;
+    const double middle = -at.dot(along), room = high[0] * high[0] - (at + middle * along).squaredNorm();
+    if (room < 0) return false;
+    first = std::max(first, middle - std::sqrt(room));
+    last = std::min(last, middle + std::sqrt(room));
+    if (!whole_turn) {
+      for (const Eigen::Vector2d& normal : edge) keep(normal.dot(at), normal.dot(along));
+      const double azimuth = 0.5 * (low[1] + high[1]);
+      const Eigen::Vector2d bisector(std::cos(azimuth), std::sin(azimuth));
+      keep(bisector.dot(at) - low[0] * std::cos(half_azimuth), bisector.dot(along));
+    }
+    return first <= last;
   }
 
   /// The least value of s1 (s - s0) + s2 (t - t0) over the patch. A sector's is at a corner, or where its outer arc

@@ -2,9 +2,12 @@
 // Serial arms: first-order numbers against sampling, the workspace of LOLA 50 over ranges of A and B.
 #include <gtest/gtest.h>
 
-#include <numbers>
+#include <fmt/format.h>
 
+#include <numbers>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "../families/serial/bounds.hpp"
 #include "polypod/core/units.hpp"
@@ -105,6 +108,217 @@ TEST(ArmBounds, VerdictsHoldAtEveryPoint) {
   EXPECT_GT(inside, 300);
   EXPECT_GT(dead, 300);
   EXPECT_GT(undecided, 300);
+}
+
+// What the arms differ in is what the bounds treat apart: an offset of joint 1, both elbows, a forearm that counts
+// backwards, the flipped wrist, a range of joint 4, long and short ranges, joint 5 near 90 deg on either side.
+struct ArmCase {
+  const char* name;
+  std::string text;
+};
+std::string arm_text(double a1, double d4, std::array<std::array<double, 2>, 5> ranges, double tool = 0) {
+  std::string text = fmt::format(R"(
+family = "serial"
+task = "axis"
+convention = "standard"
+dh = [
+  {{ a_mm = {}, alpha_deg = 90, d_mm = 120, theta_offset_deg = -90 }},
+  {{ a_mm = 850, alpha_deg = 0, d_mm = 0, theta_offset_deg = 90 }},
+  {{ a_mm = 0, alpha_deg = 90, d_mm = 0, theta_offset_deg = 0 }},
+  {{ a_mm = 0, alpha_deg = -90, d_mm = {}, theta_offset_deg = 0, sign = -1 }},
+  {{ a_mm = 300, alpha_deg = 0, d_mm = 0, theta_offset_deg = 180 }},
+]
+tool = {{ b_deg = 90, c_deg = 180 }}
+base = {{ x_mm = 10, y_mm = -20, z_mm = 30, a_deg = {} }}
+limits = [
+)",
+                                 a1, d4, tool);
+  for (const auto& [low, high] : ranges) text += fmt::format("  {{ min_deg = {}, max_deg = {} }},\n", low, high);
+  return text + "]\n";
+}
+std::vector<ArmCase> arm_cases() {
+  return {
+      {"LOLA 50", arm_text(0, 1100, {{{-90, 90}, {-61, 43}, {-38, 89}, {-180, 180}, {-30, 89}}})},
+      {"offset and both elbows", arm_text(150, 900, {{{-170, 170}, {-61, 60}, {-130, 120}, {-180, 180}, {-30, 89}}})},
+      {"forearm backwards", arm_text(0, -900, {{{-90, 90}, {-100, 80}, {-150, 40}, {-180, 180}, {-80, 40}}})},
+      {"range of joint 4", arm_text(100, 1100, {{{-120, 120}, {-61, 43}, {-38, 89}, {-100, 130}, {-89, 89}}})},
+      {"long ranges", arm_text(50, 1000, {{{-180, 180}, {-140, 100}, {-80, 80}, {-180, 180}, {-120, 60}}})},
+      {"joint 5 near 90", arm_text(0, 1100, {{{-90, 90}, {-61, 43}, {-38, 89}, {-180, 180}, {-88, 89.5}}})},
+      {"joint 5 between 50 and 88", arm_text(0, 1100, {{{-90, 90}, {-61, 43}, {-38, 120}, {-180, 180}, {50, 88}}})},
+      {"flipped wrist", arm_text(80, 1100, {{{-90, 90}, {-61, 43}, {-38, 89}, {-180, 180}, {91, 200}}})},
+      {"slanted base", arm_text(0, 1100, {{{-90, 90}, {-61, 43}, {-38, 89}, {-180, 180}, {-30, 89}}}, 25)},
+  };
+}
+
+/// How far the best branch stays within its ranges, rad; below 0 out of limits.
+double margin_of(const machine::WristInverse& wrist, const machine::WristInverse::Form& form, const Vec3& p,
+                 const Vec3& k) {
+  machine::WristInverse::Branches branches;
+  wrist.solve(p, k, branches);
+  double best = -10;
+  for (int b = 0; b < machine::WristInverse::kBranches; ++b) {
+    if (!branches.exists[b]) continue;
+    double least = 10;
+    for (std::size_t i = 0; i < 5; ++i) {
+      if (form.max[i] - form.min[i] >= 2 * std::numbers::pi - 1e-9) continue;
+      const double q = branches.joints[b][static_cast<Eigen::Index>(i)];
+      const double middle = 0.5 * (form.min[i] + form.max[i]), half = 0.5 * (form.max[i] - form.min[i]);
+      least = std::min(least, half - std::abs(std::remainder(q - middle, 2 * std::numbers::pi)));
+    }
+    best = std::max(best, least);
+  }
+  return best;
+}
+
+/// The tool axis of a patch at parameters 0..1.
+Vec3 axis_in(const Patch& patch, double s, double t) {
+  const double a = patch.low[0] + s * (patch.high[0] - patch.low[0]),
+               b = patch.low[1] + t * (patch.high[1] - patch.low[1]);
+  if (!patch.sector) return (rotation_y(b) * rotation_x(a)).col(2);
+  return rotation_of(a * Vec3(-std::sin(b), std::cos(b), 0)).col(2);
+}
+
+/// The least margin over a patch: a grid, then a search round its lowest point.
+double least_margin(const machine::WristInverse& wrist, const Patch& patch, const Vec3& p, int steps = 24) {
+  const auto form = wrist.form();
+  double best = 10, s = 0, t = 0;
+  const auto look = [&](double u, double v) {
+    const double margin = margin_of(wrist, form, p, axis_in(patch, u, v));
+    if (margin >= best) return false;
+    best = margin;
+    s = u;
+    t = v;
+    return true;
+  };
+  for (int i = 0; i <= steps; ++i)
+    for (int j = 0; j <= steps && best >= 0; ++j) look(double(i) / steps, double(j) / steps);
+  for (double step = 1.0 / steps; step > 1e-6 && best >= 0;) {
+    bool better = false;
+    for (const auto& [u, v] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}})
+      better = look(std::clamp(s + u * step, 0.0, 1.0), std::clamp(t + v * step, 0.0, 1.0)) || better;
+    if (!better) step *= 0.5;
+  }
+  return best;
+}
+
+class EachArm : public ::testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(ArmBounds, EachArm, ::testing::Range<std::size_t>(0, arm_cases().size()));
+
+// Both sides of every verdict: a position that the planes from below keep is reached in all directions of the patch,
+// one that a plane from above loses is not in some.
+TEST_P(EachArm, PlanesHoldOnBothSides) {
+  const ArmCase arm_case = arm_cases()[GetParam()];
+  SCOPED_TRACE(arm_case.name);
+  const auto any = machine::from_text(arm_case.text, "arm.toml");
+  ASSERT_TRUE(any) << to_string(any.error());
+  const auto wrist = *machine::WristInverse::of(std::get<machine::SerialArm>(*any));
+  const auto form = wrist.form();
+  const ArmLimits limits(form, ~LimitBits{0});
+  constexpr double kNearZero = 1e-9;  // rad; limits are widened by 1e-12 of their terms
+  Random random;
+  random.engine.seed(7 + static_cast<unsigned>(GetParam()));
+  std::array<int, 5> seen{};
+  int kept = 0, lost = 0;
+  for (int cell = 0; cell < 500; ++cell) {
+    const double size = std::pow(10.0, random(-3.5, -1.2));
+    const Vec3 half(size, size * random(0.3, 1), size * random(0.3, 1));
+    Patch patch;
+    const double width = size * random(0, 2);
+    if (cell % 2 == 0) {
+      const double a = random(-0.6, 0.6), b = random(-0.6, 0.6);
+      patch = make_rectangle({a, b}, {a + width, b + width * random(0, 1)});
+    } else {
+      const double radius = random(0, 0.5), azimuth = random(0, 6);
+      patch = make_sector({radius, azimuth}, {radius + width, azimuth + std::min(1.5, width / (radius + width))});
+    }
+    // Near the border, where the planes are: a pose with a joint at a limit.
+    Vec3 center;
+    const double reach = form.a2 + std::abs(form.d4);
+    double best = 10;
+    for (int t = 0; t < 40; ++t) {
+      const Vec3 p(random(-1, 1) * reach, random(-1, 1) * reach, random(-1, 1) * reach);
+      const double margin = std::abs(margin_of(wrist, form, p, axis_in(patch, 0.5, 0.5)));
+      if (margin < best) {
+        best = margin;
+        center = p;
+      }
+    }
+    BoundList bounds;
+    const Verdict verdict = limits.judge(0, center, half, half.norm(), patch, limits.prepare(patch), bounds);
+    ++seen[static_cast<std::size_t>(verdict)];
+    if (verdict == Verdict::open) continue;
+    for (int sample = 0; sample < 6; ++sample) {
+      Vec3 x(random(-1, 1), random(-1, 1), random(-1, 1));
+      if (sample < 3) x = Vec3(random(-1, 1) > 0 ? 1 : -1, random(-1, 1) > 0 ? 1 : -1, random(-1, 1) > 0 ? 1 : -1);
+      x = x.cwiseProduct(half);
+      bool in = verdict == Verdict::inside, out = verdict == Verdict::outside || verdict == Verdict::dead;
+      if (verdict == Verdict::undecided) {
+        in = true;
+        for (const Bound& bound : bounds) {
+          in = in && bound.m + bound.G.dot(x) >= 0;
+          out = out || bound.M + bound.G.dot(x) < 0;
+        }
+      }
+      EXPECT_FALSE(in && out) << "cell " << cell;
+      if (!in && !out) continue;
+      const double margin = least_margin(wrist, patch, center + x);
+      if (in) {
+        ++kept;
+        EXPECT_GE(margin, -kNearZero) << "cell " << cell;
+      } else {
+        ++lost;
+        EXPECT_LE(margin, kNearZero) << "cell " << cell;
+      }
+      if (verdict == Verdict::dead) {
+        EXPECT_LE(margin_of(wrist, form, center + x, axis_in(patch, random(0, 1), random(0, 1))), kNearZero);
+      }
+    }
+  }
+  EXPECT_GT(seen[static_cast<std::size_t>(Verdict::undecided)], 50);
+  EXPECT_GT(kept, 50);
+  EXPECT_GT(lost, 50);
+}
+
+// Points at random in the box of the bounds: in a box that is inside they are reached from the whole cone, beyond all
+// boxes they are not, and the share of those that are reached lies between the bounds.
+TEST_P(EachArm, ConesHoldAMonteCarlo) {
+  const ArmCase arm_case = arm_cases()[GetParam()];
+  SCOPED_TRACE(arm_case.name);
+  const auto any = *machine::from_text(arm_case.text, "arm.toml");
+  const auto wrist = *machine::WristInverse::of(std::get<machine::SerialArm>(any));
+  Options options;
+  options.relative_tolerance = 0.3;
+  options.directions.tilt = units::from_deg(8);
+  options.keep_cells = true;
+  options.max_cells = 10000;  // arms of many branches take more; their bounds hold all the same
+  options.bounds_tolerance = 0;
+  const Volume v = *volume(any, options);
+  EXPECT_GT(v.upper, 0);
+  const Patch cone = whole_patch(options.directions);
+  constexpr int kPoints = 200, kAzimuths = 48;
+  Random random;
+  int reached = 0, inside = 0, beyond = 0;
+  for (int k = 0; k < kPoints; ++k) {
+    Vec3 p;
+    for (int i = 0; i < 3; ++i) p[i] = random(v.min[i], v.max[i]);
+    const auto cell = std::find_if(v.cells.begin(), v.cells.end(), [&](const Cell& c) {
+      return ((p - c.center).cwiseAbs().array() <= c.half.array()).all();
+    });
+    const bool in = least_margin(wrist, cone, p, kAzimuths) >= 0;
+    reached += in ? 1 : 0;
+    if (cell == v.cells.end()) {
+      ++beyond;
+      EXPECT_FALSE(in) << p.transpose();
+    } else if (cell->state == CellState::inside) {
+      ++inside;
+      EXPECT_TRUE(in) << p.transpose();
+    }
+  }
+  EXPECT_GT(beyond + inside, 20);
+  const double box = (v.max - v.min).prod(), share = double(reached) / kPoints;
+  const double spread = 4 * box * std::sqrt(share * (1 - share) / kPoints);  // 4 standard deviations
+  EXPECT_GE(box * share, v.lower - spread);
+  EXPECT_LE(box * share, v.upper + spread);
 }
 
 Options vertical(double tolerance) {

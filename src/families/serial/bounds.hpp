@@ -6,6 +6,7 @@
 #include "../../workspace/first_order.hpp"
 #include "../../workspace/linear.hpp"
 #include "../../workspace/no_bounds.hpp"
+#include "arm_plane.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 
 namespace polypod::workspace {
@@ -31,8 +32,8 @@ class ArmLimits {
   }
 
   [[nodiscard]] static int groups() { return 1; }
-  /// Half the way from the tip to joint 2's end of the forearm: measured to be faster than the whole.
-  [[nodiscard]] double lever() const { return 0.5 * (f_.reach + std::abs(f_.d4)); }
+  /// Twice the way from the tip to joint 2's end of the forearm: measured to be faster than once and four times.
+  [[nodiscard]] double lever() const { return 2 * (f_.reach + std::abs(f_.d4)); }
 
   void box(Vec3& low, Vec3& high, const Directions&) const {
     const Vec3 center = f_.X_BM.inverse() * Vec3(0, 0, f_.d1);
@@ -68,57 +69,32 @@ class ArmLimits {
       c[i].gradient = {f_.X_BM.R(at, 0), f_.X_BM.R(at, 1), f_.X_BM.R(at, 2), 0, 0};
       c[i] = c[i] + f_.reach * k[i];
     }
-    const FirstOrder r2 = square(c[0], d) + square(c[1], d);
-    const FirstOrder r = root(r2, d);
-    const FirstOrder height = c[2] - f_.d1;
-    // Parts of the axis along and across the way out from joint 1: no more than its horizontal part, also where the
-    // wrist centre stands above joint 1 and that way is any.
-    const FirstOrder over_r = inverse_of_positive(r, d), level2 = square(k[0], d) + square(k[1], d);
-    const double level = std::sqrt(std::max(0.0, level2.value + level2.radius(d)));
-    const FirstOrder k_out_front = at_most(times(times(c[0], k[0], d) + times(c[1], k[1], d), over_r, d), level, d);
-    const FirstOrder k_across_front = at_most(times(times(c[1], k[0], d) - times(c[0], k[1], d), over_r, d), level, d);
+    const ArmFrame frame(f_, c, k, d);
 
-    Verdict result = Verdict::dead;
-    BoundList of_branch;
+    Terms possible;
+    possible.verdict = Verdict::dead;
     std::array<Verdict, 2> but_for_first{Verdict::dead, Verdict::dead};
     for (std::size_t shoulder = 0; shoulder < 2; ++shoulder) {
       const double side = shoulder == 0 ? 1.0 : -1.0;
       Terms first;
       turn(0, side * c[0], side * c[1], d, first);
       if (first.verdict == Verdict::dead) continue;
-      const FirstOrder rho = side * r - f_.a1;
-      // The squared distance of the wrist centre from joint 2, (2.20).
-      const FirstOrder distance2 = r2 - 2 * side * f_.a1 * r + square(height, d) + f_.a1 * f_.a1;
-      const FirstOrder s3 = (0.5 / (f_.a2 * f_.d4)) * (distance2 - (f_.a2 * f_.a2 + f_.d4 * f_.d4));
-      const FirstOrder c3_up = root(FirstOrder(1) - square(s3, d), d);
+      const ArmPlane plane(f_, frame, side, d);
       for (std::size_t elbow = 0; elbow < 2; ++elbow) {
         Terms upper;
-        keep_within(elbow_[elbow], 2, s3, d, upper);
+        keep_within(elbow_[elbow], 2, plane.s3, d, upper);
         if (upper.verdict == Verdict::dead) continue;
-        // Seen from the upper arm the wrist centre lies at (x, -y), so that t2 = angle(rho, height) + angle(x, y); the
-        // vector below has the direction of t2 and the length distance2.
-        const FirstOrder x = FirstOrder(f_.a2) + f_.d4 * s3, y = (elbow == 0 ? f_.d4 : -f_.d4) * c3_up;
-        const FirstOrder along = times(rho, x, d) - times(height, y, d);
-        const FirstOrder up = times(height, x, d) + times(rho, y, d);
-        turn(1, along, up, d, upper);
+        const double bend = elbow == 0 ? 1.0 : -1.0;  // the sign of cos t3
+        turn_upper_arm(plane, f_.d4 > 0 ? bend : -bend, d, upper);
         if (upper.verdict == Verdict::dead) continue;
-        // The forearm's direction is (wrist centre - elbow) / d4; k . forearm = -sin t5 (2.25).
-        const FirstOrder k_out = side * k_out_front;
-        const FirstOrder over = inverse_of_positive(distance2, d);
-        const FirstOrder c2 = times(along, over, d), s2 = times(up, over, d);
-        const FirstOrder s23 = (1 / f_.d4) * (rho - f_.a2 * c2), c23 = (1 / f_.d4) * (f_.a2 * s2 - height);
-        const FirstOrder k3z = times(s23, k_out, d) - times(c23, k[2], d);
-        const auto square_to_forearm = [&] {
-          return std::array{times(c23, k_out, d) + times(s23, k[2], d), side * k_across_front};
-        };
         for (std::size_t wrist = 0; wrist < 2; ++wrist) {
           if (wrist_[wrist].verdict == Verdict::dead) continue;
           Terms all = upper;
-          keep_axis(wrist_[wrist], (-1.0) * k3z, square_to_forearm, d, all);
+          keep_axis(wrist_[wrist], plane, bend, d, all);
           if (all.verdict != Verdict::dead && !turn_[3].free) {
             const double flip = wrist == 0 ? 1.0 : -1.0;
-            const auto [k3x, k3y] = square_to_forearm();
-            turn(3, flip * k3x, flip * k3y, d, all);
+            const Forearm forearm(f_, plane, bend, d);
+            turn(3, flip * forearm.k3x, flip * plane.k_across, d, all);
           }
           if (all.verdict == Verdict::dead) continue;
           if (all.verdict == Verdict::inside) but_for_first[shoulder] = Verdict::inside;
@@ -128,11 +104,12 @@ class ArmLimits {
             out.clear();
             return Verdict::inside;
           }
-          if (result == Verdict::dead) {  // the only possible branch so far
-            result = all.verdict;
-            of_branch = all.bounds;
+          if (possible.verdict == Verdict::dead) {  // the only possible branch so far
+            possible = all;
           } else {
-            result = Verdict::open;
+            Terms some;
+            either(possible, all, 0, some);
+            possible = some;
           }
         }
       }
@@ -143,14 +120,18 @@ class ArmLimits {
       out.clear();
       return Verdict::inside;
     }
-    if (result == Verdict::undecided) out.append(of_branch);
-    return result;
+    if (possible.verdict == Verdict::undecided) out.append(possible.bounds);
+    return possible.verdict;
   }
 
  private:
   struct Terms {
     Verdict verdict = Verdict::inside;
     BoundList bounds;
+    void append(const Terms& other) {
+      verdict = both(verdict, other.verdict);
+      bounds.append(other.bounds);
+    }
   };
   static constexpr double kHalfTurn = std::numbers::pi;
   static constexpr double kTurn = 2 * std::numbers::pi;
@@ -165,14 +146,9 @@ class ArmLimits {
     return {std::min(at_min, at_max), std::max(at_min, at_max)};
   }
 
+  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
   static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
-  /// f, of which it is known that |f| <= most.
-  static FirstOrder at_most(const FirstOrder& f, double most, const Domain& d) {
-    if (f.radius(d) <= most) return f;
-    FirstOrder out;
-    out.rest = most;
-    return out;
-  }
+  static constexpr double kSlack = kRounding * kScale;
   static Linear linear_of(const FirstOrder& f) {
     return {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest};
   }
@@ -201,18 +177,90 @@ class ArmLimits {
       add(to_high, limit + 1, d, terms);
       return;
     }
-    BoundList above, below;
-    const Verdict keeps_low = judged(from_low, limit, d, above), keeps_high = judged(to_high, limit + 1, d, below);
-    if (keeps_low == Verdict::inside || keeps_high == Verdict::inside) return;
-    if (keeps_low == Verdict::dead) {
-      terms.verdict = both(terms.verdict, keeps_high);
-      terms.bounds.append(below);
-    } else if (keeps_high == Verdict::dead) {
-      terms.verdict = both(terms.verdict, keeps_low);
-      terms.bounds.append(above);
-    } else {
-      terms.verdict = both(terms.verdict, Verdict::open);
+    Terms above, below;
+    add(from_low, limit, d, above);
+    add(to_high, limit + 1, d, below);
+    either(above, below, limit, terms);
+  }
+
+  /// Joint 2's range, as `turn`, of the upper arm's direction.
+  void turn_upper_arm(const ArmPlane& plane, double sigma, const Domain& d, Terms& terms) const {
+    const Turn& range = turn_[1];
+    if (range.free) return;
+    const auto from = [&](double c, double s, bool left, int limit, Terms& kept) {
+      half_plane(c * plane.rho + s * plane.height, c * plane.height - s * plane.rho, plane.along_upper,
+                 left ? sigma : -sigma, sigma, limit, d, kept);
+    };
+    if (range.common) {
+      from(range.cos_low, range.sin_low, true, 2, terms);
+      if (terms.verdict == Verdict::dead) return;
+      from(range.cos_high, range.sin_high, false, 3, terms);
+      return;
     }
+    Terms above, below;
+    from(range.cos_low, range.sin_low, true, 2, above);
+    if (above.verdict == Verdict::inside) return;
+    from(range.cos_high, range.sin_high, false, 3, below);
+    either(above, below, 2, terms);
+  }
+
+  /// A link's direction u on one side of a direction e, cross(e, u) >= 0 (`sense` = sigma) or <= 0 (-sigma). Of u it
+  /// is known that it stands sigma psi from the way W to the wrist centre, 0 <= psi <= 180 deg, and that u . W = P.
+  /// With A = e . W and B = cross(e, W), scaled like P: where sigma B < 0, u and e lie on the same side of W and the
+  /// less they turn from it, the greater their products with W: the sign of cross(e, u) is that of sigma (A - P). Where
+  /// sigma B > 0, the same holds of u and -e: it is that of sigma (A + P). None of it has a root that the stretched
+  /// elbow makes steep.
+  static void half_plane(const FirstOrder& A, const FirstOrder& B, const FirstOrder& P, double sense, double sigma,
+                         int limit, const Domain& d, Terms& terms) {
+    const double at = -sigma * B.value, spread = B.radius(d);
+    if (at > spread + kSlack) return add(sense * (A - P), limit, d, terms);
+    if (at < -spread - kSlack) return add(sense * (A + P), limit, d, terms);
+    Terms same, opposite;
+    add(sense * (A - P), limit, d, same);
+    add(sense * (A + P), limit, d, opposite);
+    if (same.verdict == Verdict::inside && opposite.verdict == Verdict::inside) return;
+    if (same.verdict == Verdict::dead && opposite.verdict == Verdict::dead) {
+      terms.verdict = both(terms.verdict, Verdict::dead);
+    } else if (opposite.verdict == Verdict::dead) {
+      add((-sigma) * B, limit, d, terms);
+      terms.append(same);
+    } else if (same.verdict == Verdict::dead) {
+      add(sigma * B, limit, d, terms);
+      terms.append(opposite);
+    } else {  // kept where both are
+      same.append(opposite);
+      below_only(same, limit, terms);
+    }
+  }
+
+  /// Both of two conditions are enough, but it is not known which of them counts: their bounds from below.
+  static void below_only(const Terms& enough, int limit, Terms& terms) {
+    terms.verdict = both(terms.verdict, Verdict::undecided);
+    if (enough.verdict == Verdict::inside) return;
+    if (enough.verdict != Verdict::undecided) {
+      terms.bounds.push_back({limit, -kInfinity, kInfinity, Vec3::Zero()});
+      return;
+    }
+    for (Bound bound : enough.bounds) {
+      bound.M = kInfinity;
+      terms.bounds.push_back(bound);
+    }
+  }
+
+  /// One of two conditions: where both are possible, the one that keeps more is a bound from below.
+  static void either(const Terms& a, const Terms& b, int limit, Terms& terms) {
+    if (a.verdict == Verdict::inside || b.verdict == Verdict::inside) return;
+    if (a.verdict == Verdict::dead) return terms.append(b);
+    if (b.verdict == Verdict::dead) return terms.append(a);
+    const bool first =
+        a.verdict == Verdict::undecided && (b.verdict != Verdict::undecided || least_of(a.bounds) > least_of(b.bounds));
+    below_only(first ? a : b, limit, terms);
+  }
+  /// How much is certainly kept at the middle of the cell, for a choice.
+  static double least_of(const BoundList& bounds) {
+    double least = kInfinity;
+    for (const Bound& b : bounds) least = std::min(least, b.m / b.G.norm());
+    return least;
   }
 
   /// The angles t in the right half circle (-90 to 90 deg) or the left one (90 to 270) with t - shift in the range of
@@ -261,52 +309,151 @@ class ArmLimits {
     if (range.to) add(FirstOrder(range.sine_to) - sine, limit + 1, d, terms);
   }
 
-  /// The limits of joint 5. Near 90 deg the sine is flat and says little, and what is forbidden is a thin cone of tool
-  /// axes round the forearm: there the limit is that of |v| = cos t5, v = (k3x, k3y) the part of the axis square to it.
-  template <class SquareToForearm>
-  void keep_axis(const HalfCircle& range, const FirstOrder& sine, const SquareToForearm& square_to_forearm,
-                 const Domain& d, Terms& terms) const {
-    constexpr double kFlat = 0.9;
-    const double radius = sine.radius(d);
-    const bool at_low = range.from && range.sine_from < -kFlat && sine.value + radius < -0.5;
-    const bool at_high = range.to && range.sine_to > kFlat && sine.value - radius > 0.5;
-    if (range.verdict != Verdict::undecided || (!at_low && !at_high)) return keep_within(range, 4, sine, d, terms);
-    const int limit = at_low ? 8 : 9;
-    const double edge = at_low ? range.sine_from : range.sine_to;
-    if (at_low ? sine.value - radius >= edge + kRounding : sine.value + radius <= edge - kRounding) return;
-    const double least = std::sqrt((1 - edge) * (1 + edge));
-    const auto v = square_to_forearm();
-    if (!std::isfinite(v[0].radius(d)) || !std::isfinite(v[1].radius(d))) return keep_within(range, 4, sine, d, terms);
-    if (passes_through(v, least, d)) {
-      terms.verdict = both(terms.verdict, Verdict::outside);
+  /// The limits of joint 5: k . u = -sin t5 of the axis k and the forearm u.
+  void keep_axis(const HalfCircle& range, const ArmPlane& plane, double bend, const Domain& d, Terms& terms) const {
+    if (range.verdict != Verdict::undecided) {
+      terms.verdict = both(terms.verdict, range.verdict);
       return;
     }
-    const double norm = std::hypot(v[0].value, v[1].value);
-    const double c = norm > 0 ? v[0].value / norm : 1, s = norm > 0 ? v[1].value / norm : 0;
-    const FirstOrder along = c * v[0] + s * v[1], aside = c * v[1] - s * v[0];
-    // along <= |v| <= along + what the part aside adds.
-    const double most = aside.radius(d), low = along.value - along.radius(d);
-    Linear g = linear_of(along - least);
-    g.above += low > 0.5 * most ? 0.5 * most * most / low : most + std::max(0.0, -2 * low);
-    terms.verdict = both(terms.verdict, weigh(g, limit, kScale, d.half, *d.patch, terms.bounds));
+    if (range.from) at_most(1, -range.sine_from, plane, bend, 8, d, terms);
+    if (terms.verdict == Verdict::dead) return;
+    if (range.to) at_most(-1, range.sine_to, plane, bend, 9, d, terms);
   }
 
-  /// True if every position of the cell has a direction in the patch for which |v| < least: the one that makes the
-  /// linear part of v vanish, if it lies in the patch wherever in the cell the position is.
-  static bool passes_through(const std::array<FirstOrder, 2>& v, double least, const Domain& d) {
-    if (!(std::hypot(v[0].rest, v[1].rest) < least - kRounding)) return false;
-    Eigen::Matrix2d J;
-    J << v[0].gradient[3], v[0].gradient[4], v[1].gradient[3], v[1].gradient[4];
-    if (!(std::abs(J.determinant()) > 1e-6 * J.squaredNorm())) return false;
-    const Eigen::Matrix2d inverse = J.inverse();
-    const Eigen::Vector2d middle = -inverse * Eigen::Vector2d(v[0].value, v[1].value);
-    Eigen::Matrix<double, 2, 3> by_position;
-    for (int k = 0; k < 3; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      by_position.col(k) = inverse * Eigen::Vector2d(v[0].gradient[at], v[1].gradient[at]);
+  /// sign k . u <= most. With q = sign times the part of k in the arm's plane, the forearm's direction may not lie in
+  /// the arc of half width gamma, |q| cos gamma = most, about q: it keeps one of two half planes, or both if the arc is
+  /// longer than half a turn, whose edges are (most q +- S q_left) / |q|^2, S^2 = |q|^2 - most^2.
+  void at_most(double sign, double most, const ArmPlane& plane, double bend, int limit, const Domain& d,
+               Terms& terms) const {
+    constexpr double kFlat = 0.9;
+    const FirstOrder S2 = plane.k_plane2 - most * most;
+    const double radius = S2.radius(d);
+    if (S2.value + radius < 0) {  // the axis stands off the plane too far
+      if (most < 0) terms.verdict = both(terms.verdict, Verdict::dead);
+      return;
     }
-    const Eigen::Vector2d reach = by_position.cwiseAbs() * d.half;
-    return d.patch->holds(middle, reach * (1 + kRounding));
+    if (most > kFlat || (most > 0 && S2.value - radius <= 0)) return keep_off(sign, most, plane, bend, limit, d, terms);
+    if (most < -kFlat || S2.value - radius <= 0) {
+      const Forearm forearm(f_, plane, bend, d);
+      return add(FirstOrder(most) - sign * forearm.k3z, limit, d, terms);
+    }
+    const FirstOrder S = root(S2, d);
+    const FirstOrder dot = (sign * most) * plane.k_dot, cross = (sign * most) * plane.k_cross;
+    const FirstOrder S_dot = sign * times(S, plane.k_dot, d), S_cross = sign * times(S, plane.k_cross, d);
+    const FirstOrder P = times(plane.k_plane2, plane.along_forearm, d);
+    Terms left, right;
+    half_plane(dot + S_cross, cross - S_dot, P, -bend, -bend, limit, d, left);
+    if (most >= 0 && left.verdict == Verdict::inside) return;
+    half_plane(dot - S_cross, cross + S_dot, P, bend, -bend, limit, d, right);
+    if (most >= 0) return either(left, right, limit, terms);
+    terms.append(left);
+    terms.append(right);
+  }
+
+  /// The same where the arc is short: a thin cone of axes about the forearm is forbidden, |v| >= least of the part v of
+  /// the axis square to it, v = (its part in the plane, k_across). A half plane of v, n . v >= least, is enough, n =
+  /// (side cos, sin) of the angle that leads to the nearest direction of the patch: then the part in the plane is to be
+  /// `width` = (least - sin k_across) / cos at least.
+  /// The other way round, a position is lost if some path of directions, along which k_across is what it is at the
+  /// point of contact, starts where the forearm has not yet left the cone on one side and ends where it has not yet on
+  /// the other: between them it is inside. The path may move with the position.
+  void keep_off(double sign, double most, const ArmPlane& plane, double bend, int limit, const Domain& d,
+                Terms& terms) const {
+    const double least = std::sqrt((1 - most) * (1 + most)), sigma = -bend;
+    const FirstOrder& across = plane.k_across;
+    const double across_radius = across.radius(d);
+    if (std::abs(across.value) - across_radius >= least + kRounding) return;
+    const FirstOrder dot = sign * plane.k_dot, cross = sign * plane.k_cross;
+    const FirstOrder P = times(plane.k_plane2, plane.along_forearm, d);
+    // v at the middle, and the point of the patch where it is shortest, both only for the choice of n.
+    const double k_plane = std::sqrt(std::max(0.0, plane.k_plane2.value));
+    double side = 1, tangent = 0;
+    {
+      const double turned = std::max(std::abs(cross.value), 1e-9);
+      const FirstOrder in_plane = (sigma / turned) * (k_plane * dot - P);
+      Eigen::Vector2d v(in_plane.value, across.value);
+      Eigen::Matrix2d J;
+      J << in_plane.gradient[3], in_plane.gradient[4], across.gradient[3], across.gradient[4];
+      if (std::abs(J.determinant()) > 1e-6 * J.squaredNorm()) v += J * d.patch->nearest(-(J.inverse() * v));
+      side = v[0] >= 0 ? 1 : -1;
+      if (v.norm() > 0.5 * least && std::abs(v[1]) < 3 * std::abs(v[0])) tangent = v[1] / std::abs(v[0]);
+    }
+    const double over_cos = std::sqrt(1 + tangent * tangent);
+    const FirstOrder width = FirstOrder(least * over_cos) - tangent * across;
+    const FirstOrder C2 = plane.k_plane2 - square(width, d);
+    if (!(C2.value - C2.radius(d) > 0)) {
+      const Forearm forearm(f_, plane, bend, d);
+      return add(FirstOrder(most) - sign * forearm.k3z, limit, d, terms);
+    }
+    const FirstOrder C = root(C2, d);
+    const FirstOrder C_dot = times(C, dot, d), C_cross = times(C, cross, d);
+    const FirstOrder width_dot = times(width, dot, d), width_cross = times(width, cross, d);
+    const auto off = [&](double s) {  // >= 0 where the forearm stands off on this side
+      return (s * sigma) * (C_dot + s * width_cross - P);
+    };
+    const auto keeps = [&](double s) {
+      Terms kept;
+      half_plane(C_dot + s * width_cross, C_cross - s * width_dot, P, s * sigma, sigma, limit, d, kept);
+      return kept;
+    };
+    const Terms kept = keeps(side);
+    if (kept.verdict == Verdict::inside) return;
+    // Whether both edges certainly stand on the forearm's side of the way to the wrist centre, so that no turn is lost.
+    const double cross_low = -sigma * cross.value - cross.radius(d), dot_most = std::abs(dot.value) + dot.radius(d);
+    const double C_low = C.value - C.radius(d), width_most = std::abs(width.value) + width.radius(d);
+    const bool clear = C_low * cross_low > width_most * dot_most + kSlack;
+    if (!clear && keeps(-side).verdict == Verdict::inside) return;
+    below_only(kept, limit, terms);
+    if (!clear || !std::isfinite(P.radius(d))) return;
+
+    const Eigen::Vector2d slope(across.gradient[3], across.gradient[4]);
+    const Vec3 by_position(across.gradient[0], across.gradient[1], across.gradient[2]);
+    Eigen::Vector2d at_left = Eigen::Vector2d::Zero(), at_right = at_left, n = at_left;
+    Vec3 shift = Vec3::Zero();   // of the path along n
+    double error = across.rest;  // of k_across on the path
+    const double target = least * tangent / over_cos, steep = slope.norm();
+    const FirstOrder near = off(side), other = off(-side);
+    if (steep > 1e-9) {
+      n = slope / steep;
+      const double from = d.patch->least(n[0], n[1]), to = -d.patch->least(-n[0], -n[1]);
+      const double middle = (target - across.value) / steep, half = by_position.cwiseAbs().dot(d.half) / steep;
+      const Eigen::Vector2d along(-n[1], n[0]);
+      double first = 0, last = 0, at = 0, reach = 0;
+      const auto fits = [&](double share) {  // a path that keeps to this share of the patch
+        double low = std::max(middle - half, share * from), high = std::min(middle + half, share * to);
+        if (low > high) low = high = std::clamp(middle, share * from, share * to);
+        at = 0.5 * (low + high);
+        reach = 0.5 * (high - low);
+        first = -kInfinity;
+        last = kInfinity;
+        return d.patch->clip(low * n, along, first, last) && d.patch->clip(high * n, along, first, last);
+      };
+      if (!fits(1) && !fits(0.8) && !fits(0.5)) return;
+      error += steep * (std::abs(at - middle) + half - reach);
+      if (half > 0) shift = (-reach / (half * steep)) * by_position;
+      const double rise = near.gradient[3] * along[0] + near.gradient[4] * along[1];
+      at_left = at * n + (rise > 0 ? first : last) * along;
+      at_right = at * n + (rise > 0 ? last : first) * along;
+    } else {
+      error += std::abs(across.value - target) + across_radius;
+    }
+    const double width_least = least / over_cos - std::abs(tangent) * error;
+    if (!(width_least > error * over_cos)) return;
+    // The true edge lies farther out than that of `width`, which touches it.
+    const double extra = error * error * over_cos * over_cos *
+                         (dot_most / most + (std::abs(cross.value) + cross.radius(d)) / width_least);
+    const auto most_at = [&](const FirstOrder& f, const Eigen::Vector2d& at, Vec3& G) {
+      G = Vec3(f.gradient[0], f.gradient[1], f.gradient[2]) + (f.gradient[3] * n[0] + f.gradient[4] * n[1]) * shift;
+      return f.value + f.gradient[3] * at[0] + f.gradient[4] * at[1] + f.rest + extra + kRounding * kScale;
+    };
+    Vec3 G;
+    if (!(most_at(other, at_right, G) + G.cwiseAbs().dot(d.half) < 0)) return;
+    const double M = most_at(near, at_left, G);
+    if (M + G.cwiseAbs().dot(d.half) < 0) {
+      terms.verdict = both(terms.verdict, Verdict::outside);
+    } else {
+      terms.bounds.push_back({limit, kInfinity, M, G});
+    }
   }
 
   machine::WristInverse::Form f_;
