@@ -183,7 +183,7 @@ Command identify_compliance_command() {
           machine::note(found, compliance_key(r), note_of(r, points));
           POLYPOD_TRY(together.add(o->out, machine::to_toml(found)));
         }
-        pages::ComplianceChecks checks{given_rms, {}, in_words(verdict), !refused && judgement.good()};
+        pages::ComplianceChecks checks{given_rms, {}, in_words(verdict), verdict.answer};
         Json left_out = Json::array();
         std::vector<statics::Foretold> foretold;
         if (groups.size() > 1) {

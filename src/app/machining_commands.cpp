@@ -155,20 +155,22 @@ void print_not_judged(const std::vector<machining::NotJudged>& moves) {
   for (const machining::NotJudged& m : moves) fmt::print("not judged: line {}: {}\n", m.line, m.why);
 }
 
-void add_other_switch(Json& document, const std::optional<machining::OtherSwitch>& other) {
+void add_other_switch(Json& document, const std::optional<machining::OtherSwitch>& other, bool trust) {
   if (!other) return;
   document["other_block_delete"] = {{"block_delete", other->block_delete},
                                     {"distance_before_um", to_um(other->distance_before)},
                                     {"distance_after_um", to_um(other->distance_after)},
-                                    {"within_tolerance", other->within_tolerance},
+                                    {"within_tolerance", other->within_tolerance && trust},
                                     {"steep_not_judged", steep_json(other->steep)}};
 }
 
-void print_other_switch(const std::optional<machining::OtherSwitch>& other) {
+void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust) {
   if (!other) return;
   fmt::print("block delete   {}: up to {:.1f} um from the programmed path, {} the tolerance\n",
              other->block_delete ? "on" : "off", to_um(other->distance_after),
-             other->within_tolerance ? "within" : "beyond");
+             !other->within_tolerance ? "beyond"
+             : trust                  ? "within"
+                                      : "by a doubtful measurement, not judged against");
   print_steep(other->steep, other->distance_after,
               fmt::format(", with block delete {}", other->block_delete ? "on" : "off"));
 }
@@ -278,7 +280,7 @@ Command predict_command() {
                                       {"deflection_mean", to_um(band.deflection_mean)},
                                       {"normal_mean", to_um(band.normal_mean)}};
           }
-          add_other_switch(document, p.other_switch);
+          add_other_switch(document, p.other_switch, trust);
           if (!collision) document["collision"] = to_string(collision.error());
           add_map(document, in.job, map);
           print_json(document);
@@ -304,7 +306,7 @@ Command predict_command() {
                      within ? "" : ", see G64 P in docs/path-modes.md");
         }
         print_steep(p.steep, p.largest_distance);
-        print_other_switch(p.other_switch);
+        print_other_switch(p.other_switch, trust);
         if (spread) {
           fmt::print(
               "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
@@ -481,7 +483,7 @@ Command correct_command() {
                             {"moves", moves},
                             {"notes", notes},
                             {"report", o->report}};
-              add_other_switch(document, c.other_switch);
+              add_other_switch(document, c.other_switch, trusted(in.job));
               add_map(document, in.job, map);
               print_json(document);
             } else {
@@ -494,7 +496,7 @@ Command correct_command() {
               fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
                          c.verified ? ", and again with finer cells" : "");
               print_modes(c);
-              print_other_switch(c.other_switch);
+              print_other_switch(c.other_switch, trusted(in.job));
               print_map(in.job, map);
               print_outside(c);
               print_not_judged(c.after.not_judged);

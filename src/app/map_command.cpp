@@ -487,6 +487,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   map.paths = std::move(paths);
   if (!measured.empty()) {
     POLYPOD_ASSIGN(beside, pages::measured_over(map, measured));
+    for (const Error& doubt : judgement.doubts) beside.doubts.push_back(doubt.message);
     map.measured = std::move(beside);
   }
   if (!statics::has_compliance(m)) {
@@ -502,7 +503,6 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
     if (map.measured) {
       document["measured"]["doubts"] = problems_json(judgement.doubts);
       document["measured"]["unused_columns"] = read.unused_columns;
-      if (!judgement.doubts.empty()) document["measured"]["explained"] = false;
     }
     print_json(singular.in(document));
   } else {

@@ -388,11 +388,13 @@ class Fit {
     }
   }
 
+  static constexpr double kHopeless = 100;  // times the noise
+
   /// Levenberg-Marquardt. The loss bends at what the residuals themselves show of the noise: first those of the nominal
   /// machine, where nearly everything is within the bend, then those that were found. The priors follow likewise.
   Status search() {
     constexpr int kRounds = 20;
-    constexpr double kSettled = 0.05;
+    constexpr double kSettled = 0.05, kNoBetter = 0.9;
     x_ = problem_.start;
     problem_.prior = usual_;
     whiten();
@@ -414,6 +416,8 @@ class Fit {
       const double changed = std::max(std::abs(problem_.noise_scale / noise_before - 1),
                                       (problem_.prior.array() / prior_before.array() - 1).abs().maxCoeff());
       if ((sizes && !held && changed < kSettled) || !converged_) break;
+      // Data of another machine, or of other columns: no further round will bring it down.
+      if (problem_.noise_scale > kHopeless && problem_.noise_scale > kNoBetter * noise_before) break;
       sizes = sizes || changed < kSettled;
       held = held && changed >= kSettled;
     }
@@ -642,7 +646,6 @@ class Fit {
     }
     set_covariance(weight, sum, count);
     out_.gain = gain_in_deviations(weight);
-    constexpr double kHopeless = 100;
     if (out_.noise_factor > kHopeless) {
       return fail(
           "CA118",

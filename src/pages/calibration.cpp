@@ -504,7 +504,11 @@ report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) 
 void add_summary(report::Report& page, std::size_t points, const statics::Identification& r,
                  const ComplianceChecks& checks) {
   page.add_section("Summary");
-  if (!checks.verdict.empty()) page.add_verdict(checks.good ? Verdict::good : Verdict::bad, checks.verdict);
+  using Answer = statics::Verdict::Answer;
+  const Verdict colour = checks.answer == Answer::yes  ? Verdict::good
+                         : checks.answer == Answer::no ? Verdict::bad
+                                                       : Verdict::neutral;
+  if (!checks.verdict.empty()) page.add_verdict(colour, checks.verdict);
   page.add_text(
       fmt::format("The compliances found explain the measured displacements to {} µm rms; those of the given "
                   "machine to {} µm.",

@@ -95,7 +95,7 @@ bool explained(const MeasuredCompliance& m) {
     return c.rms(e.first, e.second) > kMoreThanNoise * c.noise(e.first, e.second) &&
            m.beyond(e.first, e.second) > kByChance;
   };
-  return c.rms_of_all <= kMoreThanNoise * c.noise_of_all &&
+  return m.doubts.empty() && c.rms_of_all <= kMoreThanNoise * c.noise_of_all &&
          std::none_of(statics::kEntryPlaces.begin(), statics::kEntryPlaces.end(), off);
 }
 
@@ -109,7 +109,9 @@ std::string measured_verdict(const ComplianceMap& map, bool plain) {
              ? fmt::format("{} times the noise of the readings", number(c.rms_of_all / c.noise_of_all, 2))
              : std::string("far above the noise of the readings");
   const bool all = c.rms_of_all <= kMoreThanNoise * c.noise_of_all;
-  if (explained(*map.measured)) {
+  if (!map.measured->doubts.empty()) {
+    out += fmt::format(", but the readings are doubtful, so that nothing is judged: {}", map.measured->doubts.front());
+  } else if (explained(*map.measured)) {
     out += ": no more than noise explains";
   } else if (!all) {
     out += ": more than noise; the differences show where something else gives way";

@@ -182,31 +182,43 @@ class JudgeOf final : public PointJudge {
   [[nodiscard]] Margin tilt(const Vec3& p) const override {
     Margin below = over(upright_, p);
     if (below.value < 0) return {-1, below.limit};
+    const std::vector<Vec3> critical = family_.critical(p);
+    double from = 0;
     for (std::size_t k = 0; k < circles_.size(); ++k) {
-      const Margin here = over(circles_[k], p);
-      if (here.value >= 0) {
-        below = here;
-        continue;
+      const int azimuths = static_cast<int>(circles_[k].R.size());
+      const double end = std::min(from_circle(k) + kTiltStep, tilt_max_);
+      // A hole may lie between two circles: one through each critical direction that is tilted by as much.
+      std::vector<double> stops;
+      for (const Vec3& axis : critical) {
+        const double tilt = std::atan2(axis.head<2>().norm(), axis.z());
+        if (tilt > from && tilt < end) stops.push_back(tilt);
       }
-      const double from = static_cast<double>(k) * kTiltStep;
-      const double to = std::min(from + kTiltStep, tilt_max_);
-      Margin stopped = here;
-      Directed circle;
-      const double share = border_between(
-          [&](double t) {
-            circle = circle_of(from + t * (to - from), static_cast<int>(circles_[k].R.size()));
-            const Margin m = over(circle, p);
-            if (m.value < 0) stopped = m;
-            return m.value;
-          },
-          below.value, here.value, kTiltShare);
-      return {from + share * (to - from), stopped.limit};
+      std::sort(stops.begin(), stops.end());
+      stops.push_back(end);
+      for (const double to : stops) {
+        const Margin here = to == end ? over(circles_[k], p) : over(circle_of(to, azimuths), p);
+        if (here.value >= 0) {
+          below = here;
+          from = to;
+          continue;
+        }
+        Margin stopped = here;
+        const double share = border_between(
+            [&](double t) {
+              const Margin m = over(circle_of(from + t * (to - from), azimuths), p);
+              if (m.value < 0) stopped = m;
+              return m.value;
+            },
+            below.value, here.value, kTiltShare);
+        return {from + share * (to - from), stopped.limit};
+      }
     }
     return {tilt_max_, -1};
   }
 
  private:
   static constexpr double kTiltStep = units::from_deg(5);
+  static double from_circle(std::size_t k) { return static_cast<double>(k) * kTiltStep; }
   static constexpr double kTiltShare = 1e-3;  // 0.005 deg: far below what a picture shows
 
   /// The best branch of which every limit is kept in all directions; or, if that is more, each direction on its own

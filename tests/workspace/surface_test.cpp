@@ -284,7 +284,9 @@ TEST(Field, MarginAgreesWithInverse) {
       }
       // Inside the cone, and only there, the largest tilt is that of the cone or more.
       if (std::abs(f.margin[i]) > kMissed * size) {
-        EXPECT_EQ(f.margin[i] > 0, f.tilt[i] > tilt);
+        EXPECT_EQ(f.margin[i] > 0, f.tilt[i] > tilt)
+            << grid.at(i).transpose() << ": margin " << f.margin[i] << " m, limit " << f.limit[i] << ", tilt "
+            << f.tilt[i] << ", limit " << f.tilt_limit[i];
       }
     }
     EXPECT_GT(inside, 3);

@@ -8,6 +8,7 @@
 
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/statics/identify.hpp"
+#include "polypod/statics/judge.hpp"
 
 namespace polypod::pages {
 
@@ -31,7 +32,7 @@ struct ComplianceChecks {
   /// File and m: statics::leave_one_out, one entry a file; empty where there was one file only.
   std::vector<std::pair<std::string, double>> left_out;
   std::string verdict = {};  ///< in words, statics::verdict_of; empty: none is shown
-  bool good = true;          ///< whether the verdict rests on data without a doubt
+  statics::Verdict::Answer answer = statics::Verdict::Answer::yes;
 };
 
 /// One self-contained HTML file about `r` = statics::identify_compliance(machine, points): residual rms against that of

@@ -39,6 +39,7 @@ struct MeasuredCompliance {
   std::vector<Mat3> values, deviations;        ///< m/N, at the points of the grid; NaN where the map does not cover
   Mat3 beyond = Mat3::Zero();  ///< share of the grid (0 to 1) where measured and computed are more than two deviations
                                ///< apart, by entry; about 0.05 where the model is right
+  std::vector<std::string> doubts{};  ///< of the readings, in words (statics::Judgement)
 };
 
 /// What is to stand beside the computed map. Errors: those of MeasuredMap::of; ID111 a measured pose out of reach;
@@ -50,8 +51,8 @@ Result<MeasuredCompliance> measured_over(const ComplianceMap& map, const std::ve
 /// and the entries that are beyond two deviations on a quarter of the map or more. `plain`: in ASCII.
 std::string measured_verdict(const ComplianceMap& map, bool plain);
 
-/// Whether the joints explain the readings: their differences are at most 1.5 times the noise of a reading, and no
-/// entry is both above 1.5 times its own noise and beyond two deviations on more than a tenth of the map.
+/// Whether the joints explain the readings: no doubt, their differences are at most 1.5 times the noise of a reading,
+/// and no entry is both above 1.5 times its own noise and beyond two deviations on more than a tenth of the map.
 bool explained(const MeasuredCompliance& measured);
 
 }  // namespace polypod::pages
