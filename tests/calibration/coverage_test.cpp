@@ -3,7 +3,7 @@
 // heavy tails; and the estimates against a least-squares fit of our own that shares nothing with calibrate() but the
 // machine's forward kinematics.
 //
-// The daily list draws 20 machines a case; POLYPOD_LONG=1 draws 300.
+// The daily list draws 12 machines a case; POLYPOD_LONG=1 draws 300.
 #include <gtest/gtest.h>
 
 #include <Eigen/QR>
@@ -51,12 +51,12 @@ INSTANTIATE_TEST_SUITE_P(Calibrate, Coverage, testing::ValuesIn(kCases),
                          [](const auto& one) { return std::string(one.param.name); });
 
 // Machines drawn from the priors: the intervals of all parameters together hold the truth in 95 % of the cases. The
-// errors of one machine hang together, as some ten independent ones: three standard deviations of 20 machines are 4.6
+// errors of one machine hang together, as some ten independent ones: three standard deviations of 12 machines are 6
 // %, of 300 machines 1.2 %.
 TEST_P(Coverage, IntervalsHoldTheTruth) {
   const Case& at = GetParam();
   const bool all = std::getenv("POLYPOD_LONG") != nullptr;
-  const std::uint64_t trials = all ? 300 : 20;
+  const std::uint64_t trials = all ? 300 : 12;
   const AnyMachine nominal = *machine::load(at.machine);
   const auto drawn = kinematics::parameters(nominal);
   double covered = 0, count = 0;
@@ -88,7 +88,7 @@ TEST_P(Coverage, IntervalsHoldTheTruth) {
   }
   ASSERT_GT(count, 5 * static_cast<double>(trials));
   RecordProperty("coverage", std::to_string(covered / count));
-  EXPECT_NEAR(covered / count, 0.95, all ? 0.02 : 0.046) << covered << " of " << count;
+  EXPECT_NEAR(covered / count, 0.95, all ? 0.02 : 0.06) << covered << " of " << count;
 }
 
 /// Gauss-Newton by central differences of forward kinematics, priors as further rows.
