@@ -457,7 +457,8 @@ void print_score(const char* what, const calibration::Score& s) {
   if (s.angle_before > 0)
     fmt::print("; angles {:.4f} and {:.4f} deg", units::to_deg(s.angle_before), units::to_deg(s.angle_after));
   if (s.outliers > 0)
-    fmt::print(" ({} outliers aside; with them {:.4f} mm after)", s.outliers, units::to_mm(s.all_after));
+    fmt::print(" ({} outlier{} aside; with {} {:.4f} mm after)", s.outliers, s.outliers == 1 ? "" : "s",
+               s.outliers == 1 ? "it" : "them", units::to_mm(s.all_after));
   fmt::print("\n");
 }
 
@@ -655,7 +656,7 @@ Command calibrate_command() {
         if (!o->certificate.empty() || !o->certificate_report.empty()) {
           POLYPOD_ASSIGN(hashes, hashes_of(*o, m));
           if (good) hashes.push_back(hashed_bytes("machine, calibrated", o->out, calibrated));
-          if (!o->covariance.empty()) hashes.push_back(covariance_hash);
+          if (good && !o->covariance.empty()) hashes.push_back(covariance_hash);
           certificate = certificate_of(m, rows, c, options, statement, stated);
           certificate->files = std::move(hashes);
           certificate->version = POLYPOD_VERSION;
@@ -672,9 +673,9 @@ Command calibrate_command() {
         if (good) {
           POLYPOD_TRY(write(o->out, [&] { return calibrated; }));
           POLYPOD_TRY(write(o->corrected, [&] { return corrected; }));
+          POLYPOD_TRY(write(o->covariance, [&] { return covariance; }));
         }
         POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
-        POLYPOD_TRY(write(o->covariance, [&] { return covariance; }));
         POLYPOD_TRY(write(o->report, [&] {
           return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
         }));

@@ -394,6 +394,7 @@ class Fit {
   /// machine, where nearly everything is within the bend, then those that were found. The priors follow likewise.
   Status search() {
     constexpr int kRounds = 20;
+    constexpr int kLookedAt = 6;
     constexpr double kSettled = 0.05, kNoBetter = 0.9;
     x_ = problem_.start;
     problem_.prior = usual_;
@@ -416,8 +417,8 @@ class Fit {
       const double changed = std::max(std::abs(problem_.noise_scale / noise_before - 1),
                                       (problem_.prior.array() / prior_before.array() - 1).abs().maxCoeff());
       if ((sizes && !held && changed < kSettled) || !converged_) break;
-      // Data of another machine, or of other columns: no further round will bring it down.
-      if (problem_.noise_scale > kHopeless && problem_.noise_scale > kNoBetter * noise_before) break;
+      // Data of another machine, or of other columns: with errors of any size no further round will bring it down.
+      if (round >= kLookedAt && sizes && !held && problem_.noise_scale > kHopeless && problem_.noise_scale > kNoBetter * noise_before) break;
       sizes = sizes || changed < kSettled;
       held = held && changed >= kSettled;
     }
