@@ -323,7 +323,14 @@ AssemblyModes assembly_modes(const SixLegs& six, const ModesOptions& options) {
     double reach = 0;
     for (int i = 0; i < kLegs; ++i)
       reach = std::max(reach, n.scale * (six.length[i] + (six.anchor[i] - n.a_middle).norm()));
-    for (; out.starts < options.starts && static_cast<int>(out.poses.size()) <= kGeneralZeros; ++out.starts)
+    // Of legs a thousand times as long as the machine is wide, rounding leaves the turn of the platform open: what
+    // Newton's method then finds are not different modes.
+    constexpr double kTooLong = 300;
+    double width = 0;
+    for (int i = 0; i < kLegs; ++i)
+      width = std::max(width, (six.anchor[i] - six.anchor[0]).norm() + (six.end[i] - six.end[0]).norm());
+    const int starts = size < kTooLong * width ? options.starts : 0;
+    for (; out.starts < starts && static_cast<int>(out.poses.size()) <= kGeneralZeros; ++out.starts)
       add(n.outside(start_pose(out.starts, reach)), false);
   }
 
@@ -369,8 +376,10 @@ std::string description_of(const AssemblyModes& m) {
   }
   return fmt::format(
       "{} found; there may be others. {} of the {} complex solutions are proven, the other paths end at singular or "
-      "infinite ones; Newton from {} starts was searched besides.{}",
-      count, m.zeros, kGeneralZeros, m.starts,
+      "infinite ones; {}.{}",
+      count, m.zeros, kGeneralZeros,
+      m.starts > 0 ? fmt::format("Newton from {} starts was searched besides", m.starts)
+                   : std::string("the legs are so long that a search could not tell poses apart"),
       m.boxes == 0     ? ""
       : m.singular_box ? " Bounds on boxes of rotations prove no more, because a mode is singular or nearly so."
                        : fmt::format(" Bounds on boxes of rotations prove no more: given up after {}.", m.boxes));
