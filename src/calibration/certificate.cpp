@@ -40,7 +40,7 @@ Status read_texts(const config::Table& table, const std::vector<std::pair<const 
 }
 
 Status read_temperature(const config::Table& table, Statement& out) {
-  constexpr config::Range kTemperature{-273.15, 1000};
+  constexpr config::Range kTemperature{-60, 100};  // where somebody measures; kelvin are not
   for (const auto& [key, value] :
        {std::pair{"mean_C", &out.temperature_mean}, {"min_C", &out.temperature_min}, {"max_C", &out.temperature_max}}) {
     if (!table.has(key)) continue;
@@ -100,7 +100,7 @@ Result<Statement> read_statement(const std::string& path) {
                                  {"customer", &out.customer},
                                  {"operator", &out.operator_name},
                                  {"place", &out.place}}));
-  if (!out.date.empty() && !is_date(out.date))
+  if (table.has("date") && !is_date(out.date))
     return fail("CA152", fmt::format("date = \"{}\" is no day of the calendar", out.date), table.place_of("date"),
                 "write it as \"2026-05-04\"");
   POLYPOD_ASSIGN(remarks, table.optional_texts("remarks"));

@@ -88,7 +88,12 @@ Status read_distribution(const config::Table& table, Systematic& out, bool half_
     return fail("CA150", fmt::format("distribution \"{}\": not {}", text, words_of(kDistributions)),
                 table.place_of("distribution"));
   out.distribution = found->second;
-  if (!half_width) return {};
+  if (!half_width) {
+    if (out.distribution == Distribution::normal) return {};
+    return fail(
+        "CA150", fmt::format("a {} distribution belongs to a half width", text), table.place_of("distribution"),
+        "give half_width_..., or leave the distribution out: standard_... and expanded_... are used as they stand");
+  }
   if (out.distribution == Distribution::normal)
     return fail("CA150", "a normal distribution has no half width", table.place_of("distribution"),
                 "give standard_... (one standard deviation), or expanded_... with its k");
@@ -112,7 +117,7 @@ Result<Systematic> systematic_of(const config::Table& table) {
   POLYPOD_ASSIGN(source, table.optional_text("source", ""));
   out.source = source;
   if (out.quantity == Quantity::temperature) {
-    POLYPOD_ASSIGN(expansion, table.number("expansion_um_per_m_K", {0, 1000, true, false}));
+    POLYPOD_ASSIGN(expansion, table.number("expansion_um_per_m_K", {0.1, 300}));
     out.expansion = 1e-6 * expansion;
     POLYPOD_ASSIGN(of, table.optional_text("of", "machine"));
     if (of != "machine" && of != "instrument")
