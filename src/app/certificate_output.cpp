@@ -130,8 +130,8 @@ pages::Certificate certificate_of(const machine::AnyMachine& nominal, const std:
   out.options = options;
   out.noise_stated = noise_stated;
   out.region = calibration::region_of(nominal, rows);
-  if (const auto stand = calibration::most_uncertain(nominal, c, out.region))
-    out.budget = calibration::budget_at(nominal, c, options.systematic, *stand);
+  if (const auto stand = calibration::most_uncertain(c.machine, c, out.region))
+    out.budget = calibration::budget_at(c.machine, c, options.systematic, *stand);
   out.poses = calibration::pose_accuracy(nominal, rows, c);
   out.lengths = calibration::length_errors(rows, c);
   out.lines = calibration::line_errors(nominal, rows, c);

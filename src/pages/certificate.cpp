@@ -421,7 +421,7 @@ void add_map(Sheet& sheet, const machine::AnyMachine& machine, const Calibration
   for (const double share : {0.25, 0.5, 0.75}) {
     const double z = box.min().z() + share * box.sizes().z();
     if (!levels.empty() && z == levels.back()) continue;
-    report::HeatMap map = map_at(machine, r, box, R, z);
+    report::HeatMap map = map_at(r.machine, r, box, R, z);
     bool any = false;
     for (const double value : map.values) {
       if (!std::isfinite(value)) continue;
