@@ -418,7 +418,9 @@ class Fit {
                                       (problem_.prior.array() / prior_before.array() - 1).abs().maxCoeff());
       if ((sizes && !held && changed < kSettled) || !converged_) break;
       // Data of another machine, or of other columns: with errors of any size no further round will bring it down.
-      if (round >= kLookedAt && sizes && !held && problem_.noise_scale > kHopeless && problem_.noise_scale > kNoBetter * noise_before) break;
+      if (round >= kLookedAt && sizes && !held && problem_.noise_scale > kHopeless &&
+          problem_.noise_scale > kNoBetter * noise_before)
+        break;
       sizes = sizes || changed < kSettled;
       held = held && changed >= kSettled;
     }
