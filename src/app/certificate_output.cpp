@@ -106,6 +106,23 @@ std::string today() {
   return fmt::format("{:%Y-%m-%d}", fmt::gmtime(now));
 }
 
+std::vector<std::string> notes_of(const calibration::Statement& statement) {
+  std::vector<std::string> notes;
+  const std::vector<calibration::Systematic>& parts = statement.systematic;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    for (std::size_t j = i + 1; j < parts.size(); ++j) {
+      const calibration::Systematic &a = parts[i], &b = parts[j];
+      if (a.quantity != b.quantity || a.axis != b.axis || a.of_machine != b.of_machine) continue;
+      notes.push_back(
+          fmt::format("the systematic part \"{}\" is stated in line {} and again in line {}: both count, as "
+                      "independent of each other",
+                      calibration::name_of(a.quantity), a.place.line, b.place.line));
+    }
+  }
+  if (statement.date > today()) notes.push_back(fmt::format("the date {} is still to come", statement.date));
+  return notes;
+}
+
 Result<pages::HashedFile> hashed_file(const std::string& role, const std::string& path) {
   if (files::is_standard_input(path)) return pages::HashedFile{role, "standard input", ""};
   std::error_code none;

@@ -10,6 +10,9 @@ namespace polypod::app {
 /// "2026-05-04": the day of SOURCE_DATE_EPOCH if the environment has it, else today, UTC.
 std::string today();
 
+/// What may be a slip in a statement: parts that are stated twice, a day that is still to come.
+std::vector<std::string> notes_of(const calibration::Statement& statement);
+
 /// The bytes of a file that was read, hashed; of standard input nothing is known any more. A machine of the catalogue
 /// stands with its text. Errors: FI100.
 Result<pages::HashedFile> hashed_file(const std::string& role, const std::string& path);

@@ -50,6 +50,10 @@ std::optional<calibration::Criterion> criterion_named(const std::string& name) {
   return std::nullopt;
 }
 
+tl::unexpected<Error> not_one_of(const char* option, const std::string& given, const char* choices) {
+  return fail("AP184", fmt::format("{} {}: not {}", option, given, choices));
+}
+
 Result<calibration::Site> site_of(const Options& o, const Context& context) {
   calibration::Site site;
   for (const std::string& text : o.keep_out) {
@@ -70,6 +74,12 @@ Result<calibration::Site> site_of(const Options& o, const Context& context) {
     POLYPOD_ASSIGN(places, points_of({o.instrument}, "--instrument"));
     site.instrument = places.front();
   }
+  if (const auto box = calibration::box_round_instrument(site)) {
+    return fail("AP152",
+                fmt::format("--instrument {} stands in the box --keep-out {}, from where nothing is seen", o.instrument,
+                            o.keep_out[*box]),
+                {}, "both are places in M, in mm");
+  }
   site.clearance = units::from_mm(o.clearance);
   site.acceptance = units::from_deg(o.acceptance);
   return site;
@@ -81,8 +91,25 @@ Json json_of(const calibration::Candidates& from, const calibration::Site& site)
   Json out = {{"poses_drawn", from.drawn}, {"clearance_mm", units::to_mm(site.clearance)}};
   if (site.floor) out["below_floor"] = left(Hindrance::floor);
   if (!site.keep_out.empty()) out["in_a_box"] = left(Hindrance::box);
-  if (site.instrument) out["turned_away"] = left(Hindrance::turned_away), out["hidden"] = left(Hindrance::hidden);
+  if (site.instrument) {
+    out["turned_away"] = left(Hindrance::turned_away);
+    out["hidden"] = left(Hindrance::hidden);
+  }
   return out;
+}
+
+/// What the answer does not hold for.
+std::vector<std::string> notes_of(const calibration::Site& site, const calibration::SiteCheck& check) {
+  std::vector<std::string> notes;
+  if (site.instrument && site.clearance == 0) {
+    notes.emplace_back("without --clearance the machine's lines have no thickness and hide nothing of the target");
+  }
+  if (check.foundation_in_a_box()) {
+    notes.emplace_back(
+        "what never moves of the machine reaches into a box of --keep-out, which no choice of poses can mend: is the "
+        "box given in M, in mm?");
+  }
+  return notes;
 }
 
 void print_site(const calibration::Candidates& from, const calibration::Site& site) {
@@ -159,10 +186,12 @@ Command poses_command() {
         const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
         const bool compliance = o->what == "compliance";
         const auto criterion = criterion_named(o->criterion);
-        if ((!compliance && o->what != "geometry") || kind == kKinds.end() || !criterion || o->candidates < o->count) {
-          return fail("AP184", "an option of poses is unknown or out of range", {},
-                      "--for geometry|compliance, --kind points|axes|poses|distances|gauge, --criterion d|e|v, "
-                      "--count up to --candidates, --candidates up to 5000");
+        if (!compliance && o->what != "geometry") return not_one_of("--for", o->what, "geometry or compliance");
+        if (kind == kKinds.end()) return not_one_of("--kind", o->kind, "points, axes, poses, distances or gauge");
+        if (!criterion) return not_one_of("--criterion", o->criterion, "d, e or v");
+        if (o->candidates < o->count) {
+          return fail("AP184", fmt::format("--count {}: more than the {} candidates", o->count, o->candidates), {},
+                      fmt::format("give --candidates {} or more (up to 5000)", std::min(5 * o->count, 5000)));
         }
         if (compliance) {
           POLYPOD_TRY(refuse(
@@ -285,7 +314,10 @@ Command poses_command() {
                          {"way", way_of_all},
                          {"one_lost", one_lost},
                          {"curve", curve}};
-          if (site.any()) answer["site"] = json_of(from, site);
+          if (site.any()) {
+            answer["site"] = json_of(from, site);
+            answer["site"]["notes"] = notes_of(site, check);
+          }
           print_json(answer);
           return kDone;
         }
@@ -323,6 +355,7 @@ Command poses_command() {
         };
         print_moves(way.not_free, "Moves that need a way round");
         print_moves(way.not_judged, "Moves that were not judged (no pose of the machine found between)");
+        for (const std::string& note : notes_of(site, check)) fmt::print("note: {}\n", note);
         if (!o->out.empty()) fmt::print("wrote {}\n", o->out);
         return kDone;
       }};

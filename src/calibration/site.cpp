@@ -118,6 +118,12 @@ class Tour {
 
 }  // namespace
 
+std::optional<std::size_t> box_round_instrument(const Site& site) {
+  for (std::size_t i = 0; site.instrument && i < site.keep_out.size(); ++i)
+    if (meets(site.keep_out[i], 0, *site.instrument, *site.instrument)) return i;
+  return {};
+}
+
 SiteCheck::SiteCheck(const AnyMachine& machine, const Site& site, const Pose& X_TR, const std::vector<Stand>& stands)
     : machine_(&machine), site_(site), X_TR_(X_TR) {
   constexpr double kSame = 1e-9;     // m
@@ -131,6 +137,10 @@ SiteCheck::SiteCheck(const AnyMachine& machine, const Site& site, const Pose& X_
       for (std::size_t j = 0; j < std::min(first[i].points.size(), other[i].points.size()); ++j)
         if ((first[i].points[j] - other[i].points[j]).norm() > kSame) still_[i][j] = false;
   }
+  if (stands.size() < 2) return;
+  for (const Line& line : lines(stands.front()))
+    for (const Box& box : site.keep_out)
+      if (!line.moves && meets(box, 0, line.from, line.to)) foundation_in_a_box_ = true;
 }
 
 std::vector<SiteCheck::Line> SiteCheck::lines(const Stand& stand) const {

@@ -52,11 +52,13 @@ std::vector<Unit> units_of(Quantity quantity) {
   return {{"percent", 1e-2}};
 }
 
+constexpr std::array<std::string_view, 3> kSizes{"half_width", "standard", "expanded"};
+
 /// The one size that the table has. Errors: CA150.
 Status read_size(const config::Table& table, Systematic& out, bool& half_width) {
   constexpr config::Range kSize{0, 1e6, true, false};
   std::string found, allowed;
-  for (const std::string_view kind : {"half_width", "standard", "expanded"}) {
+  for (const std::string_view kind : kSizes) {
     for (const Unit& unit : units_of(out.quantity)) {
       const std::string key = fmt::format("{}_{}", kind, unit.name);
       allowed += (allowed.empty() ? "" : ", ") + key;
@@ -73,10 +75,15 @@ Status read_size(const config::Table& table, Systematic& out, bool& half_width) 
       out.divisor = k;
     }
   }
-  if (found.empty())
-    return fail("CA150", fmt::format("the systematic part \"{}\" has no size", name_of(out.quantity)), table.place(),
-                "give one of " + allowed);
-  return {};
+  if (!found.empty()) return {};
+  for (const std::string& key : table.keys()) {  // a size in another unit, or misspelt
+    const bool size = std::any_of(kSizes.begin(), kSizes.end(), [&](auto& kind) { return key.starts_with(kind); });
+    if (size)
+      return fail("CA150", fmt::format("\"{}\" is no size of the systematic part \"{}\"", key, name_of(out.quantity)),
+                  table.place_of(key), "give one of " + allowed);
+  }
+  return fail("CA150", fmt::format("the systematic part \"{}\" has no size", name_of(out.quantity)), table.place(),
+              "give one of " + allowed);
 }
 
 /// Errors: CA150.

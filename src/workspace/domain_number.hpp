@@ -6,6 +6,7 @@
 
 #include "first_order.hpp"
 #include "polypod/core/interval.hpp"
+#include "polypod/core/number_traits.hpp"
 
 namespace polypod::workspace {
 
@@ -115,32 +116,8 @@ struct Tangent {
 }  // namespace polypod::workspace
 
 template <>
-struct Eigen::NumTraits<polypod::workspace::DomainNumber> : Eigen::GenericNumTraits<double> {
-  using Real = polypod::workspace::DomainNumber;
-  using NonInteger = Real;
-  using Nested = Real;
-  enum {
-    IsComplex = 0,
-    IsInteger = 0,
-    IsSigned = 1,
-    RequireInitialization = 1,
-    ReadCost = 8,
-    AddCost = 8,
-    MulCost = 24
-  };
-};
+struct Eigen::NumTraits<polypod::workspace::DomainNumber>
+    : polypod::NumberTraits<polypod::workspace::DomainNumber, 8, 8, 24> {};
 template <class T>
-struct Eigen::NumTraits<polypod::workspace::Tangent<T>> : Eigen::GenericNumTraits<double> {
-  using Real = polypod::workspace::Tangent<T>;
-  using NonInteger = Real;
-  using Nested = Real;
-  enum {
-    IsComplex = 0,
-    IsInteger = 0,
-    IsSigned = 1,
-    RequireInitialization = 1,
-    ReadCost = 8,
-    AddCost = 8,
-    MulCost = 24
-  };
-};
+struct Eigen::NumTraits<polypod::workspace::Tangent<T>>
+    : polypod::NumberTraits<polypod::workspace::Tangent<T>, 8, 8, 24> {};

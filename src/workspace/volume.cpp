@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "closure_bounds.hpp"
+#include "by_closure/bounds.hpp"
 #include "family_bounds.hpp"
 #include "no_bounds.hpp"
 #include "polypod/core/units.hpp"
@@ -66,7 +66,7 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) {
     if (!limits) return Answer(tl::unexpected(limits.error()));
     return ask(*limits);
   } else if constexpr (kByClosure<M>) {
-    auto limits = ClosureLimits::of(std::make_shared<const ClosureOf<M>>(m), options);
+    auto limits = ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), options);
     using Answer = decltype(ask(**limits));
     if (!limits) return Answer(tl::unexpected(limits.error()));
     if (!*limits) return Answer(no_bounds(m.name));
@@ -134,7 +134,7 @@ bool has_bounds(const AnyMachine& machine) {
       []<class M>(const M& m) {
         if constexpr (requires { machine::WristInverse::of(m); }) return machine::WristInverse::of(m).has_value();
         if constexpr (kByClosure<M>) {
-          const auto limits = ClosureLimits::of(std::make_shared<const ClosureOf<M>>(m), Options{});
+          const auto limits = ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), Options{});
           return limits && limits->has_value();
         }
         return requires(const Options& options) {
@@ -149,7 +149,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
   return std::visit(
       [&]<class M>(const M& m) -> Result<Volume> {
         if constexpr (kByClosure<M>) {  // with the limits that are heeded here
-          POLYPOD_ASSIGN(limits, ClosureLimits::of(std::make_shared<const ClosureOf<M>>(m), options));
+          POLYPOD_ASSIGN(limits, ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), options));
           return limits ? volume_by_closure(machine, *limits, options) : sampled_volume(machine, options);
         }
         if (!has_bounds(machine)) return sampled_volume(machine, options);

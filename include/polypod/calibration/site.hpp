@@ -30,6 +30,8 @@ struct Site {
   [[nodiscard]] bool obstructs() const { return !keep_out.empty() || floor; }
   [[nodiscard]] bool any() const { return obstructs() || instrument; }
 };
+/// The box that holds the instrument, if one does: from there nothing is seen.
+std::optional<std::size_t> box_round_instrument(const Site& site);
 
 /// Why a pose cannot be measured, in the order in which it is looked at.
 enum class Hindrance { none, floor, box, turned_away, hidden };
@@ -42,6 +44,10 @@ class SiteCheck {
  public:
   /// `stands`: some poses of the machine, which show what stands still. `X_TR`: the target in the tool's frame.
   SiteCheck(const AnyMachine& machine, const Site& site, const Pose& X_TR, const std::vector<Stand>& stands);
+
+  /// Whether what never moves of the machine reaches into a box: that is not looked at, pose by pose, and mostly a box
+  /// in another frame or unit.
+  [[nodiscard]] bool foundation_in_a_box() const { return foundation_in_a_box_; }
 
   /// Cost: an outline and some hundred operations for each of its lines and boxes; 5 to 20 us.
   [[nodiscard]] Hindrance of(const Stand& stand) const;
@@ -63,6 +69,7 @@ class SiteCheck {
   Site site_;
   Pose X_TR_;
   std::vector<std::vector<bool>> still_;  ///< of each part of the outline each point
+  bool foundation_in_a_box_ = false;
 };
 
 /// What the busiest drive does between two poses, as a share of its range: the time, where all drives need the same for

@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "polypod/core/interval.hpp"
+#include "polypod/core/number_traits.hpp"
 
 namespace polypod {
 
@@ -206,18 +207,5 @@ class BoxNumber {
 }  // namespace polypod
 /// \cond EIGEN_TRAITS
 template <>
-struct Eigen::NumTraits<polypod::BoxNumber> : Eigen::GenericNumTraits<double> {
-  using Real = polypod::BoxNumber;
-  using NonInteger = Real;
-  using Nested = Real;
-  enum {
-    IsComplex = 0,
-    IsInteger = 0,
-    IsSigned = 1,
-    RequireInitialization = 1,
-    ReadCost = 8,
-    AddCost = 16,
-    MulCost = 48
-  };
-};
+struct Eigen::NumTraits<polypod::BoxNumber> : polypod::NumberTraits<polypod::BoxNumber, 8, 16, 48> {};
 /// \endcond

@@ -8,6 +8,8 @@
 #include <limits>
 #include <numbers>
 
+#include "polypod/core/number_traits.hpp"
+
 namespace polypod {
 
 /// A closed interval [lo, hi] that holds every result of the operation on every choice of operands.
@@ -149,23 +151,11 @@ inline Interval sin(const Interval& x) {
 }  // namespace polypod
 /// \cond EIGEN_TRAITS
 template <>
-struct Eigen::NumTraits<polypod::Interval> : Eigen::GenericNumTraits<polypod::Interval> {
-  using Real = polypod::Interval;
-  using NonInteger = polypod::Interval;
-  using Nested = polypod::Interval;
-  enum {
-    IsComplex = 0,
-    IsInteger = 0,
-    IsSigned = 1,
-    RequireInitialization = 1,
-    ReadCost = 2,
-    AddCost = 4,
-    MulCost = 12
-  };
-  static Real epsilon() { return {std::numeric_limits<double>::epsilon()}; }
-  static Real dummy_precision() { return {1e-12}; }
-  static Real highest() { return {std::numeric_limits<double>::max()}; }
-  static Real lowest() { return {std::numeric_limits<double>::lowest()}; }
+struct Eigen::NumTraits<polypod::Interval> : polypod::NumberTraits<polypod::Interval, 2, 4, 12> {
+  static polypod::Interval epsilon() { return {std::numeric_limits<double>::epsilon()}; }
+  static polypod::Interval dummy_precision() { return {1e-12}; }
+  static polypod::Interval highest() { return {std::numeric_limits<double>::max()}; }
+  static polypod::Interval lowest() { return {std::numeric_limits<double>::lowest()}; }
   static int digits10() { return std::numeric_limits<double>::digits10; }
 };
 /// \endcond

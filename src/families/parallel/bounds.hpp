@@ -9,6 +9,7 @@
 
 #include "../../workspace/domain_number.hpp"
 #include "../../workspace/linear.hpp"
+#include "../../workspace/task_directions.hpp"
 #include "polypod/families/parallel/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -470,22 +471,7 @@ class ParallelLimits {
 /// What volume() asks over boxes. Errors: WS104 (directions that the task does not hold), WS106 (a task that has no
 /// volume).
 inline Result<ParallelLimits> bounds_of(const machine::Parallel& m, const Options& options) {
-  const machine::Task task = m.task;
-  if (!task.places() && task.size() != 3) {
-    return fail("WS106", fmt::format("{}: a task of {} coordinates without x, y, z has no volume", m.name, task.size()),
-                {}, "workspaces are for tasks that hold x, y, z, or three coordinates in all");
-  }
-  const Directions& d = options.directions;
-  const auto asks = [](const std::optional<std::array<double, 2>>& range) {
-    return range && *range != std::array<double, 2>{0, 0};
-  };
-  const bool whole = task.size() == 6 || task.names_axis();
-  if ((d.tilt != 0 && !whole) || (asks(d.a_range) && !(task.places() && task.holds(machine::Coordinate::a))) ||
-      (asks(d.b_range) && !(task.places() && task.holds(machine::Coordinate::b)))) {
-    return fail("WS104",
-                fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles", m.name), {},
-                "leave out the tilt and the ranges of A and B");
-  }
+  POLYPOD_TRY(held_by(m.task, m.name, options.directions));
   return ParallelLimits(m, options);
 }
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "examples/cpp/gantry.hpp"
+#include "kinematics/legs_alone.hpp"
 #include "machines.hpp"
 #include "polypod/core/box_number.hpp"
 #include "polypod/core/random.hpp"
@@ -17,43 +18,7 @@ namespace polypod::own_bounds {
 
 using machine::AnyMachine;
 
-/// A machine of legs of the catalogue with none of its closed forms.
-struct Legs {
-  static constexpr std::string_view kFamily = "legs-alone";
-  machine::Parallel m;
-};
-std::string to_toml(const Legs&) {
-  return "";
-}
-int joint_count(const Legs& l) {
-  return joint_count(l.m);
-}
-machine::JointKind joint_kind(const Legs& l, int i) {
-  return joint_kind(l.m, i);
-}
-machine::JointRange joint_range(const Legs& l, int i) {
-  return joint_range(l.m, i);
-}
-machine::Task task(const Legs& l) {
-  return task(l.m);
-}
-std::vector<machine::Parameter> parameters(const Legs& l) {
-  return parameters(l.m);
-}
-template <class T>
-machine::ClosureVectorT<T> closure(const Legs& l, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
-  return closure(l.m, X, q, p);
-}
-template <class T>
-std::vector<T> limits(const Legs& l, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
-  return limits(l.m, X, q, p);
-}
-std::string limit_name(const Legs& l, int i) {
-  return limit_name(l.m, i);
-}
-Pose home_pose(const Legs& l) {
-  return home_pose(l.m);
-}
+using legs_alone::Legs;
 
 /// Slides whose limits nobody states.
 struct Endless {

@@ -1,0 +1,63 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// A calibration as a problem of least squares: every unknown, which of them are searched for, and the equations.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "common.hpp"
+#include "model.hpp"
+#include "polypod/calibration/calibrate.hpp"
+
+namespace polypod::calibration {
+
+/// The whole problem; `x` is every unknown, `wanted` says which of them are searched for.
+struct Problem {
+  const AnyMachine& machine;
+  const std::vector<Measurement>& rows;
+  const CalibrationOptions& options;
+  std::vector<machine::Parameter> nominal{};
+  Layout layout{};
+  Noise noise{};
+  std::vector<Pose> seed{};        ///< the nominal pose of every row
+  std::vector<bool> not_fitted{};  ///< held back, or lost
+  std::vector<double> share{};     ///< for how many independent rows each counts
+  Eigen::VectorXd start{}, scale{};
+  std::vector<bool> chosen{};   ///< of the parameters
+  std::vector<int> unfitted{};  ///< columns of the parameters that are neither searched for nor held: uncertain still
+  std::vector<int> wanted{};    ///< columns of the unknowns that are searched for
+  Eigen::VectorXd prior{};      ///< standard deviation of each unknown round its start
+  double noise_scale = 1;       ///< what the residuals show of the noise, over the one that was given
+
+  [[nodiscard]] int column(std::size_t parameter) const { return layout.parameters + static_cast<int>(parameter); }
+  [[nodiscard]] bool is_length(std::size_t parameter) const { return nominal[parameter].unit == "mm"; }
+  bool equations(std::size_t row, const Eigen::VectorXd& x, bool by_unknowns, Equations& out,
+                 Lost lost = Lost::first_order) const {
+    return equations_of(machine, rows[row], seed[row], layout, x, noise, by_unknowns, out, lost);
+  }
+
+  /// The rules that the parameters keep as further equations: r(x) and J (over all unknowns).
+  void rules(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
+    constexpr double kRuleNoise = 1e-7;  // rules hold to this: a length error of 0.1 um on a metre
+    rules_at(machine, layout, x, r, J);
+    r /= kRuleNoise;
+    J /= kRuleNoise;
+  }
+
+  /// Rules and priors. A prior counts as much as the noise that the residuals show, not the one that was given.
+  void extra(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
+    rules(x, r, J);
+    Eigen::Index row = r.size();
+    const auto priors = static_cast<Eigen::Index>(wanted.size());
+    r.conservativeResize(row + priors);
+    J.conservativeResize(row + priors, layout.count);
+    J.bottomRows(priors).setZero();
+    for (const int j : wanted) {
+      J(row, j) = noise_scale / prior[j];
+      r[row++] = (x[j] - start[j]) * noise_scale / prior[j];
+    }
+  }
+};
+
+}  // namespace polypod::calibration
