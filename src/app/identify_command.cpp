@@ -31,7 +31,9 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
     if (files.find(name) == std::string::npos) files += (files.empty() ? "" : ", ") + name;
   }
   std::string errors;
-  for (const double e : r.standard_error) errors += fmt::format("{}{:.3g}", errors.empty() ? "" : ", ", e);
+  for (std::size_t i = 0; i < r.compliance.size(); ++i)
+    errors += (errors.empty() ? "" : ", ") +
+              (r.told[i] ? fmt::format("{:.3g}", r.standard_error[i]) : std::string("(not told, as it was)"));
   std::string held;
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
     if (r.upper_bound[i])
@@ -238,6 +240,7 @@ Command identify_compliance_command() {
           Json document{{"joint", r.joint},
                         {"compliance_rad_per_Nm", r.compliance},
                         {"unit", unit},
+                        {"told", r.told},
                         {"standard_error", r.standard_error},
                         {"half_interval_95", r.half_interval},
                         {"gain_standard_uncertainty", relative > 0 ? Json(relative) : Json()},
@@ -276,7 +279,11 @@ Command identify_compliance_command() {
           if (i == 0 || r.turns[i] != r.turns[i - 1]) {
             fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
           }
-          if (r.upper_bound[i]) {
+          if (!r.told[i]) {
+            fmt::print("{:<10} {:>11.{}f}   not told by these readings: as the machine file has it\n", r.joint[i],
+                       r.turns[i] ? units::to_tenth_urad(r.compliance[i]) : units::to_um_per_N(r.compliance[i]),
+                       r.turns[i] ? 2 : 5);
+          } else if (r.upper_bound[i]) {
             const double bound =
                 r.turns[i] ? units::to_tenth_urad(*r.upper_bound[i]) : units::to_um_per_N(*r.upper_bound[i]);
             fmt::print("{:<10} {:>11}   at most {:.{}f} (95 %, one-sided)\n", r.joint[i], "0", bound,
@@ -290,7 +297,7 @@ Command identify_compliance_command() {
           }
         }
         for (std::size_t i = 0; i < r.compliance.size(); ++i) {
-          if (r.compliance[i] == 0)
+          if (r.told[i] && r.compliance[i] == 0)
             fmt::print("{} is held at 0, because its best value would be negative: not known to be rigid\n",
                        r.joint[i]);
         }

@@ -76,6 +76,7 @@ CommonChange explained_alone(const AnyMachine& machine, const std::vector<Measur
     Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
     double squares = 0;
     Equations e;
+    e.by_parameters = false;
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const RowResidual& r = found.residuals[i];
       if (rows[i].kind == Kind::contact || r.outlier || r.lost) continue;

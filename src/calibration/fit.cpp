@@ -14,36 +14,54 @@
 namespace polypod::calibration {
 namespace {
 
-/// One row (or, for `row` beyond the last, all rules and priors) as Ceres asks for it.
+/// Looks at all rows, and at rules and priors, where Ceres is going to ask for them.
+class Evaluation : public ceres::EvaluationCallback {
+ public:
+  Evaluation(const Problem& problem, RowsAt& rows, const std::vector<double>& block)
+      : problem_(problem), rows_(rows), block_(block) {}
+
+  void PrepareForEvaluation(bool jacobians, bool /*new_point*/) override {
+    Eigen::VectorXd x = problem_.start;
+    for (std::size_t k = 0; k < problem_.wanted.size(); ++k) x[problem_.wanted[k]] = block_[k];
+    rows_.look(x, jacobians);
+    problem_.extra(x, extra_.r, extra_.J);
+  }
+  /// Those of a row, of rules and priors beyond the last; nothing where the machine does not assemble.
+  [[nodiscard]] const Equations* of(std::size_t row) const {
+    if (row == problem_.rows.size()) return &extra_;
+    return rows_.assembles(row) ? &rows_.of(row) : nullptr;
+  }
+
+ private:
+  const Problem& problem_;
+  RowsAt& rows_;
+  const std::vector<double>& block_;
+  Equations extra_;
+};
+
+/// One row, or for `row` beyond the last all rules and priors, as Ceres asks for it.
 class RowCost : public ceres::CostFunction {
  public:
-  RowCost(const Problem& problem, std::size_t row, int equations) : problem_(problem), row_(row) {
+  RowCost(const Problem& problem, const Evaluation& at, std::size_t row, int equations)
+      : problem_(problem), at_(at), row_(row) {
     set_num_residuals(equations);
     mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.wanted.size()));
   }
-  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+  bool Evaluate(double const* const* /*blocks*/, double* residuals, double** jacobians) const override {
+    const Equations* e = at_.of(row_);
+    if (e == nullptr || !e->r.allFinite()) return false;
+    Eigen::Map<Eigen::VectorXd>(residuals, e->r.size()) = e->r;
+    if (jacobians == nullptr || jacobians[0] == nullptr) return true;
     const std::vector<int>& wanted = problem_.wanted;
-    Eigen::VectorXd x = problem_.start;
-    for (std::size_t k = 0; k < wanted.size(); ++k) x[wanted[k]] = blocks[0][k];
-    const bool derivatives = jacobians != nullptr && jacobians[0] != nullptr;
-    Equations e;
-    if (row_ < problem_.rows.size()) {
-      if (!problem_.equations(row_, x, derivatives, e)) return false;
-    } else {
-      problem_.extra(x, e.r, e.J);
-    }
-    if (!e.r.allFinite()) return false;
-    Eigen::Map<Eigen::VectorXd>(residuals, e.r.size()) = e.r;
-    if (derivatives) {
-      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
-          jacobians[0], e.r.size(), static_cast<Eigen::Index>(wanted.size()));
-      for (std::size_t k = 0; k < wanted.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = e.J.col(wanted[k]);
-    }
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
+        jacobians[0], e->r.size(), static_cast<Eigen::Index>(wanted.size()));
+    for (std::size_t k = 0; k < wanted.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = e->J.col(wanted[k]);
     return true;
   }
 
  private:
   const Problem& problem_;
+  const Evaluation& at_;
   std::size_t row_;
 };
 
@@ -121,6 +139,7 @@ Status Fit::start() {
   POLYPOD_ASSIGN(chosen, chosen_parameters(problem_.nominal, options_));
   problem_.chosen = chosen;
   problem_.layout = layout_of(rows_, problem_.nominal.size());
+  problem_.layout.slots = parameter_slots_of(any_, problem_.seed.front(), rows_.front().q);
   Start from = start_of(any_, problem_.layout, out_.X_SM, out_.X_TR);
   problem_.start = std::move(from.x);
   problem_.scale = std::move(from.scale);
@@ -213,33 +232,29 @@ Status Fit::tell_unknowns() {
 }
 
 Eigen::MatrixXd Fit::stacked(const Eigen::VectorXd& x, const std::vector<double>* weights) const {
-  std::vector<Eigen::MatrixXd> parts;
+  std::vector<Eigen::Index> at;  // of each row its first equation
   Eigen::Index n = 0;
-  Equations e;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    at.push_back(n);
+    if (!problem_.not_fitted[i]) n += equation_count(rows_[i].kind);
+  }
+  Equations rules;
+  problem_.rules(x, rules.r, rules.J);
+  Eigen::MatrixXd J(n + rules.J.rows(), problem_.layout.count);
+  seen_.look(x, true);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (problem_.not_fitted[i]) continue;
-    problem_.equations(i, x, true, e);
-    parts.push_back(weights == nullptr ? e.J : Eigen::MatrixXd(std::sqrt((*weights)[i]) * e.J));
-    n += e.r.size();
+    const Equations& e = seen_.of(i);
+    J.middleRows(at[i], e.J.rows()) = (weights == nullptr ? 1.0 : std::sqrt((*weights)[i])) * e.J;
   }
-  problem_.rules(x, e.r, e.J);
-  parts.push_back(weights == nullptr ? e.J : Eigen::MatrixXd(problem_.noise_scale * e.J));
-  Eigen::MatrixXd J(n + e.J.rows(), problem_.layout.count);
-  n = 0;
-  for (const Eigen::MatrixXd& part : parts) {
-    J.middleRows(n, part.rows()) = part;
-    n += part.rows();
-  }
+  J.bottomRows(rules.J.rows()) = weights == nullptr ? rules.J : Eigen::MatrixXd(problem_.noise_scale * rules.J);
   return J;
 }
 
 void Fit::whiten() {
   whitened_.resize(rows_.size());
-  Equations e;
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    problem_.equations(i, x_, false, e);
-    whitened_[i] = e.r;
-  }
+  seen_.look(x_, false);
+  for (std::size_t i = 0; i < rows_.size(); ++i) whitened_[i] = seen_.of(i).r;
 }
 
 Status Fit::search() {
@@ -371,18 +386,22 @@ Eigen::VectorXd Fit::of_wanted(const Eigen::VectorXd& all) const {
 }
 
 Status Fit::solve(std::vector<double>& block) {
-  ceres::Problem search;
+  Evaluation at(problem_, seen_, block);
+  ceres::Problem::Options with;
+  with.evaluation_callback = &at;
+  ceres::Problem search(with);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (problem_.not_fitted[i]) continue;
     const int n = equation_count(rows_[i].kind);
     ceres::LossFunction* loss = loss_of(options_.loss, problem_.noise_scale * bend_of(n));
     if (problem_.share[i] < 1) loss = new ceres::ScaledLoss(loss, problem_.share[i], ceres::TAKE_OWNERSHIP);
-    search.AddResidualBlock(new RowCost(problem_, i, n), loss, block.data());
+    search.AddResidualBlock(new RowCost(problem_, at, i, n), loss, block.data());
   }
-  Equations e;
-  problem_.extra(x_, e.r, e.J);
-  if (e.r.size() > 0) {
-    search.AddResidualBlock(new RowCost(problem_, rows_.size(), static_cast<int>(e.r.size())), nullptr, block.data());
+  Equations extra;
+  problem_.extra(x_, extra.r, extra.J);
+  if (extra.r.size() > 0) {
+    search.AddResidualBlock(new RowCost(problem_, at, rows_.size(), static_cast<int>(extra.r.size())), nullptr,
+                            block.data());
   }
   for (std::size_t k = 0; k < problem_.wanted.size(); ++k) {
     if (problem_.wanted[k] < problem_.layout.parameters) continue;
@@ -396,11 +415,13 @@ Status Fit::solve(std::vector<double>& block) {
   how.linear_solver_type = ceres::DENSE_QR;
   how.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   how.max_num_iterations = 100;
+  // The priors hold what the readings do not tell, but weakly: damping from the start would slow just these down.
+  how.initial_trust_region_radius = 1e12;
   how.function_tolerance = 1e-12;
   how.gradient_tolerance = 1e-14;
   how.parameter_tolerance = 1e-12;
   how.logging_type = ceres::SILENT;
-  how.num_threads = 1;
+  how.num_threads = 1;  // the rows are taken on all threads before (Evaluation), so that sums have one order
   ceres::Solver::Summary summary;
   ceres::Solve(how, &search, &summary);
   out_.iterations += static_cast<int>(summary.iterations.size());

@@ -128,6 +128,7 @@ class Fit {
   const CalibrationOptions& options_;
   const std::vector<std::size_t>& pose_;
   Problem problem_;
+  mutable RowsAt seen_{problem_};
   Identifiability known_;
   Eigen::VectorXd x_;                      ///< what was found so far
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise

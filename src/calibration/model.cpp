@@ -30,6 +30,15 @@ std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& ro
       machine);
 }
 
+kinematics::ParameterSlots parameter_slots_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  return std::visit(
+      [&](const auto& m) {
+        const std::vector<double> p = kinematics::nominal_parameters(m);
+        return kinematics::parameter_slots(m, X_MT, span_of(q), std::span<const double>(p));
+      },
+      machine);
+}
+
 Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& target, const JointVector& q) {
   const Pose X_MT = kinematics::settled(machine, target, q);
   return std::visit(

@@ -5,11 +5,12 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <optional>
 
 #include "polypod/calibration/calibrate.hpp"
-#include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/closure_slots.hpp"
 #include "polypod/kinematics/families.hpp"
 
 namespace polypod::calibration {
@@ -20,6 +21,8 @@ namespace polypod::calibration {
 struct Layout {
   std::map<std::string, int> contact;  ///< text of the column -> index of its first unknown
   int frame = 0, target = 0, scale = 0, parameters = 0, count = 0;
+  /// Which parameters can share a derivative; without it each has one of its own.
+  std::optional<kinematics::ParameterSlots> slots{};
 };
 Layout layout_of(const std::vector<Measurement>& rows, std::size_t parameter_count);
 
@@ -55,13 +58,44 @@ inline int equation_count(Kind kind) {
   return 1;
 }
 
+/// What a search knows of one row from the place where it looked before: it comes back with parameters that hardly
+/// changed.
+struct Followed {
+  Pose X_MT;
+  std::optional<Eigen::CompleteOrthogonalDecomposition<kinematics::ClosureMatrix>> by_pose;  ///< F_X there, or near
+};
+
 /// Equations of one row, divided by their noise: (computed - measured) / sigma, and their derivatives by all unknowns.
 struct Equations {
   Eigen::VectorXd r;
-  Eigen::MatrixXd J;      ///< equations x unknowns
-  Eigen::VectorXd sigma;  ///< m or rad
-  int lengths = 0;        ///< the first equations are lengths, the rest angles
+  Eigen::MatrixXd J;             ///< equations x unknowns
+  Eigen::VectorXd sigma;         ///< m or rad
+  int lengths = 0;               ///< the first equations are lengths, the rest angles
+  bool by_parameters = true;     ///< else their columns of J stay 0
+  Followed* followed = nullptr;  ///< of this row, if a search follows it
 };
+
+/// The pose of the machine near the one before, by Newton's method with F_X as it was there; as exact as
+/// forward_by_closure. Nothing where that does not converge quickly. Cost: a closure a step, no derivatives.
+template <kinematics::Machine M>
+std::optional<Pose> pose_near(const M& m, std::span<const double> q, std::span<const double> p,
+                              const Followed& before) {
+  constexpr int kSteps = 10;
+  const kinematics::NewtonOptions exact;
+  Pose X = before.X_MT;
+  double last = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kSteps; ++k) {
+    const kinematics::ClosureVector F = closure(m, X, q, p);
+    const Vec6 step = -before.by_pose->solve(F);
+    const double size = std::max(step.head<3>().norm(), step.tail<3>().norm());
+    if (!(size < 0.5 * last)) return {};
+    X.p += step.head<3>();
+    X.R = rotation_of(step.tail<3>()) * X.R;
+    if (size <= exact.tolerance && F.cwiseAbs().maxCoeff() < 1e-9 * (1 + X.p.norm())) return X;
+    last = size;
+  }
+  return {};
+}
 
 inline Pose pose_from(const double* six) {
   return {rotation_of(Vec3(six[3], six[4], six[5])), Vec3(six[0], six[1], six[2])};
@@ -90,7 +124,15 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
                   Lost lost = Lost::fail) {
   const std::span<const double> p(x.data() + layout.parameters, static_cast<std::size_t>(x.size() - layout.parameters));
   const std::span<const double> q(row.q.data(), static_cast<std::size_t>(row.q.size()));
-  const kinematics::NewtonResult at = kinematics::forward_by_closure(m, q, p, seed_MT);
+  Followed* followed = out.followed;
+  kinematics::NewtonResult at;
+  if (followed != nullptr && followed->by_pose) {
+    if (const auto near = pose_near(m, q, p, *followed)) {
+      at.X_MT = *near;
+      at.converged = true;
+    }
+  }
+  if (!at.converged) at = kinematics::forward_by_closure(m, q, p, seed_MT);
   if (!at.converged && lost == Lost::fail) return false;
   Pose X = at.X_MT;    // where the tool is
   Pose X_A = at.X_MT;  // where the closure is differentiated
@@ -177,13 +219,20 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
   out.J.middleCols<3>(layout.target + 3) =
       by_twist.template rightCols<3>() * R_ST * left_jacobian(Vec3(target[3], target[4], target[5]));
   // By p: the twist of T in M, taken to the target and into S.
-  const kinematics::ClosureMatrix A = kinematics::closure_by_pose(m, X_A, q, p);
-  const Eigen::MatrixXd F_p = kinematics::closure_by_parameters(m, X_A, q, p);
+  if (!out.by_parameters) return true;
+  const Eigen::CompleteOrthogonalDecomposition<kinematics::ClosureMatrix> A(kinematics::closure_by_pose(m, X_A, q, p));
+  if (followed != nullptr) {
+    followed->X_MT = X_A;
+    followed->by_pose.reset();
+    if (at.converged) followed->by_pose = A;
+  }
+  const Eigen::MatrixXd F_p = layout.slots ? kinematics::closure_by_parameters(m, X_A, q, p, *layout.slots)
+                                           : kinematics::closure_by_parameters(m, X_A, q, p);
   Mat6 to_target = Mat6::Zero();
   to_target.topLeftCorner<3, 3>() = X_SM.R;
   to_target.topRightCorner<3, 3>() = -X_SM.R * skew<double>(X.R * X_TR.p);
   to_target.bottomRightCorner<3, 3>() = X_SM.R;
-  out.J.rightCols(F_p.cols()) = -(by_twist * to_target) * A.completeOrthogonalDecomposition().solve(F_p);
+  out.J.rightCols(F_p.cols()) = -(by_twist * to_target) * A.solve(F_p);
   return true;
 }
 
@@ -229,6 +278,7 @@ bool equations_of(const AnyMachine& machine, const Measurement& row, const Pose&
 void rules_at(const AnyMachine& machine, const Layout& layout, const Eigen::VectorXd& x, Eigen::VectorXd& r,
               Eigen::MatrixXd& J);
 std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& row);
+kinematics::ParameterSlots parameter_slots_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 
 /// Trends and neighbours that are alike among the residuals, in the order of the rows or of their times; repeats at one

@@ -9,6 +9,7 @@
 #include "common.hpp"
 #include "model.hpp"
 #include "polypod/calibration/calibrate.hpp"
+#include "polypod/core/parallel.hpp"
 
 namespace polypod::calibration {
 
@@ -58,6 +59,38 @@ struct Problem {
       r[row++] = (x[j] - start[j]) * noise_scale / prior[j];
     }
   }
+};
+
+/// All rows of a problem at the unknowns where a search looked last, on all threads. It comes back to the same place
+/// (round after round, and for the covariance), and to others near by.
+class RowsAt {
+ public:
+  explicit RowsAt(const Problem& problem) : problem_(problem) {}
+
+  void look(const Eigen::VectorXd& x, bool by_unknowns) {
+    const std::size_t n = problem_.rows.size();
+    equations_.resize(n);
+    followed_.resize(n);
+    assembles_.resize(n);
+    if (x.size() == x_.size() && x == x_ && (by_unknowns_ || !by_unknowns)) return;
+    for_each_in_rounds(n, {}, [&](std::size_t i) {
+      Equations& e = equations_[i];
+      e.followed = &followed_[i];
+      assembles_[i] = problem_.equations(i, x, by_unknowns, e) ? 1 : 0;
+    });
+    x_ = x;
+    by_unknowns_ = by_unknowns;
+  }
+  [[nodiscard]] const Equations& of(std::size_t row) const { return equations_[row]; }
+  [[nodiscard]] bool assembles(std::size_t row) const { return assembles_[row] != 0; }
+
+ private:
+  const Problem& problem_;
+  Eigen::VectorXd x_;
+  bool by_unknowns_ = false;
+  std::vector<Equations> equations_;
+  std::vector<Followed> followed_;
+  std::vector<char> assembles_;  // not bool: threads write neighbours
 };
 
 }  // namespace polypod::calibration

@@ -471,13 +471,15 @@ std::vector<Shown> shown_of(const statics::Identification& r) {
 report::LinePlot whiskers(const statics::Identification& r, const Shown& shown) {
   report::LinePlot plot;
   plot.title = "compliances with their 95 % intervals";
-  const double joints = static_cast<double>(shown.rows.size());
+  const auto joints = static_cast<double>(
+      std::count_if(shown.rows.begin(), shown.rows.end(), [&](std::size_t i) { return r.told[i]; }));
   plot.x = {"row of the table", "", 0.5, joints + 0.5, false, true};
   plot.y = {"compliance", shown.unit, {}, {}, true};
   report::Series interval{"95 % interval", {}, {}, Colour::ink, LineStyle::solid, 1.5};
   report::Series value{"compliance", {}, {}, Colour::blue, LineStyle::points, kBigDot};
   constexpr double kCap = 0.06;
   for (const std::size_t i : shown.rows) {
+    if (!r.told[i]) continue;
     const double x = static_cast<double>(value.x.size() + 1), y = shown.scale * r.compliance[i],
                  half = shown.scale * r.half_interval[i];
     value.x.push_back(x);
@@ -526,6 +528,9 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
   page.add_text(fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
                             fixed(to_um(r.asymmetry_rms), 1), r.symmetric ? "no more than noise" : "more than noise"));
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
+    if (!r.told[i])
+      page.add_text(
+          fmt::format("{}: the readings say nothing of it; it stays as the machine file has it.", r.joint[i]));
     if (!r.upper_bound[i]) continue;
     page.add_text(fmt::format(
         "{}: held at 0, because the best value would be negative; it is at most {} {} (95 %, "
@@ -549,8 +554,13 @@ void add_compliances(report::Report& page, const statics::Identification& r) {
                      {"± 95 %", "% of it", 1}};
     table.rows.reserve(shown.rows.size());
     for (const std::size_t i : shown.rows) {
-      std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i], shown.scale * r.standard_error[i],
-                                    shown.scale * r.half_interval[i]};
+      std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i]};
+      if (!r.told[i]) {
+        row.insert(row.end(), {"not told", "as given"});
+        table.rows.push_back(std::move(row));
+        continue;
+      }
+      row.insert(row.end(), {shown.scale * r.standard_error[i], shown.scale * r.half_interval[i]});
       if (r.compliance[i] > 0) row.emplace_back(100 * r.half_interval[i] / r.compliance[i]);
       table.rows.push_back(std::move(row));
     }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <string_view>
 
@@ -188,6 +189,128 @@ double stated_noise(const std::vector<MeasuredPoint>& points) {
   return points.empty() ? 0 : std::sqrt(sum / double(points.size()));
 }
 
+/// The columns among those that are told whose standard error is more than ten times the largest compliance of their
+/// kind, that the machine has or that was found to more than its own standard error.
+std::vector<int> untold(const Identification& fit, const std::vector<double>& given,
+                        const std::vector<double>& deviation) {
+  constexpr double kTimes = 10;
+  std::vector<int> out;
+  const std::size_t n = fit.compliance.size();
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!fit.told[k]) continue;
+    double largest = 0;
+    for (std::size_t j = 0; j < n; ++j) {
+      if (fit.turns[j] != fit.turns[k]) continue;
+      if (j < given.size()) largest = std::max(largest, given[j]);
+      // What was found of a column that shows less is no measure for this one.
+      if (fit.told[j] && deviation[j] < std::min(deviation[k], fit.compliance[j]))
+        largest = std::max(largest, fit.compliance[j]);
+    }
+    if (largest > 0 && deviation[k] > kTimes * largest) out.push_back(static_cast<int>(k));
+  }
+  return out;
+}
+
+/// Least squares of the columns `kept` with c >= 0; what it finds goes into `out`. Gives the standard deviation of each
+/// compliance as the readings alone tell it, whether the bound holds it or not.
+/// Errors: ID112, ID116.
+Result<std::vector<double>> fit_columns(const Eigen::MatrixXd& A, const Eigen::VectorXd& b,
+                                        const std::vector<int>& kept, Identification& out) {
+  // Columns scaled to unit length: the condition then says which joints these poses tell apart, whatever their size.
+  const auto n = std::ssize(kept);
+  const Eigen::VectorXd scale = A(Eigen::all, kept).colwise().norm();
+  const Eigen::MatrixXd S = A(Eigen::all, kept) * scale.cwiseInverse().asDiagonal();
+  const auto svd = S.bdcSvd(Eigen::ComputeThinV);
+  const Eigen::VectorXd sigma = svd.singularValues();
+  out.condition = sigma[0] / sigma[n - 1];
+  if (!(out.condition < kNotApart)) {
+    std::string who;  // the joints of the direction that shows least
+    for (Eigen::Index k = 0; k < n; ++k)
+      if (std::abs(svd.matrixV()(k, n - 1)) > 0.1)
+        who += (who.empty() ? "" : ", ") + out.joint[static_cast<std::size_t>(kept[static_cast<std::size_t>(k)])];
+    return fail("ID112", fmt::format("these poses cannot tell apart: {}", who), {}, "measure at other poses");
+  }
+  std::vector<bool> free;
+  const Eigen::MatrixXd H = S.transpose() * S;
+  const Eigen::VectorXd c = not_negative(H, S.transpose() * b, free);
+  if (!(c.maxCoeff() > 0)) {
+    return fail(
+        "ID116", "no joint gives way: the tip moves against the forces", {},
+        "displacements are those of the tip in the direction of the axes, under forces on the tip; is a sign wrong?");
+  }
+  const double freedoms = double(out.equations) - double(n);
+  const double variance = (b - S * c).squaredNorm() / freedoms;
+  std::vector<double> deviations(out.compliance.size(), 0);
+  const Eigen::MatrixXd inverse = H.inverse();
+  const double t = student_95(freedoms);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const auto at = static_cast<std::size_t>(kept[static_cast<std::size_t>(k)]);
+    const bool is_free = free[static_cast<std::size_t>(k)];
+    out.compliance[at] = c[k] / scale[k];
+    out.standard_error[at] = is_free ? std::sqrt(variance * inverse(k, k)) / scale[k] : 0.0;
+    out.half_interval[at] = t * out.standard_error[at];
+    for (Eigen::Index j = 0; j < n; ++j)
+      out.correlation[at][static_cast<std::size_t>(kept[static_cast<std::size_t>(j)])] =
+          inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j));
+    deviations[at] = out.standard_error[at];
+    if (is_free) continue;
+    // What the readings alone say of it, the others free as they are: one step of the normal equations.
+    Eigen::MatrixXd Hk = H;
+    Eigen::VectorXd gk = S.transpose() * b;
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (j == k || free[static_cast<std::size_t>(j)]) continue;
+      Hk.row(j).setZero();
+      Hk.col(j).setZero();
+      Hk(j, j) = 1;
+      gk[j] = 0;
+    }
+    const double best = Hk.ldlt().solve(gk)[k];
+    const double deviation = std::sqrt(variance * Hk.inverse()(k, k));
+    if (deviation > 0) out.upper_bound[at] = bound_above(best, deviation) / scale[k];
+    deviations[at] = deviation / scale[k];
+  }
+  return deviations;
+}
+
+/// Fits what the readings tell; the rest stays as it is in `out.compliance`. Errors: ID112, ID116.
+Status fit_told(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Identification& out) {
+  const auto n = static_cast<std::size_t>(A.cols());
+  const std::vector<double> given = out.compliance;
+  out.told.assign(n, true);
+  for (std::size_t k = 0; k < n; ++k) out.told[k] = A.col(static_cast<Eigen::Index>(k)).squaredNorm() > 0;
+  while (true) {
+    out.standard_error.assign(n, std::numeric_limits<double>::quiet_NaN());
+    out.half_interval = out.standard_error;
+    out.upper_bound.assign(n, std::nullopt);
+    out.correlation.assign(n, std::vector<double>(n, 0));
+    std::vector<int> kept;
+    Eigen::VectorXd rest = b;
+    for (std::size_t k = 0; k < n; ++k) {
+      if (out.told[k]) {
+        kept.push_back(static_cast<int>(k));
+      } else {
+        out.compliance[k] = given[k];
+        rest -= given[k] * A.col(static_cast<Eigen::Index>(k));
+      }
+    }
+    if (kept.empty()) return fail("ID112", "these poses load no joint", {}, "measure at other poses");
+    POLYPOD_ASSIGN(deviation, fit_columns(A, rest, kept, out));
+    const std::vector<int> more = untold(out, given, deviation);
+    if (more.empty()) return {};
+    for (const int k : more) out.told[static_cast<std::size_t>(k)] = false;
+  }
+}
+
+/// Of each displacement over its standard deviation; all 1 where not every row states one.
+Eigen::VectorXd weights_of(const std::vector<MeasuredPoint>& points) {
+  const double rms = stated_noise(points);
+  Eigen::VectorXd out = Eigen::VectorXd::Ones(9 * std::ssize(points));
+  if (!(rms > 0)) return out;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    out.segment<9>(9 * static_cast<Eigen::Index>(i)).setConstant(rms / points[i].sigma);
+  return out;
+}
+
 }  // namespace
 
 Result<Displacements> read_displacements(const std::vector<std::string>& files, const csv::Columns& columns) {
@@ -324,66 +447,18 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   for (const auto& half : asymmetry.half)
     for (const double a : half) out.asymmetry_rms += a * a / double(asymmetry.count());
   out.asymmetry_rms = std::sqrt(out.asymmetry_rms);
-  // Columns scaled to unit length: the condition then says which joints these poses tell apart, whatever their size.
-  const Eigen::VectorXd scale = A.colwise().norm();
-  if (!(scale.minCoeff() > 0)) {
-    return fail("ID112", "these poses do not load every joint", {}, "measure at other poses");
-  }
-  const Eigen::MatrixXd S = A * scale.cwiseInverse().asDiagonal();
-  const std::vector<std::string> names = column_names(machine);
-  const auto svd = S.bdcSvd(Eigen::ComputeThinV);
-  const Eigen::VectorXd sigma = svd.singularValues();
-  out.condition = sigma[0] / sigma[n - 1];
-  if (!(out.condition < kNotApart)) {
-    std::string who;  // the joints of the direction that shows least
-    for (int k = 0; k < n; ++k)
-      if (std::abs(svd.matrixV()(k, n - 1)) > 0.1) who += (who.empty() ? "" : ", ") + names[std::size_t(k)];
-    return fail("ID112", fmt::format("these poses cannot tell apart: {}", who), {}, "measure at other poses");
-  }
   out.turns = column_turns(machine);
-  std::vector<bool> free;
-  const Eigen::MatrixXd H = S.transpose() * S;
-  const Eigen::VectorXd c = not_negative(H, S.transpose() * b, free);
-  if (!(c.maxCoeff() > 0)) {
-    return fail(
-        "ID116", "no joint gives way: the tip moves against the forces", {},
-        "displacements are those of the tip in the direction of the axes, under forces on the tip; is a sign wrong?");
-  }
-  const Eigen::VectorXd r = b - S * c;
-  const double variance = r.squaredNorm() / double(out.equations - n);
-  const Eigen::MatrixXd inverse = H.inverse();
-  const double t = student_95(double(out.equations - n));
-  for (int k = 0; k < n; ++k) {
-    out.compliance.push_back(c[k] / scale[k]);
-    const double error = free[static_cast<std::size_t>(k)] ? std::sqrt(variance * inverse(k, k)) / scale[k] : 0.0;
-    out.standard_error.push_back(error);
-    out.half_interval.push_back(t * error);
-    out.upper_bound.emplace_back();
-    if (!free[static_cast<std::size_t>(k)]) {
-      // What the readings alone say of it, the others free as they are: one step of the normal equations.
-      Eigen::MatrixXd Hk = H;
-      Eigen::VectorXd gk = S.transpose() * b;
-      for (int j = 0; j < n; ++j) {
-        if (j == k || free[static_cast<std::size_t>(j)]) continue;
-        Hk.row(j).setZero();
-        Hk.col(j).setZero();
-        Hk(j, j) = 1;
-        gk[j] = 0;
-      }
-      const double best = Hk.ldlt().solve(gk)[k];
-      const double deviation = std::sqrt(variance * Hk.inverse()(k, k));
-      if (deviation > 0) out.upper_bound.back() = bound_above(best, deviation) / scale[k];
-    }
-    out.joint.push_back(names[static_cast<std::size_t>(k)]);
-    out.correlation.emplace_back();
-    for (int j = 0; j < n; ++j) {
-      out.correlation.back().push_back(inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j)));
-    }
-  }
+  out.joint = column_names(machine);
   const std::vector<double> given = column_compliances(machine);
+  out.compliance = given;
+  out.compliance.resize(static_cast<std::size_t>(n), 0);
+  const Eigen::VectorXd weight = weights_of(points);
+  POLYPOD_TRY(fit_told(weight.asDiagonal() * A, weight.cwiseProduct(b), out));
+  const Eigen::VectorXd r =
+      b - A * Eigen::Map<const Eigen::VectorXd>(out.compliance.data(), std::ssize(out.compliance));
   double times = 0, counted = 0;
   for (std::size_t k = 0; k < given.size(); ++k) {
-    if (!(given[k] > 0)) continue;
+    if (!(given[k] > 0) || !out.told[k]) continue;
     times += out.compliance[k] / given[k];
     ++counted;
   }

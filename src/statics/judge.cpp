@@ -600,6 +600,16 @@ Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
   if (fit.noise > 0 && beyond) {
     return {Answer::in_part, fits + " More than noise is left: something else than these joints gives way, too."};
   }
+  std::string untold;
+  for (std::size_t k = 0; k < fit.told.size(); ++k)
+    if (!fit.told[k]) untold += (untold.empty() ? "" : ", ") + fit.joint[k];
+  if (!untold.empty()) {
+    return {Answer::in_part,
+            fmt::format("{} The readings say nothing of {}, which hardly moves the tip under these forces: {} as the "
+                        "machine file has {}.",
+                        fits, untold, untold.find(',') == std::string::npos ? "it stays" : "they stay",
+                        untold.find(',') == std::string::npos ? "it" : "them")};
+  }
   if (!fit.symmetric) {
     return {Answer::in_part, fits + " The cross displacements are not symmetric, as those of an elastic machine are."};
   }

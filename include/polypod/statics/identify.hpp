@@ -68,8 +68,11 @@ struct Outlier {
 };
 
 struct Identification {
-  std::vector<double> compliance;      ///< rad/Nm or m/N, one a column of the Jacobian (joint), >= 0
-  std::vector<double> standard_error;  ///< of each; 0 where the bound c >= 0 holds it
+  std::vector<double> compliance;  ///< rad/Nm or m/N, one a column of the Jacobian (joint), >= 0
+  /// False where the readings say nothing of a compliance, as of a joint whose axis passes the tip: its standard error
+  /// would be more than ten times the largest compliance of its kind. It stays as the machine has it.
+  std::vector<bool> told;
+  std::vector<double> standard_error;  ///< of each; 0 where the bound c >= 0 holds it, nan where it is not told
   std::vector<double> half_interval;   ///< half of the 95 % confidence interval
   std::vector<std::string> joint;
   std::vector<bool> turns;  ///< rad/Nm; else it slides or stretches, m/N
@@ -94,12 +97,13 @@ struct Identification {
   std::vector<Mat3> residuals;    ///< m, measured less computed, like MeasuredPoint::displacement
 };
 
-/// Least squares with c >= 0 on 9 equations a point (fewer in partial tests), all displacements with equal weight:
+/// Least squares with c >= 0 on 9 equations a point (fewer in partial tests), all displacements with equal weight, or
+/// over their standard deviations where each row states one (sigma):
 ///   delta_i = sum_k c_k (J_k J_k^T F)_i   (SLAV (4.38), linear in c: no starting value is needed).
 /// Standard errors from the residuals: s^2 (A^T A)^-1, s^2 = |r|^2 / (equations - joints).
 /// `noise`: standard deviation of a displacement, m; 0: that of the files (sigma), else from the asymmetry of the cross
 /// displacements, which knows no model. Errors: ID110 fewer equations than joints, ID111, ID146, ID147 as joints_of,
-/// ID112 poses that cannot tell the joints apart, ID116 displacements against the forces.
+/// ID112 poses that cannot tell the joints apart or load none, ID116 displacements against the forces.
 /// Cost: linear in the points, below 1 ms for 90.
 Result<Identification> identify_compliance(const AnyMachine& machine, const std::vector<MeasuredPoint>& points,
                                            double noise = 0);
