@@ -186,15 +186,13 @@ Json short_blocks_json(const machining::ShortBlocks& s) {
           {"shortest_ms", some(s.time / units::from_ms(1))}};
 }
 
-void print_short_blocks(const machining::ShortBlocks& s) {
+void print_short_blocks(const machining::ShortBlocks& s, bool written) {
   if (s.count == 0) return;
   fmt::print(
       "short blocks   {} of {} blocks that stand for rewritten moves are shorter than [controller] of the job asks, as "
-      "the "
-      "tube does not hold shared corners there (least {:.3f} mm, {:.1f} ms; the first stands for line {}, in line {} "
-      "of the "
-      "corrected program)\n",
-      s.count, s.written, to_mm(s.length), s.time / units::from_ms(1), s.line, s.written_line);
+      "the tube does not hold shared corners there (least {:.3f} mm, {:.1f} ms; the first stands for line {}{})\n",
+      s.count, s.written, to_mm(s.length), s.time / units::from_ms(1), s.line,
+      written ? fmt::format(", in line {} of the corrected program", s.written_line) : "");
 }
 
 void print_not_judged(const std::vector<machining::NotJudged>& moves) {
@@ -556,7 +554,7 @@ Command correct_command() {
               fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
                          c.verified ? ", and again with finer cells" : "");
               print_modes(c);
-              print_short_blocks(c.short_blocks);
+              print_short_blocks(c.short_blocks, writes);
               print_other_switch(c.other_switch, trusted(in.job));
               print_map(in.job, map);
               print_outside(c);

@@ -165,12 +165,10 @@ class Page {
     report_.add_verdict(
         Verdict::neutral,
         fmt::format(
-            "{} of {} blocks that stand for rewritten moves are shorter than [controller] of the job asks, as the "
-            "tube does not hold shared corners there: least {} mm and {} ms. The first stands for line {}, in line {} "
-            "of "
-            "the corrected program.",
+            "{} of {} blocks that stand for rewritten moves are shorter than [controller] of the job asks, as "
+            "the tube does not hold shared corners there: least {} mm and {} ms. The first stands for line {}{}.",
             s.count, s.written, fixed(to_mm(s.length), 3), fixed(s.time / units::from_ms(1), 1), s.line,
-            s.written_line));
+            options_.output.empty() ? "" : fmt::format(", in line {} of the corrected program", s.written_line)));
   }
 
   void answer() {
