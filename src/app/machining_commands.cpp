@@ -11,6 +11,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/pages/correction.hpp"
@@ -106,16 +107,42 @@ int end(const Status& collision) {
   return kAnswerIsNo;
 }
 
-Json not_judged_json(const std::vector<machining::NotJudged>& moves) {
+Json not_judged_json(const std::vector<machining::NotJudged>& moves, const std::vector<machining::Plunge>& plunges) {
   Json out = Json::array();
   for (const machining::NotJudged& m : moves) out.push_back({{"line", m.line}, {"why", m.why}});
+  for (const machining::Plunge& p : plunges) {
+    out.push_back({{"line", p.line},
+                   {"why", p.why()},
+                   {"held_back_um", to_um(p.held_back)},
+                   {"remaining_um", to_um(p.remaining)},
+                   {"dwell_s", p.dwell},
+                   {"dwell_needed_s", p.needed > 0 ? Json(p.needed) : Json()}});
+  }
   return out;
 }
 
+/// `at`: "" or ", with block delete on"; `shown`: the distance that is printed already, m.
+void print_plunges(const std::vector<machining::Plunge>& plunges, const machining::Plunge& within, double shown,
+                   const std::string& at = "") {
+  if (to_um(within.distance) >= to_um(shown) + 1) {
+    fmt::print("plunges        the thrust may leave up to {:.0f} um at the end of line {}, inside the tube{}\n",
+               to_um(within.distance), within.line, at);
+  }
+  if (plunges.empty()) return;
+  const auto worst = std::max_element(plunges.begin(), plunges.end(),
+                                      [](const auto& a, const auto& b) { return a.distance < b.distance; });
+  fmt::print("not judged{}: line {}: {}{}\n", at, worst->line, worst->why(),
+             plunges.size() > 1 ? fmt::format("; likewise {} more, see --json", plunges.size() - 1) : "");
+}
+
 Json steep_json(const machining::Steep& s) {
-  return {{"length_mm", to_mm(s.length)},         {"line", s.line},
-          {"distance_um", to_um(s.distance)},     {"window_mm", to_mm(s.window)},
-          {"largest_within_um", to_um(s.within)}, {"line_within", s.within > 0 ? Json(s.within_line) : Json()}};
+  return {{"length_mm", to_mm(s.length)},
+          {"line", s.line},
+          {"distance_um", to_um(s.distance)},
+          {"window_mm", to_mm(s.window)},
+          {"largest_within_um", to_um(s.within)},
+          {"line_within", s.within > 0 ? Json(s.within_line) : Json()},
+          {"elsewhere_on_line_um", to_um(s.elsewhere)}};
 }
 
 /// `at`: "" or ", with block delete on".
@@ -132,8 +159,9 @@ void print_steep(const machining::Steep& s, double shown, const std::string& at 
       "not judged{}: {:.1f} mm of the cut, where the force changes quickly: the bend lags behind it, and where it "
       "changes "
       "is known to the {:.2f} mm ahead on which the engagement is averaged; the tool may be up to {:.0f} um from the "
-      "programmed path (line {})\n",
-      at, to_mm(s.length), to_mm(s.window), to_um(s.distance), s.line);
+      "programmed path there (line {}{})\n",
+      at, to_mm(s.length), to_mm(s.window), to_um(s.distance), s.line,
+      s.elsewhere > s.distance ? fmt::format("; elsewhere on it {:.1f} um", to_um(s.elsewhere)) : "");
 }
 
 /// In um, without the noise that the conversion leaves.
@@ -144,11 +172,27 @@ double rounded_um(double m) {
 /// The answer of `correct` where it is yes, and what it does not hold for.
 void print_answer(const machining::Correction& c) {
   print_steep(c.after.steep, c.largest_after);
-  if (!c.within_tolerance) return;
-  fmt::print("yes{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)\n",
-             c.all_judged() ? "" : ", apart from what was not judged", units::to_um(c.largest_after),
-             c.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "",
-             units::to_um(c.tolerance));
+  print_plunges(c.after.plunges, c.after.plunge_within, c.largest_after);
+  if (c.within_tolerance) fmt::print("{}\n", c.answer());
+}
+
+Json short_blocks_json(const machining::ShortBlocks& s) {
+  const auto some = [&](Json value) { return s.count > 0 ? std::move(value) : Json(); };
+  return {{"count", s.count},
+          {"of", s.written},
+          {"line", some(s.line)},
+          {"line_out", some(s.written_line)},
+          {"shortest_mm", some(to_mm(s.length))},
+          {"shortest_ms", some(s.time / units::from_ms(1))}};
+}
+
+void print_short_blocks(const machining::ShortBlocks& s, bool written) {
+  if (s.count == 0) return;
+  fmt::print(
+      "short blocks   {} of {} blocks that stand for rewritten moves are shorter than [controller] of the job asks, as "
+      "the tube does not hold shared corners there (least {:.3f} mm, {:.1f} ms; the first stands for line {}{})\n",
+      s.count, s.written, to_mm(s.length), s.time / units::from_ms(1), s.line,
+      written ? fmt::format(", in line {} of the corrected program", s.written_line) : "");
 }
 
 void print_not_judged(const std::vector<machining::NotJudged>& moves) {
@@ -161,7 +205,15 @@ void add_other_switch(Json& document, const std::optional<machining::OtherSwitch
                                     {"distance_before_um", to_um(other->distance_before)},
                                     {"distance_after_um", to_um(other->distance_after)},
                                     {"within_tolerance", other->within_tolerance && trust},
+                                    {"not_judged", not_judged_json({}, other->plunges)},
                                     {"steep_not_judged", steep_json(other->steep)}};
+}
+
+/// Why a distance below the tolerance is beyond it.
+std::string kept_free(const machining::Job& job, double distance) {
+  const double free = machining::resolution(job);
+  if (distance > job.tolerance || distance <= job.tolerance - free) return "";
+  return fmt::format(", of which {:.1f} um are kept free for what the cells of the stock leave open", to_um(free));
 }
 
 void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust) {
@@ -171,8 +223,9 @@ void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool
              !other->within_tolerance ? "beyond"
              : trust                  ? "within"
                                       : "by a doubtful measurement, not judged against");
-  print_steep(other->steep, other->distance_after,
-              fmt::format(", with block delete {}", other->block_delete ? "on" : "off"));
+  const std::string at = fmt::format(", with block delete {}", other->block_delete ? "on" : "off");
+  print_steep(other->steep, other->distance_after, at);
+  print_plunges(other->plunges, {}, other->distance_after, at);
 }
 
 /// um, the largest tube that makes sense
@@ -269,7 +322,8 @@ Command predict_command() {
                         {"distance_with_corners_um", to_um(p.largest_with_corners)},
                         {"tolerance_um", to_um(in.job.tolerance)},
                         {"within_tolerance", within},
-                        {"not_judged", not_judged_json(p.not_judged)},
+                        {"not_judged", not_judged_json(p.not_judged, p.plunges)},
+                        {"all_judged", p.all_judged()},
                         {"steep_not_judged", steep_json(p.steep)},
                         {"time_s", p.time},
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
@@ -295,17 +349,18 @@ Command predict_command() {
                    to_um(p.deflection.mean));
         fmt::print("normal error   {}  (+ leaves material, - gouges)\n", spread_text(p.normal));
         fmt::print("vertical error {}\n", spread_text(p.vertical));
-        fmt::print("distance       up to {:.1f} um from the programmed path, {} the tolerance of {:g} um\n",
+        fmt::print("distance       up to {:.1f} um from the programmed path, {} the tolerance of {:g} um{}\n",
                    to_um(p.largest_distance),
                    p.largest_distance > in.job.tolerance - machining::resolution(in.job) ? "beyond"
                    : trust                                                               ? "within"
                            : "by a doubtful measurement, not judged against",
-                   to_um(in.job.tolerance));
+                   to_um(in.job.tolerance), kept_free(in.job, p.largest_distance));
         if (p.corner > 0) {
           fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),
                      within ? "" : ", see G64 P in docs/path-modes.md");
         }
         print_steep(p.steep, p.largest_distance);
+        print_plunges(p.plunges, p.plunge_within, p.largest_distance);
         print_other_switch(p.other_switch, trust);
         if (spread) {
           fmt::print(
@@ -402,7 +457,7 @@ Command correct_command() {
             POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
             if (line) line(1);
             if (!trusted(in.job)) {
-              c.within_tolerance = false;
+              c.within_tolerance = c.only_not_judged = false;
               c.reason = "the measured compliance is doubtful: " + in.job.measured->doubts.front().message;
               c.remedies = {in.job.measured->doubts.front().hint};
             }
@@ -476,7 +531,10 @@ Command correct_command() {
                             {"time_before_s", c.modes.time_before},
                             {"time_after_s", c.modes.time_after},
                             {"moves_left_as_they_were", c.left_as_they_were},
-                            {"not_judged", not_judged_json(c.after.not_judged)},
+                            {"not_judged", not_judged_json(c.after.not_judged, c.after.plunges)},
+                            {"all_judged", c.all_judged()},
+                            {"answer", c.answer()},
+                            {"short_blocks", short_blocks_json(c.short_blocks)},
                             {"steep_not_judged", steep_json(c.after.steep)},
                             {"written", writes},
                             {"outside", outside},
@@ -496,6 +554,7 @@ Command correct_command() {
               fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
                          c.verified ? ", and again with finer cells" : "");
               print_modes(c);
+              print_short_blocks(c.short_blocks, writes);
               print_other_switch(c.other_switch, trusted(in.job));
               print_map(in.job, map);
               print_outside(c);
@@ -507,7 +566,7 @@ Command correct_command() {
               if (!o->report.empty()) fmt::print("report: {}\n", o->report);
             }
             if (!c.within_tolerance) {
-              fmt::print(stderr, "polypod: not within the tolerance: {}\n", c.reason);
+              fmt::print(stderr, "polypod: {}\n", c.answer());
               for (const std::string& remedy : c.remedies) fmt::print(stderr, "polypod: what would help: {}\n", remedy);
               if (!writes) {
                 fmt::print(
@@ -520,34 +579,59 @@ Command correct_command() {
           }};
 }
 
+namespace {
+
+/// The machine and where the work is on it: from a job, or from --machine and --origin.
+Result<machining::Job> placed_machine(const Context& context, const std::string& job_path, const std::string& machine,
+                                      const std::vector<std::string>& sets, const std::string& origin) {
+  if (!job_path.empty()) {
+    POLYPOD_TRY(refuse(context, {"--machine", "--origin", "--set"}, "the job says it; give --job alone"));
+    return machining::read_job(job_path);
+  }
+  if (machine.empty() || origin.empty()) {
+    return fail("AP123", "where is the work, and on which machine?", {}, "give --job JOB, or --machine and --origin");
+  }
+  machining::Job job;
+  POLYPOD_ASSIGN(m, machine_of(machine, sets));
+  POLYPOD_ASSIGN(p, numbers_of(origin, "--origin"));
+  if (p.size() != 3) return fail("AP123", fmt::format("--origin {}: not three numbers", origin));
+  job.machine = std::move(m);
+  job.machine_name = machine;
+  job.X_MW.p = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
+  return job;
+}
+
+}  // namespace
+
 Command check_command() {
   struct Options {
-    std::string program, machine, origin;
+    std::string program, job, machine, origin;
     std::vector<std::string> sets;
     double rapid = 6000;
   };
   auto o = std::make_shared<Options>();
   return {"check", "Does a program fit a machine: reach, limits, branches, time",
-          "polypod check program.ngc --machine lola50 --origin 0,-1300,0",
+          "polypod check program.ngc --job job.toml",
           [o](Arguments& a) {
             a.positional("PROGRAM", o->program, "The G-code program");
-            a.option("--machine", o->machine, "A machine file or a name of `polypod machines`", true);
-            a.option("--set", o->sets, "key=value: override a parameter of the machine (repeatable)");
-            a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm", true);
+            a.option("--job", o->job,
+                     "The job file: machine, origin and rotation of the workpiece, work offsets, block delete");
+            a.option("--machine", o->machine, "Without a job: a machine file or a name of `polypod machines`");
+            a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
+            a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
             a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
           },
           [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_ASSIGN(origin, numbers_of(o->origin, "--origin"));
-            if (origin.size() != 3) return fail("AP123", fmt::format("--origin {}: not three numbers", o->origin));
             if (!(o->rapid > 0)) return fail("AP123", "--rapid must be above 0 mm/min");
+            POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
+            const machine::AnyMachine& m = job.machine;
             POLYPOD_ASSIGN(program, gcode::read(o->program));
-            POLYPOD_ASSIGN(interpretation, gcode::interpret(program));
+            POLYPOD_ASSIGN(interpretation, gcode::interpret(program, job.interpret_options()));
+            POLYPOD_TRY(machining::known_offsets(job, program, interpretation));
             machining::CheckOptions options;
             options.rapid_speed = units::from_mm_per_min(o->rapid);
             options.progress = progress_line(context, "checking");
-            const Pose X_MW{Mat3::Identity(), units::from_mm(1) * Vec3(origin[0], origin[1], origin[2])};
-            POLYPOD_ASSIGN(result, machining::check(m, X_MW, program, interpretation, options));
+            POLYPOD_ASSIGN(result, machining::check(m, job.X_MW, program, interpretation, options));
             options.progress(1);
             Json problems = Json::array(), ranges = Json::array();
             for (const machining::CheckProblem& p : result.problems) {

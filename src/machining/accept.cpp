@@ -83,17 +83,6 @@ Status not_corrected_before(const gcode::Program& program) {
   return {};
 }
 
-Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
-  for (const gcode::Move& move : interpretation.moves) {
-    const auto i = static_cast<std::size_t>(move.work_offset);
-    if (job.offset_given[i] || !job.work_offsets[i].isZero(0)) continue;
-    return fail("MC307", fmt::format("G{} is in force, but the job says nothing of its origin", 54 + i),
-                place_of(program, move),
-                fmt::format("add work_offsets_mm = {{ G{} = [x, y, z] }} under [workpiece] of {}", 54 + i, job.path));
-  }
-  return {};
-}
-
 Status known_tools(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
   const Box stock = box_of(job.stock);
   std::optional<int> number;  // the one that takes [cutter]
@@ -153,6 +142,21 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
 }
 
 }  // namespace
+
+Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  for (const gcode::Move& move : interpretation.moves) {
+    const auto i = static_cast<std::size_t>(move.work_offset);
+    if (job.offset_given[i] || !job.work_offsets[i].isZero(0)) continue;
+    const std::string offset = fmt::format("work_offsets_mm = {{ G{} = [x, y, z] }} under [workpiece]", 54 + i);
+    if (job.path.empty()) {
+      return fail("MC307", fmt::format("G{} is in force, but nothing says its origin", 54 + i), place_of(program, move),
+                  "give a job with " + offset);
+    }
+    return fail("MC307", fmt::format("G{} is in force, but the job says nothing of its origin", 54 + i),
+                place_of(program, move), fmt::format("add {} of {}", offset, job.path));
+  }
+  return {};
+}
 
 Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                     const std::function<bool(double)>& progress) {

@@ -69,6 +69,7 @@ class Corrector {
     if (options_.method == CorrectMethod::tube) {
       if (options_.all) POLYPOD_TRY(correct_the_rest());
       POLYPOD_TRY(give_back_what_got_worse());
+      POLYPOD_TRY(share_corners_of_short_blocks());
       POLYPOD_TRY(choose_modes());
     }
     POLYPOD_TRY(judge());
@@ -202,6 +203,17 @@ class Corrector {
   }
   void take(std::size_t i) { rewritten_[i] = rewritten_[i] || !frozen_[i]; }
 
+  [[nodiscard]] bool merges(std::size_t corner) const { return !merged_.empty() && merged_[corner]; }
+
+  /// Up to which jump move `of` shares the corner before the move of number `corner`, m. To save a short block it goes
+  /// beyond `jump`, as far as the tube may hold it: so much a side of it, in shares of the tolerance.
+  [[nodiscard]] double shared(std::size_t corner, std::size_t of, double sides) const {
+    if (!merges(corner)) return jump(of);
+    constexpr double kASide = 0.8 * (1 + 1e-9);
+    return std::max(jump(of),
+                    std::min(job_.controller.shortest_block(moves_[of].feed), sides * kASide * job_.tolerance));
+  }
+
   [[nodiscard]] Plan pieces_of(std::size_t i, const Vec3& first, const Vec3& last) const {
     if (options_.method == CorrectMethod::mirror) {
       return equal_pieces(moves_[i], deflections_[i], last, options_.mirror_points);
@@ -222,8 +234,10 @@ class Corrector {
       const gcode::Move& move = moves_[i];
       const Deflections& d = deflections_[i];
       Plan& plan = plans[i];
-      Vec3 first = d.delta.front().norm() > jump(i) ? Vec3(move.start - d.delta.front()) : move.start;
-      if ((first - stands).norm() <= jump(i)) {
+      const double before = shared(i, i, 1);
+      const Vec3 ideal = move.start - d.delta.front();
+      Vec3 first = d.delta.front().norm() > before ? ideal : move.start;
+      if ((first - stands).norm() <= before || (merges(i) && (ideal - stands).norm() <= before)) {
         first = stands;  // a corner that both moves share, or none
       } else {
         plan.push_back({first, true, {}});
@@ -231,9 +245,9 @@ class Corrector {
       Vec3 last = move.end;
       bool release = false;
       const bool next_too = meet(i) && rewritten_[i + 1];
-      if (next_too && (d.delta.back() - deflections_[i + 1].delta.front()).norm() <= jump(i)) {
+      if (next_too && (d.delta.back() - deflections_[i + 1].delta.front()).norm() <= shared(i + 1, i, 2)) {
         last = move.end - 0.5 * (d.delta.back() + deflections_[i + 1].delta.front());
-      } else if (d.delta.back().norm() > jump(i)) {
+      } else if (d.delta.back().norm() > shared(i + 1, i, 1)) {
         last = move.end - d.delta.back();
         release = !next_too;  // let the load go on the spot before the tool leaves
       }
@@ -257,6 +271,7 @@ class Corrector {
     std::vector<gcode::Replacement> replacements;
     // A point that rounds onto the one before it gets no block: drop it here, so that blocks and points stay in step.
     transitions_.assign(moves_.size(), {});
+    changed_ = rewritten_;
     Vec3 stands = Vec3::Zero();
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (!rewritten_[i]) {
@@ -268,10 +283,19 @@ class Corrector {
       const double grain = moves_[i].inches ? units::from_inch(std::pow(10.0, -decimals.inch))
                                             : units::from_mm(std::pow(10.0, -decimals.mm));
       const auto rounded = [&](const Vec3& p) { return Vec3((p / grain).array().round() * grain); };
+      const auto same = [&](const Vec3& a, const Vec3& b) {
+        return (rounded(a) - rounded(b)).cwiseAbs().maxCoeff() < 0.5 * grain;
+      };
+      if (plans[i].size() == 1 && moves_[i].kind == gcode::MoveKind::line && same(stands, moves_[i].start) &&
+          same(plans[i].front().end, moves_[i].end)) {
+        changed_[i] = false;  // to the written digits it is the programmed move, whose text stays
+        stands = moves_[i].end;
+        continue;
+      }
       for (std::size_t j = 0; j < plans[i].size(); ++j) {
         const Piece& piece = plans[i][j];
         const bool needed = j + 1 == plans[i].size() && r.points.empty();
-        if ((rounded(piece.end) - rounded(stands)).cwiseAbs().maxCoeff() < 0.5 * grain && !needed) continue;
+        if (same(piece.end, stands) && !needed) continue;
         r.points.push_back({piece.end, moves_[i].axes_end, piece.centre});
         transitions_[i].push_back(piece.transition);
         stands = piece.end;
@@ -305,6 +329,13 @@ class Corrector {
       ++header_at_;
     }
     header_size_ = whole.blocks.size() - program.blocks.size();
+    named_ = out_.program;
+    named_.path = program_.path;
+    for (std::size_t b = 0; b < named_.blocks.size(); ++b) {
+      const bool header_block = b >= header_at_ && b < header_at_ + header_size_;
+      const int source = header_block ? 0 : source_block(static_cast<int>(b));
+      named_.blocks[b].line = source < 0 ? 0 : program_.blocks[static_cast<std::size_t>(source)].line;
+    }
     POLYPOD_ASSIGN(run, gcode::interpret(out_.program, job_.interpret_options()));
     way_ = Way{&program_, &moves_, {}, {}};
     transition_blocks_.assign(out_.program.blocks.size(), false);
@@ -320,15 +351,20 @@ class Corrector {
       const std::string cutter = fmt::format("cutter {:g} mm with {} teeth, ", units::to_mm(c.diameter), c.teeth);
       if (cutters.find(cutter) == std::string::npos) cutters += cutter;
     }
-    std::vector<std::string> header{fmt::format("{} {}", kCorrectedMark, machine::name_of(job_.machine)),
-                                    fmt::format("Polypod: tube radius {:g} um, {}origin X{:g} Y{:g} Z{:g} mm",
-                                                units::to_um(job_.tolerance), cutters, units::to_mm(job_.X_MW.p.x()),
-                                                units::to_mm(job_.X_MW.p.y()), units::to_mm(job_.X_MW.p.z()))};
-    header.push_back(fmt::format("Polypod: {} of {} moves rewritten, do not correct again",
-                                 std::count(rewritten_.begin(), rewritten_.end(), true), moves_.size()));
+    const auto changed = std::count(changed_.begin(), changed_.end(), true);
+    std::vector<std::string> header{
+        fmt::format("{} {}", changed > 0 ? kCorrectedMark : kLookedAtMark, machine::name_of(job_.machine)),
+        fmt::format("Polypod: tube radius {:g} um, {}origin X{:g} Y{:g} Z{:g} mm", units::to_um(job_.tolerance),
+                    cutters, units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()),
+                    units::to_mm(job_.X_MW.p.z()))};
+    header.push_back(
+        changed > 0 ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
+                    : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
+    if (!warning_.empty()) header.push_back("Polypod: " + warning_);
     if (job_.measured) {
       header.push_back(
           fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
+      if (!job_.measured->doubts.empty()) header.push_back("Polypod: these are doubtful, NOT judged against the tube");
     }
     return header;
   }
@@ -352,13 +388,13 @@ class Corrector {
       if (source < 0) return mismatch(move);
       bool transition = false;
       const auto i = static_cast<std::size_t>(source);
-      if (rewritten_[i]) {
+      if (changed_[i]) {
         if (next_point[i] >= transitions_[i].size()) return mismatch(move);
         transition = transitions_[i][next_point[i]++];
         transition_blocks_[static_cast<std::size_t>(move.block)] = transition;
         ++(transition ? out_.transitions : out_.pieces);
       }
-      add(way_, move, i, transition, out_.programmed, rewritten_[i]);
+      add(way_, move, i, transition, out_.programmed, changed_[i]);
     }
     return {};
   }
@@ -393,10 +429,11 @@ class Corrector {
     options.step = check_step();
     options.keep_samples = options_.keep_samples;
     options.progress = progress("checking what was written");
-    POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way_, options));
+    POLYPOD_ASSIGN(after, predict_way(job_, named_, way_, options));
+    checked_ = named_;
     out_.verified = verifies() && (fit_finely_ || after.largest_distance <= inside());
     if (out_.verified) {
-      POLYPOD_TRY(look_finely(out_.program, way_, after));
+      POLYPOD_TRY(look_finely(named_, way_, after));
       fit_finely_ = fit_finely_ || after.largest_distance > inside();
     }
     out_.after = std::move(after);
@@ -540,13 +577,90 @@ class Corrector {
     return write_and_check();
   }
 
+  /// Whether a written block is shorter than the controller takes, though what it stands for is not.
+  [[nodiscard]] bool is_short(std::size_t c) const {
+    const PassMove& m = way_.moves[c];
+    const auto i = static_cast<std::size_t>(way_.source[c]);
+    if (!changed_[i] || m.move.kind == gcode::MoveKind::rapid) return false;
+    constexpr double kGrain = 1e-6;  // m, more than what rounding takes
+    const double shortest = job_.controller.shortest_block(moves_[i].feed) - kGrain;
+    if (!(m.move.length() < shortest)) return false;
+    const auto other = [&](std::size_t k) { return k < way_.source.size() && way_.source[k] == way_.source[c]; };
+    const bool alone = !m.transition && !other(c + 1) && !(c > 0 && other(c - 1));
+    return !(alone && moves_[i].length() < shortest);
+  }
+
+  /// Transitions that the controller would find too short are left out and their corners shared, where the tube holds
+  /// that with room to spare for the controller's corners; else they stay, and are counted.
+  Status share_corners_of_short_blocks() {
+    merged_.assign(moves_.size() + 1, false);
+    for (std::size_t c = 0; c < way_.moves.size(); ++c) {
+      if (!way_.moves[c].transition || !is_short(c)) continue;
+      const auto i = static_cast<std::size_t>(way_.source[c]);
+      const bool first = c == 0 || way_.source[c - 1] != way_.source[c];
+      merged_[first ? i : i + 1] = true;
+    }
+    if (!any_merged()) return {};
+    const std::vector<double> kept = after_;
+    const bool stopped = stops_at() >= 0;
+    constexpr int kTries = 20;
+    for (int tried = 0; tried < kTries; ++tried) {
+      POLYPOD_TRY(share_what_fits(kept));
+      // Stops at every corner are no price for a longer block.
+      const int joint = stopped ? -1 : stops_at();
+      if (!any_merged() || joint < 0) return {};
+      bool fewer = false;
+      for (const int c : {joint, std::min(joint + 1, static_cast<int>(way_.source.size()) - 1)}) {
+        const auto i = static_cast<std::size_t>(way_.source[static_cast<std::size_t>(c)]);
+        for (const std::size_t corner : {i, i + 1}) {
+          fewer = fewer || merged_[corner];
+          merged_[corner] = false;
+        }
+      }
+      if (!fewer) break;
+    }
+    std::fill(merged_.begin(), merged_.end(), false);
+    return write_and_check();
+  }
+
+  [[nodiscard]] bool any_merged() const { return std::find(merged_.begin(), merged_.end(), true) != merged_.end(); }
+
+  /// The joint for which the tube asks for exact stops; -1 where it does not.
+  [[nodiscard]] int stops_at() const {
+    const Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
+    if (now.kept) return -1;
+    const PathModeChoice choice = mode_for(job_, way_, now);
+    return choice.control.mode == gcode::PathMode::exact_stop ? choice.limiting : -1;
+  }
+
+  /// Gives back the transitions of moves that come farther than they were, and into what is left to the controller.
+  Status share_what_fits(const std::vector<double>& kept) {
+    constexpr double kSpare = 0.9;
+    constexpr int kTries = 6;
+    for (int tried = 0;; ++tried) {
+      POLYPOD_TRY(write_and_check());
+      bool bad = false, fewer = false;
+      for (std::size_t i = 0; i < moves_.size(); ++i) {
+        if (after_[i] <= std::max(kept[i] + kSameDistance, kSpare * inside())) continue;
+        bad = true;
+        for (const std::size_t corner : {i, i + 1}) {
+          fewer = fewer || merged_[corner];
+          merged_[corner] = false;
+        }
+      }
+      if (!bad) return {};
+      if (!fewer || tried == kTries) std::fill(merged_.begin(), merged_.end(), false);
+      if (!any_merged()) return write_and_check();
+    }
+  }
+
   // --- The controller --------------------------------------------------------------------------------------------
 
   Status choose_modes() {
     Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
     out_.modes.time_without = now.time;
     if (now.kept) return {};
-    const gcode::PathControl control = mode_for(job_, way_, now);
+    const gcode::PathControl control = mode_for(job_, way_, now).control;
     if (control == gcode::PathControl{} && now.breaking.empty()) return {};  // no mode would help
     mode_ = control;
     for (const int block : now.breaking) {
@@ -562,10 +676,10 @@ class Corrector {
   Status judge() {
     out_.commanded = way_.moves;
     out_.source = way_.source;
-    POLYPOD_TRY(no_rapid_cuts(job_, out_.program, out_.after.pass));
+    POLYPOD_TRY(no_rapid_cuts(job_, checked_, out_.after.pass));
     gcode::Interpretation written;
     for (const PassMove& move : way_.moves) written.moves.push_back(move.move);
-    POLYPOD_TRY(accept_reach(job_, out_.program, written));
+    POLYPOD_TRY(accept_reach(job_, named_, written));
     Way as_it_was{&program_, &moves_, {}, {}};
     for (std::size_t i = 0; i < moves_.size(); ++i) as_it_was.moves.push_back(as_programmed(i));
     const Corners before = corners_of(job_, program_, as_it_was, out_.before, inside());
@@ -579,7 +693,12 @@ class Corrector {
     outcomes(before, after);
     if (options_.method == CorrectMethod::tube) POLYPOD_TRY(judge_other_switch());
     decide();
-    out_.after.notes = pass_notes(job_, out_.program, out_.after.pass);
+    out_.after.notes = pass_notes(job_, checked_, out_.after.pass);
+    if (!out_.within_tolerance) {  // whoever finds the file without its report must see it
+      POLYPOD_TRY(finish_text());
+      out_.commanded = way_.moves;
+    }
+    count_short_blocks();
     return {};
   }
 
@@ -600,16 +719,16 @@ class Corrector {
     }
     for (std::size_t c = 0; c < way_.moves.size(); ++c) {
       const auto i = static_cast<std::size_t>(way_.source[c]);
-      if (rewritten_[i]) ++(way_.moves[c].transition ? of[i].transitions : of[i].pieces);
+      if (changed_[i]) ++(way_.moves[c].transition ? of[i].transitions : of[i].pieces);
       of[i].corner_after = std::max(of[i].corner_after, after.deviation[c]);
       of[i].within = (c == 0 || way_.source[c - 1] != way_.source[c] || of[i].within) && after.with[c] <= inside();
     }
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (rewritten_[i]) ++out_.rewritten_moves;
+      if (changed_[i]) ++out_.rewritten_moves;
       if (frozen_[i]) ++out_.left_as_they_were;
       if (!cuts[i]) continue;
       of[i].line = line_of(i);
-      of[i].rewritten = rewritten_[i];
+      of[i].rewritten = changed_[i];
       of[i].length = moves_[i].length();
       of[i].corner_before = before.deviation[i];
       out_.moves.push_back(of[i]);
@@ -638,7 +757,7 @@ class Corrector {
       const int source = move_of_block[static_cast<std::size_t>(block)];
       if (source < 0) return mismatch(move);
       const int first = first_of_block[static_cast<std::size_t>(block)];
-      const bool rewritten = first >= 0 && rewritten_[static_cast<std::size_t>(first)];
+      const bool rewritten = first >= 0 && changed_[static_cast<std::size_t>(first)];
       add(way, move, static_cast<std::size_t>(source), transition_blocks_[static_cast<std::size_t>(move.block)], moves,
           rewritten);
     }
@@ -646,24 +765,27 @@ class Corrector {
     predict_options.step = check_step();
     predict_options.progress = progress("checking with the other position of block delete");
     POLYPOD_ASSIGN(before, predict_way(job_, program_, as_it_was, predict_options));
-    POLYPOD_ASSIGN(after, predict_way(job_, out_.program, way, predict_options));
+    POLYPOD_ASSIGN(after, predict_way(job_, named_, way, predict_options));
     other.distance_before = corners_of(job_, program_, as_it_was, before, inside()).largest_with;
     other.distance_after = corners_of(job_, out_.program, way, after, inside()).largest_with;
     other.within_tolerance = other.distance_after <= inside() && after.not_judged.empty();
     other.steep = after.steep;
+    other.plunges = after.plunges;
     return {};
   }
 
   void decide() {
     const MoveOutcome* worst = nullptr;
+    const auto reach = [](const MoveOutcome& o) { return o.distance_after + o.corner_after; };
     for (const MoveOutcome& m : out_.moves) {
-      const auto reach = [](const MoveOutcome& o) { return o.distance_after + o.corner_after; };
       if (!m.within && (worst == nullptr || reach(m) > reach(*worst))) worst = &m;
     }
     const bool judged = out_.after.not_judged.empty() && out_.before.not_judged.empty();
     const bool other = !out_.other_switch || out_.other_switch->within_tolerance;
     out_.within_tolerance = worst == nullptr && judged && other;
     if (worst != nullptr) {
+      warning_ = fmt::format("NOT within the tube, up to {:.1f} um from the path of line {} of the original",
+                             units::to_um(reach(*worst)), worst->line);
       out_.reason = fmt::format("line {}: the deflected tool is up to {:.1f} um from the programmed move", worst->line,
                                 units::to_um(worst->distance_after));
       if (worst->corner_after > 0) {
@@ -678,13 +800,40 @@ class Corrector {
     } else if (!judged) {
       const NotJudged& first =
           out_.after.not_judged.empty() ? out_.before.not_judged.front() : out_.after.not_judged.front();
-      out_.reason = fmt::format("line {}: {}", first.line, first.why);
+      out_.only_not_judged = true;
+      out_.reason = fmt::format("line {}: {}{}", first.line, first.why,
+                                other ? ". Every distance that was computed is inside the tube" : "");
+      warning_ = "NOT judged to be within the tube, see line " + std::to_string(first.line) + " of the original";
     } else if (!other) {
+      warning_ =
+          fmt::format("NOT within the tube with block delete {}, up to {:.1f} um from the path",
+                      out_.other_switch->block_delete ? "on" : "off", units::to_um(out_.other_switch->distance_after));
       out_.reason = fmt::format(
           "with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the "
           "tolerance is {:g} um",
           out_.other_switch->block_delete ? "on" : "off", units::to_um(out_.other_switch->distance_after),
           units::to_um(job_.tolerance));
+    }
+  }
+
+  /// Blocks that stand for rewritten moves and are shorter than the controller takes.
+  void count_short_blocks() {
+    ShortBlocks& out = out_.short_blocks;
+    for (std::size_t c = 0; c < way_.moves.size(); ++c) {
+      const auto i = static_cast<std::size_t>(way_.source[c]);
+      if (!changed_[i]) continue;
+      ++out.written;
+      if (!is_short(c)) continue;
+      const gcode::Move& move = way_.moves[c].move;
+      const double length = move.length(), time = length / (move.feed * job_.controller.planner.feed_override);
+      if (out.count++ == 0) {
+        out.line = line_of(i);
+        out.written_line = out_.program.blocks[static_cast<std::size_t>(move.block)].line;
+        out.length = length;
+        out.time = time;
+      }
+      out.length = std::min(out.length, length);
+      out.time = std::min(out.time, time);
     }
   }
 
@@ -702,7 +851,9 @@ class Corrector {
   double sample_step_ = job_.step;
   std::vector<double> fit_;
   std::vector<bool> rewritten_;
-  std::vector<bool> frozen_;  // their correction was worse than none
+  std::vector<bool> changed_;  // rewritten, and not to the same digits
+  std::vector<bool> merged_;   // by corner, that before the move of this number: shared to save a short block
+  std::vector<bool> frozen_;   // their correction was worse than none
   std::vector<double> before_, after_, last_;
   std::optional<Job> fine_;  // the job with cells half as large
   bool fit_finely_ = false;  // deflections are found in those
@@ -710,6 +861,9 @@ class Corrector {
   std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
   std::vector<bool> transition_blocks_;         // by block of the written program
   std::size_t header_at_ = 0, header_size_ = 0;
+  gcode::Program named_;  // what was written, with the path and the lines of the original: of those alone errors speak
+  gcode::Program checked_;  // the same when it was checked: the header has become longer since
+  std::string warning_;     // of the header
   std::optional<gcode::PathControl> mode_;
   std::vector<int> mode_blocks_;  // of the original
   Way way_;
@@ -720,6 +874,11 @@ class Corrector {
 std::vector<std::string> remedies_for(const Job& job, const gcode::Program& program, const Accepted& accepted,
                                       const CorrectOptions& options, const Correction& result) {
   std::vector<std::string> out;
+  for (const std::vector<NotJudged>* moves : {&result.before.not_judged, &result.after.not_judged}) {
+    for (const NotJudged& m : *moves) {
+      if (!m.remedy.empty() && std::find(out.begin(), out.end(), m.remedy) == out.end()) out.push_back(m.remedy);
+    }
+  }
   if (result.after.pass.points > kTryRemediesBelow) return out;
   CorrectOptions quiet = options;
   quiet.keep_samples = quiet.verify = false;  // a first look; whoever follows the advice is told the whole
@@ -807,6 +966,16 @@ bool closer(const Correction& a, const Correction& b) {
 }
 
 }  // namespace
+
+std::string Correction::answer() const {
+  if (!within_tolerance)
+    return (only_not_judged ? "no, not all of the cut is judged: " : "not within the tolerance: ") + reason;
+  return fmt::format("yes{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)",
+                     all_judged() ? "" : ", apart from what was not judged",
+                     units::to_um(std::max(largest_after, after.plunge_within.distance)),
+                     modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "",
+                     units::to_um(tolerance));
+}
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const CorrectOptions& options) {

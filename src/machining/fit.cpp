@@ -138,12 +138,16 @@ class Fit {
     return out;
   }
 
+  /// Whether a block from sample a to sample b is long enough: by its chord, as it will be written.
+  [[nodiscard]] bool long_enough(std::size_t a, std::size_t b) const {
+    return (command(b) - command(a)).norm() >= options_.shortest * (1 - 1e-9);
+  }
+
   /// The first sample that is a shortest block beyond sample a.
   [[nodiscard]] std::size_t next(std::size_t a) const {
-    const double wanted = d_.s[a] + options_.shortest * (1 - 1e-9);
-    const auto from = d_.s.begin() + static_cast<std::ptrdiff_t>(a) + 1;
-    const auto at = std::lower_bound(from, d_.s.end(), wanted);
-    return std::min(static_cast<std::size_t>(at - d_.s.begin()), end_);
+    std::size_t b = std::min(a + 1, end_);
+    while (b < end_ && !long_enough(a, b)) ++b;
+    return b;
   }
 
   [[nodiscard]] std::vector<std::size_t> greedy(double allowed) const {
@@ -174,11 +178,11 @@ class Fit {
 
   /// Moves the last knot but one back where the last block would be too short.
   void lengthen_last(std::vector<std::size_t>& knots) const {
-    if (knots.size() < 2 || d_.s[end_] - d_.s[knots[knots.size() - 2]] >= options_.shortest) return;
+    if (knots.size() < 2 || long_enough(knots[knots.size() - 2], end_)) return;
     const std::size_t before = knots.size() > 2 ? knots[knots.size() - 3] : 0;
     std::size_t k = knots[knots.size() - 2];
-    while (k > before + 1 && d_.s[end_] - d_.s[k] < options_.shortest) --k;
-    if (d_.s[k] - d_.s[before] >= options_.shortest) {
+    while (k > before + 1 && !long_enough(k, end_)) --k;
+    if (long_enough(before, k) && long_enough(k, end_)) {
       knots[knots.size() - 2] = k;
     } else {
       knots.erase(knots.end() - 2);  // the check of what was written says whether this is good enough
@@ -205,9 +209,7 @@ class Fit {
         const std::size_t from = knots[j];
         for (std::size_t step = 1; step < b - a; step *= 2) {
           for (const std::size_t k : {from + step, from - std::min(from, step)}) {
-            if (k <= a || k >= b || d_.s[k] - d_.s[a] < options_.shortest || d_.s[b] - d_.s[k] < options_.shortest) {
-              continue;
-            }
+            if (k <= a || k >= b || !long_enough(a, k) || !long_enough(k, b)) continue;
             const std::optional<double> there = cost(k);
             if (!there || (here && *there >= *here)) continue;
             here = there;

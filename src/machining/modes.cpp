@@ -69,13 +69,13 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
   return out;
 }
 
-gcode::PathControl mode_for(const Job& job, const Way& way, const Corners& corners) {
+PathModeChoice mode_for(const Job& job, const Way& way, const Corners& corners) {
   // No mode brings back a joint that is outside already; its corner shall not add more than a tube to that.
   std::vector<double> slack = corners.slack;
   for (double& s : slack) {
     if (!(s > 0)) s = job.tolerance - resolution(job);
   }
-  return choose_path_mode(moves_of(way), slack, job.controller.planner).control;
+  return choose_path_mode(moves_of(way), slack, job.controller.planner);
 }
 
 }  // namespace polypod::machining

@@ -27,6 +27,6 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
                    double inside);
 
 /// The mode that keeps every joint that can be kept.
-gcode::PathControl mode_for(const Job& job, const Way& way, const Corners& corners);
+PathModeChoice mode_for(const Job& job, const Way& way, const Corners& corners);
 
 }  // namespace polypod::machining

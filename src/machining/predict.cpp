@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "modes.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/end_force.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -136,7 +138,10 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
   return NotJudged{block.line,
                    fmt::format("the machine leans its tool by up to {:.1f} deg, and material and forces are computed "
                                "with the tool along z",
-                               units::to_deg(most))};
+                               units::to_deg(most)),
+                   fmt::format("a machine that keeps its tool upright, or a part that lies where this one leans it by "
+                               "less than {:g} deg (origin_mm of the job)",
+                               units::to_deg(kUpright))};
 }
 
 }  // namespace
@@ -214,6 +219,21 @@ double resolution(const Job& job) {
 bool Prediction::within(const Job& job) const {
   return not_judged.empty() && largest_with_corners <= job.tolerance - resolution(job) &&
          (!other_switch || other_switch->within_tolerance);
+}
+
+std::string Plunge::why() const {
+  std::string out = fmt::format(
+      "the thrust holds the tool {:.0f} um above the end of this plunge, and {}", units::to_um(held_back),
+      dwell > 0 ? fmt::format("a dwell of {:g} s leaves up to {:.0f} um of it uncut", dwell, units::to_um(remaining))
+                : "without a dwell after it, it is not known how much of that is cut");
+  // Rounded up, so that what is advised does.
+  if (needed > 0) return out + fmt::format("; G4 P{:g} after it would do", std::ceil(100 * needed) / 100);
+  return out + "; no dwell would do: the edges hold it up";
+}
+
+bool Prediction::all_judged() const {
+  return not_judged.empty() && !(steep.distance > 0) && plunges.empty() &&
+         !(other_switch && (other_switch->steep.distance > 0 || !other_switch->plunges.empty()));
 }
 
 Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass) {
@@ -299,6 +319,120 @@ class SteepPlaces {
 
 }  // namespace
 
+namespace {
+
+/// What the thrust holds back at the ends of plunges: see Plunge.
+class HeldBack {
+ public:
+  /// `step`: the longest between evaluated points, m.
+  HeldBack(const Job& job, const Way& way, double step)
+      : job_(job), moves_(*way.programmed), lines_(*way.lines), step_(step) {}
+
+  /// A point that cuts, of the programmed move i.
+  void see(std::size_t i, const Sample& sample) {
+    const gcode::Move& move = moves_[i];
+    if (!is_plunge(move)) return;
+    const double ahead = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
+    if (move.length() - move.nearest(sample.command) > std::max(ahead, 1.01 * step_)) return;
+    const Vec3 d = move.direction(0), off = sample.bent() - move.end;
+    End& end = ends_[i];
+    end.held_back = std::max(end.held_back, -d.dot(sample.deflection));
+    end.aside = std::max(end.aside, (off - d * d.dot(off)).norm());
+  }
+
+  /// Those that the tube holds go to `most_within`, the others are returned.
+  [[nodiscard]] std::vector<Plunge> take(Plunge& most_within) const {
+    const double tube = job_.tolerance - resolution(job_);
+    std::vector<Plunge> out;
+    for (const auto& [i, end] : ends_) {
+      if (!(end.held_back > 0) || goes_deeper(i)) continue;
+      const Plunge plunge = judge(i, end, tube);
+      if (plunge.distance > tube) {
+        out.push_back(plunge);
+      } else if (plunge.distance > most_within.distance) {
+        most_within = plunge;
+      }
+    }
+    return out;
+  }
+
+ private:
+  struct End {
+    double held_back = 0, aside = 0;  ///< m
+  };
+
+  [[nodiscard]] Plunge judge(std::size_t i, const End& end, double tube) const {
+    const gcode::Move& move = moves_[i];
+    const int teeth = job_.cutter_of(move.tool).teeth;
+    Plunge out;
+    out.line = lines_.blocks[static_cast<std::size_t>(move.block)].line;
+    out.held_back = end.held_back;
+    out.dwell = dwell_after(i);
+    const double per_second = move.spindle_speed * teeth;
+    const double chip = -move.direction(0).z() * move.feed / per_second;  // may_cut has seen to both
+    const cutting::EndCoefficients k = job_.material.end.value_or(cutting::end_as_sides(job_.material));
+    const double thrust = k.kae + k.kac * chip;
+    const double stays = thrust > 0 ? std::clamp(k.kae / thrust, 0.0, 1.0) * end.held_back : end.held_back;
+    const double falls = end.held_back - stays;
+    const double share = falls / (falls + chip);  // q / (1 + q)
+    const double passes = std::floor(out.dwell * per_second * (1 + 1e-9));
+    out.remaining = passes >= teeth ? stays + falls * std::pow(share, passes) : end.held_back;
+    out.distance = std::hypot(out.remaining, end.aside);
+    const double aside = end.aside > tube ? 0 : end.aside;  // outside for another reason, which is said
+    if (std::hypot(stays + resolution(job_), aside) <= tube) {
+      const double enough = falls > resolution(job_) ? std::log(resolution(job_) / falls) / std::log(share) : 0;
+      out.needed = std::max(std::ceil(enough), static_cast<double>(teeth)) / per_second;
+    }
+    return out;
+  }
+
+  [[nodiscard]] std::size_t next_of(std::size_t i) const {
+    std::size_t next = i + 1;
+    while (next < moves_.size() && !(moves_[next].length() > 0)) ++next;
+    return next;
+  }
+
+  /// s, of the dwells between a move and the next one while the spindle turns. Blocks that a switch may skip are none.
+  [[nodiscard]] double dwell_after(std::size_t i) const {
+    const auto from = static_cast<std::size_t>(moves_[i].block) + 1;
+    const std::size_t next = next_of(i);
+    const std::size_t to = next < moves_.size() ? static_cast<std::size_t>(moves_[next].block) : lines_.blocks.size();
+    double dwell = 0;
+    for (std::size_t b = from; b < to; ++b) {
+      const gcode::Block& block = lines_.blocks[b];
+      if (block.after_end) break;
+      const auto has = [&](char letter, double value) {
+        return std::any_of(block.words.begin(), block.words.end(),
+                           [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
+      };
+      if (has('M', 5) || has('M', 2) || has('M', 30)) break;
+      if (block.optional || !has('G', 4)) continue;
+      for (const gcode::Word& w : block.words) dwell += w.letter == 'P' ? w.value : 0;
+    }
+    return dwell;
+  }
+
+  /// Whether the tool goes on down from there, or comes back to the same place and goes deeper.
+  [[nodiscard]] bool goes_deeper(std::size_t i) const {
+    const gcode::Move& move = moves_[i];
+    for (std::size_t j = i + 1; j < moves_.size(); ++j) {
+      const gcode::Move& later = moves_[j];
+      if (!is_plunge(later) || !(later.end.z() < move.end.z())) continue;
+      if ((later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace) return true;
+    }
+    return false;
+  }
+
+  static constexpr double kSamePlace = 1e-6;  // m
+  const Job& job_;
+  const std::vector<gcode::Move>& moves_;
+  const gcode::Program& lines_;
+  const double step_;
+  std::map<std::size_t, End> ends_;
+};
+
+}  // namespace
+
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options) {
   const std::vector<gcode::Move>& programmed = *way.programmed;
@@ -323,6 +457,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   Ends ends(programmed);
   Sides sides(programmed.size());
   SteepPlaces steep(job, way);
+  HeldBack held_back(job, way, options.step > 0 ? options.step : job.step);
   const auto visit = [&](const Sample& sample) {
     const auto c = static_cast<std::size_t>(sample.move);
     const auto i = static_cast<std::size_t>(source(c));
@@ -357,6 +492,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     out.largest_distance = std::max(out.largest_distance, e.distance);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
     if (!way.moves[c].transition) steep.see(sample, e.distance, programmed[i], static_cast<int>(i), m.line);
+    if (!way.moves[c].transition) held_back.see(i, sample);
     if (way.moves[c].transition) return;  // taken to change evenly, not computed: no part of the means
     few.add(sample);
     ++m.points;
@@ -401,6 +537,10 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
          fmt::format("force and deflection do not settle: they still move by {:.1f} um", units::to_um(u.rest))});
   }
   std::sort(out.moves.begin(), out.moves.end(), [](const auto& a, const auto& b) { return a.move < b.move; });
+  for (const MovePrediction& m : out.moves) {
+    if (m.line == out.steep.line) out.steep.elsewhere = std::max(out.steep.elsewhere, m.largest_distance);
+  }
+  out.plunges = held_back.take(out.plunge_within);
   if (auto leaning = leaning_tool(job, program, way, out.few)) out.not_judged.push_back(std::move(*leaning));
   return out;
 }
@@ -438,6 +578,7 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
       corners_of(job, program, way, p, job.tolerance - resolution(job)).largest_with;
   other.within_tolerance = other.distance_after <= job.tolerance - resolution(job) && p.not_judged.empty();
   other.steep = p.steep;
+  other.plunges = p.plunges;
   return other;
 }
 

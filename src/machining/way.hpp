@@ -16,9 +16,9 @@ struct Way {
   std::vector<int> source;                               ///< the programmed move of each; empty: its own number
 };
 
-/// Whether a move goes down more steeply than 60 deg. What the thrust along the axis holds back there is cut when the
-/// tool comes to rest at the end, so it is no error of the part, and a command beyond the end would gouge the floor as
-/// soon as the thrust goes: the part along the way is neither judged nor corrected.
+/// Whether a move goes down more steeply than 60 deg. What the thrust along the axis holds back on its way is no error
+/// of the part, and a command beyond the end would gouge the floor as soon as the thrust goes: the part along the way
+/// is not corrected, and counts only at the end (see Plunge).
 bool is_plunge(const gcode::Move& move);
 
 /// Every move commanded as it is programmed.

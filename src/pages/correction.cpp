@@ -123,9 +123,24 @@ class Page {
         fmt::format(
             "Not judged{}: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
             "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
-            "engagement is averaged: the tool may be up to {} {} from the programmed path (line {}).",
+            "engagement is averaged: the tool may be up to {} {} from the programmed path there (line {}{}).",
             at, fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
-            fixed(to_um(steep.distance), 0), kUm, steep.line));
+            fixed(to_um(steep.distance), 0), kUm, steep.line,
+            steep.elsewhere > steep.distance ? "; elsewhere on it " + um(steep.elsewhere) : ""));
+  }
+  void not_judged(const std::vector<machining::Plunge>& plunges, const std::string& at) {
+    if (plunges.empty()) return;
+    const auto worst = std::max_element(plunges.begin(), plunges.end(),
+                                        [](const auto& a, const auto& b) { return a.distance < b.distance; });
+    std::string others;
+    constexpr std::size_t kNamed = 20;
+    for (std::size_t i = 0; i < std::min(kNamed, plunges.size()); ++i) {
+      others += fmt::format("{}{}", i == 0 ? "" : ", ", plunges[i].line);
+    }
+    if (plunges.size() > kNamed) others += fmt::format(" and {} more", plunges.size() - kNamed);
+    report_.add_verdict(Verdict::neutral,
+                        fmt::format("Not judged{}: line {}: {}.{}", at, worst->line, worst->why(),
+                                    plunges.size() > 1 ? fmt::format(" Such plunges: lines {}.", others) : ""));
   }
 
   /// How far the bend may be where the force changes quickly, if that is farther than what is said.
@@ -134,6 +149,26 @@ class Page {
     if (to_um(steep.within) < to_um(c_.largest_after) + 1) return "";
     return fmt::format(", and may be up to {} {} where the force changes quickly (line {})",
                        fixed(to_um(steep.within), 0), kUm, steep.within_line);
+  }
+
+  /// The plunge that leaves most inside the tube, if that is more than what is said.
+  [[nodiscard]] std::string held_back() const {
+    const machining::Plunge& plunge = c_.after.plunge_within;
+    if (to_um(plunge.distance) < to_um(c_.largest_after) + 1) return "";
+    return fmt::format(", and the thrust may leave up to {} {} at the end of the plunge of line {}",
+                       fixed(to_um(plunge.distance), 0), kUm, plunge.line);
+  }
+
+  void short_blocks() {
+    const machining::ShortBlocks& s = c_.short_blocks;
+    if (s.count == 0) return;
+    report_.add_verdict(
+        Verdict::neutral,
+        fmt::format(
+            "{} of {} blocks that stand for rewritten moves are shorter than [controller] of the job asks, as "
+            "the tube does not hold shared corners there: least {} mm and {} ms. The first stands for line {}{}.",
+            s.count, s.written, fixed(to_mm(s.length), 3), fixed(s.time / units::from_ms(1), 1), s.line,
+            options_.output.empty() ? "" : fmt::format(", in line {} of the corrected program", s.written_line)));
   }
 
   void answer() {
@@ -146,25 +181,29 @@ class Page {
           c_.all_judged() ? Verdict::good : Verdict::neutral,
           fmt::format(
               "Yes{}. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
-              "largest distance is {}{}. {}.",
+              "largest distance is {}{}{}. {}.",
               c_.all_judged() ? "" : ", apart from what was not judged", given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
-              quick_changes(), checked));
+              quick_changes(), held_back(), checked));
     } else {
       std::string reason = c_.reason;
       if (!reason.empty()) reason.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(reason.front())));
       report_.add_verdict(
           Verdict::bad,
-          fmt::format("No. {}. {}.{}", reason, checked,
+          fmt::format("No{}. {}. {}.{}", c_.only_not_judged ? ", because not all of the cut is judged" : "", reason,
+                      checked,
                       options_.output.empty() ? " No corrected program was written."
                                               : " It was written all the same, with these moves as near as they go."));
       outside();
     }
     not_judged(c_.after.steep, "");
+    not_judged(c_.after.plunges, "");
     if (c_.other_switch) {
-      not_judged(c_.other_switch->steep,
-                 fmt::format(" with block delete {}", c_.other_switch->block_delete ? "on" : "off"));
+      const std::string at = fmt::format(" with block delete {}", c_.other_switch->block_delete ? "on" : "off");
+      not_judged(c_.other_switch->steep, at);
+      not_judged(c_.other_switch->plunges, at);
     }
+    short_blocks();
     if (c_.largest_after > c_.largest_before) {
       report_.add_verdict(Verdict::bad, "The largest distance is not smaller than that of the program as it is.");
     }
@@ -405,8 +444,8 @@ class Page {
     if (plunges > 0) {
       items.push_back(fmt::format(
           "{} cut {} mm³ with the end of the cutter as well (plunges and ramps). {} On a plunge the thrust along the "
-          "axis "
-          "is not corrected: what it holds back is cut when the tool comes to rest.",
+          "axis is not corrected: what it holds back is cut where the tool comes to rest, in a dwell (G4) that is long "
+          "enough; where there is none, that is said above if the tube does not hold it.",
           plural(index(plunges), "move", "moves"), number(units::to_mm3(plunged)),
           job_.material.end ? "The forces of the end are those of the material's own coefficients."
                             : "The material gives no coefficients of the end, so those of its sides are taken: an "

@@ -43,7 +43,12 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
 /// reason is (inches and millimetres, the origin, the height). MC302.
 Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
 
+/// MC307 where G55 to G59 is in force and the job says nothing of its origin.
+Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
+
 /// The comment by which a corrected program is known.
 inline constexpr const char* kCorrectedMark = "Polypod: corrected for the static compliance of";
+/// And the one of a program in which nothing was corrected: it is taken again.
+inline constexpr const char* kLookedAtMark = "Polypod: looked at, not corrected, for the static compliance of";
 
 }  // namespace polypod::machining

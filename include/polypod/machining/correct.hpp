@@ -43,6 +43,17 @@ struct CorrectOptions {
   std::function<bool(const char* what, double share)> progress;
 };
 
+/// Blocks that were written and are shorter than the controller takes (Controller::shortest_block): transitions whose
+/// corner cannot be shared inside the tube, and pieces next to them.
+struct ShortBlocks {
+  int count = 0;         ///< of them; a move that is no longer in the original does not count
+  int written = 0;       ///< blocks that stand for rewritten moves
+  int line = 0;          ///< of the first one, in the original
+  int written_line = 0;  ///< the same in the corrected program
+  double length = 0;     ///< m, of the shortest
+  double time = 0;       ///< s, of the one that takes the least
+};
+
 /// What became of one move that cuts.
 struct MoveOutcome {
   int line = 0;  ///< in the original program
@@ -70,6 +81,7 @@ struct Correction {
   double largest_before = 0, largest_after = 0;  ///< m, the same with the controller's corners
   PathModes modes;                               ///< what the controller does with the blocks
   bool within_tolerance = false;  ///< every move is: judged, inside the tube, at both switch positions; see all_judged
+  bool only_not_judged = false;   ///< it is not, but nothing that was judged is outside
   std::string reason;             ///< where and why not
   std::vector<std::string> remedies;        ///< what would help, if it is not
   std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
@@ -77,11 +89,16 @@ struct Correction {
   int pieces = 0, transitions = 0, rewritten_moves = 0, rounds = 0;
   bool verified = false;      ///< what was written was looked at again with finer cells
   int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
+  ShortBlocks short_blocks;
 
-  /// Whether `within_tolerance` answers for all of the cut: else for all but steep places, at either switch position.
+  /// Whether the answer is for all of the cut: else for all but moves that no model covers, steep places and plunges
+  /// without a dwell, at either switch position.
   [[nodiscard]] bool all_judged() const {
-    return !(after.steep.distance > 0) && !(other_switch && other_switch->steep.distance > 0);
+    return before.not_judged.empty() && after.all_judged() &&
+           !(other_switch && (other_switch->steep.distance > 0 || !other_switch->plunges.empty()));
   }
+  /// The answer in one sentence: yes, yes apart from what was not judged, or why not.
+  [[nodiscard]] std::string answer() const;
 };
 
 /// Corrects a program so that every point of every cutting move ends within `job.tolerance` of the programmed move and
@@ -98,7 +115,11 @@ struct Correction {
 /// Never worse: a move that is in the tube in equilibrium keeps its text, unless its neighbour's correction would make
 /// a step; a move that its correction does not bring closer to the programmed path gets its text back; and where the
 /// whole is not closer, the program stays as it is but for its header. The header holds the path control mode (G64 P Q0
-/// or G61.1) that the tolerance needs; modes in the program that would break it are replaced.
+/// or G61.1) that the tolerance needs; modes in the program that would break it are replaced. It says, too, where the
+/// program is not within the tube, and where nothing was corrected: such a program is taken again.
+///
+/// No piece of a move is shorter than the controller takes (Controller::shortest_block), nor is a transition where the
+/// tube lets the moves share their corner instead; what remains is counted in `short_blocks`.
 ///
 /// Errors: those of accept, run_pass and gcode::rewrite; MC302 no move cuts; MC304 a rapid goes through more material
 /// than `job.rapid_volume`, when the tool is where it was programmed or in the program that was written. A tolerance

@@ -53,6 +53,24 @@ struct MovePrediction {
 struct NotJudged {
   int line = 0;
   std::string why;
+  std::string remedy = {};  ///< what would help, if something is known
+};
+
+/// A plunge (steeper than 60 deg) at whose end the tool does not come to rest: what the thrust along the axis holds
+/// back there need not be cut. How much remains depends on how the controller stops and turns round, so all that is
+/// known is a bound: what is held back, less what the teeth take during a dwell (G4) after it. A dwell counts from one
+/// revolution on. During it each tooth leaves q / (1 + q) of what the last one left, q the bend over the feed per tooth
+/// (the lag of a force in proportion to the chip, tooth by tooth); the edges' share of the thrust stays.
+struct Plunge {
+  int line = 0;
+  double held_back = 0;  ///< m, along the axis, at the end of the move
+  double remaining = 0;  ///< m, at most, after the dwell; all of it where there is none of a revolution
+  double distance = 0;   ///< m, of that from the programmed end, with what the tool is off to the side
+  double dwell = 0;      ///< s, given
+  double needed = 0;     ///< s, after which the tube holds what remains; 0: no dwell does
+
+  /// Why it is not judged, in words.
+  [[nodiscard]] std::string why() const;
 };
 
 /// Where the force rises or falls quickly, as where a cutter comes out of the stock:
@@ -66,7 +84,8 @@ struct Steep {
   double distance = 0;  ///< m, of the worst of them from the programmed move
   double window = 0;    ///< m, the way ahead there
   int line = 0;
-  double within = 0;  ///< m, the farthest of those bends that stay inside the tube
+  double elsewhere = 0;  ///< m, the largest distance that was found on that line; no smaller figure denies it
+  double within = 0;     ///< m, the farthest of those bends that stay inside the tube
   int within_line = 0;
 };
 
@@ -76,13 +95,16 @@ struct OtherSwitch {
   double distance_before = 0;  ///< m, largest distance of the program as it is, corners counted
   double distance_after = 0;   ///< m, the same of the corrected program
   bool within_tolerance = false;
-  Steep steep;  ///< not judged
+  Steep steep;                  ///< not judged
+  std::vector<Plunge> plunges;  ///< not judged
 };
 
 struct Prediction {
   Steep steep;                              ///< not judged
   std::vector<MovePrediction> moves;        ///< those that cut, in order
   std::vector<NotJudged> not_judged;        ///< moves that cut but that no model covers; they spoil every "yes"
+  std::vector<Plunge> plunges;              ///< not judged: what remains there may be outside the tube
+  Plunge plunge_within;                     ///< of the other plunges the one that leaves most; line 0: none
   std::vector<Sample> samples;              ///< every evaluated point, if they were asked for
   std::vector<Sample> few;                  ///< at most 200 of the points that cut, at equal distances in their order
   Spread deflection, normal, vertical;      ///< over all points that cut, m
@@ -101,6 +123,8 @@ struct Prediction {
 
   /// Whether every cut was judged and stays in the tube of the job, corners counted, at both positions of block delete.
   [[nodiscard]] bool within(const Job& job) const;
+  /// Whether `within` answers for all of the cut: else for all but steep places and plunges without a dwell.
+  [[nodiscard]] bool all_judged() const;
 };
 
 struct PredictOptions {
