@@ -24,6 +24,21 @@ void calibrate_100_points(benchmark::State& state) {
 }
 BENCHMARK(calibrate_100_points)->Arg(0)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond);
 
+/// Poses of a strut hexapod: how the time grows with the rows.
+void calibrate_poses(benchmark::State& state) {
+  const auto nominal = *machine::load("hexapod-strut");
+  const auto truth = *calibration::perturbed(nominal, 0.1e-3, 1e-3, 7);
+  calibration::SimulationOptions how;
+  how.count = static_cast<std::size_t>(state.range(0));
+  how.kind = calibration::Kind::pose;
+  const auto rows = *calibration::simulate(nominal, truth, how);
+  for (auto _ : state) {
+    const auto result = calibration::calibrate(nominal, rows);
+    if (!result) state.SkipWithError(to_string(result.error()).c_str());
+  }
+}
+BENCHMARK(calibrate_poses)->Arg(100)->Arg(1000)->Arg(10000)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime();
+
 void identify_90_points(benchmark::State& state) {
   const auto m = *machine::load("lola50");
   calibration::SimulationOptions how;
