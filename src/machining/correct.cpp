@@ -608,6 +608,7 @@ class Corrector {
       if (rewritten_[i]) ++out_.rewritten_moves;
       if (frozen_[i]) ++out_.left_as_they_were;
       if (!cuts[i]) continue;
+      of[i].move = static_cast<int>(i);
       of[i].line = line_of(i);
       of[i].rewritten = rewritten_[i];
       of[i].length = moves_[i].length();

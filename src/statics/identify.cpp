@@ -352,6 +352,8 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   const Eigen::VectorXd r = b - S * c;
   const double variance = r.squaredNorm() / double(out.equations - n);
   const Eigen::MatrixXd inverse = H.inverse();
+  const Eigen::VectorXd unscale = scale.cwiseInverse();
+  out.covariance = variance * (unscale.asDiagonal() * inverse * unscale.asDiagonal());
   const double t = student_95(double(out.equations - n));
   for (int k = 0; k < n; ++k) {
     out.compliance.push_back(c[k] / scale[k]);
