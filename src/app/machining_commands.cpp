@@ -111,10 +111,15 @@ void add_uncertainty(Json& document, const machining::Uncertainty& u) {
   }
 }
 
-void print_uncertainty(const machining::Uncertainty& u) {
+/// `reach`: said in one line, where it is not null.
+void print_uncertainty(const machining::Uncertainty& u, const machining::Reach* reach) {
   if (u.compliances) {
     fmt::print("compliances    U (k = 2) {} um of the normal error on average, up to {} um (at {} points)\n",
                um2(u.compliances->normal.mean), um2(u.compliances->normal.max), u.compliances->normal.count);
+  }
+  if (reach != nullptr) {
+    fmt::print("               with it the tool may come to {:.1f} um {}: {} the tolerance\n", to_um(reach->total()),
+               where_in_words(*reach), reach->within ? "within" : "beyond");
   }
   if (u.place) {
     fmt::print("machine        U (k = 2) {} um of the tip's place on average, up to {} um (line {}): {}\n",
@@ -394,12 +399,7 @@ Command predict_command() {
               to_um(band.normal_mean), to_um(band.deflection_max));
         }
         print_map(in.job, map);
-        print_uncertainty(uncertainty);
-        if (uncertainty.reach && within) {
-          fmt::print("               with it the tool may come to {:.1f} um {}: {} the tolerance\n",
-                     to_um(uncertainty.reach->total()), where_in_words(*uncertainty.reach),
-                     uncertainty.reach->within ? "within" : "beyond");
-        }
+        print_uncertainty(uncertainty, uncertainty.reach && within ? &*uncertainty.reach : nullptr);
         if (!p.moves.empty()) fmt::print("\n  line   length    normal error um     distance um  force N\n");
         constexpr std::size_t kMost = 40;
         for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {
@@ -593,7 +593,7 @@ Command correct_command() {
               print_modes(c);
               print_other_switch(c.other_switch, trusted(in.job));
               print_map(in.job, map);
-              print_uncertainty(uncertainty);
+              print_uncertainty(uncertainty, nullptr);  // said with the answer
               print_outside(c);
               print_not_judged(c.after.not_judged);
               print_answer(c, uncertainty.reach);
