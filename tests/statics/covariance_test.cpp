@@ -98,6 +98,29 @@ TEST(Covariance, WhatIsHeldAtZeroIsNotCertain) {
   EXPECT_GE(held, 3);
 }
 
+// What bands along a program rest on: the tip's compliance changes by J_k J_k^T for a unit of compliance k. Differences
+// of the whole compliance; where arms share their load it is not linear, and a step of 1e-4 leaves 1e-4.
+TEST(Covariance, UnitCompliancesAreDerivatives) {
+  for (const char* name : {"lola50", "hexapod-strut", "hexapod-slider", "delta-brno", "delta-linear", "delta-par4"}) {
+    SCOPED_TRACE(name);
+    const machine::AnyMachine m = *machine::load(name);
+    const std::vector<double> c(column_compliances(m).size(), 1e-6);
+    const machine::AnyMachine soft = *with_compliances(m, c);
+    const Pose X = kinematics::home_pose(m).value_or(Pose{Mat3::Identity(), Vec3(0.1, -1.3, -0.1)});
+    const Compliance at = compliance_at(soft, X);
+    ASSERT_TRUE(at.reachable);
+    const std::vector<Mat3> unit = unit_compliances(soft, X, at.joints);
+    ASSERT_EQ(unit.size(), c.size());
+    for (std::size_t k = 0; k < c.size(); ++k) {
+      std::vector<double> more = c;
+      const double step = 1e-4 * c[k];
+      more[k] += step;
+      const Mat3 change = (compliance_at(*with_compliances(soft, more), X).linear() - at.linear()) / step;
+      EXPECT_LT((change - unit[k]).norm(), 3e-4 * unit[k].norm() + 1e-9 * at.linear().norm() / c[k]) << at.joint[k];
+    }
+  }
+}
+
 class CovarianceFile : public ::testing::Test {
  protected:
   CovarianceFile() {
