@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "covariance_files.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -19,7 +20,7 @@ constexpr config::Range kJointError{0, 100};  // mm or deg: the budget adds to f
 
 Command budget_command() {
   struct Options {
-    std::string machine, pose, force;
+    std::string machine, pose, force, covariance;
     std::vector<std::string> sets, tolerances;
     double resolution = 0, repeatability = 0, backlash = 0, warming = 0, expansion = 12;
   };
@@ -37,10 +38,14 @@ Command budget_command() {
             a.option("--backlash", o->backlash, kJointError, "Of every joint, mm or deg");
             a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
             a.option("--warming", o->warming, {-300, 3000}, "Above the temperature of the nominal lengths, K");
+            a.option("--covariance", o->covariance,
+                     "What `polypod calibrate --covariance` wrote with this machine file: U (k = 2) of its parameters, "
+                     "um and mrad of the tool");
             a.option("--expansion", o->expansion, {0, 1000}, "um per m and K (default 12, steel)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_TRY(check_files({o->machine, o->covariance}, {}, context.json));
             const std::vector<std::string> figures{"rows", "accuracy_um", "repeatability_um"};
             const SingularNote singular(m, context);
             if (const auto no = singular.refusal(figures)) return *no;
@@ -53,6 +58,10 @@ Command budget_command() {
             const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
             const auto of_joint = [&](double v) { return turns ? units::from_deg(v) : units::from_mm(v); };
             quality::Imperfections known;
+            if (!o->covariance.empty()) {
+              POLYPOD_ASSIGN(covariance, parameter_covariance(m, o->sets, o->covariance));
+              known.covariance = std::move(covariance);
+            }
             POLYPOD_ASSIGN(keyed, keyed_numbers(o->tolerances, "--tolerance"));
             POLYPOD_ASSIGN(sizes, quality::sized(m, keyed, true));
             known.tolerances = sizes;

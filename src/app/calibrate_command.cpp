@@ -301,7 +301,8 @@ Command calibrate_command() {
           POLYPOD_ASSIGN(text, corrected_targets(m, c.machine, o->targets, missed));
           corrected = text;
         }
-        const std::string covariance = o->covariance.empty() ? "" : covariance_csv(m, c);
+        const std::string covariance =
+            o->covariance.empty() ? "" : statics::covariance_csv(calibration::keyed_parameters(m), c.covariance);
         const pages::HashedFile covariance_hash = hashed_bytes("covariance", o->covariance, covariance);
         machine::note(c.machine, "uncertainty",
                       uncertainty_note(c, o->covariance.empty() ? nullptr : &covariance_hash));

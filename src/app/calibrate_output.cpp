@@ -6,6 +6,8 @@
 
 #include <algorithm>
 
+#include "covariance_files.hpp"
+#include "polypod/calibration/certificate.hpp"
 #include "polypod/calibration/verdict.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -21,29 +23,6 @@ std::string with_unit(const std::string& key, const std::string& unit) {
 /// mm or deg of `other` a mm or deg of `held`.
 double factor_for_user(const calibration::Estimate& held, const calibration::Like& other) {
   return other.factor * units::to_user(1, other.unit) / units::to_user(1, held.unit);
-}
-
-/// The covariance of all parameters of the machine, in their units (a square for lengths: mm^2).
-struct Covariance {
-  std::vector<std::string> keys;
-  Eigen::MatrixXd values;
-};
-Covariance covariance_of(const machine::AnyMachine& nominal, const Calibration& c) {
-  Covariance out;
-  const std::vector<machine::Parameter> all = kinematics::parameters(nominal);
-  Eigen::VectorXd scale(std::ssize(all));
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    out.keys.push_back(with_unit(all[i].key, all[i].unit));
-    scale[static_cast<Eigen::Index>(i)] = units::to_user(1, all[i].unit);
-  }
-  out.values = scale.asDiagonal() * c.covariance * scale.asDiagonal();
-  return out;
-}
-Json covariance_json(const Covariance& c) {
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < c.values.rows(); ++i)
-    rows.push_back(std::vector<double>(c.values.row(i).begin(), c.values.row(i).end()));
-  return {{"keys", c.keys}, {"matrix", rows}};
 }
 
 /// A chance, to no more digits than hold.
@@ -285,18 +264,6 @@ std::string residuals_csv(const Calibration& c, const std::vector<calibration::M
   return out;
 }
 
-std::string covariance_csv(const machine::AnyMachine& nominal, const Calibration& calibration) {
-  const Covariance c = covariance_of(nominal, calibration);
-  std::string out = "parameter";
-  for (const std::string& key : c.keys) out += "," + key;
-  out += '\n';
-  for (std::size_t i = 0; i < c.keys.size(); ++i) {
-    out += c.keys[i];
-    for (const double value : c.values.row(static_cast<Eigen::Index>(i))) out += fmt::format(",{:.6g}", value);
-    out += '\n';
-  }
-  return out;
-}
 Json calibration_json(const machine::AnyMachine& nominal, const Calibration& c,
                       const std::vector<calibration::Measurement>& rows, bool stated) {
   Json moved = Json::array();
@@ -330,7 +297,7 @@ Json calibration_json(const machine::AnyMachine& nominal, const Calibration& c,
       {"moved_far", moved},
       {"repeats", repeats_json(c.repeats)},
       {"drift", drift_json(c.drift)},
-      {"covariance", covariance_json(covariance_of(nominal, c))},
+      {"covariance", covariance_json(calibration::keyed_parameters(nominal), c.covariance)},
       {"scale", {{"value", c.scale}, {"standard_error", c.scale_error}}},
       {"few_rows_pulled_aside", c.pulled_aside},
       {"outliers", outliers_json(c, rows)},

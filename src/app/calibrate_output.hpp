@@ -15,9 +15,6 @@ namespace polypod::app {
 /// in um.
 std::string residuals_csv(const calibration::Calibration& c, const std::vector<calibration::Measurement>& rows);
 
-/// The covariance of all parameters of the machine, in their units (a square for lengths: mm^2).
-std::string covariance_csv(const machine::AnyMachine& nominal, const calibration::Calibration& c);
-
 /// What a calibration found. `stated`: the noise was given, so that chi-square says something of it.
 Json calibration_json(const machine::AnyMachine& nominal, const calibration::Calibration& c,
                       const std::vector<calibration::Measurement>& rows, bool stated);

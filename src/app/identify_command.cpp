@@ -8,7 +8,9 @@
 #include <filesystem>
 #include <memory>
 
+#include "certificate_output.hpp"
 #include "commands.hpp"
+#include "covariance_files.hpp"
 #include "measured_problems.hpp"
 #include "polypod/calibration/certificate.hpp"
 #include "polypod/core/files.hpp"
@@ -16,6 +18,7 @@
 #include "polypod/cutting/identify.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/pages/calibration.hpp"
+#include "polypod/statics/covariance.hpp"
 #include "polypod/statics/gain.hpp"
 #include "polypod/statics/judge.hpp"
 #include "polypod/statics/measured_map.hpp"
@@ -41,6 +44,24 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
   }
   return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}{}",
                      points.size(), files, units::to_um(r.residual_rms), errors, held);
+}
+
+/// What the machine file says of the uncertainty of its compliances, under [provenance]: their standard uncertainties,
+/// and where their covariance is.
+std::string uncertainty_note(const statics::Keyed& of, const statics::Identification& r, bool gain,
+                             const pages::HashedFile* covariance) {
+  std::string each;
+  for (std::size_t i = 0; i < of.keys.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    each += fmt::format("{}{} {:.2g}", each.empty() ? "" : ", ", of.keys[i],
+                        std::sqrt(std::max(0.0, r.covariance(k, k))) / of.unit[k]);
+  }
+  return fmt::format("standard uncertainties, {}: {}{}",
+                     gain ? "the gain of forces and displacements included" : "no gain of forces stated", each,
+                     covariance == nullptr ? std::string()
+                                           : fmt::format("; they hang together as {} says (SHA-256 {})",
+                                                         std::filesystem::path(covariance->name).filename().string(),
+                                                         covariance->sha256));
 }
 
 /// The relative standard uncertainty that forces and displacements have in common: --force-gain-percent, and the parts
@@ -129,7 +150,7 @@ std::string in_words(const cutting::LackOfFit& l) {
 
 Command identify_compliance_command() {
   struct Options {
-    std::string machine, out, report, certificate;
+    std::string machine, out, report, certificate, covariance;
     std::vector<std::string> sets, files, columns;
     double noise_um = 0, gain_percent = 0;
   };
@@ -151,13 +172,18 @@ Command identify_compliance_command() {
                  "Systematic parts, TOML: force_gain, and scale of the displacements, with their distributions");
         declare_columns(a, o->columns);
         a.option("-o,--output", o->out, "The machine with these compliances, as a machine file");
+        a.option("--covariance", o->covariance,
+                 "With -o: covariance of the compliances, with their names, in (rad/Nm)^2 or (um/N)^2, the gain "
+                 "included, CSV; for `predict` and `correct`");
         a.option("--report", o->report, "An HTML page: compliances, residuals and how sure they are");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         std::vector<std::string> inputs = o->files;
         inputs.insert(inputs.end(), {o->machine, o->certificate});
-        POLYPOD_TRY(check_files(inputs, {o->out, o->report}, context.json));
+        POLYPOD_TRY(check_files(inputs, {o->out, o->report, o->covariance}, context.json));
+        if (o->out.empty())
+          POLYPOD_TRY(refuse(context, {"--covariance"}, "it serves the machine file of -o, which names it"));
         calibration::Statement statement;
         if (!o->certificate.empty()) {
           POLYPOD_ASSIGN(stated, calibration::read_statement(o->certificate));
@@ -178,12 +204,18 @@ Command identify_compliance_command() {
         const statics::Verdict verdict = statics::verdict_of(r, judgement);
         const statics::GainEffect gain = statics::add_gain(r, relative);
         const bool refused = verdict.answer == statics::Verdict::Answer::no;
+        const statics::Keyed keyed = statics::keyed_compliances(m);
         files::Outputs together;
         if (!o->out.empty() && !refused) {
+          const std::string covariance = statics::covariance_csv(keyed, r.covariance);
+          const pages::HashedFile hashed = hashed_bytes("covariance", o->covariance, covariance);
           POLYPOD_ASSIGN(found, statics::with_compliances(m, r.compliance));
           // The key whose numbers change, so that an older source of theirs does not stand beside it.
           machine::note(found, compliance_key(r), note_of(r, points));
+          machine::note(found, kComplianceUncertainty,
+                        uncertainty_note(keyed, r, relative > 0, o->covariance.empty() ? nullptr : &hashed));
           POLYPOD_TRY(together.add(o->out, machine::to_toml(found)));
+          if (!o->covariance.empty()) POLYPOD_TRY(together.add(o->covariance, covariance));
         }
         pages::ComplianceChecks checks{given_rms, {}, in_words(verdict), verdict.answer};
         Json left_out = Json::array();
@@ -210,7 +242,8 @@ Command identify_compliance_command() {
           if (o->noise_um > 0) command += fmt::format(" --noise-um {}", o->noise_um);
           if (o->gain_percent > 0) command += fmt::format(" --force-gain-percent {}", o->gain_percent);
           command += option_in_words("--certificate", o->certificate);
-          command += option_in_words("-o", o->out) + option_in_words("--report", o->report);
+          command += option_in_words("-o", o->out) + option_in_words("--covariance", o->covariance) +
+                     option_in_words("--report", o->report);
           POLYPOD_TRY(
               together.add(o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
         }
@@ -265,6 +298,7 @@ Command identify_compliance_command() {
                         {"points", points.size()},
                         {"condition", r.condition},
                         {"correlation", r.correlation},
+                        {"covariance", covariance_json(keyed, r.covariance)},
                         {"hardly_apart", alike},
                         {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
                         {"symmetric", r.symmetric},
@@ -329,8 +363,8 @@ Command identify_compliance_command() {
         print_doubts(judgement.doubts);
         print_unused(read.unused_columns);
         fmt::print("{}\n", in_words(verdict));
-        for (const std::string* path : {&o->out, &o->report})
-          if (!path->empty() && !(refused && path == &o->out)) fmt::print("wrote {}\n", *path);
+        for (const std::string* path : {&o->out, &o->covariance, &o->report})
+          if (!path->empty() && !(refused && path != &o->report)) fmt::print("wrote {}\n", *path);
         return end(verdict, judgement);
       }};
 }

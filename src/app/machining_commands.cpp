@@ -6,14 +6,17 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "covariance_files.hpp"
 #include "measured_problems.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/by_parameters.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/correct.hpp"
+#include "polypod/machining/uncertainty.hpp"
 #include "polypod/pages/correction.hpp"
 
 namespace polypod::app {
@@ -53,6 +56,76 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
   POLYPOD_ASSIGN(program, gcode::read(program_path));
   POLYPOD_ASSIGN(interpretation, gcode::interpret(program, job.interpret_options()));
   return Input{std::move(job), std::move(program), std::move(interpretation)};
+}
+
+constexpr const char* kCovarianceHelp =
+    "What `calibrate --covariance` or `identify compliance --covariance` wrote with the job's machine file: U (k = 2), "
+    "um, of the tip's place or of the normal error (repeatable: one of each)";
+
+/// Errors: those of covariances_of; AP125 compliances that the job does not use.
+Result<Covariances> read_covariances(const machining::Job& job, const std::vector<std::string>& files) {
+  POLYPOD_ASSIGN(out, covariances_of(job.machine, files));
+  if (job.measured && out.compliances)
+    return fail("AP125", "--covariance of compliances, but the compliance is interpolated from measurements", {},
+                "leave it out; the measured compliance has a band of its own (map_band_95_um)");
+  return out;
+}
+
+const Eigen::MatrixXd* pointer_to(const std::optional<Eigen::MatrixXd>& matrix) {
+  return matrix ? &*matrix : nullptr;
+}
+
+/// "line 30", or that it is the program with the other switch.
+std::string where_in_words(const machining::Reach& reach) {
+  return reach.line > 0 ? fmt::format("at line {}", reach.line) : "with the other position of block delete";
+}
+
+/// An uncertainty in um, to two figures; above 100 um in whole um.
+std::string um2(double m) {
+  return to_um(m) < 99.5 ? fmt::format("{:.2g}", to_um(m)) : fmt::format("{:.0f}", to_um(m));
+}
+
+constexpr const char* kNotInTube = "the tube holds the bend of the machine, not its place";
+
+void add_uncertainty(Json& document, const machining::Uncertainty& u) {
+  using kinematics::kCoverageFactor;
+  const auto mean_and_max = [](const machining::Spread& s) {
+    return Json{{"mean", to_um(s.mean)}, {"max", to_um(s.max)}};
+  };
+  if (u.compliances) {
+    document["compliance_uncertainty_um"] = {{"k", kCoverageFactor},
+                                             {"points", u.compliances->across.count},
+                                             {"normal", mean_and_max(u.compliances->normal)},
+                                             {"across_path", mean_and_max(u.compliances->across)}};
+  }
+  if (u.reach) {
+    document["within_tolerance_with_uncertainty"] = u.reach->within;
+    document["reach_with_uncertainty"] = {{"line", u.reach->line > 0 ? Json(u.reach->line) : Json()},
+                                          {"distance_um", to_um(u.reach->distance)},
+                                          {"U_um", to_um(u.reach->U)},
+                                          {"sum_um", to_um(u.reach->total())}};
+  }
+  if (u.place) {
+    document["place_uncertainty_um"] = mean_and_max(u.place->tip);
+    document["place_uncertainty_um"].update(
+        {{"k", kCoverageFactor}, {"points", u.place->tip.count}, {"line", u.place->line}, {"note", kNotInTube}});
+  }
+}
+
+/// `reach`: said in one line, where it is not null.
+void print_uncertainty(const machining::Uncertainty& u, const machining::Reach* reach) {
+  if (u.compliances) {
+    fmt::print("compliances    U (k = 2) {} um of the normal error on average, up to {} um (at {} points)\n",
+               um2(u.compliances->normal.mean), um2(u.compliances->normal.max), u.compliances->normal.count);
+  }
+  if (reach != nullptr) {
+    fmt::print("               with it the tool may come to {:.1f} um {}: {} the tolerance\n", to_um(reach->total()),
+               where_in_words(*reach), reach->within ? "within" : "beyond");
+  }
+  if (u.place) {
+    fmt::print("machine        U (k = 2) {} um of the tip's place on average, up to {} um (line {}): {}\n",
+               um2(u.place->tip.mean), um2(u.place->tip.max), u.place->line, kNotInTube);
+  }
 }
 
 /// Adds what the measured compliance is made of and how far it is known; nothing where the job has none.
@@ -169,11 +242,26 @@ double rounded_um(double m) {
   return std::round(to_um(m) * 1e6) / 1e6;
 }
 
+/// The answer of `correct` in one sentence.
+std::string answer_in_words(const machining::Correction& c, const std::optional<machining::Reach>& reach) {
+  std::string out = c.answer();
+  if (c.within_tolerance && reach && !reach->within)
+    out.insert(out.find("yes") + 3, " by the compliances as identified");
+  return out;
+}
+
 /// The answer of `correct` where it is yes, and what it does not hold for.
-void print_answer(const machining::Correction& c) {
+void print_answer(const machining::Correction& c, const std::optional<machining::Reach>& reach) {
   print_steep(c.after.steep, c.largest_after);
   print_plunges(c.after.plunges, c.after.plunge_within, c.largest_after);
-  if (c.within_tolerance) fmt::print("{}\n", c.answer());
+  if (!c.within_tolerance) return;
+  fmt::print("{}\n", answer_in_words(c, reach));
+  if (!reach) return;
+  fmt::print("{} their uncertainty (U {} um, k = 2) {}; the tool may come to {:.1f} um\n",
+             reach->within ? "     and" : "     but", um2(reach->U),
+             reach->within ? "stays inside the tube, too, nearest to it " + where_in_words(*reach)
+                           : "reaches beyond the tube " + where_in_words(*reach),
+             to_um(reach->total()));
 }
 
 Json short_blocks_json(const machining::ShortBlocks& s) {
@@ -260,7 +348,7 @@ void print_outside(const machining::Correction& c) {
 Command predict_command() {
   struct Options {
     std::string program, job;
-    std::vector<std::string> measured;
+    std::vector<std::string> measured, covariances;
     double step_mm = 0;
     bool at_rest = false, again = false;
   };
@@ -271,6 +359,7 @@ Command predict_command() {
         a.positional("PROGRAM", o->program, "The G-code program");
         a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
         a.options("--measured", o->measured, kMeasuredHelp);
+        a.option("--covariance", o->covariances, kCovarianceHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest, "Force at the commanded point, without the feedback of the bend on the cut");
@@ -281,8 +370,10 @@ Command predict_command() {
         }
         std::vector<std::string> inputs = o->measured;
         inputs.insert(inputs.end(), {o->program, o->job});
+        inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
         machining::PredictOptions options;
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
         options.step = units::from_mm(o->step_mm);
@@ -291,6 +382,8 @@ Command predict_command() {
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
         const machining::MapBand map = machining::map_band(in.job, p);
+        const machining::Uncertainty uncertainty =
+            machining::uncertainty_of(in.job, p, pointer_to(known.compliances), pointer_to(known.parameters));
         options.progress(1);
         const bool spread = !in.job.material.spread.empty();
         const bool trust = trusted(in.job), within = p.within(in.job) && trust;
@@ -337,6 +430,7 @@ Command predict_command() {
           add_other_switch(document, p.other_switch, trust);
           if (!collision) document["collision"] = to_string(collision.error());
           add_map(document, in.job, map);
+          add_uncertainty(document, uncertainty);
           print_json(document);
           return end(collision);
         }
@@ -368,6 +462,7 @@ Command predict_command() {
               to_um(band.normal_mean), to_um(band.deflection_max));
         }
         print_map(in.job, map);
+        print_uncertainty(uncertainty, uncertainty.reach && within ? &*uncertainty.reach : nullptr);
         if (!p.moves.empty()) fmt::print("\n  line   length    normal error um     distance um  force N\n");
         constexpr std::size_t kMost = 40;
         for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {
@@ -385,7 +480,7 @@ Command predict_command() {
 Command correct_command() {
   struct Options {
     std::string program, job, output, report, method = "tube";
-    std::vector<std::string> measured;
+    std::vector<std::string> measured, covariances;
     int points = 10;
     std::string tolerance;
     double chord_um = 0;
@@ -400,6 +495,7 @@ Command correct_command() {
             a.option("-o,--output", o->output, "The corrected program", true);
             a.option("--report", o->report, "An HTML report of what will happen and why");
             a.options("--measured", o->measured, kMeasuredHelp);
+            a.option("--covariance", o->covariances, kCovarianceHelp);
             a.option("--tolerance", o->tolerance, "Radius of the tolerance tube, um (default: the job's)");
             a.option("--chord-tolerance", o->chord_um,
                      "How far arcs that are kept as arcs may be off the ideal path, um (default: a tenth of the tube)");
@@ -443,8 +539,10 @@ Command correct_command() {
             options.verify = o->verify;
             std::vector<std::string> inputs = o->measured;
             inputs.insert(inputs.end(), {o->program, o->job});
+            inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
             POLYPOD_TRY(check_files(inputs, {o->output, o->report}, context.json));
             POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+            POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
             if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
             options.keep_samples = !o->report.empty();
             const char* current = "";
@@ -461,6 +559,8 @@ Command correct_command() {
               c.reason = "the measured compliance is doubtful: " + in.job.measured->doubts.front().message;
               c.remedies = {in.job.measured->doubts.front().hint};
             }
+            const machining::Uncertainty uncertainty =
+                machining::uncertainty_of(in.job, c, pointer_to(known.compliances), pointer_to(known.parameters));
             const bool writes =
                 c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
             files::Outputs together;  // program and report appear together or not at all
@@ -470,9 +570,11 @@ Command correct_command() {
               page.version = POLYPOD_VERSION;
               page.output = writes ? o->output : "";
               page.method = options.method;
+              page.uncertainty = uncertainty;
               page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
                                          for_shell(o->job), for_shell(o->output), for_shell(o->report));
               for (const std::string& file : o->measured) page.command += " --measured " + for_shell(file);
+              for (const std::string& file : o->covariances) page.command += " --covariance " + for_shell(file);
               if (tolerance_um > 0) page.command += fmt::format(" --tolerance {}", tolerance_um);
               if (o->chord_um > 0) page.command += fmt::format(" --chord-tolerance {}", o->chord_um);
               if (o->allow_outside) page.command += " --allow-outside";
@@ -533,7 +635,7 @@ Command correct_command() {
                             {"moves_left_as_they_were", c.left_as_they_were},
                             {"not_judged", not_judged_json(c.after.not_judged, c.after.plunges)},
                             {"all_judged", c.all_judged()},
-                            {"answer", c.answer()},
+                            {"answer", answer_in_words(c, uncertainty.reach)},
                             {"short_blocks", short_blocks_json(c.short_blocks)},
                             {"steep_not_judged", steep_json(c.after.steep)},
                             {"written", writes},
@@ -543,6 +645,7 @@ Command correct_command() {
                             {"report", o->report}};
               add_other_switch(document, c.other_switch, trusted(in.job));
               add_map(document, in.job, map);
+              add_uncertainty(document, uncertainty);
               print_json(document);
             } else {
               fmt::print("normal error before  {}\n", spread_text(c.before.normal));
@@ -557,9 +660,10 @@ Command correct_command() {
               print_short_blocks(c.short_blocks, writes);
               print_other_switch(c.other_switch, trusted(in.job));
               print_map(in.job, map);
+              print_uncertainty(uncertainty, nullptr);  // said with the answer
               print_outside(c);
               print_not_judged(c.after.not_judged);
-              print_answer(c);
+              print_answer(c, uncertainty.reach);
               for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
               for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
               if (writes) fmt::print("wrote {}\n", o->output);

@@ -4,9 +4,9 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "covariance_files.hpp"
 #include "polypod/calibration/certificate.hpp"
 #include "polypod/core/files.hpp"
-#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::app {
@@ -68,20 +68,6 @@ std::string map_csv(const machine::AnyMachine& m, const std::vector<calibration:
   return out;
 }
 
-/// Whether the machine file is the one that was written together with this covariance.
-Status belongs(const machine::AnyMachine& m, const Options& o) {
-  const std::string hint =
-      "give the machine file that `polypod calibrate -o` wrote together with --covariance, as it is";
-  if (!o.sets.empty()) return fail("CA154", "--set makes another machine than the one that was calibrated", {}, hint);
-  POLYPOD_ASSIGN(bytes, files::read(o.covariance));
-  for (const auto& [key, text] : machine::provenance_of(m))
-    if (key == "uncertainty" && text.find(calibration::sha256(bytes)) != std::string::npos) return {};
-  return fail("CA154",
-              fmt::format("{} does not name this covariance (its SHA-256 is not in [provenance] uncertainty)",
-                          one_line(machine::name_of(m))),
-              Place{o.covariance, 1, 1}, hint);
-}
-
 }  // namespace
 
 Command uncertainty_command() {
@@ -100,8 +86,7 @@ Command uncertainty_command() {
             if (!o->pose.empty()) POLYPOD_TRY(refuse(context, {"-o", "--output"}, "a map is of the whole workspace"));
             if (o->out.empty()) POLYPOD_TRY(refuse(context, {"--points"}, "it serves -o"));
             POLYPOD_TRY(check_files({o->machine, o->covariance}, {o->out}, context.json));
-            POLYPOD_ASSIGN(covariance, calibration::read_covariance(m, o->covariance));
-            POLYPOD_TRY(belongs(m, *o));
+            POLYPOD_ASSIGN(covariance, parameter_covariance(m, o->sets, o->covariance));
             if (const auto no = refused_as_singular(m, context, {"mean", "max"})) return *no;
             std::vector<std::string> names = calibration::pose_coordinates(m);
             names.emplace_back("tip_mm");

@@ -5,17 +5,15 @@
 #include <openssl/evp.h>
 
 #include <array>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <map>
-#include <sstream>
 
 #include "groups.hpp"
 #include "model.hpp"
 #include "polypod/core/files.hpp"
-#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/statics/covariance.hpp"
 
 namespace polypod::calibration {
 namespace {
@@ -176,58 +174,20 @@ Budget budget_at(const AnyMachine& machine, const Calibration& c, const std::vec
   return out;
 }
 
-Result<Eigen::MatrixXd> read_covariance(const AnyMachine& machine, const std::string& path) {
-  POLYPOD_ASSIGN(text, files::read(path));
+statics::Keyed keyed_parameters(const AnyMachine& machine) {
+  statics::Keyed of;
   const std::vector<machine::Parameter> all = kinematics::parameters(machine);
-  const Eigen::Index n = std::ssize(all);
-  const auto bad = [&](int line, const std::string& what) {
-    return fail("CA153", what, Place{path, line, 1},
-                "give the machine file of `polypod calibrate` and what --covariance wrote with it");
-  };
-  Eigen::MatrixXd out(n, n);
-  Eigen::VectorXd scale(n);
-  std::istringstream lines(text);
-  std::string line, cell;
-  for (Eigen::Index row = -1; row < n; ++row) {
-    const auto number = static_cast<int>(row) + 2;
-    if (!std::getline(lines, line)) return bad(number, fmt::format("the covariance of {} parameters ends here", n));
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    std::istringstream cells(line);
-    std::getline(cells, cell, ',');
-    if (row >= 0 && cell != machine::key_of(all[static_cast<std::size_t>(row)]))
-      return bad(number,
-                 fmt::format("{} where {} must stand", cell, machine::key_of(all[static_cast<std::size_t>(row)])));
-    Eigen::Index column = 0;
-    for (; std::getline(cells, cell, ','); ++column) {
-      if (column >= n) return bad(number, fmt::format("more than {} numbers", n));
-      const machine::Parameter& p = all[static_cast<std::size_t>(column)];
-      if (row < 0) {
-        if (cell != machine::key_of(p)) return bad(1, fmt::format("{} where {} must stand", cell, machine::key_of(p)));
-        scale[column] = units::from_user(1, p.unit);
-        continue;
-      }
-      double value = 0;
-      const auto [end, code] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-      if (code != std::errc{} || end != cell.data() + cell.size() || !std::isfinite(value))
-        return bad(number, fmt::format("\"{}\" is not a finite number", one_line(cell)));
-      out(row, column) = value;
-    }
-    if (column != n) return bad(number, fmt::format("{} columns for {} parameters", column, n));
+  of.unit.resize(std::ssize(all));
+  for (const machine::Parameter& p : all) {
+    of.unit[std::ssize(of.keys)] = units::from_user(1, p.unit);
+    of.keys.push_back(machine::key_of(p));
   }
-  constexpr double kRounded = 1e-4;  // of the largest: six digits are written
-  const double largest = n > 0 ? out.diagonal().cwiseAbs().maxCoeff() : 0;
-  if (n > 0 && (out.diagonal().minCoeff() < 0 || (out - out.transpose()).cwiseAbs().maxCoeff() > kRounded * largest))
-    return bad(2, "these numbers are no covariance: it is symmetric, with variances not below 0");
-  return Eigen::MatrixXd(scale.asDiagonal() * out * scale.asDiagonal());
+  return of;
 }
 
-Mat3 tip_covariance(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
-                    const Eigen::MatrixXd& covariance) {
-  const Eigen::MatrixXd G = twist_by_parameters(machine, X_MT, q).topRows(3);
-  return G * covariance * G.transpose();
-}
-double largest_deviation(const Mat3& tip) {
-  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Mat3>(tip, Eigen::EigenvaluesOnly).eigenvalues()[2]));
+Result<Eigen::MatrixXd> read_covariance(const AnyMachine& machine, const std::string& path) {
+  return statics::read_covariance(keyed_parameters(machine), path,
+                                  "give the machine file of `polypod calibrate` and what --covariance wrote with it");
 }
 
 bool Region::holds(const Vec3& p) const {

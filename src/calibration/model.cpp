@@ -39,17 +39,4 @@ kinematics::ParameterSlots parameter_slots_of(const AnyMachine& machine, const P
       machine);
 }
 
-Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& target, const JointVector& q) {
-  const Pose X_MT = kinematics::settled(machine, target, q);
-  return std::visit(
-      [&](const auto& m) -> Eigen::MatrixXd {
-        const std::vector<double> p = kinematics::nominal_parameters(m);
-        const kinematics::ClosureMatrix A =
-            kinematics::closure_by_pose(m, X_MT, span_of(q), std::span<const double>(p));
-        return -A.completeOrthogonalDecomposition().solve(
-            kinematics::closure_by_parameters(m, X_MT, span_of(q), std::span<const double>(p)));
-      },
-      machine);
-}
-
 }  // namespace polypod::calibration

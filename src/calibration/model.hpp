@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "polypod/calibration/calibrate.hpp"
+#include "polypod/kinematics/by_parameters.hpp"
 #include "polypod/kinematics/closure_slots.hpp"
 #include "polypod/kinematics/families.hpp"
 
@@ -270,8 +271,7 @@ void rules_at(const M& m, const Layout& layout, const Eigen::VectorXd& x, Eigen:
 }
 
 /// The same for a machine of any family, with its own pose of a row's joints as the drawing has it (nothing where it
-/// does not assemble), and the first-order effect of its parameters on the tool's pose there: the twist [v; w] in M by
-/// parameter, -A^-1 F_p.
+/// does not assemble).
 bool equations_of(const AnyMachine& machine, const Measurement& row, const Pose& seed_MT, const Layout& layout,
                   const Eigen::VectorXd& x, const Noise& noise, bool by_unknowns, Equations& out,
                   Lost lost = Lost::fail);
@@ -279,7 +279,7 @@ void rules_at(const AnyMachine& machine, const Layout& layout, const Eigen::Vect
               Eigen::MatrixXd& J);
 std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& row);
 kinematics::ParameterSlots parameter_slots_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
-Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
+using kinematics::twist_by_parameters;
 
 /// Trends and neighbours that are alike among the residuals, in the order of the rows or of their times; repeats at one
 /// pose one after another are one point. `poses`: the pose of each row.

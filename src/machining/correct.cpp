@@ -727,6 +727,7 @@ class Corrector {
       if (changed_[i]) ++out_.rewritten_moves;
       if (frozen_[i]) ++out_.left_as_they_were;
       if (!cuts[i]) continue;
+      of[i].move = static_cast<int>(i);
       of[i].line = line_of(i);
       of[i].rewritten = changed_[i];
       of[i].length = moves_[i].length();

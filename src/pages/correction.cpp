@@ -43,6 +43,11 @@ std::string um(double metres) {
   return fixed(to_um(metres), 1) + " " + kUm;
 }
 
+/// An uncertainty, to two figures.
+std::string um2(double metres) {
+  return number(to_um(metres), 2) + " " + kUm;
+}
+
 std::string range_of(const Spread& s) {
   if (s.count == 0) return "–";
   // No-break spaces keep a range on one line of its cell.
@@ -143,6 +148,28 @@ class Page {
                                     plunges.size() > 1 ? fmt::format(" Such plunges: lines {}.", others) : ""));
   }
 
+  /// What the uncertainty of the compliances makes of a yes, and what the tube does not hold.
+  void with_uncertainty() {
+    const auto& reach = options_.uncertainty.reach;
+    if (reach && c_.within_tolerance) {
+      const std::string where =
+          reach->line > 0 ? fmt::format(" at line {}", reach->line) : " with the other position of block delete";
+      report_.add_verdict(
+          reach->within ? Verdict::good : Verdict::neutral,
+          fmt::format("With the uncertainty of the compliances, U (k = 2), the tool comes as far as {} from the "
+                      "programmed path{} ({} and U {}): {} the tube.",
+                      um(reach->total()), where, um(reach->distance), um2(reach->U),
+                      reach->within ? "still inside" : "beyond"));
+    }
+    if (const auto& place = options_.uncertainty.place; place && place->tip.count > 0) {
+      report_.add_verdict(
+          Verdict::neutral,
+          fmt::format("The tube holds the bend of the machine, not its place: by the uncertainty of its calibrated "
+                      "parameters the tip is known to U (k = 2) = {} on average, {} at the most (line {}).",
+                      um2(place->tip.mean), um2(place->tip.max), place->line));
+    }
+  }
+
   /// How far the bend may be where the force changes quickly, if that is farther than what is said.
   [[nodiscard]] std::string quick_changes() const {
     const machining::Steep& steep = c_.after.steep;
@@ -177,12 +204,16 @@ class Page {
                                             plural(c_.after.pass.points, "point", "points"),
                                             c_.verified ? ", and again with cells half as large" : "");
     if (c_.within_tolerance) {
+      const auto& reach = options_.uncertainty.reach;
+      const bool sure = !reach || reach->within;
+      std::string but = c_.all_judged() ? "" : ", apart from what was not judged";
+      if (!sure) but += ", by the compliances as identified";
       report_.add_verdict(
-          c_.all_judged() ? Verdict::good : Verdict::neutral,
+          c_.all_judged() && sure ? Verdict::good : Verdict::neutral,
           fmt::format(
               "Yes{}. The deflected tool stays within {} {} of the programmed path along every cutting move{}: the "
               "largest distance is {}{}{}. {}.",
-              c_.all_judged() ? "" : ", apart from what was not judged", given(to_um(c_.tolerance)), kUm,
+              but, given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
               quick_changes(), held_back(), checked));
     } else {
@@ -196,6 +227,7 @@ class Page {
                                               : " It was written all the same, with these moves as near as they go."));
       outside();
     }
+    with_uncertainty();
     not_judged(c_.after.steep, "");
     not_judged(c_.after.plunges, "");
     if (c_.other_switch) {
@@ -483,6 +515,12 @@ class Page {
           fmt::format("The measured compliance is not known exactly: the bend across the path is uncertain by ± {} on "
                       "average and up to {} (95 %). The check against the tube does not count this.",
                       um(band_.normal.mean), um(band_.normal.max)));
+    }
+    if (const auto& band = options_.uncertainty.compliances; band && band->normal.count > 0) {
+      items.push_back(fmt::format(
+          "The identified compliances are not known exactly: U (k = 2) of the bend across the path is {} on "
+          "average and up to {}, at {} points under the predicted forces.",
+          um2(band->normal.mean), um2(band->normal.max), count(band->normal.count)));
     }
     items.push_back(
         fmt::format("The stock is a height map of {} mm squares; the engagement is known to a fraction of "

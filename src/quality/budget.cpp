@@ -7,8 +7,28 @@
 
 #include "plan.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/by_parameters.hpp"
 
 namespace polypod::quality {
+
+namespace {
+
+/// U (k = 2) of the tool for parameters of this covariance; G: what the tool does for a unit of each.
+BudgetRow calibration_row(const AnyMachine& machine, const Pose& X_MT, const Columns& G,
+                          const Eigen::MatrixXd& covariance) {
+  using kinematics::kCoverageFactor;
+  using kinematics::largest_deviation;
+  BudgetRow row{"calibration", "geometric", 0, 0,
+                "U (k = 2) of the calibrated parameters, in the direction in which it is largest"};
+  if (covariance.size() == 0) return row;
+  Eigen::Matrix<double, 3, Eigen::Dynamic> turn(3, G.cols());  // as far as it is an error
+  for (Eigen::Index k = 0; k < G.cols(); ++k) turn.col(k) = heeded(kinematics::task(machine), X_MT, G.col(k).tail<3>());
+  row.position = kCoverageFactor * largest_deviation(G.topRows<3>() * covariance * G.topRows<3>().transpose());
+  row.orientation = kCoverageFactor * largest_deviation(turn * covariance * turn.transpose());
+  return row;
+}
+
+}  // namespace
 
 Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Imperfections& known) {
   const std::vector<Element> all = elements(machine);
@@ -35,13 +55,14 @@ Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVe
                       "three standard deviations of every joint, root sum square"});
 
   POLYPOD_TRY(worst_row("tolerances", "geometric", known.tolerances, "exact worst case"));
+  const std::vector<machine::Parameter> parameters = kinematics::parameters(machine);
+  const Plan whole(machine, *sized(machine, {{"all", 0.0}, {"joint", 0.0}}, true));
+  const Columns E = error_columns(machine, X_MT, q, whole);
+  out.rows.push_back(calibration_row(machine, X_MT, E.leftCols(std::ssize(parameters)), known.covariance));
   POLYPOD_TRY(
       worst_row("backlash", "non-geometric", joints(0.5 * known.backlash), "half of it at every joint, worst case"));
 
   // Lengths grow by expansion * warming: each parameter in mm by that share of itself, and so do struts and scales.
-  const std::vector<machine::Parameter> parameters = kinematics::parameters(machine);
-  const Plan whole(machine, *sized(machine, {{"all", 0.0}, {"joint", 0.0}}, true));
-  const Columns E = error_columns(machine, X_MT, q, whole);
   Vec6 warm = Vec6::Zero();
   for (std::size_t k = 0; k < parameters.size(); ++k)
     if (parameters[k].unit == "mm") warm += E.col(static_cast<Eigen::Index>(k)) * parameters[k].value;

@@ -12,6 +12,10 @@ GainEffect add_gain(Identification& r, double relative) {
   constexpr double kOneSided = 1.6448536269514722;  // 95 %, normal
   constexpr double kNoEnd = 1e9;
   const double free = std::max(1.0, double(r.equations) - double(r.compliance.size()));
+  Eigen::VectorXd c = Eigen::Map<const Eigen::VectorXd>(r.compliance.data(), std::ssize(r.compliance));
+  for (std::size_t k = 0; k < r.told.size(); ++k)
+    if (!r.told[k]) c[static_cast<Eigen::Index>(k)] = 0;  // not of these readings
+  r.covariance += relative * relative * c * c.transpose();
   GainEffect out{relative, r.standard_error, {}, {}};
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
     const double readings = r.standard_error[i], gain = std::abs(r.compliance[i]) * relative;

@@ -241,7 +241,9 @@ Result<std::vector<double>> fit_columns(const Eigen::MatrixXd& A, const Eigen::V
   const double freedoms = double(out.equations) - double(n);
   const double variance = (b - S * c).squaredNorm() / freedoms;
   std::vector<double> deviations(out.compliance.size(), 0);
+  const Eigen::VectorXd unscale = scale.cwiseInverse();
   const Eigen::MatrixXd inverse = H.inverse();
+  out.covariance(kept, kept) = variance * (unscale.asDiagonal() * inverse * unscale.asDiagonal());
   const double t = student_95(freedoms);
   for (Eigen::Index k = 0; k < n; ++k) {
     const auto at = static_cast<std::size_t>(kept[static_cast<std::size_t>(k)]);
@@ -283,6 +285,7 @@ Status fit_told(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Identificati
     out.half_interval = out.standard_error;
     out.upper_bound.assign(n, std::nullopt);
     out.correlation.assign(n, std::vector<double>(n, 0));
+    out.covariance.setZero(A.cols(), A.cols());
     std::vector<int> kept;
     Eigen::VectorXd rest = b;
     for (std::size_t k = 0; k < n; ++k) {
@@ -290,6 +293,7 @@ Status fit_told(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Identificati
         kept.push_back(static_cast<int>(k));
       } else {
         out.compliance[k] = given[k];
+        out.covariance(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(k)) = given[k] * given[k];
         rest -= given[k] * A.col(static_cast<Eigen::Index>(k));
       }
     }

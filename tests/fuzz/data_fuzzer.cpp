@@ -1,15 +1,17 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Any bytes as the files that runs leave and instruments write: tables of displacements, places and forces, and a
-// stock, as it is and with a right beginning and checksum. They are refused with an error, or give numbers that are
-// finite.
+// Any bytes as the files that runs leave and instruments write: tables of displacements, places and forces,
+// covariances, and a stock, as it is and with a right beginning and checksum. They are refused with an error, or give
+// numbers that are finite.
 #include <cmath>
 #include <cstdint>
 #include <string>
 
 #include "memory_file.hpp"
+#include "polypod/calibration/certificate.hpp"
 #include "polypod/calibration/measurement.hpp"
 #include "polypod/cutting/identify.hpp"
 #include "polypod/cutting/stock.hpp"
+#include "polypod/statics/covariance.hpp"
 #include "polypod/statics/identify.hpp"
 #include "require.hpp"
 
@@ -70,6 +72,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
               "measurements are finite");
     }
   }
+  for (const auto& covariance :
+       {statics::read_covariance(arm, file.path()), calibration::read_covariance(arm, file.path())}) {
+    if (!covariance) {
+      require_error(covariance.error());
+    } else {
+      require(covariance->allFinite() && covariance->diagonal().minCoeff() >= 0, "a covariance is finite");
+    }
+  }
+  statics::names_compliances(bytes);
   const auto forces = cutting::read_forces(cutting::Cutter{"", 8e-3, 4, 0.5, 0.02}, file.path());
   if (!forces) return require_error(forces.error()), 0;
   for (const cutting::MeasuredForce& force : forces->cuts) {

@@ -10,11 +10,12 @@
 
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/calibration/simulate.hpp"
+#include "polypod/kinematics/by_parameters.hpp"
+#include "polypod/statics/covariance.hpp"
 
 namespace polypod::calibration {
 
-/// Coverage factor of all expanded uncertainties.
-inline constexpr double kCoverageFactor = 2;
+using kinematics::kCoverageFactor;
 
 /// What people say of a measurement; empty is not given.
 struct Statement {
@@ -54,11 +55,11 @@ struct Budget {
 Budget budget_at(const AnyMachine& machine, const Calibration& c, const std::vector<Systematic>& systematic,
                  const Stand& stand);
 
-/// Covariance of the tip's place in M, m^2, for parameters of this covariance (first order, see pose_deviation).
-Mat3 tip_covariance(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
-                    const Eigen::MatrixXd& covariance);
-/// The standard uncertainty of the tip along the direction in which it is largest, m.
-double largest_deviation(const Mat3& tip_covariance);
+using kinematics::largest_deviation;
+using kinematics::tip_covariance;
+
+/// The parameters of a machine as a covariance names them, "base.joint[1].x_mm".
+statics::Keyed keyed_parameters(const AnyMachine& machine);
 
 /// Reads what `polypod calibrate --covariance` wrote for this machine: the covariance of its parameters, SI, in their
 /// order. Errors: FI100, CA153 (other parameters than the machine's, cells that are no numbers, no covariance).

@@ -56,6 +56,7 @@ struct ShortBlocks {
 
 /// What became of one move that cuts.
 struct MoveOutcome {
+  int move = 0;  ///< index of the programmed move
   int line = 0;  ///< in the original program
   bool rewritten = false;
   int pieces = 0;  ///< lines and arcs that stand for it, transitions not counted

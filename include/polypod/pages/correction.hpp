@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "polypod/machining/correct.hpp"
+#include "polypod/machining/uncertainty.hpp"
 
 namespace polypod::pages {
 
@@ -13,11 +13,13 @@ struct CorrectionPageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
   std::string output;   ///< where the corrected program was written; empty: it was not
   machining::CorrectMethod method = machining::CorrectMethod::tube;
+  machining::Uncertainty uncertainty;  ///< of compliances and machine, where their covariances are known
 };
 
 /// One self-contained HTML file about a correction: verdict, key figures, paths from above with the bend enlarged, a
 /// corner at its true proportions, errors along the path against the tube, forces and engagement, the compliance round
-/// the part and each joint's share, the moves, what the model leaves out, every input. Long programs are thinned out
+/// the part and each joint's share, the moves, what the model leaves out, every input; with
+/// `uncertainty` its U (k = 2), and whether the answer holds with it. Long programs are thinned out
 /// for the pictures so that peaks survive (20 000 lines stay below 3 MB).
 ///
 /// `program` is the original, `correction` what `machining::correct` made of it with `keep_samples`; without samples

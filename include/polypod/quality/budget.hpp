@@ -19,6 +19,8 @@ struct Imperfections {
   double warming = 0;              ///< K above the temperature of the nominal lengths
   double expansion = 12e-6;        ///< 1/K
   Vec6 deflection = Vec6::Zero();  ///< of the tool under its load (statics::compliance_at)
+  /// Of the calibrated parameters, SI, in the order of kinematics::parameters; empty: none is known.
+  Eigen::MatrixXd covariance{};
 };
 
 struct BudgetRow {
@@ -39,7 +41,9 @@ struct Budget {
 };
 
 /// Resolution, backlash and tolerances: the exact worst case (worst_case). Repeatability: root sum square of the
-/// joints' scatter along the worst direction. Warming: every length of the machine grows alike, as a known error. Rows
+/// joints' scatter along the worst direction. Calibration: U (k = 2) along the direction in which it is largest, of the
+/// tip (kinematics::tip_covariance) and of the orientation as orientation_error measures it; tolerances of what was
+/// calibrated would count the same twice. Warming: every length of the machine grows alike, as a known error. Rows
 /// that are 0 are kept, so that a reader sees what was not given. Errors: those of worst_case.
 Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Imperfections& known);
 

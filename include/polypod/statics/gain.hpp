@@ -18,7 +18,8 @@ struct GainEffect {
 /// All displacements are proportional to the compliances and to the forces, so that with a force gain of 1 + g every
 /// compliance is found 1 + g times too large: an error common to all that residuals do not show. Its standard deviation
 /// `relative` (above 0) goes into standard_error (in squares), into half_interval with Student's t of the effective
-/// degrees of freedom, and into upper_bound (1.645 standard deviations of it). `correlation` and `hardly_apart` stay
+/// degrees of freedom, into upper_bound (1.645 standard deviations of it), and into covariance as relative^2 c c^T.
+/// `correlation` and `hardly_apart` stay
 /// those of the readings: which joints the poses tell apart.
 GainEffect add_gain(Identification& r, double relative);
 

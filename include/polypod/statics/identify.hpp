@@ -86,7 +86,10 @@ struct Identification {
   std::size_t equations = 0;
   double condition = 0;                          ///< of the scaled equations: 1 tells all joints apart, 1e6 does not
   std::vector<std::vector<double>> correlation;  ///< of the estimates
-  double asymmetry_rms = 0;                      ///< m, half the difference of the measured cross displacements
+  /// SI, of the estimates that the readings alone give, without the bound c >= 0: so a compliance that it holds at 0
+  /// has a variance, too, and two standard deviations of it are no less than what `upper_bound` leaves open.
+  Eigen::MatrixXd covariance{};
+  double asymmetry_rms = 0;   ///< m, half the difference of the measured cross displacements
   double noise = 0;           ///< m, of one displacement: stated, or from the asymmetry; 0 where neither tells it
   bool noise_stated = false;  ///< by the file or the caller
   /// The asymmetry is no more than noise: at most 1.5 times what the stated noise explains; without a stated noise no
