@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "common.hpp"
 #include "fit.hpp"
@@ -30,59 +31,75 @@ std::vector<RowResidual> with_untaken(const std::vector<Measurement>& rows, cons
   return out;
 }
 
-/// With the loss of the options; of Loss::automatic with the one that leaves less.
-Result<Calibration> fit_with_loss(const AnyMachine& machine, const std::vector<Measurement>& rows,
-                                  const Setting& setting, CalibrationOptions options, bool noise_as_given) {
+/// A calibration, and where its search ended.
+struct Fitted {
+  Calibration found;
+  Ended ended;
+};
+const Calibration& found(const Result<Fitted>& fitted) {
+  return fitted->found;
+}
+
+/// With the loss of the options; of Loss::automatic with the one that leaves less, or with which the search before that
+/// one was done.
+Result<Fitted> fit_with_loss(const AnyMachine& machine, const std::vector<Measurement>& rows, const Setting& setting,
+                             CalibrationOptions options, bool noise_as_given) {
   constexpr double kPulledAside = 3;  // times the noise
-  const auto with = [&](Loss loss) {
+  const auto with = [&](Loss loss) -> Result<Fitted> {
     options.loss = loss;
-    return Fit(machine, rows, setting, options, noise_as_given).run();
+    Fit fit(machine, rows, setting, options, noise_as_given);
+    POLYPOD_ASSIGN(out, fit.run());
+    return Fitted{std::move(out), fit.ended()};
   };
   if (options.loss != Loss::automatic) return with(options.loss);
-  Result<Calibration> huber = with(Loss::huber);
+  if (setting.from) return with(setting.from->loss);
+  Result<Fitted> huber = with(Loss::huber);
   const bool searched = huber || huber.error().id == "CA115" || huber.error().id == "CA118";
-  if (!searched || (huber && huber->noise_factor <= kPulledAside)) return huber;
-  Result<Calibration> cauchy = with(Loss::cauchy);
-  if (!cauchy || too_many_lost(cauchy->fitted.outliers + cauchy->held_back.outliers, rows.size())) return huber;
-  cauchy->pulled_aside = !huber || cauchy->noise_factor < 0.5 * huber->noise_factor;
-  return cauchy->pulled_aside ? cauchy : huber;
+  if (!searched || (huber && found(huber).noise_factor <= kPulledAside)) return huber;
+  Result<Fitted> cauchy = with(Loss::cauchy);
+  if (!cauchy) return huber;
+  Calibration& c = cauchy->found;
+  if (too_many_lost(c.fitted.outliers + c.held_back.outliers, rows.size())) return huber;
+  c.pulled_aside = !huber || c.noise_factor < 0.5 * found(huber).noise_factor;
+  return c.pulled_aside ? cauchy : huber;
 }
 
 /// Few rows, or errors beyond what is usual, can be explained in two ways: by an instrument coarser than it was said to
 /// be, to which a search that begins with the residuals of the drawing comes, or by the machine. Where the first leaves
 /// more than the noise that was given, the search begins again with that noise; its answer counts where it leaves less
-/// than half as much, with changes that a machine can have.
-Result<Calibration> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const Setting& setting,
-                        const CalibrationOptions& options) {
+/// than half as much, with changes that a machine can have. A search that goes on from another keeps to its way.
+Result<Fitted> fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const Setting& setting,
+                   const CalibrationOptions& options) {
   constexpr double kCoarse = 1.5;     // times the noise
   constexpr double kMostChange = 10;  // times the priors
-  Result<Calibration> first = fit_with_loss(machine, rows, setting, options, false);
+  Result<Fitted> first = fit_with_loss(machine, rows, setting, options, false);
   const bool searched = first || first.error().id == "CA115" || first.error().id == "CA118";
-  if (!searched || (first && first->noise_factor <= kCoarse)) return first;
-  Result<Calibration> second = fit_with_loss(machine, rows, setting, options, true);
-  const bool better = second && second->change < kMostChange &&
-                      (first ? second->noise_factor < 0.5 * first->noise_factor : second->noise_factor < kCoarse);
+  if (setting.from || !searched || (first && found(first).noise_factor <= kCoarse)) return first;
+  Result<Fitted> second = fit_with_loss(machine, rows, setting, options, true);
+  const bool better =
+      second && found(second).change < kMostChange &&
+      (first ? found(second).noise_factor < 0.5 * found(first).noise_factor : found(second).noise_factor < kCoarse);
   return better ? second : first;
 }
 
 /// The same, once more with what repeats have shown of their scatter: they count for as many rows as they are worth.
-Result<Calibration> fit_with_repeats(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
-                                     const CalibrationOptions& options) {
+Result<Fitted> fit_with_repeats(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
+                                const CalibrationOptions& options) {
   constexpr int kRounds = 3;
   constexpr double kSettled = 0.02;  // of the correlation
   const std::vector<std::size_t> repeats = repeats_of(rows, setting.pose);
-  Result<Calibration> out = fit(machine, rows, setting, options);
+  Result<Fitted> out = fit(machine, rows, setting, options);
   for (int round = 0; out; ++round) {
-    const double before = out->repeats.correlation;
-    const Repeats now =
-        repeats_in(rows, repeats, out->residuals, options.noise_position, options.noise_angle, out->taken_up);
-    out->repeats = now;
+    Calibration& c = out->found;
+    const double before = c.repeats.correlation;
+    const Repeats now = repeats_in(rows, repeats, c.residuals, options.noise_position, options.noise_angle, c.taken_up);
+    c.repeats = now;
     if (round == kRounds || (round > 0 && std::abs(now.correlation - before) < kSettled)) break;
     if (now.correlation == 0) break;
     setting.share = shares_of(repeats, now.correlation);
-    Result<Calibration> next = fit(machine, rows, setting, options);
+    Result<Fitted> next = fit(machine, rows, setting, options);
     if (!next) break;
-    next->repeats = now;
+    next->found.repeats = now;
     out = std::move(next);
   }
   return out;
@@ -95,8 +112,8 @@ void try_common(const AnyMachine& machine, const std::vector<Measurement>& rows,
   for (const std::string& what : untried(machine, rows, options)) {
     CommonChange trial = explained_alone(machine, rows, setting.seed, options, found, what);
     if (worth_a_fit(trial, found, options)) {
-      const Result<Calibration> with = fit(machine, rows, setting, with_common(options, what));
-      if (with) compare(machine, rows, setting.seed, options, found, *with, trial);
+      const Result<Fitted> with = fit(machine, rows, setting, with_common(options, what));
+      if (with) compare(machine, rows, setting.seed, options, found, with->found, trial);
     }
     found.tried.push_back(std::move(trial));
   }
@@ -120,15 +137,40 @@ std::string remarks(const Calibration& c, const CalibrationOptions& options) {
   return out;
 }
 
+/// Of very many rows a search of some is a good place to begin one of all; nothing where there are fewer, or places of
+/// contacts among the unknowns.
+std::optional<Ended> begun_with_some(const AnyMachine& machine, const std::vector<Measurement>& rows,
+                                     const Setting& setting, CalibrationOptions options) {
+  constexpr std::size_t kSome = 1000, kMany = 3000;
+  if (rows.size() < kMany) return {};
+  std::vector<Measurement> some;
+  Setting of_some;
+  for (std::size_t i = 0; i < rows.size(); i += rows.size() / kSome) {
+    if (rows[i].kind == Kind::contact) return {};
+    some.push_back(rows[i]);
+    of_some.seed.push_back(setting.seed[i]);
+  }
+  of_some.pose = poses_of(machine, some);
+  of_some.share.assign(some.size(), 1);
+  options.hold_back = 0;
+  const Result<Fitted> fitted = fit(machine, some, of_some, options);
+  return fitted ? std::optional(fitted->ended) : std::nullopt;
+}
+
 /// A fit without the rows that are held back, by which these are judged, and then one of all rows.
-Result<Calibration> validated(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
-                              const CalibrationOptions& options) {
-  POLYPOD_ASSIGN(judging, fit_with_repeats(machine, rows, setting, options));
+Result<Fitted> validated(const AnyMachine& machine, const std::vector<Measurement>& rows, Setting& setting,
+                         const CalibrationOptions& options) {
+  setting.from = begun_with_some(machine, rows, setting, options);
+  POLYPOD_ASSIGN(first, fit_with_repeats(machine, rows, setting, options));
+  Calibration& judging = first.found;
   judging.noise_factor_judging = judging.noise_factor;
-  if (judging.held_back.rows == 0) return judging;
+  if (judging.held_back.rows == 0) return first;
   CalibrationOptions everything = options;
   everything.hold_back = 0;
-  POLYPOD_ASSIGN(out, fit_with_repeats(machine, rows, setting, everything));
+  if (setting.from) setting.from = first.ended;
+  POLYPOD_ASSIGN(all, fit_with_repeats(machine, rows, setting, everything));
+  Calibration& out = all.found;
+  out.pulled_aside = out.pulled_aside || (setting.from && judging.pulled_aside);
   out.held_back = judging.held_back;
   out.noise_factor_judging = judging.noise_factor;
   for (std::size_t i = 0; i < out.residuals.size(); ++i) {
@@ -136,7 +178,7 @@ Result<Calibration> validated(const AnyMachine& machine, const std::vector<Measu
     r.held_back = judging.residuals[i].held_back;
     if (r.held_back) r.judged = judging.residuals[i].after;
   }
-  return out;
+  return all;
 }
 
 }  // namespace
@@ -183,7 +225,9 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   }
   setting.pose = poses_of(nominal, taken);
   setting.share.assign(taken.size(), 1);
-  POLYPOD_ASSIGN(out, validated(nominal, taken, setting, options));
+  POLYPOD_ASSIGN(fitted, validated(nominal, taken, setting, options));
+  Calibration& out = fitted.found;
+  setting.from = fitted.ended;
   CalibrationOptions everything = options;
   everything.hold_back = 0;
   try_common(nominal, taken, setting, everything, out);
@@ -194,7 +238,7 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   out.orientation_told = std::none_of(out.verdict.left_open.begin(), out.verdict.left_open.end(),
                                       [](const std::string& c) { return c.ends_with("_deg"); });
   if (untaken != nullptr) out.residuals = with_untaken(rows, number, std::move(out.residuals));
-  return out;
+  return std::move(out);
 }
 
 }  // namespace polypod::calibration

@@ -70,6 +70,7 @@ CommonChange explained_alone(const AnyMachine& machine, const std::vector<Measur
   const std::vector<int> columns = columns_of(layout, what, angles_measured(rows));
   const auto n = static_cast<Eigen::Index>(columns.size());
   const Noise noise{options.noise_position, options.noise_angle};
+  std::vector<Followed> followed(rows.size());
   double before = 0, after = 0;
   for (int step = 0; step <= kSteps; ++step) {
     Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
@@ -80,6 +81,7 @@ CommonChange explained_alone(const AnyMachine& machine, const std::vector<Measur
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const RowResidual& r = found.residuals[i];
       if (rows[i].kind == Kind::contact || r.outlier || r.lost) continue;
+      e.followed = &followed[i];
       equations_of(machine, rows[i], seed[i], layout, x, noise, true, e, Lost::first_order);
       const Eigen::MatrixXd J = e.J(Eigen::all, columns);
       A.noalias() += J.transpose() * J;

@@ -100,7 +100,7 @@ Fit::Fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const 
     : any_(machine),
       rows_(rows),
       options_(options),
-      pose_(setting.pose),
+      setting_(setting),
       problem_{machine, rows, options},
       noise_as_given_(noise_as_given) {
   problem_.nominal = kinematics::parameters(machine);
@@ -204,15 +204,15 @@ Status Fit::choose_rows() {
     const auto every = static_cast<std::size_t>(std::lround(1 / options_.hold_back));
     std::size_t left = all;
     for (std::size_t i = 0; i < rows_.size(); ++i) {
-      held_back[i] = pose_[i] % every == every - 1 && rows_[i].kind != Kind::contact;
+      held_back[i] = setting_.pose[i] % every == every - 1 && rows_[i].kind != Kind::contact;
       if (held_back[i]) left -= static_cast<std::size_t>(equation_count(rows_[i].kind));
     }
     if (2 * left < 3 * problem_.wanted.size()) held_back.assign(rows_.size(), false);
   }
   problem_.not_fitted = held_back;
-  Equations e;
+  seen_.look(problem_.start, true);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    problem_.equations(i, problem_.start, false, e);
+    const Equations& e = seen_.of(i);
     RowResidual r;
     r.row = i;
     r.before = e.r.cwiseProduct(e.sigma);
@@ -263,14 +263,24 @@ Status Fit::search() {
   constexpr double kSettled = 0.05, kNoBetter = 0.9;
   x_ = problem_.start;
   problem_.prior = usual_;
+  const std::optional<Ended>& from = setting_.from;
+  if (from) {
+    for (const int j : problem_.wanted) {
+      x_[j] = from->x[j];
+      if (j >= problem_.layout.parameters) problem_.prior[j] = from->prior[j];
+    }
+    problem_.noise_scale = from->noise_scale;
+  }
   whiten();
   std::vector<double> block;
   for (const int j : problem_.wanted) block.push_back(x_[j]);
-  problem_.noise_scale =
-      noise_as_given_ ? 1.0 : std::max(1.0, robust_scale(whitened_, problem_.not_fitted, problem_.share, 0));
+  if (!from) {
+    problem_.noise_scale =
+        noise_as_given_ ? 1.0 : std::max(1.0, robust_scale(whitened_, problem_.not_fitted, problem_.share, 0));
+  }
   // Sizes are learnt once the noise has settled: with too much of it all errors look small, which then keeps it
   // large. Where the noise is taken as it was given, it is the other way round.
-  bool sizes = noise_as_given_, held = noise_as_given_;
+  bool sizes = from || noise_as_given_, held = !from && noise_as_given_;
   for (int round = 0; round < kRounds; ++round) {
     POLYPOD_TRY(solve(block));
     for (std::size_t k = 0; k < problem_.wanted.size(); ++k) x_[problem_.wanted[k]] = block[k];

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -22,11 +23,20 @@ inline bool too_many_lost(std::size_t lost, std::size_t rows) {
   return double(lost) > std::max(1.0, kMostLost * double(rows));
 }
 
+/// Where a search ended, and another one of the same machine may begin: one of more rows or with more unknowns, which
+/// explains the readings in the same way and gets there in a round or two.
+struct Ended {
+  Eigen::VectorXd x, prior;  ///< of all unknowns
+  double noise_scale = 1;
+  Loss loss = Loss::automatic;
+};
+
 /// What the rows are, beside what was read.
 struct Setting {
   std::vector<Pose> seed;         ///< the nominal machine's pose of every row, where Newton begins
   std::vector<std::size_t> pose;  ///< which rows stand at one pose
   std::vector<double> share;      ///< for how many independent rows each counts
+  std::optional<Ended> from{};    ///< where the search begins; without it at the drawing
 };
 
 /// One calibration: prepare, then search and judge until every fitted row assembles, then what was found.
@@ -37,6 +47,7 @@ class Fit {
       const CalibrationOptions& options, bool noise_as_given);
 
   [[nodiscard]] Result<Calibration> run();
+  [[nodiscard]] Ended ended() const { return {x_, problem_.prior, problem_.noise_scale, options_.loss}; }
 
  private:
   enum class Learns { nothing, lengths, angles };
@@ -126,7 +137,7 @@ class Fit {
   const AnyMachine& any_;
   const std::vector<Measurement>& rows_;
   const CalibrationOptions& options_;
-  const std::vector<std::size_t>& pose_;
+  const Setting& setting_;
   Problem problem_;
   mutable RowsAt seen_{problem_};
   Identifiability known_;

@@ -220,13 +220,14 @@ bool equations_of(const M& m, const Measurement& row, const Pose& seed_MT, const
   out.J.middleCols<3>(layout.target + 3) =
       by_twist.template rightCols<3>() * R_ST * left_jacobian(Vec3(target[3], target[4], target[5]));
   // By p: the twist of T in M, taken to the target and into S.
-  if (!out.by_parameters) return true;
+  if (!out.by_parameters && (followed == nullptr || followed->by_pose)) return true;
   const Eigen::CompleteOrthogonalDecomposition<kinematics::ClosureMatrix> A(kinematics::closure_by_pose(m, X_A, q, p));
   if (followed != nullptr) {
     followed->X_MT = X_A;
     followed->by_pose.reset();
     if (at.converged) followed->by_pose = A;
   }
+  if (!out.by_parameters) return true;
   const Eigen::MatrixXd F_p = layout.slots ? kinematics::closure_by_parameters(m, X_A, q, p, *layout.slots)
                                            : kinematics::closure_by_parameters(m, X_A, q, p);
   Mat6 to_target = Mat6::Zero();

@@ -61,8 +61,8 @@ struct Problem {
   }
 };
 
-/// All rows of a problem at the unknowns where a search looked last, on all threads. It comes back to the same place
-/// (round after round, and for the covariance), and to others near by.
+/// All rows of a problem at the unknowns where a search looked last, many of them on all threads. It comes back to the
+/// same place (round after round, and for the covariance), and to others near by.
 class RowsAt {
  public:
   explicit RowsAt(const Problem& problem) : problem_(problem) {}
@@ -73,11 +73,17 @@ class RowsAt {
     followed_.resize(n);
     assembles_.resize(n);
     if (x.size() == x_.size() && x == x_ && (by_unknowns_ || !by_unknowns)) return;
-    for_each_in_rounds(n, {}, [&](std::size_t i) {
+    const auto look_at = [&](std::size_t i) {
       Equations& e = equations_[i];
       e.followed = &followed_[i];
       assembles_[i] = problem_.equations(i, x, by_unknowns, e) ? 1 : 0;
-    });
+    };
+    constexpr std::size_t kWorthThreads = 1000;  // 10 us a row: below that threads cost more than they bring
+    if (n < kWorthThreads) {
+      for (std::size_t i = 0; i < n; ++i) look_at(i);
+    } else {
+      for_each_in_rounds(n, {}, look_at);
+    }
     x_ = x;
     by_unknowns_ = by_unknowns;
   }

@@ -541,16 +541,28 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
   }
 }
 
+/// So many that the least standard error has two figures.
+int decimals_of(const statics::Identification& r, const Shown& shown) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::size_t i : shown.rows) {
+    const double error = shown.scale * r.standard_error[i];
+    if (r.told[i] && error > 0) least = std::min(least, error);
+  }
+  constexpr int kMost = 8;
+  return std::isfinite(least) ? std::clamp(1 - static_cast<int>(std::floor(std::log10(least))), 0, kMost) : 2;
+}
+
 void add_compliances(report::Report& page, const statics::Identification& r) {
   page.add_section("Compliances");
   for (const Shown& shown : shown_of(r)) {
     page.add_figure(whiskers(r, shown), "Each joint's compliance; the whisker is its 95 % interval.");
     report::Table table;
     table.caption = "Compliances in " + shown.unit;
+    const int decimals = decimals_of(r, shown);
     table.columns = {{"joint", "", -1},
-                     {"compliance", "", 5},
-                     {"standard error", "", 5},
-                     {"± 95 %", "", 5},
+                     {"compliance", "", decimals},
+                     {"standard error", "", decimals},
+                     {"± 95 %", "", decimals},
                      {"± 95 %", "% of it", 1}};
     table.rows.reserve(shown.rows.size());
     for (const std::size_t i : shown.rows) {

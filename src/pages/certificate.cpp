@@ -470,8 +470,9 @@ void add_map(Sheet& sheet, const machine::AnyMachine& machine, const Calibration
           upright ? "upright" : "turned as near the middle of the workspace"))));
 }
 
-void add_validity(Sheet& sheet, const std::vector<Measurement>& rows, const Certificate& c) {
-  sheet.section("Region of validity");
+/// `good`: there are figures that can be valid.
+void add_region(Sheet& sheet, const std::vector<Measurement>& rows, const Certificate& c, bool good) {
+  sheet.section(good ? "Region of validity" : "What was measured");
   std::vector<std::vector<std::string>> cells;
   for (std::size_t i = 0; i < c.region.coordinates.size(); ++i) {
     if (c.region.low.size() == 0) break;
@@ -484,7 +485,11 @@ void add_validity(Sheet& sheet, const std::vector<Measurement>& rows, const Cert
   sheet.raw(table_html("Poses that were measured", {{"coordinate", "", false}, {"from", ""}, {"to", ""}}, cells));
   const std::string temperature = temperature_in_words(c.statement, rows);
   sheet.raw("<div class=\"pair\"><div>" + fields_html({{"Temperature", temperature}, {"Load on the tool", ""}}) +
-            "</div><div>" + fields_html({{"Speed of approach", ""}, {"Valid until", ""}}) + "</div></div>\n");
+            "</div><div>" +
+            (good ? fields_html({{"Speed of approach", ""}, {"Valid until", ""}})
+                  : fields_html({{"Speed of approach", ""}})) +
+            "</div></div>\n");
+  if (!good) return;
   sheet.text(
       "The figures hold for the machine as it was on the day of the measurement, in this region. A collision, "
       "a repair, a changed tool or another temperature end their validity.");
@@ -608,7 +613,7 @@ std::string certificate_page(const machine::AnyMachine& nominal, const std::vect
     add_budget(sheet, nominal, c);
     add_map(sheet, nominal, r, c);
   }
-  add_validity(sheet, rows, c);
+  add_region(sheet, rows, c, good);
   add_standards(sheet, c);
   add_data(sheet, r, c);
   sheet.section("Remarks and signatures");

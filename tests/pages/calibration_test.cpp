@@ -127,12 +127,18 @@ TEST(IdentificationPage, HoldsTheNumbersOfTheResult) {
     const std::string page = identification_page(machine, *points, *r, checks, {"", "polypod identify <x>"});
     for (const double um : {to_um(given), to_um(r->residual_rms), to_um(r->asymmetry_rms)})
       EXPECT_THAT(page, HasSubstr(fixed(um, 1)));
+    // No more digits than hold: two figures of the least standard error.
+    double least = 1e300;
+    for (const double error : r->standard_error)
+      if (error > 0) least = std::min(least, scale * error);
+    int digits = 0;
+    for (double rest = least; rest < 10; rest *= 10) ++digits;
     for (std::size_t i = 0; i < r->compliance.size(); ++i) {
-      EXPECT_THAT(
-          page, HasSubstr(fmt::format("<td>{}</td><td class=\"r\">{}</td><td class=\"r\">{}</td>"
-                                      "<td class=\"r\">{}</td>",
-                                      r->joint[i], fixed(scale * r->compliance[i], 5),
-                                      fixed(scale * r->standard_error[i], 5), fixed(scale * r->half_interval[i], 5))));
+      EXPECT_THAT(page, HasSubstr(fmt::format("<td>{}</td><td class=\"r\">{}</td><td class=\"r\">{}</td>"
+                                              "<td class=\"r\">{}</td>",
+                                              r->joint[i], fixed(scale * r->compliance[i], digits),
+                                              fixed(scale * r->standard_error[i], digits),
+                                              fixed(scale * r->half_interval[i], digits))));
     }
     EXPECT_THAT(page, HasSubstr(unit));
     EXPECT_THAT(

@@ -100,6 +100,8 @@ TEST(CertificatePage, CertifiesNothingWhereTheAnswerIsNo) {
   one.found.verdict.answer = calibration::Answer::no;
   const std::string page = one.page();
   EXPECT_THAT(page, HasSubstr("<h1>Measurement report, no certificate</h1>"));
+  EXPECT_THAT(page, HasSubstr("What was measured"));
+  EXPECT_THAT(page, Not(HasSubstr("Valid until")));
   EXPECT_THAT(page, Not(HasSubstr("Uncertainty budget")));
   EXPECT_THAT(page, Not(HasSubstr("<svg")));
 }
