@@ -81,7 +81,7 @@ enum class Group : std::uint8_t {
   path,
   spindle_mode,
   cancel,
-  refused,
+  machine,
   unknown
 };
 
@@ -163,6 +163,10 @@ Group group_of(int g) {
     case 921:
     case 922:
       return Group::cancel;
+    case 280:
+    case 300:
+    case 530:
+      return Group::machine;
     default:
       return Group::unknown;
   }
@@ -218,12 +222,9 @@ Refusal refusal_of(int g) {
     case 435:
       return kFrame;
     case 270:
-    case 280:
     case 281:
     case 290:
-    case 300:
     case 301:
-    case 530:
     case 531:
       return kMachine;
     case 50:
@@ -392,12 +393,14 @@ class Interpreter {
     const Place place{program_.path, block_->line, block_->construct_column};
     switch (block_->construct) {
       case Construct::o_word:
-        return fail("GC123", "O-words (subprograms, loops, conditions) are not supported", place,
-                    "post the program as plain blocks");
+        return fail("GC123", "O-words (subprograms, loops, conditions) are no plain blocks", place,
+                    "unroll the program first, or post it as plain blocks");
       case Construct::parameter:
-        return fail("GC124", "parameters (#) are not supported", place, "post the program with plain numbers");
+        return fail("GC124", "a parameter (#) is no plain number", place,
+                    "unroll the program first, or post it with plain numbers");
       default:
-        return fail("GC124", "expressions ([...]) are not supported", place, "post the program with plain numbers");
+        return fail("GC124", "an expression ([...]) is no plain number", place,
+                    "unroll the program first, or post it with plain numbers");
     }
   }
 
@@ -426,6 +429,10 @@ class Interpreter {
                          "check the word");
           }
           if (m == 980 || m == 990 || m == 970) return refuse(word, kFlow);
+          if (m >= 4280 && m <= 4300) {
+            return error(word, "GC120", fmt::format("{} switches the controller's kinematics", text_of(word)),
+                         "post the program for the kinematics that the machine starts with");
+          }
           if (m == 720) {
             return error(word, "GC123", "M72 restores a modal state, which is not supported", "write the modal words");
           }
@@ -476,12 +483,15 @@ class Interpreter {
                    "it may change motion: remove it, or post the program for LinuxCNC");
     }
     Code& slot = g_groups_[static_cast<std::size_t>(group)];
-    if (slot.word != nullptr && group != Group::cancel) {
+    // As in LinuxCNC, a G80 beside one other motion word does nothing: `G0 G17 G40 G49 G80 G90` begins half of all
+    // posts.
+    const bool idle = group == Group::motion && slot.word != nullptr && (g == 800) != (slot.tenfold == 800);
+    if (slot.word != nullptr && group != Group::cancel && !idle) {
       return error(word, "GC109",
                    fmt::format("{} and {} exclude each other in one block", text_of(*slot.word), text_of(word)),
                    "use two blocks");
     }
-    slot = {g, &word};
+    if (!idle || g != 800) slot = {g, &word};
     if (g_count_ == static_cast<int>(g_.size()))
       return error(word, "GC108", "too many G words in one block", "use two blocks");
     g_[static_cast<std::size_t>(g_count_++)] = {g, &word};
@@ -522,6 +532,8 @@ class Interpreter {
       acting = -1;
     }
     acting_ = acting == 80 ? -1 : acting;
+    to_machine_ = false;
+    if (const Word* word = g_word(Group::machine); word != nullptr) POLYPOD_TRY(machine_place(*word));
 
     std::uint32_t used = bits("XYZABCFSTNO");
     std::uint32_t shared = 0;  // letters that two words of this block could claim
@@ -574,7 +586,7 @@ class Interpreter {
       return error(*cancel, "GC125", fmt::format("{} beside a motion", text_of(*cancel)),
                    "only the plain cancelling word is supported");
     }
-    if (axis_words_ && acting_ < 0) {
+    if (axis_words_ && acting_ < 0 && !to_machine_) {
       const char letter = has('X') ? 'X' : has('Y') ? 'Y' : has('Z') ? 'Z' : has('A') ? 'A' : has('B') ? 'B' : 'C';
       const Word& word = *find(letter);
       return error(word, "GC110", fmt::format("{} without a motion mode in force", text_of(word)),
@@ -588,6 +600,34 @@ class Interpreter {
       }
     }
     return {};
+  }
+
+  /// G53, G28 and G30 lead to places of the machine, which no program tells: the axes are not known after them.
+  /// `unroll` has written the way to the point in between as a move of its own.
+  Status machine_place(const Word& word) {
+    to_machine_ = true;
+    if (has_g(530)) {
+      if (acting_ == 0 || acting_ == 1) return {};
+      return error(word, "GC168", "G53 without G0 or G1", "write G53 G0 X...");
+    }
+    bool steps = modal_.incremental || has_g(910);
+    for (const char c : std::string_view("XYZABC")) steps = steps && (!has(c) || find(c)->value == 0);
+    if (axis_words_ && (!steps || g_word(Group::motion) != nullptr)) return refuse(word, kMachine);
+    if (g_word(Group::motion) != nullptr) return refuse(word, kMachine);
+    acting_ = -1;
+    return {};
+  }
+
+  void forget_places() {
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (!axis_words_ || has("XYZ"[k])) known_[k] = false;
+    }
+    if (noted_machine_) return;
+    noted_machine_ = true;
+    note(
+        fmt::format("line {}: {} goes to a place of the machine that the program does not tell: it is not judged, and "
+                    "the axes are not known until they are commanded",
+                    block_->line, text_of(*g_word(Group::machine))));
   }
 
   Status feed_and_spindle() {
@@ -759,6 +799,11 @@ class Interpreter {
 
   Status motion() {
     if (motion_code_ >= 0) modal_.motion = static_cast<std::int16_t>(motion_code_ == 800 ? -1 : motion_code_ / 10);
+    if (to_machine_ && acting_ <= 0) {
+      pass(text_of(*g_word(Group::machine)));
+      forget_places();
+      return {};
+    }
     if (acting_ < 0) return {};
     const Word* named = g_word(Group::motion);
     const Word& culprit = named != nullptr ? *named : *std::ranges::find_if(block_->words, [](const Word& word) {
@@ -780,6 +825,11 @@ class Interpreter {
         return error(culprit, "GC111", fmt::format("G{} without a feed; a feed move needs F > 0", acting_),
                      "add F; a G94 forgets the feed before it");
       }
+    }
+    if (to_machine_) {
+      pass(text_of(*g_word(Group::machine)));
+      forget_places();
+      return {};
     }
     if (!axis_words_ && acting_ < 2) return {};  // only the mode changes
 
@@ -955,6 +1005,7 @@ class Interpreter {
   int motion_code_ = -1;  // of the G word of the motion group, times ten
   int acting_ = -1;       // 0 to 3: what this block does
   bool axis_words_ = false;
+  bool to_machine_ = false;  // G53, G28, G30
 
   // What carries over.
   ModalState modal_;
@@ -972,6 +1023,7 @@ class Interpreter {
   bool units_known_ = false;
   bool distance_known_ = false;
   bool noted_length_ = false;
+  bool noted_machine_ = false;
   std::vector<int> noted_m_;
 };
 

@@ -12,6 +12,7 @@
 #include "polypod/gcode/canon.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/program.hpp"
+#include "polypod/gcode/unroll.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "require.hpp"
 
@@ -143,6 +144,31 @@ void check_rewriting(const gcode::Program& program, const gcode::Interpretation&
   gcode::to_text(gcode::with_header(rewritten->program, std::vector<std::string>{"a (b)\n"}));
 }
 
+/// Parameters, subprograms, loops and cycles: they end, and what they come to is a plain program.
+void check_unrolling(const gcode::Program& program) {
+  constexpr long kLines = 3000;
+  gcode::CanonOptions canon_options;
+  canon_options.files = false;
+  canon_options.most_lines = kLines;
+  if (const auto canon = gcode::canonical_text(program, canon_options); !canon) require_error(canon.error());
+
+  gcode::UnrollOptions options;
+  options.files = false;
+  options.most_lines = kLines;
+  const auto unrolled = gcode::unroll(program, options);
+  if (!unrolled) {
+    require_error(unrolled.error());
+    return;
+  }
+  const auto run = gcode::interpret(unrolled->program);
+  if (!run) {
+    require_error(run.error());
+    return;
+  }
+  require(run->states.size() == unrolled->program.blocks.size(), "every block has a state");
+  check_moves(*run);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -155,6 +181,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   require(gcode::to_text(*program) == text, "a program is printed byte for byte");
   for (const gcode::Block& block : program->blocks) {
     for (const gcode::Word& word : block.words) require(std::isfinite(word.value), "words are finite");
+  }
+  if (gcode::needs_unrolling(*program)) {
+    check_unrolling(*program);
+    return 0;
   }
   const auto run = gcode::interpret(*program);
   if (!run) {

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -161,9 +163,9 @@ TEST(Interpret, RefusesWithPlaceAndId) {
       {"G16\n", "GC125", 1, 1},
       {"G59.1\n", "GC125", 1, 1},
       {"G0 @5 ^30\n", "GC125", 1, 4},
-      {"G28\n", "GC126", 1, 1},
-      {"G91 G30 Z0\n", "GC126", 1, 5},
-      {"G53 G0 Z0\n", "GC126", 1, 1},
+      {"G28 X5\n", "GC126", 1, 1},
+      {"G91 G30 Z1\n", "GC126", 1, 5},
+      {"G53 Z0\n", "GC168", 1, 1},
       {"G5 X1 Y1 I0 J1 P0 Q1\n", "GC127", 1, 1},
       {"G5.2 X1 P1\n", "GC127", 1, 1},
       {"G33 Z-1 K1\n", "GC128", 1, 1},
@@ -248,6 +250,21 @@ TEST(Move, DirectionIsTheDerivativeOfPoint) {
       // Central differences of step 1e-7 m round off at about 1e-16 / 1e-7.
       expect_near(move.direction(s), difference, 1e-7);
     }
+  }
+}
+
+TEST(Interpret, PlacesOfTheMachineAreNotKnown) {
+  for (const std::string word : {"G28", "G91 G28 Z0\nG90", "G53 G0 Z0", "G91 G30 X0 Y0 Z0\nG90"}) {
+    const auto result = run("G0 X1 Y2 Z3\n" + word + "\nG0 Z5\nG0 X1 Y2\nM2\n");
+    ASSERT_TRUE(result.has_value()) << word << to_string(result.error());
+    ASSERT_EQ(result->moves.size(), 3u) << word;
+    EXPECT_FALSE(result->moves[1].start_known) << word;
+    EXPECT_FALSE(result->moves[1].known_start[2]) << word;
+    EXPECT_TRUE(result->moves[2].known_end[0]) << word;
+    ASSERT_FALSE(result->notes.empty());
+    EXPECT_TRUE(std::any_of(result->notes.begin(), result->notes.end(), [](const std::string& note) {
+      return note.find("a place of the machine") != std::string::npos;
+    })) << word;
   }
 }
 

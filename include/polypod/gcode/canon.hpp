@@ -16,15 +16,17 @@ struct CanonOptions {
   /// A LinuxCNC parameter file (`5221 10.0`): offsets of G54 ... G59.3 and G92, lengths in inches, and the active
   /// system (5220). Only read, never written. Without one, all offsets are 0 and G54 is active.
   std::string parameters;
-  bool block_delete = false;  ///< whether blocks that begin with `/` are skipped
+  bool block_delete = false;    ///< whether blocks that begin with `/` are skipped
+  bool files = true;            ///< whether subprograms may stand in files beside the program (`name.ngc`)
+  long most_lines = 5'000'000;  ///< so many lines may run: more are taken for an endless loop (GC165)
 };
 
 /// The canonical calls of a program, one a line, in program units and in coordinates of the active offsets: what
 /// `rs274 -t TABLE -v PARAMETERS -g PROGRAM` (LinuxCNC 2.9) writes to its standard output, byte for byte. Words that
 /// rs274 itself refuses but Polypod passes through (checksums, G9, G50, G69, M codes of a machine's builder) print
-/// nothing. Comments `(print, ...)`, `(debug, ...)` and `(log, ...)` are printed without expansion of parameters.
+/// nothing.
 /// Errors: those of `interpret`; GC150 no M2, M30 or closing % (rs274 refuses that too), GC151 a tool that the table
-/// does not hold, GC152 a malformed tool table or parameter file, or parameters that turn the coordinates; FI100. Cost:
+/// does not hold, GC152 a malformed tool table or parameter file; FI100. Cost:
 /// linear.
 Result<std::string> canonical_text(const Program& program, const CanonOptions& options = {});
 

@@ -1,0 +1,418 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Lines in the order in which they run: subprograms, loops, conditions.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "engine.hpp"
+#include "polypod/core/files.hpp"
+
+namespace polypod::gcode {
+namespace {
+
+/// LinuxCNC's depth of subprograms.
+constexpr std::size_t kDeepestCall = 10;
+/// LinuxCNC refuses lines from this length on.
+constexpr std::size_t kLongestLine = 253;
+constexpr std::size_t kLongestSubprogram = 16 << 20;  // bytes of a file
+
+std::string shown(const std::string& label) {
+  const bool number = !label.empty() && label.find_first_not_of("0123456789") == std::string::npos;
+  return number ? "O" + label : "O<" + label + ">";
+}
+
+}  // namespace
+
+Status Engine::run_lines() {
+  for (const Block& block : source().program->blocks) {  // LinuxCNC reads what it skips, too
+    if (!options_.checks || block.after_end || block.text.size() < kLongestLine) continue;
+    written_block_ = block_ = &block;
+    return error(static_cast<int>(kLongestLine), "GC108", "a line of more than 252 characters, which LinuxCNC refuses",
+                 "split the block");
+  }
+  while (!ends_) {
+    Frame& f = frame();
+    const auto& blocks = source().program->blocks;
+    if (f.at >= blocks.size()) {
+      if (frames_.size() == 1) return {};
+      // A file that ends without M99 or endsub.
+      written_block_ = block_ = &blocks.back();
+      return error(1, "GC163", fmt::format("the file ends within the subprogram {}", shown(f.name)),
+                   "end it with endsub, or M99");
+    }
+    if (++lines_ > options_.most_lines) {
+      written_block_ = block_ = &blocks[f.at];
+      return error(1, "GC165", fmt::format("the program runs more than {} lines", options_.most_lines),
+                   "check the conditions of its loops: one of them may never end");
+    }
+    POLYPOD_TRY(step());
+  }
+  return {};
+}
+
+Status Engine::step() {
+  const Block& block = source().program->blocks[frame().at++];
+  written_block_ = &block;
+  if (block.percent) {
+    begin_plain();
+    block_ = &block;
+    if (percent_ && frames_.size() == 1) {
+      number_ = kNoNumber;
+      put("FINISH()");
+      ends_ = finished_ = true;
+    }
+    percent_ = true;
+    add_plain(block.text, true);
+    return {};
+  }
+  if (block.text.size() >= kLongestLine && options_.checks) {
+    block_ = &block;
+    return error(static_cast<int>(kLongestLine), "GC108", "a line of more than 252 characters, which LinuxCNC refuses",
+                 "split the block");
+  }
+  const bool evaluated = block.construct != Construct::none || block.after_end;
+  if (!evaluated) {
+    if (block.optional && options_.block_delete) return {};
+    return execute(block);
+  }
+  Place place{source().program->path, block.line, 0};
+  // A label alone is looked at first: what stands behind it must not be evaluated where it does not run.
+  POLYPOD_ASSIGN(line, read_line(block.text, *this, place));
+  if (line.percent) {
+    if (frames_.size() == 1) ends_ = finished_ = true;
+    return {};
+  }
+  if (line.optional && options_.block_delete) return {};
+  if (!line.keyword.empty()) return control(line, block);
+  scratch_.text = block.text;
+  scratch_.ending = block.ending;
+  scratch_.line = block.line;
+  scratch_.words = std::move(line.words);
+  // Assignments count when the whole line has been read, but before it runs.
+  if (!line.assignments.empty()) POLYPOD_TRY(assign(line, scratch_));
+  return execute(scratch_);
+}
+
+Status Engine::execute(const Block& block) {
+  if (options_.checks) {
+    for (const Word& word : block.words) {
+      if (word.letter != 'M') continue;
+      if (word.value == 98 || word.value == 99) {
+        block_ = &block;
+        for (const Word& other : block.words) {
+          if (std::string_view("MNPLO").find(other.letter) == std::string_view::npos) {
+            return error(other.column, "GC119", fmt::format("{} beside M{}", other.letter, word.value),
+                         "move it to a line of its own");
+          }
+        }
+        comment();
+        return word.value == 98 ? call_by_number(block) : return_from(block);
+      }
+    }
+  }
+  return this->block(block);
+}
+
+void Engine::search(Source& source) {
+  source.searched = true;
+  const auto& blocks = source.program->blocks;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    auto word = o_word_of(blocks[i].text);
+    if (!word || (word->second != "sub" && !word->second.empty())) continue;
+    source.subs.emplace(std::move(word->first), i);
+  }
+}
+
+Result<std::pair<std::size_t, std::size_t>> Engine::find_sub(const std::string& label, const Block& block, int column,
+                                                             bool by_number) {
+  if (!source().searched) search(source());
+  if (const auto at = source().subs.find(label); at != source().subs.end()) {
+    return std::pair{frame().source, at->second};
+  }
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    if (!sources_[i]->searched) search(*sources_[i]);
+    if (const auto at = sources_[i]->subs.find(label); at != sources_[i]->subs.end()) return std::pair{i, at->second};
+  }
+  block_ = &block;
+  const auto missing = [&](std::string why) {
+    return error(column, "GC164", fmt::format("the subprogram {} {}", shown(label), why),
+                 "define it in the program, or lay LABEL.ngc beside the program");
+  };
+  // Only a file in the folder of the program: no label leads out of it.
+  const bool plain_name = label.find_first_of("/\\:") == std::string::npos && label.find("..") == std::string::npos;
+  const std::filesystem::path folder = std::filesystem::path(sources_.front()->program->path).parent_path();
+  const std::filesystem::path path = folder / (label + ".ngc");
+  std::error_code ignored;
+  if (!options_.files || !plain_name || !std::filesystem::is_regular_file(path, ignored)) {
+    return missing("is not in the program, nor a file beside it");
+  }
+  if (sources_.size() > 100) return missing("would be the hundredth file");
+  if (std::filesystem::file_size(path, ignored) > kLongestSubprogram) return missing("is a file of more than 16 MB");
+  POLYPOD_ASSIGN(program, read(path.string()));
+  auto source = std::make_unique<Source>();
+  source->own = std::move(program);
+  source->program = &source->own;
+  search(*source);
+  const auto at = source->subs.find(label);
+  if (at == source->subs.end() && !by_number) return missing(fmt::format("is not defined in {}", path.string()));
+  const std::size_t line = at == source->subs.end() ? 0 : at->second;
+  sources_.push_back(std::move(source));
+  return std::pair{sources_.size() - 1, line};
+}
+
+Status Engine::call(const std::string& label, const std::vector<double>& arguments, const Block& block, int column) {
+  block_ = &block;
+  if (frames_.size() >= kDeepestCall) {
+    return error(column, "GC165", fmt::format("subprograms nest deeper than {}", kDeepestCall - 1),
+                 "check the condition that ends the recursion");
+  }
+  POLYPOD_ASSIGN(place, find_sub(label, block, column, false));
+  const auto head = o_word_of(sources_[place.first]->program->blocks[place.second].text);
+  if (!head || head->second != "sub") {
+    return error(column, "GC163", fmt::format("{} is a program with a number; M98 calls it", shown(label)), "use M98");
+  }
+  Frame next;
+  next.source = place.first;
+  next.at = next.begin = place.second + 1;
+  next.name = label;
+  for (std::size_t i = 0; i < 30; ++i) {
+    double& slot = parameter(static_cast<int>(i) + 1);
+    next.saved[i] = slot;
+    slot = i < arguments.size() ? arguments[i] : 0;
+  }
+  returned_ = false;
+  returned_value_ = 0;
+  frames_.push_back(std::move(next));
+  return {};
+}
+
+Status Engine::call_by_number(const Block& block) {
+  block_ = &block;
+  const Word* p = find('P');
+  const Word* l = find('L');
+  if (p == nullptr || p->value < 0 || p->value != std::floor(p->value) || p->value > 1e9) {
+    return error(p != nullptr ? p->column : 1, "GC163", "M98 without the number of a subprogram", "write M98 P...");
+  }
+  if (l != nullptr && (l->value < 0 || l->value != std::floor(l->value) || l->value > 1e9)) {
+    return error(l->column, "GC163", "L of M98 is no number of repetitions", "write an integer from 0");
+  }
+  if (l != nullptr && l->value == 0) return {};
+  if (frames_.size() >= kDeepestCall) {
+    return error(p->column, "GC165", fmt::format("subprograms nest deeper than {}", kDeepestCall - 1),
+                 "check the condition that ends the recursion");
+  }
+  const std::string label = fmt::format("{:.0f}", p->value);
+  POLYPOD_ASSIGN(place, find_sub(label, block, p->column, true));
+  const auto head = o_word_of(sources_[place.first]->program->blocks[place.second].text);
+  if (head && head->second == "sub") {
+    return error(p->column, "GC163",
+                 fmt::format("{} is a subprogram with 'sub'; a call with an O word calls it", shown(label)),
+                 fmt::format("write O{} call", label));
+  }
+  Frame next;
+  next.source = place.first;
+  next.at = next.begin = place.second + 1;
+  next.name = label;
+  next.by_number = true;
+  next.repeats = l != nullptr ? static_cast<long>(l->value) : 1;
+  frames_.push_back(std::move(next));
+  return {};
+}
+
+Status Engine::return_from(const Block& block) {
+  block_ = &block;
+  if (const Word* p = find('P')) {
+    return error(p->column, "GC119", "P beside M99; LinuxCNC does not know it", "remove it");
+  }
+  if (frames_.size() == 1) {  // of the main program: its end
+    number_ = kNoNumber;
+    read_number(block.text);
+    begin_plain();
+    end_program(false);
+    add_plain("M2");
+    return {};
+  }
+  Frame& f = frame();
+  if (!f.by_number) {
+    return error(1, "GC163", "M99 in a subprogram that 'call' called", "end it with endsub");
+  }
+  if (--f.repeats > 0) {
+    f.at = f.begin;
+    f.labels.clear();
+    return {};
+  }
+  frames_.pop_back();
+  return {};
+}
+
+/// LinuxCNC 2.9 remembers that it has run or, on the way to `endwhile`, passed the `break` of a `while` loop, and ends
+/// the next `do` loop after its first pass.
+void Engine::pass_break(const std::string& label) {
+  const auto known = frame().labels.find(label);
+  if (known != frame().labels.end() && known->second.keyword == "while") break_passed_ = true;
+}
+
+Status Engine::skip_to(const std::string& label, std::initializer_list<std::string_view> keywords, const Block& block) {
+  const auto& blocks = source().program->blocks;
+  const std::size_t from = frame().at;
+  for (std::size_t& at = frame().at; at < blocks.size(); ++at) {
+    const auto word = o_word_of(blocks[at].text);
+    if (!word || word->first != label) continue;
+    if (word->second == "break") pass_break(label);
+    if (blocks[at].optional && options_.block_delete) continue;
+    if (std::find(keywords.begin(), keywords.end(), word->second) != keywords.end()) {
+      lines_ += static_cast<long>((at - from) / 8);  // looking for a line costs less than running it
+      return {};
+    }
+  }
+  block_ = &block;
+  return error(1, "GC163", fmt::format("{} is not closed: no '{}' follows", shown(label), *(keywords.end() - 1)),
+               "close it with the same label");
+}
+
+Status Engine::control(const Line& line, const Block& block) {
+  block_ = &block;
+  const std::string& label = line.label;
+  const std::string& word = line.keyword;
+  Frame& f = frame();
+  const std::size_t here = f.at - 1;
+  const int column = line.label_column;
+  const auto bad = [&](std::string message, std::string_view hint) {
+    return error(column, "GC163", std::move(message), hint);
+  };
+  if (word == "call") return call(label, line.arguments, block, column);
+  if (word == "sub") {
+    if (frames_.size() > 1) return bad("a subprogram within a subprogram", "define it outside");
+    return [&]() -> Status {
+      const auto& blocks = source().program->blocks;
+      for (std::size_t i = f.at; i < blocks.size(); ++i) {
+        const auto other = o_word_of(blocks[i].text);
+        if (!other) continue;
+        if (other->second == "sub") {
+          written_block_ = block_ = &blocks[i];
+          return error(1, "GC163", "a subprogram within a subprogram", "define it outside");
+        }
+        if (other->second == "endsub" && other->first == label) {
+          // LinuxCNC reads the value of the last line even where it passes the subprogram by.
+          const auto last = read_line(blocks[i].text, *this, Place{source().program->path, blocks[i].line, 0});
+          if (last) {
+            returned_ = !last->arguments.empty();
+            returned_value_ = returned_ ? last->arguments.front() : 0;
+          }
+          f.at = i + 1;
+          return {};
+        }
+      }
+      return bad(fmt::format("{} is not closed: no 'endsub' follows", shown(label)), "close it with the same label");
+    }();
+  }
+  if (word == "endsub" || word == "return") {
+    if (frames_.size() == 1) return bad(fmt::format("'{}' outside of a subprogram", word), "remove it");
+    if (f.by_number) return bad(fmt::format("'{}' in a subprogram that M98 called", word), "end it with M99");
+    if (word == "endsub" && label != f.name) {
+      return bad(fmt::format("'endsub' of {} in {}", shown(label), shown(f.name)), "use the label of the subprogram");
+    }
+    returned_ = !line.arguments.empty();
+    returned_value_ = returned_ ? line.arguments.front() : 0;
+    for (std::size_t i = 0; i < 30; ++i) parameter(static_cast<int>(i) + 1) = f.saved[i];
+    frames_.pop_back();
+    return {};
+  }
+
+  const auto known = f.labels.find(label);
+  const bool is_known = known != f.labels.end();
+  const auto claim = [&]() -> Status {  // for the head of a loop or a condition
+    if (is_known && known->second.line != here) {
+      return bad(fmt::format("the label {} is used a second time", shown(label)),
+                 "give each loop and condition its own");
+    }
+    f.labels[label] = {word, here, 0};
+    return {};
+  };
+  const auto expect = [&](std::initializer_list<std::string_view> heads) -> Status {
+    if (!is_known || std::find(heads.begin(), heads.end(), known->second.keyword) == heads.end()) {
+      return bad(fmt::format("'{}' of {} without its beginning", word, shown(label)), "check its label");
+    }
+    return {};
+  };
+  if (word == "if") {
+    POLYPOD_TRY(claim());
+    if (line.arguments.front() != 0) return {};
+    while (true) {
+      POLYPOD_TRY(skip_to(label, {"else", "elseif", "endif"}, block));
+      const Block& next = source().program->blocks[f.at++];
+      const auto found = o_word_of(next.text);
+      if (found->second != "elseif") return {};
+      written_block_ = &next;
+      POLYPOD_ASSIGN(again, read_line(next.text, *this, Place{source().program->path, next.line, 0}));
+      if (again.arguments.front() != 0) return {};
+    }
+  }
+  if (word == "elseif" || word == "else") {  // the branch before it has run
+    POLYPOD_TRY(expect({"if"}));
+    POLYPOD_TRY(skip_to(label, {"endif"}, block));
+    ++f.at;
+    return {};
+  }
+  if (word == "endif") return expect({"if"});
+  if (word == "do") return claim();
+  if (word == "while") {
+    if (is_known && known->second.keyword == "do") {
+      if (break_passed_) {
+        break_passed_ = false;
+        if (line.arguments.front() != 0) {
+          notes_.push_back(
+              fmt::format("line {}: LinuxCNC 2.9 ends this loop here, for it has passed the 'break' of a 'while' loop "
+                          "before; it may not be what was meant",
+                          block.line));
+        }
+        return {};
+      }
+      if (line.arguments.front() != 0) f.at = known->second.line + 1;
+      return {};
+    }
+    POLYPOD_TRY(claim());
+    if (line.arguments.front() != 0) return {};
+    POLYPOD_TRY(skip_to(label, {"endwhile"}, block));
+    ++f.at;
+    return {};
+  }
+  if (word == "endwhile") {
+    POLYPOD_TRY(expect({"while"}));
+    f.at = known->second.line;
+    return {};
+  }
+  if (word == "repeat") {
+    POLYPOD_TRY(claim());
+    const double count = std::round(line.arguments.front());
+    if (count >= 1) {
+      f.labels[label].left = count < 1e15 ? static_cast<long>(count) : 1'000'000'000'000'000L;
+      return {};
+    }
+    POLYPOD_TRY(skip_to(label, {"endrepeat"}, block));
+    ++f.at;
+    return {};
+  }
+  if (word == "endrepeat") {
+    POLYPOD_TRY(expect({"repeat"}));
+    if (--known->second.left > 0) f.at = known->second.line + 1;
+    return {};
+  }
+  // break and continue
+  POLYPOD_TRY(expect({"while", "do"}));
+  const bool is_do = known->second.keyword == "do";
+  if (word == "break") pass_break(label);
+  if (word == "continue" && !is_do) {
+    f.at = known->second.line;
+    return {};
+  }
+  if (is_do) {
+    POLYPOD_TRY(skip_to(label, {"while"}, block));
+  } else {
+    POLYPOD_TRY(skip_to(label, {"endwhile"}, block));
+  }
+  if (word == "break") ++f.at;
+  return {};
+}
+
+}  // namespace polypod::gcode

@@ -1,0 +1,146 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The order in which the words of a block act, and how a program begins and ends.
+#include "engine.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "words.hpp"
+
+namespace polypod::gcode {
+
+Engine::Engine(const Program& program, EngineOptions options) : options_(std::move(options)) {
+  parameters_.assign(static_cast<std::size_t>(kLastParameter) + 1, 0);
+  for (const auto& [index, value] : options_.parameters) {
+    if (index >= 1 && index <= kLastParameter) parameter(index) = value;
+  }
+  parameter(5599) = 1;
+  if (parameter(5220) < 1 || parameter(5220) > 9) parameter(5220) = 1;
+  active_ = static_cast<int>(parameter(5220));
+  if (parameter(5210) != 0) {
+    for (std::size_t k = 0; k < 6; ++k) g92_[k] = parameter(5211 + static_cast<int>(k)) * (k < 3 ? kMmPerInch : 1);
+  }
+  for (int i = 1; i <= 6; ++i) {
+    for (std::size_t k = 0; k < 6; ++k) {
+      plain_origins_[static_cast<std::size_t>(i - 1)][k] =
+          parameter(5201 + 20 * i + static_cast<int>(k)) * (k < 3 ? kMmPerInch : 1);
+    }
+    if (parameter(5210) != 0) {
+      for (std::size_t k = 0; k < 6; ++k) plain_origins_[static_cast<std::size_t>(i - 1)][k] += g92_[k];
+    }
+  }
+  plain_system_ = active_ <= 6 ? active_ : 1;
+  known_.fill(options_.machine_known);
+  known_[3] = known_[4] = known_[5] = true;
+  select(active_);
+  if (rotation_ == 0) {
+    for (std::size_t k = 0; k < 6; ++k) current_[k] = canon_[k] = 0 - origin_[k] - g92_[k];
+  } else {
+    current_ = canon_ = from_machine({});
+  }
+  auto source = std::make_unique<Source>();
+  source->program = &program;
+  sources_.push_back(std::move(source));
+  frames_.emplace_back();
+  plain_.path = program.path;
+}
+
+Status Engine::run() {
+  number_ = kNoNumber;
+  put("USE_LENGTH_UNITS(CANON_UNITS_MM)");
+  print_system(active_, true);
+  put("SET_FEED_REFERENCE(CANON_XYZ)");
+  put("ON_RESET()");
+  POLYPOD_TRY(run_lines());
+  number_ = kNoNumber;
+  put("ON_RESET()");
+  put("ON_RESET()");
+  return {};
+}
+
+tl::unexpected<Error> Engine::error(int column, std::string_view id, std::string message, std::string_view hint) const {
+  const int line = written_block_ != nullptr ? written_block_->line : 0;
+  return fail(std::string(id), std::move(message), Place{sources_[frames_.back().source]->program->path, line, column},
+              std::string(hint));
+}
+
+int Engine::integer(char letter) const {
+  return static_cast<int>(std::clamp(value(letter), -1e9, 1e9));
+}
+
+const Word* Engine::g_word(int tenfold) const {
+  for (const Word& word : block_->words) {
+    if (word.letter == 'G' && std::lround(word.value * 10) == tenfold) return &word;
+  }
+  return nullptr;
+}
+
+bool Engine::axis_words() const {
+  return std::any_of(block_->words.begin(), block_->words.end(), [](const Word& w) {
+    return kAxisLetters.find(w.letter) != std::string_view::npos || w.letter == '@' || w.letter == '^';
+  });
+}
+
+Status Engine::block(const Block& block) {
+  block_ = &block;
+  read_number(block.text);
+  if (resync_) {
+    current_ = canon_;
+    resync_ = false;
+  }
+  begin_plain();
+  if (find('O') == nullptr) comment();  // rs274 prints none beside an O word
+  if (block.words.empty()) {
+    end_plain();
+    return {};
+  }
+  if (options_.checks) POLYPOD_TRY(check());
+  feed_and_speed();
+  POLYPOD_TRY(tools());
+  POLYPOD_TRY(spindle());
+  switches();
+  POLYPOD_TRY(settings());
+  POLYPOD_TRY(motion());
+  stop();
+  end_plain();
+  return {};
+}
+
+void Engine::stop() {
+  switch (one_of('M', 0, 10, 20, 300, 600)) {
+    case 0:
+      put("PROGRAM_STOP()");
+      break;
+    case 10:
+      put("OPTIONAL_PROGRAM_STOP()");
+      break;
+    case 600:
+      put("PALLET_SHUTTLE()");
+      put("PROGRAM_STOP()");
+      break;
+    case 20:
+    case 300:
+      end_program(one_of('M', 300) >= 0);
+      break;
+    default:
+      break;
+  }
+}
+
+void Engine::end_program(bool pallet) {
+  keep_place([&] { select(1); });
+  print_system(1, false);
+  if (plane_ != Plane::xy) put("SELECT_PLANE(CANON_PLANE_XY)");
+  put("SET_FEED_MODE(0, 0)");
+  put("SET_FEED_RATE(0.0000)");
+  if (!feed_override_) put("ENABLE_FEED_OVERRIDE()");
+  put("STOP_SPINDLE_TURNING(0)");
+  put("SET_SPINDLE_MODE(0 0.0000)");
+  if (mist_) put("MIST_OFF()");
+  if (flood_) put("FLOOD_OFF()");
+  if (pallet) put("PALLET_SHUTTLE()");
+  put("PROGRAM_END()");
+  ends_ = true;
+}
+
+}  // namespace polypod::gcode

@@ -1,0 +1,291 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Runs a program as LinuxCNC's interpreter does: canonical calls as text, and the same motion as plain blocks.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <array>
+#include <functional>
+#include <initializer_list>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "expression.hpp"
+#include "polypod/gcode/interpreter.hpp"
+
+namespace polypod::gcode {
+
+using Axes = std::array<double, 6>;        // X, Y, Z in program units; A, B, C in deg
+using ToolOffset = std::array<double, 9>;  // and U, V, W
+
+struct Tool {
+  int number = 0;
+  ToolOffset offset{};  // inches and deg
+  double diameter = 0;  // inches
+  double front_angle = 0;
+  double back_angle = 0;
+  int orientation = 0;
+};
+
+struct EngineOptions {
+  std::vector<Tool> tools;
+  bool any_tool = false;  ///< tools that the table does not hold are taken, with an unknown length
+  /// A parameter file: number and value, lengths in inches.
+  std::map<int, double> parameters;
+  /// Whether the machine's zero and the start are known, as rs274 takes them to be.
+  bool machine_known = true;
+  bool block_delete = false;
+  bool text = true;     ///< write canonical calls
+  bool plain = false;   ///< write plain blocks
+  bool files = true;    ///< whether files beside the program are read
+  bool checks = false;  ///< judge words: only for programs that `interpret` has not judged
+  long most_lines = 5'000'000;
+};
+
+class Engine final : private Parameters {
+ public:
+  Engine(const Program& program, EngineOptions options);
+  Status run();
+  std::string take_text() { return std::move(out_); }
+  Program take_plain() { return std::move(plain_); }
+  /// The file of each plain block; empty for the program itself.
+  [[nodiscard]] std::string file_of(std::size_t plain_block) const {
+    const std::size_t source = plain_sources_[plain_block];
+    return source == 0 ? std::string() : sources_[source]->program->path;
+  }
+  std::vector<std::string> take_notes() { return std::move(notes_); }
+  /// Where the program ended without M2, M30 or a closing %.
+  [[nodiscard]] bool ended() const { return ends_; }
+
+ private:
+  static constexpr std::string_view kNoNumber = "N..... ";
+  static constexpr std::string_view kAxisLetters = "XYZABC";
+
+  // --- control.cpp: lines, subprograms, loops -------------------------------------------------------------------
+  struct Source {
+    Program own;  // of a file beside the program
+    const Program* program = nullptr;
+    std::map<std::string, std::size_t> subs;  // where a label's `sub` or number stands; found when it is wanted
+    bool searched = false;
+  };
+  struct LabelUse {
+    std::string keyword;  // if, while, do, repeat
+    std::size_t line = 0;
+    long left = 0;  // of repeat
+  };
+  struct Frame {
+    std::size_t source = 0;
+    std::size_t at = 0;              // the next line
+    std::string name;                // of the subprogram
+    bool by_number = false;          // called by M98: numbered parameters are those of the caller
+    long repeats = 0;                // of M98 L
+    std::size_t begin = 0;           // the line after its head
+    std::array<double, 30> saved{};  // #1 to #30 of the caller
+    std::map<std::string, double> locals;
+    std::map<std::string, LabelUse> labels;
+  };
+  Status run_lines();
+  Status step();
+  Status execute(const Block& block);
+  Status control(const Line& line, const Block& block);
+  Status call(const std::string& label, const std::vector<double>& arguments, const Block& block, int column);
+  Status call_by_number(const Block& block);
+  Status return_from(const Block& block);
+  Status skip_to(const std::string& label, std::initializer_list<std::string_view> keywords, const Block& block);
+  void pass_break(const std::string& label);
+  Result<std::pair<std::size_t, std::size_t>> find_sub(const std::string& label, const Block& block, int column,
+                                                       bool by_number);
+  void search(Source& source);
+  Status assign(const Line& line, const Block& block);
+  Frame& frame() { return frames_.back(); }
+  Source& source() { return *sources_[frame().source]; }
+
+  // --- parameters.cpp -------------------------------------------------------------------------------------------
+  [[nodiscard]] tl::expected<double, std::string> numbered(int index) const override;
+  [[nodiscard]] tl::expected<std::optional<double>, std::string> named(const std::string& name) const override;
+  [[nodiscard]] std::optional<double> predefined(std::string_view name) const;
+  [[nodiscard]] double inches(double length) const { return inches_ ? length : length / 25.4; }
+  [[nodiscard]] double lengths(double inches) const { return inches_ ? inches : inches * 25.4; }
+  double& parameter(int index) { return parameters_[static_cast<std::size_t>(index)]; }
+  [[nodiscard]] double parameter(int index) const { return parameters_[static_cast<std::size_t>(index)]; }
+
+  // --- engine.cpp, settings.cpp, tools.cpp, motion.cpp, judge.cpp, messages.cpp: blocks
+  // ---------------------------------------------------------------------------------------
+  void put(std::string_view text) {
+    if (options_.text) fmt::format_to(std::back_inserter(out_), "{:5} {}{}\n", ++calls_, number_, text);
+  }
+  template <class... T>
+  void put(fmt::format_string<T...> format, T&&... values) {
+    if (options_.text) put(std::string_view(fmt::format(format, std::forward<T>(values)...)));
+  }
+  static std::string list(const Axes& p) {
+    return fmt::format("{:.4f}, {:.4f}, {:.4f}, {:.4f}, {:.4f}, {:.4f}", p[0], p[1], p[2], p[3], p[4], p[5]);
+  }
+  [[nodiscard]] tl::unexpected<Error> error(int column, std::string_view id, std::string message,
+                                            std::string_view hint) const;
+  [[nodiscard]] const Word* find(char letter) const {
+    for (const Word& word : block_->words) {
+      if (word.letter == letter) return &word;
+    }
+    return nullptr;
+  }
+  [[nodiscard]] double value(char letter, double otherwise = 0) const {
+    const Word* word = find(letter);
+    return word != nullptr ? word->value : otherwise;
+  }
+  [[nodiscard]] int integer(char letter) const;
+  [[nodiscard]] const Word* g_word(int tenfold) const;
+  template <class... T>
+  [[nodiscard]] int one_of(char letter, T... codes) const {
+    for (const Word& word : block_->words) {
+      if (word.letter != letter) continue;
+      const int tenfold = static_cast<int>(word.value * 10 + 0.5);
+      if (((tenfold == codes) || ...)) return tenfold;
+    }
+    return -1;
+  }
+  [[nodiscard]] bool axis_words() const;
+
+  void read_number(const std::string& text);
+  Status block(const Block& block);
+  Status check();
+  void comment();
+  void feed_and_speed();
+  [[nodiscard]] Result<std::size_t> index_of(const Word& word) const;
+  Status tools();
+  Status spindle();
+  void switches();
+  Status settings();
+  Status length_offset(int g);
+  Status origin();
+  Status set_system(int p, bool from_here);
+  Status set_tool(int l);
+  Status go_home(int g);
+  Status motion();
+  Status arc(const Axes& end);
+  Status spline(int motion);
+  Status probe(const Axes& end);
+  void stop();
+  void end_program(bool pallet);
+  void set_path_mode();
+  [[nodiscard]] Axes target() const;
+  [[nodiscard]] bool polar() const { return find('@') != nullptr || find('^') != nullptr; }
+  void polar_from(Axes& p) const;
+  /// A length in mm, in program units.
+  [[nodiscard]] double inches_tolerance(double mm) const { return inches_ ? mm / 25.4 : mm; }
+
+  // --- cycles.cpp -----------------------------------------------------------------------------------------------
+  Status cycle(int before);
+
+  // --- coordinates.cpp ----------------
+  void select(int index);  // takes origin and rotation of a work coordinate system
+  void print_system(int index, bool with_g92);
+  [[nodiscard]] Axes to_machine(const Axes& p) const;
+  [[nodiscard]] Axes from_machine(const Axes& p) const;
+  void keep_place(const std::function<void()>& change);  // changes the frame; the machine stays where it is
+
+  // Primitive motions: canonical call, plain block, new position.
+  void traverse(const Axes& end);
+  void feed(const Axes& end, bool by_inverse_time);
+  void dwell(double seconds);
+  void move_to(const Axes& end);
+
+  // --- plain.cpp ---------------
+  void begin_plain();
+  void end_plain();
+  void plain(std::string text) { motions_.push_back(std::move(text)); }
+  [[nodiscard]] std::string plain_words(const Axes& end, bool all) const;
+  [[nodiscard]] Axes to_plain(const Axes& p) const;
+  [[nodiscard]] std::string plain_number(double value, bool step) const;
+  void add_plain(std::string text, bool as_it_is = false);
+  [[nodiscard]] bool shifted() const;
+
+  EngineOptions options_;
+  std::string out_;
+  std::string number_;
+  int calls_ = 0;
+  std::vector<std::string> notes_;
+  Program plain_;
+  std::vector<std::size_t> plain_sources_;
+
+  // Control.
+  std::vector<std::unique_ptr<Source>> sources_;
+  std::vector<Frame> frames_;
+  std::vector<double> parameters_;
+  std::unordered_map<std::string, double> globals_;
+  double returned_value_ = 0;
+  bool returned_ = false;
+  bool percent_ = false;
+  bool ends_ = false;
+  bool finished_ = false;  // by the closing %
+  long lines_ = 0;
+  bool break_passed_ = false;
+
+  // The block at hand.
+  Block scratch_;
+  const Block* block_ = nullptr;
+  const Block* written_block_ = nullptr;  // its line in the file
+  bool rewritten_ = false;
+  bool name_axes_ = true;  // whether a plain motion holds the axes that the block names, else those that change
+  std::vector<std::string> motions_;
+
+  // What carries over.
+  Axes origin_{};        // of the active system, program units
+  double rotation_ = 0;  // deg
+  Axes g92_{};
+  int active_ = 1;
+  std::array<Axes, 6> plain_origins_{};  // of G54 ... G59 as the plain program has them, mm
+  int plain_system_ = 1;
+  Axes current_{};  // where the interpreter is
+  Axes canon_{};    // where the last move ended; a new tool length shows only in `current_`
+  std::array<bool, 6> known_{};
+  bool resync_ = false;  // after a tool change rs274 asks where it is, and forgets a new tool length
+  ToolOffset length_offset_{};
+  Tool loaded_;
+  std::size_t loaded_pocket_ = 1;
+  std::size_t selected_ = 0;
+  int selected_number_ = -1;
+  int motion_ = -1;  // times ten
+  Plane plane_ = Plane::xy;
+  int path_mode_ = 640;
+  double tolerance_ = 0;
+  double cam_tolerance_ = 0;
+  bool inches_ = false;
+  bool inverse_ = false;
+  bool incremental_ = false;
+  bool arc_absolute_ = false;
+  bool old_level_ = false;  // G98
+  bool mist_ = false;
+  bool flood_ = false;
+  bool feed_override_ = true;
+  bool speed_override_ = true;
+  bool adaptive_feed_ = false;
+  bool feed_hold_ = true;
+  int turning_ = 0;  // 1 clockwise, -1 counterclockwise
+  double feed_ = 0;
+  double speed_ = 0;
+  bool tool_offset_ = false;
+
+  int plain_motion_ = -1;      // the motion word in force in the plain program
+  int motion_before_ = -1;     // the same before the block at hand
+  std::array<bool, 9> set_{};  // work coordinate systems that the program has set itself
+  std::array<double, 2> spline_tangent_{};
+  bool after_spline_ = false;
+  bool spline_now_ = false;
+
+  // The cycle in force.
+  double cycle_bottom_ = 0;
+  double cycle_r_ = 0;
+  double cycle_p_ = 0;
+  double cycle_q_ = 0;
+  double cycle_level_ = 0;  // where the series of cycles began
+};
+
+}  // namespace polypod::gcode

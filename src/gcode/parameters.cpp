@@ -1,0 +1,126 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The parameters of a running program: numbered, named and those that tell the state.
+#include <cmath>
+
+#include "engine.hpp"
+
+namespace polypod::gcode {
+
+tl::expected<double, std::string> Engine::numbered(int index) const {
+  switch (index) {
+    case 5400:
+      return loaded_.number;
+    case 5410:
+      return loaded_.diameter;
+    case 5411:
+      return loaded_.front_angle;
+    case 5412:
+      return loaded_.back_angle;
+    case 5413:
+      return loaded_.orientation;
+    default:
+      break;
+  }
+  if (index >= 5401 && index <= 5409) return loaded_.offset[static_cast<std::size_t>(index - 5401)];
+  if (index >= 5420 && index <= 5425) {
+    const auto k = static_cast<std::size_t>(index - 5420);
+    if (!known_[k]) return tl::unexpected(fmt::format("#{}: the position of {} is not known here", index, "XYZABC"[k]));
+    return current_[k] + 0.0;  // no negative zero
+  }
+  if (index >= 5426 && index <= 5428) return 0.0;
+  if (!options_.machine_known && ((index >= 5161 && index <= 5189) || (index >= 5221 && index <= 5390))) {
+    return tl::unexpected(fmt::format("#{} holds a position of the machine that the job does not tell", index));
+  }
+  return parameter(index);
+}
+
+tl::expected<std::optional<double>, std::string> Engine::named(const std::string& name) const {
+  if (name.starts_with('_')) {
+    if (name.size() == 2 && name[1] >= 'a' && name[1] <= 'c')
+      return current_[3 + static_cast<std::size_t>(name[1] - 'a')] + 0.0;
+    if (name.size() == 2 && name[1] >= 'x' && name[1] <= 'z') {
+      const auto k = static_cast<std::size_t>(name[1] - 'x');
+      if (!known_[k]) return tl::unexpected(fmt::format("#<{}>: the position of {} is not known here", name, "XYZ"[k]));
+      return current_[k] + 0.0;
+    }
+    if (const auto value = predefined(std::string_view(name).substr(1))) return value;
+    const auto global = globals_.find(name);
+    return global != globals_.end() ? std::optional(global->second) : std::nullopt;
+  }
+  const auto& locals = frames_.back().locals;
+  const auto local = locals.find(name);
+  return local != locals.end() ? std::optional(local->second) : std::nullopt;
+}
+
+std::optional<double> Engine::predefined(std::string_view name) const {
+  const auto flag = [](bool on) { return std::optional(on ? 1.0 : 0.0); };
+  if (name == "vmajor") return 2.9;
+  if (name == "vminor" || name == "task" || name == "remap_level") return 0;
+  if (name == "line") return written_block_ != nullptr ? written_block_->line : 0;
+  if (name == "motion_mode") return motion_ < 0 ? 800 : motion_;
+  if (name == "plane") return plane_ == Plane::xy ? 170 : plane_ == Plane::zx ? 180 : 190;
+  if (name == "ccomp") return 400;
+  if (name == "metric") return flag(!inches_);
+  if (name == "imperial") return flag(inches_);
+  if (name == "absolute") return flag(!incremental_);
+  if (name == "incremental") return flag(incremental_);
+  if (name == "inverse_time") return flag(inverse_);
+  if (name == "units_per_minute") return flag(!inverse_);
+  if (name == "units_per_rev" || name == "spindle_css_mode" || name == "lathe_diameter_mode") return 0;
+  if (name == "coord_system") return active_ <= 6 ? 530 + 10 * active_ : 584 + active_;
+  if (name == "tool_offset") return flag(tool_offset_);
+  if (name == "retract_r_plane") return flag(!old_level_);
+  if (name == "retract_old_z") return flag(old_level_);
+  if (name == "spindle_rpm_mode" || name == "lathe_radius_mode") return 1;
+  if (name == "ijk_absolute_mode") return flag(arc_absolute_);
+  if (name == "spindle_on") return flag(turning_ != 0);
+  if (name == "spindle_cw") return flag(turning_ > 0);
+  if (name == "mist") return flag(mist_);
+  if (name == "flood") return flag(flood_);
+  if (name == "speed_override") return flag(speed_override_);
+  if (name == "feed_override") return flag(feed_override_);
+  if (name == "adaptive_feed") return flag(adaptive_feed_);
+  if (name == "feed_hold") return flag(feed_hold_);
+  if (name == "feed") return feed_;
+  if (name == "rpm") return speed_;
+  if (name == "u" || name == "v" || name == "w") return 0;
+  if (name == "current_tool") return loaded_.number;
+  if (name == "current_pocket") return static_cast<double>(loaded_pocket_);
+  if (name == "selected_tool") return std::max(selected_number_, 0);
+  if (name == "selected_pocket") return selected_number_ < 0 ? -1.0 : static_cast<double>(selected_);
+  if (name == "value") return returned_value_;
+  if (name == "value_returned") return flag(returned_);
+  if (name == "call_level") return static_cast<double>(frames_.size() - 1);
+  return std::nullopt;
+}
+
+Status Engine::assign(const Line& line, const Block& block) {
+  block_ = &block;
+  for (const Line::Assignment& a : line.assignments) {
+    if (a.name.empty()) {
+      if (a.index >= 5400 && a.index <= 5428) {
+        return error(a.column, "GC162", fmt::format("#{} tells the state and cannot be set", a.index),
+                     "use a parameter from 31 to 5000");
+      }
+      if (!options_.machine_known && a.index >= 5161 && a.index <= 5390) {
+        return error(a.column, "GC125",
+                     fmt::format("#{} is a position of the machine that the job does not tell", a.index),
+                     "use G10 L20 or G92, or G54 to G59 with the offsets of the job");
+      }
+      parameter(a.index) = a.value;
+      continue;
+    }
+    if (!a.name.starts_with('_')) {
+      frame().locals[a.name] = a.value;
+      continue;
+    }
+    if (a.name.size() == 2 || predefined(std::string_view(a.name).substr(1))) {
+      return error(a.column, "GC162", fmt::format("#<{}> tells the state and cannot be set", a.name),
+                   "use another name");
+    }
+    globals_[a.name] = a.value;
+  }
+  return {};
+}
+
+}  // namespace polypod::gcode

@@ -1,0 +1,149 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The plain blocks that a program comes to.
+#include <algorithm>
+#include <cmath>
+
+#include "engine.hpp"
+#include "words.hpp"
+
+namespace polypod::gcode {
+
+bool Engine::shifted() const {
+  if (rotation_ != 0) return true;
+  const Axes& plain = plain_origins_[static_cast<std::size_t>(plain_system_ - 1)];
+  for (std::size_t k = 0; k < 6; ++k) {
+    const double there = k < 3 && inches_ ? plain[k] / kMmPerInch : plain[k];
+    if (std::abs(origin_[k] + g92_[k] - there) > 1e-12 * (1 + std::abs(there))) return true;
+  }
+  return false;
+}
+
+Axes Engine::to_plain(const Axes& p) const {
+  Axes m = to_machine(p);
+  const Axes& plain = plain_origins_[static_cast<std::size_t>(plain_system_ - 1)];
+  for (std::size_t k = 0; k < 6; ++k) m[k] -= k < 3 && inches_ ? plain[k] / kMmPerInch : plain[k];
+  return m;
+}
+
+std::string Engine::plain_number(double value, bool step) const {
+  return number(value, step ? 9 : inches_ ? 7 : 6);
+}
+
+/// X, Y, Z, A, B, C of the plain program for a motion to `end`: those that the block names or that change.
+std::string Engine::plain_words(const Axes& end, bool all) const {
+  const Axes to = to_plain(end);
+  const Axes from = to_plain(current_);
+  const auto [first, second, normal] = axes_of(plane_);
+  std::string text;
+  for (std::size_t k = 0; k < 6; ++k) {
+    const bool named = (name_axes_ && (find(kAxisLetters[k]) != nullptr || (k < 2 && polar()))) ||
+                       (all && (k == first || k == second)) ||
+                       (rotation_ != 0 && k < 2 && (find('X') != nullptr || find('Y') != nullptr));
+    if (!named && to[k] == from[k]) continue;
+    text += fmt::format(" {}{}", kAxisLetters[k], plain_number(incremental_ ? to[k] - from[k] : to[k], incremental_));
+  }
+  return text;
+}
+
+void Engine::begin_plain() {
+  motions_.clear();
+  rewritten_ = false;
+  name_axes_ = true;
+  after_spline_ = spline_now_;
+  spline_now_ = false;
+  motion_before_ = plain_motion_;
+}
+
+void Engine::add_plain(std::string text, bool as_it_is) {
+  if (!options_.plain) return;
+  if (!as_it_is && text.empty()) return;
+  Block block;
+  block.text = std::move(text);
+  block.ending = "\n";
+  block.line = written_block_ != nullptr ? written_block_->line : 0;
+  plain_.blocks.push_back(std::move(block));
+  plain_sources_.push_back(frames_.back().source);
+}
+
+void Engine::end_plain() {
+  if (!options_.plain) return;
+  std::string remarks;
+  for (const std::string_view text : comments(*block_)) {
+    if (!remarks.empty()) remarks += ' ';
+    const std::size_t comma = text.find(',');
+    std::string head(text.substr(0, std::min(comma, text.size())));
+    std::erase_if(head, is_space);
+    for (char& c : head) c = upper(c);
+    if (head == "(PRINT" || head == "(DEBUG" || head == "(LOG") {
+      remarks += text.substr(0, comma + 1);
+      remarks += expanded(text.substr(comma + 1), *this);
+    } else {
+      remarks += text;
+    }
+  }
+  const bool turned = shifted();
+  const bool dynamic = g_word(431) != nullptr;
+  const bool moves = !motions_.empty();
+  if ((turned || polar()) && moves) rewritten_ = true;
+  const auto join = [](std::string& line, std::string_view word) {
+    if (word.empty()) return;
+    if (!line.empty()) line += ' ';
+    line += word;
+  };
+  std::string before;
+  std::string at_end;
+  bool named = false;
+  for (const Word& word : block_->words) {
+    const int code = word.letter == 'G' || word.letter == 'M' ? code_of(word) : -1;
+    if (word.letter == '*' || word.letter == 'O') continue;
+    std::string text = fmt::format("{}{}", word.letter, number(word.value, 9));
+    if (word.letter == 'G' && (code <= 30 || code == 800) && code % 10 == 0) named = true;
+    if (rewritten_) {
+      if (word.letter == 'N') continue;
+      if (word.letter == 'G' &&
+          (is_motion(code) || (is_zero_group(code) && code != 40) || (code >= 591 && code <= 593))) {
+        continue;
+      }
+      if (word.letter == 'M' && m_group_of(code / 10) == 4) {
+        join(at_end, text);
+        continue;
+      }
+      if (!dynamic && std::string_view("XYZABCIJK@^").find(word.letter) != std::string_view::npos) continue;
+      const bool kept = g_word(40) != nullptr || g_word(640) != nullptr ||
+                        std::any_of(block_->words.begin(), block_->words.end(),
+                                    [](const Word& w) { return w.letter == 'M' && (w.value == 19 || w.value >= 50); });
+      if (!kept && std::string_view("RPQL").find(word.letter) != std::string_view::npos) continue;
+      if (word.letter == 'F' && inverse_ && moves) continue;
+    }
+    join(before, text);
+  }
+  if (!rewritten_) {
+    const bool needs_mode = moves && !named && motion_before_ != motion_ / 10;
+    if (needs_mode) {
+      std::size_t at = 0;
+      if (before.starts_with('N')) at = std::min(before.find(' '), before.size() - 1) + 1;
+      before.insert(at, fmt::format("G{} ", motion_ / 10));
+    }
+    if (named && !moves) plain_motion_ = motion_ < 0 ? -1 : motion_ / 10;
+    if (block_ == written_block_ && !needs_mode && !block_->optional) {
+      add_plain(block_->text, true);
+      return;
+    }
+    join(before, remarks);
+    add_plain(before);
+    return;
+  }
+  if (motions_.size() == 1) {
+    join(before, motions_.front());
+    join(before, at_end);
+    join(before, remarks);
+    add_plain(before);
+    return;
+  }
+  join(before, remarks);
+  add_plain(before);
+  for (std::string& text : motions_) add_plain(std::move(text));
+  add_plain(at_end);
+}
+
+}  // namespace polypod::gcode

@@ -1,0 +1,98 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/gcode/unroll.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <string>
+
+#include "engine.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod::gcode {
+namespace {
+
+/// G words that `interpret` does not take, times ten.
+constexpr std::array kUnrolled{50,  51,  100, 280, 281, 300, 301, 382, 383, 384, 385, 520, 530, 591, 592,
+                               593, 730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890, 920, 923};
+
+}  // namespace
+
+bool needs_unrolling(const Program& program) {
+  for (const Block& block : program.blocks) {
+    if (block.after_end) break;
+    if (block.construct != Construct::none) return true;
+    for (const Word& word : block.words) {
+      if (word.letter == 'M' && (word.value == 98 || word.value == 99)) return true;
+      if (word.letter == '@' || word.letter == '^') return true;
+      if (word.letter != 'G' || word.value < 5 || word.value > 93) continue;
+      const long code = std::lround(word.value * 10);
+      if (std::find(kUnrolled.begin(), kUnrolled.end(), code) != kUnrolled.end()) return true;
+    }
+  }
+  return false;
+}
+
+Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
+  Unrolled out;
+  if (!needs_unrolling(program)) {
+    out.program = program;
+    return out;
+  }
+  EngineOptions engine;
+  engine.any_tool = true;
+  engine.machine_known = false;
+  engine.block_delete = options.interpret.block_delete;
+  engine.files = options.files;
+  engine.most_lines = options.most_lines;
+  engine.text = false;
+  engine.plain = true;
+  engine.checks = true;
+  for (std::size_t i = 0; i < options.interpret.work_offsets.size(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      engine.parameters[5221 + 20 * static_cast<int>(i) + k] = units::to_inch(options.interpret.work_offsets[i][k]);
+    }
+  }
+  Engine run(program, engine);
+  POLYPOD_TRY(run.run());
+  const Program plain = run.take_plain();
+  std::string text;
+  for (std::size_t i = 0; i < plain.blocks.size(); ++i) {
+    const Block& block = plain.blocks[i];
+    text += block.text;
+    if (options.source_lines && !block.text.empty() && !block.percent && block.text != "%") {
+      std::string file = std::filesystem::path(run.file_of(i)).filename().string();
+      for (char& c : file) {
+        if (std::string_view("%();").find(c) != std::string_view::npos) c = '_';
+      }
+      const bool remark = block.text.find(';') != std::string::npos;
+      const bool full = block.text.size() + file.size() > 220;
+      if (!remark && !full) text += fmt::format(" ({}line {})", file.empty() ? "" : file + " ", block.line);
+    }
+    text += block.ending;
+  }
+  POLYPOD_ASSIGN(parsed, parse(text, program.path));
+  for (std::size_t i = 0; i < parsed.blocks.size(); ++i) parsed.blocks[i].line = plain.blocks[i].line;
+  out.program = std::move(parsed);
+  out.unrolled = true;
+  out.notes = run.take_notes();
+  out.notes.emplace_back(
+      "parameters, subprograms, loops, cycles and shifts of the coordinates are carried out: the program counts as the "
+      "plain blocks that it comes to, each with the line that it stands on");
+  if (std::any_of(program.blocks.begin(), program.blocks.end(), [](const Block& b) { return b.optional; })) {
+    out.notes.emplace_back(options.interpret.block_delete ? "blocks that begin with / are left out"
+                                                          : "blocks that begin with / are carried out like all others");
+  }
+  return out;
+}
+
+Result<Understood> understand(const std::string& path, const UnrollOptions& options) {
+  POLYPOD_ASSIGN(source, read(path));
+  POLYPOD_ASSIGN(unrolled, unroll(source, options));
+  POLYPOD_ASSIGN(run, interpret(unrolled.program, options.interpret));
+  run.notes.insert(run.notes.begin(), unrolled.notes.begin(), unrolled.notes.end());
+  return Understood{std::move(unrolled.program), std::move(run), unrolled.unrolled};
+}
+
+}  // namespace polypod::gcode

@@ -1,0 +1,185 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "words.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace polypod::gcode {
+
+int code_of(const Word& word) {
+  const double rounded = std::round(word.value * 10);
+  if (std::abs(rounded / 10 - word.value) > 1e-9 || rounded < 0 || rounded > 99999) return -1;
+  return static_cast<int>(rounded);
+}
+
+bool is_cycle(int g) {
+  return g == 730 || g == 740 || (g >= 810 && g <= 890 && g % 10 == 0);
+}
+bool is_zero_group(int g) {
+  return g == 40 || g == 100 || g == 280 || g == 281 || g == 300 || g == 301 || g == 520 || g == 530 ||
+         (g >= 920 && g <= 923);
+}
+bool is_motion(int g) {
+  return g == 0 || g == 10 || g == 20 || g == 30 || g == 800 || is_cycle(g) || g == 50 || g == 51 ||
+         (g >= 382 && g <= 385);
+}
+int group_of(int g) {
+  if (is_motion(g)) return 1;
+  if (is_zero_group(g)) return 20;
+  switch (g) {
+    case 170:
+    case 180:
+    case 190:
+      return 2;
+    case 900:
+    case 910:
+      return 3;
+    case 901:
+    case 911:
+      return 4;
+    case 930:
+    case 940:
+      return 5;
+    case 200:
+    case 210:
+      return 6;
+    case 400:
+      return 7;
+    case 430:
+    case 431:
+    case 490:
+      return 8;
+    case 980:
+    case 990:
+      return 10;
+    case 540:
+    case 550:
+    case 560:
+    case 570:
+    case 580:
+    case 590:
+    case 591:
+    case 592:
+    case 593:
+      return 12;
+    case 610:
+    case 611:
+    case 640:
+      return 13;
+    case 970:
+      return 14;
+    case 90:
+    case 150:
+    case 500:
+    case 501:
+    case 690:
+      return 30;  // passed through
+    default:
+      return 0;
+  }
+}
+
+Refusal refusal_of(int g) {
+  switch (g) {
+    case 401:
+    case 410:
+    case 411:
+    case 420:
+    case 421:
+      return {"GC121", "cutter radius compensation is not supported",
+              "post the program with the path of the cutter's centre"};
+    case 52:
+    case 53:
+    case 60:
+    case 61:
+    case 62:
+      return {"GC127", "this spline is not supported", "post the program with lines, arcs, G5 or G5.1"};
+    case 330:
+    case 331:
+    case 760:
+      return {"GC128", "motion synchronised with the spindle is not supported", "remove these blocks"};
+    case 950:
+    case 960:
+      return {"GC129", "feed per revolution and constant surface speed are not supported", "use G94 and G97"};
+    case 70:
+    case 80:
+    case 700:
+    case 710:
+    case 711:
+    case 712:
+    case 720:
+    case 721:
+    case 722:
+      return {"GC130", "it is a word of lathes", "post the program for a mill"};
+    case 432:
+      return {"GC125", "a second tool length is not supported", "use G43 with the sum"};
+    case 160:
+    case 510:
+    case 511:
+    case 680:
+    case 681:
+      return {"GC125", "scaled, turned or mirrored coordinates are not supported", "post without them"};
+    case 650:
+    case 660:
+      return {"GC123", "macro calls are not supported", "use O words or M98"};
+    default:
+      return {"GC120", "Polypod does not know this G code", "it may change motion: remove it, or post for LinuxCNC"};
+  }
+}
+int m_group_of(int m) {
+  switch (m) {
+    case 0:
+    case 1:
+    case 2:
+    case 30:
+    case 60:
+      return 4;
+    case 62:
+    case 63:
+    case 64:
+    case 65:
+    case 66:
+    case 67:
+    case 68:
+      return 5;
+    case 6:
+    case 61:
+      return 6;
+    case 3:
+    case 4:
+    case 5:
+    case 19:
+      return 7;
+    case 7:
+    case 8:
+    case 9:
+      return 8;
+    case 48:
+    case 49:
+    case 50:
+    case 51:
+    case 52:
+    case 53:
+      return 9;
+    default:
+      return 0;
+  }
+}
+
+std::array<std::size_t, 3> axes_of(Plane plane) {
+  return plane == Plane::xy   ? std::array<std::size_t, 3>{0, 1, 2}
+         : plane == Plane::zx ? std::array<std::size_t, 3>{2, 0, 1}
+                              : std::array<std::size_t, 3>{1, 2, 0};
+}
+
+std::string number(double value, int decimals) {
+  std::string text = fmt::format("{:.{}f}", value, decimals);
+  if (text.find('.') != std::string::npos) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+  }
+  return text == "-0" ? "0" : text;
+}
+
+}  // namespace polypod::gcode

@@ -1,0 +1,54 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the words of the language are: modal groups, and what is not carried out.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+#include "polypod/gcode/interpreter.hpp"
+#include "polypod/gcode/program.hpp"
+
+namespace polypod::gcode {
+
+inline constexpr double kMmPerInch = 25.4;
+
+inline char upper(char c) {
+  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+}
+inline bool is_space(char c) {
+  return c == ' ' || c == '\t' || c == '\r';
+}
+
+/// The number of a G or M word times ten; -1 where it is no code.
+int code_of(const Word& word);
+bool is_cycle(int g);
+/// Words that take axis words for something other than a motion of their mode.
+bool is_zero_group(int g);
+bool is_motion(int g);
+/// Modal group of a G code times ten: 0 for codes that are not carried out, 30 for those that are passed through.
+int group_of(int g);
+/// Modal group of an M code; 0 for those without.
+int m_group_of(int m);
+
+struct Refusal {
+  std::string_view id;
+  std::string_view why;
+  std::string_view hint;
+};
+/// Why a G code of group 0 is refused.
+Refusal refusal_of(int g);
+
+/// The first and second axis of a plane and its normal.
+std::array<std::size_t, 3> axes_of(Plane plane);
+
+template <std::size_t N>
+void scale(std::array<double, N>& values, double factor) {
+  for (std::size_t k = 0; k < 3; ++k) values[k] *= factor;
+}
+
+/// A number as a program writes it: at most `decimals`, without zeros at the end.
+std::string number(double value, int decimals);
+
+}  // namespace polypod::gcode

@@ -1,0 +1,543 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Programs with parameters, loops, subprograms, offsets and cycles against LinuxCNC's interpreter: the canonical text,
+// and where the moves of the unrolled program end.
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <random>
+
+#include "polypod/gcode/canon.hpp"
+#include "polypod/gcode/interpreter.hpp"
+#include "polypod/gcode/unroll.hpp"
+#include "rs274.hpp"
+
+namespace polypod::gcode {
+namespace {
+
+/// Writes random programs that LinuxCNC accepts, nearly always.
+class Author {
+ public:
+  explicit Author(unsigned seed, bool machine) : random_(seed), machine_(machine) {}
+
+  std::string program(int blocks) {
+    text_ = "G21 G90 G17 G94 F100 S100 M3\nG0 X0 Y0 Z20\n#31=1 #32=2.5 #33=-3 #<loc>=1.25 #<_glob>=7\n";
+    const int subs = pick(0, 2);
+    for (int i = 0; i < subs; ++i) {
+      in_sub_ = true;
+      text_ += fmt::format("o{} sub\n", 100 + i);
+      for (int k = pick(1, 4); k > 0; --k) line(1);
+      text_ += pick(0, 1) == 0 ? fmt::format("o{} endsub [{}]\n", 100 + i, expression(1))
+                               : fmt::format("o{} endsub\n", 100 + i);
+      in_sub_ = false;
+      subs_ = i + 1;
+    }
+    for (int i = 0; i < blocks; ++i) line(0);
+    return text_ + "M2\n";
+  }
+
+ private:
+  int pick(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
+  std::string literal(int most = 20) { return fmt::format("{:.3f}", pick(-most * 1000, most * 1000) / 1000.0); }
+
+  std::string expression(int depth) {
+    switch (depth > 3 ? pick(0, 3) : pick(0, 11)) {
+      case 0:
+      case 1:
+        return literal();
+      case 2:
+        return fmt::format("#{}", pick(31, 34));
+      case 3:
+        return in_sub_ ? "#1" : pick(0, 1) == 0 ? "#<loc>" : "#<_glob>";
+      case 4:
+        return fmt::format("abs[{}]", expression(depth + 1));
+      case 5:
+        return fmt::format("sin[{}]", expression(depth + 1));
+      case 6:
+        return fmt::format("[round[{}] mod 7]", expression(depth + 1));
+      case 7:
+        return fmt::format("[fix[{}]/[1+abs[{}]]]", expression(depth + 1), expression(depth + 1));
+      case 8: {
+        const std::array<const char*, 9> operators{"eq", "ne", "gt", "ge", "lt", "le", "and", "or", "xor"};
+        return fmt::format("[{} {} {}]", expression(depth + 1), operators[static_cast<std::size_t>(pick(0, 8))],
+                           expression(depth + 1));
+      }
+      case 9:
+        return fmt::format("atan[{}]/[2]", "[" + expression(depth + 1) + "]");
+      default: {
+        const std::array<const char*, 3> operators{"+", "-", "*"};
+        return fmt::format("[{} {} {}]", expression(depth + 1), operators[static_cast<std::size_t>(pick(0, 2))],
+                           expression(depth + 1));
+      }
+    }
+  }
+  /// A value that stays within some hundred mm.
+  std::string bounded() { return pick(0, 2) > 0 ? literal() : fmt::format("[[{}] mod 50]", expression(0)); }
+
+  std::string axes(bool z) {
+    std::string words;
+    for (const char* axis : {"X", "Y"}) {
+      if (pick(0, 2) > 0) words += fmt::format(" {}{}", axis, bounded());
+    }
+    if (z && pick(0, 2) == 0) words += " Z" + bounded();
+    return words.empty() ? " X" + bounded() : words;
+  }
+
+  void line(int depth) {
+    switch (pick(0, depth > 2 ? 11 : 17)) {
+      case 0:
+      case 1:
+      case 2:
+        text_ += fmt::format("G{}{}\n", pick(0, 1), axes(true));
+        break;
+      case 3:
+        text_ += fmt::format("#{}={}\n", pick(31, 34), bounded());
+        break;
+      case 4:
+        text_ += fmt::format("#{}={} G1{} #31={}\n", pick(32, 34), bounded(), axes(false), bounded());
+        break;
+      case 5:
+        text_ += pick(0, 1) == 0 ? "G91\n" : "G90\n";
+        break;
+      case 6: {
+        const std::array<const char*, 8> cycles{"G81",      "G82 P0.5", "G83 Q3", "G73 Q2.5",
+                                                "G86 P0.2", "G85",      "G89 P1", "G84"};
+        // Under G90, with R above the bottom; a plane of its own now and then.
+        const int plane = pick(0, 5);
+        const int kind =
+            plane == 1 || plane == 2 ? pick(0, 6) : pick(0, 7);  // LinuxCNC exchanges the axes of G84 there
+        const char n = plane == 1 ? 'Y' : plane == 2 ? 'X' : 'Z';
+        text_ += fmt::format("G90 G{} G{} G0 {}{}\n",
+                             plane == 1   ? 18
+                             : plane == 2 ? 19
+                                          : 17,
+                             pick(98, 99), n, pick(-5, 25));
+        if (pick(0, 2) == 0)
+          text_ += fmt::format("G91 {} {}{} R{}", cycles[static_cast<std::size_t>(kind)], n, -pick(1, 9), pick(-3, 5));
+        else
+          text_ += fmt::format("{} {}{} R{}", cycles[static_cast<std::size_t>(kind)], n, pick(-9, 0), pick(1, 12));
+        for (const char a : {'X', 'Y', 'Z'}) {
+          if (a != n && pick(0, 1) == 0) text_ += fmt::format(" {}{}", a, bounded());
+        }
+        if (pick(0, 3) == 0) text_ += fmt::format(" L{}", pick(1, 3));
+        text_ += '\n';
+        const char other = n == 'X' ? 'Y' : 'X';
+        for (int k = pick(0, 3); k > 0; --k) {
+          text_ += fmt::format("{}{}{}{}\n", pick(0, 4) == 0 ? (pick(0, 1) == 0 ? "G98 " : "G99 ") : "", other,
+                               bounded(), pick(0, 3) == 0 ? fmt::format(" R{}", pick(1, 9)) : "");
+        }
+        text_ += pick(0, 1) == 0 ? "G80 G17 G90\n" : "G0 X0 G17 G90\n";
+        text_ += "G1 F100\n";
+        break;
+      }
+      case 7: {
+        const std::string some = axes(true);
+        switch (pick(0, 6)) {
+          case 0:
+            text_ += "G92" + some + "\n";
+            break;
+          case 1:
+            text_ += "G52" + some + "\n";
+            break;
+          case 2:
+            text_ += fmt::format("G92.{}\n", pick(1, 2));
+            break;
+          case 3:
+            text_ += machine_ ? "G92.3\n" : "G92.1\n";
+            break;
+          case 4:
+            text_ += fmt::format("G10 L20 P{}{}\n", machine_ ? pick(0, 9) : pick(1, 2), some);
+            break;
+          case 5:
+            if (machine_) {
+              text_ += fmt::format("G10 L2 P{}{}{}\n", pick(0, 9), some, pick(0, 2) == 0 ? " R" + literal(90) : "");
+            }
+            break;
+          default:
+            text_ += fmt::format("G{}\n", machine_ && pick(0, 3) == 0 ? "59.1" : std::to_string(pick(54, 55)));
+        }
+        break;
+      }
+      case 8:
+        if (machine_) {
+          switch (pick(0, 4)) {
+            case 0:
+              text_ += "G90 G53 G0" + axes(true) + "\n";
+              break;
+            case 1:
+              text_ += "G28" + axes(true) + "\n";
+              break;
+            case 2:
+              text_ += "G30\n";
+              break;
+            case 3:
+              text_ += pick(0, 1) == 0 ? "G28.1\n" : "G30.1\n";
+              break;
+            default:
+              text_ += fmt::format("T{} M6 G43\n", pick(1, 3));
+          }
+          text_ += "G1 F100\n";
+        }
+        break;
+      case 9:
+        text_ += fmt::format("G{} @{} ^{}\n", pick(0, 1), pick(1, 30), literal(180));
+        break;
+      case 10:
+        text_ += "(print,#31 #32 %.3f#33 #<_x> #<_y> #5420 #5422)\n";
+        break;
+      case 11:
+        // A half circle by its centre, from wherever the tool stands.
+        text_ += "G17 G91\n";
+        text_ += fmt::format("G{} X{} Y0 I{} J0\n", pick(2, 3), 2 * (pick(1, 9) * 0.5), "[1*1]");
+        text_.erase(text_.rfind("G", text_.size() - 2));
+        {
+          const int radius = pick(1, 9);
+          text_ += fmt::format("G{} X{} Y0 I[{}] J0\n", pick(2, 3), 2 * radius, radius);
+        }
+        text_ += "G90 G1\n";
+        break;
+      case 12: {
+        const int label = ++label_;
+        text_ += fmt::format("o{} if [{}]\n", label, expression(0));
+        line(depth + 1);
+        if (pick(0, 1) == 0) {
+          text_ += fmt::format("o{} elseif [{}]\n", label, expression(0));
+          line(depth + 1);
+        }
+        if (pick(0, 1) == 0) {
+          text_ += fmt::format("o{} else\n", label);
+          line(depth + 1);
+        }
+        text_ += fmt::format("o{} endif\n", label);
+        break;
+      }
+      case 13: {
+        const int label = ++label_;
+        text_ += fmt::format("o{} repeat [{}]\n", label, pick(0, 3));
+        line(depth + 1);
+        line(depth + 1);
+        text_ += fmt::format("o{} endrepeat\n", label);
+        break;
+      }
+      case 14: {
+        const int label = ++label_;
+        const int counter = 40 + label;
+        text_ += fmt::format("#{}=0\no{} while [#{} lt {}]\n#{}=[#{}+1]\n", counter, label, counter, pick(1, 3),
+                             counter, counter);
+        line(depth + 1);
+        if (pick(0, 2) == 0) {
+          const int inner = ++label_;
+          text_ += fmt::format("o{} if [#{} eq 2]\no{} {}\no{} endif\n", inner, counter, label,
+                               pick(0, 1) == 0 ? "break" : "continue", inner);
+        }
+        line(depth + 1);
+        text_ += fmt::format("o{} endwhile\n", label);
+        break;
+      }
+      case 15: {
+        const int label = ++label_;
+        const int counter = 40 + label;
+        text_ += fmt::format("#{}=0\no{} do\n#{}=[#{}+1]\n", counter, label, counter, counter);
+        line(depth + 1);
+        text_ += fmt::format("o{} while [#{} lt {}]\n", label, counter, pick(1, 3));
+        break;
+      }
+      default:
+        if (subs_ > 0 && !in_sub_) {
+          text_ += fmt::format("o{} call [{}] [{}]\n(print,#<_value> #<_value_returned>)\n", 100 + pick(0, subs_ - 1),
+                               expression(0), expression(0));
+        } else {
+          text_ += fmt::format("G1{}\n", axes(true));
+        }
+    }
+  }
+
+  std::mt19937 random_;
+  bool machine_;
+  std::string text_;
+  int label_ = 0;
+  int subs_ = 0;
+  bool in_sub_ = false;
+};
+
+/// The moves of canonical text, in machine coordinates, mm.
+std::vector<Vec3> ends_of(const std::string& text) {
+  std::vector<Vec3> ends;
+  Vec3 origin = Vec3::Zero();
+  Vec3 g92 = Vec3::Zero();
+  double rotation = 0;
+  double unit = 1;
+  int plane = 17;
+  for (const std::string& line : lines(text)) {
+    const auto numbers = [&](const char* name, const char* format, auto*... out) {
+      const std::size_t at = line.find(name);
+      return at != std::string::npos && std::sscanf(line.c_str() + at + std::string(name).size(), format, out...) > 0;
+    };
+    double a[6] = {};
+    int n = 0;
+    if (line.find("UNITS_INCHES") != std::string::npos) unit = 25.4;
+    if (line.find("UNITS_MM") != std::string::npos) unit = 1;
+    if (line.find("PLANE_XY") != std::string::npos) plane = 17;
+    if (line.find("PLANE_XZ") != std::string::npos) plane = 18;
+    if (line.find("PLANE_YZ") != std::string::npos) plane = 19;
+    if (numbers("SET_G5X_OFFSET(", "%d, %lf, %lf, %lf", &n, a, a + 1, a + 2)) origin = Vec3(a[0], a[1], a[2]);
+    if (numbers("SET_G92_OFFSET(", "%lf, %lf, %lf", a, a + 1, a + 2)) g92 = Vec3(a[0], a[1], a[2]);
+    numbers("SET_XY_ROTATION(", "%lf", &rotation);
+    const bool arc = numbers("ARC_FEED(", "%lf, %lf, %lf, %lf, %d, %lf", a, a + 1, a + 2, a + 3, &n, a + 4);
+    if (!arc && !numbers("STRAIGHT_TRAVERSE(", "%lf, %lf, %lf", a, a + 1, a + 2) &&
+        !numbers("STRAIGHT_FEED(", "%lf, %lf, %lf", a, a + 1, a + 2)) {
+      continue;
+    }
+    Vec3 p(a[0], a[1], a[2]);
+    if (arc) p = plane == 17 ? Vec3(a[0], a[1], a[4]) : plane == 18 ? Vec3(a[1], a[4], a[0]) : Vec3(a[4], a[0], a[1]);
+    p += g92;
+    const double c = std::cos(rotation * M_PI / 180);
+    const double s = std::sin(rotation * M_PI / 180);
+    p = Vec3(c * p.x() - s * p.y(), s * p.x() + c * p.y(), p.z()) + origin;
+    ends.push_back(p * unit);
+  }
+  return ends;
+}
+
+/// Whether two sequences of ends are the same way; moves of no length may be missing in one of them.
+bool same_way(const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
+  constexpr double kRounded = 1e-3;  // mm: rs274 prints four decimals, of sums of offsets
+  constexpr double kNoMove = 5e-3;
+  std::size_t i = 0;
+  std::size_t j = 0;
+  while (i < a.size() || j < b.size()) {
+    if (i < a.size() && j < b.size() && (a[i] - b[j]).norm() < kRounded) {
+      ++i;
+      ++j;
+    } else if (i > 0 && i < a.size() && (a[i] - a[i - 1]).norm() < kNoMove) {
+      ++i;
+    } else if (j > 0 && j < b.size() && (b[j] - b[j - 1]).norm() < kNoMove) {
+      ++j;
+    } else {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Rounding decides the sign of a coordinate that is 0: it is printed, but it means nothing.
+std::string without_signs_of_zeros(std::string text) {
+  for (std::size_t at = 0; (at = text.find("-0.0", at)) != std::string::npos; ++at) {
+    const std::size_t end = text.find_first_not_of('0', at + 3);
+    if (end == std::string::npos || text[end] < '0' || text[end] > '9') text.erase(at, 1);
+  }
+  return text;
+}
+
+/// With POLYPOD_KEEP_FAILED=FILE in the environment, a program that differs is kept.
+void keep_failed(bool failed, const std::string& text) {
+  const char* file = std::getenv("POLYPOD_KEEP_FAILED");
+  if (failed && file != nullptr) std::ofstream(file) << text;
+}
+
+/// What `unroll` writes; an error as its text.
+std::string plain(const std::string& text, const UnrollOptions& options = {}) {
+  const auto program = parse(text, "part.ngc");
+  if (!program) return to_string(program.error());
+  const auto unrolled = unroll(*program, options);
+  return unrolled ? to_text(unrolled->program) : to_string(unrolled.error());
+}
+
+TEST(Unroll, PlainProgramsStayAsTheyAre) {
+  const std::string text = "%\r\n N10 g0 X1.50 (a)\nG1 Z-1 F100\r\n/G80\nM2\n%\nrest # [";
+  const auto program = parse(text, "part.ngc");
+  ASSERT_TRUE(program.has_value()) << to_string(program.error());
+  EXPECT_FALSE(needs_unrolling(*program));
+  const auto unrolled = unroll(*program);
+  ASSERT_TRUE(unrolled.has_value());
+  EXPECT_FALSE(unrolled->unrolled);
+  EXPECT_EQ(to_text(unrolled->program), text);
+}
+
+TEST(Unroll, WritesWhatRunsWithItsLine) {
+  UnrollOptions options;
+  options.source_lines = true;
+  EXPECT_EQ(plain("#1=2\no1 repeat [2]\nG0 X#1 Z5 (at #1)\n#1=[#1+0.5]\no1 endrepeat\nG1 F100 X[#1*2]\nM2\n", options),
+            "G0 X2 Z5 (at #1) (line 3)\nG0 X2.5 Z5 (at #1) (line 3)\nG1 F100 X6 (line 6)\nM2 (line 7)\n");
+}
+
+TEST(Unroll, ShiftsAreCarriedOut) {
+  EXPECT_EQ(plain("G0 X1 Y1 Z1\nG92 X0 Y0\nG0 X5\nG1 F10 Y2\nG2 X7 Y2 I1 J0\nG91 G1 X1\nG90 G92.1\nX3\nM2\n"),
+            "G0 X1 Y1 Z1\nG0 X6\nF10 G1 Y3\nG2 X8 Y3 I1 J0\nG91 G1 X1\nG90\nX3\nM2\n");
+}
+
+TEST(Unroll, CyclesBecomeMoves) {
+  EXPECT_EQ(plain("G0 X0 Y0 Z9\nG99 G82 X1 Y2 Z-1 R2 P0.5 F100\nG80\nM2\n"),
+            "G0 X0 Y0 Z9\nG99 F100\nG61\nG0 X1 Y2 Z9\nG0 Z2\nG1 Z-1\nG4 P0.5\nG0 Z2\nG64\nG80\nM2\n");
+}
+
+TEST(Unroll, AModalMotionBehindACycleKeepsItsWord) {
+  EXPECT_EQ(plain("G0 X1 Y2 Z3\nG1 F100 X2\nG28 Z5\nX3\nM2\n"),
+            "G0 X1 Y2 Z3\nG1 F100 X2\nG0 Z5\nG91 G28 Z0\nG90\nG1 X3\nM2\n");
+}
+
+TEST(Unroll, RefusesWhatTheJobDoesNotTell) {
+  struct Bad {
+    std::string text;
+    std::string start;
+  };
+  for (const Bad& bad : std::vector<Bad>{
+           {"G10 L2 P1 X5\nM2\n", "GC125 part.ngc:1:1:"},
+           {"G59.1\nG0 X1\nM2\n", "GC125 part.ngc:1:1:"},
+           {"#5221=3\nM2\n", "GC125 part.ngc:1:1:"},
+           {"G92.3\nM2\n", "GC125 part.ngc:1:1:"},
+           {"G0 X#5422\nM2\n", "GC169 part.ngc:1:5:"},
+           {"G0 X1 Y1 Z1\nG43 H1\nG0 Z[#<_z>+1]\nM2\n", "GC169 part.ngc:3:6:"},
+           {"G0 X#5161\nM2\n", "GC169 part.ngc:1:5:"},
+           {"G92 X0\nM2\n", "GC169 part.ngc:1:5:"},
+           {"F100 G81 X1 Y1 Z-1 R1\nM2\n", "GC166 part.ngc:1:6:"},
+           {"G0 X1 Y1 Z1\nG28\nG10 L20 P1 X0\nM2\n", "GC169 part.ngc:3:12:"},
+           {"F1 G38.2 Z-1\nM2\n", "GC128 part.ngc:1:4:"},
+           {"o1 while [1]\no1 endwhile\nM2\n", "GC165 part.ngc:"},
+           {"G0 Z1 F1\nG73 X1 Z-900 R1 Q0.0001 L1000\nM2\n", "GC1"},
+           {"o<../x> call\nM2\n", "GC164 part.ngc:1:1:"},
+       }) {
+    const std::string got = plain(bad.text);
+    EXPECT_EQ(got.substr(0, bad.start.size()), bad.start) << bad.text << got;
+  }
+}
+
+TEST(Unroll, BlockDeleteIsSettled) {
+  UnrollOptions options;
+  const std::string text = "#1=1\n/#1=2\n/G0 Y1\nG0 X#1\nM2\n";
+  EXPECT_EQ(plain(text, options), "G0 Y1\nG0 X2\nM2\n");
+  options.interpret.block_delete = true;
+  EXPECT_EQ(plain(text, options), "G0 X1\nM2\n");
+}
+
+TEST(Unroll, SubprogramsMayStandInFilesBesideTheProgram) {
+  const Scratch scratch;
+  std::ofstream(scratch / "slot.ngc") << "o<slot> sub\nG1 X#1 F100\no<slot> endsub\nM2\n";
+  std::ofstream(scratch / "main.ngc") << "G0 X0 Y0 Z1\no<slot> call [3]\no<Slot> call [4]\nM2\n";
+  UnrollOptions options;
+  options.source_lines = true;
+  const auto understood = understand(scratch / "main.ngc", options);
+  ASSERT_TRUE(understood.has_value()) << to_string(understood.error());
+  EXPECT_EQ(to_text(understood->program),
+            "G0 X0 Y0 Z1 (line 1)\nG1 X3 F100 (slot.ngc line 2)\nG1 X4 F100 (slot.ngc line 2)\nM2 (line 4)\n");
+  options.files = false;
+  const auto without = understand(scratch / "main.ngc", options);
+  ASSERT_FALSE(without.has_value());
+  EXPECT_EQ(without.error().id, "GC164");
+}
+
+/// Every program that ships with LinuxCNC and that rs274 runs as it is: the same text, or a refusal; docs/gcode.md
+/// lists the refusals.
+TEST(Language, ProgramsOfLinuxCncAreTheSameOrRefused) {
+  const Scratch scratch;
+  std::vector<std::string> programs;
+  for (const char* folder : {"/usr/share/linuxcnc/ncfiles", "/usr/share/doc/linuxcnc/examples"}) {
+    if (!fs::exists(folder)) continue;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (entry.path().extension() == ".ngc") programs.push_back(entry.path().string());
+    }
+  }
+  if (programs.empty()) GTEST_SKIP() << "LinuxCNC's programs are not installed";
+  int same = 0;
+  int not_run = 0;
+  std::map<std::string, int> refused;
+  for (const std::string& path : programs) {
+    const Reference theirs = rs274(scratch, path, {}, fs::path(path).parent_path().string());
+    const auto program = read(path);
+    const auto ours = program ? canonical_text(*program) : tl::unexpected(program.error());
+    if (!theirs.accepted) {
+      ++not_run;
+      // M codes of a machine's builder: Polypod passes them through.
+      const bool builder = theirs.errors.find("Unknown m code") != std::string::npos ||
+                           theirs.errors.find("M-code greater") != std::string::npos;
+      EXPECT_TRUE(!ours.has_value() || builder) << path << " is refused by rs274: " << theirs.errors;
+      continue;
+    }
+    if (!ours) {
+      ++refused[ours.error().id];
+    } else {
+      // 400 polar steps of spiral.ngc end at 1e-15 mm, whose sign rounding decides.
+      const bool zeros = path.ends_with("/spiral.ngc");
+      const bool equal =
+          zeros ? without_signs_of_zeros(*ours) == without_signs_of_zeros(theirs.text) : *ours == theirs.text;
+      EXPECT_TRUE(equal) << path;
+      same += equal ? 1 : 0;
+    }
+  }
+  std::string list;
+  int refusals = 0;
+  for (const auto& [id, count] : refused) {
+    list += fmt::format(" {} {}", id, count);
+    refusals += count;
+  }
+  std::printf("%d the same, %d refused (%s ), %d not run by rs274\n", same, refusals, list.c_str(), not_run);
+  EXPECT_GE(same, 177);
+  EXPECT_LE(refusals, 11);
+}
+
+TEST(Language, RandomProgramsAsLinuxCncPrintsThem) {
+  const Scratch scratch;
+  int accepted = 0;
+  const bool good = rc::check("canonical text agrees with rs274", [&] {
+    const unsigned seed = *rc::gen::arbitrary<unsigned>();
+    const std::string text = Author(seed, true).program(40);
+    const std::string path = scratch / "random.ngc";
+    std::ofstream(path) << text;
+    auto program = parse(text, path);
+    RC_ASSERT(program.has_value());
+    const Reference theirs = rs274(scratch, path, {});
+    const auto ours = canonical_text(*program);
+    const bool same = ours && without_signs_of_zeros(*ours) == without_signs_of_zeros(theirs.text);
+    keep_failed(ours.has_value() != theirs.accepted || (ours && !same), text);
+    RC_ASSERT(ours.has_value() == theirs.accepted);
+    if (!ours) return;
+    ++accepted;
+    RC_ASSERT(same);
+  });
+  EXPECT_TRUE(good);
+  EXPECT_GT(accepted, 0);
+}
+
+/// The unrolled program, without the machine: its moves end where those of rs274 do.
+TEST(Language, UnrolledProgramsMoveAsLinuxCncMoves) {
+  const Scratch scratch;
+  int accepted = 0;
+  const bool good = rc::check("moves of the unrolled program agree with rs274", [&] {
+    const std::string text = Author(*rc::gen::arbitrary<unsigned>(), false).program(40);
+    const std::string path = scratch / "random.ngc";
+    std::ofstream(path) << text;
+    auto program = parse(text, path);
+    RC_ASSERT(program.has_value());
+    const Reference theirs = rs274(scratch, path, {});
+    const auto unrolled = unroll(*program);
+    keep_failed(unrolled.has_value() != theirs.accepted, text);
+    RC_ASSERT(unrolled.has_value() == theirs.accepted);
+    if (!unrolled) return;
+    ++accepted;
+    RC_ASSERT(!needs_unrolling(unrolled->program));
+    const auto run = interpret(unrolled->program);
+    keep_failed(!run, text);
+    if (!run) RC_FAIL(to_string(run.error()));
+    std::vector<Vec3> ends;
+    for (const Move& move : run->moves) ends.push_back(move.end * 1e3);
+    const std::vector<Vec3> theirs_ends = ends_of(theirs.text);
+    const bool same = same_way(ends, theirs_ends);
+    keep_failed(!same, text);
+    RC_ASSERT(same);
+    // The plain program is one for LinuxCNC, too, and there it moves alike.
+    const std::string plain = scratch / "plain.ngc";
+    std::ofstream(plain) << to_text(unrolled->program);
+    const Reference again = rs274(scratch, plain, {});
+    RC_ASSERT(again.accepted);
+    const bool alike = same_way(ends_of(again.text), theirs_ends);
+    RC_ASSERT(alike);
+  });
+  EXPECT_TRUE(good);
+  EXPECT_GT(accepted, 0);
+}
+
+}  // namespace
+}  // namespace polypod::gcode

@@ -1,0 +1,84 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// LinuxCNC's interpreter as an oracle.
+#pragma once
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "polypod/gcode/canon.hpp"
+
+namespace polypod::gcode {
+
+namespace fs = std::filesystem;
+
+/// A folder of its own, which is also the home of rs274 (it keeps a memory-mapped tool table there).
+class Scratch {
+ public:
+  Scratch() {
+    std::string name = (fs::temp_directory_path() / "polypod_canon_XXXXXX").string();
+    if (::mkdtemp(name.data()) != nullptr) path_ = name;
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  [[nodiscard]] std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+  [[nodiscard]] std::string string() const { return path_.string(); }
+
+ private:
+  fs::path path_;
+};
+
+inline std::string slurp(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::stringstream all;
+  all << in.rdbuf();
+  return all.str();
+}
+
+struct Reference {
+  bool accepted = false;
+  std::string text;
+  std::string errors;
+};
+
+/// What rs274 prints. The parameter file is copied, for rs274 writes it.
+inline Reference rs274(const Scratch& scratch, const std::string& program, const CanonOptions& options,
+                       const std::string& folder = "") {
+  const std::string parameters = scratch / "p.var";
+  std::error_code ignored;
+  fs::remove(parameters, ignored);
+  if (options.parameters.empty()) {
+    std::ofstream{parameters};
+  } else {
+    fs::copy_file(options.parameters, parameters, ignored);
+  }
+  const std::string command = fmt::format(
+      "cd '{5}' && HOME='{0}' timeout 20 '{1}' {2} {3} -v '{0}/p.var' -g '{4}' >'{0}/out.txt' 2>'{0}/err.txt' "
+      "</dev/null",
+      scratch.string(), POLYPOD_RS274, options.tool_table.empty() ? "" : "-t '" + options.tool_table + "'",
+      options.block_delete ? "-b" : "", program, folder.empty() ? scratch.string() : folder);
+  Reference reference;
+  reference.accepted = std::system(command.c_str()) == 0;
+  reference.text = slurp(scratch / "out.txt");
+  reference.errors = slurp(scratch / "err.txt");
+  return reference;
+}
+
+inline std::vector<std::string> lines(const std::string& text) {
+  std::vector<std::string> result;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) result.push_back(line);
+  return result;
+}
+
+}  // namespace polypod::gcode
