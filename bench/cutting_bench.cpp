@@ -90,6 +90,32 @@ void cut_line_ramp_step(benchmark::State& state) {
 }
 BENCHMARK(cut_line_ramp_step);
 
+// A wavy way that goes up and down by a millimetre, or stays level; argument: whether it does. The steps of 0.25 mm are
+// those of a pass.
+void cut_wavy_steps(benchmark::State& state) {
+  Stock stock = plate(40);
+  const double height = state.range(0) != 0 ? 1e-3 : 0;
+  constexpr double kStep = 0.25e-3, kLength = 80e-3;
+  double s = 0, z = 0;
+  const auto place = [&] {
+    const double x = s - 0.5 * kLength;
+    return Vec3(x, 5e-3 * std::sin(200 * x), z - 2e-3 + height * std::sin(400 * x));
+  };
+  Vec3 tip = place();
+  for (auto _ : state) {
+    s += kStep;
+    if (s > kLength) {  // again, a little deeper
+      s = 0;
+      z = z < -5e-3 ? 0 : z - 1e-6;
+      tip = place();
+    }
+    const Vec3 next = place();
+    benchmark::DoNotOptimize(stock.cut_step(tip, next, 4e-3, true));
+    tip = next;
+  }
+}
+BENCHMARK(cut_wavy_steps)->ArgName("slope")->Arg(0)->Arg(1);
+
 void force_history_by_discs(benchmark::State& state) {
   const Cutter cutter = end_mill();
   const Material material = aluminium();

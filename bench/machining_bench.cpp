@@ -13,8 +13,9 @@ namespace {
 
 using namespace polypod;
 
-/// `lines` G1 lines of about 0.3 mm on passes along x with a wavy y, 1.5 mm apart, 1 mm deep.
-std::string wavy_program(int lines) {
+/// `lines` G1 lines of about 0.3 mm on passes along x with a wavy y, 1.5 mm apart, 1 mm deep; with `slopes` Z goes up
+/// and down by another 0.3 mm, up to 7 deg steep.
+std::string wavy_program(int lines, bool slopes) {
   std::string text = "G21 G90 G17 G94\nS12000 M3\nG0 X-60 Y-50 Z5\n";
   constexpr double kStep = 0.3, kWidth = 100;
   const int per_pass = static_cast<int>(kWidth / kStep);
@@ -22,10 +23,13 @@ std::string wavy_program(int lines) {
   for (int pass = 0; written < lines; ++pass) {
     const double y = -45 + 1.5 * (pass % 60);
     const double depth = -1.0 - pass / 60;
-    text += fmt::format("G0 X-55 Y{:.3f}\nG1 Z{:.3f} F1800\n", y, depth);
+    const auto z_at = [&](double x) { return depth + (slopes ? 0.3 * std::sin(0.4 * x + 0.1 * y) - 0.3 : 0); };
+    text += fmt::format("G0 X-55 Y{:.3f}\nG1 Z{:.3f} F1800\n", y, z_at(-50));
     for (int k = 0; k <= per_pass && written < lines; ++k, ++written) {
       const double x = -50 + kStep * k;
-      text += fmt::format("G1 X{:.4f} Y{:.4f}\n", x, y + 0.5 * std::sin(0.3 * x));
+      text += fmt::format("G1 X{:.4f} Y{:.4f}", x, y + 0.5 * std::sin(0.3 * x));
+      if (slopes) text += fmt::format(" Z{:.4f}", z_at(x));
+      text += '\n';
     }
     text += "G0 Z5\n";
   }
@@ -52,8 +56,11 @@ machining::Job bench_job() {
 
 void run(benchmark::State& state, bool correct) {
   const int lines = static_cast<int>(state.range(0));
-  const std::string text = wavy_program(lines);
-  const machining::Job job = bench_job();
+  const bool slopes = state.range(1) != 0;
+  const std::string text = wavy_program(lines, slopes);
+  machining::Job job = bench_job();
+  // On the slopes a few first cuts hold no tube of 50 um, and what is timed would be the search for a remedy.
+  if (slopes) job.tolerance = 300e-6;
   for (auto _ : state) {
     const gcode::Program program = *gcode::parse(text, "bench.ngc");
     const gcode::Interpretation moves = *gcode::interpret(program);
@@ -77,11 +84,19 @@ void run(benchmark::State& state, bool correct) {
 void predict_short_lines(benchmark::State& state) {
   run(state, false);
 }
-BENCHMARK(predict_short_lines)->Arg(20000)->Unit(benchmark::kMillisecond);
+BENCHMARK(predict_short_lines)
+    ->ArgNames({"lines", "slopes"})
+    ->Args({20000, 0})
+    ->Args({20000, 1})
+    ->Unit(benchmark::kMillisecond);
 
 void correct_short_lines(benchmark::State& state) {
   run(state, true);
 }
-BENCHMARK(correct_short_lines)->Arg(20000)->Unit(benchmark::kMillisecond);
+BENCHMARK(correct_short_lines)
+    ->ArgNames({"lines", "slopes"})
+    ->Args({20000, 0})
+    ->Args({20000, 1})
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace

@@ -46,14 +46,17 @@ class LayerView {
 
   /// The sum of the shares of the layer that are material at `count` places, the first at p, `step` apart.
   [[nodiscard]] float along(const Eigen::Vector2d& p, const Eigen::Vector2d& step, int count) const {
-    const Quad low{low_, low_, low_, low_}, most{most_, most_, most_, most_}, zero{};
+    const Quad low{low_, low_, low_, low_}, zero{};
     Quad sum{};
     double column = (p.x() - stock_.x_min()) * inverse_cell_, row = (p.y() - stock_.y_min()) * inverse_cell_;
     const double per_column = step.x() * inverse_cell_, per_row = step.y() * inverse_cell_;
     const double columns = stock_.columns(), rows = stock_.rows();
     for (int k = 0; k < count; ++k, column += per_column, row += per_row) {
       if (!(column >= 0 && row >= 0 && column < columns && row < rows)) continue;
-      const float* heights = stock_.cell_layers(static_cast<int>(column), static_cast<int>(row));
+      const int i = static_cast<int>(column), j = static_cast<int>(row);
+      const float* heights = stock_.cell_layers(i, j);
+      const float most_here = is_due(i, j) ? std::min(most_, std::max(stock_.due().level - low_, 0.0f)) : most_;
+      const Quad most{most_here, most_here, most_here, most_here};
       for (const int half : {0, 4}) {
         Quad above;
         std::memcpy(&above, heights + half, sizeof above);
@@ -66,6 +69,15 @@ class LayerView {
   }
 
  private:
+  /// Whether a cell is as low as what is due of the stock, though it stands yet.
+  [[nodiscard]] bool is_due(int column, int row) const {
+    const Stock::Due& due = stock_.due();
+    if (!due.any) return false;
+    const double x = stock_.x_min() + (column + 0.5) * stock_.cell() - due.x;
+    const double y = stock_.y_min() + (row + 0.5) * stock_.cell() - due.y;
+    return x * x + y * y <= due.inner2;
+  }
+
   const Stock& stock_;
   double inverse_cell_;
   float low_, most_, per_depth_;

@@ -38,7 +38,7 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
   const double condition = loaded && sigma[n - 1] > 0 ? sigma[0] / sigma[n - 1] : 2 * kNotApart;
   out.condition = std::max(out.condition, condition);
   if (!(condition < kNotApart)) {
-    return fail("ID122", "these cuts cannot tell the coefficients apart", {}, "measure at two feeds at least");
+    return fail("ID122", "the coefficients are not identifiable from these cuts", {}, "measure at two feeds at least");
   }
   const Eigen::VectorXd x = S.colPivHouseholderQr().solve(b);
   const double freedom = static_cast<double>(A.rows() - n);
@@ -176,8 +176,8 @@ std::string why_below_zero(const std::vector<MeasuredForce>& rows) {
       rows.begin(), rows.end(), [](const auto& a, const auto& b) { return a.feed_per_tooth < b.feed_per_tooth; });
   if (largest->feed_per_tooth < kNearlyEqual * least->feed_per_tooth) {
     return fmt::format(
-        "the feeds are nearly equal ({:g} to {:g} mm), so that edge and cutting forces are hardly told "
-        "apart; measure at feeds that differ twice or more",
+        "the feeds are nearly equal ({:g} to {:g} mm), so that edge and cutting coefficients are hardly identifiable; "
+        "measure at feeds that differ by a factor of two or more",
         units::to_mm(least->feed_per_tooth), units::to_mm(largest->feed_per_tooth));
   }
   return "forces act on the tool, x along the feed, y to its left; is a sign or the direction wrong?";
@@ -235,7 +235,7 @@ Result<ForceTable> read_forces(const Cutter& cutter, const std::string& path, co
     }
     if (ap > units::to_mm(cutter.length) * (1 + 1e-12)) {
       return fail("ID120",
-                  fmt::format("a cut of ap {:g} mm, but the edges of the cutter are {:g} mm long", ap,
+                  fmt::format("a cut of ap {:g} mm, but the flute length of the cutter is {:g} mm", ap,
                               units::to_mm(cutter.length)),
                   m.place, "check ap_mm and the cutter's length_mm");
     }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <numbers>
@@ -17,7 +18,6 @@ namespace polypod::cutting {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
 // Four floats that the processor handles at once; a cell's layers are two of them.
 typedef float Quad __attribute__((vector_size(16)));
@@ -44,8 +44,88 @@ float sum(Quad q) {
   return (q[0] + q[1]) + (q[2] + q[3]);
 }
 
-// kLayer[k] = k, to compare with a number of layers.
-constexpr Quad kLayerLow{0, 1, 2, 3}, kLayerHigh{4, 5, 6, 7};
+// Which of the layers of a quad are meant: all bits or none.
+typedef std::int32_t Mask __attribute__((vector_size(16)));
+Quad where(Mask mask, Quad q) {
+  Mask bits;
+  std::memcpy(&bits, &q, sizeof bits);
+  bits &= mask;
+  std::memcpy(&q, &bits, sizeof q);
+  return q;
+}
+
+// kFirst.of[n] are the first n layers of a cell.
+struct FirstLayers {
+  Mask of[Stock::kLayers + 1][2];
+};
+constexpr FirstLayers first_layers() {
+  FirstLayers out{};
+  for (int n = 0; n <= Stock::kLayers; ++n) {
+    for (int half = 0; half < 2; ++half) {
+      const int k = 4 * half;
+      out.of[n][half] = Mask{k < n ? -1 : 0, k + 1 < n ? -1 : 0, k + 2 < n ? -1 : 0, k + 3 < n ? -1 : 0};
+    }
+  }
+  return out;
+}
+constexpr FirstLayers kFirst = first_layers();
+
+// Two doubles that the processor handles at once.
+typedef double Pair __attribute__((vector_size(16)));
+static_assert(sizeof(Pair) == 2 * sizeof(double));
+Pair load(const double* p) {
+  Pair q;
+  std::memcpy(&q, p, sizeof q);
+  return q;
+}
+void store(double* p, Pair q) {
+  std::memcpy(p, &q, sizeof q);
+}
+Pair two(double x) {
+  return Pair{x, x};
+}
+Pair clamped(Pair q, double lo, double hi) {
+  q = q < lo ? two(lo) : q;
+  return q > hi ? two(hi) : q;
+}
+
+Pair root(Pair q) {
+  return Pair{std::sqrt(q[0]), std::sqrt(q[1])};
+}
+Quad narrow(Pair a, Pair b) {
+  typedef double Four __attribute__((vector_size(32)));
+  return __builtin_convertvector((Four{a[0], a[1], b[0], b[1]}), Quad);
+}
+
+// Cells on their way through a loop that handles several at once: runs of neighbours in a row, one run after the other.
+struct Cells {
+  static constexpr int kMost = 128;  // an even number: they are handled in pairs
+  int count = 0;
+  double x[kMost], y[kMost];  // of the centre
+  std::size_t at[kMost];      // index of the first layer
+  bool ends[kMost];           // the last one of its run
+
+  /// Adds a run; `work` is called whenever the list is full, and empties it.
+  template <class Work>
+  void add(double x0, double cell, double row, int i0, int i1, std::size_t first, Work&& work) {
+    for (int i = i0; i <= i1;) {
+      const int n = std::min(i1 - i + 1, kMost - count);
+      for (int k = 0; k < n; ++k) {
+        x[count + k] = x0 + (i + k) * cell;
+        y[count + k] = row;
+        at[count + k] = first + static_cast<std::size_t>(i + k) * Stock::kLayers;
+        ends[count + k] = false;
+      }
+      count += n;
+      i += n;
+      if (i > i1) ends[count - 1] = true;
+      if (count == kMost) work();
+    }
+  }
+};
+
+// What is due is a little more than what was left standing; all of it lies well inside the disc.
+constexpr double kDueSlack = 1e-9;
 
 struct Span {
   double lo = kInfinity;
@@ -110,9 +190,9 @@ class Cover {
         outer2_(radius * (radius + cell)),
         inner2_(radius * (radius - cell)) {}
 
-  [[nodiscard]] int layers(double d2, double slack = 0) const {
-    const double v = at_axis_ - fall_ * d2 + slack;
-    return static_cast<int>(std::min(std::max(v, 0.0), static_cast<double>(kLayers)));
+  /// Rounded down this is the number of layers.
+  [[nodiscard]] Pair layers(Pair d2, double slack = 0) const {
+    return clamped(at_axis_ - fall_ * d2 + slack, 0, kLayers);
   }
   /// The square of the distance within which layer k is cut (negative if never).
   [[nodiscard]] double reach2(int k) const { return (at_axis_ - (k + 1)) / fall_; }
@@ -239,11 +319,44 @@ Stock Stock::in_half_cells() const {
 }
 
 double Stock::cut_disc(const Vec3& tip, double radius) {
-  return sweep(tip, tip, radius, false);
+  return sweep(tip, tip, radius, false, false);
 }
 
 double Stock::cut_line(const Vec3& a, const Vec3& b, double radius, bool a_done) {
-  if (b.z() == a.z()) return sweep(a, b, radius, a_done);
+  return cut_way(a, b, radius, a_done, false);
+}
+
+double Stock::cut_step(const Vec3& a, const Vec3& b, double radius, bool a_done) {
+  if (b.z() < a.z()) return cut_way(a, b, radius, a_done, true);
+  return settle() + cut_way(a, b, radius, a_done, false);
+}
+
+double Stock::settle() {
+  if (!due_.any) return 0;
+  due_.any = false;
+  const Quad level = all(std::max(due_.level, static_cast<float>(bottom_))), kept = all(due_.level);
+  const double x0 = x_min_ + 0.5 * cell_ - due_.x, y0 = y_min_ + 0.5 * cell_ - due_.y, reach = std::sqrt(due_.inner2);
+  double removed = 0;
+  const int j1 = last_index((reach - y0) / cell_, rows_);
+  for (int j = first_index((-reach - y0) / cell_); j <= j1; ++j) {
+    const double y = y0 + j * cell_, w = std::sqrt(std::max(0.0, due_.inner2 - y * y));
+    const int i1 = last_index((w - x0) / cell_, columns_);
+    Quad in_row{};
+    for (int i = first_index((-w - x0) / cell_); i <= i1; ++i) {
+      float* h = layers_.data() + index(i, j);
+      for (const int k : {0, 4}) {
+        const Quad height = load(h + k);
+        in_row += larger(height - level, all(0));
+        store(h + k, smaller(height, kept));
+      }
+    }
+    removed += sum(in_row);
+  }
+  return removed * cell_ * cell_ / kLayers;
+}
+
+double Stock::cut_way(const Vec3& a, const Vec3& b, double radius, bool a_done, bool later) {
+  if (b.z() == a.z()) return sweep(a, b, radius, a_done, false);
   // The part above the material takes nothing, and the part below the bottom takes all there is: cut the way there.
   double removed = 0;
   const double rise = b.z() - a.z();
@@ -254,12 +367,12 @@ double Stock::cut_line(const Vec3& a, const Vec3& b, double radius, bool a_done)
     Vec3 from = a + t[i] * (b - a), to = t[i + 1] == 1 ? b : Vec3(a + t[i + 1] * (b - a));
     from.z() = std::max(from.z(), bottom_);
     to.z() = std::max(to.z(), bottom_);
-    removed += sweep(from, to, radius, a_done && t[i] == 0 && rise > 0);
+    removed += sweep(from, to, radius, a_done && t[i] == 0 && rise > 0, later);
   }
   return removed;
 }
 
-double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done) {
+double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bool later) {
   if (!a.allFinite() || !b.allFinite() || !(radius > 0) || columns_ == 0) return 0;
   if (std::min(a.z(), b.z()) >= top_) return 0;
   Eigen::Vector2d f = (b - a).head<2>();
@@ -283,50 +396,83 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done) {
   const double x0 = x_min_ + 0.5 * cell_ - a.x(), y0 = y_min_ + 0.5 * cell_ - a.y();
   const int j0 = first_index((std::min(0.0, by) - outer - y0) / cell_);
   const int j1 = last_index((std::max(0.0, by) + outer - y0) / cell_, rows_);
-  double removed = 0;
+  double removed = 0, removed_before = 0;
 
-  Quad removed_in_row{};
-  const auto cut_quad = [&removed_in_row](float* h, Quad cut, Quad level_here, Quad kept_here) {
-    // A layer that is not cut has its level out of reach.
-    const Quad height = load(h), never = all(kFloatInfinity);
-    removed_in_row += larger(height - (cut != 0 ? level_here : never), all(0));
-    store(h, smaller(height, cut != 0 ? kept_here : never));
-  };
-  const auto cut_level = [&](float* h, int layers, float to, float kept) {
-    const Quad count = all(static_cast<float>(layers));
-    cut_quad(h, kLayerLow < count ? all(1) : all(0), all(to), all(kept));
-    cut_quad(h + 4, kLayerHigh < count ? all(1) : all(0), all(to), all(kept));
-  };
+  // Of a way down that goes on where the last one ended, what is due of that lies on this way or under its end.
+  later = later && b.z() < a.z() && cover.inner2() > 0;
+  if (later) {
+    if (due_.x != a.x() || due_.y != a.y() || due_.radius != radius) removed_before = settle();
+    due_ = {true, b.x(), b.y(), radius, cover.inner2() * (1 + kDueSlack), level_kept};
+  }
+
   const double inverse_cell = 1 / cell_;
   const double low_x = slope < 0 ? bx : 0, low_y = slope < 0 ? by : 0;  // the lower end of a sloped way
+  // What is lower than every place of the tip stays as it is.
+  const bool to_bottom = level <= at_bottom;
+  const float untouched = to_bottom ? -std::numeric_limits<float>::max() : level_float;
+
+  Cells cells;
+  double covered[Cells::kMost], across[Cells::kMost], along[Cells::kMost];
+  Quad removed_in_row{};
+  const auto cut_level = [&](float* h, int layers) {
+    for (const int half : {0, 1}) {
+      const Mask cut = kFirst.of[layers][half];
+      const Quad height = load(h + 4 * half);
+      removed_in_row += where(cut, larger(height - all(level_float), all(0)));
+      store(h + 4 * half, cut ? smaller(height, all(level_kept)) : height);
+    }
+  };
+  const auto cut_slope = [&](float* h, int layers, double s, double n) {
+    // Layer k is cut while the axis is within sqrt(reach2 - n^2) of the foot of the cell: the lower end counts.
+    const double n2 = n * n;
+    for (const int half : {0, 1}) {
+      Pair z[2];
+      for (const int quarter : {0, 1}) {
+        const Pair t = root(clamped(load(reach2 + 4 * half + 2 * quarter) - n2, 0, reach2[0]));
+        z[quarter] = a.z() + slope * clamped(slope < 0 ? s + t : s - t, 0, length);
+      }
+      const Mask cut = kFirst.of[layers][half];
+      const Quad height = load(h + 4 * half);
+      const Quad low = narrow(z[0], z[1]);
+      const Quad kept =
+          to_bottom ? narrow(z[0] <= at_bottom ? -kInfinity : z[0], z[1] <= at_bottom ? -kInfinity : z[1]) : low;
+      removed_in_row += where(cut, larger(height - low, all(0)));
+      store(h + 4 * half, cut ? smaller(height, kept) : height);
+    }
+  };
+  const auto cut_cells = [&] {
+    for (int k = 0; k < cells.count; k += 2) {
+      const Pair x = load(cells.x + k), y = load(cells.y + k);
+      const Pair s = f.x() * x + f.y() * y, n = f.x() * y - f.y() * x;
+      const Pair beyond = s - clamped(s, 0, length);
+      store(covered + k, cover.layers(beyond * beyond + n * n));
+      store(along + k, s);
+      store(across + k, n);
+    }
+    for (int k = 0; k < cells.count; ++k) {
+      float* h = layers_.data() + cells.at[k];
+      const int layers = static_cast<int>(covered[k]);
+      if (!sloped) {
+        cut_level(h, layers);
+      } else {
+        const Quad highest = larger(load(h), load(h + 4));
+        const bool nothing = std::max({highest[0], highest[1], highest[2], highest[3]}) < untouched;
+        const double x = cells.x[k] - low_x, y = cells.y[k] - low_y;
+        if (!nothing && x * x + y * y <= cover.inner2()) {
+          cut_level(h, kLayers);
+        } else if (!nothing) {
+          cut_slope(h, layers, along[k], across[k]);
+        }
+      }
+      if (!cells.ends[k]) continue;
+      removed += sum(removed_in_row);
+      removed_in_row = Quad{};
+    }
+    cells.count = 0;
+  };
   const auto cut_row = [&](int j, double y, double lo, double hi) {
     const int i0 = first_index((lo - x0) * inverse_cell), i1 = last_index((hi - x0) * inverse_cell, columns_);
-    float* row = layers_.data() + index(0, j);
-    removed_in_row = Quad{};
-    for (int i = i0; i <= i1; ++i) {
-      const double x = x0 + i * cell_;
-      float* h = row + static_cast<std::size_t>(i) * kLayers;
-      const double s = f.x() * x + f.y() * y, n = f.x() * y - f.y() * x;
-      if (!sloped) {
-        const double beyond = s - std::min(std::max(s, 0.0), length);
-        cut_level(h, cover.layers(beyond * beyond + n * n), level_float, level_kept);
-        continue;
-      }
-      if ((x - low_x) * (x - low_x) + (y - low_y) * (y - low_y) <= cover.inner2()) {
-        cut_level(h, kLayers, level_float, level_kept);
-        continue;
-      }
-      // Layer k is cut while the axis is within sqrt(reach2 - n^2) of the foot of the cell: the lower end counts.
-      const double beyond = s - std::min(std::max(s, 0.0), length);
-      const int layers = cover.layers(beyond * beyond + n * n);
-      for (int k = 0; k < layers; ++k) {
-        const double t = std::copysign(std::sqrt(std::max(0.0, reach2[k] - n * n)), -slope);
-        const double z = a.z() + slope * std::clamp(s + t, 0.0, length);
-        removed += std::max(0.0, h[k] - z);
-        h[k] = std::min(h[k], kept_as(z));
-      }
-    }
-    removed += sum(removed_in_row);
+    cells.add(x0, cell_, y, i0, i1, index(0, j), cut_cells);
   };
   const HalfPlane after_a(f), before_b(-f), right_of_left({-f.y(), f.x()}), left_of_right({f.y(), -f.x()});
 
@@ -351,16 +497,17 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done) {
     }
     if (a_done) after_a.meet(span, y, 0);
     if (span.empty()) continue;
-    const double hole2 = a_done ? cover.inner2() - y * y : -1;
+    const double hole2 = later ? cover.inner2() - (y - by) * (y - by) : a_done ? cover.inner2() - y * y : -1;
     if (hole2 > 0) {
-      const double w = std::sqrt(hole2);
-      if (span.lo < -w) cut_row(j, y, span.lo, std::min(span.hi, -w));
-      if (span.hi > w) cut_row(j, y, std::max(span.lo, w), span.hi);
+      const double w = std::sqrt(hole2), middle = later ? bx : 0;
+      if (span.lo < middle - w) cut_row(j, y, span.lo, std::min(span.hi, middle - w));
+      if (span.hi > middle + w) cut_row(j, y, std::max(span.lo, middle + w), span.hi);
     } else {
       cut_row(j, y, span.lo, span.hi);
     }
   }
-  return removed * cell_ * cell_ / kLayers;
+  cut_cells();
+  return removed_before + removed * cell_ * cell_ / kLayers;
 }
 
 void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
@@ -377,6 +524,7 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen:
   constexpr double kNothing = 1e-9;
   constexpr double kFloatRounding = 4 * std::numeric_limits<float>::epsilon();
   constexpr double kSlack = 1e-6;  // layers
+  constexpr auto kOutside = static_cast<std::size_t>(-1);
   const double nothing = kNothing + kFloatRounding * std::max(std::abs(stock.top()), std::abs(z));
 
   const Cover cover(radius, cell);
@@ -397,44 +545,75 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen:
   // G_j(v) = clamp(v - j, 0, 1) and v counted in strips from the left. A term G_j(v) is 1 for j < floor(v) and a
   // fraction at floor(v): kept as `whole` (summed from the right at the end) and `part`. Each holds what is taken and
   // what is offered, the number of layers that the step would cut.
-  typedef double Pair __attribute__((vector_size(16)));
   Pair whole[kBins + 1]{}, part[kBins + 1]{};
   const double per_width = kBins / (2 * radius), half_width = 0.5 * cell * per_width;
-  const auto add = [&](double v, Pair amount) {
-    v = std::min(std::max(v, 0.0), static_cast<double>(kBins));
-    const int i = static_cast<int>(v);
-    whole[i] += amount;
-    part[i] += amount * (v - i);
-  };
-
   const Quad tip_z = all(static_cast<float>(z)), least = all(static_cast<float>(nothing));
   Quad deepest{};
   const double inverse_cell = 1 / cell;
-  const auto look_row = [&](int j, double y, double lo, double hi) {
-    const int i0 = first((lo - x0) * inverse_cell), i1 = last((hi - x0) * inverse_cell);
-    const bool row_in = j >= 0 && j < rows;
-    for (int i = i0; i <= i1; ++i) {
-      const double x = x0 + i * cell;
+  const float* layers = stock.layers().data();
+  const Stock::Due& due = stock.due();
+  const double due_x = due.x - tip.x(), due_y = due.y - tip.y();
+  Cells cells;
+  double now[Cells::kMost], then[Cells::kMost], left[Cells::kMost], right[Cells::kMost];
+  int which[Cells::kMost];
+  const auto look_at_cells = [&] {
+    for (int k = 0; k < cells.count; k += 2) {
+      const Pair x = load(cells.x + k), y = load(cells.y + k);
       // The tip itself is taken to have cut already; only what the step adds counts.
-      const int now = cover.layers(x * x + y * y, kSlack);
-      const int then = cover.layers((x - ax) * (x - ax) + (y - ay) * (y - ay), -kSlack);
-      if (then <= now) continue;
+      store(now + k, cover.layers(x * x + y * y, kSlack));
+      store(then + k, cover.layers((x - ax) * (x - ax) + (y - ay) * (y - ay), -kSlack));
+      const Pair v = (radius - (f.x() * y - f.y() * x)) * per_width;  // u is to the left of the tip
+      store(left + k, clamped(v + half_width, 0, kBins));
+      store(right + k, clamped(v - half_width, 0, kBins));
+    }
+    int met = 0;
+    for (int k = 0; k < cells.count; ++k) {
+      which[met] = k;
+      met += static_cast<int>(then[k]) > static_cast<int>(now[k]) ? 1 : 0;
+    }
+    for (int m = 0; m < met; ++m) {
+      const int k = which[m];
+      const int from = static_cast<int>(now[k]), to = static_cast<int>(then[k]);
       double amount = 0;
-      if (row_in && i >= 0 && i < columns) {
-        const float* h = stock.cell_layers(i, j);
-        const Quad from = all(static_cast<float>(now)), to = all(static_cast<float>(then)), zero{};
-        Quad low = load(h) - tip_z, high = load(h + 4) - tip_z;
-        low = low > least ? low : zero;
-        high = high > least ? high : zero;
-        low = kLayerLow < from ? zero : (kLayerLow < to ? low : zero);
-        high = kLayerHigh < from ? zero : (kLayerHigh < to ? high : zero);
+      if (cells.at[k] != kOutside) {
+        const float* h = layers + cells.at[k];
+        Quad low = load(h), high = load(h + 4);
+        if (due.any) {
+          const double x = cells.x[k] - due_x, y = cells.y[k] - due_y;
+          if (x * x + y * y <= due.inner2) {
+            low = smaller(low, all(due.level));
+            high = smaller(high, all(due.level));
+          }
+        }
+        low -= tip_z;
+        high -= tip_z;
+        low = where((low > least) & kFirst.of[to][0] & ~kFirst.of[from][0], low);
+        high = where((high > least) & kFirst.of[to][1] & ~kFirst.of[from][1], high);
         deepest = larger(deepest, larger(low, high));
         amount = sum(low + high);
       }
-      const Pair both{amount, static_cast<double>(then - now)};
-      const double v = (radius - (f.x() * y - f.y() * x)) * per_width;  // u is to the left of the tip
-      add(v + half_width, both);
-      add(v - half_width, -both);
+      const Pair both{amount, static_cast<double>(to - from)};
+      const int i = static_cast<int>(left[k]), j = static_cast<int>(right[k]);
+      whole[i] += both;
+      part[i] += both * (left[k] - i);
+      whole[j] -= both;
+      part[j] -= both * (right[k] - j);
+    }
+    cells.count = 0;
+  };
+  const auto look_row = [&](int j, double y, double lo, double hi) {
+    const int i0 = first((lo - x0) * inverse_cell), i1 = last((hi - x0) * inverse_cell);
+    const bool row_in = j >= 0 && j < rows;
+    if (row_in && i0 >= 0 && i1 < columns) {
+      cells.add(x0, cell, y, i0, i1, static_cast<std::size_t>(j) * columns * Stock::kLayers, look_at_cells);
+      return;
+    }
+    for (int i = i0; i <= i1; ++i) {
+      const bool in = row_in && i >= 0 && i < columns;
+      cells.x[cells.count] = x0 + i * cell;
+      cells.y[cells.count] = y;
+      cells.at[cells.count] = in ? (static_cast<std::size_t>(j) * columns + i) * Stock::kLayers : kOutside;
+      if (++cells.count == Cells::kMost) look_at_cells();
     }
   };
   const HalfPlane ahead_of_tip(f);
@@ -456,6 +635,7 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen:
       look_row(j, y, span.lo, span.hi);
     }
   }
+  look_at_cells();
   const double max_depth = std::max({deepest[0], deepest[1], deepest[2], deepest[3]});
   if (!(max_depth > 0)) return;
   profile.any = true;

@@ -106,7 +106,8 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
   std::vector<int> from_above;
   std::optional<Place> first;
   std::vector<int> further;
-  for (gcode::Move& move : out.interpretation.moves) {
+  for (std::size_t i = 0; i < out.given->moves.size(); ++i) {
+    const gcode::Move& move = out.given->moves[i];
     if (move.start_known || !feeds(move)) continue;
     const auto& [x, y, z] = move.known_start;
     const Place place = place_of(program, move);
@@ -115,8 +116,9 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
                           std::abs(move.start.y() - move.end.y()) < kSame;
     if (vertical && move.known_end[2]) {
       if (move.end.z() < top) from_above.push_back(place.line);
-      move.start.z() = std::max(top, move.end.z());
-      move.start_known = true;
+      if (!out.changed) out.changed = *out.given;
+      out.changed->moves[i].start.z() = std::max(top, move.end.z());
+      out.changed->moves[i].start_known = true;
     } else if (z && std::min(move.start.z(), move.end.z()) >= top) {
       continue;  // an approach above the stock, from wherever it comes
     } else if (!first) {
@@ -197,9 +199,9 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
     return tl::unexpected(cuts_nothing(job, program, interpretation));
   }
   POLYPOD_TRY(known_tools(job, program, interpretation));
-  Accepted out{interpretation, interpretation.notes};
+  Accepted out{&interpretation, {}, interpretation.notes};
   POLYPOD_TRY(known_starts(job, program, out));
-  POLYPOD_TRY(accept_reach(job, program, out.interpretation, options.progress));
+  POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress));
   return out;
 }
 

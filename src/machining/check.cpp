@@ -113,9 +113,8 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   }
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
-    out.notes.push_back(
-        fmt::format("this machine cannot choose how its tool stands: on this way it leans by up to {:.1f} deg",
-                    units::to_deg(lean)));
+    out.notes.push_back(fmt::format(
+        "this machine cannot choose the tilt of its tool: on this path it is up to {:.1f} deg", units::to_deg(lean)));
   }
   if (interpretation.moves.empty()) {
     out.problems.push_back({1, "empty", "the program makes no move, so there is nothing to judge"});

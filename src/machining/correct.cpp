@@ -4,9 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <future>
 #include <optional>
 #include <set>
+#include <system_error>
+#include <thread>
 
 #include "fit.hpp"
 #include "modes.hpp"
@@ -28,6 +32,8 @@ constexpr double kHelps = 0.98;
 constexpr int kGiveBackRounds = 12;
 // The step of the check is at most this, m.
 constexpr double kCheckStep = 0.1e-3;
+// Stocks up to this are cut by two passes at once, bytes.
+constexpr std::size_t kLargestSecondStock = 200'000'000;
 // Remedies are tried out where a correction takes no longer than this many points, and until all tries together have
 // taken this many.
 constexpr std::size_t kTryRemediesBelow = 200'000, kMostTried = 4'000'000;
@@ -47,22 +53,23 @@ class Corrector {
   Corrector(const Job& job, const gcode::Program& program, const Accepted& accepted, const CorrectOptions& options)
       : job_(job),
         program_(program),
-        interpretation_(accepted.interpretation),
+        interpretation_(accepted.interpretation()),
         options_(options),
-        moves_(interpretation_.moves),
-        feed_scale_(moves_.size(), 1.0) {}
+        moves_(interpretation_.moves) {}
 
   /// For what-if: the feeds of some moves are taken smaller than they are written.
   void scale_feeds(const std::vector<bool>& which, double factor) {
-    for (std::size_t i = 0; i < moves_.size(); ++i) feed_scale_[i] = which[i] ? factor : 1.0;
+    feed_scale_.assign(moves_.size(), 1.0);
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      if (which[i]) feed_scale_[i] = factor;
+    }
   }
 
   Result<Correction> run() {
     out_.tolerance = job_.tolerance;
     out_.lines_in = program_.blocks.size();
     out_.programmed = moves_;
-    POLYPOD_TRY(predict_as_it_is());
-    POLYPOD_TRY(find_deflections());
+    POLYPOD_TRY(predict_and_find());
     fit_.assign(moves_.size(), options_.fit_share * job_.tolerance);
     choose_moves();
     POLYPOD_TRY(refine());
@@ -84,20 +91,49 @@ class Corrector {
 
   [[nodiscard]] double check_step() const { return std::min(job_.step, kCheckStep); }
 
-  [[nodiscard]] PassMove as_programmed(std::size_t i) const {
-    PassMove out{moves_[i]};
-    out.move.feed *= feed_scale_[i];
-    return out;
+  /// The program as it is, with the feeds that are tried.
+  [[nodiscard]] Way as_programmed() const {
+    Way way{&program_, &moves_, {}, {}};
+    if (feed_scale_.empty()) return way;
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      way.moves.push_back({moves_[i], false, nullptr});
+      way.moves.back().move.feed *= feed_scale_[i];
+    }
+    return way;
+  }
+
+  /// What the program does as it is and what would correct it, side by side: neither needs the other.
+  Status predict_and_find() {
+    std::atomic<bool> stop{false};
+    std::future<Status> found;
+    const std::size_t bytes = job_.stock.layers().size() * sizeof(float);
+    if (std::thread::hardware_concurrency() > 1 && bytes <= kLargestSecondStock) {
+      try {
+        found = std::async(std::launch::async, [&] {
+          cutting::Stock scratch;
+          return find_deflections(scratch, [&](double) { return !stop; });
+        });
+      } catch (const std::system_error&) {  // no thread is given: one after the other
+      }
+    }
+    const Status predicted = predict_as_it_is();
+    stop = !predicted;
+    if (!found.valid()) {
+      POLYPOD_TRY(predicted);
+      return find_deflections();
+    }
+    const Status all_found = found.get();
+    POLYPOD_TRY(predicted);
+    return all_found;
   }
 
   Status predict_as_it_is() {
-    Way way{&program_, &moves_, {}, {}};
-    for (std::size_t i = 0; i < moves_.size(); ++i) way.moves.push_back(as_programmed(i));
+    const Way way = as_programmed();
     PredictOptions options;
     options.step = check_step();
     options.keep_samples = options_.keep_samples;
     options.progress = progress("predicting the program as it is");
-    POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options));
+    POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options, scratch_));
     if (before.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
     if (verifies()) POLYPOD_TRY(look_finely(program_, way, before));
     out_.before = std::move(before);
@@ -122,7 +158,7 @@ class Corrector {
     PredictOptions options;
     options.step = 0.5 * check_step();
     options.progress = progress("looking again with finer cells");
-    POLYPOD_ASSIGN(fine, predict_way(fine_job(), program, way, options));
+    POLYPOD_ASSIGN(fine, predict_way(fine_job(), program, way, options, fine_scratch_));
     for (std::size_t c = 0; c < fine.commanded_distance.size(); ++c) {
       prediction.commanded_distance[c] = std::max(prediction.commanded_distance[c], fine.commanded_distance[c]);
       prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
@@ -146,23 +182,24 @@ class Corrector {
 
   /// The deflections with the tool on the programmed path; in the finer cells once the coarse ones have misled.
   Status find_deflections() {
+    return find_deflections(fit_finely_ ? fine_scratch_ : scratch_, progress("finding the ideal correction"));
+  }
+  Status find_deflections(cutting::Stock& scratch, const std::function<bool(double)>& report) {
     const Job& job = fit_finely_ ? fine_job() : job_;
-    std::vector<PassMove> path;
-    path.reserve(moves_.size());
-    for (std::size_t i = 0; i < moves_.size(); ++i) path.push_back(as_programmed(i));
+    const Way way = as_programmed();
     deflections_.assign(moves_.size(), Deflections{});
-    cutting::Stock stock = job.stock;
+    scratch = job.stock;
     PassOptions pass;
     pass.bend = options_.method == CorrectMethod::mirror ? Bend::at_rest : Bend::corrected;
     pass.step = sample_step_;
-    pass.progress = progress("finding the ideal correction");
+    pass.progress = report;
     const auto visit = [&](const Sample& sample) {
       Deflections& d = deflections_[static_cast<std::size_t>(sample.move)];
       d.s.push_back(sample.s);
       d.delta.push_back(to_correct(moves_[static_cast<std::size_t>(sample.move)], sample.deflection));
       d.cuts = d.cuts || sample.cutting;
     };
-    POLYPOD_ASSIGN(result, run_pass(job, program_, path, stock, pass, visit));
+    POLYPOD_ASSIGN(result, run_pass(job, program_, way.commanded(), scratch, pass, visit));
     return no_rapid_cuts(job_, program_, result);
   }
 
@@ -329,8 +366,8 @@ class Corrector {
       ++header_at_;
     }
     header_size_ = whole.blocks.size() - program.blocks.size();
-    named_ = out_.program;
     named_.path = program_.path;
+    named_.blocks.assign(out_.program.blocks.size(), {});
     for (std::size_t b = 0; b < named_.blocks.size(); ++b) {
       const bool header_block = b >= header_at_ && b < header_at_ + header_size_;
       const int source = header_block ? 0 : source_block(static_cast<int>(b));
@@ -429,8 +466,9 @@ class Corrector {
     options.step = check_step();
     options.keep_samples = options_.keep_samples;
     options.progress = progress("checking what was written");
-    POLYPOD_ASSIGN(after, predict_way(job_, named_, way_, options));
-    checked_ = named_;
+    POLYPOD_ASSIGN(after, predict_way(job_, named_, way_, options, scratch_));
+    rapids_ = no_rapid_cuts(job_, named_, after.pass);
+    after_notes_ = pass_notes(job_, named_, after.pass);
     out_.verified = verifies() && (fit_finely_ || after.largest_distance <= inside());
     if (out_.verified) {
       POLYPOD_TRY(look_finely(named_, way_, after));
@@ -546,7 +584,8 @@ class Corrector {
   }
 
   /// A move that came no closer to the programmed path gets its text back; where one that has its text came farther,
-  /// the rewritten ones next to it do, which left it other material. If that does not help, all do.
+  /// the rewritten ones next to it do, which left it other material. If that does not help, all of its contour do, then
+  /// all.
   Status give_back_what_got_worse() {
     const auto give_back = [&](std::size_t i) {
       rewritten_[i] = false;
@@ -560,21 +599,56 @@ class Corrector {
           which.push_back(i);
           continue;
         }
+        // Of its own contour first: what lies beyond is given back only where nothing of it is left.
+        const auto [first, end] = contour_of(i);
         std::size_t before = i, after = i + 1;
-        while (before > 0 && !rewritten_[before]) --before;
-        while (after < moves_.size() && !rewritten_[after]) ++after;
+        while (before > first && !rewritten_[before]) --before;
+        if (!rewritten_[before])
+          while (before > 0 && !rewritten_[before]) --before;
         if (rewritten_[before]) which.push_back(before);
-        if (after < moves_.size() && after == i + 1) which.push_back(after);
+        if (after < end && rewritten_[after]) which.push_back(after);
       }
       std::for_each(which.begin(), which.end(), give_back);
       spread_choice();
       POLYPOD_TRY(write_and_check());
     }
-    const bool whole_is_worse = out_.largest_distance > out_.before.largest_distance + kSameDistance;
-    if (count(&Corrector::worse) == 0 && !whole_is_worse) return {};
-    for (std::size_t i = 0; i < moves_.size(); ++i) frozen_[i] = frozen_[i] || rewritten_[i];
-    std::fill(rewritten_.begin(), rewritten_.end(), false);
+    // What cannot be held takes its own contour with it before it takes the others.
+    for (int round = 0; round < kGiveBackRounds && is_worse(); ++round) {
+      for (const std::size_t i : what_came_farther()) {
+        const auto [first, end] = contour_of(i);
+        for (std::size_t k = first; k < end; ++k)
+          if (rewritten_[k]) give_back(k);
+      }
+      POLYPOD_TRY(write_and_check());
+    }
+    if (!is_worse()) return {};
+    for (std::size_t i = 0; i < moves_.size(); ++i)
+      if (rewritten_[i]) give_back(i);
     return write_and_check();
+  }
+
+  /// The moves that cut one after the other with nothing between them, of which i is one: from the first to before the
+  /// last of the pair.
+  [[nodiscard]] std::pair<std::size_t, std::size_t> contour_of(std::size_t i) const {
+    std::size_t first = i, end = i + 1;
+    while (first > 0 && meet(first - 1)) --first;
+    while (end < moves_.size() && meet(end - 1)) ++end;
+    return {first, end};
+  }
+
+  /// Whether some move, or the whole, has come farther from the programmed path.
+  [[nodiscard]] bool is_worse() const {
+    return count(&Corrector::worse) > 0 || out_.largest_distance > out_.before.largest_distance + kSameDistance;
+  }
+
+  /// Moves that came farther; where only the whole did, the farthest.
+  [[nodiscard]] std::vector<std::size_t> what_came_farther() const {
+    std::vector<std::size_t> out;
+    for (std::size_t i = 0; i < moves_.size(); ++i)
+      if (worse(i)) out.push_back(i);
+    if (out.empty())
+      out.push_back(static_cast<std::size_t>(std::max_element(after_.begin(), after_.end()) - after_.begin()));
+    return out;
   }
 
   /// Whether a written block is shorter than the controller takes, though what it stands for is not.
@@ -676,12 +750,11 @@ class Corrector {
   Status judge() {
     out_.commanded = way_.moves;
     out_.source = way_.source;
-    POLYPOD_TRY(no_rapid_cuts(job_, checked_, out_.after.pass));
+    POLYPOD_TRY(rapids_);
     gcode::Interpretation written;
     for (const PassMove& move : way_.moves) written.moves.push_back(move.move);
     POLYPOD_TRY(accept_reach(job_, named_, written));
-    Way as_it_was{&program_, &moves_, {}, {}};
-    for (std::size_t i = 0; i < moves_.size(); ++i) as_it_was.moves.push_back(as_programmed(i));
+    const Way as_it_was = as_programmed();
     const Corners before = corners_of(job_, program_, as_it_was, out_.before, inside());
     const Corners after = corners_of(job_, out_.program, way_, out_.after, inside());
     out_.modes.corner_before = before.largest;
@@ -693,7 +766,7 @@ class Corrector {
     outcomes(before, after);
     if (options_.method == CorrectMethod::tube) POLYPOD_TRY(judge_other_switch());
     decide();
-    out_.after.notes = pass_notes(job_, checked_, out_.after.pass);
+    out_.after.notes = after_notes_;
     if (!out_.within_tolerance) {  // whoever finds the file without its report must see it
       POLYPOD_TRY(finish_text());
       out_.commanded = way_.moves;
@@ -748,7 +821,7 @@ class Corrector {
     POLYPOD_ASSIGN(programmed, gcode::interpret(program_, options));
     POLYPOD_ASSIGN(accepted, accept(job_, program_, programmed, {true, {}}));
     POLYPOD_ASSIGN(written, gcode::interpret(out_.program, options));
-    const std::vector<gcode::Move>& moves = accepted.interpretation.moves;
+    const std::vector<gcode::Move>& moves = accepted.interpretation().moves;
     const std::vector<int> move_of_block = moves_by_block(moves);
     const Way as_it_was = way_as_programmed(program_, moves);
     Way way{&program_, &moves, {}, {}};
@@ -847,7 +920,7 @@ class Corrector {
   const gcode::Interpretation& interpretation_;
   const CorrectOptions& options_;
   const std::vector<gcode::Move>& moves_;
-  std::vector<double> feed_scale_;
+  std::vector<double> feed_scale_;  // empty: all 1
   std::vector<Deflections> deflections_;
   double sample_step_ = job_.step;
   std::vector<double> fit_;
@@ -856,15 +929,19 @@ class Corrector {
   std::vector<bool> merged_;   // by corner, that before the move of this number: shared to save a short block
   std::vector<bool> frozen_;   // their correction was worse than none
   std::vector<double> before_, after_, last_;
-  std::optional<Job> fine_;  // the job with cells half as large
-  bool fit_finely_ = false;  // deflections are found in those
+  std::optional<Job> fine_;                // the job with cells half as large
+  cutting::Stock scratch_, fine_scratch_;  // what the passes cut, of either
+  bool fit_finely_ = false;                // deflections are found in those
   gcode::Rewritten rewritten_text_;
   std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
   std::vector<bool> transition_blocks_;         // by block of the written program
   std::size_t header_at_ = 0, header_size_ = 0;
-  gcode::Program named_;  // what was written, with the path and the lines of the original: of those alone errors speak
-  gcode::Program checked_;  // the same when it was checked: the header has become longer since
-  std::string warning_;     // of the header
+  // The blocks that were written, without their text, with the path and the lines of the original: of those alone
+  // errors speak.
+  gcode::Program named_;
+  Status rapids_;                         // of what was checked
+  std::vector<std::string> after_notes_;  // likewise
+  std::string warning_;                   // of the header
   std::optional<gcode::PathControl> mode_;
   std::vector<int> mode_blocks_;  // of the original
   Way way_;
@@ -968,11 +1045,11 @@ bool closer(const Correction& a, const Correction& b) {
 
 }  // namespace
 
-std::string Correction::answer() const {
+std::string Correction::answer(const std::string& proviso) const {
   if (!within_tolerance)
     return (only_not_judged ? "no, not all of the cut is judged: " : "not within the tolerance: ") + reason;
-  return fmt::format("yes{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)",
-                     all_judged() ? "" : ", apart from what was not judged",
+  return fmt::format("yes{}{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)",
+                     proviso, all_judged() ? "" : ", apart from what was not judged",
                      units::to_um(std::max(largest_after, after.plunge_within.distance)),
                      modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "",
                      units::to_um(tolerance));

@@ -117,7 +117,7 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
                 fmt::format("the tool axis of the measured displacements is {:.1f} deg off that of the job, z of M",
                             units::to_deg(off)),
                 place.file.empty() ? points.front().place : place,
-                "the measured compliance holds for one direction of the tool: measure with the tool upright");
+                "the measured compliance holds for one direction of the tool: measure with the tool axis along z of M");
   }
   return std::make_shared<const MeasuredCompliance>(MeasuredCompliance{
       files, std::move(*map), std::move(judgement.doubts), std::move(read->unused_columns),

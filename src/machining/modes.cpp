@@ -4,15 +4,17 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 namespace polypod::machining {
 namespace {
 
-std::vector<gcode::Move> moves_of(const Way& way) {
-  std::vector<gcode::Move> moves;
-  moves.reserve(way.moves.size());
-  for (const PassMove& m : way.moves) moves.push_back(m.move);
-  return moves;
+/// The commanded moves in a row, in `copy` where they are not kept so.
+std::span<const gcode::Move> moves_of(const Way& way, std::vector<gcode::Move>& copy) {
+  if (way.moves.empty()) return *way.programmed;
+  copy.reserve(way.moves.size());
+  for (const PassMove& m : way.moves) copy.push_back(m.move);
+  return copy;
 }
 
 /// For each block the last block up to it that holds a path control word; -1 where there is none.
@@ -32,7 +34,8 @@ std::vector<int> control_blocks(const gcode::Program& program) {
 
 Corners corners_of(const Job& job, const gcode::Program& program, const Way& way, const Prediction& prediction,
                    double inside) {
-  const std::vector<gcode::Move> moves = moves_of(way);
+  std::vector<gcode::Move> copy;
+  const std::span<const gcode::Move> moves = moves_of(way, copy);
   const std::vector<Corner> at = corners(moves, job.controller.planner);
   const std::vector<double>& distance = prediction.commanded_distance;
   const std::vector<int> control = control_blocks(program);
@@ -75,7 +78,8 @@ PathModeChoice mode_for(const Job& job, const Way& way, const Corners& corners) 
   for (double& s : slack) {
     if (!(s > 0)) s = job.tolerance - resolution(job);
   }
-  return choose_path_mode(moves_of(way), slack, job.controller.planner);
+  std::vector<gcode::Move> copy;
+  return choose_path_mode(moves_of(way, copy), slack, job.controller.planner);
 }
 
 }  // namespace polypod::machining

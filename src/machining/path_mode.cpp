@@ -171,9 +171,9 @@ double block_time(const TimedBlock& block, double from, double to) {
 
 /// The length of each move that the blend arc of a corner takes the place of, m.
 double blend_cut(const Corner& c) {
-  if (!(c.deviation > 0) || !(c.speed > 0)) return 0;
+  if (!(c.rounded > 0) || !(c.speed > 0)) return 0;
   const double half = c.turn / 2;
-  return c.deviation / (1 / std::cos(half) - 1) * std::tan(half);
+  return c.rounded / (1 / std::cos(half) - 1) * std::tan(half);
 }
 
 std::vector<gcode::Move> with_mode(std::span<const gcode::Move> moves, const gcode::PathControl& control) {
@@ -208,7 +208,7 @@ Corner corner(const gcode::Move& before, const gcode::Move& after, const Planner
   const bool leaves = leaves_plane(before, after);
   const double merged = std::max(before.path.naive_cam_tolerance, after.path.naive_cam_tolerance);
   const double shorter = kLengthShare * std::min(length_before, length_after);
-  result.deviation = rule.deviation;
+  result.deviation = result.rounded = rule.deviation;
   result.bound = is_arc(before) || is_arc(after) || feed_before != feed_after;
   // Nor does a blend begin farther from the corner than the way on which the planner slows down for it.
   const double way =

@@ -6,12 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <set>
 
 #include "modes.hpp"
+#include "plunges.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/cutting/end_force.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -64,14 +63,17 @@ class Ends {
     if (i > 0) near(end_, i - 1, bent);
     if (i + 1 < moves_.size()) near(start_, i + 1, bent);
   }
-  void cuts_at_start(std::size_t i, std::size_t commanded) { start_[i].commanded = commanded; }
-  void cuts_at_end(std::size_t i, std::size_t commanded) { end_[i].commanded = commanded; }
+  void cuts_at_start(std::size_t i, std::size_t commanded) {
+    start_[i].commanded = static_cast<std::int32_t>(commanded);
+  }
+  void cuts_at_end(std::size_t i, std::size_t commanded) { end_[i].commanded = static_cast<std::int32_t>(commanded); }
 
   template <class F>
   void each_miss(F&& report) const {
     for (const std::vector<Miss>* ends : {&start_, &end_}) {
       for (std::size_t i = 0; i < ends->size(); ++i) {
-        if ((*ends)[i].commanded) report(i, *(*ends)[i].commanded, (*ends)[i].distance);
+        const Miss& miss = (*ends)[i];
+        if (miss.commanded >= 0) report(i, static_cast<std::size_t>(miss.commanded), miss.distance);
       }
     }
   }
@@ -79,7 +81,7 @@ class Ends {
  private:
   struct Miss {
     double distance = std::numeric_limits<double>::infinity();  ///< m, smallest
-    std::optional<std::size_t> commanded;                       ///< the commanded move that cuts there
+    std::int32_t commanded = -1;                                ///< the commanded move that cuts there; -1: none
   };
   void near(std::vector<Miss>& ends, std::size_t i, const Vec3& bent) {
     const Vec3& end = &ends == &start_ ? moves_[i].start : moves_[i].end;
@@ -134,13 +136,13 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
     }
   }
   if (most <= kUpright) return {};
-  const auto& block = program.blocks[static_cast<std::size_t>(way.moves[static_cast<std::size_t>(move)].move.block)];
+  const auto& block = program.blocks[static_cast<std::size_t>(way.commanded()[static_cast<std::size_t>(move)].block)];
   return NotJudged{block.line,
-                   fmt::format("the machine leans its tool by up to {:.1f} deg, and material and forces are computed "
+                   fmt::format("the machine tilts its tool by up to {:.1f} deg, and material and forces are computed "
                                "with the tool along z",
                                units::to_deg(most)),
-                   fmt::format("a machine that keeps its tool upright, or a part that lies where this one leans it by "
-                               "less than {:g} deg (origin_mm of the job)",
+                   fmt::format("a machine that keeps its tool at zero tilt, or a place of the part where this one "
+                               "tilts it by less than {:g} deg (origin_mm of the job)",
                                units::to_deg(kUpright))};
 }
 
@@ -221,16 +223,6 @@ bool Prediction::within(const Job& job) const {
          (!other_switch || other_switch->within_tolerance);
 }
 
-std::string Plunge::why() const {
-  std::string out = fmt::format(
-      "the thrust holds the tool {:.0f} um above the end of this plunge, and {}", units::to_um(held_back),
-      dwell > 0 ? fmt::format("a dwell of {:g} s leaves up to {:.0f} um of it uncut", dwell, units::to_um(remaining))
-                : "without a dwell after it, it is not known how much of that is cut");
-  // Rounded up, so that what is advised does.
-  if (needed > 0) return out + fmt::format("; G4 P{:g} after it would do", std::ceil(100 * needed) / 100);
-  return out + "; no dwell would do: the edges hold it up";
-}
-
 bool Prediction::all_judged() const {
   return not_judged.empty() && !(steep.distance > 0) && plunges.empty() &&
          !(other_switch && (other_switch->steep.distance > 0 || !other_switch->plunges.empty()));
@@ -259,11 +251,11 @@ namespace {
 /// Where force and bend change too quickly for what was found: see Steep.
 class SteepPlaces {
  public:
-  SteepPlaces(const Job& job, const Way& way) : job_(job), way_(way) {}
+  SteepPlaces(const Job& job, const Way& way) : job_(job), moves_(way.commanded()) {}
 
   /// A point that cuts, of the programmed move `source`, whose bend found is `distance` from it.
   void see(const Sample& sample, double distance, const gcode::Move& programmed, int source, int line) {
-    const gcode::Move& move = way_.moves[static_cast<std::size_t>(sample.move)].move;
+    const gcode::Move& move = moves_[static_cast<std::size_t>(sample.move)];
     const double window = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
     if (source != source_) lag_ = sample.deflection;
     if (source != source_ || sample.move != move_) {
@@ -309,7 +301,7 @@ class SteepPlaces {
     Vec3 deflection;
   };
   const Job& job_;
-  const Way& way_;
+  const PassMoves moves_;
   std::vector<Bend> before_;  ///< of the commanded move at hand
   std::size_t first_ = 0;     ///< the first of them within the window
   Vec3 lag_ = Vec3::Zero(), last_ = Vec3::Zero();
@@ -319,126 +311,22 @@ class SteepPlaces {
 
 }  // namespace
 
-namespace {
-
-/// What the thrust holds back at the ends of plunges: see Plunge.
-class HeldBack {
- public:
-  /// `step`: the longest between evaluated points, m.
-  HeldBack(const Job& job, const Way& way, double step)
-      : job_(job), moves_(*way.programmed), lines_(*way.lines), step_(step) {}
-
-  /// A point that cuts, of the programmed move i.
-  void see(std::size_t i, const Sample& sample) {
-    const gcode::Move& move = moves_[i];
-    if (!is_plunge(move)) return;
-    const double ahead = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
-    if (move.length() - move.nearest(sample.command) > std::max(ahead, 1.01 * step_)) return;
-    const Vec3 d = move.direction(0), off = sample.bent() - move.end;
-    End& end = ends_[i];
-    end.held_back = std::max(end.held_back, -d.dot(sample.deflection));
-    end.aside = std::max(end.aside, (off - d * d.dot(off)).norm());
-  }
-
-  /// Those that the tube holds go to `most_within`, the others are returned.
-  [[nodiscard]] std::vector<Plunge> take(Plunge& most_within) const {
-    const double tube = job_.tolerance - resolution(job_);
-    std::vector<Plunge> out;
-    for (const auto& [i, end] : ends_) {
-      if (!(end.held_back > 0) || goes_deeper(i)) continue;
-      const Plunge plunge = judge(i, end, tube);
-      if (plunge.distance > tube) {
-        out.push_back(plunge);
-      } else if (plunge.distance > most_within.distance) {
-        most_within = plunge;
-      }
-    }
-    return out;
-  }
-
- private:
-  struct End {
-    double held_back = 0, aside = 0;  ///< m
-  };
-
-  [[nodiscard]] Plunge judge(std::size_t i, const End& end, double tube) const {
-    const gcode::Move& move = moves_[i];
-    const int teeth = job_.cutter_of(move.tool).teeth;
-    Plunge out;
-    out.line = lines_.blocks[static_cast<std::size_t>(move.block)].line;
-    out.held_back = end.held_back;
-    out.dwell = dwell_after(i);
-    const double per_second = move.spindle_speed * teeth;
-    const double chip = -move.direction(0).z() * move.feed / per_second;  // may_cut has seen to both
-    const cutting::EndCoefficients k = job_.material.end.value_or(cutting::end_as_sides(job_.material));
-    const double thrust = k.kae + k.kac * chip;
-    const double stays = thrust > 0 ? std::clamp(k.kae / thrust, 0.0, 1.0) * end.held_back : end.held_back;
-    const double falls = end.held_back - stays;
-    const double share = falls / (falls + chip);  // q / (1 + q)
-    const double passes = std::floor(out.dwell * per_second * (1 + 1e-9));
-    out.remaining = passes >= teeth ? stays + falls * std::pow(share, passes) : end.held_back;
-    out.distance = std::hypot(out.remaining, end.aside);
-    const double aside = end.aside > tube ? 0 : end.aside;  // outside for another reason, which is said
-    if (std::hypot(stays + resolution(job_), aside) <= tube) {
-      const double enough = falls > resolution(job_) ? std::log(resolution(job_) / falls) / std::log(share) : 0;
-      out.needed = std::max(std::ceil(enough), static_cast<double>(teeth)) / per_second;
-    }
-    return out;
-  }
-
-  [[nodiscard]] std::size_t next_of(std::size_t i) const {
-    std::size_t next = i + 1;
-    while (next < moves_.size() && !(moves_[next].length() > 0)) ++next;
-    return next;
-  }
-
-  /// s, of the dwells between a move and the next one while the spindle turns. Blocks that a switch may skip are none.
-  [[nodiscard]] double dwell_after(std::size_t i) const {
-    const auto from = static_cast<std::size_t>(moves_[i].block) + 1;
-    const std::size_t next = next_of(i);
-    const std::size_t to = next < moves_.size() ? static_cast<std::size_t>(moves_[next].block) : lines_.blocks.size();
-    double dwell = 0;
-    for (std::size_t b = from; b < to; ++b) {
-      const gcode::Block& block = lines_.blocks[b];
-      if (block.after_end) break;
-      const auto has = [&](char letter, double value) {
-        return std::any_of(block.words.begin(), block.words.end(),
-                           [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
-      };
-      if (has('M', 5) || has('M', 2) || has('M', 30)) break;
-      if (block.optional || !has('G', 4)) continue;
-      for (const gcode::Word& w : block.words) dwell += w.letter == 'P' ? w.value : 0;
-    }
-    return dwell;
-  }
-
-  /// Whether the tool goes on down from there, or comes back to the same place and goes deeper.
-  [[nodiscard]] bool goes_deeper(std::size_t i) const {
-    const gcode::Move& move = moves_[i];
-    for (std::size_t j = i + 1; j < moves_.size(); ++j) {
-      const gcode::Move& later = moves_[j];
-      if (!is_plunge(later) || !(later.end.z() < move.end.z())) continue;
-      if ((later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace) return true;
-    }
-    return false;
-  }
-
-  static constexpr double kSamePlace = 1e-6;  // m
-  const Job& job_;
-  const std::vector<gcode::Move>& moves_;
-  const gcode::Program& lines_;
-  const double step_;
-  std::map<std::size_t, End> ends_;
-};
-
-}  // namespace
-
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options) {
+  cutting::Stock scratch;
+  return predict_way(job, program, way, options, scratch);
+}
+
+Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
+                               const PredictOptions& options, cutting::Stock& scratch) {
   const std::vector<gcode::Move>& programmed = *way.programmed;
+  const PassMoves commanded = way.commanded();
   Prediction out;
-  out.commanded_distance.assign(way.moves.size(), 0);
-  out.commanded_ends.assign(way.moves.size(), {});
+  out.commanded_distance.assign(commanded.size(), 0);
+  out.commanded_ends.assign(commanded.size(), {});
+  // Room for all, of which the system gives what is used: a vector that grows holds its content up to three times.
+  out.moves.reserve(static_cast<std::size_t>(std::count_if(
+      programmed.begin(), programmed.end(), [](const gcode::Move& m) { return m.kind != gcode::MoveKind::rapid; })));
   Few few;
   std::vector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
   const auto entry = [&](std::size_t i) -> MovePrediction& {
@@ -467,15 +355,17 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
       if (options.keep_samples) out.samples.push_back(sample);
       return;
     }
-    if (!way.moves[c].transition) {
-      const bool first = c == 0 || source(c - 1) != source(c) || way.moves[c - 1].transition;
-      const bool last = c + 1 == way.moves.size() || source(c + 1) != source(c) || way.moves[c + 1].transition;
+    const bool transition = commanded.transition(c);
+    const double length = commanded[c].length();
+    if (!transition) {
+      const bool first = c == 0 || source(c - 1) != source(c) || commanded.transition(c - 1);
+      const bool last = c + 1 == commanded.size() || source(c + 1) != source(c) || commanded.transition(c + 1);
       if (first && sample.s == 0) ends.cuts_at_start(i, c);
-      if (last && sample.s >= way.moves[c].move.length()) ends.cuts_at_end(i, c);
+      if (last && sample.s >= length) ends.cuts_at_end(i, c);
     }
     PathError e = path_error(programmed[i], bent, sample.away);
     MovePrediction& m = entry(i);
-    if (way.moves[c].transition) {
+    if (transition) {
       // A transition belongs to the moves that it joins.
       if (i > 0 && programmed[i - 1].kind != gcode::MoveKind::rapid) {
         e.distance = std::min(e.distance, path_error(programmed[i - 1], bent, sample.away).distance);
@@ -486,31 +376,32 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);
     out.commanded_distance[c] = std::max(out.commanded_distance[c], e.distance);
-    const double length = way.moves[c].move.length(), near = std::min(kNearCorner, 0.5 * length);
+    const double near = std::min(kNearCorner, 0.5 * length);
     out.commanded_ends[c].start = out.commanded_ends[c].start || sample.s <= near;
     out.commanded_ends[c].end = out.commanded_ends[c].end || sample.s >= length - near;
     out.largest_distance = std::max(out.largest_distance, e.distance);
     if (options.keep_samples) out.samples.push_back(judged(sample, e));
-    if (!way.moves[c].transition) steep.see(sample, e.distance, programmed[i], static_cast<int>(i), m.line);
-    if (!way.moves[c].transition) held_back.see(i, sample);
-    if (way.moves[c].transition) return;  // taken to change evenly, not computed: no part of the means
+    if (!transition) steep.see(sample, e.distance, programmed[i], static_cast<int>(i), m.line);
+    if (!transition) held_back.see(i, sample);
+    if (transition) return;  // taken to change evenly, not computed: no part of the means
     few.add(sample);
     ++m.points;
     m.deflection.add(sample.deflection.norm());
     if (!sample.away.isZero(0)) m.normal.add(e.normal);  // a plunge has no normal in the plane
     m.vertical.add(e.vertical);
     m.mean_force += (sample.force - m.mean_force) / static_cast<double>(m.points);
+    m.mean_force_size += (sample.force.norm() - m.mean_force_size) / static_cast<double>(m.points);
     m.largest_depth = std::max<double>(m.largest_depth, sample.depth);
     sides.add(i, sample);
     out.deflection.add(sample.deflection.norm());
     out.vertical.add(e.vertical);
   };
-  cutting::Stock stock = job.stock;
+  scratch = job.stock;
   PassOptions pass_options;
   pass_options.bend = options.bend;
   pass_options.step = options.step > 0 ? options.step : job.step;
   pass_options.progress = options.progress;
-  POLYPOD_ASSIGN(pass, run_pass(job, program, way.moves, stock, pass_options, visit));
+  POLYPOD_ASSIGN(pass, run_pass(job, program, commanded, scratch, pass_options, visit));
   out.pass = std::move(pass);
   out.few = few.take();
   out.steep = steep.found();
@@ -546,10 +437,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
 }
 
 Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves) {
-  Way way{&program, &moves, {}, {}};
-  way.moves.reserve(moves.size());
-  for (const gcode::Move& move : moves) way.moves.push_back({move, false, nullptr});
-  return way;
+  return {&program, &moves, {}, {}};
 }
 
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
@@ -572,7 +460,7 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
   POLYPOD_ASSIGN(accepted, accept(job, program, run, {true, options.progress}));
   PredictOptions quiet = options;
   quiet.keep_samples = false;
-  const Way way = way_as_programmed(program, accepted.interpretation.moves);
+  const Way way = way_as_programmed(program, accepted.interpretation().moves);
   POLYPOD_ASSIGN(p, predict_way(job, program, way, quiet));
   other.distance_before = other.distance_after =
       corners_of(job, program, way, p, job.tolerance - resolution(job)).largest_with;
@@ -585,8 +473,8 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
-  POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation, options));
-  const Way way = way_as_programmed(program, accepted.interpretation.moves);
+  POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation(), options));
+  const Way way = way_as_programmed(program, accepted.interpretation().moves);
   const Corners corners = corners_of(job, program, way, out, job.tolerance - resolution(job));
   out.corner = corners.largest;
   out.largest_with_corners = corners.largest_with;
@@ -594,7 +482,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   POLYPOD_ASSIGN(other, other_switch_of(job, program, options));
   out.other_switch = other;
   out.notes = std::move(accepted.notes);
-  for (std::string& note : condition_notes(job, accepted.interpretation.moves, out)) {
+  for (std::string& note : condition_notes(job, accepted.interpretation().moves, out)) {
     out.notes.push_back(std::move(note));
   }
   for (std::string& note : pass_notes(job, program, out.pass)) out.notes.push_back(std::move(note));
@@ -618,7 +506,7 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
     m.kte += variation[3];
     m.kre += variation[4];
     m.kae += variation[5];
-    POLYPOD_ASSIGN(p, predict_accepted(varied, program, accepted.interpretation, quiet));
+    POLYPOD_ASSIGN(p, predict_accepted(varied, program, accepted.interpretation(), quiet));
     const auto add = [](double& sum, double change) { sum = std::hypot(sum, change); };
     add(out.deflection_mean, p.deflection.mean - prediction.deflection.mean);
     add(out.deflection_max, p.deflection.max - prediction.deflection.max);

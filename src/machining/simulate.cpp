@@ -30,8 +30,9 @@ constexpr double kNoCut = 1e-6;
 constexpr double kArcStep = 0.2;
 // More points than this are refused: hours of work.
 constexpr double kMostPoints = 2e8;
-// Progress is reported, and a wish to stop heeded, this often within a move.
+// Progress is reported, and a wish to stop heeded, at least this often within a move, and of short moves.
 constexpr std::int64_t kReportPoints = 4096;
+constexpr std::size_t kReportMoves = 512;
 // How far ahead of the cutter its engagement is looked at, in diameters, but never less than two cells. A length of its
 // own, so that finer cells look at the same way: where a cut begins the force grows along it.
 constexpr double kLookAhead = 0.04;
@@ -53,7 +54,7 @@ constexpr double kThinChip = 20e-6;
 /// The cutter on its way: stock, machine and the state between two points.
 class Pass {
  public:
-  Pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves, cutting::Stock& stock,
+  Pass(const Job& job, const gcode::Program& program, const PassMoves& moves, cutting::Stock& stock,
        const PassOptions& options, const std::function<void(const Sample&)>& visit)
       : job_(job),
         program_(program),
@@ -65,11 +66,12 @@ class Pass {
 
   Result<PassResult> run() {
     POLYPOD_TRY(affordable());
-    const std::size_t report_every = std::max<std::size_t>(1, moves_.size() / 200);
+    const std::size_t report_every = std::clamp<std::size_t>(moves_.size() / 200, 1, kReportMoves);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (i % report_every == 0) POLYPOD_TRY(report(i));
       POLYPOD_TRY(step_to(i));
     }
+    result_.removed += stock_.settle();
     return result_;
   }
 
@@ -80,8 +82,7 @@ class Pass {
   }
 
   /// Steps of at most the option's length and, on arcs, of at most kArcStep.
-  [[nodiscard]] std::int64_t steps_of(const PassMove& pass_move, double length) const {
-    const gcode::Move& move = pass_move.move;
+  [[nodiscard]] std::int64_t steps_of(const gcode::Move& move, double length) const {
     double steps = std::ceil(length / options_.step - 1e-9);
     if (move.kind == gcode::MoveKind::arc) steps = std::max(steps, std::ceil(move.sweep / kArcStep - 1e-9));
     return static_cast<std::int64_t>(std::clamp(steps, 1.0, kMostPoints));
@@ -90,14 +91,15 @@ class Pass {
   /// Refuses what would run for days before it begins.
   Status affordable() const {
     double points = 0;
-    for (const PassMove& m : moves_) {
-      if (m.move.kind == gcode::MoveKind::rapid || !m.move.start_known) continue;
-      points += static_cast<double>(steps_of(m, m.move.length()));
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      const gcode::Move& move = moves_[i];
+      if (move.kind == gcode::MoveKind::rapid || !move.start_known) continue;
+      points += static_cast<double>(steps_of(move, move.length()));
       if (points < kMostPoints) continue;
       return fail("MC205",
                   fmt::format("with steps of {:g} mm the program has more than {:.0e} points to evaluate",
                               units::to_mm(options_.step), kMostPoints),
-                  place(m.move), "use a larger step_mm, or check the length and the turns (P) of this move");
+                  place(move), "use a larger step_mm, or check the length and the turns (P) of this move");
     }
     return {};
   }
@@ -122,7 +124,7 @@ class Pass {
   }
 
   Status step_to(std::size_t index) {
-    const gcode::Move& move = moves_[index].move;
+    const gcode::Move& move = moves_[index];
     ToolModel& tool = tool_model(move.tool);
     if (!move.start_known) {  // where it comes from is not known: nothing can be said of the way
       last_bent_ = move.end;
@@ -130,13 +132,14 @@ class Pass {
       return {};
     }
     if (move.kind == gcode::MoveKind::rapid) return rapid(move, tool);
-    if (moves_[index].transition) return transition(index, tool);
+    if (moves_.transition(index)) return transition(index, tool);
     return feed_move(static_cast<int>(index), tool);
   }
 
   Status rapid(const gcode::Move& move, const ToolModel& tool) {
     const double radius = tool.cutter->radius();
     // When the cut ends the deflected tool springs back to where it is commanded, before it moves: no collision.
+    result_.removed += stock_.settle();
     result_.removed += stock_.cut_disc(move.start, radius);
     const double volume = stock_.cut_line(move.start, move.end, radius, true);
     if (volume > 0) result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
@@ -149,11 +152,11 @@ class Pass {
   }
 
   Status feed_move(int index, ToolModel& tool) {
-    const gcode::Move& move = moves_[static_cast<std::size_t>(index)].move;
+    const gcode::Move& move = moves_[static_cast<std::size_t>(index)];
     const double length = move.length();
     if (!(length > 0)) return {};
     const double radius = tool.cutter->radius();
-    const std::int64_t steps = steps_of(moves_[static_cast<std::size_t>(index)], length);
+    const std::int64_t steps = steps_of(move, length);
     double volume = 0;
     end_cuts_ = false;
     for (std::int64_t k = 0; k <= steps; ++k) {
@@ -181,6 +184,7 @@ class Pass {
       visit_(sample);
       if (k == steps) last_ = sample;
     }
+    if (!descends_on(static_cast<std::size_t>(index))) volume += stock_.settle();
     result_.removed += volume;
     if (end_cuts_) result_.incidents.push_back({Incident::Kind::end_cut, move.block, volume});
     return {};
@@ -192,22 +196,20 @@ class Pass {
     Vec3 from = last_bent_, at = to;
     if (std::abs(to.z() - from.z()) < kNoCut) from.z() = at.z() = 0.5 * (to.z() + from.z());
     last_bent_ = to;
-    return stock_.cut_line(from, at, radius, start_done);
+    return stock_.cut_step(from, at, radius, start_done);
   }
 
   /// Whether this move goes on smoothly from the one before, under the same conditions: then its first point is the
   /// last one of that.
   [[nodiscard]] bool goes_on(int index) const {
     if (index == 0 || last_.move != index - 1 || !last_.cutting) return false;
-    const PassMove& before = moves_[static_cast<std::size_t>(index - 1)];
-    const PassMove& now = moves_[static_cast<std::size_t>(index)];
-    if (before.transition || before.move.kind == gcode::MoveKind::rapid || before.move.feed != now.move.feed ||
-        before.move.tool != now.move.tool || before.move.spindle_speed != now.move.spindle_speed ||
-        before.move.spindle != now.move.spindle) {
+    const auto i = static_cast<std::size_t>(index);
+    const gcode::Move &before = moves_[i - 1], &now = moves_[i];
+    if (moves_.transition(i - 1) || before.kind == gcode::MoveKind::rapid || before.feed != now.feed ||
+        before.tool != now.tool || before.spindle_speed != now.spindle_speed || before.spindle != now.spindle) {
       return false;
     }
-    const gcode::Move& a = before.followed != nullptr ? *before.followed : before.move;
-    const gcode::Move& b = now.followed != nullptr ? *now.followed : now.move;
+    const gcode::Move &a = moves_.followed(i - 1), &b = moves_.followed(i);
     if (&a == &b) return true;
     return a.direction(a.length()).dot(b.direction(0)) > std::cos(options_.smooth_angle);
   }
@@ -215,7 +217,7 @@ class Pass {
   /// A joint of the correction, in steps: the command goes from one place to the other at its feed, and the tool
   /// follows as it yields to the force of its own way (yield_step).
   Status transition(std::size_t index, ToolModel& tool) {
-    const gcode::Move& move = moves_[index].move;
+    const gcode::Move& move = moves_[index];
     const double length = move.length(), radius = tool.cutter->radius();
     // How many teeth pass. Where none do, or the feed is 0, may_cut refuses what cuts.
     const double teeth =
@@ -289,8 +291,8 @@ class Pass {
   /// Whether the next move goes on downwards in the direction of this one, as turns of a helix do.
   [[nodiscard]] bool descends_on(std::size_t index) const {
     if (index + 1 >= moves_.size()) return false;
-    if (moves_[index + 1].transition) return true;  // which takes the load off
-    const gcode::Move &now = moves_[index].move, &next = moves_[index + 1].move;
+    if (moves_.transition(index + 1)) return true;  // which takes the load off
+    const gcode::Move &now = moves_[index], &next = moves_[index + 1];
     if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return false;
     const Vec3 d = next.direction(0);
     return d.z() < 0 && d.dot(now.direction(now.length())) > std::cos(options_.smooth_angle);
@@ -299,7 +301,7 @@ class Pass {
   /// How far the next move goes down in its first `way`, m.
   [[nodiscard]] double next_fall(std::size_t index, double way) const {
     if (index + 1 >= moves_.size() || !(way > 0)) return 0;
-    const gcode::Move& next = moves_[index + 1].move;
+    const gcode::Move& next = moves_[index + 1];
     if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return 0;
     return std::max(0.0, -next.direction(0).z()) * std::min(way, next.length());
   }
@@ -308,11 +310,9 @@ class Pass {
 
   /// Fills deflection, force and engagement of the point at s.
   Status evaluate(std::size_t index, double s, double length, ToolModel& tool, Sample& sample) {
-    const PassMove& pass_move = moves_[index];
-    const gcode::Move& move = pass_move.move;
-    const gcode::Move& followed = pass_move.followed != nullptr ? *pass_move.followed : move;
+    const gcode::Move &move = moves_[index], &followed = moves_.followed(index);
     const Vec3 p = move.point(s);
-    const Vec3 d = followed.direction(pass_move.followed != nullptr ? followed.nearest(p) : s);
+    const Vec3 d = followed.direction(&followed != &move ? followed.nearest(p) : s);
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());
     const bool vertical = horizontal < kVertical;
@@ -396,7 +396,7 @@ class Pass {
     }
     if (profile_.max_depth > tool.cutter->length * (1 + 1e-9)) {
       return fail("MC202",
-                  fmt::format("the cut is {:.3f} mm deep, but the edges of the cutter are {:.3f} mm long",
+                  fmt::format("the cut is {:.3f} mm deep, but the flute length of the cutter is {:.3f} mm",
                               units::to_mm(profile_.max_depth), units::to_mm(tool.cutter->length)),
                   place(move), "check the stock's top, the depth of the program and the cutter's length_mm");
     }
@@ -471,7 +471,7 @@ class Pass {
 
   Status may_cut(const gcode::Move& move) const {
     if (move.spindle == gcode::Spindle::off || !(move.spindle_speed > 0)) {
-      return fail("MC200", "the spindle stands still in a cut", place(move), "start it with S and M3 before");
+      return fail("MC200", "the spindle does not turn in a cut", place(move), "start it with S and M3 before");
     }
     if (move.spindle == gcode::Spindle::counterclockwise) {
       return fail("MC203", "the spindle turns backwards (M4) in a cut", place(move), "use M3");
@@ -490,7 +490,7 @@ class Pass {
     const Vec3 p = job_.X_MW * x_W;
     if (!probe_.at(p, C_M)) {
       return fail("MC210",
-                  fmt::format("the machine cannot stand at x {:.3f} y {:.3f} z {:.3f} mm in M: {}", units::to_mm(p.x()),
+                  fmt::format("the machine cannot reach x {:.3f} y {:.3f} z {:.3f} mm in M: {}", units::to_mm(p.x()),
                               units::to_mm(p.y()), units::to_mm(p.z()), probe_.why()),
                   place(move), "move the workpiece origin");
     }
@@ -510,7 +510,7 @@ class Pass {
 
   const Job& job_;
   const gcode::Program& program_;
-  const std::vector<PassMove>& moves_;
+  const PassMoves moves_;
   cutting::Stock& stock_;
   const PassOptions& options_;
   const std::function<void(const Sample&)>& visit_;
@@ -532,7 +532,7 @@ double look_ahead_length(const cutting::Stock& stock, double radius) {
   return std::max(2 * stock.cell(), 2 * kLookAhead * radius);
 }
 
-Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves,
+Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const PassMoves& moves,
                             cutting::Stock& stock, const PassOptions& options,
                             const std::function<void(const Sample&)>& visit) {
   return Pass(job, program, moves, stock, options, visit).run();

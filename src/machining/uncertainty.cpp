@@ -1,7 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/uncertainty.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -92,9 +93,14 @@ PlaceBand place_band(const Job& job, const Prediction& prediction, const Eigen::
   return out;
 }
 
+std::string Reach::where() const {
+  return line > 0 ? fmt::format("at line {}", line) : "with the other position of block delete";
+}
+
 Uncertainty uncertainty_of(const Job& job, const Prediction& prediction, const Eigen::MatrixXd* compliances,
                            const Eigen::MatrixXd* parameters) {
   Uncertainty out;
+  if (prediction.few.empty()) return out;
   if (parameters != nullptr) out.place = place_band(job, prediction, *parameters);
   if (compliances == nullptr) return out;
   out.compliances = compliance_band(job, prediction, *compliances);
@@ -113,6 +119,7 @@ Uncertainty uncertainty_of(const Job& job, const Prediction& prediction, const E
 Uncertainty uncertainty_of(const Job& job, const Correction& c, const Eigen::MatrixXd* compliances,
                            const Eigen::MatrixXd* parameters) {
   Uncertainty out;
+  if (c.after.few.empty()) return out;
   if (parameters != nullptr) out.place = place_band(job, c.after, *parameters, &c.source);
   if (compliances == nullptr) return out;
   out.compliances = compliance_band(job, c.after, *compliances, &c.source);

@@ -12,8 +12,10 @@ namespace polypod::machining {
 struct Way {
   const gcode::Program* lines = nullptr;                 ///< whose lines the answer names
   const std::vector<gcode::Move>* programmed = nullptr;  ///< of that program
-  std::vector<PassMove> moves;                           ///< commanded
+  std::vector<PassMove> moves;                           ///< commanded; empty: all moves as they are programmed
   std::vector<int> source;                               ///< the programmed move of each; empty: its own number
+
+  [[nodiscard]] PassMoves commanded() const { return moves.empty() ? PassMoves(*programmed) : PassMoves(moves); }
 };
 
 /// Whether a move goes down more steeply than 60 deg. What the thrust along the axis holds back on its way is no error
@@ -25,8 +27,10 @@ bool is_plunge(const gcode::Move& move);
 Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves);
 
 /// Sends the deflected cutter along `way.moves`, which are those of `program`, and judges it against the programmed
-/// moves: every point against its move, the first and the last point of a move against its ends. Errors: those of
-/// run_pass.
+/// moves: every point against its move, the first and the last point of a move against its ends. The stock of the job
+/// is cut in `scratch`, whose memory serves again in the next pass. Errors: those of run_pass.
+Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
+                               const PredictOptions& options, cutting::Stock& scratch);
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options);
 

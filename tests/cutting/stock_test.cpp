@@ -7,7 +7,9 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
+#include "polypod/cutting/end_force.hpp"
 #include "samples.hpp"
 
 namespace polypod::cutting {
@@ -202,6 +204,49 @@ TEST(CutLine, PlungeIsTheDiscAtItsEnd) {
   plunge.cut_line({1e-3, 2e-3, 3e-3}, {1e-3, 2e-3, -3e-3}, kRadius);
   disc.cut_disc({1e-3, 2e-3, -3e-3}, kRadius);
   EXPECT_LE(largest_difference(plunge, disc), kHeightRounding);
+}
+
+/// Places of a tip that goes down, up, on a level and straight down, below the bottom and above the top too.
+std::vector<Vec3> wandering() {
+  std::vector<Vec3> p{Vec3(between(-8e-3, 8e-3), between(-8e-3, 8e-3), between(-2e-3, 1e-3))};
+  const int n = *samples::whole(2, 30);
+  for (int i = 0; i < n; ++i) {
+    const int kind = *samples::whole(0, 4);
+    const Vec3 step(between(-1e-3, 1e-3), between(-1e-3, 1e-3), between(-0.5e-3, 0.5e-3));
+    const double down = -std::abs(step.z());
+    p.push_back(p.back() + (kind == 0   ? Vec3(0, 0, 2 * down)
+                            : kind == 1 ? step
+                            : kind == 2 ? Vec3(step.x(), step.y(), 0)
+                                        : Vec3(step.x(), step.y(), down)));
+  }
+  return p;
+}
+
+TEST(CutStep, IsCutLineOnceItIsSettledAndLooksLikeItBefore) {
+  // What a way down leaves standing is seen by nobody, wherever the deflected tool looks from.
+  EXPECT_TRUE(rc::check("steps", [] {
+    Stock whole = plate(10e-3), steps = plate(10e-3);
+    double removed_whole = 0, removed_steps = 0;
+    const std::vector<Vec3> p = wandering();
+    for (std::size_t i = 0; i + 1 < p.size(); ++i) {
+      removed_whole += whole.cut_line(p[i], p[i + 1], kRadius, i > 0);
+      removed_steps += steps.cut_step(p[i], p[i + 1], kRadius, i > 0);
+      const Vec3 tip = p[i + 1] + Vec3(between(-2, 2) * kCell, between(-2, 2) * kCell, between(-3e-4, 0));
+      const Vec2 f = direction(between(-kPi, kPi));
+      EngagementProfile a, b;
+      look_ahead(whole, tip, kRadius, f, 2 * kCell, a);
+      look_ahead(steps, tip, kRadius, f, 2 * kCell, b);
+      RC_ASSERT(a.any == b.any && a.max_depth == b.max_depth);
+      RC_ASSERT(std::equal(a.depth, a.depth + EngagementProfile::kBins, b.depth));
+      EndFootprint down_a, down_b;
+      look_down(whole, tip, kRadius, f, 1e-4, down_a);
+      look_down(steps, tip, kRadius, f, 1e-4, down_b);
+      RC_ASSERT(down_a.any == down_b.any && down_a.length == down_b.length);
+    }
+    removed_steps += steps.settle();
+    RC_ASSERT(whole.layers() == steps.layers());
+    RC_ASSERT(std::abs(removed_whole - removed_steps) <= kSumRounding * removed_whole + 1e-15);
+  }));
 }
 
 TEST(LookAhead, ASecondPassMeetsExactlyNothing) {

@@ -106,7 +106,7 @@ TEST(Answers, APlungeWithoutADwellIsNotJudged) {
   EXPECT_EQ(plunge.line, 7);
   EXPECT_NEAR(to_um(plunge.held_back), 81, 3);
   EXPECT_EQ(plunge.remaining, plunge.held_back);
-  EXPECT_THAT(page_of(e, c), HasSubstr("Not judged: line 7: the thrust holds the tool"));
+  EXPECT_THAT(page_of(e, c), HasSubstr("Not judged: line 7: the thrust deflects the tool"));
   const auto p = testing::predict(e);  // at steps longer than the way on which the end is looked at
   ASSERT_EQ(p.plunges.size(), 1u);
   EXPECT_NEAR(p.plunges[0].held_back, plunge.held_back, 1e-6);
@@ -159,9 +159,9 @@ TEST(Answers, LinesAreThoseOfTheProgramAtHand) {
   ASSERT_EQ(c.after.not_judged.size(), 1u);
   EXPECT_EQ(c.after.not_judged[0].line, 8);
   EXPECT_TRUE(c.only_not_judged);
-  EXPECT_THAT(c.answer(), ::testing::StartsWith("no, not all of the cut is judged: line 8: the machine leans"));
+  EXPECT_THAT(c.answer(), ::testing::StartsWith("no, not all of the cut is judged: line 8: the machine tilts"));
   EXPECT_THAT(c.answer(), HasSubstr("Every distance that was computed is inside the tube"));
-  EXPECT_THAT(c.remedies, ::testing::Contains(HasSubstr("keeps its tool upright")));
+  EXPECT_THAT(c.remedies, ::testing::Contains(HasSubstr("keeps its tool at zero tilt")));
   const std::string page = page_of(e, c);
   EXPECT_THAT(page, HasSubstr("not judged: line 8:"));
   EXPECT_THAT(page, Not(HasSubstr("line 11")));

@@ -263,6 +263,20 @@ TEST(ChoosePathMode, HalfWhereALineLeavesThePlaneOfAnArc) {
   EXPECT_EQ(path_mode_words(choose_path_mode(moves, std::vector<double>{1, 45e-6, 1}).control), "G64 P0.0225 Q0");
 }
 
+// Q merges lines only: a contour of arcs takes as long with it as without, and as its length at the feed.
+TEST(ProgramTime, OfArcsUnderGSixtyFourWithP) {
+  const std::string circle = "\nG0 X-50 Y0 Z0\nG3 X-50 Y36 J18 F800\nG3 X-50 Y0 J-18",
+                    corner = "\nG0 X-50 Y0 Z0\nG1 X-20 F800\nG3 X-10 Y10 J10\nG1 Y40";
+  for (const auto& [path, length] : {std::pair{circle, 2 * M_PI * 18}, {corner, 60 + M_PI * 5}}) {
+    const double at_feed = length / 800 * 60;
+    const double merging = program_time(moves_of("G64 P0.05" + path)),
+                 not_merging = program_time(moves_of("G64 P0.05 Q0" + path));
+    EXPECT_NEAR(merging, not_merging, 1e-3 * not_merging);
+    EXPECT_GT(merging, at_feed);
+    EXPECT_LT(merging, 1.2 * at_feed) << path;  // with the rapid before
+  }
+}
+
 TEST(PathModeWords, InBothUnits) {
   EXPECT_EQ(path_mode_words({gcode::PathMode::exact_path, 0, 0}), "G61");
   EXPECT_EQ(path_mode_words({gcode::PathMode::continuous, 5e-5f, 1e-5f}), "G64 P0.05 Q0.01");

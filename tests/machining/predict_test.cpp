@@ -214,7 +214,7 @@ TEST(Predict, CutDeeperThanTheEdges) {
   ASSERT_FALSE(p);
   EXPECT_EQ(p.error().id, "MC202");
   EXPECT_EQ(p.error().place.line, 11);
-  EXPECT_THAT(p.error().message, HasSubstr("mm deep, but the edges of the cutter are 1.500 mm long"));
+  EXPECT_THAT(p.error().message, HasSubstr("mm deep, but the flute length of the cutter is 1.500 mm"));
 }
 
 TEST(Predict, OutOfReachNamesLineAndReason) {

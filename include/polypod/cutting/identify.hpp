@@ -73,7 +73,7 @@ struct CuttingIdentification {
 /// (a tangential or radial coefficient below 0: is the sign or the direction wrong, or are the feeds nearly equal?),
 /// ID124 (a tangential coefficient far from any metal's: a unit). `runout` (m, total indicator reading) adds to the
 /// intervals and to the material's spread what it may change: teeth that miss a thin chip have no edge force, and the
-/// next ones cut for them. Without it the effect of 10 um is told, and in no interval. Cost: 0.3 ms a cut.
+/// next ones cut for them. Without it the effect of 10 um is stated, and in no interval. Cost: 0.3 ms a cut.
 Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::vector<MeasuredForce>& rows,
                                                std::optional<double> runout = {});
 

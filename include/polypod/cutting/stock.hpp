@@ -42,7 +42,7 @@ class Stock {
   /// The mean height of a cell's layers, an empty layer counting as the bottom; -infinity if all are empty.
   [[nodiscard]] float height(int column, int row) const;
   void set_height(int column, int row, float h);
-  /// Empties a cell but for `share` (0 .. 1) of its layers: for borders of the stock that cross it.
+  /// Empties a cell but for `share` (0 .. 1) of its layers: for boundaries of the stock that cross it.
   void keep_share(int column, int row, double share);
   /// The kLayers heights of a cell; those of the next column follow.
   [[nodiscard]] const float* cell_layers(int column, int row) const { return layers_.data() + index(column, row); }
@@ -69,8 +69,26 @@ class Stock {
   /// Parts outside the grid take nothing. Cost: about 3 ns a cell touched by a level way, more for a sloped one.
   double cut_line(const Vec3& a, const Vec3& b, double radius, bool a_done = false);
 
+  /// As cut_line, for the steps of a way. Where a step goes down, what lies under the disc at `b` is left standing (see
+  /// Due), and the next step down takes of it what leaves the disc: its work grows with the step, not with the square
+  /// of the cutter. The stock is the same once it is settled; until then look_ahead and look_down see it as it is, and
+  /// heights, layers and volumes must not be asked for. The returned volumes add up to the same, with that of `settle`.
+  double cut_step(const Vec3& a, const Vec3& b, double radius, bool a_done = false);
+  /// Takes what is due. Returns its volume, m^3.
+  double settle();
+
+  /// A disc down to `level` whose inner cells are yet to be cut.
+  struct Due {
+    bool any = false;
+    double x = 0, y = 0, radius = 0;  ///< m, in W
+    double inner2 = 0;                ///< m^2, of the distance of those cells from the axis
+    float level = 0;
+  };
+  [[nodiscard]] const Due& due() const { return due_; }
+
  private:
-  double sweep(const Vec3& a, const Vec3& b, double radius, bool a_done);
+  double sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bool later);
+  double cut_way(const Vec3& a, const Vec3& b, double radius, bool a_done, bool later);
 
   [[nodiscard]] std::size_t index(int column, int row) const {
     return (static_cast<std::size_t>(row) * columns_ + column) * kLayers;
@@ -80,6 +98,7 @@ class Stock {
   int columns_ = 0, rows_ = 0;
   float top_ = 0;
   std::vector<float> layers_;
+  Due due_;
 };
 
 inline constexpr double kLargestCell = 0.025;  ///< of the cutter's diameter (SLAV 5.2.1)
@@ -134,7 +153,7 @@ struct DiscEngagement {
   std::vector<Engagement> spans;  ///< their `depth` is the thickness of the disc
 };
 /// round(max_depth / dz) discs, at least one (SLAV (5.12)), of equal thickness that add up to max_depth; `dz` > 0, m
-/// (0.025 D in the source). Angles are those of the strips' borders, in rising order.
+/// (0.025 D in the source). Angles are those of the strips' boundaries, in rising order.
 std::vector<DiscEngagement> by_disc(const EngagementProfile& profile, double dz);
 
 /// As the other force_history, for engagements that differ from disc to disc.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,8 +22,10 @@ struct AcceptOptions {
 struct Accepted {
   /// As it was given, but for moves that come straight down from a height that the program has not said (after G43, or
   /// at the start): these start at the top of the stock.
-  gcode::Interpretation interpretation;
-  std::vector<std::string> notes;  ///< what was taken for granted, e.g. that such a move comes from above
+  [[nodiscard]] const gcode::Interpretation& interpretation() const { return changed ? *changed : *given; }
+  const gcode::Interpretation* given = nullptr;  ///< must outlive this
+  std::optional<gcode::Interpretation> changed;  ///< where there are such moves
+  std::vector<std::string> notes;                ///< what was taken for granted, e.g. that such a move comes from above
 };
 
 /// Refuses what cannot be judged, or what the machine cannot do. Errors (all of them the answer "no"):

@@ -13,7 +13,7 @@
 namespace polypod::machining {
 
 enum class CorrectMethod {
-  tube,    ///< as few pieces as keep the bent tool in the tube, command found as a fixed point
+  tube,    ///< as few pieces as keep the deflected tool in the tube, command found as a fixed point
   mirror,  ///< one step, p - delta(p), at equally spaced points of every cutting move (SLAV (5.2)); for comparison
 };
 
@@ -98,8 +98,8 @@ struct Correction {
     return before.not_judged.empty() && after.all_judged() &&
            !(other_switch && (other_switch->steep.distance > 0 || !other_switch->plunges.empty()));
   }
-  /// The answer in one sentence: yes, yes apart from what was not judged, or why not.
-  [[nodiscard]] std::string answer() const;
+  /// The answer in one sentence: yes, yes apart from what was not judged, or why not. `proviso`: what a yes rests on.
+  [[nodiscard]] std::string answer(const std::string& proviso = {}) const;
 };
 
 /// Corrects a program so that every point of every cutting move ends within `job.tolerance` of the programmed move and

@@ -23,6 +23,7 @@ struct PlannerLimits {
 struct Corner {
   double turn = 0;       ///< rad, angle between the directions, 0 .. pi
   double deviation = 0;  ///< m, largest distance of a point of the programmed path from where the tip goes
+  double rounded = 0;    ///< m, what the rule of two lines says of it, where `deviation` is only a bound: for the time
   double speed = 0;      ///< m/s, the largest in the corner; 0 where the planner stops
   bool bound = false;    ///< `deviation` is not exceeded, but may not be reached
 };

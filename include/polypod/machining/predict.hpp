@@ -24,7 +24,7 @@ struct Spread {
   }
 };
 
-/// How a bent tool lies to the move that was programmed.
+/// How a deflected tool lies to the move that was programmed.
 struct PathError {
   double normal = 0;    ///< m, across the path in the plane; > 0 leaves material, < 0 gouges
   double vertical = 0;  ///< m, along the tool axis
@@ -45,7 +45,8 @@ struct MovePrediction {
   Spread normal;                   ///< m
   Spread vertical;                 ///< m
   double largest_distance = 0;     ///< m, from the programmed move, its ends as spheres
-  Vec3 mean_force = Vec3::Zero();  ///< N, in W
+  Vec3 mean_force = Vec3::Zero();  ///< N, in W; on arcs what points everywhere cancels
+  double mean_force_size = 0;      ///< N, the mean of |F|
   double largest_depth = 0;        ///< m
 };
 
@@ -58,9 +59,9 @@ struct NotJudged {
 
 /// A plunge (steeper than 60 deg) at whose end the tool does not come to rest: what the thrust along the axis holds
 /// back there need not be cut. How much remains depends on how the controller stops and turns round, so all that is
-/// known is a bound: what is held back, less what the teeth take during a dwell (G4) after it. A dwell counts from one
-/// revolution on. During it each tooth leaves q / (1 + q) of what the last one left, q the bend over the feed per tooth
-/// (the lag of a force in proportion to the chip, tooth by tooth); the edges' share of the thrust stays.
+/// known is a bound: the axial deflection, less what the teeth take during a dwell (G4) after it. A dwell counts from
+/// one revolution on. During it each tooth leaves q / (1 + q) of what the last one left, q the deflection over the feed
+/// per tooth (the lag of a force in proportion to the chip, tooth by tooth); the edges' share of the thrust stays.
 struct Plunge {
   int line = 0;
   double held_back = 0;  ///< m, along the axis, at the end of the move
@@ -74,18 +75,19 @@ struct Plunge {
 };
 
 /// Where the force rises or falls quickly, as where a cutter comes out of the stock:
-/// - within the way ahead on which the engagement is averaged (look_ahead_length): there the bend may still be the one
-///   of that way before;
-/// - within the bend's own length: a tool whose bend delta goes back moves faster than its feed and cuts thicker chips.
-///   The bend then follows that of the balance by delta' = (delta_balance - delta) / |delta| along the path, the lag of
-///   a force in proportion to the chip (compare yield_step); moves are judged by the balance at the programmed feed.
+/// - within the length ahead over which the engagement is averaged (look_ahead_length): there the deflection may still
+///   be the one of that way before;
+/// - within the deflection's own length: a tool whose deflection delta goes back moves faster than its feed and cuts
+///   thicker chips. The deflection then follows that of the balance by delta' = (delta_balance - delta) / |delta| along
+///   the path, the lag of a force in proportion to the chip (compare yield_step); moves are judged by the balance at
+///   the programmed feed.
 struct Steep {
-  double length = 0;    ///< m of the cut where such a bend would leave the tube, and the one that was found does not
+  double length = 0;    ///< m of the cut where such a deflection would leave the tube, and the one found does not
   double distance = 0;  ///< m, of the worst of them from the programmed move
   double window = 0;    ///< m, the way ahead there
   int line = 0;
   double elsewhere = 0;  ///< m, the largest distance that was found on that line; no smaller figure denies it
-  double within = 0;     ///< m, the farthest of those bends that stay inside the tube
+  double within = 0;     ///< m, the farthest of those deflections that stay inside the tube
   int within_line = 0;
 };
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// One pass of a cutter that bends through the stock, point by point.
+// One pass of a cutter that deflects, through the stock, point by point.
 #pragma once
 
 #include <functional>
@@ -14,15 +14,15 @@
 
 namespace polypod::machining {
 
-/// How the force at a point and the bend of the machine are brought together.
+/// How the force at a point and the deflection of the machine are brought together.
 enum class Bend {
-  /// The tool stands where it is commanded; its force there bends the machine (SLAV 5.3).
+  /// The tool stands where it is commanded; its force there deflects the machine (SLAV 5.3).
   at_rest,
-  /// delta = C(command) F(engagement at command + delta): the bent cutter takes less or more material, and leaves what
-  /// it did not take to later moves.
+  /// delta = C(command) F(engagement at command + delta): the deflected cutter takes less or more material, and leaves
+  /// what it did not take to later moves.
   equilibrium,
-  /// The command is such that the bent tool stands on the programmed point: x = p - delta, delta = C(x) F(p). This is
-  /// the ideal correction; the fixed point is in C alone.
+  /// The command is such that the deflected tool stands on the programmed point: x = p - delta, delta = C(x) F(p). This
+  /// is the ideal correction; the fixed point is in C alone.
   corrected,
 };
 
@@ -31,7 +31,7 @@ struct Sample {
   int move = 0;  ///< index into the moves of the pass
   double s = 0;  ///< arc length along the move, m
   Vec3 command = Vec3::Zero();
-  Vec3 deflection = Vec3::Zero();  ///< delta; the bent tip is command + deflection
+  Vec3 deflection = Vec3::Zero();  ///< delta; the deflected tip is command + deflection
   Vec3 force = Vec3::Zero();       ///< mean force on the tool
   /// Unit normal of the path in the plane, to the left of the feed. predict and correct turn it away from the wall that
   /// is cut along most of the move; in a slot, which has two, it stays.
@@ -40,7 +40,7 @@ struct Sample {
   float depth = 0;            ///< largest axial depth of engagement, m
   float entry = 0, exit = 0;  ///< first and last engaged tooth angle, rad
   bool cutting = false;
-  /// How the bent tip was judged against the programmed move, m: filled by predict and correct (see PathError).
+  /// How the deflected tip was judged against the programmed move, m: filled by predict and correct (see PathError).
   float normal = 0, vertical = 0, distance = 0;
 
   [[nodiscard]] Vec3 bent() const { return command + deflection; }
@@ -49,13 +49,35 @@ struct Sample {
 /// A move of a pass.
 struct PassMove {
   gcode::Move move;
-  /// A joint that the correction put in: the command jumps from one bend to another while the tool should stand. Its
-  /// force does not follow the command but the way of the tool (yield_step).
+  /// A joint that the correction put in: the command jumps from one deflection to another while the tool should stand.
+  /// Its force does not follow the command but the path of the tool (yield_step).
   bool transition = false;
-  /// The move that the bent tool follows, if that is not the commanded one: a corrected command may lean by some
-  /// degrees where the bend changes fast, but chips are cut in the direction in which the bent tool moves. Must outlive
-  /// the pass.
+  /// The move that the deflected tool follows, if that is not the commanded one: a corrected command may lean by some
+  /// degrees where the deflection changes fast, but chips are cut in the direction in which the deflected tool moves.
+  /// Must outlive the pass.
   const gcode::Move* followed = nullptr;
+};
+
+/// The moves of a pass where they are kept: commanded ones, or those of a program as they stand. Must outlive it.
+class PassMoves {
+ public:
+  PassMoves(const std::vector<PassMove>& commanded) : commanded_(&commanded) {}  // NOLINT(google-explicit-constructor)
+  PassMoves(const std::vector<gcode::Move>& plain) : plain_(&plain) {}           // NOLINT(google-explicit-constructor)
+
+  [[nodiscard]] std::size_t size() const { return plain_ != nullptr ? plain_->size() : commanded_->size(); }
+  [[nodiscard]] const gcode::Move& operator[](std::size_t i) const {
+    return plain_ != nullptr ? (*plain_)[i] : (*commanded_)[i].move;
+  }
+  [[nodiscard]] bool transition(std::size_t i) const { return plain_ == nullptr && (*commanded_)[i].transition; }
+  /// The move that the deflected tool follows.
+  [[nodiscard]] const gcode::Move& followed(std::size_t i) const {
+    const gcode::Move* other = plain_ != nullptr ? nullptr : (*commanded_)[i].followed;
+    return other != nullptr ? *other : (*this)[i];
+  }
+
+ private:
+  const std::vector<PassMove>* commanded_ = nullptr;
+  const std::vector<gcode::Move>* plain_ = nullptr;
 };
 
 struct PassOptions {
@@ -103,7 +125,7 @@ double look_ahead_length(const cutting::Stock& stock, double radius);
 /// turns backwards, MC204 a tilted tool in a cut, MC205 more than 2e8 points, MC210 a commanded pose is out of reach or
 /// breaks a limit, MC211 it lies outside of what the measured compliance covers, MC299 cancelled. Cost: about 5 us a
 /// point.
-Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const std::vector<PassMove>& moves,
+Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const PassMoves& moves,
                             cutting::Stock& stock, const PassOptions& options,
                             const std::function<void(const Sample&)>& visit);
 

@@ -4,13 +4,14 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "polypod/machining/correct.hpp"
 
 namespace polypod::machining {
 
-/// U (k = 2) of the bend along a program, from the covariance of the compliances, m.
+/// U (k = 2) of the deflection along a program, from the covariance of the compliances, m.
 struct ComplianceBand {
   Spread normal;  ///< of the normal error
   /// Across the path: along the normal and along the tool axis, in that direction of the two in which it is largest (on
@@ -22,15 +23,15 @@ struct ComplianceBand {
 
 /// Over `prediction.few`, under its forces F and at its poses: delta = sum_k c_k J_k J_k^T F is linear in the
 /// compliances c (to first order for deltas of four arms, which share their load), so that its covariance is G S G^T
-/// with the columns G_k = J_k J_k^T F. That another bend changes the force is left out, as in map_band: the balance
-/// makes U a little smaller. `covariance`: SI, in the order of statics::column_names. `source` leads from the moves of
-/// the pass to those of the program, as Correction::source; null where they are the same. Cost: 10 us a point for an
-/// arm.
+/// with the columns G_k = J_k J_k^T F. That another deflection changes the force is left out, as in map_band: the
+/// balance makes U a little smaller. `covariance`: SI, in the order of statics::column_names. `source` leads from the
+/// moves of the pass to those of the program, as Correction::source; null where they are the same. Cost: 10 us a point
+/// for an arm.
 ComplianceBand compliance_band(const Job& job, const Prediction& prediction, const Eigen::MatrixXd& covariance,
                                const std::vector<int>* source = nullptr);
 
 /// U (k = 2) of the tip's place, in the direction in which it is largest, from the covariance of the machine's
-/// parameters, m. The tube does not hold it: it holds the bend alone.
+/// parameters, m. The tube is not compared with it, but with the deflection alone.
 struct PlaceBand {
   Spread tip;
   int line = 0;  ///< of the program, where it is largest
@@ -48,9 +49,11 @@ struct Reach {
   double U = 0;         ///< m, of the compliances there
 
   [[nodiscard]] double total() const { return distance + U; }
+  /// "at line 30", or that it is the program with the other switch.
+  [[nodiscard]] std::string where() const;
 };
 
-/// What a program is told of these uncertainties; empty where no covariance was given.
+/// What a program is told of these uncertainties; empty where no covariance was given or no point cuts.
 struct Uncertainty {
   std::optional<ComplianceBand> compliances;
   std::optional<Reach> reach;  ///< with `compliances`

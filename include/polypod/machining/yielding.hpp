@@ -24,13 +24,13 @@ struct Yielded {
 /// that the tool really goes. u = h (d, .) in the plane, h >= 0 its length, and
 ///   F = edge(d) + chip(d) h / passes,   passes: how many teeth pass during the step,
 /// so that per step (implicit Euler) a tool whose force is in proportion to its speed lags behind its command by the
-/// bend that the force makes. In the direction d, with r = c - x_before, the components of the plane of
+/// deflection that the force makes. In the direction d, with r = c - x_before, the components of the plane of
 ///   h (d - C chip / passes) = r + C edge
 /// say h and a residual across; d is where that residual is 0, between the given directions by linear interpolation.
 /// Where the edges hold the tool against all of r it stands still. Of several balances the shortest step counts; where
 /// there is none, because the force jumps from one direction to the next, the direction that comes nearest. Along z the
 /// tip follows c + C F, and what the end of the cutter meets is left out. Derived here; with `chip` the same in all
-/// directions and no edge it is the lag tau x' = c - x, tau the time in which the command covers the bend.
+/// directions and no edge it is the lag tau x' = c - x, tau the time in which the command covers the deflection.
 ///
 /// `around`: at least three directions, evenly round the circle, in order. `passes` > 0. Cost: some 10 ns a direction.
 Yielded yield_step(const Vec3& before, const Vec3& command, const Mat3& C, std::span<const ForceAlong> around,

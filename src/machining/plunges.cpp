@@ -1,0 +1,111 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "plunges.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "modes.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/cutting/end_force.hpp"
+
+namespace polypod::machining {
+
+std::string Plunge::why() const {
+  std::string out = fmt::format(
+      "the thrust deflects the tool to {:.0f} um above the end of this plunge, and {}", units::to_um(held_back),
+      dwell > 0 ? fmt::format("a dwell of {:g} s leaves up to {:.0f} um of it uncut", dwell, units::to_um(remaining))
+                : "without a dwell after it, it is not known how much of that is cut");
+  // Rounded up, so that what is advised does.
+  if (needed > 0) return out + fmt::format("; G4 P{:g} after it would do", std::ceil(100 * needed) / 100);
+  return out + "; no dwell would do, because of the edge forces";
+}
+
+void HeldBack::see(std::size_t i, const Sample& sample) {
+  const gcode::Move& move = moves_[i];
+  if (!is_plunge(move)) return;
+  const double ahead = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
+  if (move.length() - move.nearest(sample.command) > std::max(ahead, 1.01 * step_)) return;
+  const Vec3 d = move.direction(0), off = sample.bent() - move.end;
+  End& end = ends_[i];
+  end.held_back = std::max(end.held_back, -d.dot(sample.deflection));
+  end.aside = std::max(end.aside, (off - d * d.dot(off)).norm());
+}
+
+std::vector<Plunge> HeldBack::take(Plunge& most_within) const {
+  const double tube = job_.tolerance - resolution(job_);
+  std::vector<Plunge> out;
+  for (const auto& [i, end] : ends_) {
+    if (!(end.held_back > 0) || goes_deeper(i)) continue;
+    const Plunge plunge = judge(i, end, tube);
+    if (plunge.distance > tube) {
+      out.push_back(plunge);
+    } else if (plunge.distance > most_within.distance) {
+      most_within = plunge;
+    }
+  }
+  return out;
+}
+
+Plunge HeldBack::judge(std::size_t i, const End& end, double tube) const {
+  const gcode::Move& move = moves_[i];
+  const int teeth = job_.cutter_of(move.tool).teeth;
+  Plunge out;
+  out.line = lines_.blocks[static_cast<std::size_t>(move.block)].line;
+  out.held_back = end.held_back;
+  out.dwell = dwell_after(i);
+  const double per_second = move.spindle_speed * teeth;
+  const double chip = -move.direction(0).z() * move.feed / per_second;  // may_cut has seen to both
+  const cutting::EndCoefficients k = job_.material.end.value_or(cutting::end_as_sides(job_.material));
+  const double thrust = k.kae + k.kac * chip;
+  const double stays = thrust > 0 ? std::clamp(k.kae / thrust, 0.0, 1.0) * end.held_back : end.held_back;
+  const double falls = end.held_back - stays;
+  const double share = falls / (falls + chip);  // q / (1 + q)
+  const double passes = std::floor(out.dwell * per_second * (1 + 1e-9));
+  out.remaining = passes >= teeth ? stays + falls * std::pow(share, passes) : end.held_back;
+  out.distance = std::hypot(out.remaining, end.aside);
+  const double aside = end.aside > tube ? 0 : end.aside;  // outside for another reason, which is said
+  if (std::hypot(stays + resolution(job_), aside) <= tube) {
+    const double enough = falls > resolution(job_) ? std::log(resolution(job_) / falls) / std::log(share) : 0;
+    out.needed = std::max(std::ceil(enough), static_cast<double>(teeth)) / per_second;
+  }
+  return out;
+}
+
+std::size_t HeldBack::next_of(std::size_t i) const {
+  std::size_t next = i + 1;
+  while (next < moves_.size() && !(moves_[next].length() > 0)) ++next;
+  return next;
+}
+
+double HeldBack::dwell_after(std::size_t i) const {
+  const auto from = static_cast<std::size_t>(moves_[i].block) + 1;
+  const std::size_t next = next_of(i);
+  const std::size_t to = next < moves_.size() ? static_cast<std::size_t>(moves_[next].block) : lines_.blocks.size();
+  double dwell = 0;
+  for (std::size_t b = from; b < to; ++b) {
+    const gcode::Block& block = lines_.blocks[b];
+    if (block.after_end) break;
+    const auto has = [&](char letter, double value) {
+      return std::any_of(block.words.begin(), block.words.end(),
+                         [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
+    };
+    if (has('M', 5) || has('M', 2) || has('M', 30)) break;
+    if (block.optional || !has('G', 4)) continue;
+    for (const gcode::Word& w : block.words) dwell += w.letter == 'P' ? w.value : 0;
+  }
+  return dwell;
+}
+
+bool HeldBack::goes_deeper(std::size_t i) const {
+  const gcode::Move& move = moves_[i];
+  for (std::size_t j = i + 1; j < moves_.size(); ++j) {
+    const gcode::Move& later = moves_[j];
+    if (!is_plunge(later) || !(later.end.z() < move.end.z())) continue;
+    if ((later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace) return true;
+  }
+  return false;
+}
+
+}  // namespace polypod::machining

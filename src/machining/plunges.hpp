@@ -1,0 +1,49 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Ends of plunges, where the thrust along the axis may leave material.
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "polypod/machining/predict.hpp"
+#include "way.hpp"
+
+namespace polypod::machining {
+
+/// What the thrust holds back at the ends of plunges: see Plunge.
+class HeldBack {
+ public:
+  /// `step`: the longest between evaluated points, m.
+  HeldBack(const Job& job, const Way& way, double step)
+      : job_(job), moves_(*way.programmed), lines_(*way.lines), step_(step) {}
+
+  /// A point that cuts, of the programmed move i.
+  void see(std::size_t i, const Sample& sample);
+
+  /// Those that the tube holds go to `most_within`, the others are returned.
+  [[nodiscard]] std::vector<Plunge> take(Plunge& most_within) const;
+
+ private:
+  struct End {
+    double held_back = 0, aside = 0;  ///< m
+  };
+
+  [[nodiscard]] Plunge judge(std::size_t i, const End& end, double tube) const;
+
+  [[nodiscard]] std::size_t next_of(std::size_t i) const;
+
+  /// s, of the dwells between a move and the next one while the spindle turns. Blocks that a switch may skip are none.
+  [[nodiscard]] double dwell_after(std::size_t i) const;
+
+  /// Whether the tool goes on down from there, or comes back to the same place and goes deeper.
+  [[nodiscard]] bool goes_deeper(std::size_t i) const;
+
+  static constexpr double kSamePlace = 1e-6;  // m
+  const Job& job_;
+  const std::vector<gcode::Move>& moves_;
+  const gcode::Program& lines_;
+  const double step_;
+  std::map<std::size_t, End> ends_;
+};
+
+}  // namespace polypod::machining
