@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 
 #include "common.hpp"
 #include "fit.hpp"
 #include "groups.hpp"
+#include "mixed_up.hpp"
 #include "model.hpp"
 
 namespace polypod::calibration {
@@ -36,9 +38,6 @@ struct Fitted {
   Calibration found;
   Ended ended;
 };
-const Calibration& found(const Result<Fitted>& fitted) {
-  return fitted->found;
-}
 
 /// With the loss of the options; of Loss::automatic with the one that leaves less, or with which the search before that
 /// one was done.
@@ -49,18 +48,20 @@ Result<Fitted> fit_with_loss(const AnyMachine& machine, const std::vector<Measur
     options.loss = loss;
     Fit fit(machine, rows, setting, options, noise_as_given);
     POLYPOD_ASSIGN(out, fit.run());
-    return Fitted{std::move(out), fit.ended()};
+    Fitted fitted{std::move(out), fit.ended()};
+    if (setting.from) fitted.found.pulled_aside = fitted.ended.pulled_aside = setting.from->pulled_aside;
+    return fitted;
   };
   if (options.loss != Loss::automatic) return with(options.loss);
   if (setting.from) return with(setting.from->loss);
   Result<Fitted> huber = with(Loss::huber);
   const bool searched = huber || huber.error().id == "CA115" || huber.error().id == "CA118";
-  if (!searched || (huber && found(huber).noise_factor <= kPulledAside)) return huber;
+  if (!searched || (huber && huber->found.noise_factor <= kPulledAside)) return huber;
   Result<Fitted> cauchy = with(Loss::cauchy);
   if (!cauchy) return huber;
   Calibration& c = cauchy->found;
   if (too_many_lost(c.fitted.outliers + c.held_back.outliers, rows.size())) return huber;
-  c.pulled_aside = !huber || c.noise_factor < 0.5 * found(huber).noise_factor;
+  c.pulled_aside = cauchy->ended.pulled_aside = !huber || c.noise_factor < 0.5 * huber->found.noise_factor;
   return c.pulled_aside ? cauchy : huber;
 }
 
@@ -74,11 +75,11 @@ Result<Fitted> fit(const AnyMachine& machine, const std::vector<Measurement>& ro
   constexpr double kMostChange = 10;  // times the priors
   Result<Fitted> first = fit_with_loss(machine, rows, setting, options, false);
   const bool searched = first || first.error().id == "CA115" || first.error().id == "CA118";
-  if (setting.from || !searched || (first && found(first).noise_factor <= kCoarse)) return first;
+  if (setting.from || !searched || (first && first->found.noise_factor <= kCoarse)) return first;
   Result<Fitted> second = fit_with_loss(machine, rows, setting, options, true);
   const bool better =
-      second && found(second).change < kMostChange &&
-      (first ? found(second).noise_factor < 0.5 * found(first).noise_factor : found(second).noise_factor < kCoarse);
+      second && second->found.change < kMostChange &&
+      (first ? second->found.noise_factor < 0.5 * first->found.noise_factor : second->found.noise_factor < kCoarse);
   return better ? second : first;
 }
 
@@ -131,7 +132,7 @@ std::string remarks(const Calibration& c, const CalibrationOptions& options) {
     out += fmt::format(" {} of the rows {}: --loss cauchy lets them count for less.", outliers,
                        outliers == 1 ? "looks like an outlier" : "look like outliers");
   if (c.others_uncertain)
-    out += " Parameters that were not looked for count with their priors; --hold says that one is exact.";
+    out += " Parameters that are not estimated count with their priors; --fix says that one is exact.";
   if (c.free_equations < kLeastFree)
     out += " The equations are too few to show the noise: no less counts than was given.";
   return out;
@@ -142,11 +143,12 @@ std::string remarks(const Calibration& c, const CalibrationOptions& options) {
 std::optional<Ended> begun_with_some(const AnyMachine& machine, const std::vector<Measurement>& rows,
                                      const Setting& setting, CalibrationOptions options) {
   constexpr std::size_t kSome = 1000, kMany = 3000;
-  if (rows.size() < kMany) return {};
+  const bool contacts =
+      std::any_of(rows.begin(), rows.end(), [](const Measurement& row) { return row.kind == Kind::contact; });
+  if (rows.size() < kMany || contacts) return {};
   std::vector<Measurement> some;
   Setting of_some;
   for (std::size_t i = 0; i < rows.size(); i += rows.size() / kSome) {
-    if (rows[i].kind == Kind::contact) return {};
     some.push_back(rows[i]);
     of_some.seed.push_back(setting.seed[i]);
   }
@@ -155,6 +157,35 @@ std::optional<Ended> begun_with_some(const AnyMachine& machine, const std::vecto
   options.hold_back = 0;
   const Result<Fitted> fitted = fit(machine, some, of_some, options);
   return fitted ? std::optional(fitted->ended) : std::nullopt;
+}
+
+/// Rows that the machine takes, with the pose of each, and the first that it does not take. A place that was touched
+/// several times tells nothing by the one touch that is left of them.
+struct TakenRows {
+  std::vector<Measurement> rows;
+  std::vector<Pose> poses;
+  std::vector<std::size_t> number;
+  const Measurement* untaken = nullptr;
+};
+TakenRows taken_by(const AnyMachine& machine, const std::vector<Measurement>& rows) {
+  std::map<std::string, int> touched, taken;
+  std::vector<std::optional<Pose>> poses;
+  for (const Measurement& row : rows) {
+    poses.push_back(pose_of_row(machine, row));
+    if (row.kind != Kind::contact) continue;
+    ++touched[row.contact];
+    taken[row.contact] += poses.back() ? 1 : 0;
+  }
+  TakenRows out;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const bool alone = rows[i].kind == Kind::contact && taken[rows[i].contact] == 1 && touched[rows[i].contact] > 1;
+    if (!poses[i] && out.untaken == nullptr) out.untaken = &rows[i];
+    if (!poses[i] || alone) continue;
+    out.rows.push_back(rows[i]);
+    out.poses.push_back(*poses[i]);
+    out.number.push_back(i);
+  }
+  return out;
 }
 
 /// A fit without the rows that are held back, by which these are judged, and then one of all rows.
@@ -170,7 +201,6 @@ Result<Fitted> validated(const AnyMachine& machine, const std::vector<Measuremen
   if (setting.from) setting.from = first.ended;
   POLYPOD_ASSIGN(all, fit_with_repeats(machine, rows, setting, everything));
   Calibration& out = all.found;
-  out.pulled_aside = out.pulled_aside || (setting.from && judging.pulled_aside);
   out.held_back = judging.held_back;
   out.noise_factor_judging = judging.noise_factor;
   for (std::size_t i = 0; i < out.residuals.size(); ++i) {
@@ -195,9 +225,9 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   for (const double size : {options.prior_length, options.prior_angle, options.bound_length, options.bound_angle})
     sizes = sizes && within(size, 0, kMost);
   if (!noise || !sizes || !within(options.hold_back, 0, 0.5)) {
-    return fail(
-        "CA116", "an option of the calibration is out of range", {},
-        "noise must be above 0, priors and bounds not below 0, all of them finite, the share held back 0 to 0.5");
+    return fail("CA116", "an option of the calibration is out of range", {},
+                "noise must be above 0, priors and bounds not below 0, all of them finite, the validation set 0 to 0.5 "
+                "of the poses");
   }
   if (rows.empty()) return fail("CA110", "no measurements");
   for (const Systematic& part : options.systematic)
@@ -205,27 +235,28 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
       return fail("CA151", "a calibration of places knows no force_gain", part.place,
                   "it serves `polypod identify compliance`");
   // Rows whose joints the drawing cannot take stand beyond a singular pose of it, or are wrong.
-  std::vector<Measurement> taken;
+  const TakenRows by_drawing = taken_by(nominal, rows);
+  const auto& [taken, poses, number, untaken] = by_drawing;
   Setting setting;
-  std::vector<std::size_t> number;
-  const Measurement* untaken = nullptr;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const auto at = pose_of_row(nominal, rows[i]);
-    if (!at && untaken == nullptr) untaken = &rows[i];
-    if (!at) continue;
-    taken.push_back(rows[i]);
-    setting.seed.push_back(*at);
-    number.push_back(i);
-  }
+  setting.seed = poses;
   if (too_many_lost(rows.size() - taken.size(), rows.size())) {
+    const std::string likely = mixed_up(nominal, rows, options);
     return fail("CA111",
                 fmt::format("the machine cannot take the joints of {} of {} rows, of this one for a start",
                             rows.size() - taken.size(), rows.size()),
-                untaken->place, "check the joints and the machine");
+                untaken->place, likely.empty() ? "check the joints and the machine" : "the likely mistake: " + likely);
   }
   setting.pose = poses_of(nominal, taken);
   setting.share.assign(taken.size(), 1);
-  POLYPOD_ASSIGN(fitted, validated(nominal, taken, setting, options));
+  Result<Fitted> result = validated(nominal, taken, setting, options);
+  if (!result) {
+    Error error = result.error();
+    const bool searched = error.id == "CA115" || error.id == "CA118";
+    const std::string likely = searched ? mixed_up(nominal, taken, options) : std::string();
+    if (!likely.empty()) error.hint = "the likely mistake: " + likely;
+    return tl::unexpected(std::move(error));
+  }
+  Fitted& fitted = *result;
   Calibration& out = fitted.found;
   setting.from = fitted.ended;
   CalibrationOptions everything = options;
@@ -233,8 +264,12 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
   try_common(nominal, taken, setting, everything, out);
   out.moved = moved_farthest(out, options);
   out.drift = drift_in(taken, setting.pose, out.residuals);
-  out.verdict = judged(nominal, taken, out, options.systematic);
+  out.verdict = judged(nominal, taken, out, options);
   out.verdict.text += remarks(out, options);
+  if (out.verdict.answer == Answer::no) {
+    const std::string likely = mixed_up(nominal, taken, options);
+    if (!likely.empty()) out.verdict.text += fmt::format(" The likely mistake: {}.", likely);
+  }
   out.orientation_told = std::none_of(out.verdict.left_open.begin(), out.verdict.left_open.end(),
                                       [](const std::string& c) { return c.ends_with("_deg"); });
   if (untaken != nullptr) out.residuals = with_untaken(rows, number, std::move(out.residuals));

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <map>
 
+#include "distributions.hpp"
 #include "groups.hpp"
 #include "model.hpp"
 #include "polypod/core/files.hpp"
@@ -137,7 +138,9 @@ std::string sha256(std::string_view bytes) {
 
 Budget budget_at(const AnyMachine& machine, const Calibration& c, const std::vector<Systematic>& systematic,
                  const Stand& stand) {
-  Budget out{stand, pose_coordinates(machine), {}, {}, {}};
+  Budget out;
+  out.stand = stand;
+  out.coordinates = pose_coordinates(machine);
   const auto deviation = [&](const Eigen::MatrixXd& covariance) {
     return pose_deviation(machine, stand.X_MT, stand.q, covariance);
   };
@@ -168,9 +171,11 @@ Budget budget_at(const AnyMachine& machine, const Calibration& c, const std::vec
     out.rows.push_back(std::move(row));
   }
   out.combined = deviation(c.covariance);
-  out.degrees = Eigen::VectorXd::Zero(out.combined.size());
-  for (Eigen::Index k = 0; k < out.combined.size(); ++k)
+  out.degrees = out.k95 = Eigen::VectorXd::Zero(out.combined.size());
+  for (Eigen::Index k = 0; k < out.combined.size(); ++k) {
     out.degrees[k] = effective_degrees(out.combined[k], out.rows[0].contribution[k], out.rows[0].degrees);
+    out.k95[k] = student_quantile(0.05, std::max(1.0, out.degrees[k]));
+  }
   return out;
 }
 
@@ -178,8 +183,10 @@ statics::Keyed keyed_parameters(const AnyMachine& machine) {
   statics::Keyed of;
   const std::vector<machine::Parameter> all = kinematics::parameters(machine);
   of.unit.resize(std::ssize(all));
+  of.value.resize(std::ssize(all));
   for (const machine::Parameter& p : all) {
     of.unit[std::ssize(of.keys)] = units::from_user(1, p.unit);
+    of.value[std::ssize(of.keys)] = p.value;
     of.keys.push_back(machine::key_of(p));
   }
   return of;

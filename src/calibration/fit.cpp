@@ -154,7 +154,7 @@ Status Fit::start() {
       example = &rows_[i];
     }
     if (touched < 2) {
-      return fail("CA117", fmt::format("the place \"{}\" is touched once only", name), example->place,
+      return fail("CA117", fmt::format("the place \"{}\" is touched only once", name), example->place,
                   "touch it at least twice, with other joints");
     }
     problem_.start.segment<3>(first) = sum / touched;
@@ -227,7 +227,7 @@ Status Fit::choose_rows() {
 Status Fit::tell_unknowns() {
   known_ = identifiable(stacked(problem_.start, nullptr), problem_.wanted, problem_.scale);
   out_.condition = known_.condition;
-  if (known_.kept.empty()) return fail("CA112", "the measurements tell nothing of the chosen parameters");
+  if (known_.kept.empty()) return fail("CA112", "none of the chosen parameters is identifiable from the measurements");
   return {};
 }
 
@@ -338,6 +338,7 @@ void Fit::learn_noise_and_priors(bool sizes) {
   constexpr int kSteps = 100;
   constexpr double kLongestStep = 0.7;  // of ln t
   constexpr double kSettled = 1e-3;
+  constexpr double kLargestSize = 30;  // t
   const Eigen::MatrixXd R = triangle(weights(), problem_.wanted);
   const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
   Eigen::VectorXd prior = of_wanted(problem_.prior), change = of_wanted(x_ - problem_.start);
@@ -367,7 +368,7 @@ void Fit::learn_noise_and_priors(bool sizes) {
       const auto [pull, stiffness] = pull_of(log_t);
       expected = std::max(0.0, expected);
       const double by = std::clamp((seen - expected - pull) / (2 * std::max(seen, expected) + stiffness), -kLongestStep,
-                                   kLongestStep);
+                                   std::min(kLongestStep, std::log(kLargestSize) - log_t));
       for (Eigen::Index k = 0; k < n; ++k)
         if (learns_[std::size_t(k)] == kind) prior[k] *= std::exp(by);
       moved = std::max(moved, std::abs(by));

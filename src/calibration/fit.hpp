@@ -29,6 +29,7 @@ struct Ended {
   Eigen::VectorXd x, prior;  ///< of all unknowns
   double noise_scale = 1;
   Loss loss = Loss::automatic;
+  bool pulled_aside = false;  ///< as Calibration
 };
 
 /// What the rows are, beside what was read.
@@ -84,7 +85,9 @@ class Fit {
   /// Bayesian Interpolation, 1992) times what is thought of t beforehand is greatest:
   ///   sum (change / prior)^2 - sum (1 - variance / prior^2) + rules = pull_of(ln t).
   /// What a rule tells (of a unit vector its length) is nothing that was measured.
-  /// Changes follow a new prior in first order. Without `sizes` of the noise alone.
+  /// Changes follow a new prior in first order. t stays below 30: contacts at unknown places are missed the less the
+  /// smaller the machine is, so that with priors of any size it would shrink to nothing. Whose drawing is farther off
+  /// gives --prior-mm and --prior-deg. Without `sizes` of the noise alone.
   void learn_noise_and_priors(bool sizes);
   /// Columns of the unknowns whose size is learnt with the others of this kind.
   [[nodiscard]] std::vector<int> wanted_of(Learns kind) const;

@@ -186,7 +186,7 @@ void Fit::set_systematic(const std::vector<double>& weight, const Eigen::MatrixX
 double Fit::gain_in_deviations(const std::vector<double>& weight) const {
   const double s = noise_that_counts();
   const Eigen::MatrixXd C = root_of_covariance(triangle(weight, problem_.wanted), of_wanted(problem_.prior), s);
-  const Eigen::ArrayXd left = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues().array().square();
+  const Eigen::ArrayXd left = kinematics::singular_values(C).array().square();
   const Eigen::ArrayXd taken = 1 - left.square();  // 2 h - h^2
   return (gain_ / (s * s) - taken.sum()) / std::sqrt(std::max(2 * taken.square().sum(), 1e-300));
 }

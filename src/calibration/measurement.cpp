@@ -42,6 +42,7 @@ Result<Kind> kind_of(const Table& table) {
     if (table.has("c_deg")) return Kind::pose;
     return table.has("a_deg") || table.has("b_deg") ? Kind::axis : Kind::point;
   }
+  if (const auto near = table.unused(); !near) return tl::unexpected(near.error());  // X_mm for x_mm
   return fail("CA101", "no column says what was measured", Place{table.path, table.header_line, 1},
               "give x_mm,y_mm,z_mm (and a_deg,b_deg,c_deg), distance_mm, gauge_mm or contact");
 }
@@ -209,9 +210,9 @@ Status no_row_twice(const std::vector<Measurement>& rows) {
     if (fresh) continue;
     const Place& first = *it->second;
     return fail("ID103",
-                first.file == row.place.file ? fmt::format("the row stands already in line {}", first.line)
-                                             : fmt::format("the row stands already in {}:{}", first.file, first.line),
-                row.place, "a row that stands twice would count twice");
+                first.file == row.place.file ? fmt::format("the row is already in line {}", first.line)
+                                             : fmt::format("the row is already in {}:{}", first.file, first.line),
+                row.place, "a row that occurs twice would count twice");
   }
   return {};
 }

@@ -138,29 +138,25 @@ void apply_rules(const Eigen::MatrixXd& rules, Eigen::MatrixXd& J) {
 }
 
 /// Equations by all unknowns of the layout, in units that compare.
-std::vector<Eigen::MatrixXd> all_equations(const AnyMachine& any, const std::vector<Stand>& stands, Kind kind,
+std::vector<Eigen::MatrixXd> all_equations(const AnyMachine& machine, const std::vector<Stand>& stands, Kind kind,
                                            const std::vector<Vec3>& anchors, const CalibrationOptions& options,
                                            Layout& layout, Eigen::MatrixXd* rules_seen = nullptr) {
-  return std::visit(
-      [&](const auto& m) {
-        layout = layout_of({}, parameters(m).size());
-        const Start start = start_of(any, layout, options.X_SM, options.X_TR);
-        Eigen::VectorXd unused;
-        Eigen::MatrixXd rules;
-        rules_at(m, layout, start.x, unused, rules);
-        if (rules_seen != nullptr) *rules_seen = rules;
-        std::vector<Eigen::MatrixXd> out;
-        const Noise noise{options.noise_position, options.noise_angle};
-        Equations e;
-        for (std::size_t i = 0; i < stands.size(); ++i) {
-          equations_of(m, row_at(stands[i], kind, anchors, options, i), stands[i].X_MT, layout, start.x, noise, true, e,
-                       Lost::first_order);
-          apply_rules(rules, e.J);
-          out.emplace_back(e.J * start.scale.asDiagonal());
-        }
-        return out;
-      },
-      any);
+  layout = layout_of({}, kinematics::parameters(machine).size());
+  const Start start = start_of(machine, layout, options.X_SM, options.X_TR);
+  Eigen::VectorXd unused;
+  Eigen::MatrixXd rules;
+  rules_at(machine, layout, start.x, unused, rules);
+  if (rules_seen != nullptr) *rules_seen = rules;
+  std::vector<Eigen::MatrixXd> out;
+  const Noise noise{options.noise_position, options.noise_angle};
+  Equations e;
+  for (std::size_t i = 0; i < stands.size(); ++i) {
+    equations_of(machine, row_at(stands[i], kind, anchors, options, i), stands[i].X_MT, layout, start.x, noise, true, e,
+                 Lost::first_order);
+    apply_rules(rules, e.J);
+    out.emplace_back(e.J * start.scale.asDiagonal());
+  }
+  return out;
 }
 
 /// Stands that can be measured at the site: `count` of them, or CA121, CA123.
@@ -300,7 +296,7 @@ Result<std::vector<std::size_t>> choose(const std::vector<Eigen::MatrixXd>& cand
   std::iota(all.begin(), all.end(), 0);
   const double size = information(candidates, all).diagonal().maxCoeff() / double(candidates.size());
   const auto not_numbers = [] {
-    return fail("CA130", "what the candidates tell is not a finite number above 0", {},
+    return fail("CA130", "the information of the candidates is not a finite number above 0", {},
                 "are the force, the noise and the machine's lengths of a sensible size?");
   };
   if (!(size > 0) || !std::isfinite(size)) return not_numbers();

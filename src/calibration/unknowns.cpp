@@ -81,7 +81,7 @@ Identifiability identifiable(const Eigen::MatrixXd& J, const std::vector<int>& o
   if (rank > 0) {
     Eigen::MatrixXd unit = R.topLeftCorner(rank, rank);
     unit = unit * unit.colwise().norm().cwiseInverse().asDiagonal();
-    const Eigen::VectorXd sigma = unit.bdcSvd().singularValues();
+    const Eigen::VectorXd sigma = kinematics::singular_values(unit);
     out.condition = sigma[0] / sigma[rank - 1];
   }
   return out;

@@ -101,6 +101,15 @@ PoseSpread spread_over(const AnyMachine& machine, const std::vector<Stand>& stan
   return out;
 }
 
+/// Where the calibrated machine stands with the joints of these; what it cannot take stays as it is.
+std::vector<Stand> taken_by(const AnyMachine& calibrated, std::vector<Stand> stands) {
+  for (Stand& stand : stands) {
+    const auto found = kinematics::forward(calibrated, stand.q);
+    if (!found.poses.empty()) stand.X_MT = found.poses.front();
+  }
+  return stands;
+}
+
 /// How likely the drawing is nearer than the calibrated machine in a coordinate at one pose, where its standard
 /// deviation falls from `before` to `after`. What is left, e, and the change, m, are independent and normal with the
 /// variances after^2 and before^2 - after^2; the drawing is off by e + m, so that it is nearer where m lies between
@@ -111,10 +120,10 @@ double chance_of_worse(double before, double after) {
   return std::atan2(2 * after, std::sqrt(before * before - after * after)) / std::numbers::pi;
 }
 
-/// "the rows that were held back are missed by 0.0172 mm rms, by the drawing by 0.0181 mm".
+/// "the rows of the validation set are missed by 0.0172 mm rms, by the drawing by 0.0181 mm".
 std::string misses(const Score& s, bool held) {
-  return fmt::format("the {} are missed by {:.4f} mm rms, by the drawing by {:.4f} mm",
-                     held ? "rows that were held back" : "fitted rows", units::to_mm(s.rms_after),
+  return fmt::format("the residuals of the {} are {:.4f} mm rms, with the drawing {:.4f} mm",
+                     held ? "rows of the validation set" : "fitted rows", units::to_mm(s.rms_after),
                      units::to_mm(s.rms_before));
 }
 
@@ -152,12 +161,13 @@ std::string refusal(const AnyMachine& machine, const Calibration& c) {
         "Not judged: all changes look like {}. With it the parameters change by {:.2g} times their priors, without it "
         "by {:.2g} times (root mean square). {}.",
         in_words(common, machine), common.change, common.change_before,
-        common.what == "scale" ? std::string("Check the instrument (temperature, constants) and measure again with its "
-                                             "scale right; --estimate scale says how large it is, but then only the "
-                                             "drawing tells the size of the machine")
-                               : fmt::format("Measure it on the machine and give it with --{0}, or find it with "
-                                             "--estimate {0}, which leaves to the drawing what acts like it",
-                                             common.what));
+        common.what == "scale"
+            ? std::string("Check the instrument (temperature, constants) and measure again with its "
+                          "scale right; --estimate scale says how large it is, but then only the drawing determines "
+                          "the size of the machine")
+            : fmt::format("Measure it on the machine and give it with --{0}, or find it with --estimate {0}; "
+                          "parameters that are linearly dependent on it then stay as drawn",
+                          common.what));
   }
   const bool held = c.held_back.rows > c.held_back.outliers;
   const Score& s = held ? c.held_back : c.fitted;
@@ -178,9 +188,10 @@ std::string refusal(const AnyMachine& machine, const Calibration& c) {
   // By chance alone the rms of n angles spreads by 1 / sqrt(2 n) of itself; two of them are allowed.
   const double chance = 1 + 2 / std::sqrt(2.0 * 3.0 * static_cast<double>(std::max<std::size_t>(s.rows, 1)));
   if (s.angle_after > s.angle_before * chance) {
-    return kNotBetter + fmt::format("the angles of the {} are missed by {:.5f} deg rms, by the drawing by {:.5f} deg.",
-                                    held ? "rows that were held back" : "fitted rows", units::to_deg(s.angle_after),
-                                    units::to_deg(s.angle_before));
+    return kNotBetter +
+           fmt::format("the residuals of the angles of the {} are {:.5f} deg rms, with the drawing {:.5f} deg.",
+                       held ? "rows of the validation set" : "fitted rows", units::to_deg(s.angle_after),
+                       units::to_deg(s.angle_before));
   }
   return "";
 }
@@ -193,8 +204,15 @@ std::string what_is_open(const AnyMachine& nominal, const std::vector<Measuremen
   if (c.noise_factor > kOtherErrors && c.free_equations >= kEnoughFree) {
     out += fmt::format(
         " But the residuals are {:.1f} times the noise that was given: either the instrument is that coarse, or the "
-        "machine has errors that no parameter describes, which the predicted deviations do not hold.",
+        "machine has errors that no parameter describes, which the predicted deviations do not contain.",
         c.noise_factor);
+    if (c.fitted.outliers > 0) {
+      out += fmt::format(
+          " {} of the rows {}, which adds to it: measure {} again, or let {} count for less with --loss "
+          "cauchy.",
+          c.fitted.outliers, c.fitted.outliers == 1 ? "looks like an outlier" : "look like outliers",
+          c.fitted.outliers == 1 ? "it" : "them", c.fitted.outliers == 1 ? "it" : "them");
+    }
   }
   if (!c.moved.empty()) {
     std::vector<std::string> names;
@@ -218,8 +236,8 @@ std::string what_is_open(const AnyMachine& nominal, const std::vector<Measuremen
         found.push_back(fmt::format("neighbours of {} are alike (correlation {:.2f})", d.component, d.lag1));
     }
     out += fmt::format(
-        " But the residuals drift: {}. Instrument or machine changed while it was measured, or rows that stand side by "
-        "side share an error that no parameter describes; the predicted deviations do not hold that.",
+        " But the residuals drift: {}. Instrument or machine changed while it was measured, or neighbouring rows share "
+        "an error that no parameter describes; the predicted deviations do not contain it.",
         listed(found));
   }
   const auto box_of = [](const auto& poses) {
@@ -280,14 +298,17 @@ std::string expanded(const std::vector<std::string>& coordinates, const PoseSpre
 }  // namespace
 
 Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c,
-               const std::vector<Systematic>& systematic) {
+               const CalibrationOptions& options) {
+  const std::vector<Systematic>& systematic = options.systematic;
   Verdict out;
   const std::vector<Stand> stands = random_stands(nominal, kJudgedPoses, kJudgedSeed);
   out.poses = stands.size();
+  // First order at the machine that the covariance is of: a drawing that is degrees off says little of it.
+  const std::vector<Stand> found = taken_by(c.machine, stands);
   out.before = spread_over(nominal, stands, c.covariance_before);
-  out.after = spread_over(nominal, stands, c.covariance);
+  out.after = spread_over(c.machine, found, c.covariance);
   out.after_readings =
-      c.systematic.empty() ? out.after : spread_over(nominal, stands, c.covariance_readings + c.covariance_drawing);
+      c.systematic.empty() ? out.after : spread_over(c.machine, found, c.covariance_readings + c.covariance_drawing);
   std::vector<std::string> told, shares, by_systematic;
   double chance = 0;
   const std::vector<std::string> all = pose_coordinates(nominal);
@@ -300,27 +321,35 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
     if (out.after_readings.mean[k] < kOpen * before) by_systematic.push_back(spoken(all[i]));
     if (before > 0) chance = std::max(chance, chance_of_worse(before, after));
     shares.push_back(before > 0 ? fmt::format("{} ({:.0f} %)", spoken(all[i]), 100 * after / before)
-                                : fmt::format("{} (held)", spoken(all[i])));
+                                : fmt::format("{} (fixed)", spoken(all[i])));
   }
   const std::string refused = refusal(nominal, c);
   const std::string doubts = what_is_open(nominal, rows, stands, c);
   std::string remedy = "also measure " + what_would_tell(nominal, rows, out.left_open);
+  if (options.estimate_frame || options.estimate_target) {
+    const char* what = !options.estimate_target ? "frame" : !options.estimate_frame ? "target" : "frame and target";
+    remedy = fmt::format(
+        "measure the {0} on the machine and give {1} with --{2}: what the machine's own parts act on "
+        "like the {0} stays open with any number of rows",
+        what, options.estimate_frame && options.estimate_target ? "them" : "it",
+        options.estimate_frame && options.estimate_target ? "frame and --target" : what);
+  }
   if (!by_systematic.empty()) {
     remedy = fmt::format(
-        "measure with smaller systematic parts: without them the readings would tell {}; most comes from {}",
+        "measure with smaller systematic parts: without them the readings would determine {}; most comes from {}",
         listed(by_systematic), largest_systematic(nominal, stands, c, systematic));
     if (by_systematic.size() < out.left_open.size())
       remedy += "; also measure " + what_would_tell(nominal, rows, out.left_open);
   }
   if (c.parameters.empty() && c.noise_factor <= kMisfit) {
     out.answer = Answer::partly;
-    out.text = "No parameter of the machine was looked for: it stays as the drawing has it.";
+    out.text = "No parameter of the machine was estimated: it stays as drawn.";
   } else if (!refused.empty()) {
     out.text = refused;
   } else if (told.empty()) {
     out.text = fmt::format(
-        "No: these measurements tell no coordinate of the pose well enough: more than {:.0f} % of its standard "
-        "deviation is left of {}. To tell {}, {}.",
+        "No: these measurements determine no coordinate of the pose well enough: more than {:.0f} % of its standard "
+        "deviation is left of {}. To determine {}, {}.",
         100 * kOpen, listed(shares), shares.size() == 1 ? "it" : "them", remedy);
   } else if (out.left_open.empty()) {
     out.answer = doubts.empty() ? Answer::better : Answer::partly;
@@ -333,10 +362,11 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
   } else {
     out.answer = Answer::partly;
     out.text = fmt::format(
-        "In part: {} of the pose {} better than in the drawing. The measurements leave open {} (in brackets: the share "
-        "of its standard deviation that is left). The same parameters move {} too: over many machines that is an "
-        "improvement, but at a pose of this one the drawing may be nearer, with a chance of up to {:.0f} %. To tell "
-        "{}, {}.",
+        "In part: {} of the pose {} better than in the drawing. The measurements do not determine {} (in brackets: the "
+        "fraction of its standard deviation that is left). The same parameters move {} too: over many machines that is "
+        "an "
+        "improvement, but at a pose of this one the drawing may be nearer, with a chance of up to {:.0f} %. To "
+        "determine {}, {}.",
         listed(spoken(told)), told.size() == 1 ? "is" : "are", listed(shares), shares.size() == 1 ? "it" : "them",
         100 * chance, shares.size() == 1 ? "it" : "them", remedy);
     out.text += doubts;

@@ -20,8 +20,7 @@ Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& targe
       [&](const auto& m) -> Eigen::MatrixXd {
         const std::vector<double> p = nominal_parameters(m);
         const ClosureMatrix A = closure_by_pose(m, X_MT, joints, std::span<const double>(p));
-        return -A.completeOrthogonalDecomposition().solve(
-            closure_by_parameters(m, X_MT, joints, std::span<const double>(p)));
+        return -ClosureSolver(A).solve_many(closure_by_parameters(m, X_MT, joints, std::span<const double>(p)));
       },
       machine);
 }

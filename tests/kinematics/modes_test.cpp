@@ -469,7 +469,7 @@ TEST(AssemblyModes, OfAPlatformOnOneJointMove) {
   const AssemblyModes modes = assembly_modes(legs_at(random.pose(), legs.anchor, legs.end));
   EXPECT_TRUE(modes.moves());
   EXPECT_FALSE(modes.complete());
-  EXPECT_THAT(description_of(modes), HasSubstr("moves though"));
+  EXPECT_THAT(description_of(modes), HasSubstr("self-motion"));
 }
 
 // Equal parallel legs between congruent hexagons: the platform swings on a sphere, singular to second order, where

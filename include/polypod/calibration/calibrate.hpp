@@ -78,7 +78,7 @@ struct RowResidual {
   double weight = 1;              ///< of the robust loss, in the last step
   double share = 1;               ///< for how many independent rows it counts: less than 1 for repeats (see Repeats)
   bool held_back = false;         ///< of the fit that judges; `after` is of the last one, into which all rows went
-  Eigen::VectorXd judged{};       ///< of a row that was held back: what the fit without these rows leaves of it
+  Eigen::VectorXd judged{};       ///< of a row of the validation set: what the fit without these rows leaves of it
   bool outlier = false;           ///< beyond (sqrt(equations) + 3) robust standard deviations, or lost
   bool lost = false;              ///< the calibrated machine does not assemble there: near a singular pose; not fitted
   bool untaken = false;           ///< lost because the nominal machine cannot take these joints; before and after are 0
@@ -99,7 +99,7 @@ struct Calibration {
   std::size_t rank = 0;  ///< parameters that these measurements tell
   Pose X_SM, X_TR;
   Vec6 frame_error = Vec6::Zero(), target_error = Vec6::Zero();  ///< standard errors: m, rad; 0 where given or held
-  std::vector<std::string> held_beside;                          ///< parts of frame and target that could not be told
+  std::vector<std::string> held_beside;                          ///< parts of frame and target, not identifiable
   double scale = 1, scale_error = 0;                             ///< of the instrument, where it was looked for
   /// `fitted`: all rows in the last fit; `held_back`: those of the validation, in a fit of the others.
   Score fitted, held_back;
@@ -120,7 +120,7 @@ struct Calibration {
   std::size_t equations = 0;        ///< fitted ones
   double condition = 0;             ///< of the equations, columns scaled to unit length
   double noise_factor = 0;          ///< residuals over the noise that was given: 1 if it was right
-  double noise_factor_judging = 0;  ///< the same of the fit without the rows held back; without one noise_factor
+  double noise_factor_judging = 0;  ///< the same of the fit without the validation set; without one noise_factor
   double free_equations =
       0;  ///< equations (weighted) beyond those that the parameters take up; noise_factor is from them
   /// The unknowns that were looked for (a direction of three numbers is two unknowns), and how many of them these

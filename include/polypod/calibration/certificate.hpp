@@ -50,6 +50,7 @@ struct Budget {
   std::vector<std::string> coordinates;  ///< pose_coordinates
   std::vector<BudgetRow> rows;           ///< the readings, the drawing, and each systematic unknown
   Eigen::VectorXd combined, degrees;  ///< standard uncertainty of each coordinate, and its effective degrees of freedom
+  Eigen::VectorXd k95;                ///< the coverage factor that belongs to these for 95 % (Student's t, GUM G.4)
 };
 /// GUM 5.1.2 at one pose: contributions add in squares. Degrees of freedom as Welch and Satterthwaite (GUM G.4).
 Budget budget_at(const AnyMachine& machine, const Calibration& c, const std::vector<Systematic>& systematic,

@@ -74,11 +74,11 @@ LostPose worst_loss(const std::vector<Eigen::MatrixXd>& candidates, const std::v
 
 /// Below this no set of as many candidates comes with Uncertainty::mean, chosen however, not even if it may hold some
 /// twice: log det is concave in M, so log det M' <= log det M + N max_j trace(J_j M^-1 J_j^T) - n for every set of N
-/// candidates (Kiefer and Wolfowitz 1960). 0 where the set leaves something untold.
+/// candidates (Kiefer and Wolfowitz 1960). 0 where an unknown is not identifiable from the set.
 double least_mean(const std::vector<Eigen::MatrixXd>& candidates, const std::vector<std::size_t>& chosen);
 
 /// `count` stands on a regular grid of places in the box of the given ones, as one would measure without a plan: the
-/// tool upright (R = 1) and tilted by `tilt` (rad) to four sides in turn. Fewer where the machine reaches fewer.
+/// tool at zero tilt (R = 1) and tilted by `tilt` (rad) to four sides in turn. Fewer where the machine reaches fewer.
 std::vector<Stand> grid_stands(const AnyMachine& machine, const std::vector<Stand>& box, std::size_t count,
                                double tilt);
 

@@ -17,8 +17,9 @@ std::vector<std::string> pose_coordinates(const AnyMachine& machine);
 /// Standard deviations of these coordinates at the pose X_MT of the joints q, m and rad, for parameters with the
 /// covariance `covariance` (SI, in the order of kinematics::parameters): the roots of the diagonal of S G C G^T S^T
 /// with G = -A^-1 F_p, the twist of the tool in M by parameter, and S the task's part of it. Angles are small turns:
-/// about x, y and z of M for six axes; for five, a and b about x and y of the tool. First order: near singular poses (A
-/// loses rank) the true spread is larger. Cost: 20 us.
+/// about x, y and z of M for six axes; for five, a and b about x and y of the tool. `machine` is the one that the
+/// covariance is of, the calibrated one where measurements determine it: where the drawing is degrees off its G is
+/// another. First order: near singular poses (A loses rank) the true spread is larger. Cost: 20 us.
 Eigen::VectorXd pose_deviation(const AnyMachine& machine, const Pose& X_MT, const JointVector& q,
                                const Eigen::MatrixXd& covariance);
 

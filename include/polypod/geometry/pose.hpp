@@ -18,6 +18,29 @@ using Mat3 = Matrix3<double>;
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
+/// a b of a 3 x 3 matrix and one or three columns. Dual numbers (`a` the value, `v` the derivatives) are summed in
+/// place: Eigen makes a number of each product first, and its loops are inlined or not as a file is large.
+template <class T, int Columns>
+Eigen::Matrix<T, 3, Columns> product(const Matrix3<T>& a, const Eigen::Matrix<T, 3, Columns>& b) {
+  Eigen::Matrix<T, 3, Columns> c;
+  if constexpr (requires(T t) { t.a, t.v; }) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < Columns; ++j) {
+        T& sum = c(i, j);
+        sum.a = a(i, 0).a * b(0, j).a;
+        sum.v = a(i, 0).a * b(0, j).v + b(0, j).a * a(i, 0).v;
+        for (int k = 1; k < 3; ++k) {
+          sum.a += a(i, k).a * b(k, j).a;
+          sum.v += a(i, k).a * b(k, j).v + b(k, j).a * a(i, k).v;
+        }
+      }
+    }
+  } else {
+    c.noalias() = a * b;
+  }
+  return c;
+}
+
 /// X_AB: the pose of frame B in frame A; p_A = R p_B + p.
 template <class T>
 struct PoseT {
@@ -25,13 +48,15 @@ struct PoseT {
   Vector3<T> p = Vector3<T>::Zero();      ///< p_AB, m
 
   friend PoseT operator*(const PoseT& a, const PoseT& b) {
-    PoseT c;
-    c.R.noalias() = a.R * b.R;
-    c.p.noalias() = a.R * b.p;
+    PoseT c{product<T, 3>(a.R, b.R), product<T, 1>(a.R, b.p)};
     c.p += a.p;
     return c;
   }
-  friend Vector3<T> operator*(const PoseT& a, const Vector3<T>& v) { return a.R * v + a.p; }
+  friend Vector3<T> operator*(const PoseT& a, const Vector3<T>& v) {
+    Vector3<T> c = product<T, 1>(a.R, v);
+    c += a.p;
+    return c;
+  }
   [[nodiscard]] PoseT inverse() const {
     PoseT c;
     c.R = R.transpose();

@@ -65,8 +65,8 @@ InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
 /// usual starts only where that finds nothing within the limits.
 InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last);
 /// The whole pose that the machine really has where it takes the joints q for what the task prescribes of X_MT: the
-/// coordinates that no pose prescribes follow (the turn of a 5-axis arm about its tool, the upright tool of a delta,
-/// the parasitic motions of a tripod). Analyses ask for this before anything else.
+/// coordinates that no pose prescribes follow (the turn of a 5-axis arm about its tool, the tool at zero tilt of a
+/// delta, the parasitic motions of a tripod). Analyses ask for this before anything else.
 Pose settled(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 /// Where the machine has it, the whole pose without known joints: empty where the following coordinates cannot be met.
 std::optional<Pose> settled(const AnyMachine& machine, const Pose& X_MT);
@@ -89,7 +89,7 @@ inline int coordinate_count(Task task) {
 
 /// The part of a Jacobian that a task sees: of the rows v_x, v_y, v_z, w_x, w_y, w_z those of its coordinates x, y, z,
 /// A, B, C, in its order. Of a 5-axis machine, whose pose prescribes the tool's axis alone, the turns are those about x
-/// and y of the tool's frame, X_MT.R^T w, across its axis; upright they are w_x and w_y (SLAV (2.36)).
+/// and y of the tool's frame, X_MT.R^T w, across its axis; at zero tilt they are w_x and w_y (SLAV (2.36)).
 Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J, const Pose& X_MT);
 
 /// Whether the tool turns as it moves though the task prescribes no orientation: that of a Tricept follows from its
@@ -105,8 +105,8 @@ struct Dexterity {
   double characteristic_length = 0;  ///< L, m
 };
 /// Parallel machines (JEL (6.5), (6.11)): S takes the tool's twist [v; L w] to joint speeds, its rows (w_i, e_i x w_i /
-/// L), on rails divided by w_i . u_i; the determinant is |det S|. L: mean distance of the platform joints from the tool
-/// tip. Where a slider's leg is square to its rail, S is infinite (kind 1).
+/// L), of slider hexapods divided by w_i . u_i; the determinant is |det S|. L: mean distance of the platform joints
+/// from the tool tip. Where a slider's leg is square to its rail, S is infinite (type 1).
 /// Serial arms (SLAV (2.38)): S takes joint speeds to [v; L w] (rows that the task sees); the determinant is that of
 /// the same matrix without L, SI. L: mean distance of the joint axes from the tool tip, 1 m if there are none.
 /// A `length` above 0 replaces L. Cost: 0.4 us (deltas) to 2 us.

@@ -2,21 +2,16 @@
 // What follows from a machine's closure F(X, q, p) = 0 alone, for every family.
 #pragma once
 
-#include <Eigen/LU>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <vector>
 
+#include "polypod/kinematics/closure_solver.hpp"
 #include "polypod/kinematics/concept.hpp"
 
 namespace polypod::kinematics {
-
-using ClosureMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, machine::kMaxEquations, machine::kMaxJoints>;
 
 /// The nominal values of the parameters p, SI.
 template <Machine M>
@@ -25,6 +20,18 @@ std::vector<double> nominal_parameters(const M& m) {
   std::vector<double> p;
   for (const Parameter& parameter : parameters(m)) p.push_back(parameter.value);
   return p;
+}
+
+/// The rules that the parameters p keep among themselves (|u| = 1 of a direction), as values that are 0 where they
+/// hold: parameter_rules of the family, none where it has no such function. Where p breaks one, with_parameters makes
+/// another machine of it than its closure speaks of.
+template <class M, class T>
+std::vector<T> rules_of(const M& m, std::span<const T> p) {
+  if constexpr (requires { parameter_rules(m, p); }) {
+    return parameter_rules(m, p);
+  } else {
+    return {};
+  }
 }
 
 /// How far the closure is from 0: its largest |F_i| with the nominal parameters, m (or the closure's unit).
@@ -60,7 +67,7 @@ inline PoseT<Dual> dual_pose(const Pose& X) {
 }
 
 /// A = F_X: the closure against [translation; rotation vector] of X, both in M (k x 6).
-/// Singular of kind 2 (the tool moves though the joints stand) where A loses rank.
+/// Singular of type 2 (the tool moves with the joints locked) where A loses rank.
 template <Machine M>
 ClosureMatrix closure_by_pose(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
   const std::vector<Dual> q_dual(q.begin(), q.end()), p_dual(p.begin(), p.end());
@@ -87,7 +94,7 @@ void by_argument(const M& m, const Pose& X, std::span<const double> q, std::span
 }
 }  // namespace closure_detail
 
-/// B = F_q (k x joints). Singular of kind 1 (the joints move though the tool stands) where B loses rank.
+/// B = F_q (k x joints). Singular of type 1 (the joints move while the tool is at rest) where B loses rank.
 template <Machine M>
 ClosureMatrix closure_by_joints(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
   ClosureMatrix B;
@@ -120,7 +127,7 @@ JacobianMatrix jacobian_by_closure(const M& m, const Pose& X, std::span<const do
   const ClosureMatrix A = closure_by_pose(m, X, q, p);
   const ClosureMatrix B = closure_by_joints(m, X, q, p);
   JacobianMatrix J(6, B.cols());
-  J = -(A.completeOrthogonalDecomposition().solve(B));
+  J = -ClosureSolver(A).solve_columns(B);
   return J;
 }
 
@@ -141,7 +148,7 @@ struct NewtonResult {
 /// group,
 ///   [v; w] = -A^-1 F, p <- p + v, R <- exp([w]x) R,
 /// from the seed pose. Converges quadratically to the assembly mode round the seed; `converged`
-/// is false near a singularity of kind 2 or where no mode exists.
+/// is false near a singularity of type 2 or where no mode exists.
 template <Machine M>
 NewtonResult forward_by_closure(const M& m, std::span<const double> q, std::span<const double> p, const Pose& seed,
                                 const NewtonOptions& options = {}) {
@@ -149,7 +156,7 @@ NewtonResult forward_by_closure(const M& m, std::span<const double> q, std::span
   for (; out.iterations < options.max_iterations && !out.converged; ++out.iterations) {
     const ClosureVector F = closure(m, out.X_MT, q, p);
     const ClosureMatrix A = closure_by_pose(m, out.X_MT, q, p);
-    Vec6 step = -(A.completeOrthogonalDecomposition().solve(F));
+    Vec6 step = -ClosureSolver(A).solve(F);
     if (!step.allFinite()) break;
     const double turn = step.tail<3>().norm();
     if (turn > 0.5) step *= 0.5 / turn;  // stay where the rotation vector is a good chart

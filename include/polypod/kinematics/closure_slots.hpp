@@ -2,9 +2,9 @@
 // Derivatives of a closure by its parameters where most equations hold few of them, as those of machines with legs.
 #pragma once
 
-#include <random>
 #include <vector>
 
+#include "polypod/core/random.hpp"
 #include "polypod/kinematics/closure.hpp"
 
 namespace polypod::kinematics {
@@ -25,11 +25,8 @@ template <Machine M>
 ParameterSlots parameter_slots(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
   constexpr int kPlaces = 3;
   constexpr double kShare = 0.1, kLength = 1e-3;  // of each figure; m or rad where it is 0
-  std::mt19937_64 generator(1);
-  const auto near = [&](double x) {
-    const double uniform = 2 * static_cast<double>(generator() >> 11U) / static_cast<double>(1ULL << 53U) - 1;
-    return x + kShare * (0.5 + 0.5 * std::abs(uniform)) * std::copysign(std::abs(x) + kLength, uniform);
-  };
+  Random random(1);
+  const auto near = [&](double x) { return x + kShare * random.uniform(0.5, 1) * (std::abs(x) + kLength); };
   ParameterSlots out;
   for (int place = 0; place < kPlaces; ++place) {
     const Pose at{rotation_of(Vec3(near(0.1), near(0.2), near(-0.1))) * X.R,

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What a machine of any family is made of: what gives way, how far it reaches, how it looks.
+// What a machine of any family is made of: what deflects, how far it reaches, how it looks.
 #pragma once
 
 #include "polypod/machine/any_machine.hpp"
@@ -7,9 +7,9 @@
 
 namespace polypod::kinematics {
 
-/// Everything that gives way under load.
+/// Everything that deflects under load.
 std::vector<machine::Element> elements(const machine::AnyMachine& machine);
-/// What the tool does for a unit by which each of them gives way, at the joints q (rad or m). `X_MT` is the pose of the
+/// What the tool does for a unit by which each of them deflects, at the joints q (rad or m). `X_MT` is the pose of the
 /// joints where it is known, else null: a parallel machine has several poses of the same joints.
 machine::ElementColumns element_columns(const machine::AnyMachine& machine, const machine::JointVector& q,
                                         const Pose* X_MT);
