@@ -1,0 +1,221 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "commands.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/post/write.hpp"
+
+namespace polypod::app {
+namespace {
+
+constexpr config::Range kTolerance_um{0.01, 1e4};
+constexpr config::Range kAxisTolerance_deg{1e-4, 10};
+constexpr config::Range kTurnSpeed{1, 1e6};  // deg/min
+constexpr config::Range kRapid{1e-3, 1e6};   // mm/min
+constexpr config::Range kBlend_mm{0, 100};
+constexpr config::Range kPart{0, 1e6};
+constexpr config::Range kAngle_deg{-3600, 3600};
+constexpr double kFarthest_mm = 1e6;
+constexpr std::size_t kShownProblems = 20;
+
+struct Options {
+  std::string file, machine, output, origin = "0,0,0", to = "ngc", config = "auto", c = "0", branch,
+                                     feed = "per-minute";
+  std::vector<std::string> sets;
+  double tolerance = 10, axis_tolerance = 0.1, turn_speed = 1800, rapid = 6000, blend = 0.1;
+  int part = 0;
+  bool allow_problems = false;
+};
+
+Result<post::Dialect> dialect_of(const std::string& to) {
+  if (to == "ngc") return post::Dialect::ngc;
+  if (to == "krl") return post::Dialect::krl;
+  if (to == "rapid") return post::Dialect::rapid;
+  if (to == "urscript") return post::Dialect::urscript;
+  return fail("PO130", fmt::format("--to {}: there is no such language", to), {}, "give ngc, krl, rapid or urscript");
+}
+
+Result<post::PlanOptions> plan_options(const Options& o, post::Dialect dialect, const Context& context) {
+  post::PlanOptions p;
+  POLYPOD_ASSIGN(origin, numbers_of(o.origin, "--origin"));
+  if (origin.size() != 3 ||
+      std::any_of(origin.begin(), origin.end(), [](double x) { return std::abs(x) > kFarthest_mm; })) {
+    return fail("PO130", fmt::format("--origin {}: not three numbers of at most 1e6 mm", o.origin), {},
+                "give x,y,z in mm");
+  }
+  p.origin = units::from_mm(1) * Vec3(origin[0], origin[1], origin[2]);
+  p.tolerance = units::from_um(o.tolerance);
+  p.axis_tolerance = units::from_deg(o.axis_tolerance);
+  p.turn_speed = units::from_deg(o.turn_speed) / 60;
+  p.rapid_speed = units::from_mm_per_min(o.rapid);
+  p.branch = o.branch;
+  if (o.c == "free") {
+    p.c.reset();
+  } else {
+    POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg));
+    p.c = units::from_deg(c);
+  }
+  post::set_for(dialect, p);
+  p.progress = progress_line(context, "planning");
+  return p;
+}
+
+Json range_json(double min, double max) {
+  return {{"min", min}, {"max", max}};
+}
+
+}  // namespace
+
+Command post_command() {
+  auto o = std::make_shared<Options>();
+  return {
+      "post", "A CL file or a program for a machine: G-code, KUKA KRL, ABB RAPID, URScript",
+      "polypod post part.cl --machine lola50 --origin 0,-1300,0 -o part.ngc",
+      [o](Arguments& a) {
+        a.positional("FILE", o->file, "An APT CL file, or a G-code program");
+        a.option("--machine", o->machine, "A machine file or a name of `polypod machines`", true);
+        a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
+        a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm (default: that of M)");
+        a.option("-o,--output", o->output, "The program", true);
+        a.option("--to", o->to, "ngc (G-code of LinuxCNC, the default), krl, rapid or urscript");
+        a.option(
+            "--config", o->config,
+            "Which machine tool the machine is programmed as: auto (as its file says), vertical-ab (joint 6 locked), "
+            "horizontal-ab (joint 4 locked), vertical-ac or six (all six joints)");
+        a.option("--c", o->c,
+                 "six: C in deg, the rotation about the tool axis (default 0), or `free`: chosen along the program");
+        a.option("--branch", o->branch, "Posture at the first point (default: the first in which the program fits)");
+        a.option("--tolerance", o->tolerance, kTolerance_um,
+                 "How far chords may be off an arc that is not written as one, um (default 10)");
+        a.option("--axis-tolerance", o->axis_tolerance, kAxisTolerance_deg,
+                 "How far the tool axis may be off the shortest turn from point to point; points are inserted, deg "
+                 "(default 0.1)");
+        a.option("--feed", o->feed, "ngc: per-minute (G94, the default) or inverse-time (G93)");
+        a.option("--turn-speed", o->turn_speed, kTurnSpeed,
+                 "Speed of a cut that only turns the tool, deg/min (default 1800)");
+        a.option("--rapid", o->rapid, kRapid,
+                 "Speed of rapids of robots, and that G0 is counted with, mm/min (default 6000)");
+        a.option("--corner-blend", o->blend, kBlend_mm,
+                 "How far the controller may round corners, mm: P of G64, C_DIS, zone, r (default 0.1; 0: not)");
+        a.option("--part", o->part, kPart, "Robots: moves in a subprogram (default 0: no subprograms)");
+        a.flag("--allow-problems", o->allow_problems,
+               "Write the program even if a move is out of reach or beyond a limit");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(dialect, dialect_of(o->to));
+        const bool ngc = dialect == post::Dialect::ngc;
+        if (o->feed != "per-minute" && o->feed != "inverse-time") {
+          return fail("PO130", fmt::format("--feed {}: there is no such feed mode", o->feed), {},
+                      "give per-minute or inverse-time");
+        }
+        if (ngc) {
+          POLYPOD_TRY(refuse(context, {"--part"}, "it serves --to krl, rapid and urscript"));
+        } else {
+          POLYPOD_TRY(refuse(context, {"--feed"}, "it serves --to ngc"));
+        }
+        POLYPOD_TRY(check_files({o->file}, {o->output}, context.json));
+        POLYPOD_ASSIGN(machine, machine_of(o->machine, o->sets));
+        POLYPOD_ASSIGN(configuration, post::configure(machine, o->config));
+        if (configuration.rotary != post::Rotary::abc) {
+          POLYPOD_TRY(refuse(context, {"--c"}, "it serves machines with A, B and C (--config six)"));
+        }
+        if (!ngc && kinematics::is_serial(machine) == false) {
+          return fail("PO121",
+                      fmt::format("--to {}: {} is no arm, so no robot's controller moves it", o->to, o->machine), {},
+                      "use --to ngc");
+        }
+        POLYPOD_ASSIGN(plan_with, plan_options(*o, dialect, context));
+        POLYPOD_ASSIGN(path, post::read_path(o->file));
+        POLYPOD_ASSIGN(plan, post::plan(configuration, path, plan_with));
+        plan_with.progress(1);
+        post::WriteOptions write_with;
+        write_with.name = std::filesystem::path(o->output).stem().string();
+        write_with.inverse_time = o->feed == "inverse-time";
+        write_with.turn_speed = plan_with.turn_speed;
+        write_with.rapid_speed = plan_with.rapid_speed;
+        write_with.blend = units::from_mm(o->blend);
+        write_with.moves_per_part = o->part;
+        write_with.origin = plan_with.origin;
+        write_with.header = {
+            fmt::format("{} for {}, {}, by polypod post", std::filesystem::path(o->file).filename().string(),
+                        machine::name_of(machine), configuration.name),
+            fmt::format("workpiece origin {} mm in M{}", o->origin,
+                        plan.branch.empty() ? "" : ", posture " + plan.branch)};
+        POLYPOD_ASSIGN(written, post::write(dialect, configuration, path, plan, write_with));
+        const bool writes = plan.ok() || o->allow_problems;
+        if (writes) POLYPOD_TRY(files::write_whole(o->output, written.text));
+        std::vector<std::string> notes = path.notes;
+        notes.insert(notes.end(), plan.notes.begin(), plan.notes.end());
+        notes.insert(notes.end(), written.notes.begin(), written.notes.end());
+        const double chord_um = units::to_um(plan.chord_error), axis_deg = units::to_deg(plan.axis_error);
+        if (context.json) {
+          Json problems = Json::array(), joints = Json::array();
+          for (const post::PlanProblem& p : plan.problems)
+            problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
+          for (std::size_t i = 0; i < plan.joints.size(); ++i) {
+            const bool turns =
+                kinematics::joint_kind(configuration.machine, static_cast<int>(i)) == machine::JointKind::revolute;
+            const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+            joints.push_back({{"joint", i + 1},
+                              {"unit", turns ? "deg" : "mm"},
+                              {"min", user(plan.joints[i].min)},
+                              {"max", user(plan.joints[i].max)}});
+          }
+          Json rotary = Json::object();
+          for (std::size_t i = 0; i < 3; ++i)
+            rotary[std::string(1, "ABC"[i])] =
+                range_json(units::to_deg(plan.turned_min[i]), units::to_deg(plan.turned_max[i]));
+          print_json({{"ok", plan.ok()},
+                      {"written", writes},
+                      {"lines_out", written.lines},
+                      {"moves", written.moves},
+                      {"branch", plan.branch},
+                      {"configuration", configuration.name},
+                      {"to", o->to},
+                      {"points_inserted", plan.inserted},
+                      {"tip_error_um", chord_um},
+                      {"axis_error_deg", axis_deg},
+                      {"problems", problems},
+                      {"time_s", plan.time},
+                      {"length_mm", units::to_mm(plan.length)},
+                      {"rotary_deg", rotary},
+                      {"joint_ranges", joints},
+                      {"notes", notes}});
+        } else {
+          fmt::print("{}: {} lines, {} moves, {} points inserted\n", configuration.name, written.lines, written.moves,
+                     plan.inserted);
+          if (!plan.branch.empty()) fmt::print("posture        {}\n", plan.branch);
+          fmt::print("tool tip       off arcs written as chords by up to {:.1f} um (tolerance {:g} um)\n", chord_um,
+                     o->tolerance);
+          fmt::print(
+              "tool axis      off the shortest turn between two points by up to {:.3f} deg (tolerance {:g} deg)\n",
+              axis_deg, o->axis_tolerance);
+          fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", plan.time, o->rapid,
+                     units::to_mm(plan.length));
+          for (std::size_t i = 0; i < plan.problems.size() && i < kShownProblems; ++i) {
+            const post::PlanProblem& p = plan.problems[i];
+            fmt::print("  {}:{}: {}: {}\n", o->file, p.line, p.kind, p.detail);
+          }
+          if (plan.problems.size() > kShownProblems)
+            fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
+          for (const std::string& note : notes) fmt::print("note: {}\n", note);
+          if (plan.ok()) {
+            fmt::print("yes: every move is within reach and limits\nwrote {}\n", o->output);
+          } else {
+            fmt::print("no: the machine cannot take every move{}\n",
+                       writes ? fmt::format("\nwrote {}", o->output)
+                              : "; nothing was written (move the workpiece with --origin, or --allow-problems)");
+          }
+        }
+        return plan.ok() ? kDone : kAnswerIsNo;
+      }};
+}
+
+}  // namespace polypod::app

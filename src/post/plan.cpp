@@ -1,0 +1,480 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/post/plan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "polypod/core/units.hpp"
+#include "polypod/families/serial/kinematics.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "turns.hpp"
+
+namespace polypod::post {
+namespace {
+
+using kinematics::InverseResult;
+using kinematics::Solution;
+using machine::JointVector;
+
+constexpr double kJump = 0.5;       // rad or m, a joint that moves more between two judged poses has changed posture
+constexpr double kSame = 1e-9;      // m and rad, no way
+constexpr double kOpposite = 1e-6;  // rad, axes that are opposite have no shortest way between them
+constexpr int kDeepest = 14;        // halvings of a way
+constexpr double kFlatArc = 0.1;    // an arc whose sagitta is below this share of the tolerance is a line
+
+Mat3 rotation_of_angles(const Vec3& a) {
+  return rotation_abc(a.x(), a.y(), a.z());
+}
+
+/// One step from where the tool stands.
+struct Way {
+  const Step* step = nullptr;
+  int index = 0;
+  Vec3 from = Vec3::Zero(), k_from = Vec3::UnitZ();
+  Vec3 angles_from = Vec3::Zero();
+  bool by_angles = false;  ///< the source gives angles: they turn linearly
+  double c_from = 0, c_to = 0;
+  bool curved = false;
+
+  [[nodiscard]] Vec3 tip(double s) const {
+    if (!curved) return from + s * (step->tip - from);
+    // A spiral between two radii that differ by rounding, and a helix.
+    const Vec3 r_0 = from - step->centre;
+    Vec3 end = step->tip - step->centre;
+    const double rise = end.dot(step->normal);
+    end -= rise * step->normal;
+    const double radius = r_0.norm() + s * (end.norm() - r_0.norm());
+    if (s >= 1) return step->tip;
+    return step->centre + Eigen::AngleAxisd(s * step->sweep, step->normal) * (r_0.normalized() * radius) +
+           s * rise * step->normal;
+  }
+  [[nodiscard]] Vec3 axis(double s) const {
+    if (by_angles) return rotation_of_angles(angles(s)).col(2);
+    return between_axes(k_from, step->axis, s);
+  }
+  [[nodiscard]] Vec3 angles(double s) const { return angles_from + s * (*step->angles - angles_from); }
+  [[nodiscard]] double c(double s) const { return c_from + s * (c_to - c_from); }
+};
+
+class Planner {
+ public:
+  Planner(const Configuration& configuration, const Path& path, const PlanOptions& options)
+      : configuration_(configuration), machine_(configuration.machine), path_(path), options_(options) {}
+
+  struct Start {
+    int turn = 0;                    // which of the two pairs of rotary angles
+    std::optional<unsigned> branch;  // of the first point; empty: the first that is reachable
+    std::vector<double> c;           // of each step, if it is chosen
+    int last_turns = 0;              // whole turns that the last joint begins with, where its range has them
+  };
+
+  /// `all`: goes on behind the first problem. False where it was cancelled.
+  bool run(const Start& start, bool all) {
+    out_ = {};
+    placed_ = false;
+    q_.resize(0);
+    angles_.setZero();
+    R_.setIdentity();
+    for (std::size_t i = 0; i < path_.steps.size(); ++i) {
+      if (i % 64 == 0 && !options_.progress(double(i) / double(path_.steps.size()))) return false;
+      const Step& step = path_.steps[i];
+      if (!step.moves()) continue;
+      if (!all && !out_.ok()) return true;
+      take(step, static_cast<int>(i), start);
+    }
+    return true;
+  }
+
+  Plan take_plan() { return std::move(out_); }
+  [[nodiscard]] const Plan& result() const { return out_; }
+
+  /// The solutions within the limits at the first point.
+  [[nodiscard]] std::vector<unsigned> branches(int turn, double c) const {
+    const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.moves(); });
+    const Vec3 angles = first_angles(first, c, turn);
+    std::vector<unsigned> out;
+    for (const Solution& s : kinematics::inverse(machine_, in_machine(rotation_of_angles(angles), first.tip)).solutions)
+      if (s.violations == 0) out.push_back(s.branch);
+    return out;
+  }
+
+ private:
+  [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + tip}; }
+
+  /// Whether the source's own angles are words of this configuration.
+  [[nodiscard]] bool fits(const Step& step) const {
+    if (!step.angles) return false;
+    const Vec3 a = step.angles->cwiseAbs();
+    switch (configuration_.rotary) {
+      case Rotary::none:
+        return a.maxCoeff() < kSame;
+      case Rotary::ab:
+        return a.z() < kSame;
+      case Rotary::ac:
+        return a.y() < kSame;
+      case Rotary::abc:
+        return true;
+    }
+    return false;
+  }
+
+  /// The rotary angles of the first point. At the pole of A and C it has the C of the first axis that is off the pole,
+  /// so that C need not swing round when the tool leaves it.
+  [[nodiscard]] Vec3 first_angles(const Step& first, double c, int turn) const {
+    if (fits(first)) return *first.angles;
+    const auto which = static_cast<std::size_t>(turn);
+    Vec3 lead = Vec3::Zero();
+    if (configuration_.rotary == Rotary::ac) {
+      const auto off = std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) {
+        return s.moves() && std::hypot(s.axis.x(), s.axis.y()) > kSame;
+      });
+      if (off != path_.steps.end()) lead = both_turns(Rotary::ac, off->axis, c, Vec3::Zero())[which];
+    }
+    return both_turns(configuration_.rotary, first.axis, c, lead)[which];
+  }
+
+  void problem(int line, const char* kind, std::string detail) {
+    const auto seen = std::any_of(out_.problems.rbegin(), out_.problems.rend(),
+                                  [&](const PlanProblem& p) { return p.line == line && p.kind == kind; });
+    if (!seen) out_.problems.push_back({line, kind, std::move(detail)});
+  }
+
+  void take(const Step& step, int index, const Start& start) {
+    const double c = start.c.empty() ? options_.c.value_or(0) : start.c[static_cast<std::size_t>(index)];
+    if (configuration_.rotary == Rotary::none && angle_between(step.axis, Vec3::UnitZ()) > options_.axis_tolerance) {
+      problem(step.line, "axis",
+              fmt::format("the tool axis ({:.4f}, {:.4f}, {:.4f}): this machine does not tilt its tool", step.axis.x(),
+                          step.axis.y(), step.axis.z()));
+    }
+    if (!placed_) {
+      const Vec3 angles = first_angles(step, c, start.turn);
+      first_branch_ = start.branch;
+      first_turns_ = start.last_turns;
+      arrive(step, index, step.tip, angles, step.kind == StepKind::arc ? StepKind::line : step.kind, false);
+      out_.turned_min = out_.turned_max = {angles.x(), angles.y(), angles.z()};
+      c_ = c;
+      k_ = step.axis;
+      source_angles_ = step.angles.value_or(angles);
+      return;
+    }
+    Way way{&step, index, tip_, k_, source_angles_, step.angles.has_value(), c_, c, step.kind == StepKind::arc};
+    if (!way.by_angles && angle_between(k_, step.axis) > std::numbers::pi - kOpposite) {
+      problem(step.line, "axis", "the tool axis turns over, and nothing says which way: give points between");
+    }
+    const bool turns = angle_between(k_, step.axis) > kSame || std::abs(way.c_to - way.c_from) > kSame ||
+                       (way.by_angles && (*step.angles - source_angles_).cwiseAbs().maxCoeff() > kSame);
+    if (!way.curved) {
+      advance(way, 0, 1, 0);
+    } else if (!turns && is_arc(step)) {
+      arc(way);
+    } else {
+      chords(way);
+    }
+    c_ = c;
+    k_ = step.axis;
+    source_angles_ = step.angles.value_or(angles_);
+  }
+
+  [[nodiscard]] double radius(const Step& step) const {
+    const Vec3 r = tip_ - step.centre;
+    return (r - r.dot(step.normal) * step.normal).norm();
+  }
+
+  [[nodiscard]] bool is_arc(const Step& step) const {
+    if (options_.arcs_in_any_plane) return std::abs((step.tip - tip_).dot(step.normal)) < kSame;
+    return step.normal.cwiseAbs().maxCoeff() > 1 - 1e-12;
+  }
+
+  void arc(const Way& way) {
+    const Step& step = *way.step;
+    const double r = radius(step);
+    if (step.sweep < 1 && r * (1 - std::cos(step.sweep / 2)) < kFlatArc * options_.tolerance) {
+      out_.chord_error = std::max(out_.chord_error, r * (1 - std::cos(step.sweep / 2)));
+      return arrive(step, way.index, step.tip, angles_, StepKind::line, false);
+    }
+    const int pieces =
+        options_.largest_sweep > 0 ? static_cast<int>(std::ceil(step.sweep / options_.largest_sweep - 1e-9)) : 1;
+    for (int i = 0; i < pieces; ++i) arrive_by_arc(way, double(i) / pieces, double(i + 1) / pieces);
+  }
+
+  void chords(const Way& way) {
+    const Step& step = *way.step;
+    const double r = std::max(radius(step), 1e-12);
+    const double share = std::min(options_.tolerance / r, 1.0);
+    const double angle = std::max(2 * std::acos(1 - share), 1e-4);
+    const int pieces = std::max(1, static_cast<int>(std::ceil(step.sweep / angle)));
+    out_.chord_error = std::max(out_.chord_error, r * (1 - std::cos(step.sweep / pieces / 2)));
+    for (int i = 0; i < pieces; ++i) advance(way, double(i) / pieces, double(i + 1) / pieces, 0);
+  }
+
+  /// Straight to the point at s_1 of the way, over points between where the axis would leave its way.
+  void advance(const Way& way, double s_0, double s_1, int depth) {
+    const Step& step = *way.step;
+    const Vec3 angles =
+        fits(step) ? way.angles(s_1) : nearest_turn(configuration_.rotary, way.axis(s_1), way.c(s_1), angles_);
+    const Mat3 R_1 = options_.between == Between::turn ? orientation(way.tip(s_1), angles) : rotation_of_angles(angles);
+    double off = 0;
+    for (const double s : {0.25, 0.5, 0.75}) {
+      const Vec3 k = between(R_1, angles, s).col(2);
+      off = std::max(off, angle_between(k, way.axis(s_0 + s * (s_1 - s_0))));
+    }
+    if (off > options_.axis_tolerance && depth < kDeepest && configuration_.rotary != Rotary::none) {
+      const double middle = (s_0 + s_1) / 2;
+      advance(way, s_0, middle, depth + 1);
+      return advance(way, middle, s_1, depth + 1);
+    }
+    out_.axis_error = std::max(out_.axis_error, off);
+    const StepKind kind = step.kind == StepKind::rapid ? StepKind::rapid : StepKind::line;
+    arrive(step, way.index, way.tip(s_1), angles, kind, s_1 < 1);
+  }
+
+  /// From where the tool stands to R_1, or to these angles.
+  [[nodiscard]] Mat3 between(const Mat3& R_1, const Vec3& angles, double s) const {
+    if (options_.between == Between::angles) return rotation_of_angles(angles_ + s * (angles - angles_));
+    return R_ * rotation_of(s * rotation_vector(R_.transpose() * R_1));
+  }
+
+  /// The orientation that the machine takes there.
+  [[nodiscard]] Mat3 orientation(const Vec3& tip, const Vec3& angles) const {
+    const Pose X = in_machine(rotation_of_angles(angles), tip);
+    if (!kinematics::task(machine_).names_axis()) return X.R;
+    const InverseResult inverse =
+        q_.size() > 0 ? kinematics::inverse_near(machine_, X, q_) : kinematics::inverse(machine_, X);
+    const Solution* best = inverse.reachable();
+    return best == nullptr ? X.R : kinematics::settled(machine_, X, best->joints).R;
+  }
+
+  /// The joints at a pose, after those before it; problems are named. False where there are none.
+  bool solve(const Step& step, const Pose& X) {
+    const bool follows = q_.size() > 0;
+    InverseResult inverse = follows ? kinematics::inverse_near(machine_, X, q_) : kinematics::inverse(machine_, X);
+    const auto where = [&] {
+      return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),
+                         units::to_mm(X.p.z()));
+    };
+    if (inverse.solutions.empty()) {
+      problem(step.line, "reach", fmt::format("{}: {}", where(), inverse.reason));
+      q_.resize(0);
+      return false;
+    }
+    const Solution* best = inverse.reachable();
+    if (!placed_ && first_branch_) {
+      for (const Solution& s : inverse.solutions)
+        if (s.branch == *first_branch_ && s.violations == 0) best = &s;
+    }
+    if (best == nullptr) {
+      problem(step.line, "limit", fmt::format("{}: {}", where(), kinematics::reason_of(machine_, inverse)));
+      q_.resize(0);
+      return false;
+    }
+    if (best->singular) problem(step.line, "singular", where());
+    if (follows) {
+      name_jump(step, best->joints - q_, where());
+    } else if (out_.branch.empty()) {
+      out_.branch = kinematics::branch_name(machine_, best->branch);
+    }
+    q_ = best->joints;
+    if (!placed_ && first_turns_ != 0) {
+      const int last = static_cast<int>(q_.size()) - 1;
+      const double turned = q_[last] + 2 * std::numbers::pi * first_turns_;
+      const machine::JointRange range = kinematics::joint_range(machine_, last);
+      if (turned >= range.min && turned <= range.max) q_[last] = turned;
+    }
+    if (out_.joints.empty()) {
+      for (int i = 0; i < static_cast<int>(q_.size()); ++i) out_.joints.push_back({q_[i], q_[i]});
+    }
+    for (int i = 0; i < static_cast<int>(q_.size()); ++i) {
+      machine::JointRange& r = out_.joints[static_cast<std::size_t>(i)];
+      r.min = std::min(r.min, q_[i]);
+      r.max = std::max(r.max, q_[i]);
+    }
+    return true;
+  }
+
+  /// A joint that jumps by whole turns has come to the end of its range; any other jump changes the posture.
+  void name_jump(const Step& step, const JointVector& change, const std::string& where) {
+    int joint = 0;
+    const double jump = change.cwiseAbs().maxCoeff(&joint);
+    if (jump <= kJump) return;
+    JointVector rest = change;
+    for (int i = 0; i < static_cast<int>(rest.size()); ++i) {
+      if (kinematics::joint_kind(machine_, i) == machine::JointKind::revolute)
+        rest[i] = std::remainder(rest[i], 2 * std::numbers::pi);
+    }
+    if (rest.cwiseAbs().maxCoeff() > kJump) {
+      return problem(step.line, "branch",
+                     fmt::format("{}: a joint would jump by {:.1f} deg", where, units::to_deg(jump)));
+    }
+    const machine::JointRange range = kinematics::joint_range(machine_, joint);
+    problem(step.line, "rewind",
+            fmt::format("{}: joint {} comes to the end of its range ({:.0f} to {:.0f} deg) and would have to turn back "
+                        "by {:.0f} deg",
+                        where, joint + 1, units::to_deg(range.min), units::to_deg(range.max),
+                        360 * std::round(std::abs(units::to_deg(jump)) / 360)));
+  }
+
+  [[nodiscard]] int samples(double length, double turn) const {
+    return std::max({1, static_cast<int>(std::ceil(length / options_.step)),
+                     static_cast<int>(std::ceil(turn / options_.turn_step))});
+  }
+
+  void arrive(const Step& step, int index, const Vec3& tip, const Vec3& angles, StepKind kind, bool inserted) {
+    PlannedMove m;
+    m.kind = kind;
+    m.step = index;
+    m.inserted = inserted;
+    m.tip = tip;
+    m.angles = angles;
+    const Mat3 commanded = rotation_of_angles(angles);
+    bool solved = false;
+    if (!placed_) {
+      solved = solve(step, in_machine(commanded, tip));
+    } else {
+      const Mat3 R_1 = options_.between == Between::turn ? orientation(tip, angles) : commanded;
+      m.length = (tip - tip_).norm();
+      m.turn = std::max((angles - angles_).cwiseAbs().maxCoeff(),
+                        angle_between(commanded.col(2), rotation_of_angles(angles_).col(2)));
+      const int n = samples(m.length, m.turn);
+      for (int i = 1; i <= n; ++i) {
+        const double s = double(i) / n;
+        solved = solve(step, in_machine(i == n ? commanded : between(R_1, angles, s), tip_ + s * (tip - tip_)));
+      }
+    }
+    finish(step, std::move(m), commanded, solved);
+  }
+
+  void arrive_by_arc(const Way& way, double s_0, double s_1) {
+    const Step& step = *way.step;
+    PlannedMove m;
+    m.kind = StepKind::arc;
+    m.step = way.index;
+    m.inserted = s_1 < 1;
+    m.tip = way.tip(s_1);
+    m.angles = angles_;
+    m.via = way.tip((s_0 + s_1) / 2);
+    m.centre = step.centre;
+    m.normal = step.normal;
+    m.sweep = (s_1 - s_0) * step.sweep;
+    const double rise = (step.tip - way.from).dot(step.normal) * (s_1 - s_0);
+    m.length = std::hypot(m.sweep * radius(step), rise);
+    const Mat3 commanded = rotation_of_angles(angles_);
+    m.R_via = commanded;
+    const int n = 2 * samples(m.length / 2, 0);
+    bool solved = false;
+    for (int i = 1; i <= n; ++i) {
+      const Vec3 p = way.tip(s_0 + (s_1 - s_0) * i / n);
+      solved = solve(step, in_machine(commanded, p));
+      if (2 * i == n && solved) m.R_via = kinematics::settled(machine_, in_machine(commanded, p), q_).R;
+    }
+    finish(step, std::move(m), commanded, solved);
+  }
+
+  void finish(const Step& step, PlannedMove m, const Mat3& commanded, bool solved) {
+    m.R = commanded;
+    if (solved) {
+      m.joints = q_;
+      m.R = kinematics::settled(machine_, in_machine(commanded, m.tip), q_).R;
+    }
+    const double speed = m.kind == StepKind::rapid ? options_.rapid_speed : step.feed;
+    m.seconds = m.length > kSame ? (speed > 0 ? m.length / speed : 0) : m.turn / options_.turn_speed;
+    out_.time += m.seconds;
+    out_.length += m.length;
+    out_.inserted += m.inserted;
+    for (std::size_t i = 0; i < 3; ++i) {
+      out_.turned_min[i] = std::min(out_.turned_min[i], m.angles[static_cast<int>(i)]);
+      out_.turned_max[i] = std::max(out_.turned_max[i], m.angles[static_cast<int>(i)]);
+    }
+    tip_ = m.tip;
+    angles_ = m.angles;
+    R_ = m.R;
+    placed_ = true;
+    out_.moves.push_back(std::move(m));
+  }
+
+  const Configuration& configuration_;
+  const machine::AnyMachine& machine_;
+  const Path& path_;
+  const PlanOptions& options_;
+  Plan out_;
+  bool placed_ = false;
+  std::optional<unsigned> first_branch_;
+  int first_turns_ = 0;
+  Vec3 tip_ = Vec3::Zero(), k_ = Vec3::UnitZ(), angles_ = Vec3::Zero(), source_angles_ = Vec3::Zero();
+  Mat3 R_ = Mat3::Identity();
+  double c_ = 0;
+  JointVector q_;
+};
+
+tl::unexpected<Error> cancelled() {
+  return fail("PO199", "cancelled");
+}
+
+}  // namespace
+
+Result<Plan> plan(const Configuration& configuration, const Path& path, const PlanOptions& options) {
+  Planner planner(configuration, path, options);
+  const bool choose = configuration.rotary == Rotary::abc && !options.c;
+  std::vector<Planner::Start> starts;
+  const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;
+  if (choose) {
+    const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
+    if (arm == nullptr || !machine::has_closed_inverse(*arm)) {
+      return fail("PO123", "C cannot be chosen on this machine: its inverse names no postures", {}, "give --c DEG");
+    }
+    for (unsigned branch = 0; branch < 8; ++branch) {
+      if (!options.branch.empty() && kinematics::branch_name(configuration.machine, branch) != options.branch) continue;
+      std::vector<double> c = choose_c(configuration, path, options.origin, branch, 0, options.progress);
+      if (!options.progress(0)) return cancelled();
+      if (!c.empty()) starts.push_back({0, branch, std::move(c)});
+    }
+    if (starts.empty()) {
+      return fail("PO123", "no C keeps every point of this program within the limits in one posture", {path.file},
+                  "see with --c 0 which lines are out of reach, or move the workpiece with --origin");
+    }
+  } else {
+    for (int turn = 0; turn < turns; ++turn) {
+      for (const unsigned branch : planner.branches(turn, options.c.value_or(0))) {
+        if (options.branch.empty() || kinematics::branch_name(configuration.machine, branch) == options.branch) {
+          starts.push_back({turn, branch, {}});
+        }
+      }
+    }
+    if (starts.empty() && !options.branch.empty()) {
+      return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`", options.branch),
+                  {path.file}, "`polypod ik` lists the branches of a pose");
+    }
+    if (starts.empty()) starts.push_back({});
+  }
+  // The last joint of an arm may begin a turn on or back, which leaves it more of its range.
+  const int last = kinematics::joint_count(configuration.machine) - 1;
+  const machine::JointRange range = kinematics::joint_range(configuration.machine, last);
+  if (kinematics::is_serial(configuration.machine) && range.max - range.min > 2 * std::numbers::pi &&
+      kinematics::joint_kind(configuration.machine, last) == machine::JointKind::revolute) {
+    const std::size_t count = starts.size();
+    for (const int turns_of_last : {-1, 1}) {
+      for (std::size_t i = 0; i < count; ++i) {
+        starts.push_back(starts[i]);
+        starts.back().last_turns = turns_of_last;
+      }
+    }
+  }
+  if (!planner.run(starts.front(), true)) return cancelled();
+  Plan first = planner.take_plan();
+  for (std::size_t i = 1; i < starts.size() && !first.ok(); ++i) {
+    if (!planner.run(starts[i], false)) return cancelled();
+    if (!planner.result().ok()) continue;
+    first = planner.take_plan();
+    if (starts[i].last_turns != 0 && !first.moves.empty() && first.moves.front().joints.size() > 0) {
+      first.notes.push_back(
+          fmt::format("joint {} begins at {:.1f} deg: bring it there before the program starts, or it comes to the end "
+                      "of its range",
+                      last + 1, units::to_deg(first.moves.front().joints[last])));
+    }
+  }
+  return first;
+}
+
+}  // namespace polypod::post

@@ -1,0 +1,426 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The languages of robots: KUKA KRL, ABB RAPID, URScript.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "polypod/core/units.hpp"
+#include "polypod/families/serial/kinematics.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "writing.hpp"
+
+namespace polypod::post {
+namespace {
+
+constexpr std::size_t kLongestComment = 120;
+constexpr double kZero = 1e-6;  // rad, a joint this near to 0 or a quarter turn is there: rounding of the inverse
+
+/// Letters, digits and `_`, a letter first.
+std::string identifier(const std::string& name, std::size_t longest) {
+  std::string out;
+  for (const char c : name) {
+    const bool good = (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+    out += good ? c : '_';
+  }
+  if (out.empty() || !((out[0] >= 'A' && out[0] <= 'Z') || (out[0] >= 'a' && out[0] <= 'z'))) out = "P_" + out;
+  if (out.size() > longest) out.resize(longest);
+  return out;
+}
+
+/// One statement and whether it moves the robot.
+struct Line {
+  std::string text;
+  bool moves = false;
+};
+
+/// What a language prints; the order of statements is that of write_robot.
+class Language {
+ public:
+  explicit Language(const WriteOptions& options) : options_(options) {}
+  virtual ~Language() = default;
+  Language(const Language&) = delete;
+  Language& operator=(const Language&) = delete;
+
+  virtual void begin(const Pose& X_BW, const Pose& X_FT) = 0;
+  virtual void first(const PlannedMove& m, const Posture& posture) = 0;
+  virtual void line(const PlannedMove& m, const Posture& posture, double speed, double blend) = 0;
+  virtual void arc(const PlannedMove& m, const Posture& posture, double speed, double blend) = 0;
+  virtual void comment(const std::string& text) = 0;
+  virtual void stop(bool optional) = 0;
+  virtual void dwell(double seconds) = 0;
+  [[nodiscard]] virtual std::string text(const std::string& name) const = 0;
+
+ protected:
+  void add(std::string text, bool moves = false) { body_.push_back({std::move(text), moves}); }
+
+  /// The body in subprograms of so many moves: begin and end of each, and how it is called.
+  [[nodiscard]] std::vector<std::vector<std::string>> parts() const {
+    std::vector<std::vector<std::string>> out(1);
+    int moves = 0;
+    for (const Line& l : body_) {
+      if (options_.moves_per_part > 0 && l.moves && moves == options_.moves_per_part) {
+        out.emplace_back();
+        moves = 0;
+      }
+      moves += l.moves;
+      out.back().push_back(l.text);
+    }
+    return out;
+  }
+
+  const WriteOptions& options_;
+  std::vector<std::string> head_;
+  std::vector<Line> body_;
+};
+
+std::string joined(const Vec3& v, double scale, int decimals) {
+  return fmt::format("{},{},{}", number(v.x() * scale, decimals), number(v.y() * scale, decimals),
+                     number(v.z() * scale, decimals));
+}
+
+// KUKA KRL ------------------------------------------------------------------------------------------------------------
+
+class Krl final : public Language {
+ public:
+  using Language::Language;
+
+  void begin(const Pose& X_BW, const Pose& X_FT) override {
+    head_.push_back("BAS(#INITMOV,0)");
+    head_.push_back("$BASE=" + frame(X_BW) + "}");
+    head_.push_back("$TOOL=" + frame(X_FT) + "}");
+    if (options_.blend > 0) head_.push_back(fmt::format("$APO.CDIS={}", number(units::to_mm(options_.blend), 4)));
+  }
+  void first(const PlannedMove& m, const Posture& posture) override {
+    add("PTP " + frame({m.R, m.tip}) + bits(posture) + "}", true);
+  }
+  void line(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
+    velocity(speed);
+    add("LIN " + frame({m.R, m.tip}) + bits(posture) + "}" + (blend > 0 ? " C_DIS" : ""), true);
+  }
+  void arc(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
+    velocity(speed);
+    add("CIRC " + frame({m.R_via, m.via}) + "}," + frame({m.R, m.tip}) + bits(posture) + "}" +
+            (blend > 0 ? " C_DIS" : ""),
+        true);
+  }
+  void comment(const std::string& text) override { add("; " + text); }
+  void stop(bool optional) override { add(optional ? "; optional stop" : "HALT"); }
+  void dwell(double seconds) override { add("WAIT SEC " + number(seconds, 4)); }
+
+  [[nodiscard]] std::string text(const std::string& name) const override {
+    const auto all = parts();
+    std::string out = "&ACCESS RVP\n" + fmt::format("DEF {}( )\n", name);
+    for (const std::string& h : options_.header) out += "; " + plain_text(h, kLongestComment) + "\n";
+    for (const std::string& h : head_) out += h + "\n";
+    if (all.size() == 1) {
+      for (const std::string& l : all[0]) out += l + "\n";
+      return out + "END\n";
+    }
+    for (std::size_t i = 0; i < all.size(); ++i) out += fmt::format("{}_{}( )\n", name, i + 1);
+    out += "END\n";
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      out += fmt::format("\nDEF {}_{}( )\n", name, i + 1);
+      for (const std::string& l : all[i]) out += l + "\n";
+      out += "END\n";
+    }
+    return out;
+  }
+
+ private:
+  /// {X, Y, Z, A, B, C without its closing bracket: A turns about z, B about y, C about x.
+  static std::string frame(const Pose& X) {
+    const Vec3 a = angles_abc(X.R);
+    return fmt::format("{{X {},Y {},Z {},A {},B {},C {}", number(units::to_mm(X.p.x()), 4),
+                       number(units::to_mm(X.p.y()), 4), number(units::to_mm(X.p.z()), 4),
+                       number(units::to_deg(a.z()), 6), number(units::to_deg(a.y()), 6),
+                       number(units::to_deg(a.x()), 6));
+  }
+  static std::string bits(const Posture& posture) {
+    return fmt::format(",S {},T {}", posture.status(), posture.turns());
+  }
+  void velocity(double speed) {
+    const std::string text = fmt::format("$VEL.CP={}", number(speed, 6));
+    if (text != velocity_) add(text);
+    velocity_ = text;
+  }
+  std::string velocity_;
+};
+
+// ABB RAPID -----------------------------------------------------------------------------------------------------------
+
+class Rapid final : public Language {
+ public:
+  using Language::Language;
+
+  void begin(const Pose& X_BW, const Pose& X_FT) override {
+    head_.push_back(fmt::format("PERS tooldata tPart:=[TRUE,{},[1,[0,0,1],[1,0,0,0],0,0,0]];", pose(X_FT)));
+    head_.push_back(fmt::format("PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],{}];", pose(X_BW)));
+    const double z = units::to_mm(options_.blend);
+    head_.push_back(fmt::format("CONST zonedata zPart:=[FALSE,{0},{0},{0},{1},{0},{1}];",
+                                number(std::max(z, 0.0001), 4), number(std::max(z / 10, 0.0001), 4)));
+    add("ConfL\\Off;");
+  }
+  void first(const PlannedMove& m, const Posture& posture) override {
+    add(fmt::format("MoveJ {},{},fine,tPart\\WObj:=wPart;", target({m.R, m.tip}, posture),
+                    speed(options_.rapid_speed, false)),
+        true);
+  }
+  void line(const PlannedMove& m, const Posture& posture, double v, double blend) override {
+    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < 1e-9),
+                    blend > 0 ? "zPart" : "fine"),
+        true);
+  }
+  void arc(const PlannedMove& m, const Posture& posture, double v, double blend) override {
+    add(fmt::format("MoveC {},{},{},{},tPart\\WObj:=wPart;", target({m.R_via, m.via}, posture),
+                    target({m.R, m.tip}, posture), speed(v, false), blend > 0 ? "zPart" : "fine"),
+        true);
+  }
+  void comment(const std::string& text) override { add("! " + text); }
+  void stop(bool optional) override { add(optional ? "! optional stop" : "Stop;"); }
+  void dwell(double seconds) override { add(fmt::format("WaitTime {};", number(seconds, 3))); }
+
+  [[nodiscard]] std::string text(const std::string& name) const override {
+    const auto all = parts();
+    std::string out = fmt::format("MODULE {}\n", name);
+    for (const std::string& h : options_.header) out += "  ! " + plain_text(h, kLongestComment) + "\n";
+    for (const std::string& h : head_) out += "  " + h + "\n";
+    out += "  PROC main()\n";
+    if (all.size() == 1) {
+      for (const std::string& l : all[0]) out += "    " + l + "\n";
+      return out + "  ENDPROC\nENDMODULE\n";
+    }
+    for (std::size_t i = 0; i < all.size(); ++i) out += fmt::format("    part_{};\n", i + 1);
+    out += "  ENDPROC\n";
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      out += fmt::format("  PROC part_{}()\n", i + 1);
+      for (const std::string& l : all[i]) out += "    " + l + "\n";
+      out += "  ENDPROC\n";
+    }
+    return out + "ENDMODULE\n";
+  }
+
+ private:
+  static std::string pose(const Pose& X) {
+    Eigen::Quaterniond q(X.R);
+    q.normalize();
+    if (q.w() < 0) q.coeffs() = -q.coeffs();
+    return fmt::format("[[{}],[{},{}]]", joined(X.p, units::kMmPerMetre, 4), number(q.w(), 9),
+                       joined(Vec3(q.vec()), 1, 9));
+  }
+  static std::string target(const Pose& X, const Posture& posture) {
+    const std::array<int, 4> cf = posture.conf();
+    const std::string p = pose(X);
+    return fmt::format("{},[{},{},{},{}],[9E9,9E9,9E9,9E9,9E9,9E9]]", p.substr(0, p.size() - 1), cf[0], cf[1], cf[2],
+                       cf[3]);
+  }
+  /// [mm/s, deg/s, of external axes]
+  std::string speed(double v, bool turn) const {
+    return fmt::format("[{},{},5000,1000]", number(std::max(units::to_mm(v), 0.001), 3),
+                       turn ? number(units::to_deg(options_.turn_speed), 3) : "500");
+  }
+};
+
+// URScript ------------------------------------------------------------------------------------------------------------
+
+class UrScript final : public Language {
+ public:
+  using Language::Language;
+
+  void begin(const Pose& X_BW, const Pose& X_FT) override {
+    head_.push_back("global work=" + pose(X_BW));
+    head_.push_back("set_tcp(" + pose(X_FT) + ")");
+  }
+  void first(const PlannedMove& m, const Posture& posture) override {
+    std::string near;
+    for (const double q : posture.joints) near += (near.empty() ? "" : ",") + number(q, 5);
+    add(fmt::format("movej(get_inverse_kin(pose_trans(work,{}),qnear=[{}]),a=1,v=0.5)", pose({m.R, m.tip}), near),
+        true);
+  }
+  void line(const PlannedMove& m, const Posture&, double speed, double blend) override {
+    // A turn without a way has a time instead of a speed.
+    const std::string time = m.length < 1e-9 ? fmt::format(",t={}", number(std::max(m.seconds, 0.01), 4)) : "";
+    add(fmt::format("movel(pose_trans(work,{}),a={},v={}{},r={})", pose({m.R, m.tip}), number(options_.acceleration, 3),
+                    number(speed, 6), time, number(time.empty() ? blend : 0, 6)),
+        true);
+  }
+  void arc(const PlannedMove& m, const Posture&, double speed, double blend) override {
+    add(fmt::format("movec(pose_trans(work,{}),pose_trans(work,{}),a={},v={},r={},mode=0)", pose({m.R_via, m.via}),
+                    pose({m.R, m.tip}), number(options_.acceleration, 3), number(speed, 6), number(blend, 6)),
+        true);
+  }
+  void comment(const std::string& text) override { add("# " + text); }
+  void stop(bool optional) override {
+    add(optional ? "# optional stop"
+                 : "popup(\"program stop\",title=\"stop\",warning=False,error=False,blocking=True)");
+  }
+  void dwell(double seconds) override { add(fmt::format("sleep({})", number(seconds, 4))); }
+
+  [[nodiscard]] std::string text(const std::string& name) const override {
+    const auto all = parts();
+    std::string out;
+    for (const std::string& h : options_.header) out += "# " + plain_text(h, kLongestComment) + "\n";
+    out += fmt::format("def {}():\n", name);
+    for (const std::string& h : head_) out += "  " + h + "\n";
+    if (all.size() == 1) {
+      for (const std::string& l : all[0]) out += "  " + l + "\n";
+    } else {
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        out += fmt::format("  def part_{}():\n", i + 1);
+        for (const std::string& l : all[i]) out += "    " + l + "\n";
+        out += "  end\n";
+      }
+      for (std::size_t i = 0; i < all.size(); ++i) out += fmt::format("  part_{}()\n", i + 1);
+    }
+    return out + "end\n" + name + "()\n";
+  }
+
+ private:
+  static std::string pose(const Pose& X) {
+    return fmt::format("p[{},{}]", joined(X.p, 1, 7), joined(rotation_vector(X.R), 1, 8));
+  }
+};
+
+std::unique_ptr<Language> language_of(Dialect dialect, const WriteOptions& options) {
+  if (dialect == Dialect::krl) return std::make_unique<Krl>(options);
+  if (dialect == Dialect::rapid) return std::make_unique<Rapid>(options);
+  return std::make_unique<UrScript>(options);
+}
+
+std::string state_of(const Step& step) {
+  const char* coolant = step.coolant == Coolant::off ? "coolant off" : step.coolant == Coolant::mist ? "mist" : "flood";
+  const std::string spindle =
+      step.spindle == gcode::Spindle::off
+          ? "spindle off"
+          : fmt::format("spindle {} rev/min {}", number(units::to_per_min(step.spindle_speed), 3),
+                        step.spindle == gcode::Spindle::clockwise ? "clockwise" : "counterclockwise");
+  return fmt::format("tool {}, {}, {}", step.tool, spindle, coolant);
+}
+
+}  // namespace
+
+int Posture::status() const {
+  return (overhead ? 1 : 0) + (bent ? 2 : 0) + (joints[4] < -kZero ? 4 : 0);
+}
+
+int Posture::turns() const {
+  int bits = 0;
+  for (std::size_t i = 0; i < joints.size(); ++i) bits |= (joints[i] < -kZero ? 1 : 0) << i;
+  return bits;
+}
+
+std::array<int, 4> Posture::conf() const {
+  const auto quadrant = [&](std::size_t i) {
+    return static_cast<int>(std::floor((joints[i] + kZero) / (std::numbers::pi / 2)));
+  };
+  return {quadrant(0), quadrant(3), quadrant(5), (overhead ? 4 : 0) + (bent ? 0 : 2) + (joints[4] < -kZero ? 1 : 0)};
+}
+
+Posture posture_of(const Configuration& configuration, const machine::JointVector& joints) {
+  Posture out;
+  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
+  if (arm == nullptr || joints.size() == 0) return out;
+  machine::SerialArm whole = *arm;
+  machine::JointVector q(static_cast<Eigen::Index>(arm->dh.size()));
+  int next = 0;
+  for (std::size_t i = 0; i < whole.dh.size(); ++i) {
+    const double value = whole.dh[i].locked ? *whole.dh[i].locked : joints[next++];
+    q[static_cast<int>(i)] = value;
+    if (i < out.joints.size()) out.joints[i] = value;
+    whole.dh[i].locked.reset();
+  }
+  if (whole.dh.size() == 6) whole.task = machine::Task::pose;
+  if (!machine::has_closed_inverse(whole)) return out;
+  // The branch whose joints these are.
+  double best = 1e-3;
+  for (const kinematics::Solution& s : machine::inverse(whole, machine::forward(whole, q)).solutions) {
+    double off = 0;
+    for (int i = 0; i < 3; ++i) off = std::max(off, std::abs(std::remainder(s.joints[i] - q[i], 2 * std::numbers::pi)));
+    if (off >= best) continue;
+    best = off;
+    out.known = true;
+    const std::string name = machine::branch_name(whole, s.branch);
+    out.overhead = name.rfind("back", 0) == 0;
+    const bool up = name.find("elbow-up") != std::string::npos;
+    out.bent = up != out.overhead;
+  }
+  return out;
+}
+
+Result<Written> write_robot(Dialect dialect, const Configuration& configuration, const Path& path, const Plan& plan,
+                            const WriteOptions& options) {
+  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
+  if (arm == nullptr) {
+    return fail("PO121",
+                fmt::format("{} is no arm, so no robot's controller moves it", machine::name_of(configuration.machine)),
+                {}, "use --to ngc");
+  }
+  Written out;
+  const auto language = language_of(dialect, options);
+  language->begin(arm->X_MB.inverse() * Pose{Mat3::Identity(), options.origin}, arm->X_FT);
+  std::string state;
+  bool known = true, placed = false;
+  std::size_t next = 0;
+  // A corner is rounded where the tool goes on cutting behind it, by at most 0.45 of the shorter way beside it.
+  const auto blend_of = [&](std::size_t i) {
+    const PlannedMove& m = plan.moves[i];
+    if (options.blend <= 0 || i + 1 >= plan.moves.size() || m.kind == StepKind::rapid ||
+        plan.moves[i + 1].kind == StepKind::rapid)
+      return 0.0;
+    for (int k = m.step + 1; k < plan.moves[i + 1].step; ++k) {
+      const StepKind between = path.steps[static_cast<std::size_t>(k)].kind;
+      if (between != StepKind::comment) return 0.0;
+    }
+    const double shorter = std::min(m.length, plan.moves[i + 1].length);
+    return shorter < 1e-9                 ? 0.0
+           : dialect == Dialect::urscript ? std::min(options.blend, 0.45 * shorter)
+                                          : options.blend;
+  };
+  for (std::size_t i = 0; i < path.steps.size(); ++i) {
+    const Step& step = path.steps[i];
+    if (step.kind == StepKind::comment) {
+      language->comment(plain_text(step.text, kLongestComment));
+      continue;
+    }
+    if (const std::string now = state_of(step); now != state) {
+      language->comment(now);
+      state = now;
+    }
+    if (step.kind == StepKind::stop || step.kind == StepKind::optional_stop)
+      language->stop(step.kind == StepKind::optional_stop);
+    if (step.kind == StepKind::dwell) language->dwell(step.seconds);
+    for (; next < plan.moves.size() && plan.moves[next].step == static_cast<int>(i); ++next) {
+      const PlannedMove& m = plan.moves[next];
+      const Posture posture = posture_of(configuration, m.joints);
+      known = known && posture.known;
+      const double speed = m.kind == StepKind::rapid ? options.rapid_speed : step.feed;
+      if (!placed) {
+        language->first(m, posture);
+      } else if (m.kind == StepKind::arc) {
+        language->arc(m, posture, speed, blend_of(next));
+      } else {
+        language->line(m, posture, speed, blend_of(next));
+      }
+      placed = true;
+      ++out.moves;
+    }
+  }
+  out.text = language->text(identifier(options.name, 24));
+  out.lines = static_cast<int>(std::count(out.text.begin(), out.text.end(), '\n'));
+  out.notes.push_back(
+      "spindle, coolant and tool changes stand as comments: how they are switched is a matter of the cell");
+  out.notes.push_back(
+      "workpiece and tool frame are those of the machine file; its joints must count as the controller's do");
+  if (arm->dh.size() != 6)
+    out.notes.push_back(
+        fmt::format("the tool frame is given in the last frame of the {} joints of the machine file", arm->dh.size()));
+  if (!known && dialect != Dialect::urscript)
+    out.notes.push_back(
+        "the postures of this arm have no names: S, T and confdata follow from the signs of its joints alone");
+  return out;
+}
+
+}  // namespace polypod::post

@@ -1,0 +1,20 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the writers share.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "polypod/post/write.hpp"
+
+namespace polypod::post {
+
+/// In fixed notation without zeros at the end.
+std::string number(double value, int decimals);
+/// Printable ASCII on one line, cut off.
+std::string plain_text(std::string_view text, std::size_t longest);
+
+Result<Written> write_robot(Dialect dialect, const Configuration& configuration, const Path& path, const Plan& plan,
+                            const WriteOptions& options);
+
+}  // namespace polypod::post

@@ -1,0 +1,126 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+
+#include "parts.hpp"
+
+namespace polypod {
+namespace {
+
+using post::StepKind;
+using test::id_of;
+using test::value;
+
+post::Path read(const std::string& text) {
+  return value(post::parse_cl(text, "t.cl"));
+}
+
+TEST(Cl, ReadsPointsAxesFeedsAndWhatIsInForce) {
+  const post::Path path = read(
+      "partno/shaft\nUNITS/MM\nMULTAX/ON\nLOADTL/3,LENGTH,80\nSPINDL/RPM,1200,CCLW\nCOOLNT/MIST\n"
+      "FROM/0,0,50\nRAPID\nGOTO/ 10.0, -2.5E1, +3. , $ the axis follows\n  0.6,0,.8\nFEDRAT/600.,MMPM $$ a cut\n"
+      "GODLTA/0,0,-10\nGODLTA/-1\nDELAY/0.5\nSTOP\nOPSTOP\nSPINDL/OFF\nFINI\n");
+  ASSERT_EQ(path.steps.size(), 8u);
+  EXPECT_EQ(path.steps[0].kind, StepKind::comment);
+  EXPECT_EQ(path.steps[0].text, "PARTNO shaft");
+  const post::Step& rapid = path.steps[2];
+  EXPECT_EQ(rapid.kind, StepKind::rapid);
+  EXPECT_TRUE(rapid.tip.isApprox(Vec3(0.010, -0.025, 0.003), 1e-15));
+  EXPECT_TRUE(rapid.axis.isApprox(Vec3(0.6, 0, 0.8), 1e-15));
+  EXPECT_EQ(rapid.line, 9);
+  EXPECT_EQ(rapid.tool, 3);
+  EXPECT_EQ(rapid.spindle, gcode::Spindle::counterclockwise);
+  EXPECT_DOUBLE_EQ(rapid.spindle_speed, 20);
+  EXPECT_EQ(rapid.coolant, post::Coolant::mist);
+  const post::Step& cut = path.steps[3];
+  EXPECT_EQ(cut.kind, StepKind::line);
+  EXPECT_DOUBLE_EQ(cut.feed, 0.01);
+  EXPECT_TRUE(cut.tip.isApprox(Vec3(0.010, -0.025, -0.007), 1e-12));
+  EXPECT_TRUE(path.steps[4].tip.isApprox(cut.tip - 1e-3 * cut.axis, 1e-12)) << "one number goes along the tool axis";
+  EXPECT_DOUBLE_EQ(path.steps[5].seconds, 0.5);
+  EXPECT_EQ(path.steps[6].kind, StepKind::stop);
+  EXPECT_EQ(path.steps[7].kind, StepKind::optional_stop);
+}
+
+TEST(Cl, InchesFeedsPerRevolutionAndTheirUnits) {
+  const post::Path path =
+      read("UNITS/INCHES\nSPINDL/1500,CLW\nFEDRAT/0.004,IPR\nGOTO/1,2,3\nFEDRAT/254,MMPM\nGOTO/1,2,4\nFINI\n");
+  EXPECT_TRUE(path.steps[0].tip.isApprox(Vec3(0.0254, 0.0508, 0.0762), 1e-14));
+  EXPECT_NEAR(path.steps[0].feed, 0.004 * 0.0254 * 25, 1e-15);
+  EXPECT_NEAR(path.steps[1].feed, 0.254 / 60, 1e-15);
+  EXPECT_EQ(id_of(post::parse_cl("FEDRAT/10,IPM\nGOTO/1,2,3\n", "t")), "PO107") << "inches without UNITS";
+  EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\nRAPID\nGOTO/1,2,3\nUNITS/INCHES\n", "t")), "PO107");
+  EXPECT_THAT(read("RAPID\nGOTO/1,2,3\nFINI\n").notes, ::testing::Contains(::testing::HasSubstr("taken as mm")));
+}
+
+TEST(Cl, ArcsTurnCounterclockwiseAboutTheirAxis) {
+  const std::string head = "UNITS/MM\nFROM/10,0,0\nFEDRAT/100\nCIRCLE/0,0,0,0,0,";
+  const post::Path ccw = read(head + "1,10\nGOTO/0,10,0\nFINI\n"), cw = read(head + "-1,10\nGOTO/0,10,0\nFINI\n"),
+                   full = read(head + "1,10\nGOTO/10,0,-2\nFINI\n");
+  EXPECT_NEAR(ccw.steps[1].sweep, std::numbers::pi / 2, 1e-12);
+  EXPECT_NEAR(cw.steps[1].sweep, 1.5 * std::numbers::pi, 1e-12);
+  EXPECT_NEAR(full.steps[1].sweep, 2 * std::numbers::pi, 1e-12);
+  EXPECT_EQ(id_of(post::parse_cl(head + "1,10\nGOTO/0,10.5,0\n", "t")), "PO110") << "off the radius";
+  EXPECT_EQ(id_of(post::parse_cl(head + "1,10\nFINI\n", "t")), "PO110") << "no end";
+}
+
+TEST(Cl, DrillsAlongTheToolAxis) {
+  const post::Path path = read(
+      "UNITS/MM\nMULTAX/ON\nRAPID\nGOTO/0,0,50,0.6,0,0.8\nCYCLE/DRILL,DEPTH,10,MMPM,120,CLEAR,2\n"
+      "GOTO/10,0,0\nGOTO/20,0,0\nCYCLE/OFF\nRAPID\nGOTO/0,0,50\nFINI\n");
+  ASSERT_EQ(path.steps.size(), 8u);
+  const Vec3 k(0.6, 0, 0.8), hole(0.010, 0, 0);
+  EXPECT_TRUE(path.steps[1].tip.isApprox(hole + 0.002 * k, 1e-12));
+  EXPECT_EQ(path.steps[2].kind, StepKind::line);
+  EXPECT_TRUE(path.steps[2].tip.isApprox(hole - 0.010 * k, 1e-12));
+  EXPECT_DOUBLE_EQ(path.steps[2].feed, 0.002);
+  EXPECT_EQ(path.steps[3].kind, StepKind::rapid);
+}
+
+TEST(Cl, NormalisesAnAxisAndRefusesWhatIsNone) {
+  EXPECT_NEAR(read("UNITS/MM\nRAPID\nGOTO/0,0,0,0.7071,0,0.7071\nFINI\n").steps[0].axis.norm(), 1, 1e-15);
+  EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\nRAPID\nGOTO/0,0,0,0.5,0,0.5\n", "t")), "PO106");
+  EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\nRAPID\nGOTO/0,0,0,0,0,0\n", "t")), "PO106");
+}
+
+/// Each kind of bad input has an id, the line and a hint.
+TEST(Cl, RefusesBadInputWithItsPlace) {
+  const std::vector<std::tuple<std::string, std::string, int>> bad{
+      {"UNITS/MM\nP1 = POINT/0,0,0\n", "PO101", 2},
+      {"UNITS/MM\nGOTO/1,,3\n", "PO101", 2},
+      {"UNITS/MM\nRAPID\nGOTO/1,2,3,$\n", "PO101", 3},
+      {"UNITS/MM\nRAPID\nGOTO/1,2,$\n3x\n", "PO102", 4},
+      {"UNITS/MM\nRAPID\nGOTO/1,2,1E99\n", "PO102", 3},
+      {"UNITS/MM\nRAPID\nGOTO/1,2\n", "PO103", 3},
+      {"UNITS/MM\nSPLASH/1,2\n", "PO104", 2},
+      {"UNITS/MM\nCYCLE/TAP,DEPTH,10\n", "PO105", 2},
+      {"UNITS/MM\nTRANS/1,2,3\n", "PO105", 2},
+      {"UNITS/MM\nINSERT G10 L2\n", "PO105", 2},
+      {"UNITS/FEET\n", "PO107", 1},
+      {"UNITS/MM\nGOTO/1,2,3\n", "PO108", 2},
+      {"UNITS/MM\nFEDRAT/0.1,MMPR\n", "PO108", 2},
+      {"UNITS/MM\nSPINDL/CLW\n", "PO109", 2},
+      {"UNITS/MM\nSPINDL/100,SFM\n", "PO109", 2},
+      {"UNITS/MM\nMULTAX/OFF\nRAPID\nGOTO/0,0,0,0.6,0,0.8\n", "PO111", 4},
+      {"UNITS/MM\nFINI\n", "PO112", 0},
+      {"UNITS/MM\nRAPID\nGODLTA/1,2,3\n", "PO113", 3},
+      {"UNITS/MM\nGOHOME\n", "PO113", 2}};
+  for (const auto& [text, id, line] : bad) {
+    const auto path = post::parse_cl(text, "t.cl");
+    ASSERT_FALSE(path) << text;
+    EXPECT_EQ(path.error().id, id) << text << to_string(path.error());
+    EXPECT_EQ(path.error().place.line, line) << text;
+    EXPECT_FALSE(path.error().hint.empty()) << text;
+  }
+}
+
+TEST(Cl, TellsItsFilesFromPrograms) {
+  for (const char* cl : {"$$ from a CAM system\n", "\n  PARTNO/A\n", "units/mm\n", "GOTO/1,2,3\n"})
+    EXPECT_TRUE(post::looks_like_cl(cl)) << cl;
+  for (const char* ngc :
+       {"%\nG0\n", "(comment)\nG0\n", "G21\n", "N10 G0\n", "; x\n", "O100\n", "o<a> sub\n", "#1=2\n", ""}) {
+    EXPECT_FALSE(post::looks_like_cl(ngc)) << ngc;
+  }
+}
+
+}  // namespace
+}  // namespace polypod

@@ -1,0 +1,2 @@
+UNITS/MM
+GOTO/1,2,$
