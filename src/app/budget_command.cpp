@@ -27,7 +27,7 @@ Command budget_command() {
   auto o = std::make_shared<Options>();
   return {"budget", "Error budget at a pose: resolution, repeatability, geometric and non-geometric errors",
           "polypod budget lola50 --pose 0,-1300,0 --resolution 0.001 --repeatability 0.002 --tolerance dh.a=0.05 "
-          "--tolerance dh.alpha=0.005 --force 0,100,0 --warming 5",
+          "--tolerance dh.alpha=0.005 --force 0,100,0 --temperature-rise 5",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
@@ -37,7 +37,7 @@ Command budget_command() {
                      "Of every joint, three standard deviations, mm or deg");
             a.option("--backlash", o->backlash, kJointError, "Of every joint, mm or deg");
             a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
-            a.option("--warming", o->warming, {-300, 3000}, "Above the temperature of the nominal lengths, K");
+            a.option("--temperature-rise", o->warming, {-300, 3000}, "Above the temperature of the nominal lengths, K");
             a.option("--covariance", o->covariance,
                      "What `polypod calibrate --covariance` wrote with this machine file: U (k = 2) of its parameters, "
                      "um and mrad of the tool");
@@ -50,7 +50,7 @@ Command budget_command() {
             const SingularNote singular(m, context);
             if (const auto no = singular.refusal(figures)) return *no;
             if (o->warming == 0)
-              POLYPOD_TRY(refuse(context, {"--expansion"}, "it serves --warming; give the rise in K"));
+              POLYPOD_TRY(refuse(context, {"--expansion"}, "it serves --temperature-rise; give the rise in K"));
             POLYPOD_ASSIGN(here, pose_joints(m, o->pose));
             if (!here.reachable) return cannot_take(context, here.reason);
             Json document = Json::object();
@@ -98,7 +98,7 @@ Command budget_command() {
               print_json(singular.in(document));
               return kDone;
             }
-            fmt::print("{:<14} {:<14} {:>12} {:>16}\n", "source", "kind", "position um", "orientation mrad");
+            fmt::print("{:<16} {:<14} {:>12} {:>16}\n", "source", "kind", "position um", "orientation mrad");
             const auto um = [shown = Figures(units::to_um(std::max(b.accuracy, b.repeatability)), 2)](double m_) {
               return shown(units::to_um(m_));
             };
@@ -106,7 +106,7 @@ Command budget_command() {
                 [shown = Figures(units::to_mrad(std::max(b.accuracy_orientation, b.repeatability_orientation)), 4)](
                     double rad) { return shown(units::to_mrad(rad)); };
             for (const auto& row : b.rows) {
-              fmt::print("{:<14} {:<14} {:>12} {:>16}  {}\n", row.source, row.kind, um(row.position),
+              fmt::print("{:<16} {:<14} {:>12} {:>16}  {}\n", row.source, row.kind, um(row.position),
                          mrad(row.orientation), row.how);
             }
             fmt::print("\naccuracy, all at their worst     {:>10} um {:>10} mrad\n", um(b.accuracy),

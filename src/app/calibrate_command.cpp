@@ -116,7 +116,7 @@ std::string command_line(const Options& o) {
   texts("--estimate", o.estimate);
   out += option_in_words("--frame", o.frame) + option_in_words("--target", o.target);
   texts("--parameter", o.only);
-  texts("--hold", o.hold);
+  texts("--fix", o.hold);
   value("--noise-um", &Options::noise_um);
   value("--noise-deg", &Options::noise_deg);
   value("--prior-mm", &Options::prior_mm);
@@ -124,7 +124,7 @@ std::string command_line(const Options& o) {
   value("--bound-mm", &Options::bound_mm);
   value("--bound-deg", &Options::bound_deg);
   if (o.loss != usual.loss) out += option_in_words("--loss", o.loss);
-  value("--hold-back", &Options::hold_back);
+  value("--validation", &Options::hold_back);
   return out + option_in_words("-o", o.out) + option_in_words("--residuals", o.residuals) +
          option_in_words("--covariance", o.covariance) + option_in_words("--targets", o.targets) +
          option_in_words("--corrected", o.corrected) + option_in_words("--report", o.report) +
@@ -151,8 +151,16 @@ Result<ReadRows> rows_of(const Options& o, const machine::AnyMachine& m) {
     tables = {std::move(one)};
   }
   for (const csv::Table& table : tables) {
-    POLYPOD_ASSIGN(more, calibration::read_measurements(m, table));
-    out.rows.insert(out.rows.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+    auto more = calibration::read_measurements(m, table);
+    if (!more && more.error().id == "CA101" && !o.join.empty()) {
+      Error error = std::move(more.error());
+      error.message = fmt::format("no column of {} says what was measured", fmt::join(o.files, " or "));
+      error.place = {};
+      error.hint += "; `--columns x_mm=NAME` tells which column is which";
+      return tl::unexpected(std::move(error));
+    }
+    if (!more) return tl::unexpected(std::move(more.error()));
+    out.rows.insert(out.rows.end(), std::make_move_iterator(more->begin()), std::make_move_iterator(more->end()));
     POLYPOD_ASSIGN(unused, table.unused());
     for (std::string& name : unused) {
       const bool known =
@@ -238,8 +246,8 @@ Command calibrate_command() {
         a.option("--frame", o->frame, kFrameHelp);
         a.option("--target", o->target, kTargetHelp);
         a.option("--parameter", o->only,
-                 "Beginning of a key: look for these only, the others are as uncertain as before (repeatable)");
-        a.option("--hold", o->hold, "Beginning of a key: keep these, they are exact (repeatable)");
+                 "Beginning of a key: identify these only; the others stay as uncertain as before (repeatable)");
+        a.option("--fix", o->hold, "Beginning of a key: keep these fixed, they are exact (repeatable)");
         a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
         a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
         a.option("--prior-mm", o->prior_mm,
@@ -251,9 +259,9 @@ Command calibrate_command() {
             "--loss", o->loss,
             "What outliers count for: huber, cauchy, none, or auto (default: huber, and cauchy where that leaves less "
             "than half)");
-        a.option(
-            "--hold-back", o->hold_back,
-            "Percent of the poses that a fit of the others is judged by, where enough are left (default 20, 0 to 50)");
+        a.option("--validation", o->hold_back,
+                 "Validation set: percent of the poses by which a fit of the others is judged, where enough are left "
+                 "(default 20, 0 to 50)");
         declare_columns(a, o->columns);
         a.option("--join", o->join,
                  "A column by which the files are joined, as a name of points: one has the joints, the others what was "
@@ -302,7 +310,8 @@ Command calibrate_command() {
           corrected = text;
         }
         const std::string covariance =
-            o->covariance.empty() ? "" : statics::covariance_csv(calibration::keyed_parameters(m), c.covariance);
+            o->covariance.empty() ? ""
+                                  : statics::covariance_csv(calibration::keyed_parameters(c.machine), c.covariance);
         const pages::HashedFile covariance_hash = hashed_bytes("covariance", o->covariance, covariance);
         machine::note(c.machine, "uncertainty",
                       uncertainty_note(c, o->covariance.empty() ? nullptr : &covariance_hash));

@@ -107,7 +107,7 @@ Json parameters_json(const Calibration& c) {
       Json like = Json::array();
       for (const calibration::Like& other : p.like)
         like.push_back({{"key", with_unit(other.key, other.unit)}, {"factor", factor_for_user(p, other)}});
-      one["like"] = like;
+      one["linearly_dependent_on"] = like;
     }
     out.push_back(one);
   }
@@ -141,7 +141,7 @@ Json outliers_json(const Calibration& c, const std::vector<calibration::Measurem
                    {"line", rows[r.row].place.line},
                    {"residual_mm", units::to_mm(r.after.head(r.lengths).norm())},
                    {"weight", r.weight},
-                   {"held_back", r.held_back},
+                   {"validation", r.held_back},
                    {"lost", r.lost},
                    {"untaken", r.untaken}});
   }
@@ -185,7 +185,7 @@ void print_pose(const Calibration& c) {
     const bool open =
         std::find(c.verdict.left_open.begin(), c.verdict.left_open.end(), name) != c.verdict.left_open.end();
     fmt::print("{:<10} {:12.5f} {:12.5f} {:12.5f} {:12.5f}{}\n", name, shown(before.mean[k]), shown(before.max[k]),
-               shown(after.mean[k]), shown(after.max[k]), open ? "  left open" : "");
+               shown(after.mean[k]), shown(after.max[k]), open ? "  undetermined" : "");
   }
 }
 
@@ -241,7 +241,7 @@ void print_drift(const calibration::Drift& d) {
 }  // namespace
 
 std::string residuals_csv(const Calibration& c, const std::vector<calibration::Measurement>& rows) {
-  std::string out = "file,line,kind,held_back,outlier,weight,before_um,after_um";
+  std::string out = "file,line,kind,validation,outlier,weight,before_um,after_um";
   for (const char* when : {"before", "after"})
     for (const char* what : {"x_um", "y_um", "z_um", "a_deg", "b_deg", "c_deg", "reading_um"})
       out += fmt::format(",{}_{}", when, what);
@@ -271,7 +271,7 @@ Json calibration_json(const machine::AnyMachine& nominal, const Calibration& c,
   Json out{
       {"better", c.verdict.answer == calibration::Answer::better},
       {"verdict", c.verdict.text},
-      {"left_open", c.verdict.left_open},
+      {"undetermined", c.verdict.left_open},
       {"pose_standard_deviation", pose_json(c)},
       {"parameters", parameters_json(c)},
       {"rms_before_mm", units::to_mm(c.fitted.rms_before)},
@@ -279,16 +279,16 @@ Json calibration_json(const machine::AnyMachine& nominal, const Calibration& c,
       {"rank", c.rank},
       {"parameters_total", c.parameters.size()},
       {"fitted", score_json(c.fitted)},
-      {"held_back", score_json(c.held_back)},
+      {"validation", score_json(c.held_back)},
       {"frame", frame_json(c.X_SM, c.frame_error)},
       {"target", frame_json(c.X_TR, c.target_error)},
-      {"held_beside", c.held_beside},
-      {"orientation_told", c.orientation_told},
+      {"fixed_as_given", c.held_beside},
+      {"orientation_identifiable", c.orientation_told},
       {"rows", rows.size()},
       {"equations", c.equations},
       {"condition", c.condition},
       {"noise_factor", c.noise_factor},
-      {"unknowns_told", c.told},
+      {"unknowns_identifiable", c.told},
       {"unknowns_total", c.unknowns},
       {"degrees_of_freedom", c.free_equations},
       {"student_95", c.student},
@@ -308,12 +308,12 @@ Json calibration_json(const machine::AnyMachine& nominal, const Calibration& c,
 
 void print_calibration(const Calibration& c, const std::vector<calibration::Measurement>& rows, bool stated,
                        const std::vector<calibration::Systematic>& systematic) {
-  fmt::print("{} rows, {} equations fitted; {} of {} unknowns told, condition {:.3g}\n", rows.size(), c.equations,
-             c.told, c.unknowns, c.condition);
+  fmt::print("{} rows, {} equations fitted; {} of {} unknowns identifiable, condition {:.3g}\n", rows.size(),
+             c.equations, c.told, c.unknowns, c.condition);
   print_score("fitted", c.fitted);
-  print_score("held back", c.held_back);
+  print_score("validation", c.held_back);
   if (c.held_back.rows > 0)
-    fmt::print("(held back: judged by a fit of the other rows; then all {} rows were fitted)\n", rows.size());
+    fmt::print("(validation set: judged by a fit of the other rows; then all {} rows were fitted)\n", rows.size());
   fmt::print("the residuals show {:.2f} times the noise that was given\n", c.noise_factor);
   fmt::print("chi-square {:.1f} with {:.1f} degrees of freedom", c.chi_square, c.free_equations);
   if (stated) {
@@ -338,10 +338,11 @@ void print_calibration(const Calibration& c, const std::vector<calibration::Meas
                  units::to_user(p.standard_error, p.unit), p.unit, p.at_bound ? "  at its bound" : "");
       continue;
     }
-    fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}  not told apart", p.key, nominal, value,
+    fmt::print("{:<22} {:14.5f} {:14.5f} {:10.5f} {}  not identifiable", p.key, nominal, value,
                units::to_user(p.standard_error, p.unit), p.unit);
     for (std::size_t i = 0; i < p.like.size() && i < 3; ++i)
-      fmt::print("{} {:.3g} {}", i == 0 ? ": acts like" : ",", factor_for_user(p, p.like[i]), p.like[i].key);
+      fmt::print("{} {:.3g} {}", i == 0 ? ": linearly dependent on" : ",", factor_for_user(p, p.like[i]),
+                 p.like[i].key);
     fmt::print("{}\n", p.like.empty() ? ": no effect on these measurements" : p.like.size() > 3 ? ", ..." : "");
   }
   const auto frame = [](const char* what, const Pose& X, const Vec6& error) {
@@ -354,7 +355,7 @@ void print_calibration(const Calibration& c, const std::vector<calibration::Meas
   frame("frame", c.X_SM, c.frame_error);
   frame("target", c.X_TR, c.target_error);
   if (c.scale_error > 0) fmt::print("{:<8} {:.6f} (+- {:.6f})\n", "scale", c.scale, c.scale_error);
-  for (const std::string& name : c.held_beside) fmt::print("held as given: {}\n", name);
+  for (const std::string& name : c.held_beside) fmt::print("fixed as given: {}\n", name);
   for (const Json& x : outliers_json(c, rows)) {
     if (x["lost"].get<bool>()) {
       fmt::print("left out: {}:{}: {}\n", x["file"].get<std::string>(), x["line"].get<int>(),
@@ -363,9 +364,9 @@ void print_calibration(const Calibration& c, const std::vector<calibration::Meas
                      : "near a singular pose, where the machine does not assemble with what was found");
       continue;
     }
-    fmt::print("outlier{}: {}:{} is off by {:.3f} mm, weight {:.2g}\n", x["held_back"].get<bool>() ? ", held back" : "",
-               x["file"].get<std::string>(), x["line"].get<int>(), x["residual_mm"].get<double>(),
-               x["weight"].get<double>());
+    fmt::print("outlier{}: {}:{} is off by {:.3f} mm, weight {:.2g}\n",
+               x["validation"].get<bool>() ? ", validation" : "", x["file"].get<std::string>(), x["line"].get<int>(),
+               x["residual_mm"].get<double>(), x["weight"].get<double>());
   }
   print_pose(c);
   print_systematic(c, systematic);

@@ -36,5 +36,6 @@ Command predict_command();
 Command correct_command();
 Command check_command();
 Command canon_command();
+Command post_command();
 
 }  // namespace polypod::app

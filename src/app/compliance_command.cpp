@@ -16,7 +16,9 @@ Command compliance_command() {
     std::vector<std::string> sets;
   };
   auto o = std::make_shared<Options>();
-  return {"compliance", "Static compliance of the tool tip at a pose, each joint's share, displacement under a force",
+  return {"compliance",
+          "Static compliance (inverse of stiffness) of the tool centre point (TCP, tool tip) at a pose, each joint's "
+          "contribution, deflection under a force",
           "polypod compliance lola50 --pose 0,-1300,0 --force 0,100,0",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
@@ -66,7 +68,7 @@ Command compliance_command() {
             }
             fmt::print("compliance of the tip in M, um/N\n");
             for (int i = 0; i < 3; ++i) fmt::print(" {:>9.4f} {:>9.4f} {:>9.4f}\n", C(i, 0), C(i, 1), C(i, 2));
-            fmt::print("\nshares of C_xx, C_yy, C_zz\n");
+            fmt::print("\ncontributions to C_xx, C_yy, C_zz\n");
             for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
               fmt::print("  {:<9}", c.joint[i]);
               for (int k = 0; k < 3; ++k) {

@@ -45,7 +45,7 @@ Json json_of(const control::Settings& s) {
 
 Command controller_command() {
   auto o = std::make_shared<Options>();
-  return {"controller", "The settings with which LinuxCNC's or Klipper's own kinematics stand for a machine",
+  return {"controller", "The settings with which LinuxCNC's or Klipper's own kinematics represent a machine",
           "polypod controller measured.toml --for linuxcnc -o settings.txt",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
@@ -54,7 +54,7 @@ Command controller_command() {
             a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the poses (default 1)");
             a.option("--weight", o->weight,
                      "Fits of deltas: even (default) or condition: poses count the less, the nearer they are to a "
-                     "singular one; better in the middle, worse at the border");
+                     "singular one; better in the middle, worse at the boundary");
             a.option("-o,--output", o->out, "The settings, text to paste");
           },
           [o](const Context& context) -> Result<int> {

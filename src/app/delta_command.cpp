@@ -69,7 +69,7 @@ Command delta_command() {
         a.option("--step", o->step, {0, 1e6, true}, "Grid over the workspace, mm (default 20)");
         a.option("--d-min", o->d_min, {0, 1e6}, "Near-singular below this distance, mm (default 10)");
         a.option("--h-min", o->h_min, {0, 1e6}, "Near-singular below this determinant of A or B, m (default 1e-5)");
-        a.option("--border", o->border, {0, 1e6}, "Points so far inside count as deep, mm (default 20)");
+        a.option("--boundary", o->border, {0, 1e6}, "Points so far inside count as deep, mm (default 20)");
         a.option("--csv", o->csv, "A row a point");
         a.option("--cloud", o->cloud, "Tool points of all combinations of drive positions, as x_mm,y_mm,z_mm");
         a.option("--steps", o->steps, {2, 200}, "Positions of each drive for --cloud, 2 to 200 (default 40)");

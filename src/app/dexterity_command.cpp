@@ -112,7 +112,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double lengt
              figure(units::to_mm(d.characteristic_length), 2));
   if (ellipsoids) print_ellipsoids(shown(m, *ellipsoids, joints));
   if (o.ellipsoids && !ellipsoids)
-    fmt::print("\nno ellipsoids: at a singular pose the tool moves though the drives stand\n");
+    fmt::print("\nno ellipsoids: at a singular pose the tool moves with all drives locked\n");
   return kDone;
 }
 

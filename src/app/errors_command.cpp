@@ -62,7 +62,7 @@ void print_shares(const machine::AnyMachine& m, const quality::WorstCase& worst)
   for (const auto& s : worst.shares) values.emplace_back(s.element, s.position);
   const std::vector<quality::Bar> bars = quality::bars_of(m, values);
   if (bars.empty()) return;
-  fmt::print("\nshares of the largest position error; elements with the same share are one line\n");
+  fmt::print("\ncontributions to the largest position error; elements with the same contribution are one line\n");
   constexpr std::size_t kShown = 15;
   constexpr double kWidth = 20;
   const Figures mm(units::to_mm(bars[0].total()), 5);
@@ -169,7 +169,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
   }
   document["worst_position_error"] = twist_json(worst.position_error);
   document["worst_orientation_error"] = twist_json(worst.orientation_error);
-  document["shares"] = shares_json(m, worst);
+  document["contributions"] = shares_json(m, worst);
   quality::Spread spread;
   const bool sampled = !o.distribution.empty();
   if (sampled) {
@@ -246,15 +246,16 @@ Command errors_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--error", o->errors,
                      "KEY=mm (angles deg): a known error; KEY: leg.length, base.joint[2], all, ... (repeatable)");
-            a.option("--tolerance", o->tolerances,
-                     "KEY=mm (angles deg): at most so much either way; a joint and its attachment are two elements "
-                     "(repeatable)");
+            a.option(
+                "--tolerance", o->tolerances,
+                "KEY=mm (angles deg): at most so much in either direction; a joint and its attachment are two elements "
+                "(repeatable)");
             a.option("--method", o->method, "Of tolerances: exact (default), or search (JEL 5.3, never above exact)");
             a.option("--region", o->region, "Where a joint's tolerance lets it be: box (default) or sphere");
             a.option("--distribution", o->distribution,
                      "With --pose: uniform, normal or triangular; statistics by sampling");
             a.option("--samples", o->samples, "How many machines are sampled (default 20000)");
-            a.option("--confidence", o->confidence, "Share of them that the quantile covers, % (default 99.73)");
+            a.option("--confidence", o->confidence, "Fraction of them that the quantile covers, % (default 99.73)");
             a.option("--seed", o->seed, "Of the random numbers (default 1)");
             o->where.declare(a);
             o->files.declare(a);
@@ -317,7 +318,7 @@ Command errors_command() {
               document["method"] = tolerances ? o->method : "linear";
               if (tolerances) {
                 document["region"] = o->region;
-                document["shares"] = shares_json(m, case_there);
+                document["contributions"] = shares_json(m, case_there);
               }
               if (once) document["one_element_a_joint"] = surveyed_json(m, *once);
               print_json(singular.in(document));

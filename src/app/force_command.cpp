@@ -102,11 +102,12 @@ Command force_command() {
                       fmt::format("--ae {:g} must be above 0 and at most the diameter, {:g} mm", ae, diameter_mm));
         }
         if (units::from_mm(o->ap) > cutter.length * (1 + 1e-12)) {
-          return fail("AP113",
-                      fmt::format("--ap {:g}: the cutter's edges are {:g} mm long", o->ap, units::to_mm(cutter.length)),
-                      {},
-                      o->cutter.empty() ? fmt::format("without --cutter they count as {:g} diameters", kLongestEdges)
-                                        : "length_mm of the cutter's file says it");
+          return fail(
+              "AP113",
+              fmt::format("--ap {:g}: the flute length of the cutter is {:g} mm", o->ap, units::to_mm(cutter.length)),
+              {},
+              o->cutter.empty() ? fmt::format("without --cutter they count as {:g} diameters", kLongestEdges)
+                                : "length_mm of the cutter's file says it");
         }
         const cutting::Engagement e =
             cutting::straight_engagement(cutter, side, units::from_mm(ae), units::from_mm(o->ap));

@@ -235,7 +235,7 @@ Result<std::vector<Input>> inputs_of(const std::vector<std::string>& given) {
     if (path.empty() || !std::filesystem::exists(path, none)) continue;  // a name of the catalogue, or soon an error
     const auto same = [&](const Input& other) { return files::same_file(other.path, path); };
     if (std::any_of(all.begin(), all.end(), same)) {
-      return fail("AP106", fmt::format("{} is given twice", name), {}, "what stands twice would count twice");
+      return fail("AP106", fmt::format("{} is given twice", name), {}, "what is given twice would count twice");
     }
     all.push_back({path, ""});
   }
@@ -310,7 +310,7 @@ Json vector_json(const Vec3& v) {
 
 void declare_columns(Arguments& arguments, std::vector<std::string>& columns) {
   arguments.option("--columns", columns,
-                   "NAME=COLUMN: which column of the files stands for a name, as \"x_mm=X [m]\" (repeatable)");
+                   "NAME=COLUMN: which column of the files is read under a name, as \"x_mm=X [m]\" (repeatable)");
 }
 
 void print_json(const Json& document) {

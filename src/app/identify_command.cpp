@@ -36,11 +36,11 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
   std::string errors;
   for (std::size_t i = 0; i < r.compliance.size(); ++i)
     errors += (errors.empty() ? "" : ", ") +
-              (r.told[i] ? fmt::format("{:.3g}", r.standard_error[i]) : std::string("(not told, as it was)"));
+              (r.told[i] ? fmt::format("{:.3g}", r.standard_error[i]) : std::string("(not identifiable, as it was)"));
   std::string held;
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
     if (r.upper_bound[i])
-      held += fmt::format("; {} is held at 0, with an upper bound (95 %) of {:.3g}", r.joint[i], *r.upper_bound[i]);
+      held += fmt::format("; {} is fixed at 0, with an upper bound (95 %) of {:.3g}", r.joint[i], *r.upper_bound[i]);
   }
   return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}{}",
                      points.size(), files, units::to_um(r.residual_rms), errors, held);
@@ -133,7 +133,7 @@ std::string in_words(const cutting::RunoutEffect& r, const std::array<double, 6>
   }
   return fmt::format(
       "No runout was given, and none is in the intervals: {:g} um (total indicator reading) would change up to {}. "
-      "Measure it at the edges and give --runout-um.",
+      "Measure it at the cutting edges and give --runout-um.",
       units::to_um(r.reading), changes);
 }
 
@@ -164,10 +164,11 @@ Command identify_compliance_command() {
                      "CSV files: x_mm,y_mm,z_mm,force_N,dx_Fx_um,dy_Fx_um,...,dz_Fz_um[,a_deg,b_deg,c_deg]"
                      "[,q1,...,qn][,sigma_um]; Fx_N,Fy_N,Fz_N in place of force_N; blank where not measured");
         a.option("--noise-um", o->noise_um, {1e-6, 1e6},
-                 "Standard deviation of one displacement, um (default: the column sigma_um, else what the asymmetry "
-                 "of the cross displacements tells)");
-        a.option("--force-gain-percent", o->gain_percent, {0, 100},
-                 "Standard uncertainty of the force sensor's gain, which all readings share (default: not stated)");
+                 "Standard deviation of one displacement, um (default: the column sigma_um, else estimated from the "
+                 "asymmetry of the cross displacements)");
+        a.option(
+            "--force-gain-percent", o->gain_percent, {0, 100},
+            "Standard uncertainty of the force sensor's gain, which is common to all readings (default: not stated)");
         a.option("--certificate", o->certificate,
                  "Systematic parts, TOML: force_gain, and scale of the displacements, with their distributions");
         declare_columns(a, o->columns);
@@ -204,7 +205,8 @@ Command identify_compliance_command() {
         const statics::Verdict verdict = statics::verdict_of(r, judgement);
         const statics::GainEffect gain = statics::add_gain(r, relative);
         const bool refused = verdict.answer == statics::Verdict::Answer::no;
-        const statics::Keyed keyed = statics::keyed_compliances(m);
+        statics::Keyed keyed = statics::keyed_compliances(m);
+        keyed.value = Eigen::Map<const Eigen::VectorXd>(r.compliance.data(), std::ssize(r.compliance));
         files::Outputs together;
         if (!o->out.empty() && !refused) {
           const std::string covariance = statics::covariance_csv(keyed, r.covariance);
@@ -273,7 +275,7 @@ Command identify_compliance_command() {
           Json document{{"joint", r.joint},
                         {"compliance_rad_per_Nm", r.compliance},
                         {"unit", unit},
-                        {"told", r.told},
+                        {"identifiable", r.told},
                         {"standard_error", r.standard_error},
                         {"half_interval_95", r.half_interval},
                         {"gain_standard_uncertainty", relative > 0 ? Json(relative) : Json()},
@@ -299,7 +301,7 @@ Command identify_compliance_command() {
                         {"condition", r.condition},
                         {"correlation", r.correlation},
                         {"covariance", covariance_json(keyed, r.covariance)},
-                        {"hardly_apart", alike},
+                        {"highly_correlated", alike},
                         {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
                         {"symmetric", r.symmetric},
                         {"outliers", outliers}};
@@ -314,7 +316,8 @@ Command identify_compliance_command() {
             fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
           }
           if (!r.told[i]) {
-            fmt::print("{:<10} {:>11.{}f}   not told by these readings: as the machine file has it\n", r.joint[i],
+            fmt::print("{:<10} {:>11.{}f}   not identifiable from these readings: as the machine file has it\n",
+                       r.joint[i],
                        r.turns[i] ? units::to_tenth_urad(r.compliance[i]) : units::to_um_per_N(r.compliance[i]),
                        r.turns[i] ? 2 : 5);
           } else if (r.upper_bound[i]) {
@@ -332,7 +335,7 @@ Command identify_compliance_command() {
         }
         for (std::size_t i = 0; i < r.compliance.size(); ++i) {
           if (r.told[i] && r.compliance[i] == 0)
-            fmt::print("{} is held at 0, because its best value would be negative: not known to be rigid\n",
+            fmt::print("{} is fixed at 0, because its best value would be negative; it is not known to be rigid\n",
                        r.joint[i]);
         }
         fmt::print("\nwith the compliances of the given machine the residual rms is {:.1f} um\n",
@@ -347,7 +350,7 @@ Command identify_compliance_command() {
         fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
                    units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than noise");
         for (const Json& x : alike) {
-          fmt::print("{} and {} are hardly told apart: their estimates correlate by {:.3f}\n",
+          fmt::print("{} and {} are highly correlated: their estimates correlate by {:.3f}\n",
                      x["joints"][0].get<std::string>(), x["joints"][1].get<std::string>(),
                      x["correlation"].get<double>());
         }
@@ -386,7 +389,8 @@ Command identify_cutting_command() {
             a.option("-o,--output", o->out, "The material, as a material file");
             a.option("--name", o->name, "Its name");
             a.option("--runout-um", o->runout_um, {0, 1000},
-                     "Runout of the edges, total indicator reading: what it may change goes into the intervals");
+                     "Runout of the cutting edges, total indicator reading: the largest change that it may cause goes "
+                     "into the intervals");
             declare_columns(a, o->columns);
           },
           [o](const Context& context) -> Result<int> {

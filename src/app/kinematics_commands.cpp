@@ -115,7 +115,7 @@ int print_modes(const Context& context, const machine::AnyMachine& m, const mach
                 {"passes", modes.passes},
                 {"boxes", modes.boxes},
                 {"newton_starts", modes.starts},
-                {"moves", modes.moves()}});
+                {"self_motion", modes.moves()}});
   } else {
     fmt::print("{}\n", text);
     for (const Json& p : poses) {
@@ -238,7 +238,7 @@ Json turn_freely(const machine::AnyMachine& m, Pose& X) {
 
 void print_twist(const Json& twist) {
   if (twist["angle_deg"].is_null()) {
-    fmt::print("no turn about the tool axis keeps all limits\n");
+    fmt::print("no rotation about the tool axis keeps all limits\n");
     return;
   }
   std::string ranges;
@@ -246,7 +246,7 @@ void print_twist(const Json& twist) {
     ranges +=
         fmt::format("{}{:.2f} .. {:.2f}", ranges.empty() ? "" : ", ", range[0].get<double>(), range[1].get<double>());
   }
-  fmt::print("turned by {:.3f} deg about the tool axis to {}; possible: {} deg\n", twist["angle_deg"].get<double>(),
+  fmt::print("rotated by {:.3f} deg about the tool axis to {}; possible: {} deg\n", twist["angle_deg"].get<double>(),
              pose_in_words(twist["pose"]), ranges);
 }
 
@@ -259,14 +259,14 @@ Command ik_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-            a.flag("--free-twist", o->free_twist,
-                   "Turn about the tool axis to the nearest angle that keeps all limits");
+            a.flag("--free-rotation", o->free_twist,
+                   "Rotate about the tool axis (redundant freedom) to the nearest angle that keeps all limits");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
             if (!kinematics::task(m).turns()) {
-              POLYPOD_TRY(refuse(context, {"--free-twist"}, "it serves machines that can turn their tool"));
+              POLYPOD_TRY(refuse(context, {"--free-rotation"}, "it serves machines that can turn their tool"));
             }
             Json twist;
             if (o->free_twist) twist = turn_freely(m, X);
@@ -291,7 +291,7 @@ Command ik_command() {
                             {"converged", result.converged},
                             {"violations", violations},
                             {"solutions", solutions}};
-              if (o->free_twist) document["twist"] = twist;
+              if (o->free_twist) document["tool_rotation"] = twist;
               print_json(document);
               return reachable ? kDone : kAnswerIsNo;
             }

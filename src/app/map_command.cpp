@@ -285,11 +285,11 @@ Json measured_json(const pages::MeasuredCompliance& m) {
   for (const auto& [row, column] : statics::kEntryPlaces) {
     const auto um = [&, i = row, j = column](const Mat3& C) { return units::to_um_per_N(C(i, j)); };
     const std::size_t worst = worst_at(c, row, column);
-    fields[entry_name(row, column) + "_um_per_N"] = {{"difference_rms", um(c.rms)},
-                                                     {"difference_max", std::abs(um(c.difference[worst]))},
+    fields[entry_name(row, column) + "_um_per_N"] = {{"difference_rms_um_per_N", um(c.rms)},
+                                                     {"difference_max_um_per_N", std::abs(um(c.difference[worst]))},
                                                      {"difference_max_at_mm", mm_json(m.judged[worst].X_MT.p)},
-                                                     {"noise", um(c.noise)},
-                                                     {"deviation_mean", um(c.deviation)},
+                                                     {"noise_um_per_N", um(c.noise)},
+                                                     {"deviation_mean_um_per_N", um(c.deviation)},
                                                      {"apart_percent", 100 * m.beyond(row, column)}};
   }
   return {{"points", m.points},
@@ -518,7 +518,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
 Command map_command() {
   auto o = std::make_shared<MapOptions>();
   return {
-      "map", "Maps over a plane: compliances, det J, each joint's share, errors along straight paths",
+      "map", "Maps over a plane: compliances, det J, each joint's contribution, errors along straight paths",
       "polypod map lola50 --at 0 --x -600,600 --y -1600,-1000 -o map.html",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);

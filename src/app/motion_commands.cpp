@@ -67,7 +67,7 @@ Json run_json(const machine::AnyMachine& m, const motion::Run& r) {
     problems.push_back({{"kind", p.kind},
                         {"detail", p.detail},
                         {"at_mm", vector_json(p.X * units::kMmPerMetre)},
-                        {"way_mm", units::to_mm(p.s)},
+                        {"path_length_mm", units::to_mm(p.s)},
                         {"time_s", p.t}});
   }
   Json drives = Json::array();
@@ -126,7 +126,7 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Ru
   if (clearance_mm > 0) {
     out.judged.emplace_back("distance from singular poses");
     out.limits.push_back({"least distance from singular poses", clearance_mm, units::to_mm(r.clearance), "mm",
-                          context.given("--clearance")});
+                          context.given("--singularity-distance")});
   } else {
     out.not_judged.emplace_back("distance from singular poses");
   }
@@ -238,8 +238,8 @@ Command move_command() {
         a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm");
         a.option("--speed", o->speed, kSpeed, "mm/s (default: the path file's)");
         a.option("--step", o->step, kStep_mm, "Between samples, mm (default 1)");
-        a.option("--clearance", o->clearance, kClearance_mm,
-                 "Keep this far from singular poses, mm (default 10, 0: do not look)");
+        a.option("--singularity-distance", o->clearance, kClearance_mm,
+                 "Least distance from singular poses, mm (default 10; 0: not checked)");
         o->outputs.declare(a);
       },
       [o](const Context& context) -> Result<int> {
@@ -288,14 +288,15 @@ Command pick_command() {
   };
   auto o = std::make_shared<Options>();
   return {"pick", "The fastest pick-and-place cycle of a delta (up, over, down) within limits of tool and drives",
-          "polypod pick delta-brno --from -152.5,0,550 --to 152.5,0,550 --lift 25",
+          "polypod pick delta-brno --from -152.5,0,550 --to 152.5,0,550 --clearance-height 25",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--from", o->from, "x,y,z, mm", true);
             a.option("--to", o->to, "x,y,z, mm", true);
-            a.option("--lift", o->lift, {0, 1e6}, "How far above the higher end the way over runs, mm (default 25)");
-            a.option("--rounding", o->rounding, {0, 1e6},
-                     "Height over which corners may be cut, mm (default 15; 0: stop there)");
+            a.option("--clearance-height", o->lift, {0, 1e6},
+                     "Height of the transfer above the higher end, mm (default 25)");
+            a.option("--corner-blend", o->rounding, {0, 1e6},
+                     "Height over which corners are blended, mm (default 15; 0: stop there)");
             a.option("--tool-speed", o->tool_speed, kSpeed, "mm/s (default 5000)");
             a.option("--tool-acceleration", o->tool_acceleration, kAcceleration, "mm/s2 (default 1e5)");
             a.option("--tool-jerk", o->tool_jerk, kJerk, "mm/s3 (default 5e6)");
@@ -303,8 +304,8 @@ Command pick_command() {
             a.option("--drive-acceleration", o->drive_acceleration, kAcceleration,
                      "deg/s2 or mm/s2 (default 250 rad/s2, m/s2)");
             a.option("--drive-jerk", o->drive_jerk, kJerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3)");
-            a.option("--clearance", o->clearance, kClearance_mm,
-                     "Keep this far from singular poses, mm (default 10, 0: do not look)");
+            a.option("--singularity-distance", o->clearance, kClearance_mm,
+                     "Least distance from singular poses, mm (default 10; 0: not checked)");
             a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 400)");
             o->outputs.declare(a);
           },

@@ -38,7 +38,7 @@ Json number_or_null(double x) {
   return std::isfinite(x) ? Json(x) : Json();
 }
 Json json_of(const calibration::Uncertainty& u, double noise) {
-  return {{"reading_um", number_or_null(units::to_um(u.reading * noise))},
+  return {{"prediction_um", number_or_null(units::to_um(u.reading * noise))},
           {"mean_percent", number_or_null(100 * u.mean)},
           {"worst_percent", number_or_null(100 * u.worst)}};
 }
@@ -106,8 +106,8 @@ std::vector<std::string> notes_of(const calibration::Site& site, const calibrati
   }
   if (check.foundation_in_a_box()) {
     notes.emplace_back(
-        "what never moves of the machine reaches into a box of --keep-out, which no choice of poses can mend: is the "
-        "box given in M, in mm?");
+        "a fixed part of the machine reaches into a box of --keep-out, which no choice of poses can change: is the box "
+        "given in M, in mm?");
   }
   return notes;
 }
@@ -123,7 +123,8 @@ void print_site(const calibration::Candidates& from, const calibration::Site& si
     parts.push_back(fmt::format("at {} it is hidden", left(Hindrance::hidden)));
   }
   fmt::print(
-      "Of {} poses that were drawn {}. The machine counts as the lines of its picture, which keep {:g} mm away.\n\n",
+      "Of {} poses that were drawn {}. The machine is represented by the lines of its picture, with a clearance of "
+      "{:g} mm.\n\n",
       from.drawn, fmt::join(parts, ", "), units::to_mm(site.clearance));
 }
 
@@ -166,8 +167,8 @@ Command poses_command() {
         a.option("--estimate", o->estimate, "frame, target, scale: as for `polypod calibrate` (repeatable)");
         a.option("--frame", o->frame, kFrameHelp);
         a.option("--target", o->target, kTargetHelp);
-        a.option("--parameter", o->only, "Beginning of a key: look for these only (repeatable)");
-        a.option("--hold", o->hold, "Beginning of a key: keep these (repeatable)");
+        a.option("--parameter", o->only, "Beginning of a key: identify these only (repeatable)");
+        a.option("--fix", o->hold, "Beginning of a key: keep these fixed (repeatable)");
         a.option("--floor", o->floor, kHeight_mm, "z in M, mm: nothing that moves comes below");
         a.option("--keep-out", o->keep_out,
                  "x0,y0,z0,x1,y1,z1 in M, mm: the machine stays out of this box (repeatable)");
@@ -194,10 +195,10 @@ Command poses_command() {
                       fmt::format("give --candidates {} or more (up to 5000)", std::min(5 * o->count, 5000)));
         }
         if (compliance) {
-          POLYPOD_TRY(refuse(
-              context,
-              {"--kind", "--anchor", "--estimate", "--frame", "--target", "--parameter", "--hold", "--noise-deg"},
-              "it serves --for geometry"));
+          POLYPOD_TRY(
+              refuse(context,
+                     {"--kind", "--anchor", "--estimate", "--frame", "--target", "--parameter", "--fix", "--noise-deg"},
+                     "it serves --for geometry"));
         } else {
           POLYPOD_TRY(refuse(context, {"--force"}, "it serves --for compliance"));
           if (o->kind == "points" || o->kind == "axes" || o->kind == "poses") {
@@ -303,15 +304,15 @@ Command poses_command() {
           one_lost["pose"] = place;
           Json answer = {{"poses", list},
                          {"unknowns", from.unknowns},
-                         {"held", from.held},
-                         {"unknowns_told", from.unknowns.size()},
+                         {"fixed", from.held},
+                         {"unknowns_identifiable", from.unknowns.size()},
                          {"unknowns_total", from.total},
                          {"chosen", json_of(best, options.noise_position)},
                          {"random", json_of(random, options.noise_position)},
                          {"grid", json_of(tilted, options.noise_position)},
-                         {"grid_upright", json_of(upright, options.noise_position)},
+                         {"grid_zero_tilt", json_of(upright, options.noise_position)},
                          {"least_mean_percent", 100 * least},
-                         {"way", way_of_all},
+                         {"travel", way_of_all},
                          {"one_lost", one_lost},
                          {"curve", curve}};
           if (site.any()) {
@@ -321,30 +322,31 @@ Command poses_command() {
           print_json(answer);
           return kDone;
         }
-        fmt::print("{} of {} poses; {} of {} unknowns told\n\n", chosen.size(), o->candidates, from.unknowns.size(),
-                   from.total);
+        fmt::print("{} of {} poses; {} of {} unknowns identifiable\n\n", chosen.size(), o->candidates,
+                   from.unknowns.size(), from.total);
         if (site.any()) print_site(from, site);
         const auto line = [&](const std::string& what, const calibration::Uncertainty& u) {
-          const auto cell = [](double x) { return std::isfinite(x) ? fmt::format("{:12.3f}", x) : "      untold"; };
-          fmt::print("{:<14} {} {} {}\n", what, cell(units::to_um(u.reading * options.noise_position)),
+          const auto cell = [](double x) { return std::isfinite(x) ? fmt::format("{:14.3f}", x) : "unidentifiable"; };
+          fmt::print("{:<16} {} {} {}\n", what, cell(units::to_um(u.reading * options.noise_position)),
                      cell(100 * u.mean), cell(100 * u.worst));
         };
-        fmt::print("{:<14} {:>12} {:>12} {:>12}\n", "uncertainty", "reading, um", "mean, %", "worst, %");
+        fmt::print("{:<16} {:>14} {:>14} {:>14}\n", "uncertainty", "prediction, um", "mean, %", "worst, %");
         line("chosen", best);
         line("one lost", loss.left);
         line("random", random);
         const bool turns = kinematics::task(m).turns();
-        line(turns ? "grid, upright" : "grid", upright);
+        line(turns ? "grid, zero tilt" : "grid", upright);
         if (turns) line("grid, tilted", tilted);
-        fmt::print("{:<14} {:>12} {:12.3f}   (proven: no {} of these candidates come below)\n", "bound", "",
+        fmt::print("{:<16} {:>14} {:14.3f}   (proven: no {} of these candidates come below)\n", "bound", "",
                    100 * least, chosen.size());
         for (const Json& point : curve) {
-          fmt::print("{:<14} {:12.3f} {:12.3f} {:12.3f}\n", fmt::format("{} chosen", point["count"].get<int>()),
-                     point["reading_um"].get<double>(), point["mean_percent"].get<double>(),
+          fmt::print("{:<16} {:14.3f} {:14.3f} {:14.3f}\n", fmt::format("{} chosen", point["count"].get<int>()),
+                     point["prediction_um"].get<double>(), point["mean_percent"].get<double>(),
                      point["worst_percent"].get<double>());
         }
         fmt::print(
-            "\nThe poses are in an order with a short way: the busiest drives go {:.1f} times their range ({:.1f} as "
+            "\nThe poses are in an order with short travel: the busiest drives travel {:.1f} times their range ({:.1f} "
+            "as "
             "drawn).\nThe loss of pose {} costs most.\n",
             way.length, as_drawn, place);
         const auto print_moves = [](const std::vector<std::size_t>& which, const char* what) {
@@ -353,7 +355,7 @@ Command poses_command() {
           for (const std::size_t k : which) names.push_back(fmt::format("{} to {}", k + 1, k + 2));
           fmt::print("{}: {}\n", what, fmt::join(names, ", "));
         };
-        print_moves(way.not_free, "Moves that need a way round");
+        print_moves(way.not_free, "Moves that are obstructed");
         print_moves(way.not_judged, "Moves that were not judged (no pose of the machine found between)");
         for (const std::string& note : notes_of(site, check)) fmt::print("note: {}\n", note);
         if (!o->out.empty()) fmt::print("wrote {}\n", o->out);

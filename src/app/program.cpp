@@ -4,13 +4,16 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <iostream>
 #include <new>
+#include <string>
 #include <string_view>
 #include <system_error>
+#include <vector>
 
 #include "command.hpp"
 #include "interrupt.hpp"
@@ -110,6 +113,47 @@ std::string what_is_wrong(const CLI::App& app, const CLI::ParseError& e, int arg
   return to_string(Error{"AP116", e.what(), {}, {}});
 }
 
+// words: off
+struct Renamed {
+  const char *command, *before, *now;
+};
+constexpr Renamed kRenamed[] = {
+    {"budget", "--warming", "--temperature-rise"},
+    {"calibrate", "--hold", "--fix"},
+    {"calibrate", "--hold-back", "--validation"},
+    {"delta", "--border", "--boundary"},
+    {"dexterity", "--clearance", "--singularity-distance"},
+    {"errors", "--clearance", "--singularity-distance"},
+    {"ik", "--free-twist", "--free-rotation"},
+    {"move", "--clearance", "--singularity-distance"},
+    {"pick", "--clearance", "--singularity-distance"},
+    {"pick", "--lift", "--clearance-height"},
+    {"pick", "--rounding", "--corner-blend"},
+    {"poses", "--hold", "--fix"},
+    {"section", "--clearance", "--singularity-distance"},
+    {"sweep", "--clearance", "--singularity-distance"},
+    {"tolerances", "--clearance", "--singularity-distance"},
+    {"tolerances", "--wanted", "--required"},
+    {"tolerances", "--wanted-angle", "--required-angle"},
+    {"workspace", "--clearance", "--singularity-distance"},
+};
+// words: on
+
+/// The arguments with the options that have other names now; those of before keep working, and no help shows them.
+std::vector<std::string> with_names_of_now(int argc, char** argv) {
+  std::vector<std::string> out(argv, argv + argc);
+  for (std::size_t i = 2; i < out.size(); ++i) {
+    const std::size_t end = std::min(out[i].find('='), out[i].size());
+    for (const Renamed& r : kRenamed) {
+      if (out[1] == r.command && out[i].compare(0, end, r.before) == 0) {
+        out[i].replace(0, end, r.now);
+        break;
+      }
+    }
+  }
+  return out;
+}
+
 int standard_output_failed() {
   std::fprintf(stderr, "polypod: %s\n",
                to_string(Error{"AP117",
@@ -129,6 +173,9 @@ int shown(int status) {
 }
 
 int run_command(int argc, char** argv) {
+  std::vector<std::string> named = with_names_of_now(argc, argv);
+  std::vector<char*> words;
+  for (std::string& word : named) words.push_back(word.data());
   CLI::App app{
       "Polypod: machines that cut and handle with arms and legs.\n"
       "Lengths are mm, angles deg, forces N, deflections um, unless a name says otherwise.",
@@ -171,11 +218,11 @@ int run_command(int argc, char** argv) {
     });
   }
   try {
-    app.parse(argc, argv);
+    app.parse(argc, words.data());
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return shown(app.exit(e));  // --help, --version
     fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n",
-               one_line(wrong_number ? to_string(*wrong_number) : what_is_wrong(app, e, argc, argv)));
+               one_line(wrong_number ? to_string(*wrong_number) : what_is_wrong(app, e, argc, words.data())));
     return kBadInput;
   }
   if (wrong_number) {
@@ -189,9 +236,7 @@ int run_command(int argc, char** argv) {
     if (interrupted()) return kBadInput;  // what was broken off is no error of the input
     fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
     const int answer = exit_status(status.error());
-    if (answer == kAnswerIsNo && context.json) {
-      print_json({{"error", error_json(status.error())}});
-    }
+    if (context.json) print_json({{"error", error_json(status.error())}});
     return answer;
   }
   return shown(*status);

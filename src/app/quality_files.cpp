@@ -26,7 +26,7 @@ void QualityFiles::declare(Arguments& a) {
   a.option("--svg", svg,
            errors ? "The mean error over the plane --plane" : "The mean condition over the plane --plane");
   a.option("--plane", plane, "xy, xz or yz, for --svg");
-  a.option("--at", at, "Where that plane stands on the third axis, mm (default 0)");
+  a.option("--at", at, "Coordinate of that plane on the third axis, mm (default 0)");
 }
 
 std::vector<const std::string*> QualityFiles::paths() const {

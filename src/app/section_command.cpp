@@ -56,12 +56,12 @@ Result<workspace::Plane> plane_of(const Options& o) {
 
 Command section_command() {
   auto o = std::make_shared<Options>();
-  return {"section", "Largest tilt over a plane, and the limit that stops it; the workspace's border in that plane",
+  return {"section", "Largest tilt over a plane, and the limit that stops it; the workspace's boundary in that plane",
           "polypod section hexapod-strut --plane xz --at 0 --tilt 20 --svg section.svg",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("--plane", o->plane, "xy, xz or yz");
-            a.option("--at", o->at, "Where that plane stands on the third axis, mm (default 0)");
+            a.option("--at", o->at, "Coordinate of that plane on the third axis, mm (default 0)");
             a.option("--point", o->point, "x,y,z: a point of any other plane, mm");
             a.option("--normal", o->normal, "x,y,z: and its normal");
             a.option("--csv", o->csv, "A row a point: margin, largest tilt, limits");
@@ -120,7 +120,7 @@ Command section_command() {
             if (context.json) {
               Json list = Json::array();
               for (const auto& [name, count] : limits)
-                list.push_back({{"limit", name}, {"share_percent", share(count)}});
+                list.push_back({{"limit", name}, {"area_percent", share(count)}});
               Json document{{"area_mm2", area_mm2}, {"points", f.grid.size()}, {"reached_points", reached}};
               const bool tilts = !f.tilt.empty();
               document[tilts ? "largest_tilt_deg" : "largest_margin_mm"] =
@@ -134,7 +134,7 @@ Command section_command() {
                 for (const Vec3& p : loop) points.push_back(vector_json(p * units::kMmPerMetre));
                 loops.push_back(points);
               }
-              document["border_mm"] = loops;
+              document["boundary_mm"] = loops;
               print_json(singular.in(document));
             } else {
               // The border is found on the edges of the grid: four digits hold with the usual 80 points.

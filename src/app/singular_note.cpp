@@ -32,7 +32,7 @@ std::optional<int> SingularNote::refusal(const std::vector<std::string>& figures
   for (const std::string& key : figures) document[key] = Json();
   if (json_) print_json(in(document));
   std::fflush(stdout);
-  fmt::print(stderr, "polypod: there are no figures, because the drives do not hold the platform at any pose\n");
+  fmt::print(stderr, "polypod: there are no figures, because the drives do not constrain the platform at any pose\n");
   return kAnswerIsNo;
 }
 

@@ -19,9 +19,9 @@ Json singularity_json(const machine::AnyMachine& m, const Pose& X, const quality
   Json idle = Json::array();
   for (int i = 0; i < s.idle_joints.size(); ++i) idle.push_back(s.idle_joints[i]);
   Json out{{"pose", pose_for_user(m, X)},
-           {"kind", s.kind},
-           {"mobility", s.mobility},
-           {"control", s.control},
+           {"type", s.kind},
+           {"sigma_min_b", s.mobility},
+           {"sigma_min_a", s.control},
            {"words", quality::in_words(X, s)},
            {"lost_motion", twist(s.lost_motion)},
            {"free_motion", twist(s.free_motion)},
@@ -41,7 +41,9 @@ Command singularities_command() {
     int samples = 200;
   };
   auto o = std::make_shared<Options>();
-  return {"singularities", "How near a pose or a path is to singular, which kind, and which motion is lost or free",
+  return {"singularities",
+          "How near a pose or a path is to a singularity, of which type (1 serial, 2 parallel, 3 both), and which "
+          "motion is lost or free",
           "polypod singularities hexapod-strut --pose 0,0,75 --to 0,0,75,0,0,80",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
@@ -62,10 +64,10 @@ Command singularities_command() {
               const quality::PathSingularity p = quality::along_path(m, X, Y, o->samples);
               if (p.reached == 0) return cannot_take(context, p.stopped_by, "the first pose");
               if (context.json) {
-                print_json(singular.in({{"share", p.share},
+                print_json(singular.in({{"path_fraction", p.share},
                                         {"at", singularity_json(m, p.X_MT, p.at)},
                                         {"crossed", p.crossed},
-                                        {"reached", p.reached},
+                                        {"reached_fraction", p.reached},
                                         {"stopped_by", p.stopped_by}}));
               } else {
                 fmt::print("nearest to singular at {:.2f} % of the path: {}\n", 100 * p.share, pose_text(m, p.X_MT, 2));

@@ -49,8 +49,8 @@ Status SurveyArguments::refuse_at_pose(const Context& context) const {
   if (pose.empty()) return {};
   return refuse(context,
                 {"--box", "--resolution", "--tilt", "--a-range", "--b-range", "--interference", "--without",
-                 "--clearance", "--threads"},
-                "with --pose one pose is looked at: leave out --pose for a box or the workspace");
+                 "--singularity-distance", "--threads"},
+                "with --pose one pose is judged: leave out --pose for a box or the workspace");
 }
 
 Json number_json(double value) {

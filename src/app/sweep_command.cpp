@@ -177,11 +177,11 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
 Result<Numbers> numbers_of_machine(const Options& o, const machine::AnyMachine& m, const Context& context) {
   const quality::PoseIndependentSingularity s = quality::pose_independent_singularity(m);
   const std::string words =
-      s.never_held() ? fmt::format(
-                           "singular at {0} of {0} poses that were judged (type 2): the drives do not hold the "
-                           "platform",
-                           s.poses)
-                     : "";
+      s.never_held()
+          ? fmt::format(
+                "singular at {0} of {0} poses that were judged (type 2): the drives do not constrain the platform",
+                s.poses)
+          : "";
   if (o.analysis == "workspace") {
     POLYPOD_ASSIGN(numbers, workspace_numbers(o, m, context));
     numbers.singular = words;
@@ -218,7 +218,7 @@ Command sweep_command() {
             a.option("--csv", o->csv, "Write the table to this file too");
             o->where.declare_region(a);
             a.option("--rel-tol", o->where.workspace.rel_tol,
-                     "Of the analysis workspace: gap between the bounds as a share of the volume (default 0.01)");
+                     "Of the analysis workspace: gap between the bounds as a fraction of the volume (default 0.01)");
           },
           [o](const Context& context) -> Result<int> {
             if (o->analysis != "workspace" && o->analysis != "dexterity" && o->analysis != "errors") {

@@ -40,13 +40,13 @@ Command tolerances_command() {
   };
   auto o = std::make_shared<Options>();
   return {
-      "tolerances", "The loosest tolerances that keep the tool's error below a wanted value, wherever it was judged",
-      "polypod tolerances hexapod-strut --wanted 0.05 --group leg.length=1 --group base.joint=2 --box "
+      "tolerances", "The loosest tolerances that keep the tool's error below a required value, wherever it was judged",
+      "polypod tolerances hexapod-strut --required 0.05 --group leg.length=1 --group base.joint=2 --box "
       "-10,-10,60,10,10,70 --tilt 10",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
-        a.option("--wanted", o->wanted_mm, "Largest error of the tip at the poses that are judged, mm", true);
-        a.option("--wanted-angle", o->wanted_rad, "Largest error of the orientation too, rad");
+        a.option("--required", o->wanted_mm, "Largest error of the tip at the poses that are judged, mm", true);
+        a.option("--required-angle", o->wanted_rad, "Largest error of the orientation too, rad");
         a.option("--group", o->groups, "KEY=weight: elements with one tolerance (repeatable; default: all alike)");
         a.option("--rule", o->rule,
                  "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");
@@ -81,7 +81,7 @@ Command tolerances_command() {
                              {"tolerance", p.tolerance},
                              {"unit", unit_in_words(p.units)},
                              {"elements", p.elements},
-                             {"share_percent", 100 * p.share}});
+                             {"contribution_percent", 100 * p.share}});
           }
           print_json(singular.in({{"tolerances", parts},
                                   {"position_mm", units::to_mm(d.position)},

@@ -100,7 +100,7 @@ Command uncertainty_command() {
               POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
               const kinematics::InverseResult inverse = kinematics::inverse(m, X);
               const kinematics::Solution* s = inverse.reachable();
-              if (s == nullptr) return cannot_take(context, "out of reach");
+              if (s == nullptr) return cannot_take(context, kinematics::reason_of(m, inverse));
               const Pose at = kinematics::settled(m, X, s->joints);
               const Eigen::VectorXd U = expanded_at(m, at, s->joints, covariance);
               if (context.json) {

@@ -28,7 +28,7 @@ constexpr double kMbPerByte = 1e-6;
 
 void WorkspaceOptions::declare(Arguments& a) {
   declare_directions(a);
-  a.option("--rel-tol", rel_tol, "Gap between the bounds as a share of the volume, 1e-6 to 1 (default 0.01)");
+  a.option("--rel-tol", rel_tol, "Gap between the bounds as a fraction of the volume, 1e-6 to 1 (default 0.01)");
   declare_limits(a);
   declare_threads(a);
 }
@@ -45,7 +45,7 @@ void WorkspaceOptions::declare_limits(Arguments& a) {
       "--without", without,
       "Switch limits off. Hexapods: length, base-joint, platform-joint, joint, legs, base, coordinates; deltas: drive, "
       "joint, coordinates, mode, table, rods, base; arms: joint numbers");
-  a.option("--clearance", clearance, "Deltas: keep this far from singular poses, mm");
+  a.option("--singularity-distance", clearance, "Deltas: least distance from singular poses, mm");
   a.option("--max-memory", max_memory,
            "Memory for the boxes, in MB or with a suffix as in 2G; the run ends with what is proven when it is used up "
            "(default: half of the machine's)");
@@ -237,9 +237,9 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
 std::string beyond_text(const workspace::BeyondSingular& beyond) {
   if (beyond.beyond == 0) return "";
   return fmt::format(
-      "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine comes "
-      "there "
-      "only where the drives do not hold it. Limits leave them out, as `--set limits.z_min_mm=...`\n",
+      "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine gets there "
+      "only through a pose at which the drives do not constrain it. Limits leave them out, as `--set "
+      "limits.z_min_mm=...`\n",
       100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points);
 }
 

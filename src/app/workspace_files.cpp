@@ -10,7 +10,7 @@ namespace polypod::app {
 
 void WorkspaceFiles::declare(Arguments& a) {
   a.option("--report", report, "An HTML report: picture, sections, volume against tilt, limits");
-  a.option("--stl", stl, "The border as a closed surface, binary STL in mm");
+  a.option("--stl", stl, "The boundary as a closed surface, binary STL in mm");
   a.option("--vtp", vtp, "The same for ParaView, with the limit that makes it");
   a.option("--vti", vti, "A field for ParaView: margin, largest tilt and the limit that stops it");
   a.option("--resolution", resolution, "Points along the longest side of pictures and files, 8 to 512");

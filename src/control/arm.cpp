@@ -174,7 +174,7 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
   const double tilt = std::atan2(K[kJoints].R.col(2).head<2>().norm(), K[kJoints].R(2, 2));
   if (tilt > kMostTilt) {
     return fail("CN102",
-                fmt::format("the tool axis leans {:.4g} deg from axis 6 (and its tip lies {:.4g} mm beside it); "
+                fmt::format("the tool axis is {:.4g} deg off axis 6 (and its tip lies {:.4g} mm beside it); "
                             "genserkins has no tool frame",
                             units::to_deg(tilt), units::to_mm(aside)),
                 {}, kTargetsHint);
@@ -239,8 +239,8 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
       "make the settings anew.");
   if (!s.exact) {
     s.notes.push_back(
-        fmt::format("genserkins has no tool frame: the tip lies {:.4g} mm beside axis 6 and the tool axis "
-                    "leans {:.4g} deg from it, which is left out. {}.",
+        fmt::format("genserkins has no tool frame: the tip lies {:.4g} mm beside axis 6 and the tool axis is {:.4g} "
+                    "deg off it, which is left out. {}.",
                     units::to_mm(aside), units::to_deg(tilt), kTargetsHint));
   }
   return s;

@@ -277,7 +277,8 @@ Result<Settings> delta_settings_of(const M& m, Controller controller, const Sett
     } else {
       const Vec3& u = m.rail_direction[k];
       if (!(std::abs(u.z()) > std::cos(kMostLean))) {
-        return fail("CN103", fmt::format("rail {} leans by more than 30 deg; {} takes upright rails", k + 1, s.module),
+        return fail("CN103",
+                    fmt::format("rail {} is inclined by more than 30 deg; {} takes vertical rails", k + 1, s.module),
                     {}, kTargetsHint);
       }
       study.sense[i] = u.z() > 0 ? -1 : 1;
@@ -349,7 +350,7 @@ Result<Settings> delta_settings_of(const M& m, Controller controller, const Sett
       const double end = kRotary ? -found[kShift + 2] - found[kArm + i] * std::sin(drive) : drive;
       if (!(L > std::abs(r))) {
         return fail("CN103",
-                    fmt::format("with the tool at the centre {} cannot stand at its endstop ({:g} {})", section,
+                    fmt::format("with the tool at the centre {} cannot be at its endstop ({:g} {})", section,
                                 kRotary ? units::to_deg(m.range.min) : mm(m.range.min), kRotary ? "deg" : "mm"),
                     {}, kTargetsHint);
       }

@@ -91,7 +91,7 @@ std::string text_of(const Settings& s) {
     out += remark(fmt::format("  these settings: {}", misses_text(s.after)));
     out += remark("If that is too much: polypod calibrate --targets.");
   } else if (s.exact) {
-    out += remark("These settings stand for the machine to rounding.");
+    out += remark("These settings represent the machine exactly, up to rounding.");
   } else {
     out += remark(fmt::format("The tool misses the asked points (at {} of the workspace) by {}.", s.points,
                               misses_text(s.after)));

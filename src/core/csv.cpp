@@ -168,7 +168,7 @@ Status Table::name_columns(std::vector<std::string> names, int line, const Colum
   if (!names_.empty() && names_.back().empty()) names_.pop_back();  // a separator at the end of the line
   const Place here{path, line, 1};
   const auto twice = [&](const std::string& name) {
-    return fail("ID106", fmt::format("the column \"{}\" stands twice", name), here);
+    return fail("ID106", fmt::format("the column \"{}\" occurs twice", name), here);
   };
   for (std::size_t i = 0; i < names_.size(); ++i) {
     if (!columns_.try_emplace(names_[i], Column{i, 1}).second) return twice(names_[i]);
@@ -193,13 +193,13 @@ Status Table::name_columns(std::vector<std::string> names, int line, const Colum
     const auto it = of_file.find(column);
     if (it == of_file.end() && absent == Absent::left) continue;
     if (it == of_file.end()) {
-      return fail("ID109", fmt::format("there is no column \"{}\" to stand for {}", column, name), here,
+      return fail("ID109", fmt::format("there is no column \"{}\" to be read as {}", column, name), here,
                   fmt::format("the columns are: {}", fmt::join(names_, ", ")));
     }
     const Unit *given = parts_of(column).unit, *wanted = parts_of(name).unit;
     if (given != nullptr && wanted != nullptr && given->quantity != wanted->quantity) {
-      return fail("ID109", fmt::format("the column \"{}\" cannot stand for {}: the units differ in kind", column, name),
-                  here);
+      return fail("ID109",
+                  fmt::format("the column \"{}\" cannot be read as {}: the units differ in kind", column, name), here);
     }
     const double size = wanted != nullptr ? wanted->size : given != nullptr ? usual_size(*given) : 1.0;
     columns_[name] = {it->second.cell, given != nullptr ? given->size / size : 1.0};
@@ -342,8 +342,8 @@ Result<std::vector<std::string>> Table::unused() const {
 
 Result<Table> joined(const std::vector<Table>& tables, const std::string& key, std::vector<std::string>& left_out) {
   const auto twice = [](const Table& t, const Place& place, const std::string& what) {
-    return fail("ID106", fmt::format("{} stands twice", what), place,
-                t.rows.empty() ? "" : "each point has one name, and each column stands in one file");
+    return fail("ID106", fmt::format("{} occurs twice", what), place,
+                t.rows.empty() ? "" : "each point has one name, and each column is in one file");
   };
   Table out = tables.front();
   for (std::size_t k = 1; k < tables.size(); ++k) {
@@ -384,7 +384,7 @@ Result<Table> joined(const std::vector<Table>& tables, const std::string& key, s
     }
     for (const auto& [name, row] : others) left_out.push_back(name);
     if (rows.empty()) {
-      return fail("ID102", fmt::format("no {} of {} stands in {}", key, out.path, more.path),
+      return fail("ID102", fmt::format("no {} of {} is in {}", key, out.path, more.path),
                   Place{more.path, more.header_line, 1});
     }
     out.rows = std::move(rows);
@@ -397,8 +397,8 @@ Status no_row_twice(const Table& table) {
   for (const Table::Row& row : table.rows) {
     const auto [it, fresh] = seen.try_emplace(row.cells, row.line);
     if (!fresh) {
-      return fail("ID103", fmt::format("the row stands already in line {}", it->second), table.place_of(row),
-                  "a row that stands twice would count twice");
+      return fail("ID103", fmt::format("the row is already in line {}", it->second), table.place_of(row),
+                  "a row that occurs twice would count twice");
     }
   }
   return {};

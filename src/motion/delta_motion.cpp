@@ -463,9 +463,9 @@ Result<Plan> plan(const AnyMachine& machine, const Cycle& cycle, const MotionLim
   POLYPOD_TRY(positive(limits.tool, "tool"));
   POLYPOD_TRY(positive(limits.drive, "drives"));
   if (!(cycle.lift > 0) || !(cycle.rounding >= 0 && cycle.rounding <= cycle.lift)) {
-    return fail("MO105",
-                fmt::format("lift {:g} mm and rounding {:g} mm: the lift must be above 0, the rounding 0 to the lift",
-                            units::to_mm(cycle.lift), units::to_mm(cycle.rounding)));
+    return fail("MO105", fmt::format("clearance height {:g} mm and corner blend {:g} mm: the clearance height must be "
+                                     "above 0, the corner blend from 0 to the clearance height",
+                                     units::to_mm(cycle.lift), units::to_mm(cycle.rounding)));
   }
   if (!((cycle.to - cycle.from).head<2>().norm() > 1e-6)) {
     return fail("MO105", "the cycle goes over from a place to itself", {}, "give two places that differ in x or y");

@@ -91,7 +91,7 @@ double angle_of(const Eigen::VectorXd& residual, int lengths) {
 /// "acts like 1 base.joint[1].z, -1 base.joint[2].z": the change of other parameters that looks the same.
 std::string likeness(const calibration::Estimate& p) {
   if (p.like.empty()) return "no effect on these measurements";
-  std::string out = "acts like";
+  std::string out = "linearly dependent on";
   for (std::size_t i = 0; i < std::min(p.like.size(), kLikes); ++i) {
     const calibration::Like& other = p.like[i];
     out += fmt::format("{} {} {}", i == 0 ? "" : ",",
@@ -126,12 +126,15 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
                     fixed(to_um(c.held_back.rms_after), 1), fixed(to_um(c.held_back.rms_before), 1), c.held_back.rows);
   }
   page.add_text(proof +
-                ". Rows prove what they measure, and no more; the next chapter tells what is known of the "
-                "whole pose.");
+                ". Rows prove what they measure, and no more; the next chapter says what is known of the whole pose.");
+  page.add_text(
+      "This answers for the geometry of the machine where it was measured: not for backlash, deflection under forces, "
+      "temperature and motion, and not for collisions. Fitted rows: the poses that the parameters were fitted to. "
+      "Prior: by how much a parameter is expected to be off its drawing before anything is measured.");
   page.add_key_figures({{fixed(to_um(c.fitted.rms_before), 1), "µm", "rms before, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.rms_after), 1), "µm", "rms after, fitted rows", Verdict::neutral},
                         {fixed(to_um(c.fitted.max_after), 1), "µm", "largest after, outliers aside", Verdict::neutral},
-                        {fmt::format("{} of {}", c.told, c.unknowns), "", "unknowns told", Verdict::neutral},
+                        {fmt::format("{} of {}", c.told, c.unknowns), "", "unknowns identifiable", Verdict::neutral},
                         {number(c.noise_factor), "×", "residuals over the given noise", Verdict::neutral}});
   const std::size_t outliers = c.fitted.outliers + c.held_back.outliers;
   std::string text = fmt::format(
@@ -150,12 +153,11 @@ void add_summary(report::Report& page, const std::vector<Measurement>& rows, con
   }
   for (const std::string& what : c.held_beside) held.push_back(what);
   if (held.empty()) {
-    page.add_text("The measurements tell every parameter that was looked for.");
+    page.add_text("All estimated parameters are identifiable from the measurements.");
   } else {
     page.add_text(
-        "These the measurements do not tell from others. Of all machines that explain the readings as well, the one "
-        "that "
-        "is least off the drawing, in units of the priors, was taken:");
+        "These parameters are not identifiable: they are linearly dependent on others. Of all machines that explain "
+        "the readings equally well, the one that is least off the drawing, in units of the priors, was taken:");
     page.add_list(held);
   }
 }
@@ -280,9 +282,10 @@ void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Ca
   const std::vector<std::string> all = calibration::pose_coordinates(nominal);
   page.add_section("Pose of the tool");
   page.add_text(fmt::format(
-      "What is not known of the parameters, taken to the tool: predicted standard deviations of the pose over {} poses "
-      "of the workspace, before (from the priors alone) and after the calibration. A coordinate is told where less "
-      "than a fifth of its deviation is left.{}",
+      "The uncertainty of the parameters, propagated to the tool: predicted standard deviations of the pose over {} "
+      "poses "
+      "of the workspace, before (from the priors alone) and after the calibration. A coordinate is determined where "
+      "less than a fifth of its deviation is left.{}",
       v.poses, c.systematic.empty() ? "" : " The stated systematic parts of the measurement (type B) are in it."));
   report::Table table;
   table.caption = "Predicted standard deviation of the pose of the tool";
@@ -297,14 +300,14 @@ void add_pose(report::Report& page, const machine::AnyMachine& nominal, const Ca
     const ShownCoordinate shown = shown_coordinate(all[k]);
     const auto i = static_cast<Eigen::Index>(k);
     const bool open = std::find(v.left_open.begin(), v.left_open.end(), all[k]) != v.left_open.end();
-    table.rows.push_back({fmt::format("{}, {}", shown.letter, shown.unit), std::string(open ? "left open" : "told"),
-                          shown.scale * v.after.mean[i], shown.scale * v.before.mean[i], shown.scale * v.after.max[i],
-                          shown.scale * v.before.max[i]});
+    table.rows.push_back({fmt::format("{}, {}", shown.letter, shown.unit),
+                          std::string(open ? "undetermined" : "determined"), shown.scale * v.after.mean[i],
+                          shown.scale * v.before.mean[i], shown.scale * v.after.max[i], shown.scale * v.before.max[i]});
   }
   page.add_table(table);
   const std::optional<Plane> plane = middle_plane(nominal);
   if (!plane) return;
-  const auto after = deviations_over(nominal, *plane, c.covariance, all.size());
+  const auto after = deviations_over(c.machine, *plane, c.covariance, all.size());
   Panels panels;
   for (std::size_t k = 0; k < all.size(); ++k) {
     const ShownCoordinate shown = shown_coordinate(all[k]);
@@ -343,12 +346,12 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
   const auto after = [](const RowResidual& r) { return length_of(r.after, r.lengths); };
   Dots both("residual of each row before and after", "row", "residual", "µm", c.residuals.size());
   both.add("before", report::kBefore, kDot, [&](std::size_t i) { return before(c.residuals[i]); });
-  kind_of_dot(both, after, "after", "after, held back");
+  kind_of_dot(both, after, "after", "after, validation set");
   page.add_figure(both.plot,
                   "Residual of each row (length of its vector) with the drawing and with the measured machine.");
   Dots alone("residual of each row after", "row", "residual", "µm", c.residuals.size());
   const auto usual = [&](const RowResidual& r) { return r.outlier ? kNone : after(r); };
-  kind_of_dot(alone, usual, "after", "after, held back");
+  kind_of_dot(alone, usual, "after", "after, validation set");
   page.add_figure(alone.plot, "The residuals after alone, outliers aside.");
 
   std::array<report::Sample, 3> of_axis;
@@ -374,7 +377,7 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
     turned.add("before", report::kBefore, kDot,
                [&](std::size_t i) { return angle_of(c.residuals[i].before, c.residuals[i].lengths); });
     kind_of_dot(
-        turned, [](const RowResidual& r) { return angle_of(r.after, r.lengths); }, "after", "after, held back");
+        turned, [](const RowResidual& r) { return angle_of(r.after, r.lengths); }, "after", "after, validation set");
     page.add_figure(turned.plot, "Angles of each row (length of the vector of its angles).");
   }
 
@@ -389,7 +392,7 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
                    {"after, all rows", "µm", 1},
                    {"angles before", "deg", 5},
                    {"angles after", "deg", 5}};
-  for (const auto& [name, s] : {std::pair{"fitted", c.fitted}, std::pair{"held back", c.held_back}}) {
+  for (const auto& [name, s] : {std::pair{"fitted", c.fitted}, std::pair{"validation set", c.held_back}}) {
     if (s.rows == 0) continue;
     table.rows.push_back({std::string(name), static_cast<double>(s.rows), static_cast<double>(s.outliers),
                           to_um(s.rms_before), to_um(s.rms_after), to_um(s.max_after), to_um(s.all_after),
@@ -410,7 +413,7 @@ void add_residuals(report::Report& page, const std::vector<Measurement>& rows, c
                              calibration::name_of(row.kind), length_of(r.after, r.lengths), r.weight,
                              std::string(r.untaken     ? "left out: the drawing cannot take these joints"
                                          : r.lost      ? "left out: near a singular pose"
-                                         : r.held_back ? "held back"
+                                         : r.held_back ? "validation set"
                                                        : "")});
   }
   if (!outliers.rows.empty()) page.add_table(outliers);
@@ -421,8 +424,8 @@ void add_parameters(report::Report& page, const Calibration& c) {
   report::Table table;
   table.caption = fmt::format("In the unit of each; one standard error, from the residuals{} the priors.",
                               c.systematic.empty() ? " and" : ", the stated systematic parts and");
-  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},       {"value", "", 5},
-                   {"change", "", 5},     {"standard error", "", 5}, {"not told from", "", -1}};
+  table.columns = {{"parameter", "", -1}, {"unit", "", -1},          {"nominal", "", 5},         {"value", "", 5},
+                   {"change", "", 5},     {"standard error", "", 5}, {"identifiability", "", -1}};
   for (const calibration::Estimate& p : c.parameters) {
     const double nominal = units::to_user(p.nominal, p.unit), value = units::to_user(p.value, p.unit);
     std::vector<report::Cell> row{p.key, p.unit, nominal};
@@ -442,7 +445,7 @@ void add_parameters(report::Report& page, const Calibration& c) {
       const bool turns = k >= 3;
       const double value = turns ? to_deg(abc[k - 3]) : to_mm(X.p[k]);
       report::Cell sure = turns ? to_deg(error[k]) : to_mm(error[k]);
-      if (error[k] == 0) sure = std::string("held");
+      if (error[k] == 0) sure = std::string("fixed");
       frames.rows.push_back(
           {std::string(name), std::string(1, "xyzABC"[k]), std::string(turns ? "deg" : "mm"), value, sure});
     }
@@ -515,6 +518,9 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
       fmt::format("The compliances found explain the measured displacements to {} µm rms; those of the given "
                   "machine to {} µm.",
                   fixed(to_um(r.residual_rms), 1), fixed(to_um(checks.given_rms), 1)));
+  page.add_text(
+      "This answers for the static compliance of the joints, as far as the measured places show it: not for the "
+      "compliance of spindle, workpiece and clamping, not for vibration, and not for backlash.");
   page.add_key_figures({{fixed(to_um(checks.given_rms), 1), "µm", "rms, given compliances", Verdict::neutral},
                         {fixed(to_um(r.residual_rms), 1), "µm", "rms, found compliances", Verdict::neutral},
                         {std::to_string(points), "", "points", Verdict::neutral},
@@ -522,7 +528,7 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
                         {number(r.condition), "", "condition", Verdict::neutral}});
   for (const auto& [a, b] : r.hardly_apart) {
     const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
-    page.add_text(fmt::format("{} and {} are hardly told apart: their estimates correlate by {}.", r.joint[i],
+    page.add_text(fmt::format("{} and {} are highly correlated: their estimates correlate by {}.", r.joint[i],
                               r.joint[j], fixed(r.correlation[i][j], 3)));
   }
   page.add_text(fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
@@ -530,10 +536,10 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
     if (!r.told[i])
       page.add_text(
-          fmt::format("{}: the readings say nothing of it; it stays as the machine file has it.", r.joint[i]));
+          fmt::format("{}: not identifiable from these readings; it stays as the machine file has it.", r.joint[i]));
     if (!r.upper_bound[i]) continue;
     page.add_text(fmt::format(
-        "{}: held at 0, because the best value would be negative; it is at most {} {} (95 %, "
+        "{}: fixed at 0, because the best value would be negative; it is at most {} {} (95 %, "
         "one-sided), and not known to be rigid.",
         r.joint[i],
         number(r.turns[i] ? units::to_tenth_urad(*r.upper_bound[i]) : units::to_um_per_N(*r.upper_bound[i])),
@@ -568,7 +574,7 @@ void add_compliances(report::Report& page, const statics::Identification& r) {
     for (const std::size_t i : shown.rows) {
       std::vector<report::Cell> row{r.joint[i], shown.scale * r.compliance[i]};
       if (!r.told[i]) {
-        row.insert(row.end(), {"not told", "as given"});
+        row.insert(row.end(), {"not identifiable", "as given"});
         table.rows.push_back(std::move(row));
         continue;
       }
@@ -692,9 +698,9 @@ std::string identification_page(const machine::AnyMachine& machine, const std::v
   add_compliances(page, r);
   add_residuals(page, points, r);
   if (!checks.left_out.empty()) {
-    page.add_section("Foretold by the others");
+    page.add_section("Predicted from the others");
     report::Table left;
-    left.caption = "Each file, foretold by compliances from all other files";
+    left.caption = "Each file, predicted with the compliances from all other files";
     left.columns = {{"file", "", -1}, {"rms", "µm", 1}};
     for (const auto& [file, rms] : checks.left_out) left.rows.push_back({file, to_um(rms)});
     page.add_table(left);

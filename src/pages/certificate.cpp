@@ -222,8 +222,8 @@ void add_method(Sheet& sheet, const std::vector<Measurement>& rows, const Calibr
   const auto given = [](bool estimated) { return estimated ? "found with the parameters" : "as given"; };
   sheet.text(fmt::format(
       "The geometric parameters of the machine were found from {} by least squares with a robust loss ({}), each "
-      "with its stated or usual deviation from the drawing as prior knowledge; {} of {} unknowns are told by the "
-      "readings. "
+      "with its stated or usual deviation from the drawing as prior knowledge; {} of {} unknowns are identifiable from "
+      "the readings. "
       "Frame of the instrument: {}. Place of the target on the tool: {}. Scale of the instrument: {}.",
       fmt::join(what, " and "),
       c.options.loss == calibration::Loss::cauchy || r.pulled_aside ? "Cauchy"
@@ -247,7 +247,7 @@ void add_result(Sheet& sheet, const Calibration& r, const Certificate& c) {
   sheet.raw(fmt::format("<div class=\"result\">{}</div>\n", escape(r.verdict.text)));
   std::vector<std::vector<std::string>> rows;
   for (const auto& [name, s] :
-       {std::pair{"all fitted rows", r.fitted}, {"rows held back, in a fit of the others", r.held_back}}) {
+       {std::pair{"all fitted rows", r.fitted}, {"validation set, in a fit of the other rows", r.held_back}}) {
     if (s.rows == 0) continue;
     rows.push_back({name, std::to_string(s.rows), fixed(to_um(s.rms_before), 1), fixed(to_um(s.rms_after), 1),
                     fixed(to_um(s.max_after), 1)});
@@ -284,14 +284,21 @@ void add_result(Sheet& sheet, const Calibration& r, const Certificate& c) {
        {"calibrated", "largest"},
        {"readings alone", "mean"},
        {"ν", "effective"},
-       {"told", "", false}},
+       {"determined", "", false}},
       rows));
   sheet.note(
       "The expanded uncertainty is the standard uncertainty times the coverage factor k = 2, which for a normal "
       "distribution corresponds to a coverage probability of about 95 %. Readings alone: without the systematic parts "
       "of "
-      "section 4. ν: degrees of freedom of Welch and Satterthwaite at the pose of section 4. Hardly told: more than a "
-      "fifth of what the drawing leaves open is left.");
+      "section 4. ν: degrees of freedom of Welch and Satterthwaite at the pose of section 4. Hardly determined: more "
+      "than a fifth of the standard deviation of the drawing is left.");
+  constexpr double kFar = 2.2;  // from 12 degrees of freedom on k = 2 covers 93 % and more
+  if (c.budget && c.budget->k95.maxCoeff() > kFar) {
+    sheet.note(
+        fmt::format("With so few degrees of freedom k = 2 covers less than 95 %: for that a factor of up to {:.1f} "
+                    "belongs to the smallest ν (Student's t, GUM G.4).",
+                    c.budget->k95.maxCoeff()));
+  }
 }
 
 void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certificate& c) {
@@ -368,8 +375,8 @@ void add_budget(Sheet& sheet, const machine::AnyMachine& machine, const Certific
   }
   if (c.options.systematic.empty())
     sheet.note(
-        "No systematic part of the instrument (scale, offset, target, temperature) was stated: the budget holds "
-        "the scatter of the readings and what is left to the drawing, and no type B of the instrument.");
+        "No systematic part of the instrument (scale, offset, target, temperature) was stated: the budget holds the "
+        "scatter of the readings and the uncertainty that the drawing leaves, and no type B of the instrument.");
 }
 
 /// U (k = 2) of the tip in the direction in which it is largest, µm, over a level plane of the box; NaN out of reach.
@@ -467,7 +474,7 @@ void add_map(Sheet& sheet, const machine::AnyMachine& machine, const Calibration
           "U (k = 2) of the place of the tool tip in µm, in the direction in which it is largest, the tool "
           "{}. Blank: out of reach. Dashed: box of the measured poses, beyond which the figure rests on the "
           "model alone.",
-          upright ? "upright" : "turned as near the middle of the workspace"))));
+          upright ? "at zero tilt" : "turned as near the middle of the workspace"))));
 }
 
 /// `good`: there are figures that can be valid.
@@ -587,7 +594,7 @@ void add_data(Sheet& sheet, const Calibration& r, const Certificate& c) {
       "Systematic parts are independent of each other and constant through the measurement. They are propagated, not "
       "fitted."};
   if (r.drift.looked)
-    assumptions.push_back(r.drift.found ? "The residuals drift, which the uncertainties do not hold."
+    assumptions.push_back(r.drift.found ? "The residuals drift, which the uncertainties do not contain."
                                         : "No drift of the residuals was found.");
   if (!r.tried.empty())
     assumptions.push_back(

@@ -211,8 +211,10 @@ class Page {
  private:
   [[nodiscard]] std::string title() const { return "Compliance map of " + machine::name_of(map_.machine); }
   [[nodiscard]] std::string subtitle() const {
-    return fmt::format("How far the tool tip gives way per newton over the plane {}, and which {} is the reason",
-                       shown_place(map_), compliant_ ? word() : "joint");
+    return fmt::format(
+        "Deflection of the tool centre point (TCP, tool tip) per newton over the plane {}, and which {} contributes "
+        "most",
+        shown_place(map_), compliant_ ? word() : "joint");
   }
   /// "joint" or "leg".
   [[nodiscard]] std::string word() const {
@@ -256,6 +258,9 @@ class Page {
                                          : "of the points are out of reach: the maps are blank there",
                        Verdict::neutral});
     report_.add_key_figures(figures);
+    report_.add_text(
+        "This answers for the static deflection of the tool centre point by the compliances of the machine that are "
+        "known: not for the compliance of tool, workpiece and clamping, not for vibration, and not for collisions.");
     if (!compliant_) {
       report_.add_verdict(Verdict::neutral,
                           "The machine's file has no compliances, so this map shows the determinant of the Jacobian "
@@ -290,13 +295,13 @@ class Page {
     report_.add_section("Direct compliances");
     report_.add_figure_grid(3, figures_.direct(),
                             "Displacement of the tool tip along an axis under 1 N along the same axis. One scale of "
-                            "colours for the three: dark is stiff, yellow gives way." +
+                            "colours for the three: dark is stiff, yellow is compliant." +
                                 lines);
     report_.add_section("Cross compliances");
     report_.add_figure_grid(
         3, figures_.cross(),
-        "Displacement along one axis under 1 N along another: Cxy is along x under a force along y, "
-        "and the same the other way round. One scale of colours for the three: blue is against the "
+        "Displacement along one axis under 1 N along another: Cxy is along x under a force along y, and equally along "
+        "y under a force along x. One scale of colours for the three: blue is against the "
         "axis, red along it, grey is none." +
             lines);
   }
@@ -306,7 +311,7 @@ class Page {
     report_.add_section("Distance from singular poses");
     const std::string caption =
         "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 where the pose "
-        "is singular: some direction is lost there, or cannot be held.";
+        "is singular: some direction of motion is lost there, or cannot be constrained.";
     // A square plane at full width would fill the screen.
     if (map_.rectangle.v[1] - map_.rectangle.v[0] > 0.6 * (map_.rectangle.u[1] - map_.rectangle.u[0])) {
       report_.add_figure_grid(2, {{"", figures_.determinant_heat()}}, caption);
@@ -317,7 +322,7 @@ class Page {
 
   void joints() {
     const std::string one = word();
-    report_.add_section(fmt::format("Each {}'s share", one));
+    report_.add_section(fmt::format("Contribution of each {}", one));
     report::BarChart bars;
     bars.title = fmt::format("Mean direct compliance by {}", one);
     bars.unit = kUmPerN;
@@ -332,7 +337,7 @@ class Page {
       report::BarChart::Row row{symbol(*whole), {}};
       const double total = extremes_of(whole->values).mean;
       table.columns.push_back({symbol(*whole), "mean, µm/N", 3});
-      table.columns.push_back({"share", "%", 1});
+      table.columns.push_back({"contribution", "%", 1});
       const auto shares = figures_.shares_of(*whole);
       for (std::size_t k = 0; k < shares.size(); ++k) {
         const double mean = extremes_of(shares[k]->values).mean;
@@ -342,7 +347,7 @@ class Page {
       }
       bars.rows.push_back(std::move(row));
     }
-    report_.add_figure(bars, fmt::format("Mean over the map. A stiffer {} helps most where its part is longest.", one));
+    report_.add_figure(bars, fmt::format("Mean over the map. A stiffer {} helps most where its bar is longest.", one));
     report_.add_table(table);
     for (const Kind kind : {Kind::direct, Kind::cross}) {
       for (const Field* whole : figures_.of(kind)) shares(*whole);
@@ -434,7 +439,7 @@ class Page {
     for (const statics::PathError& e : path.points)
       out.push_back(parallel < 0 ? tidy_mm((e.p_M - path.from_M).norm()) : tidy_mm(e.p_M[parallel]));
     const auto [low, high] = std::minmax_element(out.begin(), out.end());
-    axis.label = parallel < 0 ? "way from the start" : std::string(1, "xyz"[parallel]);
+    axis.label = parallel < 0 ? "distance from the start" : std::string(1, "xyz"[parallel]);
     axis.unit = "mm";
     axis.min = axis.min ? std::min(*axis.min, *low) : *low;
     axis.max = axis.max ? std::max(*axis.max, *high) : *high;
@@ -499,7 +504,7 @@ class Page {
     }
     report_.add_figure(
         by_joint,
-        fmt::format("The part along the force, and what each {} gives to it.{}", word(),
+        fmt::format("The part along the force, and the contribution of each {}.{}", word(),
                     small.empty() ? "" : fmt::format(" Below {:g} %: {}.", 100 * kDrawnShare, joined(small))));
   }
 
@@ -510,7 +515,7 @@ class Page {
     if (!description.empty()) items.push_back(description + ".");
     if (compliant_) {
       items.push_back(
-          fmt::format("C = J Cq Jᵀ: each {0} gives way in proportion to its load, everything else is rigid (links, "
+          fmt::format("C = J Cq Jᵀ: each {0} deflects in proportion to its load, everything else is rigid (links, "
                       "tool, workpiece, foundation).",
                       word()));
       items.emplace_back("Static and linear: no play, no friction, no vibration, no weight of the spindle.");

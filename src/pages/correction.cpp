@@ -105,8 +105,10 @@ class Page {
  private:
   [[nodiscard]] std::string title() const { return fmt::format("Correction of {}", name_of_file(program_.path)); }
   [[nodiscard]] std::string subtitle() const {
-    return fmt::format("What {} will do when it runs this program, before and after the correction of its static bend",
-                       machine::name_of(job_.machine));
+    return fmt::format(
+        "What {} will do when it runs this program, before and after the correction of its static deflection. The "
+        "tolerance zone is a cylinder round the programmed path with a sphere at each end, called tube here",
+        machine::name_of(job_.machine));
   }
   [[nodiscard]] Entries facts() const {
     Entries out{{"program", program_.path},
@@ -127,8 +129,8 @@ class Page {
         Verdict::neutral,
         fmt::format(
             "Not judged{}: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
-            "stock. The bend lags behind it, and where it changes is known to the {} mm ahead on which the "
-            "engagement is averaged: the tool may be up to {} {} from the programmed path there (line {}{}).",
+            "stock. The deflection lags behind it, and the place of the change is known only to the {} mm ahead over "
+            "which the engagement is averaged: the tool may be up to {} {} from the programmed path there (line {}{}).",
             at, fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
             fixed(to_um(steep.distance), 0), kUm, steep.line,
             steep.elsewhere > steep.distance ? "; elsewhere on it " + um(steep.elsewhere) : ""));
@@ -152,21 +154,19 @@ class Page {
   void with_uncertainty() {
     const auto& reach = options_.uncertainty.reach;
     if (reach && c_.within_tolerance) {
-      const std::string where =
-          reach->line > 0 ? fmt::format(" at line {}", reach->line) : " with the other position of block delete";
       report_.add_verdict(
           reach->within ? Verdict::good : Verdict::neutral,
           fmt::format("With the uncertainty of the compliances, U (k = 2), the tool comes as far as {} from the "
-                      "programmed path{} ({} and U {}): {} the tube.",
-                      um(reach->total()), where, um(reach->distance), um2(reach->U),
+                      "programmed path {} ({} and U {}): {} the tube.",
+                      um(reach->total()), reach->where(), um(reach->distance), um2(reach->U),
                       reach->within ? "still inside" : "beyond"));
     }
     if (const auto& place = options_.uncertainty.place; place && place->tip.count > 0) {
-      report_.add_verdict(
-          Verdict::neutral,
-          fmt::format("The tube holds the bend of the machine, not its place: by the uncertainty of its calibrated "
-                      "parameters the tip is known to U (k = 2) = {} on average, {} at the most (line {}).",
-                      um2(place->tip.mean), um2(place->tip.max), place->line));
+      report_.add_verdict(Verdict::neutral,
+                          fmt::format("The tube is compared with the deflection of the machine, not with the "
+                                      "uncertainty of its position: by the uncertainty of its calibrated parameters "
+                                      "the tip is known to U (k = 2) = {} on average, {} at the most (line {}).",
+                                      um2(place->tip.mean), um2(place->tip.max), place->line));
     }
   }
 
@@ -192,8 +192,8 @@ class Page {
     report_.add_verdict(
         Verdict::neutral,
         fmt::format(
-            "{} of {} blocks that stand for rewritten moves are shorter than [controller] of the job asks, as "
-            "the tube does not hold shared corners there: least {} mm and {} ms. The first stands for line {}{}.",
+            "{} of {} blocks of rewritten moves are shorter than [controller] of the job asks, because shared corners "
+            "would leave the tube there: least {} mm and {} ms. The first is of line {}{}.",
             s.count, s.written, fixed(to_mm(s.length), 3), fixed(s.time / units::from_ms(1), 1), s.line,
             options_.output.empty() ? "" : fmt::format(", in line {} of the corrected program", s.written_line)));
   }
@@ -318,12 +318,11 @@ class Page {
   void paths() {
     report_.add_section("Paths");
     const Overview view = overview(job_, c_, tracks_);
-    report_.add_figure(
-        view.plot,
-        fmt::format("From above, in the workpiece frame. The cutter's bend and its correction are drawn {:g} times "
-                    "larger than they are. The command goes to one side so that the bent tool comes back to the "
-                    "programmed path.",
-                    view.factor));
+    report_.add_figure(view.plot,
+                       fmt::format("From above, in the workpiece frame. The deflection of the cutter and its "
+                                   "correction are drawn {:g} times larger than they are. The command goes to one side "
+                                   "so that the deflected tool comes back to the programmed path.",
+                                   view.factor));
     if (const std::optional<Corner> near = corner(c_, tracks_)) {
       report_.add_heading(near->title);
       report_.add_figure(
@@ -336,27 +335,27 @@ class Page {
   void errors() {
     report_.add_section("Errors along the path");
     report_.add_figure(error_plot(c_, tracks_, &machining::Sample::distance, "distance from the programmed path"),
-                       "What the answer rests on: the distance of the bent tool from the programmed move in space, its "
-                       "ends included. Moves that cut are laid end to end; gaps are ways through air.");
+                       "What the answer rests on: the distance of the deflected tool from the programmed move in "
+                       "space, its ends included. Moves that cut are laid end to end; gaps are paths through air.");
     report_.add_figure(error_plot(c_, tracks_, &machining::Sample::normal, "normal error"),
                        "Across the path in the plane; above zero material is left, below zero the cutter gouges.");
     report_.add_figure(error_plot(c_, tracks_, &machining::Sample::vertical, "vertical error"),
-                       "Along the tool axis; above zero the tool stands too high.");
-    report_.add_figure(error_histogram(c_, tracks_), "Share of the checked points in bins of normal error.");
+                       "Along the tool axis; above zero the tool is too high.");
+    report_.add_figure(error_histogram(c_, tracks_), "Fraction of the checked points in bins of normal error.");
   }
 
   void forces() {
     report_.add_section("Forces and engagement");
-    report_.add_figure(force_plot(c_, tracks_),
-                       "Mean force per revolution that the material puts on the tool. Normal: across the path, away "
-                       "from the wall that is being cut. Along the feed: below zero it holds the tool back. Along the "
-                       "axis: above zero it lifts the tool.");
     report_.add_figure(
-        depth_plot(tracks_),
-        "Largest axial depth at which the cutter meets material. A sliver that a higher pass left on the "
-        "wall counts with its full height, however thin it is.");
+        force_plot(c_, tracks_),
+        "Mean force per revolution that the material puts on the tool. Normal: across the path, away "
+        "from the wall that is being cut. Along the feed: below zero it acts against the feed. Along the "
+        "axis: above zero it lifts the tool.");
+    report_.add_figure(depth_plot(tracks_),
+                       "Largest axial depth at which the cutter is engaged. A sliver that a higher pass left on the "
+                       "wall counts with its full height, however thin it is.");
     report_.add_figure(angle_plot(tracks_),
-                       "Tooth angles between which the cutter meets material: 0 deg is the left side of the feed, 90 "
+                       "Tooth angles between which the cutter is engaged: 0 deg is the left side of the feed, 90 "
                        "deg the front, 180 deg the right side.");
   }
 
@@ -371,22 +370,22 @@ class Page {
     const JointShares shares = joint_shares(job_, tracks_);
     if (shares.joints.empty()) return;
     report::BarChart bars;
-    bars.title = "Each joint's share of the normal bend";
+    bars.title = "Contribution of each joint to the normal deflection";
     bars.unit = kUm;
     bars.parts = shares.joints;
     for (const auto& [k, mean] : shares.by_stretch) {
       bars.rows.push_back({fmt::format("line {}", tracks_.stretches[index(k)].line), mean});
     }
     bars.rows.push_back({"all moves", shares.all});
-    report_.add_heading("Which joint bends");
+    report_.add_heading("Which joint deflects");
     report_.add_figure(
         bars,
-        "Mean bend across the path of the program as it is, by the joint that gives way. A stiffer joint "
+        "Mean deflection across the path of the program as it is, by the joint that causes it. A stiffer joint "
         "or another place of the part helps most where its bar is longest.");
     double total = 0;
     for (const double v : shares.all) total += v;
     Table table;
-    table.columns = {{"joint", ""}, {"mean normal bend", kUm, 1}, {"share", "%", 1}};
+    table.columns = {{"joint", ""}, {"mean normal deflection", kUm, 1}, {"contribution", "%", 1}};
     for (std::size_t j = 0; j < shares.joints.size(); ++j) {
       table.rows.push_back({shares.joints[j], shares.all[j], total != 0 ? 100 * shares.all[j] / total : 0.0});
     }
@@ -476,8 +475,8 @@ class Page {
     if (plunges > 0) {
       items.push_back(fmt::format(
           "{} cut {} mm³ with the end of the cutter as well (plunges and ramps). {} On a plunge the thrust along the "
-          "axis is not corrected: what it holds back is cut where the tool comes to rest, in a dwell (G4) that is long "
-          "enough; where there is none, that is said above if the tube does not hold it.",
+          "axis is not corrected: the material that it leaves is cut where the tool comes to rest, in a dwell (G4) "
+          "that is long enough; where there is none, that is said above if it may lie outside the tube.",
           plural(index(plunges), "move", "moves"), number(units::to_mm3(plunged)),
           job_.material.end ? "The forces of the end are those of the material's own coefficients."
                             : "The material gives no coefficients of the end, so those of its sides are taken: an "
@@ -486,20 +485,20 @@ class Page {
     const auto settle = [&](const machining::PassResult& pass, const char* which) {
       if (pass.not_converged == 0) return;
       items.push_back(
-          fmt::format("At {} of {} points of the {} force and bend did not settle; what is shown there may "
+          fmt::format("At {} of {} points of the {} force and deflection did not settle; what is shown there may "
                       "be off by up to {}.",
                       count(pass.not_converged), count(pass.points), which, um(pass.largest_rest)));
     };
     settle(c_.before.pass, "program as it is");
     settle(c_.after.pass, "corrected program");
     if (c_.before.pass.not_converged + c_.after.pass.not_converged == 0) {
-      items.push_back("Nothing is left out by the iteration: force and bend came into balance at every point.");
+      items.push_back("The iteration leaves no rest: force and deflection are in balance at every point.");
     }
     if (c_.transitions > 0) {
-      items.push_back(
-          fmt::format("On {} (short blocks that take the load on or off) the tool follows the force of its own way in "
-                      "steps, at the programmed feed; where the controller slows down there, it may go on for longer.",
-                      plural(index(c_.transitions), "transition", "transitions")));
+      items.push_back(fmt::format(
+          "On {} (short blocks that take the load on or off) the tool follows the force of its own motion in steps, at "
+          "the programmed feed; where the controller slows down there, it may go on for longer.",
+          plural(index(c_.transitions), "transition", "transitions")));
     }
     items.push_back(
         "Forces are means over a revolution, in balance at every point: no vibration, no chatter, no run-out, no "
@@ -508,17 +507,17 @@ class Page {
     items.push_back(
         fmt::format("{} Cutter, spindle, workpiece and clamping are taken as rigid; play, friction, weight, heat "
                     "and geometric errors are left out.",
-                    job_.measured ? "The machine gives way as it did where it was measured, in proportion to the force."
-                                  : "Only the joints (or legs) give way, in proportion to their load."));
+                    job_.measured ? "The machine deflects as it did where it was measured, in proportion to the force."
+                                  : "Only the joints (or legs) deflect, in proportion to their load."));
     if (band_.normal.count > 0) {
-      items.push_back(
-          fmt::format("The measured compliance is not known exactly: the bend across the path is uncertain by ± {} on "
-                      "average and up to {} (95 %). The check against the tube does not count this.",
-                      um(band_.normal.mean), um(band_.normal.max)));
+      items.push_back(fmt::format(
+          "The measured compliance is not known exactly: the deflection across the path is uncertain by ± {} on "
+          "average and up to {} (95 %). The check against the tube does not count this.",
+          um(band_.normal.mean), um(band_.normal.max)));
     }
     if (const auto& band = options_.uncertainty.compliances; band && band->normal.count > 0) {
       items.push_back(fmt::format(
-          "The identified compliances are not known exactly: U (k = 2) of the bend across the path is {} on "
+          "The identified compliances are not known exactly: U (k = 2) of the deflection across the path is {} on "
           "average and up to {}, at {} points under the predicted forces.",
           um2(band->normal.mean), um2(band->normal.max), count(band->normal.count)));
     }
@@ -530,7 +529,7 @@ class Page {
   }
 
   void cutter_entries(Entries& out, const std::string& name, const cutting::Cutter& cutter) const {
-    out.emplace_back(name, fmt::format("{}{} mm, {} teeth, helix {} deg, edges {} mm long",
+    out.emplace_back(name, fmt::format("{}{} mm, {} teeth, helix {} deg, flute length {} mm",
                                        cutter.name.empty() ? "" : cutter.name + ": ", given(to_mm(cutter.diameter)),
                                        cutter.teeth, given(units::to_deg(cutter.helix)), given(to_mm(cutter.length))));
   }

@@ -222,7 +222,7 @@ Overview overview(const Job& job, const Correction& c, const Tracks& tracks) {
     plot.markers.push_back({fmt::format("start, line {}", tracks.stretches.front().line),
                             from_above(c.programmed[index(tracks.stretches.front().move)].start), Colour::ink});
   }
-  plot.note = fmt::format("bend and correction drawn {:g} times larger", out.factor);
+  plot.note = fmt::format("deflection and correction drawn {:g} times larger", out.factor);
   return out;
 }
 

@@ -159,6 +159,11 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
                                      "geometry, {} by determinants.",
                                      study.deep.points, fixed(to_mm(options.border), 0), study.deep.geometry,
                                      study.deep.determinant));
+  page.add_text(
+      "This answers for the points of the grid and for the limits of the machine: not for the points between them, not "
+      "for collisions with workpiece and surroundings, and not for stiffness, speed and load. Near-singular: the "
+      "drives "
+      "lose a motion of the tool there, or hardly constrain it.");
   report::Table table;
   table.caption = "Points of the grid within all limits, and those deep inside.";
   table.columns = {{"", "", -1},         {"points", "", 0},    {"by geometry", "", 0}, {"by determinants", "", 0},
@@ -177,7 +182,7 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   surface_options.resolution = kInSpace;
   POLYPOD_ASSIGN(surface, workspace::surface(machine, {}, surface_options));
   report::Scene scene;
-  scene.title = "The border of the workspace, near-singular points and the machine at home";
+  scene.title = "The boundary of the workspace, near-singular points and the machine at home";
   report::Mesh mesh;
   std::map<std::string, int> kind_of;
   for (const Vec3& p : surface.points) mesh.points.push_back(mm(p));
@@ -194,17 +199,17 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   report::Line3 near{"near-singular", {}, report::Colour::vermillion, 2.5, true};
   for (const workspace::DeltaPoint& p : study.points)
     if (p.by_geometry || p.by_determinant) near.points.push_back(mm(p.X));
-  report::Line3 border{"singular border", {}, report::Colour::vermillion, 1.2, true};
+  report::Line3 border{"singular boundary", {}, report::Colour::vermillion, 1.2, true};
   for (const Vec3& X : surface.points)
     if (closeness(m, X).least() < options.d_min) border.points.push_back(mm(X));
   if (!border.points.empty()) scene.lines.push_back(std::move(border));
   if (!near.points.empty()) scene.lines.push_back(std::move(near));
   hang(scene);
-  page.add_figure(
-      scene,
-      "The border, coloured by the limit that makes it, with red dots where it is near-singular itself: "
-      "where it is out of reach, two positions of an elbow meet (kind 1). The base is above: z of the machine points "
-      "down.");
+  page.add_figure(scene,
+                  "The boundary, coloured by the limit that makes it, with red dots where it is near-singular itself: "
+                  "where it is out of reach, two positions of an elbow meet (type 1 singularity). The base is above: z "
+                  "of the machine points "
+                  "down.");
 
   page.add_section("Sections");
   POLYPOD_ASSIGN(box, workspace::extent(machine, {}, false));

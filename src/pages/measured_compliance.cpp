@@ -114,7 +114,7 @@ std::string measured_verdict(const ComplianceMap& map, bool plain) {
   } else if (explained(*map.measured)) {
     out += ": no more than noise explains";
   } else if (!all) {
-    out += ": more than noise; the differences show where something else gives way";
+    out += ": more than noise; the differences show where something else deflects";
   } else {
     std::string which;
     for (const auto& [row, column] : statics::kEntryPlaces) {
@@ -127,8 +127,8 @@ std::string measured_verdict(const ComplianceMap& map, bool plain) {
                                : std::string("far more than its noise"));
     }
     out += fmt::format(
-        "; all but {}, undecided: something else gives way there, or its noise is told too small; more points would "
-        "tell",
+        "; all but {}, undecided: something else deflects there, or its noise is stated too small; more points would "
+        "decide",
         which);
   }
   std::string apart;
@@ -201,8 +201,8 @@ void add_measured(report::Report& page, const ComplianceMap& map, bool with_cros
   const statics::PlaneAxes axes = statics::axes_of(map.plane);
   report::Table table;
   table.caption = fmt::format(
-      "Measured less computed at the {} measured points{}, µm/N. Noise: of one reading, as the readings among "
-      "themselves tell it. Deviation: how sure the interpolated map is (one standard deviation); by chance alone "
+      "Measured less computed at the {} measured points{}, µm/N. Noise: of one reading, as estimated from the scatter "
+      "of the readings. Deviation: how sure the interpolated map is (one standard deviation); by chance alone "
       "measured and computed map are apart by two of them on about 5 % of the map.",
       m.judged.size(), m.in_plane ? " of the plane" : ", none of which lies in the plane");
   table.columns = {
@@ -234,7 +234,7 @@ void add_measured(report::Report& page, const ComplianceMap& map, bool with_cros
       3, measured_panels(map, Field::Kind::direct),
       "Direct compliances: interpolated from the readings alone, computed from the joints, and the first less the "
       "second. Measured and computed share one scale of colours; the differences have theirs, blue where the machine "
-      "is stiffer than computed, red where it gives way more." +
+      "is stiffer than computed, red where it deflects more." +
           dots);
   if (!with_cross) return;
   page.add_figure_grid(

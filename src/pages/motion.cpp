@@ -152,12 +152,16 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
         fmt::format("After {} s at {}, {}, {} mm: {}.", report::fixed(p.t, 3), report::fixed(to_mm(p.X.x()), 2),
                     report::fixed(to_mm(p.X.y()), 2), report::fixed(to_mm(p.X.z()), 2), p.detail));
   }
-  page.add_key_figures({{figure(to_mm(run.length), 1), "mm", "way of the tool", report::Verdict::neutral},
+  page.add_text(
+      "This answers for the limits in the table below along this path: not for the forces and torques of the drives, "
+      "not for vibration, deflection and the load that is carried, and not for collisions with workpiece and "
+      "surroundings.");
+  page.add_key_figures({{figure(to_mm(run.length), 1), "mm", "path length of the tool", report::Verdict::neutral},
                         {report::fixed(run.time, 4), "s", "time", report::Verdict::neutral}});
   report::Scene scene;
-  scene.title = "The way of the tool and the machine at home";
+  scene.title = "The path of the tool and the machine at home";
   scene.lines = machine_lines(machine, run.samples.front().tool.p);
-  report::Line3 way{"way of the tool", {}, report::Colour::blue, 2.2, false};
+  report::Line3 way{"path of the tool", {}, report::Colour::blue, 2.2, false};
   for (const Sample& s : run.samples)
     way.points.push_back({to_mm(s.tool.p.x()), to_mm(s.tool.p.y()), to_mm(s.tool.p.z())});
   scene.lines.push_back(std::move(way));

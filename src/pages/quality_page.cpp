@@ -172,7 +172,7 @@ class Page {
   [[nodiscard]] std::string directions() const {
     const auto& d = options_.workspace.directions;
     if (kinematics::orientation_follows(machine_)) return "the tilt of the tool that follows from its position";
-    if (fields_.survey.orientations.size() == 1) return "tool upright (R = 1)";
+    if (fields_.survey.orientations.size() == 1) return "tool at zero tilt (R = 1)";
     if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
     return fmt::format("{}, tilts up to {} deg", fields_.survey.orientations.size(), plain(to_deg(d.tilt)));
   }
@@ -253,6 +253,10 @@ class Page {
             : fmt::format("With the errors {} the largest error of the tip that was seen is {} mm and that of the "
                           "orientation {} mrad; on average over the workspace {} mm and {} mrad.",
                           given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean)));
+    report_.add_text(
+        "This answers for small errors of the geometry, to first order, with the drives at their commanded positions: "
+        "not for deflection under forces, backlash, temperature and errors of the controller (polypod budget adds "
+        "them), and not for collisions.");
     if (once_) {
       report_.add_text(fmt::format(
           "A joint and its attachment count as two elements here, and their tolerances add up. With one element a "
@@ -323,7 +327,7 @@ class Page {
   void error_maps() {
     report_.add_section("Where");
     report_.add_text(
-        "Three planes through the middle of the workspace, whose border is the black line. "
+        "Three planes through the middle of the workspace, whose boundary is the black line. "
         "Dark is small, yellow is large.");
     const std::string of = question_.tolerances ? "Largest error that the tolerances allow" : "Error";
     maps(QualityValue::position,
@@ -398,7 +402,7 @@ class Page {
     for (const Part& part : parts) values.emplace_back(part.element, part.*of);
     const std::vector<quality::Bar> all = quality::bars_of(machine_, values);
     report::BarChart chart;
-    chart.title = "Share of the elements";
+    chart.title = "Contribution of the elements";
     chart.unit = unit;
     chart.parts = {""};
     for (std::size_t i = 0; i < std::min(kShown, all.size()); ++i) {
@@ -416,7 +420,7 @@ class Page {
     report_.add_section("Which parts make it");
     report_.add_text(
         question_.tolerances
-            ? "At the worst pose, the elements whose tolerance costs most. All shares together are the error."
+            ? "At the worst pose, the elements whose tolerance costs most. All contributions add up to the error."
             : "At the worst pose, what each error would do alone. Together they add as vectors.");
     std::vector<std::pair<std::string, report::Figure>> panels{
         {fmt::format("tip, {} mm at {}", shown(to_mm(worst_.value)), pose_in_words(machine_, worst_.X_MT)),
@@ -426,11 +430,10 @@ class Page {
                                       pose_in_words(machine_, worst_turned_.X_MT)),
                           bars(at_turn, &Part::orientation, units::kMradPerRad, "mrad"));
     }
-    report_.add_figure_grid(
-        2, panels,
-        fmt::format("The largest {} bars of {} elements, ranked by their part of the largest error; elements with the "
-                    "same part share a bar.",
-                    kShown, at_tip.size()));
+    report_.add_figure_grid(2, panels,
+                            fmt::format("The largest {} bars of {} elements, ranked by their contribution to the "
+                                        "largest error; elements with the same contribution have one bar.",
+                                        kShown, at_tip.size()));
   }
 
   void conditioning() {
@@ -566,7 +569,7 @@ class Page {
     scene.meshes.push_back(std::move(mesh));
     scene.lines = singular_points();
     report_.add_section("In space");
-    report_.add_figure(scene, "The border of the workspace, coloured by the error of the tip.");
+    report_.add_figure(scene, "The boundary of the workspace, coloured by the error of the tip.");
     report::Scene with_machine = scene;
     with_machine.title = "The same with the machine";
     with_machine.lines = machine_lines(machine_, middle_);

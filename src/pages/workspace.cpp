@@ -133,7 +133,7 @@ std::string directions_of(const AnyMachine& machine, const Options& options) {
   if (kinematics::orientation_follows(machine)) return "with the tilt of the tool that follows from its position";
   if (!d.is_ranges()) {
     return d.tilt > 0 ? fmt::format("with every tilt up to {} deg", given(to_deg(d.tilt)))
-                      : std::string("with the tool upright (R = 1)");
+                      : std::string("with the tool at zero tilt (R = 1)");
   }
   std::string out = "with every";
   const char* join = " ";
@@ -290,7 +290,7 @@ class Page {
         volume_(volume),
         page_(page),
         report_(fmt::format("Workspace of {}", machine::name_of(machine)),
-                fmt::format("Which points the tool tip reaches {}, and what stops it beyond",
+                fmt::format("Which points the tool centre point (TCP, tool tip) reaches {}, and what stops it beyond",
                             directions_of(machine, options)),
                 facts()) {
     options_.progress = nullptr;
@@ -372,6 +372,11 @@ class Page {
                                "is proven: no bounds are known for the inverse of this machine.{}"),
             capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
             unit_.name, missed));
+    report_.add_text(
+        "This answers for the limits of the machine named on this page, for a machine at rest that is built as its "
+        "file "
+        "says: not for collisions with tool holder, workpiece and surroundings, not for stiffness and forces, and not "
+        "for the accuracy of what is reached.");
     std::vector<report::KeyFigure> figures{
         {unit_.text(volume_.volume), unit_.name,
          fmt::format(fmt::runtime(volume_.proven ? "volume, ± {} % proven" : "volume, ± {} % (95 % of a sample)"),
@@ -385,7 +390,7 @@ class Page {
     if (!shares.empty()) {
       const auto most = std::max_element(shares.begin(), shares.end());
       figures.push_back({fixed(100 * *most, 0), "%",
-                         "of the border: " + kinds_.names()[static_cast<std::size_t>(most - shares.begin())],
+                         "of the boundary: " + kinds_.names()[static_cast<std::size_t>(most - shares.begin())],
                          Verdict::neutral});
     }
     report_.add_key_figures(figures);
@@ -397,12 +402,13 @@ class Page {
     report_.add_section("In space");
     report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
     if (!tilts()) hang(scene);
-    report_.add_figure(scene,
-                       "The border of the workspace, coloured by the limit that makes it, and the machine. The box of "
-                       "axes is in the machine's reference frame." +
-                           std::string(tilts() ? ""
-                                               : " The base is above: z of the machine points down, here and in "
-                                                 "the sections."));
+    report_.add_figure(
+        scene,
+        "The boundary of the workspace, coloured by the limit that makes it, and the machine. The box of "
+        "axes is in the machine's reference frame." +
+            std::string(tilts() ? ""
+                                : " The base is above: z of the machine points down, here and in "
+                                  "the sections."));
     report_.add_section("Sections");
     if (!tilts()) {
       report_.add_text(
@@ -415,7 +421,7 @@ class Page {
           "at every azimuth before a limit stops it; the colour says which limit that is. {}",
           options_.directions.is_ranges() || options_.directions.tilt > 0
               ? fmt::format("The black line encloses what is reached {}.", directions_of(machine_, options_))
-              : "At the border only the upright tool is left."));
+              : "At the boundary only zero tilt is left."));
     }
     std::vector<std::pair<std::string, report::Figure>> panels;
     for (const Section& s : sections_)
@@ -489,7 +495,7 @@ class Page {
     plot.series.push_back(curve);
     report::Table table;
     table.columns = {
-        {"tilt", "deg", 0}, {"volume", unit_.name}, {"proven bounds", unit_.name}, {"of the upright one", "%", 1}};
+        {"tilt", "deg", 0}, {"volume", unit_.name}, {"proven bounds", unit_.name}, {"of that at zero tilt", "%", 1}};
     report::Series proven{"proven, between bounds", {}, {}, report::Colour::vermillion, report::LineStyle::points, 3.5};
     double first = 0;
     const auto add = [&](double tilt, const Volume& v) {
@@ -549,8 +555,9 @@ class Page {
     const std::vector<double> shares = area_by_kind(surface_, kinds_);
     const auto progress = stage("limits");
     report::Table table;
-    table.caption = "Limits by their share of the area of the border, as in the picture in space";
-    table.columns = {{"limit", ""}, {"share of the border", "%", 1}, {"volume without it", unit_.name}, {"gain", "%"}};
+    table.caption = "Limits by their fraction of the area of the boundary, as in the picture in space";
+    table.columns = {
+        {"limit", ""}, {"fraction of the boundary", "%", 1}, {"volume without it", unit_.name}, {"gain", "%"}};
     std::vector<std::size_t> order;
     for (std::size_t k = 0; k < shares.size(); ++k)
       if (shares[k] > 0) order.push_back(k);
@@ -602,7 +609,7 @@ class Page {
     Entries entries{{"tool directions", directions_of(machine_, options_)},
                     {"tolerance of the volume", given(100 * options_.relative_tolerance) + " %"},
                     {"boxes examined", fixed(static_cast<double>(volume_.points), 0)},
-                    {"leg against leg", options_.interference ? "heeded" : "not heeded"},
+                    {"leg against leg", options_.interference ? "checked" : "not checked"},
                     {"points a side of a section", fixed(page_.resolution, 0)}};
     const LimitBits off = ~options_.limits;
     std::set<std::string> off_kinds;

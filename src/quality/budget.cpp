@@ -71,7 +71,7 @@ Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVe
       warm += E.col(static_cast<Eigen::Index>(parameters.size()) + i) * q[i];
   warm *= known.expansion * known.warming;
   out.rows.push_back(
-      {"warming", "non-geometric", warm.head<3>().norm(), orientation_error(machine, X_MT, warm),
+      {"temperature rise", "non-geometric", warm.head<3>().norm(), orientation_error(machine, X_MT, warm),
        fmt::format("{:g} K, {:g} um per m and K, all lengths alike", known.warming, units::to_um(known.expansion))});
   out.rows.push_back({"compliance", "non-geometric", known.deflection.head<3>().norm(),
                       orientation_error(machine, X_MT, known.deflection), "the joints under the given force"});

@@ -30,7 +30,7 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
         if (plan.parameters) F.leftCols(p.size()) = kinematics::closure_by_parameters(m, X, joints, p);
         if (plan.joints) F.rightCols(q.size()) = kinematics::closure_by_joints(m, X, joints, p);
         if (A.rows() == 6) return -(Mat6(A).partialPivLu().solve(F));
-        return -(A.completeOrthogonalDecomposition().solve(F));
+        return -kinematics::ClosureSolver(A).solve_many(F);
       },
       machine);
 }

@@ -204,7 +204,7 @@ std::string motion_in_words(const Pose& X, const Vec6& twist, double length) {
   const double pitch = v.dot(w) / w.squaredNorm();  // m per rad
   const Vec3 point = w.cross(v) / w.squaredNorm();  // of the axis, from the tip
   const Vec3 axis = w.normalized();
-  std::string out = "turns about ";
+  std::string out = "rotates about ";
   const std::string direction = direction_in_words(X, axis);
   if (point.norm() <= kLittle * length) {
     out += direction == "its own axis" ? direction : "the axis through its tip along " + direction;
@@ -224,18 +224,21 @@ std::string in_words(const Pose& X, const Singularity& s) {
   std::string out;
   if (s.kind == 0) {
     const bool by_mobility = s.mobility < s.control;
-    return fmt::format("regular: mobility {:.3g}, control {:.3g}; the {} is that it {}", s.mobility, s.control,
-                       by_mobility ? "motion nearest to lost" : "motion held least",
+    return fmt::format("regular: smallest singular values {:.3g} (B) and {:.3g} (A); the {} is that it {}", s.mobility,
+                       s.control, by_mobility ? "motion nearest to lost" : "least constrained motion",
                        motion_in_words(X, by_mobility ? s.lost_motion : s.free_motion, s.length));
   }
   if (s.kind & 1)
-    out += "loses a motion (kind 1): drives can move though the tool stands, and no drive can make it so that it " +
-           motion_in_words(X, s.lost_motion, s.length);
+    out +=
+        "loses a motion (type 1, serial singularity): drives can move while the tool is at rest, and no motion of the "
+        "drives has the effect that it " +
+        motion_in_words(X, s.lost_motion, s.length);
   if (s.kind == 3) out += "; and ";
   if (s.kind & 2)
-    out += "cannot be held (kind 2): with all drives standing the tool " + motion_in_words(X, s.free_motion, s.length);
+    out += "cannot be constrained (type 2, parallel singularity): with all drives locked the tool " +
+           motion_in_words(X, s.free_motion, s.length);
   if ((s.kind & 2) != 0 && s.constraints && *s.constraints < kSingularThreshold) {
-    out += "; its constraints let it go, whatever the drives do";
+    out += "; its passive constraints allow this motion, whatever the drives do";
   }
   return out;
 }
@@ -388,9 +391,9 @@ std::string in_words(const PoseIndependentSingularity& s) {
   }
   if (s.never_held()) {
     return fmt::format(
-        "singular {}: type 2, architecturally singular. The drives cannot hold the platform anywhere: it moves though "
-        "all "
-        "of them are locked. Base and platform need another geometry, for instance other angles between their joints",
+        "singular {}: type 2, architecturally singular. The drives cannot constrain the platform anywhere: it moves "
+        "with all of them locked. Base and platform need another geometry, for instance other angles between their "
+        "joints",
         judged);
   }
   return fmt::format("singular {}: type 1. At every pose the tool lacks a motion that its task asks for", judged);

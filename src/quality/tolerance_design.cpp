@@ -119,7 +119,7 @@ std::vector<double> least_cost(const std::vector<double>& c, const std::vector<s
 Result<ToleranceDesign> design_tolerances(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                           const std::vector<ToleranceGroup>& groups, const DesignOptions& design) {
   if (!(design.position > 0) || !(design.orientation > 0) || !std::isfinite(design.position)) {
-    return fail("QU120", "the wanted errors must be above 0");
+    return fail("QU120", "the required errors must be above 0");
   }
   if (groups.empty()) return fail("QU120", "there is no tolerance to choose");
   const std::vector<Element> all = elements(machine);

@@ -362,7 +362,7 @@ std::string Histogram::operator()(const Canvas& canvas) const {
   const Range yr{0, tallest > 0 ? 1.08 * tallest : 1};
   const double left = label_margin(yr, 200);
   double top = picture.legend(entries, left, 2);
-  picture.text(2, top + 13, "share, %", "q");
+  picture.text(2, top + 13, "fraction, %", "q");
   top += 26;
   const double plot_height = std::max(120.0, picture.width * (picture.width < kNarrow ? 0.5 : 0.3) - 40);
   const double bottom = top + plot_height, right = picture.width - kRight;

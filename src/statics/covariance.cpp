@@ -35,6 +35,8 @@ Keyed keyed_compliances(const machine::AnyMachine& machine) {
   out.keys = column_names(machine);
   const std::vector<bool> turns = column_turns(machine);
   out.unit.resize(std::ssize(turns));
+  const std::vector<double> values = column_compliances(machine);
+  out.value = Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
   for (std::size_t i = 0; i < turns.size(); ++i) {
     out.keys[i] = as_key(out.keys[i]).append(turns[i] ? kTurns : kStretches);
     out.unit[static_cast<Eigen::Index>(i)] = turns[i] ? 1 : units::from_um(1);
@@ -47,11 +49,12 @@ std::string covariance_csv(const Keyed& of, const Eigen::MatrixXd& covariance) {
   const Eigen::MatrixXd values = scale.asDiagonal() * covariance * scale.asDiagonal();
   std::string out = "parameter";
   for (const std::string& key : of.keys) out += "," + key;
-  out += '\n';
+  out += ",value\n";
   for (std::size_t i = 0; i < of.keys.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
     out += of.keys[i];
-    for (const double value : values.row(static_cast<Eigen::Index>(i))) out += fmt::format(",{:.6g}", value);
-    out += '\n';
+    for (const double value : values.row(k)) out += fmt::format(",{:.6g}", value);
+    out += fmt::format(",{:.12g}\n", of.value[k] * scale[k]);
   }
   return out;
 }
@@ -60,7 +63,7 @@ Result<Eigen::MatrixXd> read_covariance(const Keyed& of, const std::string& path
   POLYPOD_ASSIGN(text, files::read(path));
   const Eigen::Index n = std::ssize(of.keys);
   const auto bad = [&](int line, const std::string& what) { return fail("CA153", what, Place{path, line, 1}, hint); };
-  Eigen::MatrixXd out(n, n);
+  Eigen::MatrixXd out(n, n + 1);  // the last column: the values
   std::istringstream lines(text);
   std::string line, cell;
   for (Eigen::Index row = -1; row < n; ++row) {
@@ -73,8 +76,8 @@ Result<Eigen::MatrixXd> read_covariance(const Keyed& of, const std::string& path
       return bad(number, fmt::format("{} where {} must stand", one_line(cell), of.keys[static_cast<std::size_t>(row)]));
     Eigen::Index column = 0;
     for (; std::getline(cells, cell, ','); ++column) {
-      if (column >= n) return bad(number, fmt::format("more than {} numbers", n));
-      const std::string& key = of.keys[static_cast<std::size_t>(column)];
+      if (column > n) return bad(number, fmt::format("more than {} numbers and a value", n));
+      const std::string key = column < n ? of.keys[static_cast<std::size_t>(column)] : "value";
       if (row < 0) {
         if (cell != key) return bad(1, fmt::format("{} where {} must stand", one_line(cell), key));
         continue;
@@ -85,12 +88,24 @@ Result<Eigen::MatrixXd> read_covariance(const Keyed& of, const std::string& path
         return bad(number, fmt::format("\"{}\" is not a finite number", one_line(cell)));
       out(row, column) = value;
     }
-    if (column != n) return bad(number, fmt::format("{} columns for {} parameters", column, n));
+    if (column != n + 1) return bad(number, fmt::format("{} columns for {} parameters and a value", column, n));
   }
+  const Eigen::VectorXd values = out.col(n);
+  out.conservativeResize(n, n);
   constexpr double kRounded = 1e-4;  // of the largest: six digits are written
   const double largest = n > 0 ? out.diagonal().cwiseAbs().maxCoeff() : 0;
   if (n > 0 && (out.diagonal().minCoeff() < 0 || (out - out.transpose()).cwiseAbs().maxCoeff() > kRounded * largest))
     return bad(2, "these numbers are no covariance: it is symmetric, with variances not below 0");
+  constexpr double kSame = 1e-9;      // twelve digits are written
+  constexpr double kNothing = 1e-14;  // mm, deg, um/N, rad/Nm
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const double here = of.value[k] / of.unit[k];
+    if (std::abs(here - values[k]) <= kSame * std::max(std::abs(here), std::abs(values[k])) + kNothing) continue;
+    return fail("CA154",
+                fmt::format("{} is {:g} in the machine, and {:g} in the one that this covariance is of",
+                            of.keys[static_cast<std::size_t>(k)], here, values[k]),
+                Place{path, static_cast<int>(k) + 2, 1}, hint);
+  }
   return Eigen::MatrixXd(of.unit.asDiagonal() * out * of.unit.asDiagonal());
 }
 

@@ -97,7 +97,7 @@ Result<MeasuredPoint> point_of(const csv::Table& table, const csv::Table::Row& r
   POLYPOD_TRY(read_forces(table, row, p));
   if (p.displacement.cwiseAbs().maxCoeff() > kUnbelievable) {
     return fail("ID105",
-                fmt::format("a displacement of {:g} mm: no machine gives way that far",
+                fmt::format("a displacement of {:g} mm: no machine deflects that far",
                             units::to_mm(p.displacement.cwiseAbs().maxCoeff())),
                 p.place, "displacements are in um; are these nm, or the force in another unit?");
   }
@@ -220,7 +220,7 @@ Result<std::vector<double>> fit_columns(const Eigen::MatrixXd& A, const Eigen::V
   const auto n = std::ssize(kept);
   const Eigen::VectorXd scale = A(Eigen::all, kept).colwise().norm();
   const Eigen::MatrixXd S = A(Eigen::all, kept) * scale.cwiseInverse().asDiagonal();
-  const auto svd = S.bdcSvd(Eigen::ComputeThinV);
+  const auto svd = S.jacobiSvd(Eigen::ComputeThinV);
   const Eigen::VectorXd sigma = svd.singularValues();
   out.condition = sigma[0] / sigma[n - 1];
   if (!(out.condition < kNotApart)) {
@@ -228,14 +228,15 @@ Result<std::vector<double>> fit_columns(const Eigen::MatrixXd& A, const Eigen::V
     for (Eigen::Index k = 0; k < n; ++k)
       if (std::abs(svd.matrixV()(k, n - 1)) > 0.1)
         who += (who.empty() ? "" : ", ") + out.joint[static_cast<std::size_t>(kept[static_cast<std::size_t>(k)])];
-    return fail("ID112", fmt::format("these poses cannot tell apart: {}", who), {}, "measure at other poses");
+    return fail("ID112", fmt::format("not identifiable one by one from these poses: {}", who), {},
+                "measure at other poses");
   }
   std::vector<bool> free;
   const Eigen::MatrixXd H = S.transpose() * S;
   const Eigen::VectorXd c = not_negative(H, S.transpose() * b, free);
   if (!(c.maxCoeff() > 0)) {
     return fail(
-        "ID116", "no joint gives way: the tip moves against the forces", {},
+        "ID116", "no joint deflects along its load: the tip moves against the forces", {},
         "displacements are those of the tip in the direction of the axes, under forces on the tip; is a sign wrong?");
   }
   const double freedoms = double(out.equations) - double(n);
@@ -335,8 +336,8 @@ Result<Displacements> read_displacements(const std::vector<std::string>& files, 
     if (!any) needed.push_back(column_of(0, 0));
     POLYPOD_TRY(table.needs(needed));
     if (own && table.has("force_N")) {
-      return fail("ID104", "the forces stand twice: in force_N, and along each axis", Place{path, table.header_line, 1},
-                  "give force_N, or Fx_N, Fy_N and Fz_N");
+      return fail("ID104", "the forces are given twice: in force_N, and along each axis",
+                  Place{path, table.header_line, 1}, "give force_N, or Fx_N, Fy_N and Fz_N");
     }
     int joints = 0;
     while (table.has(fmt::format("q{}", joints + 1))) ++joints;
@@ -346,10 +347,10 @@ Result<Displacements> read_displacements(const std::vector<std::string>& files, 
       const auto [it, fresh] = seen.try_emplace(contents_of(p), p.place);
       if (!fresh) {
         const bool same_file = it->second.file == path;
-        return fail("ID103",
-                    fmt::format("the row stands already in {}line {}", same_file ? "" : it->second.file + ", ",
-                                it->second.line),
-                    p.place, "a row that stands twice would count twice");
+        return fail(
+            "ID103",
+            fmt::format("the row is already in {}line {}", same_file ? "" : it->second.file + ", ", it->second.line),
+            p.place, "a row that occurs twice would count twice");
       }
       out.points.push_back(std::move(p));
     }

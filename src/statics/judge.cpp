@@ -62,7 +62,7 @@ struct Arrangement {
   }
 };
 
-/// "x and y are exchanged", "x, y and z stand in each other's places", "the sign of z is wrong", or several of these.
+/// "x and y are exchanged", "x, y and z are permuted", "the sign of z is wrong", or several of these.
 std::string in_words(const Mat3& P, const std::string& prefix) {
   std::vector<int> moved, reversed;
   for (int i = 0; i < 3; ++i) {
@@ -81,7 +81,7 @@ std::string in_words(const Mat3& P, const std::string& prefix) {
   };
   std::string out;
   if (moved.size() == 2) out = names(moved) + " are exchanged";
-  if (moved.size() == 3) out = names(moved) + " stand in each other's places";
+  if (moved.size() == 3) out = names(moved) + " are permuted";
   if (!reversed.empty()) {
     out += fmt::format("{}the sign of {} is wrong", out.empty() ? "" : ", and ", names(reversed));
   }
@@ -122,8 +122,8 @@ std::vector<Arrangement> arrangements(bool shifts) {
       of_displacements.all_reversed = true;
       of_displacements.what = "every displacement has the wrong sign";
       of_displacements.hint =
-          "displacements are those of the tip along the axes, under forces on the tip; a gauge shows the opposite "
-          "sign where it stands on the other side";
+          "displacements are those of the tip along the axes, under forces on the tip; a gauge shows the opposite sign "
+          "where it is on the other side";
     } else {
       of_displacements.what = in_words(P, "d");
       of_displacements.hint = check;
@@ -156,7 +156,7 @@ std::vector<Arrangement> arrangements(bool shifts) {
     for (const int by : {1, -1}) {
       Arrangement a;
       a.shift = by;
-      a.what = fmt::format("the displacements stand one row too {}", by > 0 ? "low" : "high");
+      a.what = fmt::format("the displacements are one row too {}", by > 0 ? "low" : "high");
       a.hint = "each row holds the displacements of its own pose";
       add(a);
     }
@@ -570,6 +570,25 @@ std::string_view name_of(Verdict::Answer answer) {
   }
 }
 
+namespace {
+
+/// Those of which the readings tell a bound alone, where it leaves open a tenth and more of the largest of their kind.
+std::string bounded_only(const Identification& fit) {
+  constexpr double kMatters = 0.1;
+  std::string out;
+  for (std::size_t k = 0; k < fit.joint.size(); ++k) {
+    double largest = 0;
+    for (std::size_t j = 0; j < fit.joint.size(); ++j)
+      if (fit.turns[j] == fit.turns[k]) largest = std::max(largest, fit.compliance[j]);
+    const double open = fit.upper_bound[k].value_or(2 * fit.standard_error[k]);
+    if (fit.compliance[k] <= 2 * fit.standard_error[k] && open > kMatters * largest)
+      out += (out.empty() ? "" : ", ") + fit.joint[k];
+  }
+  return out;
+}
+
+}  // namespace
+
 Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
   using Answer = Verdict::Answer;
   constexpr double kMoreThanNoise = 1.5, kLeastExplained = 0.8;
@@ -598,17 +617,23 @@ Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
     return {Answer::in_part, fmt::format("{} Doubtful: {}.", fits, e.message)};
   }
   if (fit.noise > 0 && beyond) {
-    return {Answer::in_part, fits + " More than noise is left: something else than these joints gives way, too."};
+    return {Answer::in_part, fits + " More than noise is left: something else than these joints deflects, too."};
   }
   std::string untold;
   for (std::size_t k = 0; k < fit.told.size(); ++k)
     if (!fit.told[k]) untold += (untold.empty() ? "" : ", ") + fit.joint[k];
   if (!untold.empty()) {
+    return {Answer::in_part, fmt::format("{} The compliance of {} is not identifiable from these readings, because it "
+                                         "hardly moves the tip under these forces: {} as the "
+                                         "machine file has {}.",
+                                         fits, untold, untold.find(',') == std::string::npos ? "it stays" : "they stay",
+                                         untold.find(',') == std::string::npos ? "it" : "them")};
+  }
+  if (const std::string hardly = bounded_only(fit); !hardly.empty()) {
     return {Answer::in_part,
-            fmt::format("{} The readings say nothing of {}, which hardly moves the tip under these forces: {} as the "
-                        "machine file has {}.",
-                        fits, untold, untold.find(',') == std::string::npos ? "it stays" : "they stay",
-                        untold.find(',') == std::string::npos ? "it" : "them")};
+            fmt::format("{} Of the compliance of {} these readings say no more than a bound: it is less than two "
+                        "standard errors. Measure at more poses, or with larger forces.",
+                        fits, hardly)};
   }
   if (!fit.symmetric) {
     return {Answer::in_part, fits + " The cross displacements are not symmetric, as those of an elastic machine are."};

@@ -64,7 +64,7 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
   const bool tilted = d.tilt != 0 || d.a_range.value_or(kNone) != kNone || d.b_range.value_or(kNone) != kNone;
   if (tilted && !kinematics::task(machine).turns()) {
     return fail("WS104",
-                fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles",
+                fmt::format("{} cannot choose the tilt of its tool: the task does not contain the angles",
                             machine::name_of(machine)),
                 {}, "leave out the tilt and the ranges of A and B");
   }

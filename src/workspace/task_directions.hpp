@@ -27,8 +27,9 @@ inline Status held_by(const machine::Task& task, std::string_view name, const Di
   const bool whole = task.size() == 6 || task.names_axis();
   if ((d.tilt != 0 && !whole) || (asks(d.a_range) && !holds(machine::Coordinate::a)) ||
       (asks(d.b_range) && !holds(machine::Coordinate::b))) {
-    return fail("WS104", fmt::format("{} cannot tilt its tool as it is told: the task does not hold the angles", name),
-                {}, "leave out the tilt and the ranges of A and B");
+    return fail("WS104",
+                fmt::format("{} cannot choose the tilt of its tool: the task does not contain the angles", name), {},
+                "leave out the tilt and the ranges of A and B");
   }
   return {};
 }

@@ -393,7 +393,7 @@ TEST(Control, WhatNoModuleStandsForIsRefused) {
   const auto lying = settings_for(*machine::load("delta-linear", {{"rail.incline_deg", "40"}}), Controller::klipper);
   ASSERT_FALSE(lying);
   EXPECT_EQ(lying.error().id, "CN103");
-  EXPECT_NE(lying.error().message.find("leans"), std::string::npos) << lying.error().message;
+  EXPECT_NE(lying.error().message.find("inclined"), std::string::npos) << lying.error().message;
   const auto four = machine::from_text(
       "name = \"a\"\nfamily = \"serial\"\ntask = \"point\"\nconvention = \"standard\"\n"
       "dh = [ { a_mm = 0, alpha_deg = 90, d_mm = 100, theta_offset_deg = 0 },\n"

@@ -84,7 +84,7 @@ TEST(CalibrationPage, HoldsTheNumbersOfTheResult) {
   }
   for (const char* letter : {"x", "y", "z", "A", "B", "C"})
     EXPECT_THAT(page, HasSubstr(fmt::format("standard deviation of {}", letter)));
-  EXPECT_THAT(page, HasSubstr("left open"));
+  EXPECT_THAT(page, HasSubstr("undetermined"));
   EXPECT_THAT(page, HasSubstr("polypod calibrate &lt;x&gt;"));
   EXPECT_THAT(page, HasSubstr("Polypod 1.2.3"));
   EXPECT_THAT(page, Not(HasSubstr("nan")));

@@ -147,7 +147,7 @@ TEST(QualityPage, NamesSingularPoses) {
   const std::string html = c.page();
   const auto count = c.fields.survey.inside.size();
   EXPECT_THAT(html, HasSubstr(fmt::format("{} of {} points have a tool direction", count, count)));
-  EXPECT_THAT(html, HasSubstr("cannot be held (kind 2)"));
+  EXPECT_THAT(html, HasSubstr("cannot be constrained (type 2"));
   EXPECT_THAT(html, Not(HasSubstr("nan ")));
 }
 

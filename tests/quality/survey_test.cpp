@@ -192,7 +192,7 @@ TEST(Singularity, TheHexapodTurnedByAQuarterCannotBeHeld) {
   const Singularity s = singularity(m, X, *joints_at(m, X));
   EXPECT_EQ(s.kind, 2);
   EXPECT_LT(s.control, 1e-12);
-  EXPECT_NE(in_words(X, s).find("turns about its own axis"), std::string::npos) << in_words(X, s);
+  EXPECT_NE(in_words(X, s).find("rotates about its own axis"), std::string::npos) << in_words(X, s);
   // The free motion changes no strut to first order: the closure's rows say so, and lengths a step away.
   const double h = 1e-5;
   const Pose Y{rotation_of(h * s.free_motion.tail<3>()) * X.R, X.p + h * s.free_motion.head<3>()};
@@ -291,12 +291,12 @@ TEST(Singularity, MotionsInWords) {
     t << v, w;
     return motion_in_words(X, t, 0.05);
   };
-  EXPECT_EQ(say({0, 0, 0}, {0, 0, 2}), "turns about its own axis");
+  EXPECT_EQ(say({0, 0, 0}, {0, 0, 2}), "rotates about its own axis");
   EXPECT_EQ(say({1, 0, 0}, {0, 0, 0}), "moves along x");
   EXPECT_EQ(say({0, 0, 1}, {0, 0, 0}), "moves along its own axis");
-  EXPECT_EQ(say({0, 0, 0}, {1, 0, 0}), "turns about the axis through its tip along x");
-  EXPECT_EQ(say({0, 1, 0}, {0, 0, 10}), "turns about the axis through 0.0, 0.0, 0.0 mm along its own axis");
-  EXPECT_EQ(say({0, 0, 0.1}, {0, 0, 10}), "turns about its own axis and moves along it by 10.0 mm per rad");
+  EXPECT_EQ(say({0, 0, 0}, {1, 0, 0}), "rotates about the axis through its tip along x");
+  EXPECT_EQ(say({0, 1, 0}, {0, 0, 10}), "rotates about the axis through 0.0, 0.0, 0.0 mm along its own axis");
+  EXPECT_EQ(say({0, 0, 0.1}, {0, 0, 10}), "rotates about its own axis and moves along it by 10.0 mm per rad");
 }
 
 // Design and budget ---------------------------------------------------------------------------------------------------
@@ -389,14 +389,15 @@ TEST(Budget, RowsFromClosedForms) {
     return BudgetRow{};
   };
   // All that is a length grows alike: the machine scales about its base's origin.
-  EXPECT_NEAR(row("warming").position, 1e-4 * X.p.norm(), 1e-15);
-  EXPECT_NEAR(row("warming").orientation, 0, 1e-15);
+  EXPECT_NEAR(row("temperature rise").position, 1e-4 * X.p.norm(), 1e-15);
+  EXPECT_NEAR(row("temperature rise").orientation, 0, 1e-15);
   EXPECT_NEAR(row("compliance").position, 3e-6, 1e-15);
   EXPECT_NEAR(row("resolution").position, worst_case(m, X, *q, *sized(m, {{"joint", 1e-3}}, true))->position, 1e-15);
   // The joints' scatter: sqrt of the largest eigenvalue of J J^T.
   const Eigen::Matrix<double, 3, 6> J = kinematics::jacobian(m, X, *q).topRows<3>();
   EXPECT_NEAR(row("repeatability").position, 3e-6 * Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues()[0], 1e-15);
-  EXPECT_NEAR(b->accuracy, row("warming").position + row("compliance").position + row("resolution").position, 1e-15);
+  EXPECT_NEAR(b->accuracy, row("temperature rise").position + row("compliance").position + row("resolution").position,
+              1e-15);
   EXPECT_LT(b->accuracy_rss, b->accuracy);
   EXPECT_EQ(b->repeatability, row("repeatability").position);
 

@@ -74,11 +74,11 @@ inline Report sample_report() {
   }
   paths.areas = {{"finished part", {{-117, -117}, {117, -117}, {117, 117}, {-117, 117}}, Colour::muted}};
   paths.lines = {{"programmed", square, kProgrammed, LineStyle::solid, 1.5},
-                 {"bent", bent, kBefore, LineStyle::solid, 1.8},
+                 {"deflected", bent, kBefore, LineStyle::solid, 1.8},
                  {"corrected", corrected, kAfter, LineStyle::dashed, 1.8}};
   paths.arrows = {{"feed", {-40, -100}, {20, -100}, Colour::muted}};
   paths.markers = {{"start", {-121, -121}, Colour::ink}};
-  paths.note = "The bend is drawn 100 times larger than it is.";
+  paths.note = "The deflection is drawn 100 times larger than it is.";
   report.add_figure(paths, "The path in the workpiece frame.");
 
   report.add_section("Forces and compliance");

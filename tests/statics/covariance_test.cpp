@@ -188,7 +188,7 @@ TEST_F(CovarianceFile, EveryErrorHasItsLine) {
       {replaced("1e-16", "stiff"), 2, "\"stiff\" is not a finite number"},
       {replaced("1e-16", "nan"), 2, "not a finite number"},
       {replaced("1e-16,", "1e-16,0,"), 2, "more than 5 numbers"},
-      {replaced("1e-16,0", "1e-16"), 2, "4 columns for 5 parameters"},
+      {replaced("1e-16,0", "1e-16"), 2, "5 columns for 5 parameters and a value"},
       {replaced("1e-16", "-1e-16"), 2, "no covariance"},
       {replaced("1e-16,0", "1e-16,1e-17"), 2, "no covariance"},
   };
@@ -203,6 +203,14 @@ TEST_F(CovarianceFile, EveryErrorHasItsLine) {
   }
   EXPECT_EQ(read_covariance(*machine::load("hexapod-strut"), write(good)).error().id, "CA153");
   EXPECT_EQ(read_covariance(lola(), "nowhere.csv").error().id, "FI100");
+  // Another machine of the same form: somebody has changed one of its figures since.
+  std::vector<double> softer = column_compliances(lola());
+  softer[2] *= 1.001;
+  const auto other = read_covariance(*with_compliances(lola(), softer), write(good));
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error().id, "CA154");
+  EXPECT_EQ(other.error().place.line, 4);
+  EXPECT_THAT(other.error().message, HasSubstr("joint[3].compliance_rad_per_Nm is"));
 }
 
 }  // namespace

@@ -196,6 +196,20 @@ TEST(Judge, FitsOfNonsenseSayNo) {
       << "7 times a stated noise";
 }
 
+// Two points do not tell five joints from each other: what is known of some is a bound, and no yes says otherwise.
+TEST(Judge, ABoundOfAComplianceThatMattersIsNoYes) {
+  auto points = plane("V");
+  points.erase(points.begin() + 2, points.end());
+  const auto fit = identify_compliance(lola(), points);
+  ASSERT_TRUE(fit);
+  bool bound = false;
+  for (std::size_t k = 0; k < 5; ++k) bound = bound || fit->compliance[k] < 2 * fit->standard_error[k];
+  ASSERT_TRUE(bound);
+  const Verdict v = verdict_of(*fit, judge(lola(), points));
+  EXPECT_NE(v.answer, Verdict::Answer::yes);
+  EXPECT_THAT(v.why, HasSubstr("no more than a bound"));
+}
+
 // Independent fits of these files: 15.6 um from the joints, and a truth of 90e-7 rad/Nm for joint 6 of z15.
 TEST(Identify, JointsOfTheFileDecideTheBranch) {
   auto points = *read_displacements(data("z04q.csv"));

@@ -16,8 +16,8 @@ struct Place {
 
 /// What was wrong with the input.
 ///
-/// `id` is stable across versions (two letters of the room and a number, listed in docs/errors.md), `message` names the
-/// value and the rule that it breaks, `hint` says what to do.
+/// `id` is stable across versions (two letters of the module and a number, listed in docs/errors.md), `message` names
+/// the value and the rule that it breaks, `hint` says what to do.
 struct Error {
   std::string id;
   std::string message;

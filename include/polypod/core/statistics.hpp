@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Numbers of statistics that several rooms need.
+// Numbers of statistics that several modules need.
 #pragma once
 
 #include <Eigen/Core>

@@ -41,7 +41,7 @@ struct LimitInfo {
   std::string group;            ///< what `--without` calls it: "length", "base-joint", "coordinates", ...
   double scale = 1;             ///< its value times this is in m: 1 for lengths, a lever for angles and cosines
   bool given = true;            ///< the machine has it at all; else its value is constant and above 0
-  bool between_bodies = false;  ///< whether bodies touch: heeded only where interference is asked for
+  bool between_bodies = false;  ///< whether bodies touch: checked only where interference is asked for
   bool holds_reach = false;     ///< the range of a drive without which the machine would have no end
 };
 using LimitTable = std::vector<LimitInfo>;

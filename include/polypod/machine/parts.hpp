@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What a machine is made of, apart from its kinematics: what gives way, what a picture shows, how far it reaches.
+// What a machine is made of, apart from its kinematics: what deflects, what a picture shows, how far it reaches.
 #pragma once
 
 #include <string>
@@ -9,14 +9,14 @@
 
 namespace polypod::machine {
 
-/// Something that gives way under load.
+/// Something that deflects under load.
 struct Element {
   std::string name;       ///< "joint 1", "leg 1", "rod 1", ...
   double compliance = 0;  ///< rad/Nm where it turns, m/N where it slides or stretches
   bool turns = false;
 };
 
-/// What the tool does, [m; rad] in M, for a unit by which each element gives way; in the order of `elements`.
+/// What the tool does, [m; rad] in M, for a unit by which each element deflects; in the order of `elements`.
 struct ElementColumns {
   Pose X_MT;
   JacobianMatrix J;

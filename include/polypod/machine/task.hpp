@@ -38,7 +38,7 @@ class Task {
       if (which_[static_cast<std::size_t>(i)] == c) return true;
     return false;
   }
-  /// Whether it prescribes an angle: only then can the machine turn its tool as it is told.
+  /// Whether it prescribes an angle: only then can the machine turn its tool as the pose prescribes.
   [[nodiscard]] constexpr bool turns() const {
     return holds(Coordinate::a) || holds(Coordinate::b) || holds(Coordinate::c);
   }

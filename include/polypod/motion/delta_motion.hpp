@@ -28,7 +28,7 @@ struct Sample {
 
 /// The drives of a tool that moves, on their first roots. With y = X + P - tool - S(q), |y| = c, the derivatives follow
 /// from y . y' = 0, y' . y' + y . y'' = 0 and 3 y' . y'' + y . y''' = 0, each linear in the next derivative of q.
-/// Infinite where y . dS/dq = 0 (singular of kind 1). Cost: 0.1 us a drive.
+/// Infinite where y . dS/dq = 0 (singular of type 1). Cost: 0.1 us a drive.
 Sample drives_of(const machine::RotaryDelta& m, double t, const Motion& tool);
 Sample drives_of(const machine::LinearDelta& m, double t, const Motion& tool);
 

@@ -19,10 +19,10 @@ struct MeasuredPageOptions {
 
 /// One self-contained HTML file about `c` = calibration::calibrate(nominal, rows): rms before and after, fitted and
 /// held back; the verdict; what is known of the tool's pose, as a table and a map of each coordinate over a level plane
-/// through the middle of the workspace; how many parameters are told; the residual of every row before and after
-/// in um (angles in deg where they were measured), the spread of the residuals by direction; the parameters in mm and
-/// deg with their standard errors; outliers with file and line. The same input gives the same bytes. Cost: linear in
-/// the rows.
+/// through the middle of the workspace; how many parameters are identifiable; the residual of every row before and
+/// after in um (angles in deg where they were measured), the spread of the residuals by direction; the parameters in mm
+/// and deg with their standard errors; outliers with file and line. The same input gives the same bytes. Cost: linear
+/// in the rows.
 std::string calibration_page(const machine::AnyMachine& nominal, const std::vector<calibration::Measurement>& rows,
                              const calibration::Calibration& c, const MeasuredPageOptions& how = {});
 
@@ -37,7 +37,7 @@ struct ComplianceChecks {
 
 /// One self-contained HTML file about `r` = statics::identify_compliance(machine, points): residual rms against that of
 /// the given compliances, each joint's (leg's) compliance with its 95 % interval, the residual of every point and
-/// direction in um, how well each file is foretold by the others, estimates that are hardly told apart, outliers;
+/// direction in um, how well each file is predicted from the others, estimates that are highly correlated, outliers;
 /// for each file whose points lie in a plane parallel to two axes, the direct compliances measured and computed with
 /// those found (see measured_over), as far as displacements make a map. The same input gives the same bytes. Cost: a
 /// map of 41 points a side for each plane, 50 ms.

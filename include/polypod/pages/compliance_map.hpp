@@ -14,7 +14,7 @@
 
 namespace polypod::pages {
 
-/// A straight way of the tool tip under a constant force.
+/// A straight path of the tool tip under a constant force.
 struct LoadedPath {
   Vec3 from_M = Vec3::Zero(), to_M = Vec3::Zero();  ///< m
   Vec3 force_M = Vec3::Zero();                      ///< N

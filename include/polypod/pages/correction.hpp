@@ -16,9 +16,9 @@ struct CorrectionPageOptions {
   machining::Uncertainty uncertainty;  ///< of compliances and machine, where their covariances are known
 };
 
-/// One self-contained HTML file about a correction: verdict, key figures, paths from above with the bend enlarged, a
-/// corner at its true proportions, errors along the path against the tube, forces and engagement, the compliance round
-/// the part and each joint's share, the moves, what the model leaves out, every input; with
+/// One self-contained HTML file about a correction: verdict, key figures, paths from above with the deflection
+/// enlarged, a corner at its true proportions, errors along the path against the tube, forces and engagement, the
+/// compliance round the part and each joint's share, the moves, what the model leaves out, every input; with
 /// `uncertainty` its U (k = 2), and whether the answer holds with it. Long programs are thinned out
 /// for the pictures so that peaks survive (20 000 lines stay below 3 MB).
 ///

@@ -8,7 +8,7 @@
 
 namespace polypod::pages {
 
-/// One self-contained HTML file: how the two methods agree, the border of the workspace in space with the machine and
+/// One self-contained HTML file: how the two methods agree, the boundary of the workspace in space with the machine and
 /// with near-singular points in red, sections with the distance from singular poses, how many chains reach at four
 /// heights, inputs. `study` is what delta_study() gave for the same options. The same input gives the same bytes.
 /// Errors: WS140, those of surface(). Cost: some seconds.

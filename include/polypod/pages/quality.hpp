@@ -43,12 +43,12 @@ std::string quality_csv(const QualityFields& fields);
 /// Lengths in mm. Errors: RE101.
 Result<report::VtkImage> quality_image(const QualityFields& fields);
 
-/// The border of what lies in the workspace where `value` (as shown_means) is at most `below`. Errors: those of
+/// The boundary of what lies in the workspace where `value` (as shown_means) is at most `below`. Errors: those of
 /// quality::survey_border(), QP101 (it is so nowhere).
 Result<workspace::Surface> quality_surface(const machine::AnyMachine& machine, const quality::SurveyOptions& options,
                                            const QualityFields& fields, QualityValue value, double below);
 
-/// The means over the plane x, y or z = at (axis 0, 1, 2; m) as a map of colour, with the border of the workspace;
+/// The means over the plane x, y or z = at (axis 0, 1, 2; m) as a map of colour, with the boundary of the workspace;
 /// `resolution` points along the longer side, 8 to 512. Errors: those of quality_fields(), QP100 (the plane misses the
 /// workspace).
 Result<report::Figure> quality_section(const machine::AnyMachine& machine, const quality::SurveyOptions& options,

@@ -11,7 +11,7 @@
 
 namespace polypod::pages {
 
-/// The largest tilt at every azimuth as shade and the kind of limit that stops it as colour, with the border of the
+/// The largest tilt at every azimuth as shade and the kind of limit that stops it as colour, with the boundary of the
 /// workspace of the required directions as a line; mm and deg.
 report::Figure section_picture(const machine::AnyMachine& machine, const workspace::Options& options,
                                const workspace::Section& section);
@@ -42,8 +42,8 @@ std::string extent_text(const workspace::Volume& volume, int axis);
 
 /// One self-contained HTML file about a workspace: the volume with its proven bounds, a picture in space with the
 /// machine at home, three sections through its middle, the volume against the tilt (proven too, with few boxes), which
-/// limit makes how much of the border and what is gained without it, all inputs. `volume` is what volume() gave for the
-/// same options. The same input gives the same bytes. Errors: those of section() and surface(); WS110 if cancelled.
+/// limit makes how much of the boundary and what is gained without it, all inputs. `volume` is what volume() gave for
+/// the same options. The same input gives the same bytes. Errors: those of section() and surface(); WS110 if cancelled.
 /// Cost: some seconds.
 Result<std::string> workspace_page(const machine::AnyMachine& machine, const workspace::Options& options,
                                    const workspace::Volume& volume, const WorkspacePageOptions& page = {});

@@ -29,7 +29,8 @@ struct Element {
 
 /// All elements of a machine, from the keys of its parameters: `leg.length[1]` is one, the three of
 /// `base.joint[1].x`, `.y`, `.z` are one, `dh[2].alpha` is `dh.alpha[2]`. Besides
-/// - `base.attachment[i]` and `platform.attachment[i]` of hexapods, which act like the joints' own errors (the vectors
+/// - `base.attachment[i]` and `platform.attachment[i]` of hexapods, which have the effect of the joints' own errors
+///   (the vectors
 /// c
 ///   and d of JEL (5.5));
 /// - `joint[i]`: the reading of a joint: a strut, a slider, a drive's zero.

@@ -42,8 +42,8 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
 /// the rest is left out.
 std::string motion_in_words(const Pose& X_MT, const Vec6& twist, double length);
 
-/// "loses a motion (kind 1): the tool cannot do this: ..." or "cannot be held (kind 2): ..."; of a regular pose, how
-/// far it is.
+/// "loses a motion (type 1, serial singularity): the tool cannot do this: ..." or "cannot be constrained (type 2: ...";
+/// of a regular pose, how far it is.
 std::string in_words(const Pose& X_MT, const Singularity& s);
 
 /// The least regular pose of a straight path.
@@ -56,7 +56,8 @@ struct PathSingularity {
   std::string stopped_by;  ///< why not further
 };
 /// From X to Y the tip moves straight and the orientation turns at a constant rate about one axis; `samples` steps,
-/// then the least of the smaller of mobility and control is refined to 1e-6 of the path. Joints follow by continuity.
+/// then the least of the smaller of the singular values of B (mobility) and A (control) is refined to 1e-6 of the path.
+/// Joints follow by continuity.
 PathSingularity along_path(const AnyMachine& machine, const Pose& from_MT, const Pose& to_MT, int samples = 200);
 
 /// Below this a smallest singular value is 0 but for rounding: the side has lost rank.

@@ -18,8 +18,8 @@ struct SurveyBorder {
 /// workspace::field() without tilts, 15 us a point of the grid.
 Result<SurveyBorder> survey_border(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options);
 
-/// The border of { p in the workspace : value(p) <= below } by workspace::surface_of; `values` as Quantity::mean,
-/// linear along the edges of the grid; `below` may be infinite. Its points lie on the workspace's true border, or
+/// The boundary of { p in the workspace : value(p) <= below } by workspace::surface_of; `values` as Quantity::mean,
+/// linear along the edges of the grid; `below` may be infinite. Its points lie on the workspace's true boundary, or
 /// within 1e-3 of the spacing of a box's, or between the values; edges are cut off within a spacing. Errors: WS131 (no
 /// such point).
 Result<workspace::Surface> surface_below(const AnyMachine& machine, const SurveyOptions& options,

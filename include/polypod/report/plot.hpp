@@ -27,7 +27,7 @@ using Figure = std::function<std::string(const Canvas&)>;
 /// with one meaning through a report; the names below are those of the correction report.
 enum class Colour { ink, muted, blue, vermillion, green, purple, orange, sky };
 inline constexpr Colour kProgrammed = Colour::ink;
-inline constexpr Colour kBefore = Colour::vermillion;  ///< bent, uncorrected
+inline constexpr Colour kBefore = Colour::vermillion;  ///< deflected, uncorrected
 inline constexpr Colour kAfter = Colour::blue;         ///< corrected
 inline constexpr Colour kTolerance = Colour::green;
 
@@ -123,7 +123,7 @@ struct PathPlot {
   std::vector<Polyline> lines;
   std::vector<Arrow> arrows;
   std::vector<Marker> markers;
-  std::string note;          ///< under the picture, e.g. "the bend is drawn 100 times larger"
+  std::string note;          ///< under the picture, e.g. "the deflection is drawn 100 times larger"
   double max_aspect = 0.66;  ///< height over width is at most this
 
   std::string operator()(const Canvas& canvas) const;

@@ -45,7 +45,7 @@ std::vector<Mat3> unit_compliances(const AnyMachine& machine, const Pose& X_MT, 
 std::vector<std::string> column_names(const AnyMachine& machine);
 /// Whether each of them turns (rad/Nm) or slides or stretches (m/N).
 std::vector<bool> column_turns(const AnyMachine& machine);
-/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut or rod gives way), and the machine with
+/// The compliance of each of them, rad/Nm (m/N where the joint slides, a strut or rod deflects), and the machine with
 /// others. Errors: MA105 for another count.
 std::vector<double> column_compliances(const AnyMachine& machine);
 Result<AnyMachine> with_compliances(const AnyMachine& machine, const std::vector<double>& compliances);

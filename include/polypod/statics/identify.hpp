@@ -72,7 +72,7 @@ struct Identification {
   /// False where the readings say nothing of a compliance, as of a joint whose axis passes the tip: its standard error
   /// would be more than ten times the largest compliance of its kind. It stays as the machine has it.
   std::vector<bool> told;
-  std::vector<double> standard_error;  ///< of each; 0 where the bound c >= 0 holds it, nan where it is not told
+  std::vector<double> standard_error;  ///< of each; 0 where the bound c >= 0 holds it, nan where it is not identifiable
   std::vector<double> half_interval;   ///< half of the 95 % confidence interval
   std::vector<std::string> joint;
   std::vector<bool> turns;  ///< rad/Nm; else it slides or stretches, m/N

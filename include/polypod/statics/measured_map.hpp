@@ -95,7 +95,7 @@ struct Foretold {
 /// For each group of points, from all the others. Errors: those of identify_compliance.
 Result<std::vector<Foretold>> leave_one_out(const AnyMachine& machine,
                                             const std::vector<std::vector<MeasuredPoint>>& groups);
-/// The points shuffled (always the same way) and dealt out into `parts` groups, each foretold from the others; both
+/// The points shuffled (always the same way) and dealt out into `parts` groups, each predicted from the others; both
 /// numbers over all points. Errors: as above; ID132 fewer points than parts.
 Result<Foretold> hold_out(const AnyMachine& machine, const std::vector<MeasuredPoint>& points, int parts = 5);
 

@@ -33,8 +33,8 @@ struct DeltaCounts {
   std::int64_t points = 0;
   std::int64_t geometry = 0, determinant = 0;  ///< near-singular by each method
   std::int64_t both = 0;                       ///< by both
-  std::int64_t stretched = 0, folded = 0;      ///< elbow_gap below d_min (kind 1), by where the elbow is
-  std::int64_t level = 0, flat = 0;            ///< drop, pose_gap below d_min (kind 2)
+  std::int64_t stretched = 0, folded = 0;      ///< elbow_gap below d_min (type 1), by where the elbow is
+  std::int64_t level = 0, flat = 0;            ///< drop, pose_gap below d_min (type 2)
   /// Least distances met, m; infinite without such points: elbows nearer stretched, nearer folded, poses, drop.
   double least_stretched = std::numeric_limits<double>::infinity();
   double least_folded = std::numeric_limits<double>::infinity();

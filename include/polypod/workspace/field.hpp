@@ -35,7 +35,8 @@ struct Grid {
 };
 
 /// A grid of cubes over the box low..high: `resolution` (8 to 512) points along its longest side, and one or two rows
-/// of points beyond each side, so that a workspace inside the box does not touch the border of the grid. Errors: WS130.
+/// of points beyond each side, so that a workspace inside the box does not touch the boundary of the grid. Errors:
+/// WS130.
 Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution);
 
 /// A plane through the box low..high.
@@ -59,7 +60,7 @@ struct FieldOptions {
 
 struct Field {
   Grid grid;
-  /// The least of all heeded limits over all required directions: >= 0 inside. In m: lengths as they are, cosines of
+  /// The least of all checked limits over all required directions: >= 0 inside. In m: lengths as they are, cosines of
   /// joint limits times the mean length of a leg, angles of an arm times the sum of its lengths; so the zero is exact
   /// and the slope of each limit of the order of one. Continuous but where a slider changes its root, or an arm its
   /// branch.
@@ -102,22 +103,22 @@ struct InsidePoints {
   double lower = 0, upper = 0;
 };
 /// The points of the grid that belong to the workspace: proven where a run of volume() to 2 % or 100 000 boxes settles
-/// them, by the margin of field() in the boxes that remain on the border. Errors: those of volume(). Cost: 0.1 to 2 s
-/// and 15 us a point near the border.
+/// them, by the margin of field() in the boxes that remain on the boundary. Errors: those of volume(). Cost: 0.1 to 2 s
+/// and 15 us a point near the boundary.
 Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid);
 
 /// A closed line in a plane.
 using Loop = std::vector<Vec3>;
 
-/// A field on a plane with the border of the workspace in it.
+/// A field on a plane with the boundary of the workspace in it.
 struct Section {
   Plane plane;
   Field field;
   std::vector<Loop> border;  ///< where the margin is 0; inside lies to the left, seen against step[0] x step[1]
-  double area = 0;           ///< m^2 inside the border
+  double area = 0;           ///< m^2 inside the boundary
 };
-/// The section of the workspace by a plane, `resolution` points along its longer side. Each vertex of the border lies
-/// on the true border (a root on an edge of the grid, to 1e-6 of the edge). Errors: those of field() and grid_on(),
+/// The section of the workspace by a plane, `resolution` points along its longer side. Each vertex of the boundary lies
+/// on the true boundary (a root on an edge of the grid, to 1e-6 of the edge). Errors: those of field() and grid_on(),
 /// WS131 (nothing is reachable with R = 1 nor from the required directions). Cost: 0.1 ms a point.
 Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, int resolution,
                         const FieldOptions& field_options = {});

@@ -43,7 +43,7 @@ struct Options {
   double relative_tolerance = 0.01;
   /// Leg against leg counts too (machines with a leg diameter).
   bool interference = false;
-  /// Limits to heed, by bit (kinematics::limit_name); a cleared bit switches a limit off. Bits of leg pairs also need
+  /// Limits to check, by bit (kinematics::limit_name); a cleared bit switches a limit off. Bits of leg pairs also need
   /// `interference`.
   LimitBits limits = ~LimitBits{0};
   /// Deltas only: poses that are nearer than this to being singular by the distances of machine::Closeness (KOZ's
@@ -52,7 +52,7 @@ struct Options {
   /// Gives up refining beyond this many cells; `converged` is false then.
   std::int64_t max_cells = 40'000'000;
   /// Gives up refining before boxes and patches take more memory than this, bytes; `converged` is false then. A box of
-  /// the border takes 150 bytes and 16 for each patch that matters to it. 0: no bound.
+  /// the boundary takes 150 bytes and 16 for each patch that matters to it. 0: no bound.
   std::size_t max_memory = 0;
   /// After the volume, the boxes at its six sides are refined until `reached` and `min`..`max` differ by no more than
   /// this share of the largest extent, or as many boxes were looked at as for the volume (at least 100 000). 0: the
@@ -66,7 +66,7 @@ struct Options {
 };
 
 enum class CellState : std::uint8_t { inside, border };
-/// A box of tool positions that is certainly inside, or holds a piece of the border.
+/// A box of tool positions that is certainly inside, or holds a piece of the boundary.
 struct Cell {
   Vec3 center = Vec3::Zero();
   Vec3 half = Vec3::Zero();
@@ -109,9 +109,9 @@ struct Volume {
 /// The volume of W = { p : for all R in the directions the machine keeps every limit with the tool at p in R } by
 /// adaptive subdivision. A box of positions and a patch of directions are judged together: each limit is a smooth
 /// function of both, bounded by its first order at the middle and a bound on the rest. Boxes that are certainly inside
-/// or outside are done; in the others the border is enclosed between two planes per limit, so that the gap shrinks
-/// with the square of the box (10^4 border boxes for 0.1 %). Directions need no samples: patches that keep a limit over
-/// a whole box are dropped, the others are split with the box.
+/// or outside are done; in the others the boundary is enclosed between two planes per limit, so that the gap shrinks
+/// with the square of the box (10^4 boundary boxes for 0.1 %). Directions need no samples: patches that keep a limit
+/// over a whole box are dropped, the others are split with the box.
 ///
 /// The extents are found by branch and bound: at each of the six sides the box that may reach farthest is split, until
 /// no box can reach farther than the corners of what is certainly inside. As both come from planes, the gap falls with

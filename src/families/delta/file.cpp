@@ -182,7 +182,7 @@ Status finish_delta(const config::Table& table, Delta& m) {
   const double turn = (m.outward[1] - m.outward[0]).cross(m.outward[2] - m.outward[0]).z();
   if (!(std::abs(turn) > 1e-6)) {
     return fail("MA143", "the first three chains do not point in three different directions", table.place(),
-                "the tool point cannot be held; spread the arms round the axis");
+                "the drives cannot constrain the tool point; spread the arms round the axis");
   }
   m.mode_sign = turn > 0 ? 1 : -1;
   return {};

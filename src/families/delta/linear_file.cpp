@@ -89,7 +89,7 @@ Result<LinearDelta> LinearDelta::from(const config::Table& table) {
       return fail(
           "MA144",
           "the rods are parallel at equal heights of the carriages, because base and platform have equal radii: "
-          "the drives do not hold the platform",
+          "the drives do not constrain the platform",
           table.place_of(chains.empty() ? "platform" : "arms"), "give the platform another radius than the base");
     }
     return fail("MA144", "the rods do not close at any equal heights of the carriages",

@@ -371,15 +371,16 @@ std::string description_of(const AssemblyModes& m) {
       break;
   }
   if (m.moves()) {
-    return fmt::format("more than {} poses: the platform moves though its lengths stand; some of the poses are listed",
-                       kGeneralZeros);
+    return fmt::format(
+        "more than {} poses: self-motion, the platform moves with all leg lengths locked; some of the poses are listed",
+        kGeneralZeros);
   }
   return fmt::format(
       "{} found; there may be others. {} of the {} complex solutions are proven, the other paths end at singular or "
       "infinite ones; {}.{}",
       count, m.zeros, kGeneralZeros,
       m.starts > 0 ? fmt::format("Newton from {} starts was searched besides", m.starts)
-                   : std::string("the legs are so long that a search could not tell poses apart"),
+                   : std::string("the legs are so long that a search could not distinguish poses"),
       m.boxes == 0     ? ""
       : m.singular_box ? " Bounds on boxes of rotations prove no more, because a mode is singular or nearly so."
                        : fmt::format(" Bounds on boxes of rotations prove no more: given up after {}.", m.boxes));

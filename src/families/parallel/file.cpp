@@ -315,7 +315,7 @@ Status check_agreement(const config::Table& table, const Parallel& m) {
                     c < 3 ? units::to_mm(way * m.size) : units::to_deg(way), c < 3 ? "mm" : "deg",
                     name_of(m.task[k / 2])),
         table.place_of("task"),
-        "leave out what is held twice, or let the constraints agree (planes that are parallel, axes that meet)");
+        "leave out what is constrained twice, or let the constraints agree (planes that are parallel, axes that meet)");
   }
   return {};
 }
@@ -375,7 +375,7 @@ Status check_held(const config::Table& table, const Parallel& m) {
   if (rank.rank == 6) return {};
   return fail(
       "MA154",
-      fmt::format("the platform is not held at home: legs and constraints hold {} of 6 freedoms with all drives "
+      fmt::format("the platform is not constrained at home: legs and constraints take {} of 6 freedoms with all drives "
                   "locked. It can still move by {}",
                   rank.rank,
                   in_mm_and_deg(rank.free / std::max(rank.free.cwiseAbs().maxCoeff(), 1e-300) * units::from_mm(1))),
@@ -421,7 +421,8 @@ Result<Parallel> Parallel::from(const config::Table& table) {
                 m.driven.empty()
                     ? "no leg has a drive"
                     : fmt::format("{} legs and equations of constraints are more than {}", equations, kMaxEquations),
-                legs.empty() ? table.place() : legs.back().place(), "give 1 to 12 legs, with what holds the platform");
+                legs.empty() ? table.place() : legs.back().place(),
+                "give 1 to 12 legs, and the constraints of the platform");
   }
   find_references(m);
   POLYPOD_TRY(check_constraints(table, m));

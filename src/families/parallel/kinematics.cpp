@@ -155,7 +155,7 @@ kinematics::NewtonResult newton(const Parallel& m, const JointVector& q, const P
   for (; out.iterations < kSteps && !settled; ++out.iterations) {
     EquationRows rows = closure_rows(m, out.X_MT, q);
     rows.A.rightCols<3>() /= m.size;
-    Vec6 step = -(rows.A.completeOrthogonalDecomposition().solve(rows.F));
+    Vec6 step = -kinematics::ClosureSolver(rows.A).solve(rows.F);
     step.tail<3>() /= m.size;
     if (!step.allFinite()) break;
     const double turn = step.tail<3>().norm(), way = step.head<3>().norm() / m.size;
@@ -201,18 +201,19 @@ kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector&
     return found.converged && (side == 0 || side_of(m, found.X_MT, joints) == side);
   };
   if (in_mode(direct, q)) return direct;
-  kinematics::NewtonResult last = direct;
+  kinematics::NewtonResult beyond = direct;  // a pose in another mode is better than none
   for (const int steps : {4, 16, 64}) {
     Pose at = m.home;
     for (int k = 1; k <= steps; ++k) {
       const JointVector joints = *home + (q - *home) * (double(k) / steps);
-      last = forward_from(m, joints, at);
-      if (!in_mode(last, joints)) break;
-      if (k == steps) return last;
-      at = last.X_MT;
+      const kinematics::NewtonResult next = forward_from(m, joints, at);
+      if (k == steps && in_mode(next, q)) return next;
+      if (k == steps && !beyond.converged) beyond = next;
+      if (!in_mode(next, joints)) break;
+      at = next.X_MT;
     }
   }
-  return direct.converged ? direct : last;  // a pose beyond is better than none
+  return beyond;
 }
 
 Pose forward(const Parallel& m, const JointVector& q) {
@@ -268,7 +269,7 @@ JacobianMatrix jacobian(const Parallel& m, const Pose& X, const JointVector& q) 
   ByJoints B;
   EquationRows rows = closure_rows(m, X, q, &B);
   JacobianMatrix J(6, B.cols());
-  J = -(rows.A.completeOrthogonalDecomposition().solve(B));
+  J = -kinematics::ClosureSolver(rows.A).solve_columns(B);
   return J;
 }
 

@@ -68,7 +68,7 @@ Outline outline(const SerialArm& arm, const Vec3& tip) {
   const kinematics::Solution* solution = solved.reachable();
   if (solution == nullptr) return out;
   const Pose X = forward(arm, solution->joints);
-  for (OutlinePart& part : called(outline_at(arm, X, solution->joints), ", tool upright in the middle")) {
+  for (OutlinePart& part : called(outline_at(arm, X, solution->joints), ", zero tilt in the middle")) {
     out.push_back(std::move(part));
   }
   return out;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Deltas with arms and on rails: closure, limits, closed inverse with its elbow branches, forward by trilateration,
+// Rotary and linear deltas: closure, limits, closed inverse with its elbow branches, forward by trilateration,
 // Jacobians (KOZ 4.3 to 4.5).
 #pragma once
 
@@ -45,7 +45,7 @@ struct DeltaLimits {
   static constexpr int kLow = 20;       ///< X - low, three
   static constexpr int kHigh = 23;      ///< high - X, three
   /// n . (X - C_1) / c^2, n = (C_2 - C_1) x (C_3 - C_1), C_i = S_i - P_i + tool, times mode_sign, m: above 0 in the
-  /// assembly mode of home, 0 where the three rods lie in one plane (singular of kind 2).
+  /// assembly mode of home, 0 where the three rods lie in one plane (singular of type 2).
   static constexpr int kMode = 26;
   static constexpr int kTable = 27;   ///< elbow and platform joint above the table, m
   static constexpr int kRods = 31;    ///< rods (1,2), (1,3), (1,4), (2,3), (2,4), (3,4) apart, m
@@ -356,12 +356,12 @@ bool drive_positions(const M& m, const Vec3& X, double* q) {
 }
 
 /// Up to 2^arms solutions: every choice of the two roots, first all first roots. Empty where a rod does not reach, or
-/// where X_MT is turned (R = 1 is all that a delta can do). `singular` where two roots meet (kind 1). Cost: 0.5 us for
+/// where X_MT is turned (R = 1 is all that a delta can do). `singular` where two roots meet (type 1). Cost: 0.5 us for
 /// three chains.
 InverseResult inverse(const RotaryDelta& m, const Pose& X_MT);
 InverseResult inverse(const LinearDelta& m, const Pose& X_MT);
-/// "outer", on rails "upper", or the chains on their second root, "inner at 1, 3", "lower at 2": the bits of the
-/// branch.
+/// "outer", of linear deltas "upper", or the chains on their second root, "inner at 1, 3", "lower at 2": the bits of
+/// the branch.
 std::string branch_name(const RotaryDelta& m, unsigned branch);
 std::string branch_name(const LinearDelta& m, unsigned branch);
 
@@ -390,7 +390,7 @@ kinematics::NewtonResult forward_from(const LinearDelta& m, const JointVector& q
 struct DeltaJacobians {
   Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxArms, 3> A;
   Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxArms, 1> B;
-  /// Of A, or for four arms sqrt(det(A^T A)); 0 at kind 2.
+  /// Of A, or for four arms sqrt(det(A^T A)); 0 at type 2.
   [[nodiscard]] double determinant_A() const;
   [[nodiscard]] double determinant_B() const { return B.prod(); }
 };
@@ -401,10 +401,10 @@ DeltaJacobians jacobians(const LinearDelta& m, const Vec3& X, const JointVector&
 /// determinants (4.5.2.3).
 struct Closeness {
   bool reached = false;  ///< every rod reaches; otherwise the rest is 0
-  double elbow_gap = 0;  ///< m, least distance of the two positions of a driven end (0: kind 1)
+  double elbow_gap = 0;  ///< m, least distance of the two positions of a driven end (0: type 1)
   bool folded = false;   ///< that chain is nearer to being folded than stretched (rails: never)
-  double pose_gap = 0;   ///< m, distance of the two poses of these drives (0: kind 2)
-  double drop = 0;       ///< m, least height of a platform joint below its driven end (0: rod level, kind 2)
+  double pose_gap = 0;   ///< m, distance of the two poses of these drives (0: type 2)
+  double drop = 0;       ///< m, least height of a platform joint below its driven end (0: rod level, type 2)
   double det_A = 0;      ///< of (4.42), no unit
   double det_B = 0;      ///< of (4.44), m^3 for arms, no unit for rails
   /// The least of the three distances, m.

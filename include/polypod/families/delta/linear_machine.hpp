@@ -10,7 +10,7 @@
 
 namespace polypod::machine {
 
-/// A delta on rails: S_i = a_i + q_i u_i with 0 <= q_i <= rail length. Joint coordinates: q_i, m.
+/// A linear delta: S_i = a_i + q_i u_i with 0 <= q_i <= rail length. Joint coordinates: q_i, m.
 struct LinearDelta : Delta {
   static constexpr std::string_view kFamily = "linear-delta";
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What gives way on a delta, how far it reaches, how it looks.
+// What deflects on a delta, how far it reaches, how it looks.
 #pragma once
 
 #include "polypod/families/delta/kinematics.hpp"
@@ -10,8 +10,8 @@ namespace polypod::machine {
 /// Each drive, then each parallelogram.
 std::vector<Element> elements(const RotaryDelta& m);
 std::vector<Element> elements(const LinearDelta& m);
-/// Chain i gives way by B_i dq_i + dc_i along its rods, A dX is what all chains give way. With four chains the loads
-/// share out as their stiffnesses K: dX is then (A^T K A)^-1 A^T K times what the chains would give way alone, and
+/// Chain i deflects by B_i dq_i + dc_i along its rods, A dX is what all chains deflect. With four chains the loads
+/// share out as their stiffnesses K: dX is then (A^T K A)^-1 A^T K times what the chains would deflect alone, and
 /// sum c_i J_i J_i^T = (A^T K A)^-1.
 ElementColumns element_columns(const RotaryDelta& m, const JointVector& q, const Pose* X_MT);
 ElementColumns element_columns(const LinearDelta& m, const JointVector& q, const Pose* X_MT);

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What the kinematics of hexapods on struts and on rails share: limits of joints and legs, and Newton on six legs.
+// What the kinematics of strut and slider hexapods share: limits of joints and legs, and Newton on six legs.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@
 
 namespace polypod::machine {
 
-/// The order of the limits of both families; `kBasePlane` only on rails (struts: always kept).
+/// The order of the limits of both families; `kBasePlane` only of sliders (struts: always kept).
 struct HexapodLimits {
   static constexpr int kMin = 0;  ///< strut too short, slider beyond the outer end
   static constexpr int kMax = 6;  ///< strut too long, slider beyond the inner end

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What hexapods on struts and on rails have in common: six legs, two platforms, joints that allow some directions.
+// What strut and slider hexapods have in common: six legs, two platforms, joints that allow some directions.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What gives way on a hexapod, how far it reaches, how it looks.
+// What deflects on a hexapod, how far it reaches, how it looks.
 #pragma once
 
 #include <array>
@@ -32,7 +32,7 @@ Outline outline(const SliderHexapod& m, const Vec3& tip);
 Outline outline_at(const StrutHexapod& m, const Pose& X_MT, const JointVector& q);
 Outline outline_at(const SliderHexapod& m, const Pose& X_MT, const JointVector& q);
 
-/// The joints that the legs take at a pose whatever limits they break: strut lengths; on rails the root of the outer
+/// The joints that the legs take at a pose whatever limits they break: strut lengths; of sliders the root of the outer
 /// end where it lies on its rail. Nothing where a leg does not reach its rail.
 std::optional<JointVector> joints_of_legs(const StrutHexapod& m, const Pose& X_MT);
 std::optional<JointVector> joints_of_legs(const SliderHexapod& m, const Pose& X_MT);
@@ -43,7 +43,7 @@ struct LegLayout {
   std::array<Vec3, kLegs> anchor;           ///< base joints, or the outer ends of the rails
   std::array<Vec3, kLegs> rail;             ///< unit directions
   std::array<double, kLegs> rail_length{};  ///< m
-  std::array<double, kLegs> leg_length{};   ///< of legs on rails, m
+  std::array<double, kLegs> leg_length{};   ///< of slider legs, m
   std::array<Vec3, kLegs> end;              ///< platform joints in T
 };
 LegLayout leg_layout(const StrutHexapod& m);

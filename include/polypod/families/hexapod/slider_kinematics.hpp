@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Hexapods on rails: closure, limits, closed inverse with its slider branches, forward kinematics, Jacobian (JEL 3.2).
+// Slider hexapods (hexaglides): closure, limits, closed inverse with branches, forward kinematics, Jacobian (JEL 3).
 #pragma once
 
 #include "polypod/families/hexapod/kinematics.hpp"
@@ -131,7 +131,7 @@ kinematics::NewtonResult forward_from(const SliderHexapod& m, const JointVector&
 Pose forward(const SliderHexapod& m, const JointVector& q);
 
 /// Rows (w_i, R e_i x w_i) / (w_i . u_i) inverted (JEL (6.8)); where w_i . u_i = 0 the slider moves though the tool
-/// stands (kind 1): its column is 0.
+/// stands (type 1): its column is 0.
 JacobianMatrix jacobian(const SliderHexapod& m, const Pose& X_MT, const JointVector& q);
 
 SixLegs six_legs(const SliderHexapod& m, const JointVector& q);

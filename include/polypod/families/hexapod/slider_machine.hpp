@@ -21,8 +21,8 @@ struct PairedRails {
   double spacing = 0;       ///< m, between the two rails of a pair
 };
 
-/// A hexapod on rails: |t + R b_i - (a_i + q_i u_i)| = l + offset_i, 0 <= q_i <= rail length (JEL (3.11) to (3.13)).
-/// Joint coordinates: q_i, the way of slider i from the outer end of its rail, m. T as for StrutHexapod.
+/// A slider hexapod (hexaglide): |t + R b_i - (a_i + q_i u_i)| = l + offset_i, 0 <= q_i <= rail length (JEL (3.11) to
+/// (3.13)). Joint coordinates: q_i, the travel of slider i from the outer end of its rail, m. T as for StrutHexapod.
 struct SliderHexapod : TipLimits {
   static constexpr std::string_view kFamily = "slider-hexapod";
   /// Each end of a leg has an error of its joint and one of what the joint is fixed to.

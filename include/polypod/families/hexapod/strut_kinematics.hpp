@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Hexapods on struts: closure, limits, closed inverse, Newton forward kinematics and Jacobian (JEL 3.1, chapter 4).
+// Strut hexapods (Stewart-Gough): closure, limits, closed inverse, Newton forward kinematics, Jacobian (JEL 3.1, 4).
 #pragma once
 
 #include "polypod/families/hexapod/kinematics.hpp"

@@ -12,9 +12,9 @@
 
 namespace polypod::machine {
 
-/// A hexapod on struts: |t + R b_i - a_i| = l_i, length_min <= l_i <= length_max, with X_MP = (R, t) and the tool tip T
-/// at tool_length along the platform's normal, T parallel to P (JEL (3.3), (3.4)). Joint coordinates: what the
-/// controller reads, q_i = l_i - offset_i; without offsets the lengths l_i.
+/// A strut hexapod (Stewart-Gough platform): |t + R b_i - a_i| = l_i, length_min <= l_i <= length_max, with X_MP = (R,
+/// t) and the tool tip T at tool_length along the platform's normal, T parallel to P (JEL (3.3), (3.4)). Joint
+/// coordinates: what the controller reads, q_i = l_i - offset_i; without offsets the lengths l_i.
 struct StrutHexapod : TipLimits {
   static constexpr std::string_view kFamily = "strut-hexapod";
   /// Each end of a leg has an error of its joint and one of what the joint is fixed to.

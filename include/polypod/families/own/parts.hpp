@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What gives way on a machine of a family of one's own, how far it reaches, how it looks.
+// What deflects on a machine of a family of one's own, how far it reaches, how it looks.
 #pragma once
 
 #include "polypod/families/own/kinematics.hpp"

@@ -89,8 +89,8 @@ struct Parallel : TipLimits {
   double size = 1;                  ///< m, the mean distance of the platform joints from the tool tip
   std::vector<int> driven;          ///< legs with a drive
   /// Of each leg with two roots whether the machine takes the higher one where both are in its range: that at home
-  /// which is in the range, of two such the smaller way of a slider, the end of a crank that is farther from the tool
-  /// tip.
+  /// which is in the range, of two such the smaller travel of a slider, the end of a crank that is farther from the
+  /// tool tip.
   std::vector<bool> takes_high;
 
   static Result<Parallel> from(const config::Table& table);

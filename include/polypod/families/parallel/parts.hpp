@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What gives way on a machine of legs, how far it reaches, how it looks.
+// What deflects on a machine of legs, how far it reaches, how it looks.
 #pragma once
 
 #include "polypod/families/parallel/kinematics.hpp"
@@ -12,7 +12,7 @@ std::vector<Element> elements(const Parallel& m);
 ElementColumns element_columns(const Parallel& m, const JointVector& q, const Pose* X_MT);
 void set_compliance(Parallel& m, int element, double compliance);
 
-/// Round what the legs are fixed to: the way of the drive, the leg, and from its end to the tip.
+/// Round what the legs are fixed to: the path of the drive, the leg, and from its end to the tip.
 Reach reach(const Parallel& m);
 /// The tool tip at home.
 Vec3 middle_of_work(const Parallel& m);

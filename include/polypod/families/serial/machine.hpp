@@ -27,7 +27,7 @@ struct DhRow {
   JointKind kind = JointKind::revolute;
   std::optional<double> locked;  ///< the value of a joint that does not move, rad or m
   JointRange range{};            ///< of q; unused where locked
-  double compliance = 0;         ///< rad/Nm (revolute) or m/N (prismatic); also of a locked joint: its brake gives way
+  double compliance = 0;         ///< rad/Nm (revolute) or m/N (prismatic); also of a locked joint (its brake)
 };
 
 /// A serial arm: X_MT(q) = X_MB A_1(q_1) ... A_n(q_n) X_FT.

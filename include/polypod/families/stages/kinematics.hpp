@@ -95,6 +95,20 @@ std::vector<T> limits(const Stages& m, const PoseT<T>& X_MT, std::span<const T> 
   return g;
 }
 
+/// Those of the stages, one after the other.
+template <class T>
+std::vector<T> parameter_rules(const Stages& m, std::span<const T> p) {
+  const std::vector<T> q(static_cast<std::size_t>(joint_count(m)), T(0.0));
+  std::vector<T> out;
+  stages_detail::each_stage<T>(
+      m, q, p, [&](std::size_t k, const PoseT<T>&, std::span<const T>, std::span<const T> own) {
+        const std::vector<T> of_stage =
+            std::visit([&](const auto& stage) { return kinematics::rules_of(stage, own); }, m.machines[k]);
+        out.insert(out.end(), of_stage.begin(), of_stage.end());
+      });
+  return out;
+}
+
 /// "stage 1: leg 2 below its minimum", ...
 std::string limit_name(const Stages& m, int limit);
 /// Groups 1, 2, ... of the stages, and coordinates.

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// What gives way on machines in series, how far they reach, how they look: what their stages say, carried along.
+// What deflects on machines in series, how far they reach, how they look: what their stages say, carried along.
 #pragma once
 
 #include "polypod/families/stages/kinematics.hpp"

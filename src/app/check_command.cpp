@@ -1,0 +1,114 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "commands.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/gcode/unroll.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/accept.hpp"
+#include "polypod/machining/check.hpp"
+
+namespace polypod::app {
+
+namespace {
+
+/// The machine and where the work is on it: from a job, or from --machine and --origin.
+Result<machining::Job> placed_machine(const Context& context, const std::string& job_path, const std::string& machine,
+                                      const std::vector<std::string>& sets, const std::string& origin) {
+  if (!job_path.empty()) {
+    POLYPOD_TRY(refuse(context, {"--machine", "--origin", "--set"}, "the job says it; give --job alone"));
+    return machining::read_job(job_path);
+  }
+  if (machine.empty() || origin.empty()) {
+    return fail("AP123", "where is the work, and on which machine?", {}, "give --job JOB, or --machine and --origin");
+  }
+  machining::Job job;
+  POLYPOD_ASSIGN(m, machine_of(machine, sets));
+  POLYPOD_ASSIGN(p, numbers_of(origin, "--origin"));
+  if (p.size() != 3) return fail("AP123", fmt::format("--origin {}: not three numbers", origin));
+  job.machine = std::move(m);
+  job.machine_name = machine;
+  job.X_MW.p = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
+  return job;
+}
+
+}  // namespace
+
+Command check_command() {
+  struct Options {
+    std::string program, job, machine, origin;
+    std::vector<std::string> sets;
+    double rapid = 6000;
+  };
+  auto o = std::make_shared<Options>();
+  return {"check", "Does a program fit a machine: reach, limits, branches, time",
+          "polypod check program.ngc --job job.toml",
+          [o](Arguments& a) {
+            a.positional("PROGRAM", o->program, "The G-code program");
+            a.option("--job", o->job,
+                     "The job file: machine, origin and rotation of the workpiece, work offsets, block delete");
+            a.option("--machine", o->machine, "Without a job: a machine file or a name of `polypod machines`");
+            a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
+            a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
+            a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
+          },
+          [o](const Context& context) -> Result<int> {
+            if (!(o->rapid > 0)) return fail("AP123", "--rapid must be above 0 mm/min");
+            POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
+            const machine::AnyMachine& m = job.machine;
+            gcode::UnrollOptions unrolling;
+            unrolling.interpret = job.interpret_options();
+            POLYPOD_ASSIGN(understood, gcode::understand(o->program, unrolling));
+            const gcode::Program& program = understood.program;
+            const gcode::Interpretation& interpretation = understood.interpretation;
+            POLYPOD_TRY(machining::known_offsets(job, program, interpretation));
+            machining::CheckOptions options;
+            options.rapid_speed = units::from_mm_per_min(o->rapid);
+            options.progress = progress_line(context, "checking");
+            POLYPOD_ASSIGN(result, machining::check(m, job.X_MW, program, interpretation, options));
+            options.progress(1);
+            Json problems = Json::array(), ranges = Json::array();
+            for (const machining::CheckProblem& p : result.problems) {
+              problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
+            }
+            for (std::size_t i = 0; i < result.joints.size(); ++i) {
+              const int joint = static_cast<int>(i);
+              const bool turns = kinematics::joint_kind(m, joint) == machine::JointKind::revolute;
+              const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+              const auto limits = kinematics::joint_range(m, joint);
+              ranges.push_back({{"joint", joint + 1},
+                                {"unit", turns ? "deg" : "mm"},
+                                {"min", user(result.joints[i].min)},
+                                {"max", user(result.joints[i].max)},
+                                {"limit_min", user(limits.min)},
+                                {"limit_max", user(limits.max)}});
+            }
+            if (context.json) {
+              print_json({{"ok", result.ok},
+                          {"problems", problems},
+                          {"time_s", result.time},
+                          {"length_mm", units::to_mm(result.length)},
+                          {"joint_ranges", ranges},
+                          {"notes", result.notes}});
+            } else {
+              fmt::print("{}\n", result.ok ? "the program fits the machine" : "the program does not fit the machine");
+              for (const machining::CheckProblem& p : result.problems) {
+                fmt::print("  {}:{}: {}: {}\n", o->program, p.line, p.kind, p.detail);
+              }
+              fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
+                         o->rapid, units::to_mm(result.length));
+              for (const Json& r : ranges) {
+                fmt::print("  joint {:>2}  {:>9.3f} .. {:<9.3f} {} of {:.3f} .. {:.3f}\n", r["joint"].get<int>(),
+                           r["min"].get<double>(), r["max"].get<double>(), r["unit"].get<std::string>(),
+                           r["limit_min"].get<double>(), r["limit_max"].get<double>());
+              }
+              for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
+            }
+            return result.ok ? kDone : kAnswerIsNo;
+          }};
+}
+
+}  // namespace polypod::app
