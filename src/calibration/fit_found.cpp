@@ -243,8 +243,10 @@ void Fit::say_unknowns() {
         const double share = tie->second[j] * problem_.scale[column] / problem_.scale[j];
         if (std::abs(share) > 0.01) one.like.push_back({unknown(j).key, unknown(j).unit, tie->second[j]});
       }
+      // Factors that are the same up to rounding stay in the order of the parameters.
+      const auto size = [](const auto& parameter) { return std::round(std::log(std::abs(parameter.factor)) * 1e6); };
       std::stable_sort(one.like.begin(), one.like.end(),
-                       [](const auto& a, const auto& b) { return std::abs(a.factor) > std::abs(b.factor); });
+                       [&](const auto& a, const auto& b) { return size(a) > size(b); });
     } else {
       ++out_.rank;
     }

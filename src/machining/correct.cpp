@@ -122,7 +122,7 @@ class Corrector {
       POLYPOD_TRY(predicted);
       return find_deflections();
     }
-    const Status all_found = found.get();
+    Status all_found = found.get();
     POLYPOD_TRY(predicted);
     return all_found;
   }
