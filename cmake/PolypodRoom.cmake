@@ -39,6 +39,7 @@ function(polypod_test name)
     POLYPOD_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     POLYPOD_PROGRAM="${PROJECT_BINARY_DIR}/bin/polypod")
   polypod_warnings(${name})
+  target_precompile_headers(${name} REUSE_FROM polypod_test_headers)
   include(GoogleTest)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60)
 endfunction()
