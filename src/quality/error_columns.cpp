@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "plan.hpp"
+#include "polypod/quality/survey.hpp"
 
 namespace polypod::quality {
 
@@ -11,6 +12,31 @@ Vec3 heeded(machine::Task task, const Pose& X, const Vec3& w) {
   if (!task.names_axis()) return w;
   const Vec3 k = X.R.col(2);
   return w - k * k.dot(w);
+}
+
+std::shared_ptr<const Plan> Plan::for_many_poses(const AnyMachine& machine, const std::vector<Sized>& sizes) {
+  auto plan = std::make_shared<Plan>(machine, sizes);
+  const auto home = kinematics::home_pose(machine);
+  const auto q = home && plan->parameters ? joints_at(machine, *home) : std::nullopt;
+  if (!q) return plan;
+  std::vector<bool> wanted(plan->nominal.size(), false);
+  for (const Part& part : plan->parts) {
+    if (part.rate.size() > 0) wanted.assign(wanted.size(), true);
+    for (const int c : part.columns)
+      if (static_cast<std::size_t>(c) < wanted.size()) wanted[static_cast<std::size_t>(c)] = true;
+  }
+  std::visit(
+      [&](const auto& m) {
+        if constexpr (!requires { parameter_columns(m, *q); }) {
+          const std::span<const double> joints(q->data(), static_cast<std::size_t>(q->size()));
+          auto held = kinematics::parameter_slots(m, *home, joints, plan->nominal).held;
+          for (std::size_t j = 0; j < wanted.size(); ++j)
+            if (!wanted[j]) held.col(static_cast<Eigen::Index>(j)) = false;
+          plan->slots = kinematics::slots_of(std::move(held));
+        }
+      },
+      machine);
+  return plan;
 }
 
 Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Plan& plan) {
@@ -27,7 +53,10 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
         const auto A = kinematics::closure_by_pose(m, X, joints, p);
         Eigen::MatrixXd F = Eigen::MatrixXd::Zero(A.rows(), static_cast<Eigen::Index>(p.size()) + q.size());
-        if (plan.parameters) F.leftCols(p.size()) = kinematics::closure_by_parameters(m, X, joints, p);
+        if (plan.parameters) {
+          F.leftCols(p.size()) = plan.slots ? kinematics::closure_by_parameters(m, X, joints, p, *plan.slots)
+                                            : kinematics::closure_by_parameters(m, X, joints, p);
+        }
         if (plan.joints) F.rightCols(q.size()) = kinematics::closure_by_joints(m, X, joints, p);
         if (A.rows() == 6) return -(Mat6(A).partialPivLu().solve(F));
         return -kinematics::ClosureSolver(A).solve_many(F);

@@ -2,8 +2,12 @@
 // Sized elements worked out once for many poses: which columns of the closure, how much.
 #pragma once
 
+#include <memory>
+#include <optional>
+
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/closure_slots.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/quality/errors.hpp"
 #include "polypod/quality/zonotope.hpp"
@@ -22,6 +26,7 @@ struct Plan {
   bool parameters = false, joints = false;  ///< whether any column is one
   machine::Task task = machine::Task::pose;
   std::vector<double> nominal;  ///< p
+  std::optional<kinematics::ParameterSlots> slots{};
 
   Plan(const AnyMachine& machine, const std::vector<Sized>& sizes)
       : task(kinematics::task(machine)),
@@ -38,6 +43,9 @@ struct Plan {
       for (const int c : e.columns) (c < parameter_count ? parameters : joints) = true;
     }
   }
+
+  /// For many poses: parameters that no equation shares are derived by together. Pays from some ten poses on.
+  static std::shared_ptr<const Plan> for_many_poses(const AnyMachine& machine, const std::vector<Sized>& sizes);
 };
 
 /// One generator of both zonotopes and the element that it belongs to.

@@ -220,8 +220,7 @@ Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& 
 Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                      const std::vector<Sized>& errors) {
   ErrorField out;
-  out.anywhere.at_pose = [&machine, plan = std::make_shared<const Plan>(machine, errors)](const Pose& X,
-                                                                                          const JointVector& q) {
+  out.anywhere.at_pose = [&machine, plan = Plan::for_many_poses(machine, errors)](const Pose& X, const JointVector& q) {
     const Vec6 error = linear_error(machine, X, q, *plan);
     return std::array<double, 3>{error.head<3>().norm(), heeded(plan->task, X, error.tail<3>()).norm(), 0};
   };
@@ -239,7 +238,7 @@ Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& surv
     Error error;
   };
   const auto failure = std::make_shared<Failure>();
-  out.anywhere.at_pose = [&machine, tolerance, failure, plan = std::make_shared<const Plan>(machine, tolerances)](
+  out.anywhere.at_pose = [&machine, tolerance, failure, plan = Plan::for_many_poses(machine, tolerances)](
                              const Pose& X, const JointVector& q) {
     const auto list = generators(X, error_columns(machine, X, q, *plan), *plan, tolerance.region);
     if (!list) {

@@ -18,10 +18,9 @@ struct Shadow {
 /// Up to this many generators the work needs no memory of its own.
 constexpr std::size_t kFew = 96;
 
-}  // namespace
-
-Farthest farthest_vertex(std::span<const Vec3> g) {
-  Farthest best;
+/// farthest_vertex of generators of which no two are parallel; its signs alone.
+std::vector<signed char> signs_of_farthest(std::span<const Vec3> g) {
+  std::vector<signed char> signs(g.size(), 1);
   const std::size_t n = g.size();
   double squared = -1;
   std::size_t best_axis = 0;
@@ -73,19 +72,47 @@ Farthest farthest_vertex(std::span<const Vec3> g) {
       }
     }
   }
-  best.signs.assign(n, 1);
-  if (best_step == 0) return best;  // all generators are zero
+  if (best_step == 0) return signs;  // all generators are zero
   Vec3 along;
   const std::size_t count = shadows_along(best_axis, along);
   const auto flipped = static_cast<std::size_t>(std::abs(best_step) - 1);
   const double side = best_step > 0 ? 1 : -1;
   for (std::size_t i = 0; i < n; ++i)  // the axis and what is parallel to it; the others follow
-    best.signs[i] = static_cast<signed char>(side * g[i].dot(g[best_axis]) >= 0 ? 1 : -1);
+    signs[i] = static_cast<signed char>(side * g[i].dot(g[best_axis]) >= 0 ? 1 : -1);
   for (std::size_t k = 0; k < count; ++k) {
     const double sign = (k < flipped ? -1 : 1) * shadows[k].sign;
-    best.signs[shadows[k].index] = static_cast<signed char>(sign);
+    signs[shadows[k].index] = static_cast<signed char>(sign);
   }
-  for (std::size_t i = 0; i < n; ++i) best.point += static_cast<double>(best.signs[i]) * g[i];
+  return signs;
+}
+
+}  // namespace
+
+Farthest farthest_vertex(std::span<const Vec3> g) {
+  // Parallel generators act as one, their sum with all turned to the same side: of a machine of legs those of one leg.
+  struct Part {
+    std::size_t group = 0;
+    bool opposite = false;
+  };
+  std::vector<Vec3> groups;
+  std::vector<Part> parts(g.size());
+  for (std::size_t i = 0; i < g.size(); ++i) {
+    Part& part = parts[i];
+    const double least = 1e-12 * g[i].norm();
+    const auto parallel = [&](const Vec3& sum) { return sum.cross(g[i]).norm() <= least * sum.norm(); };
+    while (part.group < groups.size() && !parallel(groups[part.group])) ++part.group;
+    if (part.group == groups.size()) groups.emplace_back(Vec3::Zero());
+    Vec3& sum = groups[part.group];
+    part.opposite = sum.dot(g[i]) < 0;
+    sum += part.opposite ? Vec3(-g[i]) : g[i];
+  }
+  const std::vector<signed char> signs = signs_of_farthest(groups);
+  Farthest best;
+  for (std::size_t i = 0; i < g.size(); ++i) {
+    const signed char sign = signs[parts[i].group];
+    best.signs.push_back(static_cast<signed char>(parts[i].opposite ? -sign : sign));
+    best.point += static_cast<double>(best.signs.back()) * g[i];
+  }
   best.distance = best.point.norm();
   return best;
 }

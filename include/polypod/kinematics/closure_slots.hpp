@@ -2,6 +2,7 @@
 // Derivatives of a closure by its parameters where most equations hold few of them, as those of machines with legs.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "polypod/core/random.hpp"
@@ -15,31 +16,22 @@ namespace polypod::kinematics {
 /// hold, as many as without.
 struct ParameterSlots {
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> held;  ///< equations x parameters
-  std::vector<std::size_t> slot;                            ///< of each parameter
+  std::vector<std::size_t> slot;                            ///< of each parameter; kNone: no equation holds it
   std::size_t count = 0;
+
+  static constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
 };
 
-/// Equations hold what they change with at any of three places near X, q, p that were drawn from a fixed seed, so that
-/// no derivative is 0 there by chance. Cost: three times that of closure_by_parameters.
-template <Machine M>
-ParameterSlots parameter_slots(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
-  constexpr int kPlaces = 3;
-  constexpr double kShare = 0.1, kLength = 1e-3;  // of each figure; m or rad where it is 0
-  Random random(1);
-  const auto near = [&](double x) { return x + kShare * random.uniform(0.5, 1) * (std::abs(x) + kLength); };
+/// A slot for each parameter, for equations that hold these (equations x parameters).
+inline ParameterSlots slots_of(Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> held) {
   ParameterSlots out;
-  for (int place = 0; place < kPlaces; ++place) {
-    const Pose at{rotation_of(Vec3(near(0.1), near(0.2), near(-0.1))) * X.R,
-                  Vec3(near(X.p.x()), near(X.p.y()), near(X.p.z()))};
-    std::vector<double> q_near, p_near;
-    for (const double x : q) q_near.push_back(near(x));
-    for (const double x : p) p_near.push_back(near(x));
-    const Eigen::MatrixXd F_p = closure_by_parameters(m, at, q_near, p_near);
-    if (place == 0) out.held.setConstant(F_p.rows(), F_p.cols(), false);
-    out.held = out.held || !(F_p.array() == 0.0);  // nan counts as held
-  }
+  out.held = std::move(held);
   std::vector<std::vector<bool>> taken;  // of each slot each equation
   for (Eigen::Index j = 0; j < out.held.cols(); ++j) {
+    if (!out.held.col(j).any()) {
+      out.slot.push_back(ParameterSlots::kNone);
+      continue;
+    }
     std::size_t slot = 0;
     const auto free = [&](const std::vector<bool>& by) {
       for (Eigen::Index i = 0; i < out.held.rows(); ++i)
@@ -54,6 +46,28 @@ ParameterSlots parameter_slots(const M& m, const Pose& X, std::span<const double
   }
   out.count = taken.size();
   return out;
+}
+
+/// Equations hold what they change with at any of three places near X, q, p that were drawn from a fixed seed, so that
+/// no derivative is 0 there by chance. Cost: three times that of closure_by_parameters.
+template <Machine M>
+ParameterSlots parameter_slots(const M& m, const Pose& X, std::span<const double> q, std::span<const double> p) {
+  constexpr int kPlaces = 3;
+  constexpr double kShare = 0.1, kLength = 1e-3;  // of each figure; m or rad where it is 0
+  Random random(1);
+  const auto near = [&](double x) { return x + kShare * random.uniform(0.5, 1) * (std::abs(x) + kLength); };
+  Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> held;
+  for (int place = 0; place < kPlaces; ++place) {
+    const Pose at{rotation_of(Vec3(near(0.1), near(0.2), near(-0.1))) * X.R,
+                  Vec3(near(X.p.x()), near(X.p.y()), near(X.p.z()))};
+    std::vector<double> q_near, p_near;
+    for (const double x : q) q_near.push_back(near(x));
+    for (const double x : p) p_near.push_back(near(x));
+    const Eigen::MatrixXd F_p = closure_by_parameters(m, at, q_near, p_near);
+    if (place == 0) held.setConstant(F_p.rows(), F_p.cols(), false);
+    held = held || !(F_p.array() == 0.0);  // nan counts as held
+  }
+  return slots_of(std::move(held));
 }
 
 /// F_p (k x parameters), as closure_by_parameters.
