@@ -152,7 +152,7 @@ Result<std::map<int, double>> read_parameters(const std::string& path) {
 
 }  // namespace
 
-Result<std::string> canonical_text(const Program& program, const CanonOptions& options) {
+Result<EngineOptions> engine_options(const Program& program, const CanonOptions& options, int until) {
   EngineOptions engine;
   POLYPOD_ASSIGN(tools, read_tools(options.tool_table));
   POLYPOD_ASSIGN(parameters, read_parameters(options.parameters));
@@ -177,8 +177,16 @@ Result<std::string> canonical_text(const Program& program, const CanonOptions& o
     }
   }
   engine.parameters = std::move(parameters);
-  if (!engine.checks) POLYPOD_TRY(interpret(program, checks));
-  Engine run(program, engine);
+  if (engine.checks) return engine;
+  const auto judged = interpret(program, checks);
+  const bool behind = !judged && until > 0 && judged.error().place.line > until;
+  if (!behind) POLYPOD_TRY(judged);
+  return engine;
+}
+
+Result<std::string> canonical_text(const Program& program, const CanonOptions& options) {
+  POLYPOD_ASSIGN(engine, engine_options(program, options));
+  Engine run(program, std::move(engine));
   POLYPOD_TRY(run.run());
   if (!run.ended()) {
     return fail("GC150", "no M2, M30 or closing %: LinuxCNC refuses a program without an end",

@@ -40,6 +40,7 @@ Status Engine::run_lines() {
       return error(1, "GC163", fmt::format("the file ends within the subprogram {}", shown(f.name)),
                    "end it with endsub, or M99");
     }
+    if (until_ > 0 && f.source == 0 && blocks[f.at].line == until_) return {};
     if (++lines_ > options_.most_lines) {
       written_block_ = block_ = &blocks[f.at];
       return error(1, "GC165", fmt::format("the program runs more than {} lines", options_.most_lines),

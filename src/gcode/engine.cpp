@@ -45,12 +45,16 @@ Engine::Engine(const Program& program, EngineOptions options) : options_(std::mo
   plain_.path = program.path;
 }
 
-Status Engine::run() {
+void Engine::begin() {
   number_ = kNoNumber;
   put("USE_LENGTH_UNITS(CANON_UNITS_MM)");
   print_system(active_, true);
   put("SET_FEED_REFERENCE(CANON_XYZ)");
   put("ON_RESET()");
+}
+
+Status Engine::run() {
+  begin();
   POLYPOD_TRY(run_lines());
   number_ = kNoNumber;
   put("ON_RESET()");

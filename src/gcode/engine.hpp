@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "expression.hpp"
+#include "polypod/gcode/explain.hpp"
 #include "polypod/gcode/interpreter.hpp"
 
 namespace polypod::gcode {
@@ -63,6 +64,8 @@ class Engine final : private Parameters {
   std::vector<std::string> take_notes() { return std::move(notes_); }
   /// Where the program ended without M2, M30 or a closing %.
   [[nodiscard]] bool ended() const { return ends_; }
+  /// Runs up to a line, then that line alone (explain.cpp).
+  Result<Explanation> explain(int line);
 
  private:
   static constexpr std::string_view kNoNumber = "N..... ";
@@ -91,6 +94,7 @@ class Engine final : private Parameters {
     std::map<std::string, double> locals;
     std::map<std::string, LabelUse> labels;
   };
+  void begin();  // the canonical calls before the first line
   Status run_lines();
   Status step();
   Status execute(const Block& block);
@@ -181,6 +185,10 @@ class Engine final : private Parameters {
   /// A length in mm, in program units.
   [[nodiscard]] double inches_tolerance(double mm) const { return inches_ ? mm / 25.4 : mm; }
 
+  // --- explain.cpp ---------------------------------------------------------------------------------------------
+  [[nodiscard]] std::string meaning_of(const Word& word, const std::vector<Word>& words) const;
+  [[nodiscard]] std::vector<Explanation::Meaning> in_force() const;
+
   // --- cycles.cpp -----------------------------------------------------------------------------------------------
   Status cycle(int before);
 
@@ -226,6 +234,7 @@ class Engine final : private Parameters {
   bool ends_ = false;
   bool finished_ = false;  // by the closing %
   long lines_ = 0;
+  int until_ = 0;  // the line of the program before which to stop; 0: none
   bool break_passed_ = false;
 
   // The block at hand.
@@ -287,5 +296,9 @@ class Engine final : private Parameters {
   double cycle_q_ = 0;
   double cycle_level_ = 0;  // where the series of cycles began
 };
+
+/// What a run begins with: tools and parameters read, a program of plain blocks judged, behind the line `until` not (0:
+/// all of it). Errors: those of `interpret`, GC152, FI100.
+Result<EngineOptions> engine_options(const Program& program, const CanonOptions& options, int until = 0);
 
 }  // namespace polypod::gcode

@@ -1,0 +1,146 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// A line in words: what it says must be what it does.
+#include "polypod/gcode/explain.hpp"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+namespace polypod::gcode {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr std::string_view kProgram = R"(G21 G17 G90 G94 G54 (start)
+T1 M6
+G43 H1
+S8000 M3
+#1 = 5
+o1 if [#1 GT 3]
+G0 X[#1*2] Y5 Z5
+G20 G1 Z-1 F10
+o1 endif
+o2 if [#1 LT 3]
+G1 X4
+o2 endif
+o3 repeat [4]
+#1 = [#1 + 1]
+G91 X[#1]
+o3 endrepeat
+G3 I1 P2
+G64 P0.01 Q0.02
+M2
+)";
+
+Explanation explained(int line, std::string_view text = kProgram) {
+  const auto program = parse(text, "p.ngc");
+  EXPECT_TRUE(program);
+  const auto e = explain(*program, line);
+  EXPECT_TRUE(e) << (e ? "" : to_string(e.error()));
+  return e ? *e : Explanation{};
+}
+std::string meaning(const std::vector<Explanation::Meaning>& list, std::string_view word) {
+  for (const auto& one : list)
+    if (one.word == word) return one.meaning;
+  return "-";
+}
+
+TEST(Explain, WordsHaveTheValuesOfTheirExpressions) {
+  const Explanation e = explained(7);
+  EXPECT_EQ(e.text, "G0 X[#1*2] Y5 Z5");
+  EXPECT_EQ(meaning(e.words, "X10"), "to 10 mm");
+  EXPECT_THAT(meaning(e.words, "G0"), HasSubstr("rapid"));
+  EXPECT_EQ(e.to[0], 10);
+  EXPECT_EQ(e.to[2], 5);
+  EXPECT_THAT(e.calls, testing::ElementsAre(HasSubstr("STRAIGHT_TRAVERSE(10.0000, 5.0000, 5.0000")));
+  EXPECT_EQ(meaning(e.in_force, "G43"), "tool length offset: Z12.9794 mm");
+  EXPECT_EQ(meaning(e.in_force, "M3"), "the spindle turns clockwise at 8000 1/min");
+  EXPECT_EQ(meaning(explained(5).words, "#1"), "becomes 5");
+}
+
+TEST(Explain, AUnitThatChangesInTheLineIsThatOfItsPlaces) {
+  const Explanation e = explained(8);
+  EXPECT_TRUE(e.inches);
+  EXPECT_NEAR(e.from[2], 5 / 25.4, 1e-12);
+  EXPECT_EQ(e.to[2], -1);
+  EXPECT_EQ(meaning(e.words, "F10"), "feed rate 10 inch/min");
+  EXPECT_EQ(meaning(e.in_force, "G20"), "lengths are inches");
+}
+
+TEST(Explain, ALineThatNeverRunsIsSaidSo) {
+  const Explanation e = explained(11);
+  EXPECT_FALSE(e.runs);
+  EXPECT_THAT(e.words, IsEmpty());
+  EXPECT_THAT(e.in_force, IsEmpty());
+}
+
+TEST(Explain, ControlAndLoopsAreThoseOfTheFirstRun) {
+  EXPECT_THAT(meaning(explained(6).words, "O1 if [1]"), HasSubstr("if the condition is not 0"));
+  EXPECT_EQ(meaning(explained(15).words, "X6"), "by 6 inch");
+}
+
+TEST(Explain, ArcsAndPathModes) {
+  const Explanation arc = explained(17);
+  EXPECT_EQ(meaning(arc.words, "I1"), "centre of the arc: 1 inch from its start");
+  EXPECT_EQ(meaning(arc.words, "P2"), "2 turns");
+  EXPECT_EQ(arc.from, arc.to);
+  EXPECT_EQ(arc.calls.size(), 1U);
+  EXPECT_THAT(meaning(explained(18).in_force, "G64"), HasSubstr("by at most 0.01 inch"));
+  EXPECT_THAT(explained(19).in_force, IsEmpty());
+}
+
+TEST(Explain, ErrorsBeforeTheLineAndLinesThatAreNot) {
+  const auto program = parse(kProgram, "p.ngc");
+  EXPECT_EQ(explain(*program, 20).error().id, "GC153");
+  EXPECT_EQ(explain(*parse("", "p.ngc"), 1).error().id, "GC153");
+  // An error behind the line does not matter, one before it does.
+  const auto bad = parse("G1 X1 F10\nG2 X3\nG1 X2\nM2\n", "p.ngc");
+  EXPECT_TRUE(explain(*bad, 1));
+  EXPECT_FALSE(explain(*bad, 2));
+  EXPECT_FALSE(explain(*bad, 3));
+  EXPECT_TRUE(explain(*parse("%\nG0 X1\nG0 X2\n%\n", "p.ngc"), 2));
+}
+
+// The calls of all lines of a program that runs straight down are those of the whole program.
+TEST(Explain, TheCallsOfAllLinesAreThoseOfTheProgram) {
+  constexpr std::string_view text =
+      "G21 G90 F200\nT1 M6\nG43 H1\nG0 X1 Y2 Z3\nG81 X4 Y5 Z-1 R2\nX6\nG80\nG92 X0\nG1 X3\nG10 L2 P1 X5\nG3 X1 Y2 "
+      "R5\nM2\n";
+  const auto program = parse(text, "p.ngc");
+  const auto whole = canonical_text(*program);
+  ASSERT_TRUE(whole) << to_string(whole.error());
+  std::string all;
+  for (int line = 1; line <= 12; ++line)
+    for (const std::string& call : explained(line, text).calls) all += call + "\n";
+  EXPECT_THAT(*whole, HasSubstr(all));
+  EXPECT_THAT(all, HasSubstr("ARC_FEED"));
+}
+
+// Every code that the reader carries out has its meaning.
+TEST(Explain, EveryCodeThatRunsHasAMeaning) {
+  int described = 0;
+  for (int tenfold = 0; tenfold < 1000; ++tenfold) {
+    const std::string code = fmt::format("G{:g}", tenfold / 10.0);
+    for (const std::string_view beside :
+         {"", " X1 Y1", " X1 Y1 Z-1 R1 F100", " P1", " P1 L2 X1", " X1 Y1 R5 F100", " Z0 F100"}) {
+      const auto program = parse("G17\n" + code + std::string(beside) + "\nM2\n", "p.ngc");
+      if (!program || !canonical_text(*program)) continue;
+      const auto e = explain(*program, 2);
+      ASSERT_TRUE(e) << code;
+      EXPECT_NE(meaning(e->words, code), "not described") << code;
+      ++described;
+      break;
+    }
+  }
+  EXPECT_GT(described, 50);
+  for (int m = 0; m < 100; ++m) {
+    const auto program = parse(fmt::format("M{}\nM2\n", m), "p.ngc");
+    if (!program || !canonical_text(*program)) continue;
+    const auto e = explain(*program, 1);
+    ASSERT_TRUE(e) << m;
+    EXPECT_NE(meaning(e->words, fmt::format("M{}", m)), "not described") << m;
+  }
+}
+
+}  // namespace
+}  // namespace polypod::gcode
