@@ -246,7 +246,7 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
 
 std::vector<Explanation::Meaning> Engine::in_force() const {
   std::vector<Explanation::Meaning> out;
-  const auto code = [&](int tenfold, std::string more = {}) {
+  const auto code = [&](int tenfold, const std::string& more = {}) {
     out.push_back({code_name('G', tenfold), std::string(meaning_in(kG, tenfold)) + more});
   };
   const auto coordinates = [](const auto& values, std::string_view unit) {
