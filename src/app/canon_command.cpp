@@ -41,12 +41,13 @@ bool moves(const std::string& call) {
 }
 
 int print_explanation(const gcode::Explanation& e, bool json) {
-  const bool moved = std::any_of(e.calls.begin(), e.calls.end(), moves);
+  const bool moved = e.compensated ? e.from != e.to : std::any_of(e.calls.begin(), e.calls.end(), moves);
   if (json) {
     Json document{{"line", e.line}, {"text", one_line(e.text)}, {"runs", e.runs}};
     if (e.runs) {
       document["words"] = meanings_json(e.words);
       document["in_force"] = meanings_json(e.in_force);
+      document["compensated"] = e.compensated;
       document["unit"] = e.inches ? "inch" : "mm";
       if (moved) {
         document["from"] = e.from;
@@ -64,8 +65,9 @@ int print_explanation(const gcode::Explanation& e, bool json) {
   }
   print_meanings(e.words);
   if (moved) {
-    fmt::print("the tool moves from {} to {} {}\n", place_text(e.from, e.inches), place_text(e.to, e.inches),
-               e.inches ? "inch" : "mm");
+    fmt::print("the {} from {} to {} {}{}\n", e.compensated ? "programmed path goes" : "tool moves",
+               place_text(e.from, e.inches), place_text(e.to, e.inches), e.inches ? "inch" : "mm",
+               e.compensated ? "; the tool runs beside it, and where its move ends follows from the next one" : "");
   } else {
     fmt::print("the tool does not move\n");
   }

@@ -6,10 +6,10 @@
 
 #include "commands.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
+#include "polypod/machining/unrolling.hpp"
 
 namespace polypod::app {
 
@@ -59,9 +59,7 @@ Command check_command() {
             if (!(o->rapid > 0)) return fail("AP123", "--rapid must be above 0 mm/min");
             POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
             const machine::AnyMachine& m = job.machine;
-            gcode::UnrollOptions unrolling;
-            unrolling.interpret = job.interpret_options();
-            POLYPOD_ASSIGN(understood, gcode::understand(o->program, unrolling));
+            POLYPOD_ASSIGN(understood, gcode::understand(o->program, machining::unroll_options(job)));
             const gcode::Program& program = understood.program;
             const gcode::Interpretation& interpretation = understood.interpretation;
             POLYPOD_TRY(machining::known_offsets(job, program, interpretation));

@@ -12,10 +12,10 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/uncertainty.hpp"
+#include "polypod/machining/unrolling.hpp"
 #include "polypod/pages/correction.hpp"
 
 namespace polypod::app {
@@ -42,8 +42,7 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
     POLYPOD_ASSIGN(compliance, machining::read_measured(measured, {}, &job.machine));
     job.measured = std::move(compliance);
   }
-  gcode::UnrollOptions options;
-  options.interpret = job.interpret_options();
+  gcode::UnrollOptions options = machining::unroll_options(job);
   options.source_lines = source_lines;
   POLYPOD_ASSIGN(understood, gcode::understand(program_path, options));
   return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation)};

@@ -59,7 +59,7 @@ Status Engine::step() {
     block_ = &block;
     if (percent_ && frames_.size() == 1) {
       number_ = kNoNumber;
-      put("FINISH()");
+      put_now("FINISH()");
       ends_ = finished_ = true;
     }
     percent_ = true;
@@ -229,7 +229,7 @@ Status Engine::return_from(const Block& block) {
     number_ = kNoNumber;
     read_number(block.text);
     begin_plain();
-    end_program(false);
+    POLYPOD_TRY(end_program(false));
     add_plain("M2");
     return {};
   }

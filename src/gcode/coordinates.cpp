@@ -241,7 +241,7 @@ Status Engine::go_home(int g) {
   const Axes between = named ? target() : current_;
   if (!options_.machine_known) {
     // Where the machine's place is, nobody knows: the word is passed on, and the axes are not known after it.
-    if (between != current_) {
+    if (between != current_ || left_) {
       traverse(between);
       for (std::size_t k = 0; k < 3 && !incremental_; ++k) known_[k] = known_[k] || find(kAxisLetters[k]) != nullptr;
     }

@@ -56,6 +56,14 @@ void Engine::begin() {
 Status Engine::run() {
   begin();
   POLYPOD_TRY(run_lines());
+  if (!waiting_.empty()) {
+    if (options_.plain) {
+      return error(1, "GC176",
+                   "the program ends while cutter radius compensation is on: LinuxCNC leaves its last move out",
+                   "write G40 and a line behind the contour");
+    }
+    waiting_.clear();
+  }
   number_ = kNoNumber;
   put("ON_RESET()");
   put("ON_RESET()");
@@ -90,6 +98,7 @@ Status Engine::block(const Block& block) {
   read_number(block.text);
   if (resync_) {
     current_ = canon_;
+    if (side_ != 0) programmed_ = canon_;
     resync_ = false;
   }
   begin_plain();
@@ -99,19 +108,27 @@ Status Engine::block(const Block& block) {
     return {};
   }
   if (options_.checks) POLYPOD_TRY(check());
+  if (side_ != 0) POLYPOD_TRY(judge_compensated());
+  loaded_before_ = loaded_;
   feed_and_speed();
   POLYPOD_TRY(tools());
   POLYPOD_TRY(spindle());
   switches();
   POLYPOD_TRY(settings());
   POLYPOD_TRY(motion());
-  stop();
+  POLYPOD_TRY(stop());
   end_plain();
   return {};
 }
 
-void Engine::stop() {
-  switch (one_of('M', 0, 10, 20, 300, 600)) {
+Status Engine::stop() {
+  const int m = one_of('M', 0, 10, 20, 300, 600);
+  if (m >= 0 && m != 20 && m != 300) {
+    stopped_ = stopped_ || !waiting_.empty();
+    POLYPOD_TRY(settle());
+    reached_.reset();
+  }
+  switch (m) {
     case 0:
       put("PROGRAM_STOP()");
       break;
@@ -124,14 +141,16 @@ void Engine::stop() {
       break;
     case 20:
     case 300:
-      end_program(one_of('M', 300) >= 0);
-      break;
+      return end_program(m == 300);
     default:
       break;
   }
+  return {};
 }
 
-void Engine::end_program(bool pallet) {
+Status Engine::end_program(bool pallet) {
+  POLYPOD_TRY(settle());
+  side_ = 0;
   keep_place([&] { select(1); });
   print_system(1, false);
   if (plane_ != Plane::xy) put("SELECT_PLANE(CANON_PLANE_XY)");
@@ -145,6 +164,7 @@ void Engine::end_program(bool pallet) {
   if (pallet) put("PALLET_SHUTTLE()");
   put("PROGRAM_END()");
   ends_ = true;
+  return {};
 }
 
 }  // namespace polypod::gcode

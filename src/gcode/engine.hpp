@@ -38,6 +38,9 @@ struct Tool {
 struct EngineOptions {
   std::vector<Tool> tools;
   bool any_tool = false;  ///< tools that the table does not hold are taken, with an unknown length
+  /// With `any_tool`: diameters by tool number, m, and that of a tool in the spindle without one (0: not known).
+  std::map<int, double> diameters;
+  double diameter = 0;
   /// A parameter file: number and value, lengths in inches.
   std::map<int, double> parameters;
   /// Whether the machine's zero and the start are known, as rs274 takes them to be.
@@ -55,7 +58,7 @@ class Engine final : private Parameters {
   Engine(const Program& program, EngineOptions options);
   Status run();
   std::string take_text() { return std::move(out_); }
-  Program take_plain() { return std::move(plain_); }
+  Program take_plain();
   /// The file of each plain block; empty for the program itself.
   [[nodiscard]] std::string file_of(std::size_t plain_block) const {
     const std::size_t source = plain_sources_[plain_block];
@@ -122,8 +125,16 @@ class Engine final : private Parameters {
 
   // --- engine.cpp, settings.cpp, tools.cpp, motion.cpp, judge.cpp, messages.cpp: blocks
   // ---------------------------------------------------------------------------------------
-  void put(std::string_view text) {
+  /// A canonical call that does not wait for the end of a compensated move before it, as some of rs274's do not.
+  void put_now(std::string_view text) {
     if (options_.text) fmt::format_to(std::back_inserter(out_), "{:5} {}{}\n", ++calls_, number_, text);
+  }
+  void put(std::string_view text) {
+    if (waiting_.empty()) return put_now(text);
+    if (!options_.text) return;
+    Waiting call;
+    call.text = text;
+    waiting_.push_back(std::move(call));
   }
   template <class... T>
   void put(fmt::format_string<T...> format, T&&... values) {
@@ -176,14 +187,56 @@ class Engine final : private Parameters {
   Status arc(const Axes& end);
   Status spline(int motion);
   Status probe(const Axes& end);
-  void stop();
-  void end_program(bool pallet);
+  Status stop();
+  Status end_program(bool pallet);
   void set_path_mode();
   [[nodiscard]] Axes target() const;
   [[nodiscard]] bool polar() const { return find('@') != nullptr || find('^') != nullptr; }
   void polar_from(Axes& p) const;
   /// A length in mm, in program units.
   [[nodiscard]] double inches_tolerance(double mm) const { return inches_ ? mm / 25.4 : mm; }
+
+  // --- compensation.cpp: cutter radius compensation ------------------------------------------------------------
+  using Point = std::array<double, 2>;  // X and Y, program units
+  /// A canonical call that waits: where a compensated move ends is known when the next one is.
+  struct Waiting {
+    enum class Kind { text, straight, arc } kind = Kind::text;
+    std::string text;
+    Axes end{};
+    Point step{};       // straight: from its programmed start to its programmed end
+    Point centre{};     // arcs
+    double radius = 0;  // arcs: that of the compensated path
+    double sweep = 0;   // arcs: as programmed, rad, without whole turns
+    int turns = 0;      // arcs: above 0 counterclockwise
+    bool rapid = false;
+    bool entry = false;
+    // For the plain program.
+    int line = 0;
+    std::size_t slot = 0;
+    std::array<bool, 6> named{};
+    bool incremental = false;
+    bool arc_absolute = false;
+    double rate = 0;  // under G93: program units per minute
+  };
+  [[nodiscard]] bool compensating() const { return side_ != 0 && cutter_radius_ > 0; }
+  /// Where programmed distances count from.
+  [[nodiscard]] const Axes& programmed() const { return compensating() ? programmed_ : current_; }
+  Status judge_compensated() const;
+  Status compensation(int g);
+  Result<double> cutter_diameter(int g);
+  Status compensated_line(const Axes& end, bool rapid);
+  Status compensated_arc(const Axes& end, const Point& centre, int turns);
+  Status corner(double turn, const Point& start, const Axes& end, bool rapid);
+  Status enter(Waiting move, double heading);
+  [[nodiscard]] bool is_inside(double turn, bool around) const;
+  [[nodiscard]] Point beside(const Point& p, double heading) const;
+  [[nodiscard]] Point tool_place() const { return {current_[0], current_[1]}; }
+  Status end_waiting_at(const Point& p);
+  Status settle();
+  Status release();
+  Status judge_path(const Waiting& move) const;
+  [[nodiscard]] std::string compensated_words(const Waiting& move) const;
+  void wait_for(Waiting move);
 
   // --- explain.cpp ---------------------------------------------------------------------------------------------
   [[nodiscard]] std::string meaning_of(const Word& word, const std::vector<Word>& words) const;
@@ -288,6 +341,24 @@ class Engine final : private Parameters {
   std::array<double, 2> spline_tangent_{};
   bool after_spline_ = false;
   bool spline_now_ = false;
+
+  // Cutter radius compensation.
+  double rate_ = 0;               // under G93: program units per minute of the last feed move
+  int side_ = 0;                  // of the path, where the tool is: 1 left, -1 right, 0 off
+  double cutter_radius_ = 0;      // program units
+  bool entering_ = false;         // no move yet
+  bool left_ = false;             // compensation has ended, and no move has followed: the tool is beside `current_`
+  bool line_is_next_ = false;     // after G40
+  bool stopped_ = false;          // M0, M1 or M60 has let the last move end beside its programmed end
+  Axes programmed_{};             // `current_` is where the tool is, if nothing follows
+  double heading_ = 0;            // at the end of the last move, rad
+  std::optional<Waiting> last_;   // the last move with a length
+  std::optional<Point> reached_;  // where the tool is, once two moves have been made
+  std::vector<Waiting> waiting_;
+  std::vector<std::string> slots_;  // texts of plain motions, by the number that stands in their place
+  Tool loaded_before_;              // the block at hand
+  bool stale_tool_ = false;         // M61 or T0: rs274 keeps the diameter of the tool before
+  int spindle_tool_ = 0;
 
   // The cycle in force.
   double cycle_bottom_ = 0;

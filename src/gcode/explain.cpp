@@ -269,6 +269,9 @@ std::vector<Explanation::Meaning> Engine::in_force() const {
   code(active_ <= 6 ? 530 + 10 * active_ : 590 + (active_ - 6), system);
   if (const std::string shift = coordinates(g92_, unit); !shift.empty())
     out.push_back({"G92", "offset of all systems:" + shift});
+  if (side_ != 0) {
+    code(side_ > 0 ? 410 : 420, fmt::format(", cutter radius {} {}", shown(cutter_radius_), unit));
+  }
   const std::string length = coordinates(length_offset_, unit);
   if (tool_offset_ && !length.empty()) {
     out.push_back({"G43", "tool length offset:" + length});
@@ -312,7 +315,8 @@ Result<Explanation> Engine::explain(int line) {
   if (ends_ || frame().source != 0 || frame().at >= blocks.size()) return out;
   if (at->optional && options_.block_delete) return out;
   out.runs = true;
-  out.from = current_;
+  out.from = programmed();
+  const bool beside = compensating();
   const bool inches = inches_;
   const std::size_t before = out_.size();
   std::vector<Word> words = at->words;
@@ -333,7 +337,8 @@ Result<Explanation> Engine::explain(int line) {
   }
   POLYPOD_TRY(step());
   if (inches_ != inches) scale(out.from, inches_ ? 1 / kMmPerInch : kMmPerInch);
-  out.to = current_;
+  out.to = programmed();
+  out.compensated = beside || compensating();
   out.inches = inches_;
   for (const Word& word : words) {
     const bool code = word.letter == 'G' || word.letter == 'M';

@@ -157,6 +157,14 @@ Status Engine::check() {
   if (zero_code == 100) use("PLRIJQ");
   if (g_word(640) != nullptr) use("PQ");
   if (g_word(430) != nullptr) use("H");
+  if (groups[7] != nullptr && code_of(*groups[7]) != 400) {
+    use("D");
+    const int g = code_of(*groups[7]);
+    if (const Word* l = has('L'); l != nullptr && (g == 411 || g == 421)) {
+      return error(l->column, "GC121", "L, the orientation of a turning tool: compensation is done in the plane of G17",
+                   "remove it");
+    }
+  }
   for (const Word& word : block_->words) {
     if (word.letter != 'M') continue;
     const int m = static_cast<int>(word.value);

@@ -35,9 +35,9 @@ void Engine::comment() {
     return text.size() >= word.size() &&
            std::equal(word.begin(), word.end(), text.begin(), [](char a, char b) { return upper(b) == a; });
   };
-  if (begins("MSG,")) return put("MESSAGE(\"{}\")", text.substr(4));
+  if (begins("MSG,")) return put_now(fmt::format("MESSAGE(\"{}\")", text.substr(4)));
   if (begins("DEBUG,")) {
-    if (parameter(5599) != 0) put("MESSAGE(\"{}\")", expanded(text.substr(6), *this));
+    if (parameter(5599) != 0) put_now(fmt::format("MESSAGE(\"{}\")", expanded(text.substr(6), *this)));
     return;
   }
   if (begins("PRINT,")) {
@@ -45,10 +45,10 @@ void Engine::comment() {
     out_ += '\n';
     return;
   }
-  if (begins("LOG,")) return put("LOG(\"{}\")", expanded(text.substr(4), *this));
-  if (begins("LOGOPEN,")) return put("LOGOPEN(\"{}\")", text.substr(8));
-  if (begins("LOGAPPEND,")) return put("LOGAPPEND(\"{}\")", text.substr(10));
-  if (begins("LOGCLOSE") && text.size() == 8) return put("LOGCLOSE()");
+  if (begins("LOG,")) return put_now(fmt::format("LOG(\"{}\")", expanded(text.substr(4), *this)));
+  if (begins("LOGOPEN,")) return put_now(fmt::format("LOGOPEN(\"{}\")", text.substr(8)));
+  if (begins("LOGAPPEND,")) return put_now(fmt::format("LOGAPPEND(\"{}\")", text.substr(10)));
+  if (begins("LOGCLOSE") && text.size() == 8) return put_now("LOGCLOSE()");
   put("COMMENT(\"{}\")", text);
 }
 

@@ -30,14 +30,15 @@ void Engine::polar_from(Axes& p) const {
 }
 
 Axes Engine::target() const {
-  Axes end = current_;
+  const Axes& from = programmed();
+  Axes end = from;
   if (polar()) {
     polar_from(end);
   }
   for (std::size_t k = 0; k < 6; ++k) {
     const Word* word = find(kAxisLetters[k]);
     // No 0 is added: is printed with its sign.
-    if (word != nullptr) end[k] = incremental_ ? current_[k] + word->value : word->value;
+    if (word != nullptr) end[k] = incremental_ ? from[k] + word->value : word->value;
   }
   return end;
 }
@@ -67,7 +68,9 @@ Status Engine::motion() {
     if (!is_cycle(before)) cycle_level_ = current_[axes_of(plane_)[2]];
     return cycle(before);
   }
-  Axes end = axes ? target() : current_;
+  Axes end = axes ? target() : programmed();
+  if (left_) rewritten_ = true;  // the move begins beside the programmed point
+  if (motion_ == 0 || motion_ == 10) line_is_next_ = false;
   if (const Word* g53 = g_word(530); g53 != nullptr) {
     rewritten_ = true;
     if (!options_.machine_known) {
@@ -100,15 +103,18 @@ Status Engine::motion() {
   }
   switch (motion_) {
     case 0:
+      if (compensating()) return compensated_line(end, true);
       traverse(end);
       return {};
     case 10:
       if (inverse_) {
-        const double linear = std::hypot(end[0] - current_[0], end[1] - current_[1], end[2] - current_[2]);
-        const double length =
-            linear > 0 ? linear : std::hypot(end[3] - current_[3], end[4] - current_[4], end[5] - current_[5]);
-        put("SET_FEED_RATE({:.4f})", std::max(kLeastInverseFeed, length * value('F')));
+        const Axes& from = programmed();
+        const double linear = std::hypot(end[0] - from[0], end[1] - from[1], end[2] - from[2]);
+        const double length = linear > 0 ? linear : std::hypot(end[3] - from[3], end[4] - from[4], end[5] - from[5]);
+        rate_ = std::max(kLeastInverseFeed, length * value('F'));
+        put("SET_FEED_RATE({:.4f})", rate_);
       }
+      if (compensating()) return compensated_line(end, false);
       feed(end, inverse_);
       return {};
     case 20:
@@ -126,6 +132,7 @@ Status Engine::motion() {
 
 void Engine::move_to(const Axes& end) {
   current_ = canon_ = end;
+  left_ = false;
 }
 
 void Engine::traverse(const Axes& end) {
@@ -154,6 +161,11 @@ void Engine::dwell(double seconds) {
 Status Engine::arc(const Axes& end) {
   const auto [first, second, normal] = axes_of(plane_);
   constexpr std::string_view kOffsets = "IJK";
+  const Axes from = programmed();
+  if (line_is_next_) {
+    return error(g_word(motion_) != nullptr ? g_word(motion_)->column : 1, "GC176",
+                 "an arc is the first move after G40, which LinuxCNC refuses", "leave the contour with a line");
+  }
   double c1 = 0;
   double c2 = 0;
   const double turn = motion_ == 20 ? -1 : 1;
@@ -181,8 +193,8 @@ Status Engine::arc(const Axes& end) {
     }
   }
   if (const Word* r = find('R'); r != nullptr) {
-    const double dx = end[first] - current_[first];
-    const double dy = end[second] - current_[second];
+    const double dx = end[first] - from[first];
+    const double dy = end[second] - from[second];
     const double half = std::hypot(dx, dy) / 2;
     const double radius = std::abs(r->value);
     if (options_.checks) {
@@ -195,13 +207,13 @@ Status Engine::arc(const Axes& end) {
     // The signs of zeros come from these very functions, so they are used here instead of a square root.
     const double along = radius * std::cos(half >= radius ? std::numbers::pi / 2 : std::asin(half / radius));
     const double side = std::atan2(dy, dx) + (turn * r->value > 0 ? 1 : -1) * std::numbers::pi / 2;
-    c1 = (current_[first] + end[first]) / 2 + along * std::cos(side);
-    c2 = (current_[second] + end[second]) / 2 + along * std::sin(side);
+    c1 = (from[first] + end[first]) / 2 + along * std::cos(side);
+    c2 = (from[second] + end[second]) / 2 + along * std::sin(side);
   } else {
-    c1 = arc_absolute_ ? value(kOffsets[first]) : current_[first] + value(kOffsets[first]);
-    c2 = arc_absolute_ ? value(kOffsets[second]) : current_[second] + value(kOffsets[second]);
+    c1 = arc_absolute_ ? value(kOffsets[first]) : from[first] + value(kOffsets[first]);
+    c2 = arc_absolute_ ? value(kOffsets[second]) : from[second] + value(kOffsets[second]);
     if (options_.checks) {
-      const double r0 = std::hypot(current_[first] - c1, current_[second] - c2);
+      const double r0 = std::hypot(from[first] - c1, from[second] - c2);
       const double r1 = std::hypot(end[first] - c1, end[second] - c2);
       const double difference = std::abs(r0 - r1);
       if (r0 < inches_tolerance(1.27e-3) || r1 < inches_tolerance(1.27e-3)) {
@@ -215,15 +227,16 @@ Status Engine::arc(const Axes& end) {
   }
   const double turns = value('P', 1);
   if (inverse_) {
-    const double from = std::atan2(current_[second] - c2, current_[first] - c1);
-    const double to = std::atan2(end[second] - c2, end[first] - c1);
-    double sweep = turn * (to - from);
+    const double start_angle = std::atan2(from[second] - c2, from[first] - c1);
+    const double end_angle = std::atan2(end[second] - c2, end[first] - c1);
+    double sweep = turn * (end_angle - start_angle);
     if (sweep <= 0) sweep += 2 * std::numbers::pi;
     sweep += 2 * std::numbers::pi * (turns - 1);
-    const double radius = std::hypot(current_[first] - c1, current_[second] - c2);
-    put("SET_FEED_RATE({:.4f})",
-        std::max(kLeastInverseFeed, std::hypot(radius * sweep, end[normal] - current_[normal]) * value('F')));
+    const double radius = std::hypot(from[first] - c1, from[second] - c2);
+    rate_ = std::max(kLeastInverseFeed, std::hypot(radius * sweep, end[normal] - from[normal]) * value('F'));
+    put("SET_FEED_RATE({:.4f})", rate_);
   }
+  if (compensating()) return compensated_arc(end, {c1, c2}, static_cast<int>(turn * turns));
   put("ARC_FEED({:.4f}, {:.4f}, {:.4f}, {:.4f}, {}, {:.4f}, {:.4f}, {:.4f}, {:.4f})", end[first], end[second], c1, c2,
       static_cast<int>(turn * turns), end[normal], end[3], end[4], end[5]);
   if (options_.plain) {
@@ -231,14 +244,14 @@ Status Engine::arc(const Axes& end) {
       rewritten_ = true;
       return error(1, "GC125", "an arc outside of G17 in turned coordinates", "use G17, or G10 L2 with R0");
     }
-    Axes centre = current_;
+    Axes centre = from;
     centre[first] = c1;
     centre[second] = c2;
     const Axes p = to_plain(centre);
-    const Axes from = to_plain(current_);
+    const Axes start = to_plain(from);
     std::string text = (motion_ == 20 ? "G2" : "G3") + plain_words(end, true);
     for (const std::size_t k : {first, second}) {
-      text += fmt::format(" {}{}", kOffsets[k], plain_number(arc_absolute_ ? p[k] : p[k] - from[k], !arc_absolute_));
+      text += fmt::format(" {}{}", kOffsets[k], plain_number(arc_absolute_ ? p[k] : p[k] - start[k], !arc_absolute_));
     }
     if (turns != 1) text += fmt::format(" P{}", turns);
     if (inverse_) text += " F" + number(value('F'), 9);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // The plain blocks that a program comes to.
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 #include "engine.hpp"
@@ -32,12 +33,12 @@ std::string Engine::plain_number(double value, bool step) const {
 /// X, Y, Z, A, B, C of the plain program for a motion to `end`: those that the block names or that change.
 std::string Engine::plain_words(const Axes& end, bool all) const {
   const Axes to = to_plain(end);
-  const Axes from = to_plain(current_);
+  const Axes from = to_plain(left_ ? canon_ : current_);
   const auto [first, second, normal] = axes_of(plane_);
   std::string text;
   for (std::size_t k = 0; k < 6; ++k) {
     const bool named = (name_axes_ && (find(kAxisLetters[k]) != nullptr || (k < 2 && polar()))) ||
-                       (all && (k == first || k == second)) ||
+                       (all && (k == first || k == second)) || (left_ && k < 2) ||
                        (rotation_ != 0 && k < 2 && (find('X') != nullptr || find('Y') != nullptr));
     if (!named && to[k] == from[k]) continue;
     text += fmt::format(" {}{}", kAxisLetters[k], plain_number(incremental_ ? to[k] - from[k] : to[k], incremental_));
@@ -95,7 +96,8 @@ void Engine::end_plain() {
   bool named = false;
   for (const Word& word : block_->words) {
     const int code = word.letter == 'G' || word.letter == 'M' ? code_of(word) : -1;
-    if (word.letter == '*' || word.letter == 'O') continue;
+    if (word.letter == '*' || word.letter == 'O' || word.letter == 'D') continue;
+    if (word.letter == 'G' && code >= 410 && code <= 421) continue;
     std::string text = fmt::format("{}{}", word.letter, number(word.value, 9));
     if (word.letter == 'G' && (code <= 30 || code == 800) && code % 10 == 0) named = true;
     if (rewritten_) {
@@ -144,6 +146,20 @@ void Engine::end_plain() {
   add_plain(before);
   for (std::string& text : motions_) add_plain(std::move(text));
   add_plain(at_end);
+}
+
+/// The blocks, with the compensated moves in their places.
+Program Engine::take_plain() {
+  for (Block& block : plain_.blocks) {
+    for (std::size_t begin = 0; (begin = block.text.find('\x01', begin)) != std::string::npos;) {
+      const std::size_t end = block.text.find('\x02', begin);
+      std::size_t slot = 0;
+      std::from_chars(block.text.data() + begin + 1, block.text.data() + end, slot);
+      block.text.replace(begin, end - begin + 1, slots_[slot]);
+      begin += slots_[slot].size();
+    }
+  }
+  return std::move(plain_);
 }
 
 }  // namespace polypod::gcode

@@ -120,7 +120,7 @@ Status Engine::settings() {
   if (one_of('G', 40) >= 0) put("DWELL({:.4f})", value('P'));
   if (const int g = one_of('G', 170, 180, 190); g >= 0) {
     plane_ = g == 170 ? Plane::xy : g == 180 ? Plane::zx : Plane::yz;
-    put("SELECT_PLANE(CANON_PLANE_{})", g == 170 ? "XY" : g == 180 ? "XZ" : "YZ");
+    put_now(fmt::format("SELECT_PLANE(CANON_PLANE_{})", g == 170 ? "XY" : g == 180 ? "XZ" : "YZ"));
   }
   if (const int g = one_of('G', 200, 210); g >= 0) {
     if (inches_ != (g == 200)) {
@@ -133,9 +133,9 @@ Status Engine::settings() {
       // As in LinuxCNC 2.9, the tool length and the tolerances in force keep their numbers.
       cycle_level_ *= factor;
     }
-    put("USE_LENGTH_UNITS(CANON_UNITS_{})", inches_ ? "INCHES" : "MM");
+    put_now(inches_ ? "USE_LENGTH_UNITS(CANON_UNITS_INCHES)" : "USE_LENGTH_UNITS(CANON_UNITS_MM)");
   }
-  if (one_of('G', 400) >= 0) put("COMMENT(\"interpreter: cutter radius compensation off\")");
+  if (const int g = one_of('G', 400, 410, 411, 420, 421); g >= 0) POLYPOD_TRY(compensation(g));
   if (const int g = one_of('G', 430, 431, 490); g >= 0) POLYPOD_TRY(length_offset(g));
   if (const int g = one_of('G', 540, 550, 560, 570, 580, 590, 591, 592, 593); g >= 0) {
     const int next = g >= 591 ? g - 584 : g / 10 - 53;

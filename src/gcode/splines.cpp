@@ -15,6 +15,9 @@ Status Engine::spline(int motion) {
     return error(column, "GC127", fmt::format("G{}: {}", motion == 50 ? "5" : "5.1", what), "check the block");
   };
   if (plane_ != Plane::xy) return bad("a spline outside of G17");
+  if (left_ && options_.plain) {
+    return error(column, "GC176", "a spline is the first move after G40", "leave the contour with a line");
+  }
   if (inverse_) return bad("a spline under G93");
   if (find('Z') != nullptr || find('A') != nullptr || find('B') != nullptr || find('C') != nullptr) {
     return bad("a spline with an axis other than X and Y");

@@ -35,7 +35,7 @@ Status Engine::tools() {
     POLYPOD_ASSIGN(index, place(*t));
     selected_ = index;
     selected_number_ = static_cast<int>(t->value);
-    put("SELECT_TOOL({})", selected_number_);
+    put_now(fmt::format("SELECT_TOOL({})", selected_number_));
   }
   const int p = integer('P');
   const int e = integer('E');
@@ -70,6 +70,8 @@ Status Engine::tools() {
       if (selected_ > 0) loaded_ = options_.tools[selected_ - 1];  // rs274 keeps the lengths of the tool before T0
       loaded_pocket_ = selected_;
       resync_ = true;
+      if (selected_number_ >= 0) spindle_tool_ = selected_number_;
+      stale_tool_ = selected_ == 0;
       break;
     case 610: {
       const Word* q = find('Q');
@@ -78,8 +80,10 @@ Status Engine::tools() {
       }
       POLYPOD_ASSIGN(index, place(*q));
       put("CHANGE_TOOL_NUMBER({})", index);
-      loaded_pocket_ = index;  // rs274 keeps the lengths of the tool before
+      loaded_pocket_ = index;  // rs274 keeps the lengths and the diameter of the tool before
       resync_ = true;
+      spindle_tool_ = static_cast<int>(q->value);
+      stale_tool_ = true;
       break;
     }
     default:
@@ -128,7 +132,12 @@ Status Engine::set_tool(int l) {
   const Word* p = find('P');
   if (p == nullptr)
     return error(column, "GC168", "G10 with a tool table entry without P", "P is the number of the tool");
-  if (options_.any_tool) return {};  // lengths of tools do not count: the programmed point is the tip
+  if (options_.any_tool) {  // lengths of tools do not count: the programmed point is the tip
+    if (const Word* r = find('R'); r != nullptr && p->value >= 0 && p->value <= 99999) {
+      options_.diameters[static_cast<int>(p->value)] = units::from_inch(2 * inches(r->value));
+    }
+    return {};
+  }
   POLYPOD_ASSIGN(index, index_of(*p));
   if (index == 0) return error(p->column, "GC151", "tool 0 is not in the tool table", "name a tool");
   Tool& tool = options_.tools[index - 1];
@@ -164,10 +173,11 @@ Status Engine::set_tool(int l) {
   }
   const auto entry = [&](std::size_t place) {
     const ToolOffset& o = tool.offset;
-    put("SET_TOOL_TABLE_ENTRY({}, {}, {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f}, {:.4f}, {:.4f}, "
+    put_now(fmt::format(
+        "SET_TOOL_TABLE_ENTRY({}, {}, {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f}, {:.4f}, {:.4f}, "
         "{})",
         place, tool.number, o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8], tool.front_angle, tool.back_angle,
-        tool.orientation);
+        tool.orientation));
   };
   entry(index);
   if (index == loaded_pocket_) {

@@ -14,8 +14,8 @@ namespace polypod::gcode {
 namespace {
 
 /// G words that `interpret` does not take, times ten.
-constexpr std::array kUnrolled{50,  51,  100, 280, 281, 300, 301, 382, 383, 384, 385, 520, 530, 591, 592,
-                               593, 730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890, 920, 923};
+constexpr std::array kUnrolled{50,  51,  100, 280, 281, 300, 301, 382, 383, 384, 385, 410, 411, 420, 421, 520, 530,
+                               591, 592, 593, 730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890, 920, 923};
 
 }  // namespace
 
@@ -43,6 +43,8 @@ Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
   EngineOptions engine;
   engine.any_tool = true;
   engine.machine_known = false;
+  engine.diameters = options.diameters;
+  engine.diameter = options.diameter;
   engine.block_delete = options.interpret.block_delete;
   engine.files = options.files;
   engine.most_lines = options.most_lines;

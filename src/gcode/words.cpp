@@ -45,6 +45,10 @@ int group_of(int g) {
     case 210:
       return 6;
     case 400:
+    case 410:
+    case 411:
+    case 420:
+    case 421:
       return 7;
     case 430:
     case 431:
@@ -83,12 +87,7 @@ int group_of(int g) {
 Refusal refusal_of(int g) {
   switch (g) {
     case 401:
-    case 410:
-    case 411:
-    case 420:
-    case 421:
-      return {"GC121", "cutter radius compensation is not supported",
-              "post the program with the path of the cutter's centre"};
+      return {"GC121", "this cutter compensation is not supported", "use G41, G42, G41.1 or G42.1"};
     case 52:
     case 53:
     case 60:

@@ -154,6 +154,8 @@ void check_unrolling(const gcode::Program& program) {
 
   gcode::UnrollOptions options;
   options.files = false;
+  options.diameter = 4e-3;
+  options.diameters[2] = 10e-3;
   options.most_lines = kLines;
   const auto unrolled = gcode::unroll(program, options);
   if (!unrolled) {

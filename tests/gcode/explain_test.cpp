@@ -89,6 +89,17 @@ TEST(Explain, ArcsAndPathModes) {
   EXPECT_THAT(explained(19).in_force, IsEmpty());
 }
 
+TEST(Explain, CompensatedPlacesAreThoseOfTheProgram) {
+  constexpr std::string_view text = "G21 F300\nT1 M6\nG0 X0 Y0\nG41 D1 G1 X5\nG1 X30\nY20\nG40 G1 X40 Y30\nM2\n";
+  const Explanation e = explained(5, text);
+  EXPECT_TRUE(e.compensated);
+  EXPECT_EQ(e.from[0], 5);
+  EXPECT_EQ(e.to[0], 30);
+  EXPECT_THAT(meaning(e.in_force, "G41"), HasSubstr("cutter radius 1.5875 mm"));
+  EXPECT_FALSE(explained(3, text).compensated);
+  EXPECT_TRUE(explained(7, text).compensated);  // it begins beside the contour
+}
+
 TEST(Explain, ErrorsBeforeTheLineAndLinesThatAreNot) {
   const auto program = parse(kProgram, "p.ngc");
   EXPECT_EQ(explain(*program, 20).error().id, "GC153");

@@ -23,8 +23,10 @@ struct Explanation {
   std::vector<Meaning> in_force;       ///< unit, plane, modes, offsets, tool, feed and spindle after the line;
                                        ///< empty where the program ends with it
   std::array<double, 6> from{}, to{};  ///< X, Y, Z in program units, A, B, C in deg, in the active coordinates
-  bool inches = false;                 ///< the program unit after the line
-  std::vector<std::string> calls;      ///< canonical calls of the line, as `canonical_text`
+  bool compensated = false;        ///< cutter radius compensation is on: `from` and `to` are programmed places, and the
+                                   ///< tool's call follows when the next move is known
+  bool inches = false;             ///< the program unit after the line
+  std::vector<std::string> calls;  ///< canonical calls of the line, as `canonical_text`
 };
 
 /// Runs the program up to the line and says what the line does. Lines are counted from 1. The start of the program is

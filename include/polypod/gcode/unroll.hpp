@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,7 +21,11 @@ struct UnrollOptions {
   InterpretOptions interpret;   ///< as given to `interpret`: work offsets, block delete
   bool files = true;            ///< whether subprograms may stand in files beside the program (`name.ngc`)
   long most_lines = 5'000'000;  ///< so many lines may run: more are taken for an endless loop (GC165)
-  bool source_lines = false;    ///< whether each block that is not as it was ends with a comment `(line 12)`
+  /// Diameters of cutters by tool number, m: what G41 and G42 compensate. G41.1 and G42.1 bring theirs.
+  std::map<int, double> diameters;
+  /// That of the tool in the spindle where `diameters` does not hold it, m; 0: not known, and G41 without D is refused.
+  double diameter = 0;
+  bool source_lines = false;  ///< whether each block that is not as it was ends with a comment `(line 12)`
 };
 
 struct Unrolled {
