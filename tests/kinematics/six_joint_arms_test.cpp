@@ -173,7 +173,6 @@ TEST(SixJointArms, EveryBranchGivesItsPoseAndOneTheJointsItCameFrom) {
     // rad: next to singular poses joints are less certain than the pose, by one over the distance.
     EXPECT_LT(farthest, 1e-7);
     EXPECT_GE(count, 200000U);
-    ::testing::Test::RecordProperty(name, std::to_string(worst));
     std::printf("%-18s pose %.1e, joints %.1e, %.2f branches a pose\n", name, worst, farthest,
                 static_cast<double>(count) / 1e5);
   }
@@ -280,8 +279,11 @@ TEST(SixJointArms, BranchesAreThoseOfASearchAndNoneIsMissing) {
         if (!branches.exists[b]) continue;
         ++closed;
         // Different branches are different joints; each is one that the search ends at, or solves the pose exactly.
-        for (int c = 0; c < b; ++c)
-          if (branches.exists[c]) EXPECT_GT(apart(joints_of(branches, b), joints_of(branches, c)), 1e-6) << b << c;
+        for (int c = 0; c < b; ++c) {
+          if (branches.exists[c]) {
+            EXPECT_GT(apart(joints_of(branches, b), joints_of(branches, c)), 1e-6) << b << c;
+          }
+        }
         not_found += std::none_of(search.begin(), search.end(),
                                   [&](const JointVector& s) { return apart(s, joints_of(branches, b)) < 1e-5; });
       }
@@ -345,9 +347,11 @@ TEST(SixJointArms, AtSingularPosesTheReferenceIsKept) {
     solve(arm, machine::forward(arm, q), branches, q.data());
     nearest(branches, q);
     solve(arm, machine::forward(arm, q), branches);
-    for (int b = 0; b < SixJointBranches::kCount; ++b)
-      if (branches.exists[b])
+    for (int b = 0; b < SixJointBranches::kCount; ++b) {
+      if (branches.exists[b]) {
         EXPECT_LT(difference(machine::forward(arm, joints_of(branches, b)), machine::forward(arm, q)), kExact);
+      }
+    }
   }
   const SerialArm equal = arm_of(kEqualLinks);
   JointVector q(6);

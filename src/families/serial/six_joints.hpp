@@ -137,15 +137,16 @@ struct Turns {
 };
 
 /// The turn of `angle` (at most 3 pi) that lies in the range if there is one, else the one in (-pi, pi]; of several in
-/// the range the nearest to reference[joint] if there is a reference.
+/// the range the nearest to reference[joint] if there is a reference. Without branches but for the reference.
 inline double in_range(double angle, const JointRange& range, const double* reference, int joint) {
   constexpr double kTurn = 2 * std::numbers::pi;
-  double q = angle;
-  q = q > std::numbers::pi ? q - kTurn : q;
-  q = q < -std::numbers::pi ? q + kTurn : q;
   const double low = range.min - kLimitSlack, high = range.max + kLimitSlack;
-  q = q > high && q - kTurn >= low ? q - kTurn : q;
-  q = q < low && q + kTurn <= high ? q + kTurn : q;
+  double q = angle;
+  q -= q > std::numbers::pi ? kTurn : 0.0;
+  q += q < -std::numbers::pi ? kTurn : 0.0;
+  // Not &&, which branches.
+  q -= static_cast<int>(q > high) & static_cast<int>(q - kTurn >= low) ? kTurn : 0.0;
+  q += static_cast<int>(q < low) & static_cast<int>(q + kTurn <= high) ? kTurn : 0.0;
   if (reference == nullptr || range.max - range.min < kTurn) return q;
   double near = q + kTurn * std::round((reference[joint] - q) / kTurn);
   if (near > high) near -= kTurn;

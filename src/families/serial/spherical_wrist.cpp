@@ -83,7 +83,7 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
   // The directions of all angles: joint 1 (front, back); g and joint 2 of both shoulders and elbows; joints 4 to 6 of
   // each.
   enum : int { kFirst = 0, kBend = 2, kSecond = 4, kWrist = 8 };
-  double y[20] = {}, x[20] = {}, angle[20];
+  double y[20], x[20], angle[20];
   const Vec3 c = R_AM_ * (X_MT.R * wrist_T_ + X_MT.p) + p_AM_;
   const double size2 = square(upper_ + fore_ + std::abs(a1_)) + b_ * b_;
   const double r2 = square(c.x()) + square(c.y()), rho2 = r2 - b_ * b_;
@@ -91,19 +91,18 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
   if (rho2 < -kStretched * size2) return;
   const double rho = std::sqrt(std::max(0.0, rho2));
   const bool over_axis = r2 < kFree * kFree;
+  const double over_r2 = over_axis ? 0.0 : 1 / r2;
   const bool beside = rho2 < kStretched * size2;
-  const Complex lengths{upper_, fore_};
+  const double over_twice = 1 / (2 * upper_ * fore_);
   const Mat3 N = R_AM_ * X_MT.R * tool_;
   const Complex upper_0{upper_c_, upper_s_}, fore_0{fore_c_, fore_s_};
   bool reached[2] = {}, in_line[2][2] = {}, folded[2] = {}, met[2] = {};
   std::optional<six::Turns::Solution> oblique[2][2];  // wrists that are not right-angled
-  six::Turns turns;
-  if (!right_angled_) turns = {lead_.col(0), lead_.col(1), lead_.col(2)};
   for (int s = 0; s < 2; ++s) {
     const double side = s == 0 ? rho : -rho;
     Complex t1{1, 0};
     if (!over_axis) {
-      t1 = {(side * c.x() + b_ * c.y()) / r2, (side * c.y() - b_ * c.x()) / r2};
+      t1 = {(side * c.x() + b_ * c.y()) * over_r2, (side * c.y() - b_ * c.x()) * over_r2};
     } else if (reference != nullptr) {
       t1 = {std::cos(reference[0]), sense_[0] * std::sin(reference[0])};
     } else if (s == 1) {
@@ -113,13 +112,17 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
     y[kFirst + s] = t1.im;
     const Complex P{side - a1_, c.z()};
     const double D2 = square(P.re) + square(P.im);
-    const double far = square(lengths.re + lengths.im) - D2, near = D2 - square(lengths.re - lengths.im);
+    const double far = square(upper_ + fore_) - D2, near = D2 - square(upper_ - fore_);
     reached[s] = far >= -kStretched * size2 && near >= -kStretched * size2;
-    if (!reached[s]) continue;
-    const double twice = 2 * upper_ * fore_;
-    const double cg = std::clamp((D2 - upper_ * upper_ - fore_ * fore_) / twice, -1.0, 1.0);
-    const double sg = std::sqrt(std::max(0.0, far) * std::max(0.0, near)) / twice;
+    if (!reached[s]) {  // every direction is one
+      for (const int k : {kBend + s, kSecond + 2 * s, kSecond + 2 * s + 1}) x[k] = y[k] = 0;
+      for (int k = kWrist + 6 * s; k < kWrist + 6 * s + 6; ++k) x[k] = y[k] = 0;
+      continue;
+    }
+    const double cg = std::clamp((D2 - upper_ * upper_ - fore_ * fore_) * over_twice, -1.0, 1.0);
+    const double sg = std::sqrt(std::max(0.0, far) * std::max(0.0, near)) * over_twice;
     folded[s] = D2 < kFree * kFree;
+    const double over_D2 = folded[s] ? 0.0 : 1 / D2;
     met[s] = sg < kMeet;
     x[kBend + s] = cg;
     y[kBend + s] = sg;
@@ -132,7 +135,7 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
       if (!folded[s]) {
         const Complex E{upper_ + fore_ * bend.re, fore_ * bend.im};
         upper = P * conjugate(E);
-        upper = {upper.re / D2, upper.im / D2};
+        upper = {upper.re * over_D2, upper.im * over_D2};
       } else {
         const double t2 = reference != nullptr ? sense_[1] * reference[1] : 0.0;
         upper = upper_0 * Complex{std::cos(t2), std::sin(t2)};
@@ -146,8 +149,10 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
       R.row(1) = n1;
       R.row(2) = t23.re * n2 - t23.im * n0;
       if (!right_angled_) {
+        const six::Turns turns(lead_.col(0), lead_.col(1), lead_.col(2));
         oblique[s][e] = turns.solve(R, reference != nullptr ? reference[3] : 0.0);
         in_line[s][e] = oblique[s][e] && oblique[s][e]->in_line;
+        for (int k = 0; k < 3; ++k) x[kWrist + 3 * (2 * s + e) + k] = y[kWrist + 3 * (2 * s + e) + k] = 0;
         continue;
       }
       // M = Rz(t4) Ry(t5) Rz(t6): its last column gives t4 and t5, the second row of Rz(-t4) M gives t6.
@@ -156,7 +161,8 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
       in_line[s][e] = s5 < kFree;
       Complex t4{1, 0};
       if (!in_line[s][e]) {
-        t4 = {m0.x() / s5, m0.y() / s5};
+        const double over_s5 = 1 / s5;
+        t4 = {m0.x() * over_s5, m0.y() * over_s5};
       } else if (reference != nullptr) {
         t4 = {std::cos(reference[3]), std::sin(reference[3])};
       }
