@@ -164,11 +164,20 @@ void six_joint_inverse(benchmark::State& state, const char* name) {
   }
   state.counters["branches"] = benchmark::Counter(static_cast<double>(count), benchmark::Counter::kAvgIterations);
 }
-BENCHMARK_CAPTURE(six_joint_inverse<machine::SphericalWristInverse>, kuka, "kuka-kr210");
-BENCHMARK_CAPTURE(six_joint_inverse<machine::SphericalWristInverse>, puma, "puma560");
-BENCHMARK_CAPTURE(six_joint_inverse<machine::ThreeParallelInverse>, ur10e, "ur10e");
-/// The same arm by the quartic of its first three axes, which it does not need.
-BENCHMARK_CAPTURE(six_joint_inverse<machine::PieperInverse>, kuka_by_pieper, "kuka-kr210");
+void spherical_wrist(benchmark::State& state, const char* name) {
+  six_joint_inverse<machine::SphericalWristInverse>(state, name);
+}
+BENCHMARK_CAPTURE(spherical_wrist, kuka, "kuka-kr210");
+BENCHMARK_CAPTURE(spherical_wrist, puma, "puma560");
+void three_parallel(benchmark::State& state, const char* name) {
+  six_joint_inverse<machine::ThreeParallelInverse>(state, name);
+}
+BENCHMARK_CAPTURE(three_parallel, ur10e, "ur10e");
+/// The quartic of the first three axes, on an arm that does not need it.
+void pieper(benchmark::State& state, const char* name) {
+  six_joint_inverse<machine::PieperInverse>(state, name);
+}
+BENCHMARK_CAPTURE(pieper, kuka, "kuka-kr210");
 
 /// KDL's numeric inverse finds one branch of the full pose; it starts from a neighbour.
 void kdl_inverse(benchmark::State& state) {

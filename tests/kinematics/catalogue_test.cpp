@@ -120,7 +120,9 @@ TEST(Catalogue, EveryMachineKeepsTheInvariants) {
       SCOPED_TRACE(k);
       const auto at = standing(m, random, k == 0 ? 0.0 : 0.1);
       if (!at) continue;
-      if (kinematics::dexterity(m, at->X_MT, at->q).condition > 1e4) continue;  // differences say nothing there
+      // Differences say nothing near singular poses: at a stretched arm a step of 1e-5 m is beyond reach or turns
+      // joints by more than its share.
+      if (kinematics::dexterity(m, at->X_MT, at->q).condition > (kinematics::home_pose(m) ? 1e4 : 1e2)) continue;
       check(m, *at);
       ++judged;
     }
