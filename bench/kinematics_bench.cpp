@@ -13,6 +13,9 @@
 #include <vector>
 
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/families/serial/pieper.hpp"
+#include "polypod/families/serial/spherical_wrist.hpp"
+#include "polypod/families/serial/three_parallel.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -131,6 +134,51 @@ void polypod_inverse(benchmark::State& state) {
 }
 BENCHMARK(polypod_inverse);
 
+/// All eight branches of an arm with six joints, in the closed form that it has, and the first of them within limits.
+template <class Inverse>
+void six_joint_inverse(benchmark::State& state, const char* name) {
+  const machine::AnyMachine m = *machine::load(name);
+  const auto& arm = std::get<machine::SerialArm>(m);
+  const auto inverse = Inverse::of(arm);
+  if (!inverse) std::abort();
+  std::vector<Pose> poses;
+  for (int k = 0; k < 1024; ++k) {
+    machine::JointVector q(6);
+    for (int i = 0; i < 6; ++i) {
+      const auto range = machine::joint_range(arm, i);
+      q[i] = 0.5 * (range.min + range.max) + 0.3 * (range.max - range.min) * std::sin(0.37 * k + 1.3 * i);
+    }
+    poses.push_back(machine::forward(arm, q));
+  }
+  machine::SixJointBranches branches;
+  std::size_t i = 0, count = 0;
+  for (auto _ : state) {
+    inverse->solve(poses[i++ & 1023], branches);
+    int first = -1;
+    for (int b = 7; b >= 0; --b) {
+      if (!branches.exists[b]) continue;
+      ++count;
+      if (inverse->violations(branches.joints[b]) == 0) first = b;
+    }
+    benchmark::DoNotOptimize(first);
+  }
+  state.counters["branches"] = benchmark::Counter(static_cast<double>(count), benchmark::Counter::kAvgIterations);
+}
+void spherical_wrist(benchmark::State& state, const char* name) {
+  six_joint_inverse<machine::SphericalWristInverse>(state, name);
+}
+BENCHMARK_CAPTURE(spherical_wrist, kuka, "kuka-kr210");
+BENCHMARK_CAPTURE(spherical_wrist, puma, "puma560");
+void three_parallel(benchmark::State& state, const char* name) {
+  six_joint_inverse<machine::ThreeParallelInverse>(state, name);
+}
+BENCHMARK_CAPTURE(three_parallel, ur10e, "ur10e");
+/// The quartic of the first three axes, on an arm that does not need it.
+void pieper(benchmark::State& state, const char* name) {
+  six_joint_inverse<machine::PieperInverse>(state, name);
+}
+BENCHMARK_CAPTURE(pieper, kuka, "kuka-kr210");
+
 /// KDL's numeric inverse finds one branch of the full pose; it starts from a neighbour.
 void kdl_inverse(benchmark::State& state) {
   const KDL::Chain chain = kdl_chain();
@@ -178,8 +226,8 @@ void any_inverse(benchmark::State& state, const char* name) {
   for (int k = 0; k < 1024; ++k) {
     const double a = part(random), b = part(random), c = part(random), d = part(random), e = part(random);
     if (std::holds_alternative<machine::SerialArm>(m)) {
-      machine::JointVector q(kinematics::joint_count(m));
-      q << 0.4 * a, 0.4 * b, 0.4 * c, 0.4 * d, 0.3 + 0.4 * e;
+      machine::JointVector q = machine::JointVector::Zero(kinematics::joint_count(m));
+      q.head<5>() << 0.4 * a, 0.4 * b, 0.4 * c, 0.4 * d, 0.3 + 0.4 * e;
       poses.push_back(kinematics::forward(m, q).poses.front());
       continue;
     }
@@ -197,6 +245,7 @@ void any_inverse(benchmark::State& state, const char* name) {
   state.counters["solutions"] = benchmark::Counter(static_cast<double>(solutions), benchmark::Counter::kAvgIterations);
 }
 BENCHMARK_CAPTURE(any_inverse, arm, "lola50");
+BENCHMARK_CAPTURE(any_inverse, six_joints, "kuka-kr210");
 BENCHMARK_CAPTURE(any_inverse, struts, "hexapod-strut");
 BENCHMARK_CAPTURE(any_inverse, sliders, "hexapod-slider");
 BENCHMARK_CAPTURE(any_inverse, rotary_delta, "delta-brno");

@@ -205,7 +205,9 @@ InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
 InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last) {
   InverseResult out = std::visit(
       [&](const auto& m) -> InverseResult {
-        if constexpr (requires { inverse_from(m, X_MT, last); }) {
+        if constexpr (requires { inverse_near(m, X_MT, last); }) {
+          return inverse_near(m, X_MT, last);
+        } else if constexpr (requires { inverse_from(m, X_MT, last); }) {
           if (!has_closed_inverse(m)) return inverse_from(m, X_MT, last);
         }
         return {};

@@ -341,8 +341,8 @@ Posture posture_of(const Configuration& configuration, const machine::JointVecto
     for (int i = 0; i < 3; ++i) off = std::max(off, std::abs(std::remainder(s.joints[i] - q[i], 2 * std::numbers::pi)));
     if (off >= best) continue;
     best = off;
-    out.known = true;
     const std::string name = machine::branch_name(whole, s.branch);
+    out.known = name.rfind("arm-", 0) != 0;  // numbered postures say nothing to a controller
     out.overhead = name.rfind("back", 0) == 0;
     const bool up = name.find("elbow-up") != std::string::npos;
     out.bent = up != out.overhead;

@@ -1,8 +1,10 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Machines of legs against LinuxCNC's genuine pentakins and tripodkins (recorded, see data/README.md).
+// Machines of legs against LinuxCNC's genuine pentakins and tripodkins, arms against pumakins and genserkins (recorded,
+// see data/README.md).
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <numbers>
 #include <set>
 #include <sstream>
 
@@ -175,6 +177,46 @@ TEST(LinuxCncModules, TripodkinsAboveAndBelowItsMotors) {
     EXPECT_LT(farthest(kinematics::coordinates_of(kinematics::task(m), forward.poses.front()), rows[i].pose), kForward);
   }
   EXPECT_EQ(count_above, 24);
+}
+
+/// The pose of the module's joints is the module's, and they are among all branches of the closed inverse.
+void expect_arm(const std::string& name) {
+  // m and rad: both sides' roundings, those of the file (deg) and of the module's matrices.
+  constexpr double kArm = 1e-12;
+  // rad: of the module's inverse, next to singular poses.
+  constexpr double kJoints = 1e-9;
+  const AnyMachine m = test::load(data(name + ".toml"));
+  const auto& arm = std::get<machine::SerialArm>(m);
+  ASSERT_TRUE(machine::has_closed_inverse(arm));
+  const std::vector<Row> rows = recorded(name, 6, 6);
+  ASSERT_EQ(rows.size(), kRows);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    SCOPED_TRACE(i);
+    JointVector q(6);
+    for (int k = 0; k < 6; ++k) {  // read as mm
+      q[k] = units::from_deg(units::to_mm(rows[i].joints[static_cast<std::size_t>(k)]));
+    }
+    const Pose asked = kinematics::pose_of(machine::Task::pose, rows[i].pose),
+               module = kinematics::pose_of(machine::Task::pose, rows[i].forward), X = machine::forward(arm, q);
+    EXPECT_LT((X.p - module.p).norm() + (X.R - module.R).norm(), kArm);
+    double nearest = 10;
+    for (const kinematics::Solution& s : machine::inverse(arm, asked).solutions) {
+      double apart = 0;
+      for (int k = 0; k < 6; ++k) {
+        apart = std::max(apart, std::abs(std::remainder(s.joints[k] - q[k], 2 * std::numbers::pi)));
+      }
+      nearest = std::min(nearest, apart);
+    }
+    EXPECT_LT(nearest, kJoints);
+  }
+}
+
+TEST(LinuxCncModules, Pumakins) {
+  expect_arm("pumakins");
+}
+
+TEST(LinuxCncModules, Genserkins) {
+  expect_arm("genserkins");
 }
 
 }  // namespace

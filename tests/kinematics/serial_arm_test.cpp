@@ -173,17 +173,17 @@ TEST(SphericalWrist, SingularPosesAreMarked) {
   }
 }
 
-// Universal Robots UR5: no three axes meet in its wrist, so the inverse is numeric.
-constexpr const char* kUr5 = R"(
+// An arm like the UR5, whose axes 5 and 6 pass each other by 30 mm: no closed form, so the inverse is numeric.
+constexpr const char* kOffsetWrist = R"(
 family = "serial"
 dh = [ {d_mm=89.159, alpha_deg=90}, {a_mm=-425}, {a_mm=-392.25}, {d_mm=109.15, alpha_deg=90},
-       {d_mm=94.65, alpha_deg=-90}, {d_mm=82.3} ]
+       {d_mm=94.65, alpha_deg=-90, a_mm=30}, {d_mm=82.3} ]
 limits = [ {min_deg=-160,max_deg=160}, {min_deg=-160,max_deg=-20}, {min_deg=20,max_deg=150}, {min_deg=-170,max_deg=170},
            {min_deg=20,max_deg=150}, {min_deg=-170,max_deg=170} ]
 )";
 
 TEST(SerialArm, AWristWithOffsetsHasANumericInverse) {
-  const SerialArm arm = arm_of(kUr5);
+  const SerialArm arm = arm_of(kOffsetWrist);
   EXPECT_FALSE(machine::has_closed_inverse(arm));
   testing::InvariantOptions options;
   options.samples = 25;
@@ -259,7 +259,7 @@ TEST(SerialArm, OutOfReachSaysWhy) {
 }
 
 TEST(SerialArm, NumericInverseReportsThatItDidNotConverge) {
-  const SerialArm arm = arm_of(kUr5);
+  const SerialArm arm = arm_of(kOffsetWrist);
   const auto result = machine::inverse(arm, Pose{Mat3::Identity(), Vec3(3, 0, 0)});
   EXPECT_TRUE(result.solutions.empty());
   EXPECT_FALSE(result.converged);

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "polypod/families/serial/pieper.hpp"
 #include "polypod/families/serial/spherical_wrist.hpp"
+#include "polypod/families/serial/three_parallel.hpp"
 #include "polypod/kinematics/closure.hpp"
 
 namespace polypod::machine {
@@ -321,16 +323,28 @@ int WristInverse::first_within_limits(const Branches& branches) const {
   return -1;
 }
 
+namespace {
+/// The closed form of an arm with six joints, as a list; nothing if it has none.
+std::optional<InverseResult> inverse_of_six(const SerialArm& arm, const Pose& X_MT, const double* reference) {
+  if (const auto spherical = SphericalWristInverse::of(arm)) return spherical->solve(X_MT, reference);
+  if (const auto parallel = ThreeParallelInverse::of(arm)) return parallel->solve(X_MT, reference);
+  if (const auto pieper = PieperInverse::of(arm)) return pieper->solve(X_MT, reference);
+  return std::nullopt;
+}
+}  // namespace
+
 bool has_closed_inverse(const SerialArm& arm) {
-  return WristInverse::of(arm).has_value() || SphericalWristInverse::of(arm).has_value();
+  return WristInverse::of(arm).has_value() || SphericalWristInverse::of(arm).has_value() ||
+         ThreeParallelInverse::of(arm).has_value() || PieperInverse::of(arm).has_value();
 }
 
-std::string branch_name(const SerialArm&, unsigned branch) {
+std::string branch_name(const SerialArm& arm, unsigned branch) {
   static constexpr const char* kNames[WristInverse::kBranches] = {
       "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
       "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
-  if (branch < WristInverse::kBranches) return kNames[branch];
-  return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
+  if (branch >= WristInverse::kBranches) return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
+  const bool numbered = PieperInverse::of(arm) && !SphericalWristInverse::of(arm) && !ThreeParallelInverse::of(arm);
+  return numbered ? fmt::format("arm-{}{}", branch / 2 + 1, branch % 2 == 0 ? "" : " wrist-flipped") : kNames[branch];
 }
 
 InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start) {
@@ -339,8 +353,14 @@ InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVe
   return inverse_numerically(arm, X_MT, options);
 }
 
+InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVector& last) {
+  if (auto closed = inverse_of_six(arm, X_MT, last.data())) return std::move(*closed);
+  if (WristInverse::of(arm)) return inverse(arm, X_MT);
+  return inverse_from(arm, X_MT, last);
+}
+
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
-  if (const auto spherical = SphericalWristInverse::of(arm)) return spherical->solve(X_MT);
+  if (auto closed = inverse_of_six(arm, X_MT, nullptr)) return std::move(*closed);
   const Result<WristInverse> closed = WristInverse::of(arm);
   if (!closed) return inverse_numerically(arm, X_MT, {});
   InverseResult out;

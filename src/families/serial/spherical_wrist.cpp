@@ -2,185 +2,231 @@
 #include "polypod/families/serial/spherical_wrist.hpp"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 
+#include "angles.hpp"
 #include "polypod/families/serial/kinematics.hpp"
+#include "six_joints.hpp"
 
 namespace polypod::machine {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Axes meet, are parallel or square below this (m, rad): far above the rounding of degrees in files.
-constexpr double kSame = 1e-9;
-// A cosine beyond 1 by less than this is 1: rounding where the arm is stretched.
-constexpr double kStretched = 1e-12;
-// A wrist centre nearer to axis 1, or axes 4 and 6 nearer in line: the angle is free (m, rad).
-constexpr double kFree = 1e-9;
-
-Mat3 turn(const Vec3& axis, double angle) {
-  return Eigen::AngleAxisd(angle, axis).toRotationMatrix();
-}
-
-/// The angle about `axis` that takes `from` into the half plane of `to` (Paden's subproblem 1).
-double angle_between(const Vec3& axis, const Vec3& from, const Vec3& to) {
-  return std::atan2(axis.dot(from.cross(to)), from.dot(to) - axis.dot(from) * axis.dot(to));
-}
-
-/// Both angles x with normal . turn(axis, x) v = value; nothing where none reaches it.
-struct TwoAngles {
-  double angle[2];
-};
-std::optional<TwoAngles> angles_to_height(const Vec3& normal, const Vec3& axis, const Vec3& v, double value) {
-  // normal . turn v = (n.a)(v.a) + A cos x + B sin x
-  const double along = normal.dot(axis) * v.dot(axis);
-  const double A = normal.dot(v) - along, B = normal.dot(axis.cross(v));
-  const double size = std::hypot(A, B);
-  const double cosine = (value - along) / size;
-  if (!(size > 0) || std::abs(cosine) > 1 + kStretched) return std::nullopt;
-  const double middle = std::atan2(B, A), half = std::acos(std::clamp(cosine, -1.0, 1.0));
-  return TwoAngles{{middle + half, middle - half}};
-}
-
-/// The point that two lines share; nothing where they pass each other or are parallel.
-std::optional<Vec3> common_point(const Vec3& o, const Vec3& u, const Vec3& p, const Vec3& v) {
-  const Vec3 n = u.cross(v);
-  const double square = n.squaredNorm();
-  if (square < kSame) return std::nullopt;
-  const Vec3 between = p - o;
-  if (std::abs(between.dot(n)) > kSame * std::sqrt(square)) return std::nullopt;
-  return o + u * (between.cross(v).dot(n) / square);
-}
-
-/// The turn of the angle that lies in the range; the nearest to its middle where several do.
-double in_range(double angle, const JointRange& range) {
-  double q = std::remainder(angle, 2 * kPi);
-  if (q > range.max + kSame && q - 2 * kPi >= range.min - kSame) q -= 2 * kPi;
-  if (q < range.min - kSame && q + 2 * kPi <= range.max + kSame) q += 2 * kPi;
-  return q;
-}
+using six::Complex, six::conjugate;
+using six::kFree, six::kMeet, six::kSame, six::kStretched;
 
 }  // namespace
 
 std::optional<SphericalWristInverse> SphericalWristInverse::of(const SerialArm& arm) {
-  if (arm.dh.size() != 6 || arm.task != Task::pose) return std::nullopt;
-  for (const DhRow& row : arm.dh)
-    if (row.kind != JointKind::revolute || row.locked) return std::nullopt;
+  const std::optional<six::Axes> axes = six::axes_of(arm);
+  if (!axes) return std::nullopt;
+  const auto& [w, o, range, X_0] = *axes;
+  const auto wrist = six::common_point(o[4], w[4], o[5], w[5]);
+  if (!wrist || (*wrist - o[3]).cross(w[3]).norm() > kSame) return std::nullopt;
+  if (w[3].cross(w[4]).norm() < kSame) return std::nullopt;
+  if (w[1].cross(w[2]).norm() > kSame || std::abs(w[0].dot(w[1])) > kSame) return std::nullopt;
   SphericalWristInverse out;
-  const JointVector zero = JointVector::Zero(6);
-  const ForwardJacobian at_zero = forward_jacobian(arm, zero);
-  out.X_0_inverse_ = at_zero.X_MT.inverse();
-  for (int i = 0; i < 6; ++i) {
-    const Vec3 v = at_zero.J.col(i).head<3>(), w = at_zero.J.col(i).tail<3>();
-    // v = w x (p - o): the foot of the tip on the axis.
-    out.joints_[std::size_t(i)] = {w, at_zero.X_MT.p + w.cross(v), joint_range(arm, i)};
+  out.range_ = range;
+  // The arm's frame A.
+  Vec3 up = w[0];
+  if (up.dot(arm.X_MB.R.col(2)) < 0) up = -up;
+  Vec3 front = w[1].cross(up).normalized();
+  double side = front.dot(o[1] - o[0]);
+  if (std::abs(side) < kSame) side = front.dot(*wrist - o[0]);
+  if (side < 0) front = -front;
+  out.R_AM_.row(0) = front;
+  out.R_AM_.row(1) = up.cross(front);
+  out.R_AM_.row(2) = up;
+  const Vec3 origin = o[0] + up * up.dot(o[1] - o[0]);
+  out.p_AM_ = -(out.R_AM_ * origin);
+  const auto in_A = [&](const Vec3& p_M) { return Vec3(out.R_AM_ * (p_M - origin)); };
+  out.a1_ = in_A(o[1]).x();
+  out.b_ = in_A(*wrist).y();
+  if (std::abs(out.b_) < kFree) out.b_ = 0;
+  const Vec3 upper = in_A(o[2]) - in_A(o[1]), fore = in_A(*wrist) - in_A(o[2]);
+  out.upper_ = std::hypot(upper.x(), upper.z());
+  out.fore_ = std::hypot(fore.x(), fore.z());
+  if (out.upper_ < kSame || out.fore_ < kSame) return std::nullopt;  // an elbow without lengths
+  out.upper_c_ = upper.x() / out.upper_;
+  out.upper_s_ = upper.z() / out.upper_;
+  out.fore_c_ = fore.x() / out.fore_;
+  out.fore_s_ = fore.z() / out.fore_;
+  const Complex bend = Complex{out.fore_c_, out.fore_s_} * conjugate({out.upper_c_, out.upper_s_});
+  out.bend_ = std::atan2(bend.im, bend.re);
+  // From x to z is a negative turn about y.
+  out.sense_ = {up.dot(w[0]) > 0 ? 1.0 : -1.0, out.R_AM_.row(1).dot(w[1]) > 0 ? -1.0 : 1.0,
+                out.R_AM_.row(1).dot(w[2]) > 0 ? -1.0 : 1.0};
+
+  const Mat3 R_TM = X_0.R.transpose();
+  out.wrist_T_ = R_TM * (*wrist - X_0.p);
+  const Vec3 w4 = out.R_AM_ * w[3], w5 = out.R_AM_ * w[4], w6 = out.R_AM_ * w[5];
+  const six::Turns turns(w4, w5, w6);
+  out.middle_ = turns.middle;
+  out.swapped_ = kPi - std::abs(out.middle_) < kSame;
+  out.right_angled_ = std::abs(w[3].dot(w[4])) < kSame && std::abs(w[4].dot(w[5])) < kSame;
+  if (out.right_angled_) {
+    out.lead_ << w5.cross(w4), w5, w4;
+    Mat3 last;
+    last << w[4].cross(w[5]), w[4], w[5];
+    out.tool_ = R_TM * last;
+  } else {
+    out.lead_ << w4, w5, w6;
+    out.tool_ = R_TM * out.R_AM_.transpose();
   }
-  const auto& j = out.joints_;
-  const auto wrist = common_point(j[4].point, j[4].axis, j[5].point, j[5].axis);
-  if (!wrist || (*wrist - j[3].point).cross(j[3].axis).norm() > kSame) return std::nullopt;
-  const auto square = [](const Vec3& a, const Vec3& b) { return std::abs(a.dot(b)) < kSame; };
-  const bool parallel = j[1].axis.cross(j[2].axis).norm() < kSame;
-  if (!parallel || !square(j[0].axis, j[1].axis) || !square(j[3].axis, j[4].axis) || !square(j[4].axis, j[5].axis)) {
-    return std::nullopt;
-  }
-  out.wrist_ = *wrist;
-  // The elbow's and the forearm's lengths in the arm's plane must be there.
-  const auto flat = [&](const Vec3& v) { return Vec3(v - j[1].axis * j[1].axis.dot(v)); };
-  if (flat(j[2].point - j[1].point).norm() < kSame || flat(*wrist - j[2].point).norm() < kSame) return std::nullopt;
-  out.up_ = j[0].axis;
-  if (out.up_.dot(arm.X_MB.R.col(2)) < 0) out.up_ = -out.up_;
-  out.front_ = j[1].axis.cross(out.up_);
-  double side = out.front_.dot(j[1].point - j[0].point);
-  if (std::abs(side) < kSame) side = out.front_.dot(*wrist - j[0].point);
-  if (side < 0) out.front_ = -out.front_;
   return out;
 }
 
-kinematics::InverseResult SphericalWristInverse::solve(const Pose& X_MT) const {
-  const auto& j = joints_;
-  kinematics::InverseResult out;
-  const Pose T = X_MT * X_0_inverse_;
-  const Vec3 c = T * wrist_, from_1 = c - j[0].point;
-  const bool over_axis = from_1.cross(j[0].axis).norm() < kFree;
-  // The wrist stands off the plane through axis 1 by what axis 2 is shifted along itself.
-  const double aside = j[1].axis.dot(wrist_ - j[0].point);
-  TwoAngles first{{0, 0}};
-  if (!over_axis) {
-    // w_2 . e_1^-1 v = value, so turn the other way.
-    const auto found = angles_to_height(j[1].axis, -j[0].axis, from_1, aside);
-    if (!found) {
-      out.reason = "the wrist centre is nearer to axis 1 than its offset from the arm's plane";
-      return out;
+void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double* reference) const {
+  // The directions of all angles: joint 1 (front, back); g and joint 2 of both shoulders and elbows; joints 4 to 6 of
+  // each.
+  enum : int { kFirst = 0, kBend = 2, kSecond = 4, kWrist = 8 };
+  double y[20], x[20], angle[20];
+  const Vec3 c = R_AM_ * (X_MT.R * wrist_T_ + X_MT.p) + p_AM_;
+  const double size2 = square(upper_ + fore_ + std::abs(a1_)) + b_ * b_;
+  const double r2 = square(c.x()) + square(c.y()), rho2 = r2 - b_ * b_;
+  for (int k = 0; k < Branches::kCount; ++k) out.exists[k] = out.singular[k] = false;
+  if (rho2 < -kStretched * size2) return;
+  const double rho = std::sqrt(std::max(0.0, rho2));
+  const bool over_axis = r2 < kFree * kFree;
+  const double over_r2 = over_axis ? 0.0 : 1 / r2;
+  const bool beside = rho2 < kStretched * size2;
+  const double over_twice = 1 / (2 * upper_ * fore_);
+  const Mat3 N = R_AM_ * X_MT.R * tool_;
+  const Complex upper_0{upper_c_, upper_s_}, fore_0{fore_c_, fore_s_};
+  bool reached[2] = {}, in_line[2][2] = {}, folded[2] = {}, met[2] = {};
+  std::optional<six::Turns::Solution> oblique[2][2];  // wrists that are not right-angled
+  for (int s = 0; s < 2; ++s) {
+    const double side = s == 0 ? rho : -rho;
+    Complex t1{1, 0};
+    if (!over_axis) {
+      t1 = {(side * c.x() + b_ * c.y()) * over_r2, (side * c.y() - b_ * c.x()) * over_r2};
+    } else if (reference != nullptr) {
+      t1 = {std::cos(reference[0]), sense_[0] * std::sin(reference[0])};
+    } else if (s == 1) {
+      t1 = {-1, 0};
     }
-    first = *found;
+    x[kFirst + s] = t1.re;
+    y[kFirst + s] = t1.im;
+    const Complex P{side - a1_, c.z()};
+    const double D2 = square(P.re) + square(P.im);
+    const double far = square(upper_ + fore_) - D2, near = D2 - square(upper_ - fore_);
+    reached[s] = far >= -kStretched * size2 && near >= -kStretched * size2;
+    if (!reached[s]) {  // every direction is one
+      for (const int k : {kBend + s, kSecond + 2 * s, kSecond + 2 * s + 1}) x[k] = y[k] = 0;
+      for (int k = kWrist + 6 * s; k < kWrist + 6 * s + 6; ++k) x[k] = y[k] = 0;
+      continue;
+    }
+    const double cg = std::clamp((D2 - upper_ * upper_ - fore_ * fore_) * over_twice, -1.0, 1.0);
+    const double sg = std::sqrt(std::max(0.0, far) * std::max(0.0, near)) * over_twice;
+    folded[s] = D2 < kFree * kFree;
+    const double over_D2 = folded[s] ? 0.0 : 1 / D2;
+    met[s] = sg < kMeet;
+    x[kBend + s] = cg;
+    y[kBend + s] = sg;
+    // Turned back by joint 1.
+    const Eigen::RowVector3d n0 = t1.re * N.row(0) + t1.im * N.row(1), n1 = t1.re * N.row(1) - t1.im * N.row(0),
+                             n2 = N.row(2);
+    for (int e = 0; e < 2; ++e) {
+      const Complex bend{cg, s == e ? -sg : sg};
+      Complex upper;
+      if (!folded[s]) {
+        const Complex E{upper_ + fore_ * bend.re, fore_ * bend.im};
+        upper = P * conjugate(E);
+        upper = {upper.re * over_D2, upper.im * over_D2};
+      } else {
+        const double t2 = reference != nullptr ? sense_[1] * reference[1] : 0.0;
+        upper = upper_0 * Complex{std::cos(t2), std::sin(t2)};
+      }
+      const Complex t2 = upper * conjugate(upper_0), t23 = upper * bend * conjugate(fore_0);
+      const int second = kSecond + 2 * s + e;
+      x[second] = t2.re;
+      y[second] = t2.im;
+      Mat3 R;
+      R.row(0) = t23.re * n0 + t23.im * n2;
+      R.row(1) = n1;
+      R.row(2) = t23.re * n2 - t23.im * n0;
+      if (!right_angled_) {
+        const six::Turns turns(lead_.col(0), lead_.col(1), lead_.col(2));
+        oblique[s][e] = turns.solve(R, reference != nullptr ? reference[3] : 0.0);
+        in_line[s][e] = oblique[s][e] && oblique[s][e]->in_line;
+        for (int k = 0; k < 3; ++k) x[kWrist + 3 * (2 * s + e) + k] = y[kWrist + 3 * (2 * s + e) + k] = 0;
+        continue;
+      }
+      // M = Rz(t4) Ry(t5) Rz(t6): its last column gives t4 and t5, the second row of Rz(-t4) M gives t6.
+      const Vec3 m0 = lead_.transpose() * R.col(2);
+      const double s5 = std::sqrt(square(m0.x()) + square(m0.y()));
+      in_line[s][e] = s5 < kFree;
+      Complex t4{1, 0};
+      if (!in_line[s][e]) {
+        const double over_s5 = 1 / s5;
+        t4 = {m0.x() * over_s5, m0.y() * over_s5};
+      } else if (reference != nullptr) {
+        t4 = {std::cos(reference[3]), std::sin(reference[3])};
+      }
+      const Vec3 across = t4.re * lead_.col(1) - t4.im * lead_.col(0);  // second row of Rz(-t4) lead^T
+      const int at = kWrist + 3 * (2 * s + e);
+      x[at] = t4.re;
+      y[at] = t4.im;
+      x[at + 1] = m0.z();
+      y[at + 1] = t4.re * m0.x() + t4.im * m0.y();
+      x[at + 2] = across.dot(R.col(1));
+      y[at + 2] = across.dot(R.col(0));
+    }
   }
-  struct Shoulder {
-    double q1 = 0;
-    Vec3 c;  ///< the wrist centre turned back into the plane of joint 1 at 0
-  };
-  Shoulder shoulders[2];
-  for (int k = 0; k < 2; ++k) shoulders[k] = {first.angle[k], j[0].point + turn(j[0].axis, -first.angle[k]) * from_1};
-  if (front_.dot(shoulders[0].c - j[0].point) < front_.dot(shoulders[1].c - j[0].point)) {
-    std::swap(shoulders[0], shoulders[1]);
-  }
-  const Vec3& axis = j[1].axis;
-  const auto flat = [&](const Vec3& v) { return Vec3(v - axis * axis.dot(v)); };
-  const Vec3 upper = flat(j[2].point - j[1].point), fore = flat(wrist_ - j[2].point);
-  for (int elbow = 0; elbow < 2; ++elbow) {
-    for (int back = 0; back < (over_axis ? 1 : 2); ++back) {
-      const Vec3 to_wrist = flat(shoulders[back].c - j[1].point);
-      // |upper + e_3 fore|^2 = |to_wrist|^2
-      const double wanted = 0.5 * (to_wrist.squaredNorm() - upper.squaredNorm() - fore.squaredNorm());
-      const auto third = angles_to_height(upper, j[2].axis, fore, wanted);
-      if (!third) continue;
-      for (const double q3 : third->angle) {
-        const Vec3 reach = upper + turn(j[2].axis, q3) * fore;
-        const double q2 = angle_between(axis, reach, to_wrist);
-        const Vec3 elbow_at = turn(axis, q2) * upper;
-        // Above the line from axis 2 to the wrist, seen with the wrist on the right. On the line: both are the same.
-        const Vec3 right = back == 0 ? front_ : Vec3(-front_);
-        const double above = right.dot(to_wrist) * up_.dot(elbow_at) - up_.dot(to_wrist) * right.dot(elbow_at);
-        const bool up = std::abs(above) < kFree * kFree ? q3 == third->angle[0] : above > 0;
-        if (up != (elbow == 0)) continue;
-        const double q1 = shoulders[back].q1;
-        const Mat3 R = (turn(j[0].axis, q1) * turn(axis, q2) * turn(j[2].axis, q3)).transpose() * T.R;
-        wrist(R, q1, q2, q3, over_axis, unsigned(4 * elbow + 2 * back), out);
+  angles_of(y, x, angle);
+  for (int s = 0; s < 2; ++s) {
+    if (!reached[s]) continue;
+    const double q1 = six::in_range(sense_[0] * angle[kFirst + s], range_[0], reference, 0);
+    for (int e = 0; e < 2; ++e) {
+      const double q2 = six::in_range(sense_[1] * angle[kSecond + 2 * s + e], range_[1], reference, 1);
+      const double g = s == e ? -angle[kBend + s] : angle[kBend + s];
+      const double q3 = six::in_range(sense_[2] * (g - bend_), range_[2], reference, 2);
+      for (int f = 0; f < 2; ++f) {
+        const int k = 4 * e + 2 * s + (swapped_ ? 1 - f : f);
+        double t4 = 0, t5 = 0, t6 = 0;
+        if (right_angled_) {
+          const double* t = angle + kWrist + 3 * (2 * s + e);
+          const double half = f == 0 || (in_line[s][e] && reference != nullptr) ? 0.0 : kPi;
+          t4 = t[0] + half;
+          t5 = middle_ + (f == 0 ? t[1] : -t[1]);
+          t6 = t[2] + half;
+        } else {
+          t4 = oblique[s][e]->q4[f];
+          t5 = oblique[s][e]->q5[f];
+          t6 = oblique[s][e]->q6[f];
+        }
+        double* q = out.joints[k];
+        out.exists[k] = right_angled_ || oblique[s][e];
+        if (!out.exists[k]) continue;
+        q[0] = q1;
+        q[1] = q2;
+        q[2] = q3;
+        q[3] = six::in_range(t4, range_[3], reference, 3);
+        q[4] = six::in_range(t5, range_[4], reference, 4);
+        q[5] = six::in_range(t6, range_[5], reference, 5);
+        out.singular[k] = over_axis || beside || folded[s] || met[s] || in_line[s][e];
       }
     }
   }
-  if (out.solutions.empty() && out.reason.empty()) out.reason = "the wrist centre is out of reach of the two links";
-  return out;
 }
 
-void SphericalWristInverse::wrist(const Mat3& R, double q1, double q2, double q3, bool over_axis, unsigned branch,
-                                  kinematics::InverseResult& out) const {
-  const auto& j = joints_;
-  const Vec3 &w4 = j[3].axis, &w5 = j[4].axis, &w6 = j[5].axis, target = R * w6;
-  // Square axes: w_4 . R_5 w_6 = cos(q5 - middle). An arc cosine would lose half of the digits where 4 and 6 are in
-  // line.
-  const double middle = std::atan2(w4.dot(w5.cross(w6)), w4.dot(w6));
-  const double half = std::atan2(w4.cross(target).norm(), w4.dot(target));
-  for (int flipped = 0; flipped < 2; ++flipped) {
-    const double q5 = flipped == 0 ? middle + half : middle - half;
-    const Vec3 turned = turn(w5, q5) * w6;
-    const bool in_line = turned.cross(w4).norm() < kFree;
-    const double q4 = in_line ? 0 : angle_between(w4, turned, target);
-    const Mat3 rest = (turn(w4, q4) * turn(w5, q5)).transpose() * R;
-    const double q6 = angle_between(w6, w5, rest * w5);
-    kinematics::Solution s;
-    s.joints.resize(6);
-    const double angles[6] = {q1, q2, q3, q4, q5, q6};
-    for (int i = 0; i < 6; ++i) {
-      const JointRange& range = j[std::size_t(i)].range;
-      s.joints[i] = in_range(angles[i], range);
-      if (s.joints[i] < range.min - kSame) s.violations |= kinematics::LimitBits{1} << (2 * i);
-      if (s.joints[i] > range.max + kSame) s.violations |= kinematics::LimitBits{1} << (2 * i + 1);
-    }
-    s.branch = branch + unsigned(flipped);
-    s.singular = over_axis || in_line;
-    out.solutions.push_back(std::move(s));
-  }
+kinematics::LimitBits SphericalWristInverse::violations(const double* joints) const {
+  return six::violations(range_, joints);
+}
+
+kinematics::InverseResult SphericalWristInverse::solve(const Pose& X_MT, const double* reference) const {
+  Branches branches;
+  solve(X_MT, branches, reference);
+  const Vec3 c = R_AM_ * (X_MT * wrist_T_) + p_AM_;
+  const bool beside = square(c.x()) + square(c.y()) < b_ * b_;
+  return six::result(branches, range_,
+                     beside ? "the wrist centre is nearer to axis 1 than its offset from the arm's plane"
+                     : right_angled_
+                         ? "the wrist centre is out of reach of the two links"
+                         : "the wrist centre is out of reach of the two links, or the wrist cannot turn so far");
 }
 
 }  // namespace polypod::machine

@@ -114,19 +114,29 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 
 /// All inverse solutions of the task for the pose X_MT (for Task::axis only the position and the third column count).
 ///
-/// Arms with the wrist of LOLA 50 (standard table, five free joints, alpha = 90, 0, 90, -90, a_3 = 0, joints 4 and 5
-/// cutting in a point on the line of the tool axis, further joints locked): closed form, SLAV (2.18) to (2.34),
-/// 8 branches, flipped for cos(theta_5) < 0. Where the wrist centre is on axis
-/// 1, or the tool axis along joint 4, the free joint is 0 and the solution marked singular. Arms with six joints and a
-/// spherical wrist: SphericalWristInverse. Other arms: inverse_damped.
+/// Closed forms, of whatever table has the axes for it, with up to eight branches:
+/// - five free joints, the wrist of LOLA 50 (standard table, alpha = 90, 0, 90, -90, a_3 = 0, joints 4 and 5 cutting in
+///   a point on the line of the tool axis, further joints locked): WristInverse, SLAV (2.18) to (2.34), flipped for
+///   cos(theta_5) < 0. Where the wrist centre is on axis 1, or the tool axis along joint 4, the free joint is 0 and the
+///   solution marked singular;
+/// - six free joints and a spherical wrist, axes 2 and 3 parallel and square to axis 1: SphericalWristInverse;
+/// - six free joints, axes 2, 3 and 4 parallel and square to axis 1, axes 5 and 6 meeting: ThreeParallelInverse;
+/// - six free joints and a spherical wrist, any other first three axes: PieperInverse.
+/// Other arms, and tasks that leave a joint free: inverse_damped. Each solution has its joints in the turn that lies in
+/// their ranges (of several, the one in (-180, 180] deg); inverse_near chooses between several turns.
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
-/// `front|back elbow-up|elbow-down [wrist-flipped]` of the closed forms in the order of WristInverse, else
-/// "numeric-1"...
+/// `front|back elbow-up|elbow-down [wrist-flipped]` of the closed forms, in the order of WristInverse; `arm-1` to
+/// `arm-4 [wrist-flipped]` of PieperInverse; else "numeric-1"...
 std::string branch_name(const SerialArm& arm, unsigned branch);
 
 /// The solution next to `start` by damped Newton steps from there: the same posture on the way along a path. At most
 /// one; none where the steps do not converge.
 InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start);
+
+/// All solutions as inverse() gives them, seen from the joints `last` (closed forms with six joints): of several turns
+/// within the range the nearest to `last`, and at a singular pose the free joint keeps its value there, so that the
+/// joints stay continuous along a path that leads over the pose. Without a closed form: inverse_from.
+InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVector& last);
 
 /// Whether inverse() is in closed form for this arm.
 bool has_closed_inverse(const SerialArm& arm);
