@@ -231,11 +231,10 @@ void Engine::wait_for(Waiting move) {
 }
 
 /// The first move, or an arc or line behind its corner: now it waits, and the tool will end beside its end.
-Status Engine::enter(Waiting move, double heading) {
+Status Engine::enter(Waiting move, double heading, const Point& tool) {
   rewritten_ = true;
   for (std::size_t k = 0; k < 6; ++k) move.named[k] = find(kAxisLetters[k]) != nullptr;
   const Axes programmed = move.end;
-  const Point tool = beside({programmed[0], programmed[1]}, heading);
   move.end[0] = tool[0];
   move.end[1] = tool[1];
   plain_motion_ = move.kind == Waiting::Kind::arc ? (move.turns > 0 ? 3 : 2) : move.rapid ? 0 : 1;
@@ -287,7 +286,8 @@ Status Engine::compensated_line(const Axes& end, bool rapid) {
                    "start farther from the contour");
     }
     move.entry = true;
-    return enter(std::move(move), std::atan2(dy, dx));
+    const double heading = std::atan2(dy, dx);
+    return enter(std::move(move), heading, beside({end[0], end[1]}, heading));
   }
   if (dx == 0 && dy == 0) {
     move.end[0] = current_[0];
@@ -298,7 +298,9 @@ Status Engine::compensated_line(const Axes& end, bool rapid) {
     wait_for(std::move(move));
     return {};
   }
-  const double heading = std::atan2(dy, dx);
+  double heading = std::atan2(dy, dx);
+  // The signs of zeros come from this very turn.
+  if (side_ < 0 && heading < std::atan2(current_[1] - from[1], current_[0] - from[0])) heading += 2 * kPi;
   const double turn = side_ * within_turn(heading - heading_);
   const bool after_arc = last_ && last_->kind == Waiting::Kind::arc;
   const bool around = after_arc && (last_->turns > 0) != (side_ > 0);
@@ -333,7 +335,7 @@ Status Engine::compensated_line(const Axes& end, bool rapid) {
     POLYPOD_TRY(settle());
     POLYPOD_TRY(corner(turn, start, end, rapid));
   }
-  return enter(std::move(move), heading);
+  return enter(std::move(move), heading, beside({end[0], end[1]}, heading));
 }
 
 Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) {
@@ -352,6 +354,7 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
   move.turns = turns;
   move.radius = inner ? programmed_radius - cutter_radius_ : programmed_radius + cutter_radius_;
   move.sweep = sweep_between(centre, from, to, turns);
+  const Point tool = from_centre(centre, move.radius, end_angle);
   if (entering_ && !(distance(from, to) > cutter_radius_)) {
     return error(1, "GC173",
                  fmt::format("the first compensated move leads {:.4f} far, not farther than the tool's radius {:.4f}",
@@ -366,7 +369,6 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
   };
   if (inner && programmed_radius <= cutter_radius_) return too_small();
   if (entering_) {
-    const Point tool = beside(to, heading);
     const double vx = tool[0] - from[0];
     const double vy = tool[1] - from[1];
     const double ux = std::cos(end_angle);
@@ -381,10 +383,10 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
     move.sweep = sweep_between(move.centre, from, tool, turns);
     move.entry = true;
     if (options_.plain && k < 0) {
-      return error(1, "GC175", "the first compensated arc bends to the other side of the contour",
+      return error(1, "GC175", "the first compensated arc curves to the other side of the contour",
                    "enter with a line, or with an arc of a larger radius");
     }
-    return enter(std::move(move), heading);
+    return enter(std::move(move), heading, tool);
   }
   const double start_angle = std::atan2(from[1] - centre[1], from[0] - centre[0]);
   const double start_heading = within_turn(start_angle + turning * kPi / 2);
@@ -425,7 +427,7 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
     POLYPOD_TRY(release());
     POLYPOD_TRY(corner(turn, beside(from, start_heading), end, false));
   }
-  return enter(std::move(move), heading);
+  return enter(std::move(move), heading, tool);
 }
 
 /// Where the waiting moves end now. rs274 refuses a line that comes to run backward and an arc that comes to sweep

@@ -227,7 +227,7 @@ class Engine final : private Parameters {
   Status compensated_line(const Axes& end, bool rapid);
   Status compensated_arc(const Axes& end, const Point& centre, int turns);
   Status corner(double turn, const Point& start, const Axes& end, bool rapid);
-  Status enter(Waiting move, double heading);
+  Status enter(Waiting move, double heading, const Point& tool);
   [[nodiscard]] bool is_inside(double turn, bool around) const;
   [[nodiscard]] Point beside(const Point& p, double heading) const;
   [[nodiscard]] Point tool_place() const { return {current_[0], current_[1]}; }

@@ -112,9 +112,9 @@ class Contours {
   }
 
   void interlude() {
-    const std::array<const char*, 15> blocks{"M8",      "(a remark)", "S100",   "G4 P0.5",   "M3",
-                                             "(msg,x)", "T1",         "M9 (b)", "M0",        "G17",
-                                             "M5",      "N50 M7",     "G97 S5", "M5 S50", "(debug,#5420 #<_y>)"};
+    const std::array<const char*, 15> blocks{"M8",      "(a remark)", "S100",   "G4 P0.5", "M3",
+                                             "(msg,x)", "T1",         "M9 (b)", "M0",      "G17",
+                                             "M5",      "N50 M7",     "G97 S5", "M5 S50",  "(debug,#5420 #<_y>)"};
     switch (pick(0, 5)) {
       case 0:
         text_ += fmt::format("G1 {}{}{}\n", incremental_ ? "Z" : "Z", pick(-3, 3), inverse_ ? " F3" : "");
@@ -399,8 +399,8 @@ TEST(Compensation, UnrolledBlocksStandWhereTheyStood) {
             "G0 X0 Y0 Z0\nF100\nG1 X10 Y2 (a)\nM8 G1 X18 Y2\n(b)\nM9\nG1 X18 Y10\nG2 X20 Y12 I2 J0\nG1 X40 Y12\nG40\n"
             "G0 X40 Y10 Z5\nX0\nM2\n");
   EXPECT_EQ(plain("G0 X0 Y0 Z0\nG91 G42.1 D4 F100\nG1 X10\nX10\nY10\nG2 X10 Y-10 I10\nG40 G90\nG1 X0\nM2\n"),
-            "G0 X0 Y0 Z0\nG91 F100\nG1 X10 Y-2\nG1 X10 Y0\nG3 X2 Y2 I0 J2\nG1 X0 Y10\nG3 X-2 Y2 I-2 J0\n"
-            "G2 X10 Y-10 I10 J-2\nG40 G90\nG1 X0 Y0\nM2\n");
+            "G0 X0 Y0 Z0\nG91 F100\nG1 X10 Y-2\nG1 X10 Y0\nG3 X2 Y2 I0 J2\nG1 X0 Y10\nG2 X8 Y-8 I8 J0\nG40 G90\nG1 X0 "
+            "Y0\nM2\n");
 }
 
 TEST(Compensation, DiametersAreThoseOfTheJob) {
@@ -445,7 +445,7 @@ TEST(Compensation, WhatCutsIntoTheContourIsRefused) {
            // A stop in an inside corner.
            {head + "M0\nY30\nG40\nG1 X0\nM2\n", "GC175 part.ngc:6:1:"},
            // A joint of 0.049 rad before an arc that is hardly larger than the tool.
-           {head + "G3 X50.191 Y4 I-0.0098 J2.0488\nG40\nG1 X0\nM2\n", "GC175 part.ngc:6:1: line 5:"},
+           {head + "G3 X52.15036 Y2.0475 I0.1004 J2.0475\nG1 Y30\nG40\nG1 X0\nM2\n", "GC175 part.ngc:6:1: line 5:"},
            // An entry arc that comes to bend away from the contour.
            {"G0 X0 Y0 Z0 F100\nG42.1 D1\nG2 X-0.7495 Y2.258 I-5.8878 J-0.701\nG40\nG1 X0\nM2\n", "GC175 part.ngc:3:1:"},
            // The closing % leaves the last move out.
