@@ -13,6 +13,7 @@
 #include "calibration_options.hpp"
 #include "certificate_output.hpp"
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/core/csv.hpp"
 #include "polypod/core/files.hpp"
@@ -76,6 +77,14 @@ Result<calibration::CalibrationOptions> options_of(const Options& o) {
   POLYPOD_ASSIGN(X_TR, frame_argument(o.target, "--target"));
   out.X_SM = X_SM;
   out.X_TR = X_TR;
+  constexpr double kMost_mm = 1e9, kMost_deg = 5e7;  // what calibrate() takes at most
+  POLYPOD_TRY(in_range("CA116", "--noise-um", o.noise_um, {0, 1e3 * kMost_mm, true}, "um"));
+  POLYPOD_TRY(in_range("CA116", "--noise-deg", o.noise_deg, {0, kMost_deg, true}, "deg"));
+  POLYPOD_TRY(in_range("CA116", "--prior-mm", o.prior_mm, {0, kMost_mm}, "mm"));
+  POLYPOD_TRY(in_range("CA116", "--prior-deg", o.prior_deg, {0, kMost_deg}, "deg"));
+  POLYPOD_TRY(in_range("CA116", "--bound-mm", o.bound_mm, {0, kMost_mm}, "mm"));
+  POLYPOD_TRY(in_range("CA116", "--bound-deg", o.bound_deg, {0, kMost_deg}, "deg"));
+  POLYPOD_TRY(in_range("CA116", "--validation", o.hold_back, {0, 50}, "%"));
   out.noise_position = units::from_um(o.noise_um);
   out.noise_angle = units::from_deg(o.noise_deg);
   out.prior_length = units::from_mm(o.prior_mm);
@@ -98,38 +107,6 @@ Status check_angles(const Context& context, const machine::AnyMachine& m,
     POLYPOD_TRY(refuse(context, {"--prior-deg", "--bound-deg"},
                        "it serves machines with angles or directions; all parameters of this one are lengths"));
   return {};
-}
-
-std::string command_line(const Options& o) {
-  const Options usual;
-  std::string out = "polypod calibrate " + for_shell(o.machine);
-  for (const std::string& file : o.files) out += " " + for_shell(file);
-  const auto texts = [&](const char* name, const std::vector<std::string>& values) {
-    for (const std::string& value : values) out += option_in_words(name, value);
-  };
-  const auto value = [&](const char* name, double Options::*what) {
-    if (o.*what != usual.*what) out += fmt::format(" {} {}", name, o.*what);
-  };
-  texts("--set", o.sets);
-  texts("--columns", o.columns);
-  out += option_in_words("--join", o.join);
-  texts("--estimate", o.estimate);
-  out += option_in_words("--frame", o.frame) + option_in_words("--target", o.target);
-  texts("--parameter", o.only);
-  texts("--fix", o.hold);
-  value("--noise-um", &Options::noise_um);
-  value("--noise-deg", &Options::noise_deg);
-  value("--prior-mm", &Options::prior_mm);
-  value("--prior-deg", &Options::prior_deg);
-  value("--bound-mm", &Options::bound_mm);
-  value("--bound-deg", &Options::bound_deg);
-  if (o.loss != usual.loss) out += option_in_words("--loss", o.loss);
-  value("--validation", &Options::hold_back);
-  return out + option_in_words("-o", o.out) + option_in_words("--residuals", o.residuals) +
-         option_in_words("--covariance", o.covariance) + option_in_words("--targets", o.targets) +
-         option_in_words("--corrected", o.corrected) + option_in_words("--report", o.report) +
-         option_in_words("--certificate", o.certificate) +
-         option_in_words("--certificate-report", o.certificate_report);
 }
 
 /// What the files hold.
@@ -324,7 +301,7 @@ Command calibrate_command() {
           certificate = certificate_of(m, rows, c, options, statement, stated);
           certificate->files = std::move(hashes);
           certificate->version = POLYPOD_VERSION;
-          certificate->command = command_line(*o);
+          certificate->command = command_line();
         }
         // A machine that is no better than its drawing is not written; what shows why it is not, is.
         files::Outputs together;
@@ -341,7 +318,7 @@ Command calibrate_command() {
         }
         POLYPOD_TRY(write(o->residuals, [&] { return residuals_csv(c, rows); }));
         POLYPOD_TRY(write(o->report, [&] {
-          return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line(*o)});
+          return pages::calibration_page(m, rows, c, {POLYPOD_VERSION, command_line()});
         }));
         POLYPOD_TRY(write(o->certificate_report, [&] { return pages::certificate_page(m, rows, c, *certificate); }));
         POLYPOD_TRY(together.commit());

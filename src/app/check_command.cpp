@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
@@ -56,7 +57,7 @@ Command check_command() {
             a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
           },
           [o](const Context& context) -> Result<int> {
-            if (!(o->rapid > 0)) return fail("AP123", "--rapid must be above 0 mm/min");
+            POLYPOD_TRY(in_range("AP123", "--rapid", o->rapid, {0, kAnyNumber.max, true}, "mm/min"));
             POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
             const machine::AnyMachine& m = job.machine;
             POLYPOD_ASSIGN(understood, gcode::understand(o->program, machining::unroll_options(job)));

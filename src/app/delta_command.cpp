@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/pages/delta.hpp"
@@ -66,7 +67,7 @@ Command delta_command() {
       "polypod delta delta-brno --set drive.angle_min_deg=20",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
-        a.option("--step", o->step, {0, 1e6, true}, "Grid over the workspace, mm (default 20)");
+        a.option("--step", o->step, {1, 100}, "Grid over the workspace, mm (default 20)");
         a.option("--d-min", o->d_min, {0, 1e6}, "Near-singular below this distance, mm (default 10)");
         a.option("--h-min", o->h_min, {0, 1e6}, "Near-singular below this determinant of A or B, m (default 1e-5)");
         a.option("--boundary", o->border, {0, 1e6}, "Points so far inside count as deep, mm (default 20)");
@@ -95,7 +96,7 @@ Command delta_command() {
           POLYPOD_TRY(together.add(o->cloud, csv.text()));
         }
         if (!o->report.empty()) {
-          POLYPOD_ASSIGN(page, pages::delta_page(m, study, options, POLYPOD_VERSION));
+          POLYPOD_ASSIGN(page, pages::delta_page(m, study, options, POLYPOD_VERSION, command_line()));
           POLYPOD_TRY(together.add(o->report, std::move(page)));
         }
         POLYPOD_TRY(together.commit());

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -24,14 +25,6 @@ struct Options {
   SurveyArguments where;
   QualityFiles files;
 };
-
-std::string command_line(const Options& o) {
-  std::string out = "polypod dexterity " + for_shell(o.machine);
-  for (const std::string& set : o.sets) out += option_in_words("--set", set);
-  if (o.length_mm > 0) out += fmt::format(" --length {}", o.length_mm);
-  for (const std::string& tolerance : o.tolerances) out += option_in_words("--tolerance", tolerance);
-  return out + in_words(o.where) + o.files.in_words();
-}
 
 /// An ellipsoid in the units that a person reads.
 struct Shown {
@@ -123,7 +116,7 @@ Status write_files(const Options& o, const machine::AnyMachine& m, const quality
                    const Context& context) {
   POLYPOD_ASSIGN(errors, quality::tolerance_field(m, survey, options, sizes));
   pages::QualityPageOptions page;
-  page.command = command_line(o);
+  page.command = command_line();
   page.machine = o.machine;
   page.sets = o.sets;
   page.given = given;
@@ -151,7 +144,7 @@ Command dexterity_command() {
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        if (!(o->length_mm >= 0)) return fail("AP165", fmt::format("--length {}: must be above 0", o->length_mm));
+        if (context.given("--length")) POLYPOD_TRY(in_range("AP165", "--length", o->length_mm, kLength_mm, "mm"));
         if (!kinematics::task(m).turns()) {
           POLYPOD_TRY(refuse(context, {"--length"}, "it serves machines that can turn their tool"));
         }

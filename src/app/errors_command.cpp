@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/singularity.hpp"
@@ -23,16 +24,6 @@ struct Options {
 
   Options() { files.value = pages::QualityValue::position; }
 };
-
-std::string command_line(const Options& o) {
-  std::string out = "polypod errors " + for_shell(o.machine);
-  for (const std::string& set : o.sets) out += option_in_words("--set", set);
-  for (const std::string& error : o.errors) out += option_in_words("--error", error);
-  for (const std::string& tolerance : o.tolerances) out += option_in_words("--tolerance", tolerance);
-  if (o.method != "exact") out += option_in_words("--method", o.method);
-  if (o.region != "box") out += option_in_words("--region", o.region);
-  return out + in_words(o.where) + o.files.in_words();
-}
 
 Json twist_json(const Vec6& twist) {
   const Vec3 p = twist.head<3>() * units::kMmPerMetre;
@@ -187,6 +178,8 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     else
       return fail("AP162", fmt::format("--distribution {}: unknown", o.distribution), {},
                   "uniform, normal or triangular");
+    POLYPOD_TRY(in_range("QU103", "--samples", o.samples, {100, 10'000'000}, "machines"));
+    POLYPOD_TRY(in_range("QU103", "--confidence", o.confidence, {50, 99.99}, "%"));
     POLYPOD_ASSIGN(found, quality::spread(m, here.X_MT, here.joints, sizes, options));
     spread = found;
     const auto json = [](const quality::Spread::Sampled& s, double scale, double rss) {
@@ -288,7 +281,7 @@ Command errors_command() {
             if (o->files.any()) {
               POLYPOD_ASSIGN(dexterity, quality::dexterity_field(m, survey, options));
               pages::QualityPageOptions page;
-              page.command = command_line(*o);
+              page.command = command_line();
               page.machine = o->machine;
               page.sets = o->sets;
               set_resolution(page, o->where, context);

@@ -98,8 +98,8 @@ Command force_command() {
         }
         const double ae = side == cutting::CutSide::slot && o->ae == 0 ? diameter_mm : o->ae;
         if (!(ae > 0 && ae <= diameter_mm * (1 + 1e-12))) {
-          return fail("AP113",
-                      fmt::format("--ae {:g} must be above 0 and at most the diameter, {:g} mm", ae, diameter_mm));
+          return fail("AP113", fmt::format("--ae {:g}: must be greater than 0 and at most the diameter, {:g} mm", ae,
+                                           diameter_mm));
         }
         if (units::from_mm(o->ap) > cutter.length * (1 + 1e-12)) {
           return fail(

@@ -20,9 +20,13 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "messages.hpp"
+#include "polypod/core/excerpt.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/named_files.hpp"
+#include "polypod/core/nearest_word.hpp"
+#include "polypod/core/range_text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -85,13 +89,9 @@ int interrupted_status() {
 namespace {
 
 tl::unexpected<Error> not_taken(const std::string& option, const std::string& text, const char* what,
-                                config::Range range) {
-  const std::string least =
-      range.open_min ? fmt::format("above {:g}", range.min) : fmt::format("of at least {:g}", range.min);
-  const std::string most =
-      range.open_max ? fmt::format("below {:g}", range.max) : fmt::format("at most {:g}", range.max);
-  return fail("AP115", fmt::format("{} {}: not {} {} and {}", option, text, what, least, most), {},
-              "`polypod COMMAND --help` says what the option means and its unit");
+                                config::Range range, const std::string& unit) {
+  return fail("AP115", fmt::format("{} {}: must be {}, {}", option, text, what, config::in_words(range, unit)), {},
+              "`polypod COMMAND --help` says what the option means");
 }
 
 bool within(double value, config::Range range) {
@@ -109,16 +109,30 @@ bool reads_as(std::string_view text, Number& value) {
 
 }  // namespace
 
-Result<double> number_of(const std::string& text, const std::string& option, config::Range range) {
+Result<double> number_of(const std::string& text, const std::string& option, config::Range range,
+                         const std::string& unit) {
   double value = 0;
-  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a number", range);
+  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a number", range, unit);
   return value;
 }
 
-Result<int> count_of(const std::string& text, const std::string& option, config::Range range) {
+Result<int> count_of(const std::string& text, const std::string& option, config::Range range, const std::string& unit) {
   int value = 0;
-  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a whole number", range);
+  if (!reads_as(text, value) || !within(value, range)) return not_taken(option, text, "a whole number", range, unit);
   return value;
+}
+
+Result<double> number_of(const std::string& text, const std::string& option, config::Range range) {
+  return number_of(text, option, range, "");
+}
+
+Result<int> count_of(const std::string& text, const std::string& option, config::Range range) {
+  return count_of(text, option, range, "");
+}
+
+Status in_range(const char* id, const std::string& option, double value, config::Range range, const std::string& unit) {
+  if (within(value, range)) return {};
+  return fail(id, fmt::format("{} {}: must be {}", option, value, config::in_words(range, unit)));
 }
 
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option) {
@@ -152,6 +166,39 @@ Status refuse(const Context& context, const std::vector<std::string>& options, c
   return {};
 }
 
+namespace {
+
+std::string without_digits(std::string text) {
+  std::erase_if(text, [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; });
+  return text;
+}
+
+/// The error of a key that the machine does not have, with the nearest one that it has.
+Error with_nearest_key(Error error, const std::string& name, const std::vector<machine::Override>& overrides) {
+  const bool of_key = error.id == "MA102" || error.id == "CF103";
+  if (!of_key || !error.place.file.starts_with("--set") || error.hint.starts_with("did you mean") ||
+      files::is_standard_input(name)) {
+    return error;
+  }
+  const auto machine = machine::load(name, {});
+  if (!machine) return error;
+  std::vector<std::string> known;
+  for (const machine::Parameter& p : machine::settings(*machine)) known.push_back(machine::key_of(p));
+  for (const machine::Parameter& p : kinematics::parameters(*machine)) known.push_back(machine::key_of(p));
+  for (const machine::Override& given : overrides) {
+    if (!error.message.ends_with(" " + given.key)) continue;
+    const auto another_number = [&](const std::string& key) {
+      return without_digits(key) == without_digits(given.key);
+    };
+    if (std::any_of(known.begin(), known.end(), another_number)) continue;  // there is no ninth joint
+    error.hint = did_you_mean(given.key, known) + error.hint;
+    break;
+  }
+  return error;
+}
+
+}  // namespace
+
 Result<machine::AnyMachine> machine_of(const std::string& name, const std::vector<std::string>& sets) {
   std::vector<machine::Override> overrides;
   for (const std::string& set : sets) {
@@ -161,7 +208,9 @@ Result<machine::AnyMachine> machine_of(const std::string& name, const std::vecto
     }
     overrides.push_back({set.substr(0, equals), set.substr(equals + 1)});
   }
-  return machine::load(name, overrides);
+  return machine::load(name, overrides).map_error([&](Error error) {
+    return with_nearest_key(std::move(error), name, overrides);
+  });
 }
 
 void declare_machine(Arguments& arguments, std::string& name, std::vector<std::string>& sets) {
@@ -320,9 +369,14 @@ void print_json(const Json& document) {
 
 int cannot_take(const Context& context, const std::string& reason, const char* which) {
   const Error error{"AP119", fmt::format("the machine cannot take {}: {}", which, reason), {}, {}};
-  fmt::print(stderr, "polypod: {}\n", to_string(error));
+  print_error(context, error);
   if (context.json) print_json({{"error", error_json(error)}});
   return kAnswerIsNo;
+}
+
+void print_error(const Context& context, const Error& error) {
+  fmt::print(stderr, "{}polypod: {}\n{}", context.progress ? "\r\x1b[K" : "", to_string(error),
+             context.json ? "" : excerpt(error));  // in the place of a line of progress
 }
 
 Json error_json(const Error& e) {
@@ -340,12 +394,46 @@ std::string for_shell(const std::string& argument) {
   return out + "'";
 }
 
+namespace {
+
+/// "45 s", "3 min", "2 h 5 min": what is left, rounded up.
+std::string in_words(std::chrono::duration<double> left) {
+  const auto seconds = static_cast<long>(std::ceil(left.count()));
+  if (seconds < 60) return fmt::format("{} s", seconds);
+  const long minutes = (seconds + 59) / 60;
+  if (minutes < 60) return fmt::format("{} min", minutes);
+  return fmt::format("{} h {} min", minutes / 60, minutes % 60);
+}
+
+}  // namespace
+
+namespace {
+std::string& kept_command_line() {
+  static std::string line;
+  return line;
+}
+}  // namespace
+
+const std::string& command_line() {
+  return kept_command_line();
+}
+
+void keep_command_line(const std::vector<std::string>& words) {
+  kept_command_line() = "polypod";
+  for (std::size_t i = 1; i < words.size(); ++i) kept_command_line() += " " + for_shell(words[i]);
+}
+
 std::function<bool(double)> progress_line(const Context& context, std::string what) {
-  return [shown = context.progress, what = std::move(what), last = std::chrono::steady_clock::now(),
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kQuiet{2000}, kBetween{200};
+  constexpr double kLeastShare = 0.01;  // from less nobody can say how long the rest takes
+  return [shown = context.progress, what = std::move(what), begin = Clock::now(), last = Clock::now(),
           drawn = false](double share) mutable {
-    const auto now = std::chrono::steady_clock::now();
-    if (shown && now - last > std::chrono::milliseconds(200)) {
-      fmt::print(stderr, "\r{} {:3.0f} %\x1b[K", what, 100 * share);
+    const auto now = Clock::now();
+    if (shown && now - begin > kQuiet && now - last > kBetween && share < 1) {
+      const std::chrono::duration<double> passed = now - begin;
+      const std::string left = share < kLeastShare ? "" : fmt::format(", {} left", in_words(passed * (1 / share - 1)));
+      fmt::print(stderr, "\r{} {:.0f} %{}\x1b[K", what, 100 * share, left);
       std::fflush(stderr);
       last = now;
       drawn = true;

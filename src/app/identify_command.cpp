@@ -12,6 +12,7 @@
 #include "commands.hpp"
 #include "covariance_files.hpp"
 #include "measured_problems.hpp"
+#include "messages.hpp"
 #include "polypod/calibration/certificate.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
@@ -102,9 +103,9 @@ std::string in_words(const statics::Foretold& f) {
 }
 
 /// The exit status; where the answer is no, why, and that no machine was written.
-int end(const statics::Verdict& verdict, const statics::Judgement& judgement) {
+int end(const Context& context, const statics::Verdict& verdict, const statics::Judgement& judgement) {
   if (verdict.answer != statics::Verdict::Answer::no) return kDone;
-  for (const Error& e : judgement.errors) fmt::print(stderr, "polypod: {}\n", to_string(e));
+  for (const Error& e : judgement.errors) print_error(context, e);
   fmt::print(stderr, "polypod: these are no compliances of this machine, and no machine file was written\n");
   return kAnswerIsNo;
 }
@@ -238,16 +239,8 @@ Command identify_compliance_command() {
           dealt = both;
         }
         if (!o->report.empty()) {
-          std::string command = "polypod identify compliance " + for_shell(o->machine);
-          for (const std::string& file : o->files) command += " " + for_shell(file);
-          for (const std::string& set : o->sets) command += option_in_words("--set", set);
-          if (o->noise_um > 0) command += fmt::format(" --noise-um {}", o->noise_um);
-          if (o->gain_percent > 0) command += fmt::format(" --force-gain-percent {}", o->gain_percent);
-          command += option_in_words("--certificate", o->certificate);
-          command += option_in_words("-o", o->out) + option_in_words("--covariance", o->covariance) +
-                     option_in_words("--report", o->report);
-          POLYPOD_TRY(
-              together.add(o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command})));
+          POLYPOD_TRY(together.add(
+              o->report, pages::identification_page(m, points, r, checks, {POLYPOD_VERSION, command_line()})));
         }
         POLYPOD_TRY(together.commit());
         static constexpr const char* kAxes = "xyz";
@@ -307,7 +300,7 @@ Command identify_compliance_command() {
                         {"outliers", outliers}};
           if (!all_turn) document["compliance_um_per_N"] = um_per_N;
           print_json(document);
-          return end(verdict, judgement);
+          return end(context, verdict, judgement);
         }
         fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(), r.equations,
                    units::to_um(r.residual_rms), r.condition);
@@ -368,7 +361,7 @@ Command identify_compliance_command() {
         fmt::print("{}\n", in_words(verdict));
         for (const std::string* path : {&o->out, &o->covariance, &o->report})
           if (!path->empty() && !(refused && path != &o->report)) fmt::print("wrote {}\n", *path);
-        return end(verdict, judgement);
+        return end(context, verdict, judgement);
       }};
 }
 

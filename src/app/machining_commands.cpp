@@ -9,6 +9,7 @@
 #include "covariance_files.hpp"
 #include "machining_output.hpp"
 #include "measured_problems.hpp"
+#include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
@@ -74,9 +75,9 @@ bool trusted(const machining::Job& job) {
 constexpr double kLeastStep = 0.01, kMostStep = 10;
 
 /// "The answer is no" where a rapid goes through material; the figures have been given.
-int end(const Status& collision) {
+int end(const Context& context, const Status& collision) {
   if (collision) return kDone;
-  fmt::print(stderr, "polypod: {}\n", to_string(collision.error()));
+  print_error(context, collision.error());
   return kAnswerIsNo;
 }
 
@@ -106,9 +107,7 @@ Command predict_command() {
                "Force at the commanded point, without the feedback of the deflection on the cut");
       },
       [o](const Context& context) -> Result<int> {
-        if (o->step_mm != 0 && !(o->step_mm >= kLeastStep && o->step_mm <= kMostStep)) {
-          return fail("AP120", fmt::format("--step {:g}: must be {:g} to {:g} mm", o->step_mm, kLeastStep, kMostStep));
-        }
+        if (o->step_mm != 0) POLYPOD_TRY(in_range("AP120", "--step", o->step_mm, {kLeastStep, kMostStep}, "mm"));
         std::vector<std::string> inputs = o->measured;
         inputs.insert(inputs.end(), {o->program, o->job});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
@@ -174,7 +173,7 @@ Command predict_command() {
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
           print_json(document);
-          return end(collision);
+          return end(context, collision);
         }
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
         fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", one_line(o->program),
@@ -215,7 +214,7 @@ Command predict_command() {
         if (p.moves.size() > kMost) fmt::print("  ... {} more, see --json\n", p.moves.size() - kMost);
         print_not_judged(p.not_judged);
         for (const std::string& note : p.notes) fmt::print("note: {}\n", note);
-        return end(collision);
+        return end(context, collision);
       }};
 }
 
@@ -261,21 +260,16 @@ Command correct_command() {
               return fail("AP121", fmt::format("--method {}: not tube or mirror", o->method));
             }
             if (o->method == "tube") POLYPOD_TRY(refuse(context, {"--points"}, "it serves --method mirror"));
-            if (o->points < 1 || o->points > 100000) return fail("AP122", "--points must be 1 to 100000");
+            POLYPOD_TRY(in_range("AP122", "--points", o->points, {1, 100000}, "pieces a move"));
             options.mirror_points = o->points;
             double tolerance_um = 0;
             if (!o->tolerance.empty()) {
               POLYPOD_ASSIGN(given, numbers_of(o->tolerance, "--tolerance"));
-              if (given.size() != 1 || !(given[0] > 0 && given[0] <= kMostTolerance)) {
-                return fail("AP122", fmt::format("--tolerance {}: must be above 0 and at most {:g} um", o->tolerance,
-                                                 kMostTolerance));
-              }
+              if (given.size() != 1) return fail("AP122", fmt::format("--tolerance {}: not one number", o->tolerance));
+              POLYPOD_TRY(in_range("AP122", "--tolerance", given[0], {0, kMostTolerance, true}, "um"));
               tolerance_um = given[0];
             }
-            if (!(o->chord_um >= 0 && o->chord_um <= kMostTolerance)) {
-              return fail("AP122",
-                          fmt::format("--chord-tolerance {:g}: must be 0 to {:g} um", o->chord_um, kMostTolerance));
-            }
+            POLYPOD_TRY(in_range("AP122", "--chord-tolerance", o->chord_um, {0, kMostTolerance}, "um"));
             options.chord = units::from_um(o->chord_um);
             options.again = o->again;
             options.all = o->all;
@@ -314,17 +308,7 @@ Command correct_command() {
               page.output = writes ? o->output : "";
               page.method = options.method;
               page.uncertainty = uncertainty;
-              page.command = fmt::format("polypod correct {} --job {} -o {} --report {}", for_shell(o->program),
-                                         for_shell(o->job), for_shell(o->output), for_shell(o->report));
-              for (const std::string& file : o->measured) page.command += " --measured " + for_shell(file);
-              for (const std::string& file : o->covariances) page.command += " --covariance " + for_shell(file);
-              if (tolerance_um > 0) page.command += fmt::format(" --tolerance {}", tolerance_um);
-              if (o->chord_um > 0) page.command += fmt::format(" --chord-tolerance {}", o->chord_um);
-              if (o->allow_outside) page.command += " --allow-outside";
-              if (o->all) page.command += " --correct-all";
-              if (o->verify) page.command += " --verify";
-              if (o->again) page.command += " --again";
-              if (o->method == "mirror") page.command += fmt::format(" --method mirror --points {}", o->points);
+              page.command = command_line();
               POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
             }
             POLYPOD_TRY(together.commit());

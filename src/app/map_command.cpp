@@ -7,7 +7,9 @@
 
 #include "commands.hpp"
 #include "measured_problems.hpp"
+#include "messages.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/range_text.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -140,9 +142,7 @@ Result<pages::LoadedPath> path_of(const std::string& text) {
 
 /// The paths with their force. Errors: AP104, AP144 to AP146.
 Result<std::vector<pages::LoadedPath>> paths_of(const MapOptions& o) {
-  if (o.points < 2 || o.points > kMostPathPoints) {
-    return fail("AP146", fmt::format("--points {}: must be 2 to {}", o.points, kMostPathPoints));
-  }
+  POLYPOD_TRY(in_range("AP146", "--points", o.points, {2, kMostPathPoints}, "points"));
   std::vector<pages::LoadedPath> out;
   for (const std::string& text : o.paths) {
     POLYPOD_ASSIGN(path, path_of(text));
@@ -158,8 +158,9 @@ Result<std::vector<pages::LoadedPath>> paths_of(const MapOptions& o) {
   POLYPOD_ASSIGN(f, numbers_of(o.force, "--force"));
   if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o.force));
   const Vec3 force(f[0], f[1], f[2]);
-  if (!(force.norm() > 0 && force.norm() <= 1e9)) {
-    return fail("AP145", fmt::format("--force {}: must be above 0 and at most 1e9 N", o.force));
+  constexpr config::Range kSize_N{0, 1e9, true};
+  if (!(force.norm() > kSize_N.min && force.norm() <= kSize_N.max)) {
+    return fail("AP145", fmt::format("--force {}: its size must be {}", o.force, config::in_words(kSize_N, "N")));
   }
   for (pages::LoadedPath& path : out) path.force_M = force;
   return out;
@@ -184,28 +185,6 @@ Status check_outputs(const MapOptions& o, bool json) {
   return check_files(inputs, outputs, json);
 }
 
-std::string command_line(const MapOptions& o) {
-  std::string out = "polypod map " + for_shell(o.machine);
-  const auto add = [&](const char* option, const std::string& value) {
-    if (!value.empty()) out += fmt::format(" {} {}", option, for_shell(value));
-  };
-  for (const std::string& set : o.sets) add("--set", set);
-  for (const std::string& file : o.measured) add("--measured", file);
-  add("--plane", o.plane);
-  add("--at", o.at);
-  add("--x", o.range[0]);
-  add("--y", o.range[1]);
-  add("--z", o.range[2]);
-  add("--angles", o.angles);
-  add("--resolution", o.resolution);
-  for (const std::string& path : o.paths) add("--path", path);
-  add("--force", o.force);
-  if (!o.paths.empty()) add("--points", std::to_string(o.points));
-  for (const std::string& path : o.outputs) add("-o", path);
-  add("--path-csv", o.path_csv);
-  return out;
-}
-
 Status write_outputs(const MapOptions& o, const pages::ComplianceMap& map) {
   files::Outputs together;
   for (const std::string& path : o.outputs) {
@@ -219,7 +198,7 @@ Status write_outputs(const MapOptions& o, const pages::ComplianceMap& map) {
     } else if (suffix == ".svg") {
       bytes = report::standalone_svg(pages::map_picture(map), 1200);
     } else {
-      bytes = pages::compliance_map_page(map, {POLYPOD_VERSION, command_line(o)});
+      bytes = pages::compliance_map_page(map, {POLYPOD_VERSION, command_line()});
     }
     POLYPOD_TRY(together.add(path, std::move(bytes)));
   }

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
@@ -185,7 +186,7 @@ struct Outputs {
   Status write(const machine::AnyMachine& m, const motion::Run& r, const pages::MotionQuestion& question,
                bool json) const {
     const std::string table = csv.empty() ? "" : pages::motion_csv(m, r);
-    const std::string page = report.empty() ? "" : pages::motion_page(m, r, question, POLYPOD_VERSION);
+    const std::string page = report.empty() ? "" : pages::motion_page(m, r, question, POLYPOD_VERSION, command_line());
     files::Outputs together;
     if (!csv.empty()) POLYPOD_TRY(together.add(csv, table));
     if (!report.empty()) POLYPOD_TRY(together.add(report, page));

@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -17,12 +18,52 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "messages.hpp"
 #include "polypod/app/program.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/nearest_word.hpp"
 #include "polypod/core/text.hpp"
 
 namespace polypod::app {
 namespace {
+
+/// The unit of an option: what its name ends with (--noise-um), or what its help says behind a comma or a colon, or
+/// first
+/// ("Grid over the workspace, mm (default 20)", "deg/s or mm/s"); empty where neither says one.
+std::string unit_of_option(const std::string& name, const std::string& help) {
+  constexpr std::array<std::string_view, 19> kUnits{
+      "mm",    "um",    "m",      "deg",    "rad",    "N",       "K",  "%",       "mm/s",          "mm/s2",
+      "mm/s3", "deg/s", "deg/s2", "deg/s3", "mm/min", "deg/min", "MB", "percent", "um per m and K"};
+  const auto is_unit = [&](std::string_view text) {
+    return std::find(kUnits.begin(), kUnits.end(), text) != kUnits.end();
+  };
+  const std::string last = name.substr(name.rfind('-') + 1);
+  const auto shown = [](std::string_view unit) { return unit == "percent" ? std::string("%") : std::string(unit); };
+  if (is_unit(last)) return shown(last);
+  for (std::size_t at = 0; at < help.size();) {
+    std::string_view phrase = std::string_view(help).substr(at);
+    phrase = phrase.substr(0, phrase.find_first_of(",:;("));
+    while (phrase.ends_with(' ')) phrase.remove_suffix(1);
+    const std::size_t either = phrase.find(" or ");
+    if (either != std::string_view::npos && is_unit(phrase.substr(0, either)) && is_unit(phrase.substr(either + 4))) {
+      return std::string(phrase);
+    }
+    if (is_unit(phrase)) return shown(phrase);
+    if (const std::string_view first = phrase.substr(0, phrase.find(' ')); is_unit(first)) return shown(first);
+    const std::size_t next = help.find_first_of(",:", at);
+    if (next == std::string::npos) break;
+    at = next + 2;
+  }
+  return "";
+}
+
+Result<double> a_number(const std::string& text, const std::string& option, config::Range range,
+                        const std::string& unit) {
+  return number_of(text, option, range, unit);
+}
+Result<int> a_count(const std::string& text, const std::string& option, config::Range range, const std::string& unit) {
+  return count_of(text, option, range, unit);
+}
 
 class CliArguments : public Arguments {
  public:
@@ -44,10 +85,10 @@ class CliArguments : public Arguments {
     option(names, value, kAnyCount, help, required);
   }
   void option(const char* names, double& value, config::Range range, const char* help, bool required) override {
-    number(names, value, range, help, number_of)->required(required)->type_name("FLOAT");
+    number(names, value, range, help, a_number)->required(required)->type_name("FLOAT");
   }
   void option(const char* names, int& value, config::Range range, const char* help, bool required) override {
-    number(names, value, range, help, count_of)->required(required)->type_name("INT");
+    number(names, value, range, help, a_count)->required(required)->type_name("INT");
   }
   void option(const char* names, std::vector<std::string>& values, const char* help, bool required) override {
     app_.add_option(names, values, help)->required(required)->allow_extra_args(false);
@@ -60,11 +101,11 @@ class CliArguments : public Arguments {
  private:
   template <class Number, class Read>
   CLI::Option* number(const std::string& names, Number& value, config::Range range, const char* help, Read read) {
-    const std::string name = names.substr(names.rfind(',') + 1);
+    const std::string name = names.substr(names.rfind(',') + 1), unit = unit_of_option(name, help);
     return app_.add_option_function<std::string>(
         names,
-        [&value, &wrong = wrong_, name, range, read](const std::string& text) {
-          const Result<Number> given = read(text, name, range);
+        [&value, &wrong = wrong_, name, range, unit, read](const std::string& text) {
+          const Result<Number> given = read(text, name, range, unit);
           if (given) value = *given;
           if (!given && !wrong) wrong = given.error();
         },
@@ -80,10 +121,16 @@ int exit_status(const Error& error) {
   return error.id.rfind("MC21", 0) == 0 || error.id.rfind("MC3", 0) == 0 ? kAnswerIsNo : kBadInput;
 }
 
+constexpr const char* kHelp = "help";
+
+std::vector<const CLI::App*> commands_in(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App*) { return true; });
+}
+
 /// The commands that know an option, "workspace, sweep"; empty where none does.
 std::string commands_with(const CLI::App& app, const std::string& option, const std::string& before = "") {
   std::string out;
-  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+  for (const CLI::App* sub : commands_in(app)) {
     const std::string name = before + sub->get_name();
     std::string found = sub->get_option_no_throw(option) != nullptr ? name : commands_with(*sub, option, name + " ");
     if (!found.empty()) out += (out.empty() ? "" : ", ") + found;
@@ -91,26 +138,78 @@ std::string commands_with(const CLI::App& app, const std::string& option, const 
   return out;
 }
 
-/// What is wrong with a command line that CLI11 refuses: an option of other commands alone (AP107) or a command that
-/// there is not (AP108) are named, the rest is CLI11's text (AP116).
-std::string what_is_wrong(const CLI::App& app, const CLI::ParseError& e, int argc, char** argv) {
+const CLI::App* subcommand_of(const CLI::App& app, const std::string& name) {
+  for (const CLI::App* sub : commands_in(app))
+    if (sub->get_name() == name) return sub;
+  return nullptr;
+}
+
+/// "polypod identify compliance"
+std::string line_of(const CLI::App& app) {
+  return (app.get_parent() == nullptr ? "" : line_of(*app.get_parent()) + " ") + app.get_name();
+}
+
+/// There is no command `name` in `app`, which is the program or a command that has commands of its own.
+Error no_command(const CLI::App& app, const std::string& name) {
+  const std::string before = app.get_parent() == nullptr ? "" : app.get_name() + " ";
+  std::vector<std::string> known;
+  for (const CLI::App* sub : commands_in(app)) known.push_back(before + sub->get_name());
+  return {"AP108",
+          fmt::format("there is no command \"{}{}\"", before, name),
+          {},
+          did_you_mean(before + name, known) +
+              fmt::format("`{} --help` lists {}", line_of(app), known.empty() ? "its options" : "the commands")};
+}
+
+/// `help identify compliance` as `identify compliance --help`, so that both print one text; every other command line as
+/// it is. Errors: AP108.
+Result<std::vector<std::string>> without_help_command(const CLI::App& app, std::vector<std::string> words) {
+  const auto is_option = [](const std::string& word) { return word.starts_with('-'); };
+  if (words.size() < 2 || words[1] != kHelp || std::any_of(words.begin() + 2, words.end(), is_option)) return words;
+  const CLI::App* at = &app;
+  for (std::size_t i = 2; i < words.size(); ++i) {
+    const CLI::App* sub = subcommand_of(*at, words[i]);
+    if (sub == nullptr) return tl::unexpected(no_command(*at, words[i]));
+    at = sub;
+  }
+  words.erase(words.begin() + 1);
+  words.emplace_back("--help");
+  return words;
+}
+
+/// An option that `command` does not know: it serves others alone (AP107), or nobody (AP116).
+Error no_option(const CLI::App& app, const CLI::App& command, const std::string& option) {
+  const std::string others = commands_with(app, option);
+  if (!others.empty()) {
+    return {"AP107", fmt::format("{} does nothing in `{}`", option, command.get_name()), {}, "it serves " + others};
+  }
+  std::vector<std::string> known;
+  for (const CLI::Option* of : command.get_options())
+    for (const std::string& name : of->get_lnames()) known.push_back("--" + name);
+  return {"AP116",
+          fmt::format("{} is no option of `{}`", option, line_of(command)),
+          {},
+          did_you_mean(option, known) + fmt::format("`{} --help` lists them", line_of(command))};
+}
+
+/// What is wrong with a command line that CLI11 refuses: an option or a command that there is not is named, the rest is
+/// CLI11's text (AP116).
+Error what_is_wrong(const CLI::App& app, const CLI::ParseError& e, const std::vector<std::string>& words) {
   const CLI::App* chosen = &app;
-  for (auto subs = app.get_subcommands(); !subs.empty(); subs = chosen->get_subcommands()) chosen = subs.front();
-  if (chosen == &app && argc > 1 && argv[1][0] != '-') {
-    return to_string(
-        Error{"AP108", fmt::format("there is no command \"{}\"", argv[1]), {}, "`polypod --help` lists the commands"});
+  auto next = words.begin() + 1;  // the first word after the command
+  for (auto subs = app.get_subcommands(); !subs.empty(); subs = chosen->get_subcommands()) {
+    chosen = subs.front();
+    next = std::find(next, words.end(), chosen->get_name()) + 1;
   }
-  for (int i = 2; i < argc && chosen != &app; ++i) {
-    const std::string option = std::string(argv[i]).substr(0, std::string(argv[i]).find('='));
-    if (option.rfind("--", 0) != 0 || chosen->get_option_no_throw(option) != nullptr) continue;
-    const std::string others = commands_with(app, option);
-    if (others.empty()) break;
-    return to_string(Error{"AP107",
-                           fmt::format("{} does nothing in `{}`", option, chosen->get_name()),
-                           {},
-                           fmt::format("it serves {}", others)});
+  const bool has_commands = !commands_in(*chosen).empty();
+  if (has_commands && next != words.end() && !next->starts_with('-')) return no_command(*chosen, *next);
+  for (; next != words.end() && *next != "--"; ++next) {
+    const std::string option = next->substr(0, next->find('='));
+    if (option.starts_with("--") && chosen->get_option_no_throw(option) == nullptr) {
+      return no_option(app, *chosen, option);
+    }
   }
-  return to_string(Error{"AP116", e.what(), {}, {}});
+  return {"AP116", e.what(), {}, {}};
 }
 
 // words: off
@@ -142,6 +241,7 @@ constexpr Renamed kRenamed[] = {
 /// The arguments with the options that have other names now; those of before keep working, and no help shows them.
 std::vector<std::string> with_names_of_now(int argc, char** argv) {
   std::vector<std::string> out(argv, argv + argc);
+  if (out.empty()) out.emplace_back("polypod");
   for (std::size_t i = 2; i < out.size(); ++i) {
     const std::size_t end = std::min(out[i].find('='), out[i].size());
     for (const Renamed& r : kRenamed) {
@@ -172,10 +272,15 @@ int shown(int status) {
   return reached ? status : standard_output_failed();
 }
 
+/// It is listed and has a help of its own; without_help_command does what it is for.
+void declare_help(CLI::App& app, std::vector<std::string>& command) {
+  CLI::App* help =
+      app.add_subcommand(kHelp, "How the program or a command is used: what `polypod COMMAND --help` prints");
+  help->add_option("COMMAND", command, "As `workspace` or `identify compliance`; without one the list of all commands");
+  help->footer("Example:\n  polypod help workspace");
+}
+
 int run_command(int argc, char** argv) {
-  std::vector<std::string> named = with_names_of_now(argc, argv);
-  std::vector<char*> words;
-  for (std::string& word : named) words.push_back(word.data());
   CLI::App app{
       "Polypod: machines that cut and handle with arms and legs.\n"
       "Lengths are mm, angles deg, forces N, deflections um, unless a name says otherwise.",
@@ -217,16 +322,24 @@ int run_command(int argc, char** argv) {
       };
     });
   }
+  std::vector<std::string> nobody_asks;
+  declare_help(app, nobody_asks);  // without_help_command has done it before
+  const std::vector<std::string> given = with_names_of_now(argc, argv);
+  Result<std::vector<std::string>> words = without_help_command(app, given);
+  const auto refused = [](const Error& error) {
+    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n", to_string(error));
+    return kBadInput;
+  };
+  if (!words) return refused(words.error());
+  keep_command_line(given);
   try {
-    app.parse(argc, words.data());
+    app.parse(std::vector<std::string>(words->rbegin(), words->rend() - 1));  // CLI11 takes them from the back
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return shown(app.exit(e));  // --help, --version
-    fmt::print(stderr, "polypod: {}\nRun `polypod --help` or `polypod COMMAND --help`.\n",
-               one_line(wrong_number ? to_string(*wrong_number) : what_is_wrong(app, e, argc, words.data())));
-    return kBadInput;
+    return refused(wrong_number ? *wrong_number : what_is_wrong(app, e, *words));
   }
   if (wrong_number) {
-    fmt::print(stderr, "polypod: {}\n", to_string(*wrong_number));
+    print_error(context, *wrong_number);
     return kBadInput;
   }
   const Result<int> status = chosen(context);
@@ -234,7 +347,7 @@ int run_command(int argc, char** argv) {
     constexpr const char* kEnded = "FI103";
     if (status.error().id == kEnded) wait_for_interrupt();
     if (interrupted()) return kBadInput;  // what was broken off is no error of the input
-    fmt::print(stderr, "polypod: {}\n", to_string(status.error()));
+    print_error(context, status.error());
     const int answer = exit_status(status.error());
     if (context.json) print_json({{"error", error_json(status.error())}});
     return answer;

@@ -116,30 +116,9 @@ void QualityFiles::print() const {
   for (const std::string* path : paths()) fmt::print("wrote {}\n", *path);
 }
 
-std::string option_in_words(const char* name, const std::string& value) {
-  return value.empty() ? "" : fmt::format(" {} {}", name, for_shell(value));
-}
-
-std::string QualityFiles::in_words() const {
-  return option_in_words("--below", below) + option_in_words("--report", report) + option_in_words("--csv", csv) +
-         option_in_words("--vti", vti) + option_in_words("--stl", stl) + option_in_words("--svg", svg) +
-         option_in_words("--plane", plane) + option_in_words("--at", at);
-}
-
 void set_resolution(pages::QualityPageOptions& page, const SurveyArguments& where, const Context& context) {
   constexpr int kLeast = 8;  // of a section
   if (context.given("--resolution")) page.resolution = page.resolution_in_space = std::max(kLeast, where.resolution);
-}
-
-std::string in_words(const SurveyArguments& where) {
-  const SurveyArguments usual;
-  const WorkspaceOptions& w = where.workspace;
-  std::string out = option_in_words("--box", where.box);
-  if (where.resolution != usual.resolution) out += fmt::format(" --resolution {}", where.resolution);
-  if (w.tilt_deg != usual.workspace.tilt_deg) out += fmt::format(" --tilt {}", w.tilt_deg);
-  out += option_in_words("--a-range", w.a_range) + option_in_words("--b-range", w.b_range);
-  if (w.interference) out += " --interference";
-  return out + option_in_words("--without", w.without);
 }
 
 }  // namespace polypod::app

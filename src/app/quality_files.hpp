@@ -31,8 +31,6 @@ struct QualityFiles {
   [[nodiscard]] Status write(const QualityWork& work) const;
   /// "wrote F" for each, as text.
   void print() const;
-  /// The options as they were given, each after a space.
-  [[nodiscard]] std::string in_words() const;
 
  private:
   [[nodiscard]] std::vector<const std::string*> paths() const;
@@ -43,10 +41,5 @@ struct QualityFiles {
 
 /// A --resolution that was given holds for all pictures of the page, too.
 void set_resolution(pages::QualityPageOptions& page, const SurveyArguments& where, const Context& context);
-
-/// Where a survey looks, as options of a command line, each after a space; what is as by default is left out.
-std::string in_words(const SurveyArguments& where);
-/// One option, if it is not empty.
-std::string option_in_words(const char* name, const std::string& value);
 
 }  // namespace polypod::app

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
@@ -75,6 +76,7 @@ Command section_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             POLYPOD_ASSIGN(plane, plane_of(*o));
+            POLYPOD_TRY(in_range("WS130", "--resolution", o->resolution, {8, 512}, "points"));
             POLYPOD_TRY(check_files({o->machine}, {o->csv, o->svg}, context.json));
             const SingularNote singular(m, context);
             options.progress = nullptr;

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "survey_options.hpp"
+#include "messages.hpp"
 
 #include <fmt/format.h>
 
@@ -30,6 +31,7 @@ void SurveyArguments::declare_region(Arguments& a) {
 Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachine& m, const Context& context) const {
   quality::SurveyOptions out;
   POLYPOD_ASSIGN(options, workspace.options(m, context));
+  POLYPOD_TRY(in_range("WS130", "--resolution", resolution, {box.empty() ? 8.0 : 2.0, 512}, "points"));
   out.workspace = options;
   out.workspace.progress = nullptr;
   out.resolution = resolution;

@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "interrupt.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/memory.hpp"
 #include "polypod/core/units.hpp"
@@ -65,7 +66,9 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
     if (values.size() != 2) return fail("AP150", fmt::format("{} {}: not two numbers lo,hi", name, *text));
     *range = std::array<double, 2>{units::from_deg(values[0]), units::from_deg(values[1])};
   }
-  if (threads < 0 || threads > 1024) return fail("AP151", fmt::format("--threads {}: must be 0 to 1024", threads));
+  POLYPOD_TRY(in_range("WS100", "--tilt", tilt_deg, {0, 90, false, true}, "deg"));
+  POLYPOD_TRY(in_range("WS101", "--rel-tol", rel_tol, {1e-6, 1}));
+  POLYPOD_TRY(in_range("AP151", "--threads", threads, {0, 1024}));
   out.relative_tolerance = rel_tol;
   out.interference = interference;
   out.singular_distance = units::from_mm(clearance);

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "workspace_files.hpp"
+#include "messages.hpp"
 
 #include <fmt/format.h>
 
@@ -22,9 +23,7 @@ Status WorkspaceFiles::refuse_unused(const Context& context) const {
 }
 
 Status WorkspaceFiles::check(const std::string& machine_file, bool json) const {
-  if (resolution != 0 && (resolution < 8 || resolution > 512)) {
-    return fail("AP130", fmt::format("--resolution {}: must be 8 to 512", resolution));
-  }
+  if (resolution != 0) POLYPOD_TRY(in_range("AP130", "--resolution", resolution, {8, 512}, "points"));
   return check_files({machine_file}, {stl, vtp, vti, report}, json);
 }
 
@@ -73,6 +72,7 @@ Status WorkspaceFiles::write(const machine::AnyMachine& m, const workspace::Opti
     page.version = POLYPOD_VERSION;
     page.machine = machine_name;
     page.sets = sets;
+    page.command = command_line();
     if (resolution > 0) page.resolution = resolution;
     page.progress = progress;
     POLYPOD_ASSIGN(html, pages::workspace_page(m, options, v, page));

@@ -21,8 +21,11 @@
 #define TOML_UNREACHABLE __builtin_unreachable()
 #include <toml++/toml.h>
 
+#include "polypod/core/excerpt.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/named_files.hpp"
+#include "polypod/core/nearest_word.hpp"
+#include "polypod/core/range_text.hpp"
 
 namespace polypod::config {
 namespace {
@@ -93,13 +96,6 @@ tl::unexpected<Error> wrong_kind(const std::string& name, const Value& value, co
   return fail("CF104", fmt::format("{} is {}, but must be {}", name, kind_of(value), wanted), value.place);
 }
 
-std::string range_text(const Range& range) {
-  if (std::isinf(range.max) && std::isinf(range.min)) return "finite";
-  if (std::isinf(range.max)) return fmt::format("{} {:g}", range.open_min ? "above" : "at least", range.min);
-  if (std::isinf(range.min)) return fmt::format("{} {:g}", range.open_max ? "below" : "at most", range.max);
-  return fmt::format("between {:g} and {:g}", range.min, range.max);
-}
-
 constexpr double kLongest_mm = 1e9;   // 1000 km: beyond that differences of lengths lose the micrometre in rounding
 constexpr double kLargest_deg = 1e6;  // far more turns than any joint makes
 
@@ -115,12 +111,13 @@ Result<double> number_in(const std::string& name, const Value& value, const Rang
   const double* x = std::get_if<double>(&value.data);
   if (x == nullptr) return wrong_kind(name, value, "a number");
   if (const double most = largest_of(name); std::isfinite(*x) && std::abs(*x) > most) {
-    return fail("CF105", fmt::format("{} = {:g} must be between {:g} and {:g}", name, *x, -most, most), value.place);
+    return fail("CF105", fmt::format("{} = {:g} must be {}", name, *x, in_words({-most, most}, unit_of(name))),
+                value.place);
   }
   const bool inside = std::isfinite(*x) && (range.open_min ? *x > range.min : *x >= range.min) &&
                       (range.open_max ? *x < range.max : *x <= range.max);
   if (!inside) {
-    return fail("CF105", fmt::format("{} = {:g} must be {}", name, *x, range_text(range)), value.place);
+    return fail("CF105", fmt::format("{} = {:g} must be {}", name, *x, in_words(range, unit_of(name))), value.place);
   }
   return *x;
 }
@@ -293,6 +290,22 @@ Result<std::vector<Table>> Table::tables(std::string_view key) const {
   return out;
 }
 
+namespace {
+
+/// The place of a key, of which the place of its value is known: the parser keeps no other. As far as the file can be
+/// read again and the key stands in the line of its value; else that of the value.
+Place place_of_key(const std::string& key, const Place& value) {
+  const auto line = line_of(value.file, value.line);
+  if (!line) return value;
+  const std::size_t of_value = byte_at(*line, static_cast<std::size_t>(std::max(1, value.column)) - 1);
+  auto at = find_word(std::string_view(*line).substr(0, of_value), key, of_value);
+  if (!at) at = find_word(*line, key, of_value);  // the key of a table stands within the place of its value
+  if (!at) return value;
+  return {value.file, value.line, static_cast<int>(character_at(*line, *at)) + 1};
+}
+
+}  // namespace
+
 Status Table::finish() const {
   const Value* first = nullptr;
   std::string name;
@@ -304,9 +317,16 @@ Status Table::finish() const {
     }
   }
   if (first == nullptr) return {};
-  std::string known;
-  for (const auto& [key, yes] : *asked_) known += (known.empty() ? "" : ", ") + key;
-  return fail("CF103", fmt::format("unknown key {}", full(name_, name)), first->place, "known here: " + known);
+  std::string listed;
+  std::vector<std::string> known;
+  for (const auto& [key, yes] : *asked_) {
+    listed += (listed.empty() ? "" : ", ") + key;
+    known.push_back(key);
+  }
+  const std::string near = nearest_word(name, known);
+  return fail("CF103", fmt::format("unknown key {}", full(name_, name)), place_of_key(name, first->place),
+              near.empty() ? "known here: " + listed
+                           : fmt::format("did you mean {}? known here: {}", full(name_, near), listed));
 }
 
 bool Table::replace(std::string_view path, double value, bool create) {

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <optional>
 
+#include "polypod/core/excerpt.hpp"
 #include "polypod/core/files.hpp"
 
 namespace polypod::csv {
@@ -31,14 +32,19 @@ char separator_of(std::string_view line) {
   return trimmed(line).find(' ') == std::string_view::npos ? ',' : ' ';
 }
 
-/// The cells of a line; quotation marks hold what they enclose together, and two of them stand for one.
-std::vector<std::string> cells_of(std::string_view line, char separator) {
+/// The cells of a line; quotation marks hold what they enclose together, and two of them stand for one. `begins`: the
+/// first byte of each, from 0.
+std::vector<std::string> cells_of(std::string_view line, char separator, std::vector<std::size_t>* begins = nullptr) {
   std::vector<std::string> cells;
   std::string cell;
   bool quoted = false, was_quoted = false;
-  const auto end_cell = [&] {
+  std::size_t next = 0;  // the first byte after the last separator
+  const auto end_cell = [&](std::size_t end) {
+    const std::size_t begin = std::min(line.find_first_not_of(kBlanks, next), end);
+    next = end + 1;
     if (separator == ' ' && cell.empty() && !was_quoted) return;  // blanks in a row part once
     cells.push_back(was_quoted ? cell : std::string(trimmed(cell)));
+    if (begins != nullptr) begins->push_back(begin);
     cell.clear();
     was_quoted = false;
   };
@@ -56,12 +62,12 @@ std::vector<std::string> cells_of(std::string_view line, char separator) {
       cell.clear();
       quoted = was_quoted = true;
     } else if (c == separator || (separator == ' ' && kBlanks.find(c) != std::string_view::npos)) {
-      end_cell();
+      end_cell(i);
     } else if (!was_quoted) {
       cell += c;
     }
   }
-  end_cell();
+  end_cell(line.size());
   return cells;
 }
 
@@ -217,7 +223,7 @@ Result<Table> read(const std::string& path, const Columns& columns, Absent absen
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // as spreadsheets put it before everything
   for (std::size_t at = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
-    const std::string_view line = trimmed(std::string_view(text).substr(at, end - at));
+    const std::string_view whole = std::string_view(text).substr(at, end - at), line = trimmed(whole);
     at = end + 1;
     ++line_number;
     if (line.empty()) continue;
@@ -244,8 +250,10 @@ Result<Table> read(const std::string& path, const Columns& columns, Absent absen
     }
     if (cells.size() == table.names_.size() + 1 && cells.back().empty()) cells.pop_back();
     if (cells.size() > table.names_.size()) {
+      std::vector<std::size_t> begins;
+      cells_of(whole, separator, &begins);
       return fail("ID107", fmt::format("{} cells for {} columns", cells.size(), table.names_.size()),
-                  Place{path, line_number, 1},
+                  Place{path, line_number, static_cast<int>(begins[table.names_.size()]) + 1},
                   separator == ',' ? "decimals are written with a point where commas part the cells; or part them with "
                                      "semicolons"
                                    : "every row has the columns of the line of names");
@@ -302,11 +310,37 @@ std::string Table::text(const Row& row, std::string_view name) const {
   return column == nullptr || column->cell >= row.cells.size() ? std::string() : row.cells[column->cell];
 }
 
+namespace {
+
+/// The place of a cell, as far as its file can be read again; else that of its row. Columns count bytes.
+Place place_of_cell(const Table& table, const Table::Row& row, std::size_t cell) {
+  Place place = table.place_of(row);
+  const auto line = line_of(row.file, row.line), header = line_of(table.path, table.header_line);
+  for (const auto& by : {header, line}) {  // the row itself where a remark names the columns
+    if (!line || !by) continue;
+    std::vector<std::size_t> begins;
+    const std::vector<std::string> cells = cells_of(*line, separator_of(trimmed(*by)), &begins);
+    const auto same = [](char a, char b) { return a == b || (a == '.' && b == ','); };
+    if (cell >= cells.size() || cell >= row.cells.size() ||
+        !std::equal(row.cells[cell].begin(), row.cells[cell].end(), cells[cell].begin(), cells[cell].end(), same)) {
+      continue;  // files that were joined: the cell is in another one
+    }
+    place.column = static_cast<int>(begins[cell]) + 1;
+    return place;
+  }
+  return place;
+}
+
+}  // namespace
+
 Result<double> Table::number(const Row& row, std::string_view name) const {
   const std::string cell = text(row, name);
   const std::optional<double> value = number_in(cell, false);
   const Column* column = find(name);
-  if (!value) return fail("ID101", fmt::format("{} = \"{}\" is not a finite number", name, cell), place_of(row));
+  if (!value) {
+    return fail("ID101", fmt::format("{} = \"{}\" is not a finite number", name, cell),
+                column == nullptr ? place_of(row) : place_of_cell(*this, row, column->cell));
+  }
   return column->factor == 1 ? *value : *value * column->factor;
 }
 

@@ -531,7 +531,7 @@ class Page {
         "Colours are interpolated between the points of the grid; the table and the files hold the "
         "points themselves.");
     report_.add_list(items);
-    if (!options_.command.empty()) report_.add_code("The command that makes this page", options_.command, false);
+    if (!options_.command.empty()) report_.add_code("The command that made this page", options_.command, false);
   }
 
   const ComplianceMap& map_;

@@ -574,7 +574,7 @@ class Page {
     tools_and_material();
     stock();
     machine();
-    if (!options_.command.empty()) report_.add_code("To make this report again", options_.command, false);
+    if (!options_.command.empty()) report_.add_code("The command that made this page", options_.command, false);
   }
 
   void tools_and_material() {

@@ -140,7 +140,8 @@ Result<report::HeatMap> chains_map(const M& m, const workspace::Extent& box, dou
 
 template <class M>
 Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspace::DeltaStudy& study,
-                            const workspace::DeltaStudyOptions& options, const std::string& version) {
+                            const workspace::DeltaStudyOptions& options, const std::string& version,
+                            const std::string& command) {
   std::vector<std::pair<std::string, std::string>> facts{
       {"machine", machine::name_of(machine)},
       {"family", machine::family_of(machine)},
@@ -245,17 +246,19 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   }
   for (const auto& [key, text] : machine::provenance_of(machine)) inputs.emplace_back("source of " + key, text);
   page.add_definitions(inputs);
+  if (!command.empty()) page.add_code("The command that made this page", command, false);
   return page.to_html();
 }
 
 }  // namespace
 
 Result<std::string> delta_page(const AnyMachine& machine, const workspace::DeltaStudy& study,
-                               const workspace::DeltaStudyOptions& options, const std::string& version) {
+                               const workspace::DeltaStudyOptions& options, const std::string& version,
+                               const std::string& command) {
   return std::visit(
       [&]<class M>(const M& m) -> Result<std::string> {
         if constexpr (machine::DeltaFamily<M>) {
-          return page_of(m, machine, study, options, version);
+          return page_of(m, machine, study, options, version, command);
         } else {
           return fail("WS140", "this page is about deltas", {},
                       "name a machine of family rotary-delta or linear-delta");

@@ -133,7 +133,7 @@ void add_limits(report::Report& page, const MotionQuestion& question) {
 }  // namespace
 
 std::string motion_page(const machine::AnyMachine& machine, const Run& run, const MotionQuestion& question,
-                        const std::string& version) {
+                        const std::string& version, const std::string& command) {
   const Unit unit = unit_of(machine);
   std::vector<std::pair<std::string, std::string>> facts{{"machine", machine::name_of(machine)},
                                                          {"family", machine::family_of(machine)}};
@@ -198,6 +198,10 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
         {fmt::format("drive {}", i + 1), unit.to(p.speed), unit.to(p.acceleration), unit.to(p.jerk), u});
   }
   page.add_table(table);
+  if (!command.empty()) {
+    page.add_section("Inputs");
+    page.add_code("The command that made this page", command, false);
+  }
   return page.to_html();
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "polypod/core/range_text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -122,7 +123,8 @@ std::string plane_name(const QualitySection& s) {
 Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOptions& options,
                                       const QualityQuestion& question, int axis, double at, int resolution) {
   if (resolution < 8 || resolution > 512) {
-    return fail("WS130", fmt::format("a resolution of {} points must be 8 to 512", resolution));
+    return fail("WS130", fmt::format("a resolution of {} points: must be {}", resolution,
+                                     config::in_words({8, 512}, "points")));
   }
   POLYPOD_ASSIGN(box, box_of(machine, options));
   if (!(at >= box[0][axis] && at <= box[1][axis])) {

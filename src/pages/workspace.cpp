@@ -632,6 +632,7 @@ class Page {
       report_.add_definitions(sources);
     }
     report_.add_code("The machine's file", machine::to_toml(machine_));
+    if (!page_.command.empty()) report_.add_code("The command that made this page", page_.command, false);
   }
 
   [[nodiscard]] std::string capital() const {

@@ -32,8 +32,9 @@ std::string motion_csv(const machine::AnyMachine& machine, const motion::Run& ru
 
 /// One self-contained HTML file: the answer, curves of position, speed, acceleration and jerk of tool and drives over
 /// time, the way in space beside the machine at home with problems in red, the limits (given or assumed) beside what
-/// was met, a table of the peaks. The same input gives the same bytes. `version` of Polypod, or empty.
+/// was met, a table of the peaks. The same input gives the same bytes. `version` of Polypod and the command line that
+/// makes the page again, or empty.
 std::string motion_page(const machine::AnyMachine& machine, const motion::Run& run, const MotionQuestion& question,
-                        const std::string& version);
+                        const std::string& version, const std::string& command = {});
 
 }  // namespace polypod::pages

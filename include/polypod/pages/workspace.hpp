@@ -28,10 +28,11 @@ report::VtkPolyData surface_data(const workspace::Surface& surface);
 Result<std::string> surface_stl(const workspace::Surface& surface);
 
 struct WorkspacePageOptions {
-  std::string version;                                ///< of Polypod; default: not named
-  std::string machine;                                ///< as the user named it; default: the machine's own name
-  std::vector<std::string> sets;                      ///< `key=value` that were overridden
-  int resolution = 64;                                ///< points along the longest side of a section, 8 to 512
+  std::string version;            ///< of Polypod; default: not named
+  std::string command;            ///< the command line that makes this page again; default: left out
+  std::string machine;            ///< as the user named it; default: the machine's own name
+  std::vector<std::string> sets;  ///< `key=value` that were overridden
+  int resolution = 64;            ///< points along the longest side of a section, 8 to 512
   std::function<void(const char*, double)> progress;  ///< what is being done, and its share
 };
 
