@@ -26,9 +26,7 @@ inline void angles_of(const double (&y)[N], const double (&x)[N], double (&out)[
   const auto both = [](double value) { return Pair{value, value}; };
   const auto where = [](Bits mask, Pair value) { return (Pair)(mask & (Bits)value); };  // else 0
   for (int i = 0; i < N; i += 2) {
-    Pair X, Y;
-    std::memcpy(&X, x + i, sizeof X);
-    std::memcpy(&Y, y + i, sizeof Y);
+    const Pair X = {x[i], x[i + 1]}, Y = {y[i], y[i + 1]};  // each by itself: both were stored by themselves
     const Pair ax = (Pair)((Bits)X & ~kSign), ay = (Pair)((Bits)Y & ~kSign);
     const Bits beyond = ay > ax;  // nearer to the y axis
     const Pair least = where(beyond, ax) + where(~beyond, ay), most = where(beyond, ay) + where(~beyond, ax);

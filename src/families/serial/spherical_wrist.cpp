@@ -97,7 +97,8 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
   const Mat3 N = R_AM_ * X_MT.R * tool_;
   const Complex upper_0{upper_c_, upper_s_}, fore_0{fore_c_, fore_s_};
   bool reached[2] = {}, in_line[2][2] = {}, folded[2] = {}, met[2] = {};
-  std::optional<six::Turns::Solution> oblique[2][2];  // wrists that are not right-angled
+  six::Turns::Solution oblique[2][2];  // wrists that are not right-angled, where `oriented`
+  bool oriented[2][2];
   for (int s = 0; s < 2; ++s) {
     const double side = s == 0 ? rho : -rho;
     Complex t1{1, 0};
@@ -150,8 +151,10 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
       R.row(2) = t23.re * n2 - t23.im * n0;
       if (!right_angled_) {
         const six::Turns turns(lead_.col(0), lead_.col(1), lead_.col(2));
-        oblique[s][e] = turns.solve(R, reference != nullptr ? reference[3] : 0.0);
-        in_line[s][e] = oblique[s][e] && oblique[s][e]->in_line;
+        const auto found = turns.solve(R, reference != nullptr ? reference[3] : 0.0);
+        oriented[s][e] = found.has_value();
+        if (found) oblique[s][e] = *found;
+        in_line[s][e] = found && found->in_line;
         for (int k = 0; k < 3; ++k) x[kWrist + 3 * (2 * s + e) + k] = y[kWrist + 3 * (2 * s + e) + k] = 0;
         continue;
       }
@@ -194,12 +197,12 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
           t5 = middle_ + (f == 0 ? t[1] : -t[1]);
           t6 = t[2] + half;
         } else {
-          t4 = oblique[s][e]->q4[f];
-          t5 = oblique[s][e]->q5[f];
-          t6 = oblique[s][e]->q6[f];
+          t4 = oblique[s][e].q4[f];
+          t5 = oblique[s][e].q5[f];
+          t6 = oblique[s][e].q6[f];
         }
         double* q = out.joints[k];
-        out.exists[k] = right_angled_ || oblique[s][e];
+        out.exists[k] = right_angled_ || oriented[s][e];
         if (!out.exists[k]) continue;
         q[0] = q1;
         q[1] = q2;
