@@ -202,7 +202,8 @@ Span wrong_word(const Error& error, std::string_view line) {
   const Kind kind = kind_of(error);
   const auto column = static_cast<std::size_t>(std::max(1, error.place.column)) - 1;
   const std::size_t begin = kind == Kind::toml ? byte_at(line, column) : std::min(column, line.size());
-  if (begin > 0) return {begin, begin < line.size() ? end_of_word(line, begin, kind) - begin : 1};
+  const bool placed = begin > 0 || error.id == "CF103" || error.id.starts_with("GC10");  // these have always a word
+  if (placed && !line.empty()) return {begin, begin < line.size() ? end_of_word(line, begin, kind) - begin : 1};
   if (const auto span = mentioned(line, error.message)) return *span;
   if (kind == Kind::toml && line.front() == '[') return {0, end_of_word(line, 0, kind)};  // the head of a table
   return {};

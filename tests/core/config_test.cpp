@@ -156,8 +156,8 @@ TEST(Config, CF105OutOfRange) {
   EXPECT_EQ(where(t.numbers("v")), "CF105 6:9");
   EXPECT_EQ(where(t.number("ten", Range{0, 10, false, true})), "CF105 5:7") << "10 is not below 10";
   EXPECT_TRUE(t.number("ten", Range{0, 10}));
-  EXPECT_THAT(t.integer("ten", 1, 9).error().message, HasSubstr("ten = 10 must be between 1 and 9"));
-  EXPECT_THAT(t.number("zero", kPositive).error().message, HasSubstr("above 0"));
+  EXPECT_THAT(t.integer("ten", 1, 9).error().message, HasSubstr("ten = 10 must be at least 1 and at most 9"));
+  EXPECT_THAT(t.number("zero", kPositive).error().message, HasSubstr("greater than 0"));
 }
 
 TEST(Config, CF105LengthsOfMoreThanAThousandKilometres) {
