@@ -123,8 +123,8 @@ std::string plane_name(const QualitySection& s) {
 Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOptions& options,
                                       const QualityQuestion& question, int axis, double at, int resolution) {
   if (resolution < 8 || resolution > 512) {
-    return fail("WS130", fmt::format("a resolution of {} points: must be {}", resolution,
-                                     config::in_words({8, 512}, "points")));
+    return fail("WS130",
+                fmt::format("a resolution of {} points: must be {}", resolution, config::in_words({8, 512}, "points")));
   }
   POLYPOD_ASSIGN(box, box_of(machine, options));
   if (!(at >= box[0][axis] && at <= box[1][axis])) {
