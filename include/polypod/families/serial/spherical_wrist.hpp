@@ -54,7 +54,8 @@ class SphericalWristInverse {
   static std::optional<SphericalWristInverse> of(const SerialArm& arm);
 
   /// All branches of the pose X_MT, each joint in the turn within its range if there is one, else in (-pi, pi]. With a
-  /// `reference` (six values): of several turns within the range the nearest to it. No allocation; cost: docs/speed.md.
+  /// `reference` (six values): of several turns within the range the nearest to it. No allocation. Cost: as
+  /// WristInverse, `kinematics_bench --benchmark_filter='polypod_inverse|spherical_wrist'`.
   void solve(const Pose& X_MT, Branches& out, const double* reference = nullptr) const;
   /// The same with limits, as a list.
   [[nodiscard]] kinematics::InverseResult solve(const Pose& X_MT, const double* reference = nullptr) const;
