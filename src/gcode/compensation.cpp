@@ -28,6 +28,9 @@ constexpr double kSweepMm = 0.0254;
 constexpr double kSweepInch = 0.001;
 /// The least cosine between the chord of an entry arc and the radius at its end; below it the arc is a line.
 constexpr double kLeastEntryCosine = 1e-4;
+/// rs274 takes the diameters of its tool table over a number for mm in an inch that has 14 digits: entry moves of just
+/// the radius are long enough.
+constexpr double kTable = 25.4 * 0.039370078740157;
 /// By how much the radii at start and end of an arc may differ, and its sweep may grow, in a program that is
 /// unrolled: as `interpret` has it; and rad.
 constexpr double kSpiralMm = 0.02 * std::numbers::sqrt2;
@@ -139,9 +142,9 @@ Result<double> Engine::cutter_diameter(int g) {
   }
   const bool spindle = d == nullptr || d->value == 0;
   if (!options_.any_tool) {
-    if (spindle) return lengths(loaded_before_.diameter);
+    if (spindle) return kTable * lengths(loaded_before_.diameter);
     POLYPOD_ASSIGN(index, index_of(*d));
-    return lengths(options_.tools[index - 1].diameter);
+    return kTable * lengths(options_.tools[index - 1].diameter);
   }
   if (spindle && (stale_tool_ || one_of('M', 60, 610) >= 0)) {
     return error(column, "GC171",
@@ -163,7 +166,7 @@ Result<double> Engine::cutter_diameter(int g) {
       "the program runs",
       written_block_->line, tool, number(units::to_mm(diameter), 4));
   if (std::find(notes_.begin(), notes_.end(), note) == notes_.end()) notes_.push_back(std::move(note));
-  return inches_ ? units::to_inch(diameter) : units::to_mm(diameter);
+  return kTable * (inches_ ? units::to_inch(diameter) : units::to_mm(diameter));
 }
 
 Status Engine::compensation(int g) {
@@ -378,7 +381,7 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
       return error(1, "GC174", "the first compensated arc comes to a line", "enter with a line");
     }
     const double k = (vx * vx + vy * vy) / (2 * along);
-    move.centre = {tool[0] - k * ux, tool[1] - k * uy};
+    move.centre = from_centre(tool, inner ? k : -k, heading + side_ * kPi / 2);
     move.radius = distance(tool, move.centre);
     move.sweep = sweep_between(move.centre, from, tool, turns);
     move.entry = true;
@@ -389,7 +392,8 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
     return enter(std::move(move), heading, tool);
   }
   const double start_angle = std::atan2(from[1] - centre[1], from[0] - centre[0]);
-  const double start_heading = within_turn(start_angle + turning * kPi / 2);
+  double start_heading = within_turn(start_angle + turning * kPi / 2);
+  if (side_ < 0 && start_heading < std::atan2(current_[1] - from[1], current_[0] - from[0])) start_heading += 2 * kPi;
   const double turn = side_ * within_turn(start_heading - heading_);
   if (std::abs(turn) < kTangent) {
     POLYPOD_TRY(release());

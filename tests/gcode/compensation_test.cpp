@@ -423,6 +423,7 @@ TEST(Compensation, DiametersAreThoseOfTheJob) {
   options.diameters[8] = 5e-3;
   EXPECT_EQ(at("T7 M6\nG42 D8"), "-2.5");
   EXPECT_EQ(at("T8 M6\nG42"), "-2.5");
+  EXPECT_EQ(at("T7 M6\nG42"), "-4");
   EXPECT_EQ(at("T8 M6\nG10 L1 P8 R2\nG42"), "-2");
   // LinuxCNC takes the tool before.
   EXPECT_EQ(at("T8 M6 G42").substr(0, 5), "GC171");
