@@ -226,9 +226,9 @@ void Engine::wait_for(Waiting move) {
   move.arc_absolute = arc_absolute_;
   move.rate = inverse_ && !move.rapid ? rate_ : 0;
   if (options_.plain) {
-    move.slot = slots_.size();
-    slots_.emplace_back();
-    plain(fmt::format("\x01{}\x02", move.slot));
+    move.late = late_.size();
+    late_.emplace_back();
+    motions_.push_back({"", move.late});
   }
   waiting_.push_back(std::move(move));
 }
@@ -491,7 +491,7 @@ Status Engine::release() {
     }
     if (options_.plain) {
       POLYPOD_TRY(judge_path(call));
-      slots_[call.slot] = compensated_words(call);
+      late_[call.late].words = compensated_words(call);
     }
     canon_ = call.end;
     reached_ = Point{call.end[0], call.end[1]};

@@ -212,7 +212,7 @@ class Engine final : private Parameters {
     bool entry = false;
     // For the plain program.
     int line = 0;
-    std::size_t slot = 0;
+    std::size_t late = 0;  // its place in `late_`
     std::array<bool, 6> named{};
     bool incremental = false;
     bool arc_absolute = false;
@@ -259,9 +259,18 @@ class Engine final : private Parameters {
   void move_to(const Axes& end);
 
   // --- plain.cpp ---------------
+  static constexpr std::size_t kNow = std::numeric_limits<std::size_t>::max();
+  struct Motion {
+    std::string text;
+    std::size_t late = kNow;  // the place in `late_` of a compensated motion, whose text is known later
+  };
+  struct Late {
+    std::size_t block = 0, offset = 0;  // where it belongs in `plain_`
+    std::string words;                  // empty until they are known
+  };
   void begin_plain();
   void end_plain();
-  void plain(std::string text) { motions_.push_back(std::move(text)); }
+  void plain(std::string text) { motions_.push_back({std::move(text)}); }
   [[nodiscard]] std::string plain_words(const Axes& end, bool all) const;
   [[nodiscard]] Axes to_plain(const Axes& p) const;
   [[nodiscard]] std::string plain_number(double value, bool step) const;
@@ -296,7 +305,7 @@ class Engine final : private Parameters {
   const Block* written_block_ = nullptr;  // its line in the file
   bool rewritten_ = false;
   bool name_axes_ = true;  // whether a plain motion holds the axes that the block names, else those that change
-  std::vector<std::string> motions_;
+  std::vector<Motion> motions_;
 
   // What carries over.
   Axes origin_{};        // of the active system, program units
@@ -355,9 +364,9 @@ class Engine final : private Parameters {
   std::optional<Waiting> last_;   // the last move with a length
   std::optional<Point> reached_;  // where the tool is, once two moves have been made
   std::vector<Waiting> waiting_;
-  std::vector<std::string> slots_;  // texts of plain motions, by the number that stands in their place
-  Tool loaded_before_;              // the block at hand
-  bool stale_tool_ = false;         // M61 or T0: rs274 keeps the diameter of the tool before
+  std::vector<Late> late_;
+  Tool loaded_before_;       // the block at hand
+  bool stale_tool_ = false;  // M61 or T0: rs274 keeps the diameter of the tool before
   int spindle_tool_ = 0;
 
   // The cycle in force.

@@ -1,7 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // The plain blocks that a program comes to.
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "engine.hpp"
@@ -135,29 +134,36 @@ void Engine::end_plain() {
     add_plain(before);
     return;
   }
+  const auto wait_at = [this](std::size_t offset, std::size_t motion) {
+    if (motion != kNow) late_[motion] = {plain_.blocks.size(), offset, {}};
+  };
   if (motions_.size() == 1) {
-    join(before, motions_.front());
+    wait_at(before.size(), motions_.front().late);
+    join(before, motions_.front().text);
     join(before, at_end);
     join(before, remarks);
-    add_plain(before);
+    add_plain(before, true);
     return;
   }
   join(before, remarks);
   add_plain(before);
-  for (std::string& text : motions_) add_plain(std::move(text));
+  for (Motion& motion : motions_) {
+    wait_at(0, motion.late);
+    add_plain(std::move(motion.text), true);
+  }
   add_plain(at_end);
 }
 
-/// The blocks, with the compensated moves in their places.
+/// The blocks, with the compensated moves in their places (a block has one at most).
 Program Engine::take_plain() {
-  for (Block& block : plain_.blocks) {
-    for (std::size_t begin = 0; (begin = block.text.find('\x01', begin)) != std::string::npos;) {
-      const std::size_t end = block.text.find('\x02', begin);
-      std::size_t slot = 0;
-      std::from_chars(block.text.data() + begin + 1, block.text.data() + end, slot);
-      block.text.replace(begin, end - begin + 1, slots_[slot]);
-      begin += slots_[slot].size();
-    }
+  for (Late& motion : late_) {
+    if (motion.words.empty()) continue;
+    std::string& text = plain_.blocks[motion.block].text;
+    if (motion.offset > 0)
+      motion.words.insert(0, 1, ' ');
+    else if (!text.empty())
+      motion.words += ' ';
+    text.insert(motion.offset, motion.words);
   }
   return std::move(plain_);
 }

@@ -403,6 +403,13 @@ TEST(Compensation, UnrolledBlocksStandWhereTheyStood) {
             "Y0\nM2\n");
 }
 
+TEST(Compensation, AnyCharacterOfACommentStays) {
+  EXPECT_EQ(plain("G0 X0 Y0 Z0\nG41.1 D4 F100 (\x01)\nG1 X10 (\x01"
+                  "0\x02)\nX20\nG40\nX30\nM2\n"),
+            "G0 X0 Y0 Z0\nF100 (\x01)\nG1 X10 Y2 (\x01"
+            "0\x02)\nG1 X20 Y2\nG40\nG1 X30 Y0\nM2\n");
+}
+
 TEST(Compensation, DiametersAreThoseOfTheJob) {
   UnrollOptions options;
   const std::string contour = "G1 X20 Y0 F100\nX40\nG40\nX60\nM2\n";
