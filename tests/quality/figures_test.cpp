@@ -54,9 +54,19 @@ bool is_limit(const std::string& family, const std::string& key) {
   return family == "linear-delta" && key == "rail.length";
 }
 
-/// A pose near home that is neither symmetric nor upright (deltas: upright), or the middle of an arm's reach.
+/// A pose near home that is neither symmetric nor upright (deltas: upright); of an arm one in the middle of its reach,
+/// or near the middle of its joint ranges.
 Pose pose_for(const AnyMachine& m) {
-  if (kinematics::is_serial(m)) return kinematics::pose_of(machine::Task::axis, {0.1, -1.25, 0.05, 0.2, -0.1});
+  if (kinematics::is_serial(m)) {
+    if (kinematics::task(m) == machine::Task::axis)
+      return kinematics::pose_of(machine::Task::axis, {0.1, -1.25, 0.05, 0.2, -0.1});
+    JointVector q(kinematics::joint_count(m));
+    for (int i = 0; i < q.size(); ++i) {
+      const auto range = kinematics::joint_range(m, i);
+      q[i] = (range.min + range.max) / 2 + 0.1 * (i + 1);
+    }
+    return kinematics::forward(m, q).poses.at(0);
+  }
   Pose X = kinematics::home_pose(m).value();
   X.p += 0.02 * X.p.norm() * Vec3(1, -0.7, 0.5);
   if (kinematics::task(m).turns()) X.R = rotation_of(Vec3(0.03, -0.02, 0.01));
