@@ -69,6 +69,11 @@ Command check_command() {
             options.progress = progress_line(context, "checking");
             POLYPOD_ASSIGN(result, machining::check(m, job.X_MW, program, interpretation, options));
             options.progress(1);
+            if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
+              const Error why = machining::cuts_nothing(job, program, interpretation);
+              result.notes.push_back(
+                  fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));
+            }
             Json problems = Json::array(), ranges = Json::array();
             for (const machining::CheckProblem& p : result.problems) {
               problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});

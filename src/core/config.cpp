@@ -139,8 +139,35 @@ const Value* Table::find(std::string_view key) const {
   return it == values_.end() ? nullptr : &it->second;
 }
 
+namespace {
+
+// Shorter keys (x_mm, y_mm) are near to others by chance.
+constexpr std::size_t kLeastMisspelt = 6;
+
+/// The place of a key, of which the place of its value is known: the parser keeps no other. As far as the file can be
+/// read again and the key stands in the line of its value; else that of the value.
+Place place_of_key(const std::string& key, const Place& value) {
+  const auto line = line_of(value.file, value.line);
+  if (!line) return value;
+  const std::size_t of_value = byte_at(*line, static_cast<std::size_t>(std::max(1, value.column)) - 1);
+  auto at = find_word(std::string_view(*line).substr(0, of_value), key, of_value);
+  if (!at) at = find_word(*line, key, of_value);  // the key of a table stands within the place of its value
+  if (!at) return value;
+  return {value.file, value.line, static_cast<int>(character_at(*line, *at)) + 1};
+}
+
+}  // namespace
+
 tl::unexpected<Error> Table::missing(std::string_view key) const {
-  return fail("CF106", fmt::format("{} is missing", full(name_, key)), place_, "add this key");
+  // A misspelt key is found missing before it is found unknown.
+  std::vector<std::string> not_asked;
+  for (const auto& [other, value] : values_)
+    if (!asked_->contains(other)) not_asked.push_back(other);
+  const std::string near = nearest_word(key, not_asked);
+  if (near.size() < kLeastMisspelt)
+    return fail("CF106", fmt::format("{} is missing", full(name_, key)), place_, "add this key");
+  return fail("CF106", fmt::format("{} is missing; {} stands here", full(name_, key), full(name_, near)),
+              place_of_key(near, place_of(near)), fmt::format("write {} if that is meant; else add it", key));
 }
 
 bool Table::has(std::string_view key) const {
@@ -289,22 +316,6 @@ Result<std::vector<Table>> Table::tables(std::string_view key) const {
   }
   return out;
 }
-
-namespace {
-
-/// The place of a key, of which the place of its value is known: the parser keeps no other. As far as the file can be
-/// read again and the key stands in the line of its value; else that of the value.
-Place place_of_key(const std::string& key, const Place& value) {
-  const auto line = line_of(value.file, value.line);
-  if (!line) return value;
-  const std::size_t of_value = byte_at(*line, static_cast<std::size_t>(std::max(1, value.column)) - 1);
-  auto at = find_word(std::string_view(*line).substr(0, of_value), key, of_value);
-  if (!at) at = find_word(*line, key, of_value);  // the key of a table stands within the place of its value
-  if (!at) return value;
-  return {value.file, value.line, static_cast<int>(character_at(*line, *at)) + 1};
-}
-
-}  // namespace
 
 Status Table::finish() const {
   const Value* first = nullptr;

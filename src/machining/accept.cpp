@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <set>
@@ -68,6 +69,32 @@ bool may_touch(const Box& swept, const Box& stock) {
 
 bool feeds(const gcode::Move& move) {
   return move.kind != gcode::MoveKind::rapid;
+}
+
+/// Where the feed moves would be of the stock's size in the other unit, and are not in theirs: what to look at, or
+/// nothing. Lengths of programs and parts differ by less than the square root of 25.4.
+std::string other_unit(const Job& job, const gcode::Interpretation& interpretation) {
+  Box path;
+  bool inches = false, millimetres = false;
+  for (const gcode::Move& move : interpretation.moves) {
+    if (!feeds(move) || !move.start_known) continue;
+    path.extend(swept_box(move, 0));
+    (move.inches ? inches : millimetres) = true;
+  }
+  if (inches == millimetres) return {};
+  const double larger = path.diagonal().head<2>().norm() / box_of(job.stock).diagonal().head<2>().norm();
+  const double threshold = std::sqrt(units::from_inch(1) / units::from_mm(1));
+  if (inches && larger > threshold) {
+    return "the program is in inches (G20); in millimetres it would be of the size of the stock: check G20 and G21, "
+           "and "
+           "the unit of the CAM system";
+  }
+  if (millimetres && larger < 1 / threshold) {
+    return "the program is in millimetres (G21); in inches it would be of the size of the stock: check G20 and G21, "
+           "and "
+           "the unit of the CAM system";
+  }
+  return {};
 }
 
 Status not_corrected_before(const gcode::Program& program) {
@@ -174,10 +201,11 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
   }
   if (!first) return {};
   lines.erase(first->line);
+  const std::string unit = other_unit(job, interpretation);
   return fail(
       "MC210",
       fmt::format("the machine cannot follow this move: {}{}", first->detail, others({lines.begin(), lines.end()})),
-      Place{program.path, first->line, 1}, "move the workpiece origin, or change these lines");
+      Place{program.path, first->line, 1}, unit.empty() ? "move the workpiece origin, or change these lines" : unit);
 }
 
 Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
@@ -191,18 +219,19 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   }
   POLYPOD_TRY(known_offsets(job, program, interpretation));
   // A wrong unit or origin misses the stock and often the reach as well; the stock says more.
-  const Box stock = box_of(job.stock);
-  if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const gcode::Move& move) {
-        return feeds(move) &&
-               (!move.start_known || may_touch(swept_box(move, job.cutter_of(move.tool).radius()), stock));
-      })) {
-    return tl::unexpected(cuts_nothing(job, program, interpretation));
-  }
+  if (!may_cut(job, interpretation)) return tl::unexpected(cuts_nothing(job, program, interpretation));
   POLYPOD_TRY(known_tools(job, program, interpretation));
   Accepted out{&interpretation, {}, interpretation.notes};
   POLYPOD_TRY(known_starts(job, program, out));
   POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress));
   return out;
+}
+
+bool may_cut(const Job& job, const gcode::Interpretation& interpretation) {
+  const Box stock = box_of(job.stock);
+  return std::any_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const gcode::Move& move) {
+    return feeds(move) && (!move.start_known || may_touch(swept_box(move, job.cutter_of(move.tool).radius()), stock));
+  });
 }
 
 Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
@@ -222,17 +251,11 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
     if (gap < 0) continue;
     misses += fmt::format("{}{} mm in {}", misses.empty() ? "" : ", ", fmt::format("{:.3f}", to_mm(gap)), "XYZ"[k]);
   }
-  const auto touches_when_scaled = [&](double scale) {
-    return may_touch({path.min() * scale, path.max() * scale}, stock);
-  };
-  std::string hint = "check the origin of the workpiece, the stock and the depth of the program";
-  const double inch = units::from_inch(1) / units::from_mm(1);
-  if (!misses.empty() && touches_when_scaled(inch)) {
-    hint = "in inches it would cut: check G20 and G21, and the unit of the CAM system";
-  } else if (!misses.empty() && touches_when_scaled(1 / inch)) {
-    hint = "in millimetres it would cut: check G20 and G21, and the unit of the CAM system";
-  } else if (misses.empty()) {
+  std::string hint = other_unit(job, interpretation);
+  if (misses.empty()) {
     hint = "its box overlaps the stock's, but no point meets material: has it been cut away before?";
+  } else if (hint.empty()) {
+    hint = "check the origin of the workpiece, the stock and the depth of the program";
   }
   return {"MC302",
           fmt::format(

@@ -198,9 +198,49 @@ std::vector<std::string> pass_notes(const Job& job, const gcode::Program& progra
   return notes;
 }
 
+namespace {
+
+/// Where most of the feed path cuts nothing: the stock of the job may not be the one on the table.
+std::optional<std::string> note_on_air(const std::vector<gcode::Move>& programmed, const Prediction& prediction) {
+  std::vector<bool> cuts(programmed.size(), false);
+  for (const MovePrediction& m : prediction.moves) cuts[static_cast<std::size_t>(m.move)] = m.points > 0;
+  double length = 0, idle = 0;
+  int moves = 0, idle_moves = 0;
+  for (std::size_t i = 0; i < programmed.size(); ++i) {
+    const gcode::Move& move = programmed[i];
+    // Approaches and retracts along the tool go through air in every program.
+    if (move.kind == gcode::MoveKind::rapid) continue;
+    if (move.kind == gcode::MoveKind::line && (move.end - move.start).head<2>().isZero(0)) continue;
+    ++moves;
+    length += move.length();
+    if (cuts[i]) continue;
+    ++idle_moves;
+    idle += move.length();
+  }
+  if (!(idle > 0.5 * length)) return {};
+  return fmt::format(
+      "{} of {} feed moves, {:.0f} % of their length, cut no material: check the stock of the job, its "
+      "height first",
+      idle_moves, moves, 100 * idle / length);
+}
+
+}  // namespace
+
 std::vector<std::string> condition_notes(const Job& job, const std::vector<gcode::Move>& programmed,
                                          const Prediction& prediction) {
   std::vector<std::string> notes;
+  if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
+  if (!job.cutters.empty()) {
+    std::set<int> without;
+    for (const MovePrediction& m : prediction.moves) {
+      const int tool = programmed[static_cast<std::size_t>(m.move)].tool;
+      if (m.points > 0 && !job.cutters.contains(tool)) without.insert(tool);
+    }
+    for (const int tool : without) {
+      notes.push_back(fmt::format("T{} has no [[tool]] in the job; [cutter] is taken, {:g} mm in diameter", tool,
+                                  units::to_mm(job.cutter.diameter)));
+    }
+  }
   std::set<std::string> known;
   for (const MovePrediction& m : prediction.moves) {
     const gcode::Move& move = programmed[static_cast<std::size_t>(m.move)];

@@ -42,6 +42,9 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
 Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                     const std::function<bool(double)>& progress = {});
 
+/// Whether the cutter of a feed move may meet the stock: boxes overlap, or where the move starts is not known.
+bool may_cut(const Job& job, const gcode::Interpretation& interpretation);
+
 /// Why no point of a program that was predicted cuts: by how much its feed moves miss the stock, and what the likely
 /// reason is (inches and millimetres, the origin, the height). MC302.
 Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
