@@ -79,7 +79,8 @@ enum class Verdict : std::uint8_t {
 ///   int groups();                   at most 32
 ///   double lever();                 m, how far a turn of 1 rad moves what the limits see
 ///   std::size_t bytes(const Data&); that a patch's data holds outside of itself
-///   void box(Vec3& min, Vec3& max, const Directions&); a box that holds every reachable point
+///   LimitBits ends();               the limits without which nothing ends the workspace
+///   void box(Vec3& min, Vec3& max, const Directions&); a box that holds every reachable point where these are heeded
 ///   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch&, const Data&,
 ///                 BoundList& out);
 template <class Limits>

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <bit>
+
 #include "by_closure/bounds.hpp"
 #include "family_bounds.hpp"
 #include "no_bounds.hpp"
@@ -92,6 +94,19 @@ Result<Volume> volume_by_closure(const AnyMachine& machine, const ClosureLimits&
   return sampled_volume(machine, options);
 }
 
+/// Refuses what has no end where these limits are off.
+Status ended(const AnyMachine& machine, LimitBits off) {
+  if (off == 0) return {};
+  const std::vector<std::string> names = kinematics::limit_names(machine, off);
+  const machine::LimitTable table = kinematics::limit_table(machine);
+  return fail("WS108",
+              fmt::format("nothing ends this workspace: without the limit \"{}\" its size is not finite, or not known",
+                          names.front()),
+              {},
+              fmt::format("leave `{}` on; a box can still be judged without it: --contains",
+                          table[static_cast<std::size_t>(std::countr_zero(off))].group));
+}
+
 }  // namespace
 
 LimitBits interference_bits(const AnyMachine& machine) {
@@ -154,6 +169,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
         }
         if (!has_bounds(machine)) return sampled_volume(machine, options);
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
+          POLYPOD_TRY(ended(machine, limits.ends() & ~options.limits));
           return subdivided_volume(limits, options);
         });
       },

@@ -93,12 +93,11 @@ TEST(WorkspaceOfLegs, PlanarMachineHoldsItsSamplesInItsOwnCoordinates) {
   expect_bounds_hold("planar-3rrr", {}, 20'000);
 }
 
-/// A strut hexapod without joint limits as legs: the two proofs of one volume hold each other.
-TEST(WorkspaceOfLegs, AgreesWithTheHandMadeBoundsOfStruts) {
-  const AnyMachine built_in = test::load("hexapod-strut");
+/// The catalogue's strut hexapod without joint limits, written as legs, with more lines before these.
+Result<AnyMachine> as_legs(const AnyMachine& built_in, const std::string& more = {}) {
   const auto& m = std::get<machine::StrutHexapod>(built_in);
-  std::string text = fmt::format("family = \"parallel\"\nhome = {{ z_mm = {} }}\ntool = {{ z_mm = {} }}\n",
-                                 units::to_mm(home_pose(m).p.z()), units::to_mm(m.tool_length));
+  std::string text = more + fmt::format("family = \"parallel\"\nhome = {{ z_mm = {} }}\ntool = {{ z_mm = {} }}\n",
+                                        units::to_mm(home_pose(m).p.z()), units::to_mm(m.tool_length));
   const auto list = [](const Vec3& p) {
     return fmt::format("[{:.17g}, {:.17g}, {:.17g}]", units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z()));
   };
@@ -107,7 +106,13 @@ TEST(WorkspaceOfLegs, AgreesWithTheHandMadeBoundsOfStruts) {
                         list(m.base_joint[i]), list(m.platform_joint[i]), units::to_mm(m.length_min),
                         units::to_mm(m.length_max));
   }
-  const auto legs = machine::from_text(text, "legs.toml");
+  return machine::from_text(text, "legs.toml");
+}
+
+/// A strut hexapod without joint limits as legs: the two proofs of one volume hold each other.
+TEST(WorkspaceOfLegs, AgreesWithTheHandMadeBoundsOfStruts) {
+  const AnyMachine built_in = test::load("hexapod-strut");
+  const auto legs = as_legs(built_in);
   ASSERT_TRUE(legs.has_value());
   for (const double tilt : {0.0, 1.0}) {
     workspace::Options options;
@@ -126,12 +131,38 @@ TEST(WorkspaceOfLegs, AgreesWithTheHandMadeBoundsOfStruts) {
   }
 }
 
+/// The tip's limits end the box that is searched only where they are heeded.
+TEST(WorkspaceOfLegs, LimitsOfTheTipThatAreOffDoNotEndIt) {
+  const AnyMachine built_in = test::load("hexapod-strut");
+  const auto free = as_legs(built_in), limited = as_legs(built_in, "limits = { z_max_mm = 70 }\n");
+  ASSERT_TRUE(free && limited);
+  workspace::Options options;
+  options.relative_tolerance = 0.05;
+  options.bounds_tolerance = 0;
+  const auto whole = workspace::volume(*free, options), part = workspace::volume(*limited, options);
+  options.limits &= ~*workspace::limit_bits(*limited, "coordinates");
+  const auto without = workspace::volume(*limited, options);
+  ASSERT_TRUE(whole && part && without);
+  EXPECT_LT(part->upper, whole->lower);
+  EXPECT_EQ(without->lower, whole->lower);
+  EXPECT_EQ(without->upper, whole->upper);
+}
+
 TEST(WorkspaceOfLegs, SaysWhatItCannotAnswer) {
   workspace::Options tilted;
   tilted.directions.tilt = units::from_deg(10);
   const auto v = workspace::volume(test::load("tricept"), tilted);
   ASSERT_FALSE(v.has_value());
   EXPECT_EQ(v.error().id, "WS104");
+  for (const auto& [name, off] :
+       {std::pair{"tricept", "drive"}, {"hexapod-strut", "length"}, {"delta-linear", "drive"}}) {
+    const AnyMachine m = test::load(name);
+    workspace::Options endless;
+    endless.limits &= ~*workspace::limit_bits(m, off);
+    const auto none = workspace::volume(m, endless);
+    ASSERT_FALSE(none.has_value()) << name;
+    EXPECT_EQ(none.error().id, "WS108") << name;
+  }
 }
 
 }  // namespace

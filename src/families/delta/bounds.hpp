@@ -39,6 +39,12 @@ class DeltaBounds {
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] Data prepare(const Patch&) const { return {}; }
 
+  /// The ends of the rails.
+  [[nodiscard]] LimitBits ends() const {
+    LimitBits bits = 0;
+    for (int i = 0; i < m_.arms && !kArms; ++i) bits |= LimitBits{1} << (L::kMin + i) | LimitBits{1} << (L::kMax + i);
+    return bits;
+  }
   void box(Vec3& low, Vec3& high, const Directions&) const {
     low = Vec3::Constant(-1e9);
     high = Vec3::Constant(1e9);

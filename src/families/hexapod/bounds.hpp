@@ -246,6 +246,8 @@ class StrutLimits : public HexapodBase<StrutHexapod> {
  public:
   using HexapodBase::HexapodBase;
 
+  /// The largest lengths of the struts.
+  [[nodiscard]] static LimitBits ends() { return LimitBits{0x3f} << HexapodLimits::kMax; }
   void box(Vec3& low, Vec3& high, const Directions& directions) const {
     const Patch patch = whole_patch(directions);
     low = Vec3::Constant(-1e9);
@@ -326,6 +328,10 @@ class SliderLimits : public HexapodBase<SliderHexapod> {
  public:
   using HexapodBase::HexapodBase;
 
+  /// The ends of the rails.
+  [[nodiscard]] static LimitBits ends() {
+    return LimitBits{0x3f} << HexapodLimits::kMin | LimitBits{0x3f} << HexapodLimits::kMax;
+  }
   void box(Vec3& low, Vec3& high, const Directions& directions) const {
     const Patch patch = whole_patch(directions);
     low = Vec3::Constant(-1e9);

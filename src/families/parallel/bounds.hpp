@@ -45,8 +45,24 @@ class ParallelLimits {
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] static Data prepare(const Patch&) { return {}; }
 
+  /// The ends of struts and rails.
+  [[nodiscard]] LimitBits ends() const {
+    LimitBits bits = 0;
+    for (std::size_t j = 0; j < m_.driven.size(); ++j) {
+      const machine::LegDrive drive = m_.legs[static_cast<std::size_t>(m_.driven[j])].drive;
+      if (drive == machine::LegDrive::strut) bits |= LimitBits{2} << (2 * j);
+      if (drive == machine::LegDrive::rail) bits |= LimitBits{3} << (2 * j);
+    }
+    return bits;
+  }
   void box(Vec3& low, Vec3& high, const Directions&) const {
-    Vec3 least = m_.low, most = m_.high;
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    Vec3 least = Vec3::Constant(-kFar), most = Vec3::Constant(kFar);
+    for (int k = 0; k < 3; ++k) {
+      const int limit = 2 * joint_count(m_) + k;
+      if ((mask_ >> limit & 1U) != 0) least[k] = m_.low[k];
+      if ((mask_ >> (limit + 3) & 1U) != 0) most[k] = m_.high[k];
+    }
     for (const machine::ParallelLeg& leg : m_.legs) {
       const double reach = reach_of(leg);
       Vec3 a = leg.base, b = leg.base;
@@ -108,7 +124,9 @@ class ParallelLimits {
     const double radius = half.norm();
     for (std::size_t i = 0; i < m_.legs.size(); ++i) {
       const machine::ParallelLeg& leg = m_.legs[i];
-      if (leg.drive == machine::LegDrive::strut && !mask_of_leg(static_cast<int>(i), 1)) continue;
+      const int drive = static_cast<int>(i);
+      if (leg.drive == machine::LegDrive::strut && !mask_of_leg(drive, 1)) continue;
+      if (leg.drive == machine::LegDrive::rail && !(mask_of_leg(drive, 0) && mask_of_leg(drive, 1))) continue;
       Vec3 nearest = leg.base;
       if (leg.drive == machine::LegDrive::rail) {
         nearest += std::clamp(leg.rail.dot(center - leg.base), leg.range.min, leg.range.max) * leg.rail;

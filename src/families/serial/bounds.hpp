@@ -43,6 +43,7 @@ class ArmLimits {
     return (possible(elbow_) * possible(wrist_) > 1 ? 0.5 : 2.0) * (f_.reach + std::abs(f_.d4));
   }
 
+  [[nodiscard]] static LimitBits ends() { return 0; }  // its links are rigid
   void box(Vec3& low, Vec3& high, const Directions&) const {
     const Vec3 center = f_.X_BM.inverse() * Vec3(0, 0, f_.d1);
     const double reach = std::abs(f_.a1) + f_.a2 + std::abs(f_.d4) + f_.reach;

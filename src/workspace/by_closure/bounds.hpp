@@ -37,6 +37,7 @@ class ClosureLimits {
   [[nodiscard]] double lever() const;
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] static Data prepare(const Patch&) { return {}; }
+  [[nodiscard]] static LimitBits ends() { return 0; }  // the box is found with the limits that are heeded
   void box(Vec3& low, Vec3& high, const Directions&) const;
   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch& patch, const Data&,
                 BoundList& out) const;
