@@ -97,9 +97,11 @@ Command singularities_command() {
               fmt::print("the machine {}{}\n", s.kind != 0 ? "" : "is ", quality::in_words(X, s));
               if (!here.reachable) fmt::print("(beyond its limits: {})\n", here.reason);
               if (near && s.kind == 0) {
-                fmt::print("a singular pose near it: {} mm and {:.1f} deg away, at {}\n",
-                           figure(units::to_mm(near->translation), 1), units::to_deg(near->rotation),
-                           pose_text(m, near->X_MT, 1));
+                fmt::print(
+                    "a singular pose, found by a search from it and not proven the nearest: {} mm and {:.1f} deg away, "
+                    "at {}\n",
+                    figure(units::to_mm(near->translation), 1), units::to_deg(near->rotation),
+                    pose_text(m, near->X_MT, 1));
               }
             }
             return s.kind != 0 ? kAnswerIsNo : kDone;

@@ -132,6 +132,13 @@ std::optional<machine::Mobility> mobility(const AnyMachine& machine) {
 }
 
 ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
+  if (q.size() != joint_count(machine) || !q.allFinite()) {
+    ForwardResult out;
+    out.reason = q.size() != joint_count(machine)
+                     ? fmt::format("{} joints are given, the machine has {}", q.size(), joint_count(machine))
+                     : std::string("a joint is not a finite number");
+    return out;
+  }
   return std::visit(
       [&](const auto& m) {
         ForwardResult out;
@@ -199,6 +206,11 @@ LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVec
 }
 
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
+  if (!X_MT.p.allFinite() || !X_MT.R.allFinite()) {
+    InverseResult out;
+    out.reason = "the pose does not consist of finite numbers";
+    return out;
+  }
   return std::visit([&](const auto& m) { return inverse(m, X_MT); }, machine);
 }
 

@@ -58,7 +58,10 @@ std::optional<machine::Mobility> mobility(const AnyMachine& machine);
 std::optional<machine::AssemblyModes> assembly_modes(const AnyMachine& machine, const JointVector& q);
 /// The limits that the pose breaks with these joints; one that is missed by rounding alone (1e-10) is kept.
 LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
-/// All solutions of what the task prescribes of the pose; whatever else X_MT holds is not looked at.
+/// All solutions of what the task prescribes of the pose, each branch once; whatever else X_MT holds is not looked at.
+/// Of joints that may turn more than once, one turn is given, within the limits where one is (inverse_near finds the
+/// others). X_MT.R must be a rotation, X_MT.p is in m. Solutions: up to 8 for arms, 1 for struts and for sliders with
+/// their roots, 2 to the power of its cranks for deltas; none with a reason. At a singular pose two of them may be equal.
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
 /// The same on a way, after the joints `last`: the solution with the smallest largest change of a joint first, joints
 /// that may turn more than once in the turn nearest to `last`. A numeric inverse searches from `last`, and from its
@@ -79,7 +82,7 @@ std::string reason_of(const AnyMachine& machine, const InverseResult& result);
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q);
 
 /// A pose from what a person writes: the coordinates of the task in its order, m and rad; those that are missing, and
-/// those that the task does not prescribe, are 0.
+/// those that the task does not prescribe, are 0; more of them than the task has are not looked at.
 Pose pose_of(Task task, const std::vector<double>& coordinates);
 /// The same backwards: one number a coordinate of the task.
 std::vector<double> coordinates_of(Task task, const Pose& X);

@@ -33,7 +33,8 @@ struct Compliance {
 /// C_X = J C_q J^T (SLAV (4.20)) = sum over joints of c_i J_i J_i^T, symmetric and positive semidefinite; no inverse of
 /// J is needed, so it also holds at singular poses. Parallel machines with more chains than freedoms (deltas of four
 /// arms) share their load as the stiffnesses are; their J is weighted with them. Joints: the first inverse solution
-/// within all limits. Cost: about 2 us for a serial arm with a closed inverse.
+/// within all limits. Nothing, with a reason, for a machine without compliances (needs_compliance) and where no joints
+/// reach the pose. Cost: about 2 us for a serial arm with a closed inverse.
 Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT);
 /// The same at given joints.
 Compliance compliance_at_joints(const AnyMachine& machine, const machine::JointVector& q);
@@ -59,8 +60,7 @@ Status needs_compliance(const AnyMachine& machine);
 /// Keeps the last joints, so one object belongs to one thread.
 class Probe {
  public:
-  /// `k_M`: unit tool axis in M, `x_M` a unit vector across it that fixes the turn about the axis where the task has
-  /// it.
+  /// `R_MT`: the orientation of the tool in M; its turn about the tool axis counts only where the task has it.
   Probe(const AnyMachine& machine, const Mat3& R_MT);
   ~Probe();
   Probe(Probe&&) noexcept;
