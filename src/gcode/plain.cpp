@@ -135,7 +135,9 @@ void Engine::end_plain() {
     return;
   }
   const auto wait_at = [this](std::size_t offset, std::size_t motion) {
-    if (motion != kNow) late_[motion] = {plain_.blocks.size(), offset, {}};
+    if (motion == kNow) return;
+    late_[motion].block = plain_.blocks.size();  // its words are known already where it goes round a corner
+    late_[motion].offset = offset;
   };
   if (motions_.size() == 1) {
     wait_at(before.size(), motions_.front().late);
