@@ -255,7 +255,7 @@ Status Engine::return_from(const Block& block) {
 
 /// The modes that M73 has saved come back where a subprogram ends, after each of its passes.
 Status Engine::leave() {
-  if (!frame().restores) return {};
+  if (!frame().restores || !frame().modes) return {};
   const Modes saved = *frame().modes;
   frame().modes.reset();
   frame().restores = false;

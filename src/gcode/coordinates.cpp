@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Coordinate systems: origins, rotation, shifts (G10 L2 and L20, G52, G92) and places of the machine (G28, G30).
+#include <algorithm>
 #include <cmath>
 
 #include "engine.hpp"
@@ -235,6 +236,12 @@ Status Engine::set_system(int p, bool from_here) {
     if (r != nullptr) parameter(base + 9) = r->value;
   }
   set_[static_cast<std::size_t>(p - 1)] = true;
+  const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double x) { return x != 0; });
+  if (options_.plain && is_active && shifted && (rotation_ != 0 || rotation != 0)) {
+    return error(column, "GC125",
+                 "G10 on turned coordinates while G92 or G52 is in force: LinuxCNC 2.9 loses its place",
+                 "write G92.1 before it");
+  }
   if (!is_active) {
     put("COMMENT(\"interpreter: setting coordinate system origin\")");
     return {};

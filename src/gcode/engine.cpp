@@ -108,7 +108,8 @@ Status Engine::block(const Block& block) {
     end_plain();
     return {};
   }
-  if (options_.checks) POLYPOD_TRY(check());
+  const bool written = !block.text.empty();  // else M72 has made it
+  if (options_.checks && written) POLYPOD_TRY(check());
   if (side_ != 0) POLYPOD_TRY(judge_compensated());
   if (motion_ == 52) POLYPOD_TRY(judge_within_nurbs());
   if (const int m = one_of('M', 700, 710, 720, 730); m >= 0) {

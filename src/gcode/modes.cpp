@@ -60,7 +60,6 @@ Status Engine::save_or_restore(int m) {
   switch (m) {
     case 710:
       f.modes.reset();
-      f.restores = false;
       return {};
     case 720:
       if (!f.modes) {
@@ -70,7 +69,7 @@ Status Engine::save_or_restore(int m) {
       return restore(*f.modes, column);
     default:
       f.modes = modes();
-      f.restores = m == 730;
+      f.restores = f.restores || m == 730;
       return {};
   }
 }

@@ -98,6 +98,11 @@ void Engine::end_plain() {
     if (word.letter == '*' || word.letter == 'O' || word.letter == 'D') continue;
     if (word.letter == 'G' && code >= 410 && code <= 421) continue;
     if (word.letter == 'M' && code >= 700 && code <= 730) continue;
+    // M72 has put M51 to M53 beside G64, whose P they take: for the plain program two blocks say the same.
+    if (word.letter == 'M' && code >= 510 && code <= 530 && g_word(640) != nullptr) {
+      add_plain(fmt::format("M{} P{}", code / 10, value('P') != 0 ? 1 : 0));
+      continue;
+    }
     std::string text = fmt::format("{}{}", word.letter, number(word.value, 9));
     if (word.letter == 'G' && (code <= 30 || code == 800) && code % 10 == 0) named = true;
     if (rewritten_) {
