@@ -97,7 +97,7 @@ Status Engine::judge_compensated() const {
       Bad{'G', 730, 740, false, "a cycle"},
       Bad{'G', 810, 890, false, "a cycle"},
       Bad{'G', 382, 385, false, "a probing move"},
-      Bad{'G', 50, 51, false, "a spline"},
+      Bad{'G', 50, 53, false, "a spline"},
   };
   for (const Word& word : block_->words) {
     if (word.letter != 'G' && word.letter != 'M') continue;

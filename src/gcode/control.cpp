@@ -197,7 +197,13 @@ Status Engine::call_by_number(const Block& block) {
   if (l != nullptr && (l->value < 0 || l->value != std::floor(l->value) || l->value > 1e9)) {
     return error(l->column, "GC163", "L of M98 is no number of repetitions", "write an integer from 0");
   }
-  if (l != nullptr && l->value == 0) return {};
+  if (l != nullptr && l->value == 0) {
+    if (!frame().locals.empty() || frame().modes) {
+      return error(l->column, "GC163", "M98 L0: LinuxCNC 2.9 forgets the local names and the saved modes there",
+                   "remove the line, or use a condition");
+    }
+    return {};
+  }
   if (frames_.size() >= kDeepestCall) {
     return error(p->column, "GC165", fmt::format("subprograms nest deeper than {}", kDeepestCall - 1),
                  "check the condition that ends the recursion");
@@ -237,6 +243,7 @@ Status Engine::return_from(const Block& block) {
   if (!f.by_number) {
     return error(1, "GC163", "M99 in a subprogram that 'call' called", "end it with endsub");
   }
+  POLYPOD_TRY(leave());
   if (--f.repeats > 0) {
     f.at = f.begin;
     f.labels.clear();
@@ -244,6 +251,15 @@ Status Engine::return_from(const Block& block) {
   }
   frames_.pop_back();
   return {};
+}
+
+/// The modes that M73 has saved come back where a subprogram ends, after each of its passes.
+Status Engine::leave() {
+  if (!frame().restores || !frame().modes) return {};
+  const Modes saved = *frame().modes;
+  frame().modes.reset();
+  frame().restores = false;
+  return restore(saved, 1);
 }
 
 /// LinuxCNC 2.9 remembers that it has run or, on the way to `endwhile`, passed the `break` of a `while` loop, and ends
@@ -313,6 +329,7 @@ Status Engine::control(const Line& line, const Block& block) {
     if (word == "endsub" && label != f.name) {
       return bad(fmt::format("'endsub' of {} in {}", shown(label), shown(f.name)), "use the label of the subprogram");
     }
+    POLYPOD_TRY(leave());
     returned_ = !line.arguments.empty();
     returned_value_ = returned_ ? line.arguments.front() : 0;
     for (std::size_t i = 0; i < 30; ++i) parameter(static_cast<int>(i) + 1) = f.saved[i];

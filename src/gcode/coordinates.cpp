@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Coordinate systems: origins, rotation, shifts (G10 L2 and L20, G52, G92) and places of the machine (G28, G30).
+#include <algorithm>
 #include <cmath>
 
 #include "engine.hpp"
@@ -73,7 +74,20 @@ void Engine::keep_place(const std::function<void()>& change) {
     return;
   }
   current_ = from_machine(here);
-  canon_ = from_machine(last);
+  if (options_.machine_known) {
+    // rs274 alone does not turn the position that it asks for after a tool change.
+    for (std::size_t k = 0; k < 6; ++k) canon_[k] += (origin[k] - origin_[k]) + (g92[k] - g92_[k]);
+  } else {
+    canon_ = from_machine(last);
+  }
+  if (before != rotation_) known_[0] = known_[1] = known_[0] && known_[1];
+}
+
+/// The machine moves an axis to a place that is not known. Where coordinates are turned, X and Y both follow.
+void Engine::forget(std::size_t axis) {
+  if (axis > 2) return;
+  known_[axis] = false;
+  if (axis < 2 && rotation_ != 0) known_[0] = known_[1] = false;
 }
 
 /// G10, G28, G30, G52, G92 ...: what takes axis words without being a motion.
@@ -124,12 +138,14 @@ Status Engine::origin() {
         if (const Word* word = find(kAxisLetters[k]); word != nullptr && g == 920) current_[k] = word->value;
       }
       remember();
+      g92_told_ = true;
       parameter(5210) = 1;
       break;
     }
     case 921:
       keep_place([&] { g92_ = {}; });
       remember();
+      g92_told_ = true;
       parameter(5210) = 0;
       break;
     case 922:
@@ -137,7 +153,7 @@ Status Engine::origin() {
       parameter(5210) = 0;
       break;
     default: {
-      if (!options_.machine_known && parameter(5210) == 0) {
+      if (!options_.machine_known && parameter(5210) == 0 && !g92_told_) {
         bool any = false;
         for (int k = 0; k < 6; ++k) any = any || parameter(5211 + k) != 0;
         if (!any) {
@@ -171,9 +187,10 @@ Status Engine::set_system(int p, bool from_here) {
   const Word* r = find('R');
   if (p == 0) p = active_;
   const bool is_active = p == active_;
-  if (!options_.machine_known && !from_here && (axis_words() || r != nullptr)) {
+  const bool has_origin = p <= 6 || set_[static_cast<std::size_t>(p - 1)];  // G54 to G59 have that of the job
+  if (!options_.machine_known && !from_here && (axis_words() || (r != nullptr && !has_origin))) {
     return error(column, "GC125", "G10 L2 counts from the machine's zero, which the job does not tell",
-                 "use G10 L20, or G54 to G59 with the offsets of the job");
+                 "use G10 L20, or G54 to G59 with the offsets of the job; R alone turns them");
   }
   const int base = 5201 + 20 * p;
   if (r != nullptr && from_here) return error(r->column, "GC119", "R has no use with L20", "remove it");
@@ -195,7 +212,8 @@ Status Engine::set_system(int p, bool from_here) {
     for (std::size_t k = 0; k < 6; ++k) {
       const Word* word = find(kAxisLetters[k]);
       if (word == nullptr) continue;
-      if (!known_[k]) {
+      const bool turned = k < 2 && (rotation_ != 0 || rotation != 0);
+      if (turned ? !known_[0] || !known_[1] : !known_[k]) {
         return error(word->column, "GC169",
                      fmt::format("G10 L20 where the position of {} is not known", kAxisLetters[k]),
                      "give X, Y and Z before, in absolute coordinates");
@@ -218,6 +236,12 @@ Status Engine::set_system(int p, bool from_here) {
     if (r != nullptr) parameter(base + 9) = r->value;
   }
   set_[static_cast<std::size_t>(p - 1)] = true;
+  const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double x) { return x != 0; });
+  if (options_.plain && is_active && shifted && (rotation_ != 0 || rotation != 0)) {
+    return error(column, "GC125",
+                 "G10 on turned coordinates while G92 or G52 is in force: LinuxCNC 2.9 loses its place",
+                 "write G92.1 before it");
+  }
   if (!is_active) {
     put("COMMENT(\"interpreter: setting coordinate system origin\")");
     return {};
@@ -240,6 +264,11 @@ Status Engine::go_home(int g) {
   const bool named = axis_words();
   const Axes between = named ? target() : current_;
   if (!options_.machine_known) {
+    if (rotation_ != 0 && named && (find('X') == nullptr) != (find('Y') == nullptr)) {
+      return error(g_word(g)->column, "GC125",
+                   fmt::format("G{} with one of X and Y in turned coordinates, where it would move both", g / 10),
+                   "name both, or neither");
+    }
     // Where the machine's place is, nobody knows: the word is passed on, and the axes are not known after it.
     if (between != current_ || left_) {
       traverse(between);
@@ -249,7 +278,7 @@ Status Engine::go_home(int g) {
     for (std::size_t k = 0; k < 6; ++k) {
       if (named && find(kAxisLetters[k]) == nullptr) continue;
       if (named) text += fmt::format(" {}0", kAxisLetters[k]);
-      if (k < 3) known_[k] = false;
+      forget(k);
     }
     plain(text);
     if (!incremental_ && named) plain("G90");

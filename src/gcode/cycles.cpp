@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine.hpp"
+#include "words.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -55,6 +56,13 @@ Status Engine::cycle(int before) {
   } else if (!goes_on && (motion_ == 730 || motion_ == 830)) {
     return bad("Q, the depth of a step, is missing", "add Q");
   }
+  if (motion_ == 870) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Word* offset = find("IJK"[k]);
+      if (offset == nullptr && !goes_on) return bad(fmt::format("{} is missing", "IJK"[k]), "add I, J and K");
+      if (offset != nullptr) cycle_offsets_[k] = offset->value;
+    }
+  }
   const double level = cycle_level_;
   const double r = incremental_ ? level + cycle_r_ : cycle_r_;
   const double bottom = incremental_ ? r + cycle_bottom_ : cycle_bottom_;
@@ -82,9 +90,6 @@ Status Engine::cycle(int before) {
   }
   if (motion_ == 880 && !options_.machine_known) {
     return error(column, "GC122", "G88: the tool is drawn back by hand, nobody knows where to", "use G82, G86 or G89");
-  }
-  if (motion_ == 870) {
-    return error(column, "GC122", "G87: back boring is not supported", "post the program with this cycle expanded");
   }
 
   const auto at = [&](double height) {
@@ -144,8 +149,8 @@ Status Engine::cycle(int before) {
         const bool overrides = feed_override_;
         const bool speeds = speed_override_;
         const int turning = turning_;
-        if (overrides) put("DISABLE_FEED_OVERRIDE()");
-        if (speeds) put("DISABLE_SPEED_OVERRIDE(0)");
+        put("DISABLE_FEED_OVERRIDE()");
+        put("DISABLE_SPEED_OVERRIDE(0)");
         feed(at(bottom), false);
         put("STOP_SPINDLE_TURNING(0)");
         put(turning > 0 ? "START_SPINDLE_COUNTERCLOCKWISE(0)" : "START_SPINDLE_CLOCKWISE(0)");
@@ -178,6 +183,46 @@ Status Engine::cycle(int before) {
         put(turning_ > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
         plain(turning_ > 0 ? "M3" : "M4");
         break;
+      case 870: {
+        // In beside the hole, across, and the tool cuts upward from the bottom.
+        const auto [first, second, normal_axis] = axes_of(plane_);
+        const double middle = incremental_ ? bottom + cycle_offsets_[n] : cycle_offsets_[n];
+        const auto beside = [&](double height) {
+          Axes q = hole;
+          q[first] += cycle_offsets_[first];
+          q[second] += cycle_offsets_[second];
+          q[normal_axis] = height;
+          return q;
+        };
+        const auto above = [&](double height) {
+          Axes q = hole;
+          q[n] = height;
+          return q;
+        };
+        const auto orient = [&] {
+          put("STOP_SPINDLE_TURNING(0)");
+          put("ORIENT_SPINDLE(0, 0.0000, {})", turning_ > 0 ? 2 : 3);
+          plain("M5");
+          plain("M19 R0");
+        };
+        const auto start = [&] {
+          put(turning_ > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
+          plain(turning_ > 0 ? "M3" : "M4");
+        };
+        traverse(beside(r));
+        orient();
+        traverse(beside(bottom));
+        traverse(above(bottom));
+        start();
+        feed(above(middle), false);
+        feed(above(bottom), false);
+        orient();
+        traverse(beside(bottom));
+        traverse(beside(clear));
+        traverse(above(clear));
+        start();
+        break;
+      }
       case 880:
         feed(at(bottom), false);
         dwell(cycle_p_);

@@ -64,6 +64,7 @@ Status Engine::run() {
     }
     waiting_.clear();
   }
+  if (motion_ == 52) return error(1, "GC127", "the program ends within a curve (G5.2)", "end it with G5.3");
   number_ = kNoNumber;
   put("ON_RESET()");
   put("ON_RESET()");
@@ -107,8 +108,15 @@ Status Engine::block(const Block& block) {
     end_plain();
     return {};
   }
-  if (options_.checks) POLYPOD_TRY(check());
+  const bool written = !block.text.empty();  // else M72 has made it
+  if (options_.checks && written) POLYPOD_TRY(check());
   if (side_ != 0) POLYPOD_TRY(judge_compensated());
+  if (motion_ == 52) POLYPOD_TRY(judge_within_nurbs());
+  if (const int m = one_of('M', 700, 710, 720, 730); m >= 0) {
+    rewritten_ = true;
+    end_plain();
+    return save_or_restore(m);
+  }
   loaded_before_ = loaded_;
   feed_and_speed();
   POLYPOD_TRY(tools());

@@ -87,6 +87,30 @@ class Engine final : private Parameters {
     std::size_t line = 0;
     long left = 0;  // of repeat
   };
+  /// The modes that M70 and M73 save, for M72 and the end of a subprogram.
+  struct Modes {
+    bool inches = false;
+    bool inverse = false;
+    double feed = 0;
+    double speed = 0;
+    int turning = 0;
+    Plane plane = Plane::xy;
+    int side = 0;
+    bool tool_offset = false;
+    int system = 1;
+    int path_mode = 640;
+    double tolerance = 0;
+    double cam_tolerance = 0;
+    bool incremental = false;
+    bool arc_absolute = false;
+    bool old_level = false;
+    bool mist = false;
+    bool flood = false;
+    bool feed_override = true;
+    bool adaptive_feed = false;
+    bool feed_hold = true;
+    bool g92 = false;  // whether its offset is in force
+  };
   struct Frame {
     std::size_t source = 0;
     std::size_t at = 0;              // the next line
@@ -97,6 +121,8 @@ class Engine final : private Parameters {
     std::array<double, 30> saved{};  // #1 to #30 of the caller
     std::map<std::string, double> locals;
     std::map<std::string, LabelUse> labels;
+    std::optional<Modes> modes;  // saved by M70 or M73
+    bool restores = false;       // by M73: they come back where the subprogram ends
   };
   void begin();  // the canonical calls before the first line
   Status run_lines();
@@ -106,6 +132,7 @@ class Engine final : private Parameters {
   Status call(const std::string& label, const std::vector<double>& arguments, const Block& block, int column);
   Status call_by_number(const Block& block);
   Status return_from(const Block& block);
+  Status leave();
   Status skip_to(const std::string& label, std::initializer_list<std::string_view> keywords, const Block& block);
   void pass_break(const std::string& label);
   Result<std::pair<std::size_t, std::size_t>> find_sub(const std::string& label, const Block& block, int column,
@@ -114,6 +141,12 @@ class Engine final : private Parameters {
   Status assign(const Line& line, const Block& block);
   Frame& frame() { return frames_.back(); }
   Source& source() { return *sources_[frame().source]; }
+
+  // --- modes.cpp: M70 to M73 ------------------------------------------------------------------------------------
+  [[nodiscard]] Modes modes() const;
+  Status save_or_restore(int m);
+  Status restore(const Modes& saved, int column);
+  Status run_words(std::vector<Word> words);
 
   // --- parameters.cpp -------------------------------------------------------------------------------------------
   [[nodiscard]] tl::expected<double, std::string> numbered(int index) const override;
@@ -187,6 +220,9 @@ class Engine final : private Parameters {
   Status motion();
   Status arc(const Axes& end);
   Status spline(int motion);
+  Status control_point(bool first);
+  Status end_nurbs();
+  Status judge_within_nurbs() const;
   Status probe(const Axes& end);
   Status stop();
   Status end_program(bool pallet);
@@ -251,6 +287,7 @@ class Engine final : private Parameters {
   void print_system(int index, bool with_g92);
   [[nodiscard]] Axes to_machine(const Axes& p) const;
   [[nodiscard]] Axes from_machine(const Axes& p) const;
+  void forget(std::size_t axis);
   void keep_place(const std::function<void()>& change);  // changes the frame; the machine stays where it is
 
   // Primitive motions: canonical call, plain block, new position.
@@ -347,10 +384,20 @@ class Engine final : private Parameters {
 
   int plain_motion_ = -1;      // the motion word in force in the plain program
   int motion_before_ = -1;     // the same before the block at hand
+  bool g92_told_ = false;      // whether the program itself has set the offset of G92
   std::array<bool, 9> set_{};  // work coordinate systems that the program has set itself
   std::array<double, 2> spline_tangent_{};
   bool after_spline_ = false;
   bool spline_now_ = false;
+  // NURBS, between G5.2 and G5.3.
+  static constexpr int kNurbsEnded = -10;  // the motion mode after G5.3: none, which rs274 tells as -1
+  struct ControlPoint {
+    double x = 0;
+    double y = 0;
+    double weight = 1;
+  };
+  std::vector<ControlPoint> control_points_;  // the first is where the tool is
+  std::size_t nurbs_order_ = 3;
 
   // Cutter radius compensation.
   double rate_ = 0;               // under G93: program units per minute of the last feed move
@@ -375,7 +422,8 @@ class Engine final : private Parameters {
   double cycle_r_ = 0;
   double cycle_p_ = 0;
   double cycle_q_ = 0;
-  double cycle_level_ = 0;  // where the series of cycles began
+  std::array<double, 3> cycle_offsets_{};  // I, J and K of G87
+  double cycle_level_ = 0;                 // where the series of cycles began
 };
 
 /// What a run begins with: tools and parameters read, a program of plain blocks judged, behind the line `until` not (0:

@@ -25,6 +25,8 @@ constexpr Code kG[] = {
     {40, "dwell"},
     {50, "cubic spline"},
     {51, "quadratic spline"},
+    {52, "the first control point of a NURBS curve, which ends with G5.3"},
+    {53, "the NURBS curve is run"},
     {90, "exact stop at the end of this line; passed on to the controller"},
     {100, "sets an offset or a tool of the controller"},
     {150, "no polar coordinates; passed on to the controller"},
@@ -121,6 +123,10 @@ constexpr Code kM[] = {
     {660, "waits for an input"},
     {670, "analogue output with the next move"},
     {680, "analogue output at once"},
+    {700, "saves the modes in force"},
+    {710, "forgets the modes that were saved"},
+    {720, "restores the modes that were saved, but not the motion mode"},
+    {730, "saves the modes in force, and restores them where this subprogram ends"},
     {980, "calls a subprogram"},
     {990, "the subprogram ends"},
 };
@@ -282,10 +288,8 @@ std::vector<Explanation::Meaning> Engine::in_force() const {
        path_mode_ == 640 && tolerance_ > 0 ? fmt::format(", by at most {} {}", shown(tolerance_), unit) : "");
   if (is_cycle(motion_)) code(old_level_ ? 980 : 990);
   if (loaded_.number > 0) out.push_back({fmt::format("T{}", loaded_.number), "the tool in the spindle"});
-  if (feed_ > 0) {
-    out.push_back({"F" + shown(feed_), inverse_ ? fmt::format("a move takes 1/{} min", shown(feed_))
-                                                : fmt::format("feed rate {} {}/min", shown(feed_), unit)});
-  }
+  if (feed_ > 0 && !inverse_)
+    out.push_back({"F" + shown(feed_), fmt::format("feed rate {} {}/min", shown(feed_), unit)});
   if (turning_ != 0) {
     out.push_back(
         {turning_ > 0 ? "M3" : "M4", fmt::format("the spindle turns {} at {} 1/min",

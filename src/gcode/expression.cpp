@@ -11,8 +11,8 @@
 namespace polypod::gcode {
 namespace {
 
-/// Numbers that differ by less are equal (EQ, NE).
-constexpr double kEqual = 1e-6;
+/// Numbers that differ by less are equal (EQ, NE; found by bisection with rs274).
+constexpr double kEqual = 1e-4;
 /// How far an index may be from an integer.
 constexpr double kInteger = 1e-4;
 /// How deep brackets and signs may nest.

@@ -101,10 +101,13 @@ constexpr Refusal kFrame{"GC125", "it moves, scales, turns or mirrors the coordi
 constexpr Refusal kMachine{"GC126", "it goes to a position of the machine that the program does not hold",
                            "use G0 in workpiece coordinates"};
 constexpr Refusal kSpline{"GC127", "splines are not supported", "post the program with lines and arcs"};
-constexpr Refusal kSynchronous{"GC128", "spindle-synchronised motion and probing are not supported",
-                               "remove these blocks"};
-constexpr Refusal kFeed{"GC129", "feed per revolution and constant surface speed are not supported", "use G94 and G97"};
-constexpr Refusal kLathe{"GC130", "it is a word of lathes", "post the program for a mill"};
+constexpr Refusal kSynchronous{"GC128", "where the tool is follows the spindle's encoder or a probe, not the program",
+                               "mill threads with helices (G2, G3), tap with G84; leave probing out"};
+constexpr Refusal kFeed{
+    "GC129", "feed per revolution and constant surface speed follow the measured spindle and the radius in X",
+    "use G94 with the feed per minute, and G97 with the speed"};
+constexpr Refusal kLathe{"GC130", "a word of lathes, where X is a radius or a diameter of a part that turns",
+                         "post the program for a mill"};
 constexpr Refusal kPolar{"GC125", "polar coordinates are not supported", "post the program with X, Y and Z"};
 
 Group group_of(int g) {
@@ -434,7 +437,7 @@ class Interpreter {
                          "post the program for the kinematics that the machine starts with");
           }
           if (m == 720) {
-            return error(word, "GC123", "M72 restores a modal state, which is not supported", "write the modal words");
+            return error(word, "GC123", "M72 restores modes that were saved", "unroll the program first");
           }
           const int group = m_group_of(m);
           const Word*& slot = m_groups[static_cast<std::size_t>(group)];

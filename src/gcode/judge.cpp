@@ -56,8 +56,15 @@ Status Engine::check() {
       if (m < 0 || m % 10 != 0 || m > 9990) {
         return error(word.column, "GC132", fmt::format("M{} is no M code", word.value), "check the word");
       }
-      if (m == 970 || (m >= 700 && m <= 730)) {
-        return error(word.column, "GC123", fmt::format("M{} is not supported", m / 10), "write the modal words");
+      if (m == 970) {
+        return error(word.column, "GC123", "M97 is a call that LinuxCNC does not know", "use O words or M98");
+      }
+      if (m >= 700 && m <= 730) {
+        for (const Word& other : block_->words) {
+          if (other.letter == 'N' || &other == &word) continue;
+          return error(other.column, "GC119", fmt::format("{} beside M{}", other.letter, m / 10),
+                       "move it to a line of its own");
+        }
       }
       if (m >= 4280 && m <= 4300) {
         return error(word.column, "GC120", fmt::format("M{} switches the controller's kinematics", m / 10),
@@ -104,6 +111,11 @@ Status Engine::check() {
     if (has('X') != nullptr || has('Y') != nullptr) {
       return error(word.column, "GC119", "X or Y beside polar coordinates", "remove one of them");
     }
+    const Word* plane = groups[2];
+    // LinuxCNC asks for the plane before the block.
+    if (plane_ != Plane::xy || (plane != nullptr && code_of(*plane) != 170)) {
+      return error(word.column, "GC168", "polar coordinates outside of G17", "write G17 in a block before them");
+    }
     const bool step = g_word(910) != nullptr || (incremental_ && g_word(900) == nullptr);
     if ((!known_[0] || !known_[1]) && (step || find('@') == nullptr || find('^') == nullptr)) {
       return error(word.column, "GC169", "polar coordinates from a position that is not known",
@@ -125,7 +137,6 @@ Status Engine::check() {
                  "add G0, G1, G2 or G3");
   }
   if (zero_code == 40) {
-    if (axes) return error(zero->column, "GC134", "G4 with axis words", "put the motion into a block of its own");
     if (has('P') == nullptr || has('P')->value < 0) {
       return error(zero->column, "GC134", "G4 without a time", "write G4 P...");
     }
@@ -149,6 +160,7 @@ Status Engine::check() {
   if (acting == 20 || acting == 30) use("IJKRP");
   if (acting == 50) use(motion_code == 50 ? "IJPQ" : "IJ");
   if (acting == 51) use("IJ");
+  if (acting == 52) use(motion_code == 52 ? "PL" : "P");
   if (acting >= 730) use("LR");
   if (acting == 730 || acting == 830) use("Q");
   if (acting == 820 || acting == 860 || acting == 880 || acting == 890 || acting == 840 || acting == 740) use("P");
@@ -209,7 +221,7 @@ Status Engine::check() {
   if (g_word(430) == nullptr && has('H') != nullptr) {
     return error(has('H')->column, "GC119", "H without G43", "remove it");
   }
-  if (moves && acting > 0) {
+  if (moves && acting > 0 && acting != 53) {
     const bool inverse = g_word(930) != nullptr || (inverse_ && g_word(940) == nullptr);
     const bool reset = g_word(930) != nullptr || g_word(940) != nullptr;
     const Word* f = has('F');

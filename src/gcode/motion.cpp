@@ -46,13 +46,17 @@ Axes Engine::target() const {
 Status Engine::motion() {
   POLYPOD_TRY(origin());
   const bool taken = one_of('G', 100, 280, 300, 431, 520, 920) >= 0;  // whose axis words are no motion
-  int named =
-      one_of('G', 0, 10, 20, 30, 50, 51, 382, 383, 384, 385, 730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890);
+  int named = one_of('G', 0, 10, 20, 30, 50, 51, 52, 53, 382, 383, 384, 385, 730, 740, 810, 820, 830, 840, 850, 860,
+                     870, 880, 890);
   if (named < 0) named = one_of('G', 800);  // which does nothing beside another motion
   if (named == 800) {
     motion_ = -1;
     put("COMMENT(\"interpreter: motion mode set to none\")");
     return {};
+  }
+  if (named == 53) {
+    rewritten_ = true;
+    return end_nurbs();
   }
   const int before = motion_;
   if (named >= 0) motion_ = named;
@@ -62,6 +66,11 @@ Status Engine::motion() {
         return w.letter == 'I' || w.letter == 'J' || w.letter == 'K' || w.letter == 'R';
       });
   if (motion_ < 0 || taken || (named < 0 && !axes && !centre)) return {};
+  if (motion_ == 52) {
+    rewritten_ = true;
+    return control_point(named >= 0);
+  }
+  if (g_word(40) != nullptr) rewritten_ = true;  // the dwell gets a block of its own
 
   if (is_cycle(motion_)) {
     rewritten_ = true;
@@ -78,7 +87,7 @@ Status Engine::motion() {
       for (std::size_t k = 0; k < 6; ++k) {
         if (const Word* word = find(kAxisLetters[k]); word != nullptr) {
           text += fmt::format(" {}{}", kAxisLetters[k], number(word->value, 9));
-          if (k < 3) known_[k] = false;
+          forget(k);
         }
       }
       plain(text);
@@ -101,6 +110,11 @@ Status Engine::motion() {
   if (!incremental_) {
     for (std::size_t k = 0; k < 3; ++k) known_[k] = known_[k] || find(kAxisLetters[k]) != nullptr || (k < 2 && polar());
   }
+  if (options_.plain && rotation_ != 0 && !incremental_ && (!known_[0] || !known_[1]) &&
+      (find('X') != nullptr || find('Y') != nullptr)) {
+    return error(find('X') != nullptr ? find('X')->column : find('Y')->column, "GC169",
+                 "one of X and Y in turned coordinates, where the other one is not known", "give both");
+  }
   switch (motion_) {
     case 0:
       if (compensating()) return compensated_line(end, true);
@@ -113,6 +127,7 @@ Status Engine::motion() {
         const double length = linear > 0 ? linear : std::hypot(end[3] - from[3], end[4] - from[4], end[5] - from[5]);
         rate_ = std::max(kLeastInverseFeed, length * value('F'));
         put("SET_FEED_RATE({:.4f})", rate_);
+        feed_ = rate_;
       }
       if (compensating()) return compensated_line(end, false);
       feed(end, inverse_);
@@ -235,6 +250,7 @@ Status Engine::arc(const Axes& end) {
     const double radius = std::hypot(from[first] - c1, from[second] - c2);
     rate_ = std::max(kLeastInverseFeed, std::hypot(radius * sweep, end[normal] - from[normal]) * value('F'));
     put("SET_FEED_RATE({:.4f})", rate_);
+    feed_ = rate_;
   }
   if (compensating()) return compensated_arc(end, {c1, c2}, static_cast<int>(turn * turns));
   put("ARC_FEED({:.4f}, {:.4f}, {:.4f}, {:.4f}, {}, {:.4f}, {:.4f}, {:.4f}, {:.4f})", end[first], end[second], c1, c2,

@@ -57,7 +57,7 @@ std::optional<double> Engine::predefined(std::string_view name) const {
   if (name == "vmajor") return 2.9;
   if (name == "vminor" || name == "task" || name == "remap_level") return 0;
   if (name == "line") return written_block_ != nullptr ? written_block_->line : 0;
-  if (name == "motion_mode") return motion_ < 0 ? 800 : motion_;
+  if (name == "motion_mode") return motion_ == kNurbsEnded ? -1 : motion_ < 0 ? 800 : motion_;
   if (name == "plane") return plane_ == Plane::xy ? 170 : plane_ == Plane::zx ? 180 : 190;
   if (name == "ccomp") return 400;
   if (name == "metric") return flag(!inches_);

@@ -97,6 +97,12 @@ void Engine::end_plain() {
     const int code = word.letter == 'G' || word.letter == 'M' ? code_of(word) : -1;
     if (word.letter == '*' || word.letter == 'O' || word.letter == 'D') continue;
     if (word.letter == 'G' && code >= 410 && code <= 421) continue;
+    if (word.letter == 'M' && code >= 700 && code <= 730) continue;
+    // M72 has put M51 to M53 beside G64, whose P they take: for the plain program two blocks say the same.
+    if (word.letter == 'M' && code >= 510 && code <= 530 && g_word(640) != nullptr) {
+      add_plain(fmt::format("M{} P{}", code / 10, value('P') != 0 ? 1 : 0));
+      continue;
+    }
     std::string text = fmt::format("{}{}", word.letter, number(word.value, 9));
     if (word.letter == 'G' && (code <= 30 || code == 800) && code % 10 == 0) named = true;
     if (rewritten_) {
@@ -110,9 +116,11 @@ void Engine::end_plain() {
         continue;
       }
       if (!dynamic && std::string_view("XYZABCIJK@^").find(word.letter) != std::string_view::npos) continue;
-      const bool kept = g_word(40) != nullptr || g_word(640) != nullptr ||
-                        std::any_of(block_->words.begin(), block_->words.end(),
-                                    [](const Word& w) { return w.letter == 'M' && (w.value == 19 || w.value >= 50); });
+      const bool taken =  // by an M word
+          std::any_of(block_->words.begin(), block_->words.end(),
+                      [](const Word& w) { return w.letter == 'M' && (w.value == 19 || w.value >= 50); });
+      const bool kept = taken || (word.letter == 'P' && g_word(40) != nullptr) ||
+                        ((word.letter == 'P' || word.letter == 'Q') && g_word(640) != nullptr);
       if (!kept && std::string_view("RPQL").find(word.letter) != std::string_view::npos) continue;
       if (word.letter == 'F' && inverse_ && moves) continue;
     }
@@ -136,10 +144,10 @@ void Engine::end_plain() {
   }
   const auto wait_at = [this](std::size_t offset, std::size_t motion) {
     if (motion == kNow) return;
-    late_[motion].block = plain_.blocks.size();
+    late_[motion].block = plain_.blocks.size();  // its words are known already where it goes round a corner
     late_[motion].offset = offset;
   };
-  if (motions_.size() == 1) {
+  if (motions_.size() == 1 && g_word(40) == nullptr) {
     wait_at(before.size(), motions_.front().late);
     join(before, motions_.front().text);
     join(before, at_end);

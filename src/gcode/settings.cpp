@@ -13,11 +13,14 @@ void Engine::feed_and_speed() {
     inverse_ = mode == 930;
     put("COMMENT(\"interpreter: feed mode set to {}\")", inverse_ ? "inverse time" : "units per minute");
     put("SET_FEED_MODE(0, 0)");
-    if (!inverse_) put("SET_FEED_RATE(0.0000)");
-    feed_ = 0;
+    if (!inverse_) {
+      put("SET_FEED_RATE(0.0000)");
+      feed_ = 0;
+    }
   }
-  if (const Word* f = find('F'); f != nullptr) {
-    if (!inverse_) put("SET_FEED_RATE({:.4f})", f->value);
+  // Under G93 the feed that rs274 tells is that of the last move, in units per minute.
+  if (const Word* f = find('F'); f != nullptr && !inverse_) {
+    put("SET_FEED_RATE({:.4f})", f->value);
     feed_ = f->value;
   }
   if (const Word* s = find('S'); s != nullptr) {

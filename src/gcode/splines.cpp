@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Splines: G5 and G5.1.
+// Splines: G5, G5.1, and NURBS between G5.2 and G5.3.
 #include <algorithm>
 #include <cmath>
 
@@ -7,6 +7,19 @@
 #include "words.hpp"
 
 namespace polypod::gcode {
+namespace {
+
+/// How far the lines of the plain program may leave a curve, mm.
+constexpr double kChord = 5e-4;
+/// An order beyond this is a slip.
+constexpr double kLargestOrder = 30;
+/// Beyond these weights a curve is no curve any more.
+constexpr double kLeastWeight = 1e-6;
+constexpr double kLargestWeight = 1e6;
+/// How often a knot span may be halved.
+constexpr int kDeepest = 12;
+
+}  // namespace
 
 /// G5 and G5.1. The plain program gets lines, closer to the curve than 0.5 um.
 Status Engine::spline(int motion) {
@@ -62,7 +75,7 @@ Status Engine::spline(int motion) {
       return std::hypot(a[0] - 2 * b[0] + c[0], a[1] - 2 * b[1] + c[1]) / (h * h);
     };
     const double bend = std::max(second(1e-3), second(1 - 1e-3));
-    const double chord = inches_ ? 5e-4 / kMmPerInch : 5e-4;
+    const double chord = inches_ ? kChord / kMmPerInch : kChord;
     const int count = static_cast<int>(std::clamp(std::ceil(std::sqrt(bend / (8 * chord))), 1.0, 5000.0));
     lines_ += count;
     for (int i = 1; i <= count; ++i) {
@@ -72,6 +85,147 @@ Status Engine::spline(int motion) {
     }
   }
   plain_motion_ = 1;
+  move_to(end);
+  return {};
+}
+
+/// A control point: X, Y and its weight P. The block with G5.2 opens the curve, which begins where the tool is; L is
+/// its order.
+Status Engine::control_point(bool first) {
+  const int column = first ? g_word(52)->column : block_->words.front().column;
+  const auto bad = [&](int at, std::string_view what, std::string_view hint) {
+    return error(at, "GC127", fmt::format("G5.2: {}", what), hint);
+  };
+  if (first) {
+    if (plane_ != Plane::xy) return bad(column, "a curve outside of G17", "write G17 before it");
+    if (inverse_) return bad(column, "a curve under G93", "use G94");
+    if (options_.plain && (!known_[0] || !known_[1])) {
+      return error(column, "GC169", "G5.2 where the position of X or Y is not known",
+                   "give X, Y and Z before, in absolute coordinates");
+    }
+    if (left_ && options_.plain) {
+      return error(column, "GC176", "a spline is the first move after G40", "leave the contour with a line");
+    }
+    control_points_ = {{current_[0], current_[1], 1}};
+    nurbs_order_ = 3;
+    if (const Word* l = find('L'); l != nullptr) {
+      if (!(l->value >= 3) || l->value > kLargestOrder || l->value != std::floor(l->value)) {
+        return bad(l->column, "L is no order of a curve", "write an integer from 3 to 30");
+      }
+      nurbs_order_ = static_cast<std::size_t>(l->value);
+    }
+  }
+  for (const Word& word : block_->words) {
+    const bool opens = first && (word.letter == 'L' || word.letter == 'F' || word.letter == 'G');
+    if (std::string_view("XYPN").find(word.letter) != std::string_view::npos || opens) continue;
+    return bad(word.column, fmt::format("{} beside a control point", word.letter), "give X, Y and P alone");
+  }
+  if (incremental_) return bad(column, "control points under G91", "use G90");
+  const Word* x = find('X');
+  const Word* y = find('Y');
+  const Word* p = find('P');
+  if (p == nullptr || !(p->value >= kLeastWeight && p->value <= kLargestWeight)) {
+    return bad(p != nullptr ? p->column : column, "a control point without a weight", "write P from 1e-6 to 1e6");
+  }
+  if (first && x == nullptr && y == nullptr) return {};
+  if (x == nullptr || y == nullptr) return bad(column, "a control point without X or Y", "give both");
+  control_points_.push_back({x->value, y->value, p->value});
+  return {};
+}
+
+/// Between G5.2 and G5.3 nothing may change what the control points mean.
+Status Engine::judge_within_nurbs() const {
+  for (const Word& word : block_->words) {
+    const bool idle = word.letter == 'M' && word.value >= 3 && word.value <= 9 && word.value != 6;
+    if (idle || (word.letter != 'G' && word.letter != 'M' && word.letter != 'T')) continue;
+    if (word.letter == 'G' && code_of(word) == 53) continue;
+    return error(word.column, "GC127", fmt::format("{}{} between G5.2 and G5.3", word.letter, number(word.value, 1)),
+                 "end the curve with G5.3 before it");
+  }
+  return {};
+}
+
+/// G5.3 runs the curve: a rational B-spline of order k over the control points P_0 to P_n with weights w_i,
+/// C(u) = sum N_i,k(u) w_i P_i / sum N_i,k(u) w_i, on uniform knots that are clamped at both ends, 0 <= u <= n - k + 2.
+/// The plain program gets lines, closer to it than 0.5 um. Source: L. Piegl, W. Tiller, The NURBS Book, 1997, (4.1).
+Status Engine::end_nurbs() {
+  const int column = g_word(53)->column;
+  const auto bad = [&](std::string_view what, std::string_view hint) {
+    return error(column, "GC127", fmt::format("G5.3: {}", what), hint);
+  };
+  if (motion_ != 52) return bad("no G5.2 before it", "a curve begins with G5.2");
+  for (const Word& word : block_->words) {
+    if (word.letter == 'N' || &word == g_word(53)) continue;
+    return error(word.column, "GC127", fmt::format("G5.3: {} beside it", word.letter), "move it to another line");
+  }
+  const std::size_t count = control_points_.size();
+  const std::size_t k = nurbs_order_;
+  if (count < k) {
+    return bad(fmt::format("{} control points, the start of the curve included, for a curve of order {}", count, k),
+               "give more of them, or a smaller L");
+  }
+  put("NURBS_FEED({}, ...)", count);
+  Axes end = current_;
+  end[0] = control_points_.back().x;
+  end[1] = control_points_.back().y;
+  const std::size_t spans = count - k + 1;
+  const auto knot = [&](std::size_t i) { return i < k ? 0.0 : static_cast<double>(std::min(i - k + 1, spans)); };
+  std::vector<std::array<double, 3>> d(k);
+  const auto point = [&](double u, std::size_t span) {  // de Boor's algorithm on w P and w
+    for (std::size_t j = 0; j < k; ++j) {
+      const ControlPoint& c = control_points_[span + j];
+      d[j] = {c.x * c.weight, c.y * c.weight, c.weight};
+    }
+    for (std::size_t r = 1; r < k; ++r) {
+      for (std::size_t j = k - 1; j >= r; --j) {
+        const std::size_t i = span + j;
+        const double a = (u - knot(i)) / (knot(i + k - r) - knot(i));
+        for (std::size_t c = 0; c < 3; ++c) d[j][c] = (1 - a) * d[j - 1][c] + a * d[j][c];
+      }
+    }
+    const auto& h = d[k - 1];
+    return std::array<double, 2>{h[0] / h[2], h[1] / h[2]};
+  };
+  if (options_.plain) {
+    const double chord = inches_ ? kChord / kMmPerInch : kChord;
+    using Point2 = std::array<double, 2>;
+    const auto go = [&](const Point2& to) {
+      Axes p = current_;
+      p[0] = to[0];
+      p[1] = to[1];
+      plain("G1" + plain_words(p, true));
+      current_ = p;
+      ++lines_;
+    };
+    const auto off = [](const Point2& p, const Point2& a, const Point2& b) {
+      const double x = b[0] - a[0];
+      const double y = b[1] - a[1];
+      const double square = x * x + y * y;
+      const double t = square > 0 ? std::clamp(((p[0] - a[0]) * x + (p[1] - a[1]) * y) / square, 0.0, 1.0) : 0.0;
+      return std::hypot(p[0] - a[0] - t * x, p[1] - a[1] - t * y);
+    };
+    const std::function<void(std::size_t, double, const Point2&, double, const Point2&, int)> divide =
+        [&](std::size_t span, double u0, const Point2& p0, double u1, const Point2& p1, int depth) {
+          bool fits = depth > 1;  // two halves at least: a curve may cross its chord
+          for (const double t : {0.25, 0.5, 0.75}) {
+            fits = fits && off(point(u0 + t * (u1 - u0), span), p0, p1) < 0.8 * chord;
+          }
+          if (fits || depth > kDeepest || lines_ > options_.most_lines) return go(p1);
+          const double u = (u0 + u1) / 2;
+          const Point2 middle = point(u, span);
+          divide(span, u0, p0, u, middle, depth + 1);
+          divide(span, u, middle, u1, p1, depth + 1);
+        };
+    for (std::size_t span = 0; span < spans; ++span) {
+      const double u = static_cast<double>(span);
+      const Point2 to = span + 1 == spans ? Point2{end[0], end[1]} : point(u + 1, span);
+      divide(span, u, {current_[0], current_[1]}, u + 1, to, 0);
+    }
+  }
+  control_points_.clear();
+  plain_motion_ = 1;
+  motion_ = kNurbsEnded;
+  known_[0] = known_[1] = true;
   move_to(end);
   return {};
 }

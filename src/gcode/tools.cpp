@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Tools: the table, what is in the spindle, lengths (G43, G49) and entries (G10 L1, L10, L11).
+#include <algorithm>
 #include <cmath>
 
 #include "engine.hpp"
@@ -121,6 +122,7 @@ Status Engine::length_offset(int g) {
   }
   for (std::size_t k = 0; k < 6; ++k) current_[k] += length_offset_[k] - next[k];
   length_offset_ = next;
+  tool_offset_ = std::any_of(next.begin(), next.end(), [](double length) { return length != 0; });
   put("USE_TOOL_LENGTH_OFFSET({:.4f} {:.4f} {:.4f}, {:.4f} {:.4f} {:.4f}, {:.4f} {:.4f} {:.4f})", next[0], next[1],
       next[2], next[3], next[4], next[5], next[6], next[7], next[8]);
   return {};

@@ -14,8 +14,8 @@ namespace polypod::gcode {
 namespace {
 
 /// G words that `interpret` does not take, times ten.
-constexpr std::array kUnrolled{50,  51,  100, 280, 281, 300, 301, 382, 383, 384, 385, 410, 411, 420, 421, 520, 530,
-                               591, 592, 593, 730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890, 920, 923};
+constexpr std::array kUnrolled{50,  51,  52,  53,  100, 280, 281, 300, 301, 382, 383, 384, 385, 410, 411, 420, 421, 520,
+                               530, 591, 592, 593, 730, 740, 810, 820, 830, 840, 850, 860, 870, 880, 890, 920, 923};
 
 }  // namespace
 
@@ -23,8 +23,14 @@ bool needs_unrolling(const Program& program) {
   for (const Block& block : program.blocks) {
     if (block.after_end) break;
     if (block.construct != Construct::none) return true;
+    bool dwell = false;
+    bool axes = false;
     for (const Word& word : block.words) {
+      dwell = dwell || (word.letter == 'G' && word.value == 4);
+      axes = axes || (word.letter >= 'X' && word.letter <= 'Z') || (word.letter >= 'A' && word.letter <= 'C');
+      if (dwell && axes) return true;
       if (word.letter == 'M' && (word.value == 98 || word.value == 99)) return true;
+      if (word.letter == 'M' && word.value >= 70 && word.value <= 73) return true;
       if (word.letter == '@' || word.letter == '^') return true;
       if (word.letter != 'G' || word.value < 5 || word.value > 93) continue;
       const long code = std::lround(word.value * 10);

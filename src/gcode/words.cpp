@@ -21,7 +21,7 @@ bool is_zero_group(int g) {
          (g >= 920 && g <= 923);
 }
 bool is_motion(int g) {
-  return g == 0 || g == 10 || g == 20 || g == 30 || g == 800 || is_cycle(g) || g == 50 || g == 51 ||
+  return g == 0 || g == 10 || g == 20 || g == 30 || g == 800 || is_cycle(g) || (g >= 50 && g <= 53) ||
          (g >= 382 && g <= 385);
 }
 int group_of(int g) {
@@ -88,19 +88,19 @@ Refusal refusal_of(int g) {
   switch (g) {
     case 401:
       return {"GC121", "this cutter compensation is not supported", "use G41, G42, G41.1 or G42.1"};
-    case 52:
-    case 53:
     case 60:
     case 61:
     case 62:
-      return {"GC127", "this spline is not supported", "post the program with lines, arcs, G5 or G5.1"};
+      return {"GC127", "this spline is not supported", "post the program with lines, arcs, or G5 to G5.3"};
     case 330:
     case 331:
     case 760:
-      return {"GC128", "motion synchronised with the spindle is not supported", "remove these blocks"};
+      return {"GC128", "motion synchronised with the spindle: where the tool is follows an encoder, not the program",
+              "mill the thread with helices (G2, G3), or tap with G84"};
     case 950:
     case 960:
-      return {"GC129", "feed per revolution and constant surface speed are not supported", "use G94 and G97"};
+      return {"GC129", "feed per revolution and constant surface speed follow the measured spindle and the radius in X",
+              "use G94 with the feed per minute, and G97 with the speed"};
     case 70:
     case 80:
     case 700:
@@ -110,7 +110,8 @@ Refusal refusal_of(int g) {
     case 720:
     case 721:
     case 722:
-      return {"GC130", "it is a word of lathes", "post the program for a mill"};
+      return {"GC130", "a word of lathes, where X is a radius or a diameter of a part that turns",
+              "post the program for a mill"};
     case 432:
       return {"GC125", "a second tool length is not supported", "use G43 with the sum"};
     case 160:

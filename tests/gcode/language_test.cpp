@@ -26,17 +26,30 @@ class Author {
   std::string program(int blocks) {
     text_ = "G21 G90 G17 G94 F100 S100 M3\nG0 X0 Y0 Z20\n#31=1 #32=2.5 #33=-3 #<loc>=1.25 #<_glob>=7\n";
     const int subs = pick(0, 2);
+    numbered_ = pick(0, 2) == 0;
     for (int i = 0; i < subs; ++i) {
       in_sub_ = true;
       text_ += fmt::format("o{} sub\n", 100 + i);
+      const bool saves = pick(0, 1) == 0;
+      if (saves) text_ += pick(0, 3) > 0 ? "M73\n" : "M70\n";
+      if (pick(0, 1) == 0) mode();
       for (int k = pick(1, 4); k > 0; --k) line(1);
+      if (saves && pick(0, 3) == 0) text_ += pick(0, 1) == 0 ? "M72\n" : "M71\n";
       text_ += pick(0, 1) == 0 ? fmt::format("o{} endsub [{}]\n", 100 + i, expression(1))
                                : fmt::format("o{} endsub\n", 100 + i);
       in_sub_ = false;
       subs_ = i + 1;
     }
     for (int i = 0; i < blocks; ++i) line(0);
-    return text_ + "M2\n";
+    text_ += "M2\n";
+    if (numbered_) {
+      in_numbered_ = true;
+      text_ += "o300\n";
+      if (pick(0, 1) == 0) text_ += "M73\n";
+      for (int k = pick(1, 4); k > 0; --k) line(2);
+      text_ += "M99\n";
+    }
+    return text_;
   }
 
  private:
@@ -44,7 +57,7 @@ class Author {
   std::string literal(int most = 20) { return fmt::format("{:.3f}", pick(-most * 1000, most * 1000) / 1000.0); }
 
   std::string expression(int depth) {
-    switch (depth > 3 ? pick(0, 3) : pick(0, 11)) {
+    switch (depth > 3 ? pick(0, 3) : pick(0, 15)) {
       case 0:
       case 1:
         return literal();
@@ -67,6 +80,17 @@ class Author {
       }
       case 9:
         return fmt::format("atan[{}]/[2]", "[" + expression(depth + 1) + "]");
+      case 12:
+        return fmt::format("[sqrt[abs[{}]]**{}]", expression(depth + 1), pick(0, 2));
+      case 13:
+        return fmt::format("fup[{}]", expression(depth + 1));
+      case 14:
+        return fmt::format("[cos[{}]+exists[#<{}>]]", expression(depth + 1), pick(0, 1) == 0 ? "loc" : "none");
+      case 15: {
+        const std::array<const char*, 6> told{"#<_feed>",     "#<_rpm>",   "#<_metric>",
+                                              "#<_absolute>", "#<_plane>", "#5220"};
+        return told[static_cast<std::size_t>(pick(0, machine_ ? 5 : 4))];
+      }
       default: {
         const std::array<const char*, 3> operators{"+", "-", "*"};
         return fmt::format("[{} {} {}]", expression(depth + 1), operators[static_cast<std::size_t>(pick(0, 2))],
@@ -86,8 +110,113 @@ class Author {
     return words.empty() ? " X" + bounded() : words;
   }
 
+  /// A block of one of the words that M72 restores.
+  void mode() {
+    const std::array<const char*, 31> modes{"G20",
+                                            "G21",
+                                            "G17",
+                                            "G18",
+                                            "G19",
+                                            "G90",
+                                            "G91",
+                                            "G90.1",
+                                            "G91.1",
+                                            "G98",
+                                            "G99",
+                                            "G61",
+                                            "G61.1",
+                                            "G64",
+                                            "G64 P1",
+                                            "F77.25",
+                                            "S200.4",
+                                            "F50 S7",
+                                            "M3",
+                                            "M4",
+                                            "M5",
+                                            "M7",
+                                            "M8",
+                                            "M9",
+                                            "M48",
+                                            "M49",
+                                            "M50 P0",
+                                            "M51 P0",
+                                            "M52 P1",
+                                            "M53 P0",
+                                            "G64 P0.01 Q0.3"};
+    text_ += modes[static_cast<std::size_t>(pick(0, 30))];
+    text_ += '\n';
+  }
+
+  void save() {
+    if (in_sub_ || in_numbered_) return mode();
+    switch (pick(0, 6)) {
+      case 0:
+      case 1:
+        text_ += pick(0, 4) == 0 ? "M73\n" : "M70\n";
+        break;
+      case 2:
+        text_ += "M70\n";
+        mode();
+        mode();
+        text_ += "M72\n";
+        break;
+      case 3:
+        if (pick(0, 9) == 0) text_ += "M71\n";
+        break;
+      case 4:
+        text_ += "M70\nG90 G93\n";
+        text_ += fmt::format("G1 F{}{}\n", pick(1, 50) * 0.1, axes(true));
+        text_ += pick(0, 1) == 0 ? "M72\nG1 F100\n" : "G94 F100\n";
+        break;
+      default:
+        text_ += "M70\n";
+        for (int k = pick(1, 3); k > 0; --k) line(3);
+        text_ += "M72\nG94 F99.5\n";
+    }
+  }
+
+  /// Cutter radius compensation round a polygon; now and then its corners are too tight, for LinuxCNC as well.
+  void contour() {
+    const int corners = pick(3, 6);
+    const int turn = pick(0, 1) == 0 ? 1 : -1;
+    text_ += "G21\nG40 G90 G17 G94 G1 F100\nG0 X0 Y0\n";
+    text_ += fmt::format("G4{}.1 D{} F80\n", pick(1, 2), pick(5, 40) / 10.0);
+    for (int i = 0; i < corners; ++i) {
+      const double angle = turn * (i + 0.5) * 2 * M_PI / corners;
+      const double radius = pick(18, 30);
+      text_ += fmt::format("{}G1 X[{:.3f}] Y[{:.3f}+#31*0]\n", pick(0, 5) == 0 ? "G4 P0.5 " : "",
+                           40 + radius * std::cos(angle), radius * std::sin(angle));
+      if (pick(0, 4) == 0) text_ += "(print,#<_x> #<_y>)\n";
+    }
+    text_ += "G40\nG0 X0 Y0\nG1 F100\n";
+  }
+
+  void curve() {
+    text_ += "G17 G90 G94 F100\n";
+    switch (pick(0, 2)) {
+      case 0:
+        text_ += fmt::format("G5 X{} Y{} I{} J{} P{} Q{}\n", literal(), literal(), literal(9), literal(9), literal(9),
+                             literal(9));
+        if (pick(0, 1) == 0) text_ += fmt::format("X{} Y{} P{} Q{}\n", literal(), literal(), literal(9), literal(9));
+        break;
+      case 1:
+        text_ += fmt::format("G5.1 X{} Y{} I{} J1\n", literal(), literal(), literal(9));
+        break;
+      default: {
+        const int order = pick(3, 5);
+        text_ += fmt::format("G5.2 X{} Y{} P1 L{}\n", literal(), literal(), order);
+        for (int k = pick(order - 2, 7); k > 0; --k) {
+          text_ += fmt::format("X{} Y[{}] P{}{}\n", literal(), literal(), pick(1, 30) / 10.0,
+                               pick(0, 5) == 0 ? " (a remark)" : "");
+        }
+        text_ += "G5.3\n";
+      }
+    }
+    text_ += "G1 F100\n";
+  }
+
   void line(int depth) {
-    switch (pick(0, depth > 2 ? 11 : 17)) {
+    switch (pick(0, depth > 2 ? 14 : 21)) {
       case 0:
       case 1:
       case 2:
@@ -105,6 +234,15 @@ class Author {
       case 6: {
         const std::array<const char*, 8> cycles{"G81",      "G82 P0.5", "G83 Q3", "G73 Q2.5",
                                                 "G86 P0.2", "G85",      "G89 P1", "G84"};
+        if (pick(0, 5) == 0) {
+          text_ += fmt::format("G94 F100 S50 M{}\nG17 G90 G{} G0 Z{}\n", pick(3, 4), pick(98, 99), pick(5, 25));
+          text_ += fmt::format("G87 X{} Y{} Z{} R{} I{} J{} K{}\n", bounded(), bounded(), -pick(5, 9), pick(0, 12),
+                               pick(-3, 3), pick(-3, 3), pick(-5, 0));
+          if (pick(0, 1) == 0) text_ += fmt::format("Y{}{}\n", bounded(), pick(0, 1) == 0 ? " I2 K-1" : " L2");
+          text_ += "G80 G17 G90\nG1 F100\n";
+          break;
+        }
+        text_ += "G94 F100 M3\n";
         // Under G90, with R above the bottom; a plane of its own now and then.
         const int plane = pick(0, 5);
         const int kind =
@@ -163,7 +301,22 @@ class Author {
       }
       case 8:
         if (machine_) {
-          switch (pick(0, 4)) {
+          switch (pick(0, 9)) {
+            case 5:
+              text_ += "G49\n";
+              break;
+            case 6:
+              text_ += fmt::format("G43 H{}\n", pick(1, 3));
+              break;
+            case 7:
+              text_ += fmt::format("G43.1 Z{}\n", literal());
+              break;
+            case 8:
+              text_ += fmt::format("G94 F100 G38.{}{}\n", pick(0, 1) == 0 ? 3 : 5, axes(true));
+              break;
+            case 9:
+              text_ += fmt::format("M70\nG49\nG5{}\nM72\n", pick(4, 6));
+              break;
             case 0:
               text_ += "G90 G53 G0" + axes(true) + "\n";
               break;
@@ -183,10 +336,11 @@ class Author {
         }
         break;
       case 9:
-        text_ += fmt::format("G{} @{} ^{}\n", pick(0, 1), pick(1, 30), literal(180));
+        text_ += fmt::format("G17\nG{} @{} ^{}\n", pick(0, 1), pick(1, 30), literal(180));
         break;
       case 10:
-        text_ += "(print,#31 #32 %.3f#33 #<_x> #<_y> #5420 #5422)\n";
+        text_ += pick(0, 2) > 0 ? "(print,#31 #32 %.3f#33 #<_x> #<_y> #5420 #5422)\n"
+                                : "(print,#<_motion_mode> #<_feed> #<_rpm> #<_plane> #<_metric> #<_inverse_time>)\n";
         break;
       case 11:
         // A half circle by its centre, from wherever the tool stands.
@@ -199,7 +353,23 @@ class Author {
         }
         text_ += "G90 G1\n";
         break;
-      case 12: {
+      case 12:
+        text_ += fmt::format("G4 P{} G{}{}\n", pick(0, 20) / 10.0, pick(0, 1), axes(true));
+        break;
+      case 13:
+        if (pick(0, 2) == 0) {
+          text_ += "G10 L2 P0 R" + literal(90) + '\n';
+        } else {
+          save();
+        }
+        break;
+      case 14:
+        mode();
+        break;
+      case 15:
+        save();
+        break;
+      case 16: {
         const int label = ++label_;
         text_ += fmt::format("o{} if [{}]\n", label, expression(0));
         line(depth + 1);
@@ -214,7 +384,7 @@ class Author {
         text_ += fmt::format("o{} endif\n", label);
         break;
       }
-      case 13: {
+      case 17: {
         const int label = ++label_;
         text_ += fmt::format("o{} repeat [{}]\n", label, pick(0, 3));
         line(depth + 1);
@@ -222,7 +392,7 @@ class Author {
         text_ += fmt::format("o{} endrepeat\n", label);
         break;
       }
-      case 14: {
+      case 18: {
         const int label = ++label_;
         const int counter = 40 + label;
         text_ += fmt::format("#{}=0\no{} while [#{} lt {}]\n#{}=[#{}+1]\n", counter, label, counter, pick(1, 3),
@@ -237,7 +407,7 @@ class Author {
         text_ += fmt::format("o{} endwhile\n", label);
         break;
       }
-      case 15: {
+      case 19: {
         const int label = ++label_;
         const int counter = 40 + label;
         text_ += fmt::format("#{}=0\no{} do\n#{}=[#{}+1]\n", counter, label, counter, counter);
@@ -245,8 +415,19 @@ class Author {
         text_ += fmt::format("o{} while [#{} lt {}]\n", label, counter, pick(1, 3));
         break;
       }
+      case 20:
+        if (pick(0, 3) > 0 || in_sub_ || in_numbered_) {
+          text_ += fmt::format("G1{}\n", axes(true));
+        } else if (machine_ && pick(0, 1) == 0) {  // where a curve goes, rs274 does not print
+          curve();
+        } else {
+          contour();
+        }
+        break;
       default:
-        if (subs_ > 0 && !in_sub_) {
+        if (numbered_ && !in_sub_ && !in_numbered_ && pick(0, 1) == 0) {
+          text_ += fmt::format("M98 P300 L{}\n", pick(1, 3));
+        } else if (subs_ > 0 && !in_sub_) {
           text_ += fmt::format("o{} call [{}] [{}]\n(print,#<_value> #<_value_returned>)\n", 100 + pick(0, subs_ - 1),
                                expression(0), expression(0));
         } else {
@@ -261,6 +442,8 @@ class Author {
   int label_ = 0;
   int subs_ = 0;
   bool in_sub_ = false;
+  bool numbered_ = false;     // whether a program with a number follows, for M98
+  bool in_numbered_ = false;  // while it is written
 };
 
 /// The moves of canonical text, in machine coordinates, mm.
@@ -278,8 +461,12 @@ std::vector<Vec3> ends_of(const std::string& text) {
     };
     double a[6] = {};
     int n = 0;
-    if (line.find("UNITS_INCHES") != std::string::npos) unit = 25.4;
-    if (line.find("UNITS_MM") != std::string::npos) unit = 1;
+    if (line.find("LENGTH_UNITS") != std::string::npos) {
+      const double next = line.find("UNITS_INCHES") != std::string::npos ? 25.4 : 1;
+      origin *= unit / next;
+      g92 *= unit / next;
+      unit = next;
+    }
     if (line.find("PLANE_XY") != std::string::npos) plane = 17;
     if (line.find("PLANE_XZ") != std::string::npos) plane = 18;
     if (line.find("PLANE_YZ") != std::string::npos) plane = 19;
@@ -303,9 +490,9 @@ std::vector<Vec3> ends_of(const std::string& text) {
 }
 
 /// Whether two sequences of ends are the same way; moves of no length may be missing in one of them.
-bool same_way(const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
-  constexpr double kRounded = 1e-3;  // mm: rs274 prints four decimals, of sums of offsets
-  constexpr double kNoMove = 5e-3;
+bool same_way(const std::vector<Vec3>& a, const std::vector<Vec3>& b, bool inches = false) {
+  const double kRounded = inches ? 6e-3 : 1e-3;  // mm: rs274 prints four decimals, of sums of offsets
+  const double kNoMove = inches ? 3e-2 : 5e-3;
   std::size_t i = 0;
   std::size_t j = 0;
   while (i < a.size() || j < b.size()) {
@@ -379,6 +566,49 @@ TEST(Unroll, AModalMotionBehindACycleKeepsItsWord) {
             "G0 X1 Y2 Z3\nG1 F100 X2\nG0 Z5\nG91 G28 Z0\nG90\nG1 X3\nM2\n");
 }
 
+TEST(Unroll, SavedModesComeBackAsBlocks) {
+  EXPECT_EQ(plain("G90 G94 F100\nG0 X1 Y1 Z1\nM70 (save)\nG91 F50\nM8\nX2\nM72\nX5\nM2\n"),
+            "G90 G94 F100\nG0 X1 Y1 Z1\n(save)\nG91 F50\nM8\nX2\nF100 G90\nM9\nX5\nM2\n");
+  EXPECT_EQ(plain("o1 sub\nM73\nG91 G0 X1\no1 endsub\nG90 G0 X1 Y1 Z1\no1 call\nX5\nM2\n"),
+            "G90 G0 X1 Y1 Z1\nG91 G0 X1\nG90\nX5\nM2\n");
+}
+
+TEST(Unroll, ADwellBesideAMotionGetsABlock) {
+  EXPECT_EQ(plain("G0 X1 Y1 Z1\nG4 P2 X5\nN3 G4 P1 G1 X7 F100 (a)\nM2\n"),
+            "G0 X1 Y1 Z1\nG4 P2\nG0 X5\nG4 P1 F100 (a)\nG1 X7\nM2\n");
+}
+
+TEST(Unroll, TurnedCoordinatesAreCarriedOut) {
+  EXPECT_EQ(plain("G0 X1 Y0 Z1\nG10 L2 P1 R90\nG0 X5 Y0\nG1 F10 X7 Y-1\nG2 X9 I1 J0\nG91 X-2 I-1 J0\nM2\n"),
+            "G0 X1 Y0 Z1\nG0 X0 Y5\nF10 G1 X1 Y7\nG2 X1 Y9 I0 J1\nG91 G2 X0 Y-2 I0 J-1\nM2\n");
+}
+
+/// A quarter of a circle as a rational curve of order 3: its middle point weighs cos 45 deg.
+TEST(Unroll, NurbsBecomeLinesOnTheCurve) {
+  for (const char* unit : {"G21", "G20"}) {
+    const auto program = parse(fmt::format("{}\nF100\nG0 X10 Y0 Z1\nG5.2 X10 Y10 P0.70710678118654752 L3\nX0 Y10 "
+                                           "P1\nG5.3\nM2\n",
+                                           unit),
+                               "part.ngc");
+    ASSERT_TRUE(program.has_value());
+    const auto unrolled = unroll(*program);
+    ASSERT_TRUE(unrolled.has_value()) << to_string(unrolled.error());
+    const auto run = interpret(unrolled->program);
+    ASSERT_TRUE(run.has_value()) << to_string(run.error());
+    ASSERT_GT(run->moves.size(), 20u);
+    ASSERT_LT(run->moves.size(), 2000u);
+    const double radius = unit == std::string("G21") ? 0.01 : 0.254;
+    for (std::size_t i = 1; i < run->moves.size(); ++i) {
+      const Move& move = run->moves[i];
+      const Vec3 middle = (move.start + move.end) / 2;
+      EXPECT_NEAR(std::hypot(move.end.x(), move.end.y()), radius, 2e-9);  // numbers of 6 decimals
+      EXPECT_GT(std::hypot(middle.x(), middle.y()), radius - 0.5e-6);
+    }
+    EXPECT_NEAR(run->moves.back().end.y(), radius, 1e-12);
+    EXPECT_NEAR(run->moves.back().end.x(), 0, 1e-12);
+  }
+}
+
 TEST(Unroll, RefusesWhatTheJobDoesNotTell) {
   struct Bad {
     std::string text;
@@ -386,6 +616,12 @@ TEST(Unroll, RefusesWhatTheJobDoesNotTell) {
   };
   for (const Bad& bad : std::vector<Bad>{
            {"G10 L2 P1 X5\nM2\n", "GC125 part.ngc:1:1:"},
+           {"G10 L2 P7 R5\nM2\n", "GC125 part.ngc:1:1:"},
+           {"G0 X1 Y1\nG92 X5\nG10 L2 P1 R5\nM2\n", "GC125 part.ngc:3:1:"},
+           {"G0 X1\nG10 L2 P1 R30\nG0 X5\nM2\n", "GC169 part.ngc:3:4:"},
+           {"G0 X1 Y1\nG10 L2 P1 R30\nG28 X5\nM2\n", "GC125 part.ngc:3:1:"},
+           {"G0 X1 Y1\nG10 L2 P1 R30\nG53 G0 X5\nG0 Y3\nM2\n", "GC169 part.ngc:4:4:"},
+           {"F1 G0 X1\nG5.2 X3 Y3 P1\nX4 Y4 P1\nG5.3\nM2\n", "GC169 part.ngc:2:1:"},
            {"G59.1\nG0 X1\nM2\n", "GC125 part.ngc:1:1:"},
            {"#5221=3\nM2\n", "GC125 part.ngc:1:1:"},
            {"G92.3\nM2\n", "GC125 part.ngc:1:1:"},
@@ -444,6 +680,7 @@ TEST(Language, ProgramsOfLinuxCncAreTheSameOrRefused) {
   int same = 0;
   int not_run = 0;
   std::map<std::string, int> refused;
+  std::string names;
   for (const std::string& path : programs) {
     const Reference theirs = rs274(scratch, path, {}, fs::path(path).parent_path().string());
     const auto program = read(path);
@@ -458,6 +695,7 @@ TEST(Language, ProgramsOfLinuxCncAreTheSameOrRefused) {
     }
     if (!ours) {
       ++refused[ours.error().id];
+      names += ' ' + fs::path(path).filename().string();
     } else {
       // 400 polar steps of spiral.ngc end at 1e-15 mm, whose sign rounding decides.
       const bool zeros = path.ends_with("/spiral.ngc");
@@ -473,14 +711,17 @@ TEST(Language, ProgramsOfLinuxCncAreTheSameOrRefused) {
     list += fmt::format(" {} {}", id, count);
     refusals += count;
   }
-  std::printf("%d the same, %d refused (%s ), %d not run by rs274\n", same, refusals, list.c_str(), not_run);
-  EXPECT_GE(same, 179);
-  EXPECT_LE(refusals, 9);
+  std::printf("%d the same, %d refused (%s:%s ), %d not run by rs274\n", same, refusals, list.c_str(), names.c_str(),
+              not_run);
+  EXPECT_GE(same, 183);
+  EXPECT_LE(refusals, 5);
 }
 
 TEST(Language, RandomProgramsAsLinuxCncPrintsThem) {
   const Scratch scratch;
   int accepted = 0;
+  int byte_for_byte = 0;
+  int refused = 0;
   const bool good = rc::check("canonical text agrees with rs274", [&] {
     const unsigned seed = *rc::gen::arbitrary<unsigned>();
     const std::string text = Author(seed, true).program(40);
@@ -490,21 +731,34 @@ TEST(Language, RandomProgramsAsLinuxCncPrintsThem) {
     RC_ASSERT(program.has_value());
     const Reference theirs = rs274(scratch, path, {});
     const auto ours = canonical_text(*program);
-    const bool same = ours && without_signs_of_zeros(*ours) == without_signs_of_zeros(theirs.text);
-    keep_failed(ours.has_value() != theirs.accepted || (ours && !same), text);
-    RC_ASSERT(ours.has_value() == theirs.accepted);
+    const std::string said = ours ? "" : to_string(ours.error());
+    keep_failed(ours.has_value() != theirs.accepted, text);
+    if (ours.has_value() != theirs.accepted) RC_FAIL("Polypod: " + said + "; rs274: " + theirs.errors);
+    ++(ours ? accepted : refused);
     if (!ours) return;
-    ++accepted;
-    RC_ASSERT(same);
+    const std::string a = without_signs_of_zeros(*ours);
+    const std::string b = without_signs_of_zeros(theirs.text);
+    byte_for_byte += a == b ? 1 : 0;
+    if (a == b) return;
+    // Compensated corners and lengths in another unit end at numbers whose last printed digit rounding decides.
+    const bool rounds = text.find("G41.1") != std::string::npos || text.find("G42.1") != std::string::npos ||
+                        text.find("G20") != std::string::npos;
+    const auto found = rounds ? difference(a, b) : std::optional<std::string>("the texts differ");
+    keep_failed(found.has_value(), text);
+    if (found) RC_FAIL(*found);
   });
   EXPECT_TRUE(good);
   EXPECT_GT(accepted, 0);
+  std::printf("random programs: %d the same (%d byte for byte), %d refused by both\n", accepted, byte_for_byte,
+              refused);
 }
 
 /// The unrolled program, without the machine: its moves end where those of rs274 do.
 TEST(Language, UnrolledProgramsMoveAsLinuxCncMoves) {
   const Scratch scratch;
   int accepted = 0;
+  int gouging = 0;
+  int refused = 0;
   const bool good = rc::check("moves of the unrolled program agree with rs274", [&] {
     const std::string text = Author(*rc::gen::arbitrary<unsigned>(), false).program(40);
     const std::string path = scratch / "random.ngc";
@@ -513,10 +767,14 @@ TEST(Language, UnrolledProgramsMoveAsLinuxCncMoves) {
     RC_ASSERT(program.has_value());
     const Reference theirs = rs274(scratch, path, {});
     const auto unrolled = unroll(*program);
-    keep_failed(unrolled.has_value() != theirs.accepted, text);
-    RC_ASSERT(unrolled.has_value() == theirs.accepted);
+    const std::string said = unrolled ? "" : to_string(unrolled.error());
+    // Compensated paths that cut into the contour are refused, and so is where LinuxCNC loses its place.
+    const bool gouges =
+        theirs.accepted && (said.starts_with("GC175") || said.find("loses its place") != std::string::npos);
+    keep_failed(unrolled.has_value() != theirs.accepted && !gouges, text);
+    if (unrolled.has_value() != theirs.accepted && !gouges) RC_FAIL("Polypod: " + said + "; rs274: " + theirs.errors);
+    ++(unrolled ? accepted : gouges ? gouging : refused);
     if (!unrolled) return;
-    ++accepted;
     RC_ASSERT(!needs_unrolling(unrolled->program));
     const auto run = interpret(unrolled->program);
     keep_failed(!run, text);
@@ -524,7 +782,8 @@ TEST(Language, UnrolledProgramsMoveAsLinuxCncMoves) {
     std::vector<Vec3> ends;
     for (const Move& move : run->moves) ends.push_back(move.end * 1e3);
     const std::vector<Vec3> theirs_ends = ends_of(theirs.text);
-    const bool same = same_way(ends, theirs_ends);
+    const bool inches = text.find("G20") != std::string::npos;
+    const bool same = same_way(ends, theirs_ends, inches);
     keep_failed(!same, text);
     RC_ASSERT(same);
     // The plain program is one for LinuxCNC, too, and there it moves alike.
@@ -532,11 +791,14 @@ TEST(Language, UnrolledProgramsMoveAsLinuxCncMoves) {
     std::ofstream(plain) << to_text(unrolled->program);
     const Reference again = rs274(scratch, plain, {});
     RC_ASSERT(again.accepted);
-    const bool alike = same_way(ends_of(again.text), theirs_ends);
+    const bool alike = same_way(ends_of(again.text), theirs_ends, inches);
+    keep_failed(!alike, text);
     RC_ASSERT(alike);
   });
   EXPECT_TRUE(good);
   EXPECT_GT(accepted, 0);
+  std::printf("unrolled programs: %d move alike, %d refused for their gouges, %d refused by both\n", accepted, gouging,
+              refused);
 }
 
 }  // namespace

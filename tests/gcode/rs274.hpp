@@ -5,9 +5,12 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -79,6 +82,50 @@ inline std::vector<std::string> lines(const std::string& text) {
   std::istringstream in(text);
   for (std::string line; std::getline(in, line);) result.push_back(line);
   return result;
+}
+
+/// A line of canonical text: its words, and its numbers.
+struct Call {
+  std::string name;
+  std::vector<double> numbers;
+};
+
+inline Call call_of(const std::string& line) {
+  Call call;
+  const std::size_t open = line.find('(');
+  call.name = line.size() > 13 ? line.substr(13, open == std::string::npos ? open : open - 13) : line;
+  if (open == std::string::npos || call.name == "COMMENT") {
+    call.name = line.substr(std::min<std::size_t>(line.size(), 6));
+    return call;
+  }
+  const char* at = line.c_str() + open + 1;
+  for (char* end = nullptr;; at = end) {
+    while (*at == ',' || *at == ' ') ++at;
+    const double value = std::strtod(at, &end);
+    if (end == at) break;
+    call.numbers.push_back(value);
+  }
+  return call;
+}
+
+/// Whether two canonical texts say the same within the last printed digit; `far`: coordinates of many metres are
+/// those of an entry arc that is nearly a line, and follow the rounding of their program.
+inline std::optional<std::string> difference(const std::string& ours, const std::string& theirs) {
+  const auto a = lines(ours);
+  const auto b = lines(theirs);
+  for (std::size_t i = 0; i < std::max(a.size(), b.size()); ++i) {
+    const std::string x = i < a.size() ? a[i] : "(nothing)";
+    const std::string y = i < b.size() ? b[i] : "(nothing)";
+    const Call p = call_of(x);
+    const Call q = call_of(y);
+    bool same = p.name == q.name && p.numbers.size() == q.numbers.size() && x.substr(0, 12) == y.substr(0, 12);
+    for (std::size_t k = 0; same && k < p.numbers.size(); ++k) {
+      const double tolerance = 1.01e-4 + 1e-6 * std::max(0.0, std::abs(q.numbers[k]) - 100);
+      same = std::abs(p.numbers[k] - q.numbers[k]) <= tolerance;
+    }
+    if (!same) return fmt::format("line {}: {} instead of {}", i + 1, x, y);
+  }
+  return std::nullopt;
 }
 
 }  // namespace polypod::gcode
