@@ -2,14 +2,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "commands.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/accept.hpp"
+#include "polypod/machining/job.hpp"
+#include "polypod/machining/unrolling.hpp"
 #include "polypod/post/write.hpp"
 
 namespace polypod::app {
@@ -22,14 +27,15 @@ constexpr config::Range kRapid{1e-3, 1e6};   // mm/min
 constexpr config::Range kBlend_mm{0, 100};
 constexpr config::Range kPart{0, 1e6};
 constexpr config::Range kAngle_deg{-3600, 3600};
+constexpr config::Range kRotation_deg{-360, 360};
 constexpr double kFarthest_mm = 1e6;
 constexpr std::size_t kShownProblems = 20;
 
 struct Options {
-  std::string file, machine, output, origin = "0,0,0", to = "ngc", config = "auto", c = "0", branch,
-                                     feed = "per-minute";
+  std::string file, job, machine, output, origin = "0,0,0", to = "ngc", config = "auto", c = "0", branch,
+                                          feed = "per-minute";
   std::vector<std::string> sets;
-  double tolerance = 10, axis_tolerance = 0.1, turn_speed = 1800, rapid = 6000, blend = 0.1;
+  double tolerance = 10, axis_tolerance = 0.1, turn_speed = 1800, rapid = 6000, blend = 0.1, rotation = 0;
   int part = 0;
   bool allow_problems = false;
 };
@@ -42,15 +48,92 @@ Result<post::Dialect> dialect_of(const std::string& to) {
   return fail("PO130", fmt::format("--to {}: there is no such language", to), {}, "give ngc, krl, rapid or urscript");
 }
 
-Result<post::PlanOptions> plan_options(const Options& o, post::Dialect dialect, const Context& context) {
-  post::PlanOptions p;
+/// Machine and place of the work, from a job or from the options.
+Result<machining::Job> placed(const Options& o, const Context& context) {
+  if (!o.job.empty()) {
+    POLYPOD_TRY(refuse(context, {"--machine", "--origin", "--rotation", "--set"}, "the job says it; give --job alone"));
+    return machining::read_job(o.job);
+  }
+  if (o.machine.empty()) {
+    return fail("AP123", "for which machine, and where is the work?", {}, "give --job JOB, or --machine and --origin");
+  }
   POLYPOD_ASSIGN(origin, numbers_of(o.origin, "--origin"));
   if (origin.size() != 3 ||
       std::any_of(origin.begin(), origin.end(), [](double x) { return std::abs(x) > kFarthest_mm; })) {
     return fail("PO130", fmt::format("--origin {}: not three numbers of at most 1e6 mm", o.origin), {},
                 "give x,y,z in mm");
   }
-  p.origin = units::from_mm(1) * Vec3(origin[0], origin[1], origin[2]);
+  machining::Job job;
+  POLYPOD_ASSIGN(machine, machine_of(o.machine, o.sets));
+  job.machine = std::move(machine);
+  job.machine_name = o.machine;
+  job.X_MW.p = units::from_mm(1) * Vec3(origin[0], origin[1], origin[2]);
+  job.X_MW.R = rotation_z(units::from_deg(o.rotation));
+  return job;
+}
+
+/// The path in the frame of G54, whose origin the job becomes: offsets of the others count from it.
+void take_frame_of_g54(machining::Job& job) {
+  const Vec3 g54 = job.work_offsets[0];
+  job.X_MW.p += job.X_MW.R * g54;
+  for (std::size_t i = 0; i < job.work_offsets.size(); ++i) job.work_offsets[i] -= g54;
+}
+
+Result<post::Path> path_of(const Options& o, const machining::Job& given, const machining::Job& job) {
+  post::ProgramOptions options;
+  options.unroll = machining::unroll_options(job);
+  options.block_delete_said = !o.job.empty();
+  options.accept = [&](const gcode::Understood& understood) {
+    return machining::known_offsets(given, understood.program, understood.interpretation);
+  };
+  return post::read_path(o.file, options);
+}
+
+std::string origin_text(const Vec3& p) {
+  return fmt::format("X{:g} Y{:g} Z{:g}", units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z()));
+}
+
+/// A corrected program is right for one machine at one place.
+Status corrected_here(const post::Path& path, const machining::Job& job) {
+  const std::optional<post::CorrectedFor> header = post::corrected_for(path);
+  if (!header) return {};
+  const std::string machine = machine::name_of(job.machine), origin = origin_text(job.X_MW.p);
+  const Place place{path.file, header->line, 1};
+  if (header->machine != machine) {
+    return fail("PO125",
+                fmt::format("the program was corrected for the machine {}, not for {}", header->machine, machine),
+                place, "post it for that machine, or correct the program of the CAM system for this one");
+  }
+  if (header->origin.empty()) {
+    return fail("PO125", "the header of this corrected program does not say for which origin", place,
+                "correct the program of the CAM system again, and post what `polypod correct` writes");
+  }
+  if (header->origin != origin) {
+    return fail(
+        "PO125",
+        fmt::format("the program was corrected for the origin {} mm in M, not for {} mm", header->origin, origin),
+        place, "post it at that origin, or correct the program of the CAM system for this one");
+  }
+  return {};
+}
+
+std::string place_text(const machining::Job& job, double rotation) {
+  std::string out = fmt::format("{:g},{:g},{:g} mm in M", units::to_mm(job.X_MW.p.x()), units::to_mm(job.X_MW.p.y()),
+                                units::to_mm(job.X_MW.p.z()));
+  if (rotation != 0) out += fmt::format(", turned by {:g} deg about z", units::to_deg(rotation));
+  return out;
+}
+
+post::PlanOptions plan_place(const machining::Job& job) {
+  post::PlanOptions p;
+  p.origin = job.X_MW.p;
+  p.rotation = std::atan2(job.X_MW.R(1, 0), job.X_MW.R(0, 0));
+  return p;
+}
+
+Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& job, post::Dialect dialect,
+                                       const Context& context) {
+  post::PlanOptions p = plan_place(job);
   p.tolerance = units::from_um(o.tolerance);
   p.axis_tolerance = units::from_deg(o.axis_tolerance);
   p.turn_speed = units::from_deg(o.turn_speed) / 60;
@@ -67,6 +150,59 @@ Result<post::PlanOptions> plan_options(const Options& o, post::Dialect dialect, 
   return p;
 }
 
+/// What is left out or could not be judged, behind the yes.
+std::string without(const post::Path& path) {
+  std::string out;
+  const auto unknown =
+      std::find_if(path.steps.begin(), path.steps.end(), [](const post::Step& s) { return s.moves() && !s.placed(); });
+  if (unknown != path.steps.end())
+    out += fmt::format("; not judged: the rapid of line {}, see the notes", unknown->line);
+  for (const post::LeftOut& l : path.left_out)
+    out += fmt::format("; not written: the retract of line {}, see the notes", l.line);
+  return out;
+}
+
+std::vector<std::string> own_notes(const Options& o, const Context& context, const post::Path& path,
+                                   const post::Plan& plan, double rotation, bool ngc) {
+  std::vector<std::string> out;
+  std::set<int> tools;
+  bool turned = false, modes = false, lengths = false;
+  for (const post::Step& s : path.steps) {
+    if (s.moves() && s.tool != 0) tools.insert(s.tool);
+    turned = turned || (s.moves() && s.turned);
+    modes = modes || s.path_mode;
+    lengths = lengths || s.length_offset;
+  }
+  if (path.program && tools.size() > 1) {
+    out.push_back(
+        fmt::format("{} tools: reach and limits are judged with the one tool of the machine file", tools.size()));
+  }
+  if (path.program && !turned && plan.moves.size() > 0 && ngc)
+    out.emplace_back("the program commands X, Y and Z alone: rotary axes, if there are any, must stand at 0");
+  if (plan.chorded > 0) {
+    out.push_back(fmt::format("{} {} written as chords, off by up to {:.1f} um", plan.chorded,
+                              plan.chorded == 1 ? "arc or helix is" : "arcs and helices are",
+                              units::to_um(plan.chord_error)));
+  }
+  if (modes && context.given("--corner-blend")) {
+    out.push_back(
+        fmt::format("the path modes of the program (G61, G61.1, G64) are replaced by {}{}",
+                    o.blend > 0 ? fmt::format("--corner-blend {:g} mm", o.blend) : "exact stop (--corner-blend 0)",
+                    post::corrected_for(path) ? ": the correction was made for its own" : ""));
+  }
+  if (path.program && !modes && ngc && !context.given("--corner-blend"))
+    out.emplace_back("the program says no path mode (G61, G64): that of the controller counts");
+  if (path.program && !lengths && ngc)
+    out.emplace_back("the program has no G43 and no G49: the tool length in force on the controller counts");
+  if (rotation != 0 && ngc) {
+    out.push_back(fmt::format("G54 of the controller must be turned too: G10 L2 P1 X Y Z R{:g}, with the origin",
+                              units::to_deg(rotation)));
+  }
+  if (rotation != 0 && post::corrected_for(path))
+    out.emplace_back("the header of a corrected program does not name the rotation: see that it is the one of the job");
+  return out;
+}
+
 Json range_json(double min, double max) {
   return {{"min", min}, {"max", max}};
 }
@@ -80,9 +216,14 @@ Command post_command() {
       "polypod post part.cl --machine lola50 --origin 0,-1300,0 -o part.ngc",
       [o](Arguments& a) {
         a.positional("FILE", o->file, "An APT CL file, or a G-code program");
-        a.option("--machine", o->machine, "A machine file or a name of `polypod machines`", true);
+        a.option("--job", o->job,
+                 "The job file: machine, origin and rotation of the workpiece, work offsets, cutters, block delete");
+        a.option("--machine", o->machine, "Without a job: a machine file or a name of `polypod machines`");
         a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
-        a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm (default: that of M)");
+        a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm (default: that of M)");
+        a.option(
+            "--rotation", o->rotation, kRotation_deg,
+            "Without a job: the rotation of the workpiece about z of M, deg (default 0), as rotation_deg of a job");
         a.option("-o,--output", o->output, "The program", true);
         a.option("--to", o->to, "ngc (G-code of LinuxCNC, the default), krl, rapid or urscript");
         a.option(
@@ -102,8 +243,10 @@ Command post_command() {
                  "Speed of a cut that only turns the tool, deg/min (default 1800)");
         a.option("--rapid", o->rapid, kRapid,
                  "Speed of rapids of robots, and that G0 is counted with, mm/min (default 6000)");
-        a.option("--corner-blend", o->blend, kBlend_mm,
-                 "How far the controller may round corners, mm: P of G64, C_DIS, zone, r (default 0.1; 0: not)");
+        a.option(
+            "--corner-blend", o->blend, kBlend_mm,
+            "How far the controller may round corners, mm: P of G64, C_DIS, zone, r (0: exact stop, G61). Default: the "
+            "path modes of the program; 0.1 where it has none");
         a.option("--part", o->part, kPart, "Robots: moves in a subprogram (default 0: no subprograms)");
         a.flag("--allow-problems", o->allow_problems,
                "Write the program even if a move is out of reach or beyond a limit");
@@ -120,19 +263,28 @@ Command post_command() {
         } else {
           POLYPOD_TRY(refuse(context, {"--feed"}, "it serves --to ngc"));
         }
-        POLYPOD_TRY(check_files({o->file}, {o->output}, context.json));
-        POLYPOD_ASSIGN(machine, machine_of(o->machine, o->sets));
+        POLYPOD_TRY(check_files({o->file, o->job}, {o->output}, context.json));
+        POLYPOD_ASSIGN(given, placed(*o, context));
+        machining::Job job = given;
+        take_frame_of_g54(job);
+        const machine::AnyMachine& machine = job.machine;
         POLYPOD_ASSIGN(configuration, post::configure(machine, o->config));
         if (configuration.rotary != post::Rotary::abc) {
           POLYPOD_TRY(refuse(context, {"--c"}, "it serves machines with A, B and C (--config six)"));
         }
         if (!ngc && kinematics::is_serial(machine) == false) {
           return fail("PO121",
-                      fmt::format("--to {}: {} is no arm, so no robot's controller moves it", o->to, o->machine), {},
-                      "use --to ngc");
+                      fmt::format("--to {}: {} is no arm, so no robot's controller moves it", o->to, job.machine_name),
+                      {}, "use --to ngc");
         }
-        POLYPOD_ASSIGN(plan_with, plan_options(*o, dialect, context));
-        POLYPOD_ASSIGN(path, post::read_path(o->file));
+        POLYPOD_ASSIGN(plan_with, plan_options(*o, job, dialect, context));
+        if (ngc && plan_with.rotation != 0 &&
+            (configuration.rotary == post::Rotary::ac || configuration.rotary == post::Rotary::abc)) {
+          return fail("PO124", "a turned workpiece and G-code with C: controllers do not turn C with the workpiece", {},
+                      "post for a machine without C (--config vertical-ab), or without a rotation");
+        }
+        POLYPOD_ASSIGN(path, path_of(*o, given, job));
+        POLYPOD_TRY(corrected_here(path, given));
         POLYPOD_ASSIGN(plan, post::plan(configuration, path, plan_with));
         plan_with.progress(1);
         post::WriteOptions write_with;
@@ -143,10 +295,12 @@ Command post_command() {
         write_with.blend = units::from_mm(o->blend);
         write_with.moves_per_part = o->part;
         write_with.origin = plan_with.origin;
+        write_with.rotation = plan_with.rotation;
+        write_with.blend_overrides = context.given("--corner-blend");
         write_with.header = {
             fmt::format("{} for {}, {}, by polypod post", std::filesystem::path(o->file).filename().string(),
                         machine::name_of(machine), configuration.name),
-            fmt::format("workpiece origin {} mm in M{}", o->origin,
+            fmt::format("workpiece origin {}{}", place_text(job, plan_with.rotation),
                         plan.branch.empty() ? "" : ", posture " + plan.branch)};
         POLYPOD_ASSIGN(written, post::write(dialect, configuration, path, plan, write_with));
         const bool writes = plan.ok() || o->allow_problems;
@@ -154,6 +308,10 @@ Command post_command() {
         std::vector<std::string> notes = path.notes;
         notes.insert(notes.end(), plan.notes.begin(), plan.notes.end());
         notes.insert(notes.end(), written.notes.begin(), written.notes.end());
+        const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc);
+        notes.insert(notes.end(), own.begin(), own.end());
+        Json left_out = Json::array();
+        for (const post::LeftOut& l : path.left_out) left_out.push_back({{"line", l.line}, {"text", l.text}});
         const double chord_um = units::to_um(plan.chord_error), axis_deg = units::to_deg(plan.axis_error);
         if (context.json) {
           Json problems = Json::array(), joints = Json::array();
@@ -183,6 +341,7 @@ Command post_command() {
                       {"tip_error_um", chord_um},
                       {"axis_error_deg", axis_deg},
                       {"problems", problems},
+                      {"left_out", left_out},
                       {"time_s", plan.time},
                       {"length_mm", units::to_mm(plan.length)},
                       {"rotary_deg", rotary},
@@ -207,7 +366,9 @@ Command post_command() {
             fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
           for (const std::string& note : notes) fmt::print("note: {}\n", note);
           if (plan.ok()) {
-            fmt::print("yes: every move is within reach and limits\nwrote {}\n", o->output);
+            const std::string rest = without(path);
+            fmt::print("yes{}: every move is within reach and limits{}\nwrote {}\n",
+                       rest.empty() ? "" : ", apart from what was not judged", rest, o->output);
           } else {
             fmt::print("no: the machine cannot take every move{}\n",
                        writes ? fmt::format("\nwrote {}", o->output)

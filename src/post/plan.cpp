@@ -74,7 +74,7 @@ class Planner {
   /// `all`: goes on behind the first problem. False where it was cancelled.
   bool run(const Start& start, bool all) {
     out_ = {};
-    placed_ = false;
+    placed_ = lost_ = false;
     q_.resize(0);
     angles_.setZero();
     R_.setIdentity();
@@ -82,6 +82,11 @@ class Planner {
       if (i % 64 == 0 && !options_.progress(double(i) / double(path_.steps.size()))) return false;
       const Step& step = path_.steps[i];
       if (!step.moves()) continue;
+      if (!step.placed()) {
+        lost_ = true;
+        continue;
+      }
+      if (placed_ && !step.start_known && options_.length_offsets) lost_ = true;
       if (!all && !out_.ok()) return true;
       take(step, static_cast<int>(i), start);
     }
@@ -93,7 +98,7 @@ class Planner {
 
   /// The solutions within the limits at the first point.
   [[nodiscard]] std::vector<unsigned> branches(int turn, double c) const {
-    const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.moves(); });
+    const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.placed(); });
     const Vec3 angles = first_angles(first, c, turn);
     std::vector<unsigned> out;
     for (const Solution& s : kinematics::inverse(machine_, in_machine(rotation_of_angles(angles), first.tip)).solutions)
@@ -102,7 +107,8 @@ class Planner {
   }
 
  private:
-  [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + tip}; }
+  /// The tool's orientation is given along the axes of M, its tip in W.
+  [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + R_MW_ * tip}; }
 
   /// Whether the source's own angles are words of this configuration.
   [[nodiscard]] bool fits(const Step& step) const {
@@ -129,7 +135,7 @@ class Planner {
     Vec3 lead = Vec3::Zero();
     if (configuration_.rotary == Rotary::ac) {
       const auto off = std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) {
-        return s.moves() && std::hypot(s.axis.x(), s.axis.y()) > kSame;
+        return s.placed() && std::hypot(s.axis.x(), s.axis.y()) > kSame;
       });
       if (off != path_.steps.end()) lead = both_turns(Rotary::ac, off->axis, c, Vec3::Zero())[which];
     }
@@ -158,6 +164,16 @@ class Planner {
       c_ = c;
       k_ = step.axis;
       source_angles_ = step.angles.value_or(angles);
+      lost_ = false;
+      return;
+    }
+    if (lost_) {
+      const Vec3 angles = fits(step) ? *step.angles : nearest_turn(configuration_.rotary, step.axis, c, angles_);
+      arrive(step, index, step.tip, angles, step.kind, false);
+      c_ = c;
+      k_ = step.axis;
+      source_angles_ = step.angles.value_or(angles);
+      lost_ = false;
       return;
     }
     Way way{&step, index, tip_, k_, source_angles_, step.angles.has_value(), c_, c, step.kind == StepKind::arc};
@@ -193,6 +209,7 @@ class Planner {
     const double r = radius(step);
     if (step.sweep < 1 && r * (1 - std::cos(step.sweep / 2)) < kFlatArc * options_.tolerance) {
       out_.chord_error = std::max(out_.chord_error, r * (1 - std::cos(step.sweep / 2)));
+      ++out_.chorded;
       return arrive(step, way.index, step.tip, angles_, StepKind::line, false);
     }
     const int pieces =
@@ -207,6 +224,7 @@ class Planner {
     const double angle = std::max(2 * std::acos(1 - share), 1e-4);
     const int pieces = std::max(1, static_cast<int>(std::ceil(step.sweep / angle)));
     out_.chord_error = std::max(out_.chord_error, r * (1 - std::cos(step.sweep / pieces / 2)));
+    ++out_.chorded;
     for (int i = 0; i < pieces; ++i) advance(way, double(i) / pieces, double(i + 1) / pieces, 0);
   }
 
@@ -271,9 +289,9 @@ class Planner {
       return false;
     }
     if (best->singular) problem(step.line, "singular", where());
-    if (follows) {
+    if (follows && !lost_) {
       name_jump(step, best->joints - q_, where());
-    } else if (out_.branch.empty()) {
+    } else if (!follows && out_.branch.empty()) {
       out_.branch = kinematics::branch_name(machine_, best->branch);
     }
     q_ = best->joints;
@@ -330,7 +348,7 @@ class Planner {
     m.angles = angles;
     const Mat3 commanded = rotation_of_angles(angles);
     bool solved = false;
-    if (!placed_) {
+    if (!placed_ || lost_) {
       solved = solve(step, in_machine(commanded, tip));
     } else {
       const Mat3 R_1 = options_.between == Between::turn ? orientation(tip, angles) : commanded;
@@ -404,6 +422,8 @@ class Planner {
   int first_turns_ = 0;
   Vec3 tip_ = Vec3::Zero(), k_ = Vec3::UnitZ(), angles_ = Vec3::Zero(), source_angles_ = Vec3::Zero();
   Mat3 R_ = Mat3::Identity();
+  Mat3 R_MW_ = rotation_z(options_.rotation);
+  bool lost_ = false;  // the last rapid went to a place that is not known whole
   double c_ = 0;
   JointVector q_;
 };
@@ -415,6 +435,14 @@ tl::unexpected<Error> cancelled() {
 }  // namespace
 
 Result<Plan> plan(const Configuration& configuration, const Path& path, const PlanOptions& options) {
+  if (options.rotation != 0) {
+    for (const Step& s : path.steps) {
+      const bool turns = s.angles && s.angles->cwiseAbs().maxCoeff() > kSame;
+      if (!s.moves() || (!turns && angle_between(s.axis, Vec3::UnitZ()) < kSame)) continue;
+      return fail("PO124", "the workpiece is turned about z, and here the tool tilts or turns", {path.file, s.line, 1},
+                  "program such a part along the axes of M, without a rotation of the workpiece");
+    }
+  }
   Planner planner(configuration, path, options);
   const bool choose = configuration.rotary == Rotary::abc && !options.c;
   std::vector<Planner::Start> starts;
@@ -426,7 +454,7 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     }
     for (unsigned branch = 0; branch < 8; ++branch) {
       if (!options.branch.empty() && kinematics::branch_name(configuration.machine, branch) != options.branch) continue;
-      std::vector<double> c = choose_c(configuration, path, options.origin, branch, 0, options.progress);
+      std::vector<double> c = choose_c(configuration, path, options, branch, 0);
       if (!options.progress(0)) return cancelled();
       if (!c.empty()) starts.push_back({0, branch, std::move(c)});
     }

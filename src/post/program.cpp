@@ -2,13 +2,16 @@
 // The moves of a G-code program as steps, and which of the two languages a file is in.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
-#include <numbers>
+#include <initializer_list>
 
 #include "polypod/core/files.hpp"
-#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/post/path.hpp"
+#include "writing.hpp"
 
 namespace polypod::post {
 namespace {
@@ -17,35 +20,234 @@ Vec3 normal_of(gcode::Plane plane) {
   return plane == gcode::Plane::xy ? Vec3::UnitZ() : plane == gcode::Plane::zx ? Vec3::UnitY() : Vec3::UnitX();
 }
 
-/// What the words of a block that move nothing ask for: before its move (dwell, coolant) or after it (stops).
-struct Extras {
-  std::optional<double> dwell;
-  std::optional<Coolant> coolant;
-  bool stop = false, optional_stop = false;
-};
+int code_of(const gcode::Word& w) {
+  return static_cast<int>(std::lround(w.value * 10));
+}
 
-Extras extras_of(const gcode::Block& block) {
-  Extras out;
-  double p = 0;
-  bool g4 = false;
-  for (const gcode::Word& w : block.words) {
-    if (w.letter == 'P') p = w.value;
-    if (w.letter == 'G' && w.value == 4) g4 = true;
-    if (w.letter != 'M') continue;
-    if (w.value == 0) out.stop = true;
-    if (w.value == 1) out.optional_stop = true;
-    if (w.value == 7) out.coolant = Coolant::mist;
-    if (w.value == 8) out.coolant = Coolant::flood;
-    if (w.value == 9) out.coolant = Coolant::off;
+/// Words that hold a number for an M word beside them.
+constexpr std::string_view kArguments = "PQELR";
+constexpr int kLeastBuilders = 100, kMostBuilders = 199;  // M words of the machine's builder
+
+bool moves_by_machine(int g) {
+  return g == 280 || g == 300 || g == 530;
+}
+
+/// G words that the moves have already (planes, units, distances, offsets, compensation, cycles), or that cancel what
+/// the program has not.
+bool in_the_moves(int g) {
+  constexpr std::array kTaken{0,   10,  20,  30,  150, 170, 180, 190, 200, 210, 400, 500, 501, 540, 550,
+                              560, 570, 580, 590, 690, 800, 900, 901, 910, 911, 930, 940, 970, 980, 990};
+  return std::find(kTaken.begin(), kTaken.end(), g) != kTaken.end();
+}
+
+/// The block as a program in mm has it, in the order in which RS-274 takes its words.
+class BlockReader {
+ public:
+  BlockReader(const std::string& file, const gcode::Block& block, const gcode::ModalState& state, Path& out)
+      : file_(file), block_(block), inches_(state.inches), out_(out) {}
+
+  /// What comes before the move of the block.
+  Status before(bool arc, std::optional<gcode::PathControl>& path) {
+    POLYPOD_TRY(all_known(arc));
+    for (const std::string_view comment : gcode::comments(block_)) {
+      Step s = step(StepKind::comment);
+      const bool bracket = comment.front() == '(';
+      s.text = comment.substr(1, comment.size() - (bracket ? 2 : 1));
+      // `;MSG,` is a remark, `(MSG,` speaks to the operator.
+      if (!bracket && s.text.find(',') != std::string::npos) s.text = "; " + s.text;
+      out_.steps.push_back(std::move(s));
+    }
+    if (const gcode::Word* w = find('S')) {
+      const std::string speed = number(w->value, 3);
+      add("S" + speed, m({3, 4}) ? "" : fmt::format("spindle speed {} rev/min", speed));
+      speed_ = speed;
+    }
+    if (const gcode::Word* w = find('T')) {
+      add("T" + number(w->value, 0), m({6}) ? "" : fmt::format("tool {} is the next", number(w->value, 0)));
+    }
+    alone(62, 68, false);
+    if (m({6})) {
+      const gcode::Word* t = find('T');
+      add("M6", t ? fmt::format("change to tool {}", number(t->value, 0)) : "change to the selected tool");
+    }
+    alone(61, 61, true);
+    if (m({3})) add("M3", spindle("clockwise"));
+    if (m({4})) add("M4", spindle("counterclockwise"));
+    if (m({5})) add("M5", "spindle off");
+    alone(19, 19, false);
+    if (m({7})) add("M7", "mist on");
+    if (m({8})) add("M8", "flood on");
+    if (m({9})) add("M9", "coolant off");
+    alone(48, 53, true);
+    alone(kLeastBuilders, kMostBuilders, false);
+    flush();
+    if (g(40)) {
+      Step s = step(StepKind::dwell);
+      if (const gcode::Word* p = find('P')) s.seconds = p->value;
+      out_.steps.push_back(std::move(s));
+    }
+    length_offset();
+    path_mode(path);
+    return {};
   }
-  if (g4) out.dwell = p;
-  return out;
-}
 
-bool carried(const gcode::Word& w) {
-  return w.value == 0 || w.value == 1 || w.value == 2 || (w.value >= 3 && w.value <= 9) || w.value == 30 ||
-         w.value == 60 || w.value == 61;
-}
+  /// And what comes after it.
+  void after() {
+    for (const gcode::Word& w : block_.words) {
+      if (w.letter != 'M' || (w.value != 0 && w.value != 1 && w.value != 60)) continue;
+      Step s = step(w.value == 1 ? StepKind::optional_stop : StepKind::stop);
+      s.text = fmt::format("M{}", number(w.value, 0));
+      out_.steps.push_back(std::move(s));
+    }
+    if (m({30})) out_.end = "M30";
+    if (m({2})) out_.end = "M2";
+  }
+
+  [[nodiscard]] const gcode::Word* by_machine() const {
+    for (const gcode::Word& w : block_.words)
+      if (w.letter == 'G' && moves_by_machine(code_of(w))) return &w;
+    return nullptr;
+  }
+
+  [[nodiscard]] bool turns() const { return find('A') || find('B') || find('C'); }
+
+ private:
+  [[nodiscard]] Step step(StepKind kind) const {
+    Step s;
+    s.kind = kind;
+    s.line = block_.line;
+    return s;
+  }
+  [[nodiscard]] const gcode::Word* find(char letter) const {
+    for (const gcode::Word& w : block_.words)
+      if (w.letter == letter) return &w;
+    return nullptr;
+  }
+  [[nodiscard]] bool g(int code) const {
+    return std::any_of(block_.words.begin(), block_.words.end(),
+                       [&](const gcode::Word& w) { return w.letter == 'G' && code_of(w) == code; });
+  }
+  [[nodiscard]] bool m(std::initializer_list<int> values) const {
+    return std::any_of(block_.words.begin(), block_.words.end(), [&](const gcode::Word& w) {
+      return w.letter == 'M' && std::any_of(values.begin(), values.end(), [&](int v) { return w.value == v; });
+    });
+  }
+
+  Status all_known(bool arc) const {
+    const bool p_elsewhere = arc || g(40) || g(640);
+    for (const gcode::Word& w : block_.words) {
+      const Place place{file_, block_.line, w.column};
+      if (w.letter == 'G') {
+        const int code = code_of(w);
+        if (in_the_moves(code) || moves_by_machine(code)) continue;
+        if (code == 40 || code == 430 || code == 431 || code == 490 || code == 610 || code == 611 || code == 640)
+          continue;
+        return fail("PO118", fmt::format("G{} is not carried over", number(w.value, 1)), place,
+                    "remove it, or write with the words of docs/post.md what it does");
+      }
+      if (w.letter != 'M') continue;
+      const auto v = static_cast<int>(w.value);
+      const bool taken = (v >= 0 && v <= 9) || v == 19 || v == 30 || (v >= 48 && v <= 53) || (v >= 60 && v <= 68) ||
+                         (v >= kLeastBuilders && v <= kMostBuilders);
+      if (!taken || double(v) != w.value) {
+        return fail("PO118", fmt::format("M{} is not carried over", number(w.value, 1)), place,
+                    "remove it, or do in the program what it does");
+      }
+      if (p_elsewhere && has_arguments(v) && (find('P') || find('Q'))) {
+        return fail("PO118", fmt::format("M{} beside a word that takes P or Q as well", v), place,
+                    "give it a block of its own");
+      }
+    }
+    return {};
+  }
+
+  static bool has_arguments(int v) { return v == 19 || v >= 50; }
+
+  [[nodiscard]] std::string spindle(const char* sense) const {
+    return speed_.empty() ? fmt::format("spindle {}", sense) : fmt::format("spindle {} rev/min {}", speed_, sense);
+  }
+
+  void add(const std::string& text, const std::string& meaning) {
+    line_ += (line_.empty() ? "" : " ") + text;
+    if (!meaning.empty()) meaning_ += (meaning_.empty() ? "" : ", ") + meaning;
+  }
+  void flush(bool robots = true) {
+    if (line_.empty()) return;
+    Step s = step(StepKind::words);
+    s.text = std::move(line_);
+    s.meaning = std::move(meaning_);
+    s.robots = robots;
+    out_.steps.push_back(std::move(s));
+    line_.clear();
+    meaning_.clear();
+  }
+  /// M words of this range, each in a line of its own with its numbers.
+  void alone(int least, int most, bool robots) {
+    for (const gcode::Word& w : block_.words) {
+      const auto v = static_cast<int>(w.value);
+      if (w.letter != 'M' || v < least || v > most) continue;
+      flush();
+      std::string text = fmt::format("M{}", v);
+      if (has_arguments(v)) {
+        for (const gcode::Word& argument : block_.words)
+          if (kArguments.find(argument.letter) != std::string_view::npos)
+            text += fmt::format(" {}{}", argument.letter, number(argument.value, 6));
+      }
+      add(text, text);
+      flush(robots);
+    }
+  }
+
+  [[nodiscard]] std::string length(double value) const {
+    return number(units::to_mm(inches_ ? units::from_inch(value) : units::from_mm(value)), 6);
+  }
+
+  void length_offset() {
+    const int code = g(430) ? 430 : g(431) ? 431 : g(490) ? 490 : 0;
+    if (code == 0) return;
+    Step s = step(StepKind::words);
+    s.text = code == 430 ? "G43" : code == 431 ? "G43.1" : "G49";
+    if (const gcode::Word* h = find('H'); h && code == 430) s.text += " H" + number(h->value, 0);
+    if (code == 431) {
+      for (const gcode::Word& w : block_.words) {
+        if (std::string_view("XYZ").find(w.letter) != std::string_view::npos)
+          s.text += fmt::format(" {}{}", w.letter, length(w.value));
+        if (std::string_view("ABC").find(w.letter) != std::string_view::npos)
+          s.text += fmt::format(" {}{}", w.letter, number(w.value, 6));
+      }
+    }
+    s.length_offset = true;
+    out_.steps.push_back(std::move(s));
+  }
+
+  void path_mode(std::optional<gcode::PathControl>& path) {
+    if (!g(610) && !g(611) && !g(640)) return;
+    Step s = step(StepKind::words);
+    s.path_mode = true;
+    gcode::PathControl control;
+    if (g(610) || g(611)) {
+      s.text = g(610) ? "G61" : "G61.1";
+      control.mode = g(610) ? gcode::PathMode::exact_path : gcode::PathMode::exact_stop;
+    } else {
+      s.text = "G64";
+      for (const char letter : {'P', 'Q'}) {
+        const gcode::Word* w = find(letter);
+        if (w == nullptr) continue;
+        s.text += fmt::format(" {}{}", letter, length(w->value));
+        if (letter == 'P')
+          control.blend_tolerance = static_cast<float>(inches_ ? units::from_inch(w->value) : units::from_mm(w->value));
+      }
+    }
+    path = control;
+    out_.steps.push_back(std::move(s));
+  }
+
+  const std::string& file_;
+  const gcode::Block& block_;
+  bool inches_;
+  Path& out_;
+  std::string line_, meaning_, speed_;
+};
 
 Step step_of(const gcode::Move& move, int line) {
   Step s;
@@ -70,62 +272,147 @@ Step step_of(const gcode::Move& move, int line) {
 
 }  // namespace
 
-Result<Path> read_program(const std::string& file, const gcode::InterpretOptions& options) {
-  gcode::UnrollOptions unrolling;
-  unrolling.interpret = options;
-  POLYPOD_ASSIGN(understood, gcode::understand(file, unrolling));
+Result<Path> read_program(const std::string& file, const ProgramOptions& options) {
+  POLYPOD_ASSIGN(source, gcode::read(file));
+  const auto slash = std::find_if(source.blocks.begin(), source.blocks.end(),
+                                  [](const gcode::Block& block) { return block.optional && !block.after_end; });
+  if (slash != source.blocks.end() && !options.block_delete_said) {
+    return fail("PO126", "a block that begins with /: the machine's switch says whether it is carried out",
+                Place{file, slash->line, 1}, "give a job with block_delete = true or false, or remove the /");
+  }
+  POLYPOD_ASSIGN(understood, gcode::understand(file, options.unroll));
+  if (options.accept) POLYPOD_TRY(options.accept(understood));
   Path out;
   out.file = file;
-  out.notes = understood.interpretation.notes;
+  out.program = true;
+  // A tool length is passed on in its place, which says more than the reader's note.
+  for (const std::string& note : understood.interpretation.notes)
+    if (note.find("is passed through; the programmed point") == std::string::npos &&
+        note.find("blocks that begin with /") == std::string::npos)
+      out.notes.push_back(note);
+  if (slash != source.blocks.end()) {
+    out.notes.push_back(fmt::format("line {}: blocks that begin with / are {}, as the job says", slash->line,
+                                    options.unroll.interpret.block_delete ? "left out" : "carried out"));
+  }
   const std::vector<gcode::Move>& moves = understood.interpretation.moves;
   std::size_t next = 0;
-  Coolant coolant = Coolant::off;
-  Step last;  // what is in force, for steps without a move
-  int unknown = 0, first_unknown = 0;
+  std::optional<gcode::PathControl> path;
+  bool turned = false, placed = false;
+  int first_incomplete = 0, length_change = 0, other_offset = 0, plain_turn = 0;
   for (std::size_t b = 0; b < understood.program.blocks.size(); ++b) {
     const gcode::Block& block = understood.program.blocks[b];
-    if (!understood.interpretation.states[b].executed) continue;
-    const Extras extras = extras_of(block);
-    if (extras.coolant) coolant = *extras.coolant;
-    const auto other = [&](StepKind kind, double seconds = 0) {
-      Step s = last;
-      s.kind = kind;
-      s.line = block.line;
-      s.coolant = coolant;
-      s.seconds = seconds;
-      out.steps.push_back(std::move(s));
-    };
-    if (extras.dwell) other(StepKind::dwell, *extras.dwell);
-    for (; next < moves.size() && moves[next].block == static_cast<int>(b); ++next) {
-      if (!moves[next].start_known && moves[next].kind != gcode::MoveKind::rapid) {
-        out.notes.push_back(
-            fmt::format("line {}: where this cut starts is not known; only its end is judged", block.line));
+    const gcode::ModalState& state = understood.interpretation.states[b];
+    if (!state.executed) continue;
+    BlockReader reader(file, block, state, out);
+    const bool moving = next < moves.size() && moves[next].block == static_cast<int>(b);
+    POLYPOD_TRY(reader.before(moving && moves[next].kind == gcode::MoveKind::arc, path));
+    if (const gcode::Word* w = reader.by_machine()) {
+      const Place place{file, block.line, w->column};
+      if (state.motion > 0 && code_of(*w) == 530) {
+        return fail("PO116", "a cut in machine coordinates (G53): where the machine's zero lies is not known", place,
+                    "write this cut in workpiece coordinates");
       }
-      last = step_of(moves[next], block.line);
-      last.coolant = coolant;
-      out.steps.push_back(last);
+      const std::size_t first = block.text.find_first_not_of(" \t"), last = block.text.find_last_not_of(" \t\r");
+      out.left_out.push_back({block.line, block.text.substr(first, last + 1 - first)});
     }
-    if (extras.stop) other(StepKind::stop);
-    if (extras.optional_stop) other(StepKind::optional_stop);
-    for (const gcode::Word& w : block.words) {
-      if (w.letter == 'M' && !carried(w) && unknown++ == 0) first_unknown = block.line;
+    if (moving && !out.left_out.empty()) {
+      const LeftOut& retract = out.left_out.front();
+      return fail(
+          "PO116",
+          fmt::format("`{}` with moves behind it (line {}): where the machine's zero lies is not known", retract.text,
+                      block.line),
+          Place{file, retract.line, 1},
+          "write it in workpiece coordinates (G0 Z...); as the last move of a program it is left out and named");
     }
-  }
-  if (unknown > 0) {
-    out.notes.push_back(fmt::format("line {}: {} M {} of the machine's builder {} not written", first_unknown, unknown,
-                                    unknown == 1 ? "word" : "words", unknown == 1 ? "is" : "are"));
+    turned = turned || (moving && reader.turns());
+    for (; next < moves.size() && moves[next].block == static_cast<int>(b); ++next) {
+      const gcode::Move& move = moves[next];
+      const bool cuts = move.kind != gcode::MoveKind::rapid;
+      if (cuts && !move.start_known) {
+        return fail("PO117",
+                    "where this cut starts is not known: X, Y or Z have not been commanded since the program began, or "
+                    "since a tool length offset (G43, G49) changed",
+                    Place{file, block.line, 1}, "command X, Y and Z with G0 before the first cut, and Z after G43");
+      }
+      Step s = step_of(move, block.line);
+      s.known = move.known_end;
+      s.start_known = move.start_known;
+      if (!move.start_known && placed && length_change == 0) length_change = block.line;
+      placed = placed || s.placed();
+      s.turned = turned;
+      s.path = path;
+      if (!s.placed()) {
+        if ((move.axes_end - move.axes_start).cwiseAbs().maxCoeff() > 0) {
+          return fail("PO117", "A, B or C turn where X, Y or Z are not known: this cannot be judged",
+                      Place{file, block.line, 1}, "command X, Y and Z with G0 before");
+        }
+        for (int k = 0; k < 3; ++k)
+          if (!s.known[static_cast<std::size_t>(k)]) s.tip[k] = 0;
+        if (first_incomplete == 0) first_incomplete = block.line;
+      }
+      if (move.work_offset != 0 && other_offset == 0) other_offset = block.line;
+      if (cuts && move.length() < 1e-9 && plain_turn == 0) plain_turn = block.line;
+      out.steps.push_back(std::move(s));
+    }
+    reader.after();
   }
   if (moves.empty()) return fail("PO112", "the program makes no move", {file}, "there is nothing to post");
+  if (std::none_of(out.steps.begin(), out.steps.end(), [](const Step& s) { return s.placed(); })) {
+    return fail("PO117", "no move of the program ends at a place that is known whole", {file},
+                "command X, Y and Z with G0");
+  }
+  if (first_incomplete > 0) {
+    out.notes.push_back(
+        fmt::format("line {}: X, Y or Z are not known yet, so this rapid, and the way of the next to a known place, "
+                    "cannot be judged: the place to which it comes is",
+                    first_incomplete));
+  }
+  if (length_change > 0 && length_change != first_incomplete) {
+    out.notes.push_back(
+        fmt::format("line {}: the tool length offset changes before it; where the tip then stands is not known, and of "
+                    "such rapids the end is judged, not the way",
+                    length_change));
+  }
+  if (other_offset > 0)
+    out.notes.push_back(fmt::format("line {}: G55 to G59 are written in the coordinates of G54", other_offset));
+  if (plain_turn > 0) {
+    out.notes.push_back(fmt::format(
+        "line {}: a cut that only turns the tool is written with --turn-speed, not with its F", plain_turn));
+  }
+  for (const LeftOut& l : out.left_out) {
+    out.notes.push_back(
+        fmt::format("line {}: `{}` at the end is left out, for the machine's zero is not known: the tool stays where "
+                    "the move before it ends; retract it by hand or add the block on the controller",
+                    l.line, l.text));
+  }
   return out;
 }
 
-Result<Path> read_path(const std::string& file) {
+std::optional<CorrectedFor> corrected_for(const Path& path) {
+  constexpr std::string_view kMark = "Polypod: corrected for the static compliance of ";
+  std::optional<CorrectedFor> out;
+  for (const Step& s : path.steps) {
+    if (s.kind != StepKind::comment) continue;
+    if (const std::size_t at = s.text.find(kMark); at != std::string::npos) {
+      out = CorrectedFor{s.line, s.text.substr(at + kMark.size()), ""};
+      continue;
+    }
+    const std::size_t from = s.text.find("origin X");
+    if (!out || !out->origin.empty() || from == std::string::npos || s.text.find("Polypod: ") == std::string::npos)
+      continue;
+    const std::size_t to = s.text.find(" mm", from);
+    out->origin = s.text.substr(from + 7, to == std::string::npos ? to : to - from - 7);
+  }
+  return out;
+}
+
+Result<Path> read_path(const std::string& file, const ProgramOptions& options) {
   POLYPOD_ASSIGN(text, files::read(file));
   if (looks_like_cl(text)) return parse_cl(text, file);
   if (files::is_standard_input(file)) {
     return fail("PO115", "a G-code program from standard input", {file}, "give the program as a file");
   }
-  return read_program(file);
+  return read_program(file, options);
 }
 
 }  // namespace polypod::post

@@ -81,12 +81,14 @@ Vec3 between_axes(const Vec3& k_0, const Vec3& k_1, double s) {
   return Vec3(Eigen::AngleAxisd(s * angle, Vec3(n / sine)) * k_0).normalized();
 }
 
-std::vector<double> choose_c(const Configuration& configuration, const Path& path, const Vec3& origin, unsigned branch,
-                             double first_c, const std::function<bool(double)>& progress) {
+std::vector<double> choose_c(const Configuration& configuration, const Path& path, const PlanOptions& options,
+                             unsigned branch, double first_c) {
+  const std::function<bool(double)>& progress = options.progress;
+  const Mat3 R_MW = rotation_z(options.rotation);
   const machine::AnyMachine& machine = configuration.machine;
   std::vector<std::size_t> moving;
   for (std::size_t i = 0; i < path.steps.size(); ++i)
-    if (path.steps[i].moves()) moving.push_back(i);
+    if (path.steps[i].placed()) moving.push_back(i);
   const auto value_of = [&](int j) { return first_c + kChoice * (j - kChoices / 2); };
   std::vector<Choice> row(kChoices), next(kChoices);
   std::vector<std::int8_t> from(moving.size() * kChoices, 0);
@@ -99,8 +101,8 @@ std::vector<double> choose_c(const Configuration& configuration, const Path& pat
       choice.cost = std::numeric_limits<double>::infinity();
       const double c = step.angles ? step.angles->z() : value_of(j);
       const Vec3 angles = step.angles ? *step.angles : both_turns(Rotary::abc, step.axis, c, Vec3::Zero())[0];
-      const kinematics::InverseResult inverse =
-          kinematics::inverse(machine, {rotation_abc(angles.x(), angles.y(), angles.z()), origin + step.tip});
+      const kinematics::InverseResult inverse = kinematics::inverse(
+          machine, {rotation_abc(angles.x(), angles.y(), angles.z()), options.origin + R_MW * step.tip});
       for (const kinematics::Solution& s : inverse.solutions) {
         if (s.branch != branch || s.violations != 0 || s.singular) continue;
         const double limits = cost_of_limits(machine, s.joints);

@@ -20,7 +20,7 @@ Vec3 between_axes(const Vec3& k_0, const Vec3& k_1, double s);
 /// C at the end of each step (of steps that do not move: that before it) so that the arm stays in the posture `branch`
 /// within its limits, by dynamic programming over values 5 deg apart: the sum of the squares of the joints' changes,
 /// and of how near each joint is to its limits, is smallest. Empty where no such way was found.
-std::vector<double> choose_c(const Configuration& configuration, const Path& path, const Vec3& origin, unsigned branch,
-                             double first_c, const std::function<bool(double)>& progress);
+std::vector<double> choose_c(const Configuration& configuration, const Path& path, const PlanOptions& options,
+                             unsigned branch, double first_c);
 
 }  // namespace polypod::post

@@ -34,6 +34,7 @@ void set_for(Dialect dialect, PlanOptions& options) {
   constexpr double kRobotArc = 2 * std::numbers::pi / 3;  // three points make a circle well up to there
   const bool robot = dialect != Dialect::ngc;
   options.between = robot ? Between::turn : Between::angles;
+  options.length_offsets = !robot;
   options.arcs_in_any_plane = robot;
   options.largest_sweep = robot ? kRobotArc : 0;
 }
@@ -63,26 +64,30 @@ class NgcWriter {
 
   Written write() {
     for (const std::string& text : options_.header) line(comment_of(text));
-    line("G21 G17 G90 G91.1 G94 G40 G49 G80 G54");
-    if (options_.blend > 0) line(fmt::format("G64 P{}", number(units::to_mm(options_.blend), kDecimals)));
+    // What a program does not say stays as it is on the controller: its tool length and its path mode.
+    line(path_.program ? "G21 G17 G90 G91.1 G94 G40 G80 G54" : "G21 G17 G90 G91.1 G94 G40 G49 G80 G54");
+    if (!path_.program || options_.blend_overrides)
+      line(options_.blend > 0 ? fmt::format("G64 P{}", number(units::to_mm(options_.blend), kDecimals)) : "G61");
     if (options_.inverse_time) line("G93");
     std::size_t next = 0;
     for (std::size_t i = 0; i < path_.steps.size(); ++i) {
       const Step& step = path_.steps[i];
       if (step.kind == StepKind::comment) {
-        line(comment_of("note: " + step.text));
+        line(comment_of(path_.program ? step.text : "note: " + step.text));
         continue;
       }
-      state(step);
-      if (step.kind == StepKind::stop) line("M0");
+      if (!path_.program) state(step);
+      if (step.kind == StepKind::words) words(step);
+      if (step.kind == StepKind::stop) line(step.text.empty() ? "M0" : step.text);
       if (step.kind == StepKind::optional_stop) line("M1");
       if (step.kind == StepKind::dwell) line("G4 P" + number(step.seconds, 4));
+      if (step.moves() && !step.placed()) rapid(step);
       for (; next < plan_.moves.size() && plan_.moves[next].step == static_cast<int>(i); ++next)
         move(plan_.moves[next], step);
     }
     if (spindle_ != gcode::Spindle::off) line("M5");
     if (coolant_ != Coolant::off) line("M9");
-    line("M2");
+    line(path_.end);
     return std::move(out_);
   }
 
@@ -96,6 +101,7 @@ class NgcWriter {
     if (step.tool != tool_) {
       line(fmt::format("T{} M6", step.tool));
       tool_ = step.tool;
+      spindle_ = gcode::Spindle::off;  // LinuxCNC stops it for the change
     }
     const bool turns = step.spindle != gcode::Spindle::off;
     if (step.spindle != spindle_ || (turns && step.spindle_speed != speed_)) {
@@ -115,6 +121,25 @@ class NgcWriter {
     }
   }
 
+  void words(const Step& step) {
+    if (step.path_mode && options_.blend_overrides) return;
+    line(step.text);
+    if (step.length_offset)
+      for (const char letter : {'X', 'Y', 'Z'}) last_[static_cast<std::size_t>(letter - 'A')].clear();
+  }
+
+  /// A rapid to a place that is not known whole: the axes that are.
+  void rapid(const Step& step) {
+    std::string block;
+    for (int i = 0; i < 3; ++i)
+      if (step.known[static_cast<std::size_t>(i)]) word(block, "XYZ"[i], units::to_mm(step.tip[i]));
+    if (block.empty()) return;
+    if (motion_ != "G0") block = " G0" + block;
+    motion_ = "G0";
+    line(block.substr(1));
+    ++out_.moves;
+  }
+
   /// The word of an axis if its text is new.
   void word(std::string& block, char letter, double value, bool always = false) {
     const std::string text = number(value, kDecimals);
@@ -128,7 +153,7 @@ class NgcWriter {
     std::string block;
     const Vec3 start = tip_;
     for (int i = 0; i < 3; ++i) word(block, "XYZ"[i], units::to_mm(m.tip[i]));
-    if (rotary_ != Rotary::none) {
+    if (rotary_ != Rotary::none && step.turned) {
       word(block, 'A', units::to_deg(m.angles.x()));
       if (rotary_ != Rotary::ac) word(block, 'B', units::to_deg(m.angles.y()));
       if (rotary_ != Rotary::ab) word(block, 'C', units::to_deg(m.angles.z()));

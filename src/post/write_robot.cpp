@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <numbers>
 
@@ -92,17 +93,22 @@ class Krl final : public Language {
     head_.push_back("BAS(#INITMOV,0)");
     head_.push_back("$BASE=" + frame(X_BW) + "}");
     head_.push_back("$TOOL=" + frame(X_FT) + "}");
-    if (options_.blend > 0) head_.push_back(fmt::format("$APO.CDIS={}", number(units::to_mm(options_.blend), 4)));
+    if (options_.blend > 0) {
+      blend_ = fmt::format("$APO.CDIS={}", number(units::to_mm(options_.blend), 4));
+      head_.push_back(blend_);
+    }
   }
   void first(const PlannedMove& m, const Posture& posture) override {
     add("PTP " + frame({m.R, m.tip}) + bits(posture) + "}", true);
   }
   void line(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
     velocity(speed);
+    distance(blend);
     add("LIN " + frame({m.R, m.tip}) + bits(posture) + "}" + (blend > 0 ? " C_DIS" : ""), true);
   }
   void arc(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
     velocity(speed);
+    distance(blend);
     add("CIRC " + frame({m.R_via, m.via}) + "}," + frame({m.R, m.tip}) + bits(posture) + "}" +
             (blend > 0 ? " C_DIS" : ""),
         true);
@@ -147,7 +153,13 @@ class Krl final : public Language {
     if (text != velocity_) add(text);
     velocity_ = text;
   }
-  std::string velocity_;
+  void distance(double blend) {
+    if (blend <= 0) return;
+    const std::string text = fmt::format("$APO.CDIS={}", number(units::to_mm(blend), 4));
+    if (text != blend_) add(text);
+    blend_ = text;
+  }
+  std::string velocity_, blend_;
 };
 
 // ABB RAPID -----------------------------------------------------------------------------------------------------------
@@ -159,9 +171,7 @@ class Rapid final : public Language {
   void begin(const Pose& X_BW, const Pose& X_FT) override {
     head_.push_back(fmt::format("PERS tooldata tPart:=[TRUE,{},[1,[0,0,1],[1,0,0,0],0,0,0]];", pose(X_FT)));
     head_.push_back(fmt::format("PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],{}];", pose(X_BW)));
-    const double z = units::to_mm(options_.blend);
-    head_.push_back(fmt::format("CONST zonedata zPart:=[FALSE,{0},{0},{0},{1},{0},{1}];",
-                                number(std::max(z, 0.0001), 4), number(std::max(z / 10, 0.0001), 4)));
+    zone(std::max(options_.blend, 1e-7));
     add("ConfL\\Off;");
   }
   void first(const PlannedMove& m, const Posture& posture) override {
@@ -171,12 +181,12 @@ class Rapid final : public Language {
   }
   void line(const PlannedMove& m, const Posture& posture, double v, double blend) override {
     add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < 1e-9),
-                    blend > 0 ? "zPart" : "fine"),
+                    zone(blend)),
         true);
   }
   void arc(const PlannedMove& m, const Posture& posture, double v, double blend) override {
     add(fmt::format("MoveC {},{},{},{},tPart\\WObj:=wPart;", target({m.R_via, m.via}, posture),
-                    target({m.R, m.tip}, posture), speed(v, false), blend > 0 ? "zPart" : "fine"),
+                    target({m.R, m.tip}, posture), speed(v, false), zone(blend)),
         true);
   }
   void comment(const std::string& text) override { add("! " + text); }
@@ -217,6 +227,21 @@ class Rapid final : public Language {
     return fmt::format("{},[{},{},{},{}],[9E9,9E9,9E9,9E9,9E9,9E9]]", p.substr(0, p.size() - 1), cf[0], cf[1], cf[2],
                        cf[3]);
   }
+  /// Its name; each distance has zone data of its own.
+  std::string zone(double blend) {
+    if (blend <= 0) return "fine";
+    const double z = units::to_mm(blend);
+    const std::string data = fmt::format("[FALSE,{0},{0},{0},{1},{0},{1}]", number(std::max(z, 0.0001), 4),
+                                         number(std::max(z / 10, 0.0001), 4));
+    const auto known = zones_.find(data);
+    if (known != zones_.end()) return known->second;
+    const std::string name = zones_.empty() ? "zPart" : fmt::format("zPart{}", zones_.size() + 1);
+    zones_[data] = name;
+    head_.push_back(fmt::format("CONST zonedata {}:={};", name, data));
+    return name;
+  }
+  std::map<std::string, std::string> zones_;
+
   /// [mm/s, deg/s, of external axes]
   std::string speed(double v, bool turn) const {
     return fmt::format("[{},{},5000,1000]", number(std::max(units::to_mm(v), 0.001), 3),
@@ -350,6 +375,95 @@ Posture posture_of(const Configuration& configuration, const machine::JointVecto
   return out;
 }
 
+namespace {
+
+/// How far the path mode of a move lets its corners be rounded, m.
+double allowed(const Step& step, const WriteOptions& options) {
+  if (options.blend_overrides || !step.path) return options.blend;
+  if (step.path->mode != gcode::PathMode::continuous) return 0;
+  return step.path->blend_tolerance > 0 ? double(step.path->blend_tolerance) : options.blend;
+}
+
+/// A corner is rounded where the tool goes on cutting behind it; in URScript by at most 0.45 of the shorter way beside
+/// it.
+double blend_behind(Dialect dialect, const Path& path, const Plan& plan, const WriteOptions& options, std::size_t i) {
+  if (i + 1 >= plan.moves.size()) return 0;
+  const PlannedMove &m = plan.moves[i], &after = plan.moves[i + 1];
+  if (m.kind == StepKind::rapid || after.kind == StepKind::rapid) return 0;
+  for (int k = m.step + 1; k < after.step; ++k) {
+    const Step& between = path.steps[static_cast<std::size_t>(k)];
+    const bool silent = between.kind == StepKind::words && between.meaning.empty();
+    if (between.kind != StepKind::comment && !silent) return 0;
+  }
+  const double blend = std::min(allowed(path.steps[static_cast<std::size_t>(m.step)], options),
+                                allowed(path.steps[static_cast<std::size_t>(after.step)], options));
+  const double shorter = std::min(m.length, after.length);
+  if (blend <= 0 || shorter < 1e-9) return 0;
+  return dialect == Dialect::urscript ? std::min(blend, 0.45 * shorter) : blend;
+}
+
+/// Words, places and tools that a robot's language cannot have.
+Status fits_a_robot(const Path& path) {
+  bool placed = false;
+  int tool = 0, tool_line = 0;
+  for (const Step& s : path.steps) {
+    const Place place{path.file, s.line, 1};
+    if (s.kind == StepKind::words && !s.robots) {
+      return fail("PO118", fmt::format("{} has no counterpart in a robot's language", s.text), place,
+                  "remove it, and switch what it switches in the program of the cell; --to ngc keeps it");
+    }
+    if (!s.moves()) continue;
+    if (!s.placed() && placed) {
+      return fail("PO117", "X, Y or Z are not known here, and a robot's language needs all of them", place,
+                  "command X, Y and Z with G0, and Z after G43");
+    }
+    if (!s.placed()) continue;
+    placed = true;
+    if (s.tool != 0 && tool != 0 && s.tool != tool) {
+      return fail(
+          "PO119",
+          fmt::format("tool {} here and tool {} in line {}: the TCP is that of the one tool of the machine file",
+                      s.tool, tool, tool_line),
+          place, "post the part of each tool by itself, with a machine file of this tool");
+    }
+    if (s.tool != 0 && tool == 0) tool_line = s.line;
+    if (s.tool != 0) tool = s.tool;
+  }
+  return {};
+}
+
+/// What the source has and the robot's program has otherwise.
+std::vector<std::string> robot_notes(const Path& path, const WriteOptions& options) {
+  std::vector<std::string> out;
+  int length = 0, optional_stop = 0, incomplete = 0, without_mode = 0, pallet = 0;
+  const auto first = [](int& line, const Step& s) { line = line == 0 ? s.line : line; };
+  for (const Step& s : path.steps) {
+    if (s.length_offset) first(length, s);
+    if (s.kind == StepKind::optional_stop) first(optional_stop, s);
+    if (s.kind == StepKind::stop && s.text == "M60") first(pallet, s);
+    if (s.moves() && !s.placed()) first(incomplete, s);
+    const bool distance = s.path && (s.path->mode != gcode::PathMode::continuous || s.path->blend_tolerance > 0);
+    if (s.placed() && s.kind != StepKind::rapid && !distance) first(without_mode, s);
+  }
+  if (length > 0) {
+    out.push_back(
+        fmt::format("line {}: tool length offsets are not written: the TCP is the tool of the machine file", length));
+  }
+  if (optional_stop > 0) out.push_back(fmt::format("line {}: M1 stands as a comment: it does not stop", optional_stop));
+  if (pallet > 0) out.push_back(fmt::format("line {}: of M60 the stop is written, not the change of pallets", pallet));
+  if (incomplete > 0) {
+    out.push_back(fmt::format(
+        "line {}: rapids before the first place that is known whole are left out: the robot begins there", incomplete));
+  }
+  if (path.program && without_mode > 0 && !options.blend_overrides) {
+    out.push_back(fmt::format("line {}: no path mode says how far corners may be rounded: {:g} mm (--corner-blend)",
+                              without_mode, units::to_mm(options.blend)));
+  }
+  return out;
+}
+
+}  // namespace
+
 Result<Written> write_robot(Dialect dialect, const Configuration& configuration, const Path& path, const Plan& plan,
                             const WriteOptions& options) {
   const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
@@ -358,34 +472,24 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
                 fmt::format("{} is no arm, so no robot's controller moves it", machine::name_of(configuration.machine)),
                 {}, "use --to ngc");
   }
+  POLYPOD_TRY(fits_a_robot(path));
   Written out;
   const auto language = language_of(dialect, options);
-  language->begin(arm->X_MB.inverse() * Pose{Mat3::Identity(), options.origin}, arm->X_FT);
+  language->begin(arm->X_MB.inverse() * Pose{rotation_z(options.rotation), options.origin}, arm->X_FT);
+  // The plan has orientations along the axes of M; the language wants those in the frame of the workpiece.
+  const Mat3 R_WM = rotation_z(-options.rotation);
   std::string state;
   bool known = true, placed = false;
   std::size_t next = 0;
-  // A corner is rounded where the tool goes on cutting behind it, by at most 0.45 of the shorter way beside it.
-  const auto blend_of = [&](std::size_t i) {
-    const PlannedMove& m = plan.moves[i];
-    if (options.blend <= 0 || i + 1 >= plan.moves.size() || m.kind == StepKind::rapid ||
-        plan.moves[i + 1].kind == StepKind::rapid)
-      return 0.0;
-    for (int k = m.step + 1; k < plan.moves[i + 1].step; ++k) {
-      const StepKind between = path.steps[static_cast<std::size_t>(k)].kind;
-      if (between != StepKind::comment) return 0.0;
-    }
-    const double shorter = std::min(m.length, plan.moves[i + 1].length);
-    return shorter < 1e-9                 ? 0.0
-           : dialect == Dialect::urscript ? std::min(options.blend, 0.45 * shorter)
-                                          : options.blend;
-  };
   for (std::size_t i = 0; i < path.steps.size(); ++i) {
     const Step& step = path.steps[i];
     if (step.kind == StepKind::comment) {
       language->comment(plain_text(step.text, kLongestComment));
       continue;
     }
-    if (const std::string now = state_of(step); now != state) {
+    if (path.program) {
+      if (!step.meaning.empty()) language->comment(step.meaning);
+    } else if (const std::string now = state_of(step); now != state) {
       language->comment(now);
       state = now;
     }
@@ -393,27 +497,33 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
       language->stop(step.kind == StepKind::optional_stop);
     if (step.kind == StepKind::dwell) language->dwell(step.seconds);
     for (; next < plan.moves.size() && plan.moves[next].step == static_cast<int>(i); ++next) {
-      const PlannedMove& m = plan.moves[next];
+      PlannedMove m = plan.moves[next];
       const Posture posture = posture_of(configuration, m.joints);
       known = known && posture.known;
+      m.R = R_WM * m.R;
+      m.R_via = R_WM * m.R_via;
       const double speed = m.kind == StepKind::rapid ? options.rapid_speed : step.feed;
+      const double blend = blend_behind(dialect, path, plan, options, next);
       if (!placed) {
         language->first(m, posture);
       } else if (m.kind == StepKind::arc) {
-        language->arc(m, posture, speed, blend_of(next));
+        language->arc(m, posture, speed, blend);
       } else {
-        language->line(m, posture, speed, blend_of(next));
+        language->line(m, posture, speed, blend);
       }
       placed = true;
       ++out.moves;
     }
   }
+  if (path.program) language->comment("end of the program: spindle and coolant off");
   out.text = language->text(identifier(options.name, 24));
   out.lines = static_cast<int>(std::count(out.text.begin(), out.text.end(), '\n'));
   out.notes.push_back(
-      "spindle, coolant and tool changes stand as comments: how they are switched is a matter of the cell");
+      "spindle, coolant and tool changes stand as comments: wire them to the outputs of the cell, or they do not "
+      "happen");
   out.notes.push_back(
       "workpiece and tool frame are those of the machine file; its joints must count as the controller's do");
+  for (std::string& note : robot_notes(path, options)) out.notes.push_back(std::move(note));
   if (arm->dh.size() != 6)
     out.notes.push_back(
         fmt::format("the tool frame is given in the last frame of the {} joints of the machine file", arm->dh.size()));

@@ -2,7 +2,9 @@
 // What a part program asks of the tool, whatever language it was written in: an APT CL file or a G-code program.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,6 +12,7 @@
 
 #include "polypod/core/error.hpp"
 #include "polypod/gcode/interpreter.hpp"
+#include "polypod/gcode/unroll.hpp"
 #include "polypod/geometry/pose.hpp"
 
 namespace polypod::post {
@@ -21,7 +24,8 @@ enum class StepKind : std::uint8_t {
   dwell,          ///< DELAY, G4
   stop,           ///< STOP, M0
   optional_stop,  ///< OPSTOP, M1
-  comment         ///< PPRINT, REMARK, PARTNO
+  comment,        ///< PPRINT, REMARK, PARTNO, comments of a program
+  words           ///< programs: words that move nothing, which take effect here (T, S, M3, M8, G43, G61, ...)
 };
 
 enum class Coolant : std::uint8_t { off, mist, flood };
@@ -42,15 +46,36 @@ struct Step {
   Coolant coolant = Coolant::off;
   int tool = 0;        ///< 0: none was loaded
   double seconds = 0;  ///< dwells
-  std::string text;    ///< comments, one line
+  /// Comments, one line; of `words` what G-code writes, in mm; of stops the word ("M0", "M60").
+  std::string text;
+  std::string meaning;  ///< of `words`, for languages that have no such word; empty where there is nothing to switch
+  bool robots = true;   ///< of `words`: false where a robot's program cannot do without them (M62 to M68, M100 to M199)
+  bool path_mode = false;  ///< of `words`: G61, G61.1 or G64
+  /// Which of X, Y, Z the program has said by the end of this move; rapids alone may have unknown ones, 0 in `tip`.
+  std::array<bool, 3> known{true, true, true};
+  bool start_known = true;     ///< of moves: whether all three were known before it
+  bool length_offset = false;  ///< of `words`: G43, G43.1, G49; coordinates must be written anew behind them
+  bool turned = true;          ///< whether A, B or C have been commanded up to here (CL files: always)
+  std::optional<gcode::PathControl> path;  ///< in force, where the program says one
 
   [[nodiscard]] bool moves() const { return kind <= StepKind::arc; }
+  /// Whether it moves to a place that is known whole.
+  [[nodiscard]] bool placed() const { return moves() && known[0] && known[1] && known[2]; }
+};
+
+/// A move of the source that is not in the path.
+struct LeftOut {
+  int line = 0;
+  std::string text;
 };
 
 struct Path {
   std::string file;                ///< for messages
   std::vector<Step> steps;         ///< at least one of them moves
   std::vector<std::string> notes;  ///< what was assumed or left out
+  bool program = false;            ///< G-code: `words` steps say what is switched, not the state of each step
+  std::string end = "M2";          ///< the word that ends it
+  std::vector<LeftOut> left_out;   ///< moves in machine coordinates behind the last other move (G53, G28, G30)
 };
 
 /// Reads an APT CL file (cutter location data, ISO 3592 words as CAM systems print them).
@@ -63,14 +88,34 @@ struct Path {
 /// Errors: PO101 to PO114. Cost: linear.
 Result<Path> parse_cl(std::string_view text, const std::string& file);
 
-/// The moves of a G-code program in W, the frame of G54. G4, M0, M1, M7, M8 and M9 are taken along, other words that
-/// move nothing are counted in a note. Errors: those of gcode::understand, PO112.
-Result<Path> read_program(const std::string& file, const gcode::InterpretOptions& options = {});
+struct ProgramOptions {
+  gcode::UnrollOptions unroll;  ///< work offsets, block delete, cutters for G41 and G42
+  /// Whether somebody has said if blocks that begin with `/` are carried out; else a program with them is refused.
+  bool block_delete_said = false;
+  /// A last word on the program before it is taken, e.g. on work offsets that nobody has given.
+  std::function<Status(const gcode::Understood&)> accept;
+};
+
+/// A G-code program in W, the frame of G54, with what it switches in the order of RS-274 within a block: S and T, M6 or
+/// M61, M3 to M5, M7 to M9, M48 to M53, M62 to M68, M100 to M199, G4, G43 to G49, G61 to G64, the move, M0, M1 or M60.
+/// Comments are taken along. The feed is that of each move, whether F or G93 gave it.
+/// Errors: those of gcode::understand and `accept`; PO112; PO116 a move in machine coordinates (G53, G28, G30) with
+/// other moves behind it, or a cut in them; PO117 a cut whose start is not known, or rotary axes that turn where the
+/// place is not known; PO118 a word that is not carried over; PO126 `/` without block_delete_said. Cost: linear.
+Result<Path> read_program(const std::string& file, const ProgramOptions& options = {});
+
+/// The machine and the origin that the header of a corrected program names (machining::kCorrectedMark).
+struct CorrectedFor {
+  int line = 0;
+  std::string machine;
+  std::string origin;  ///< "X-50 Y-1335 Z0", mm; empty where the header has none
+};
+std::optional<CorrectedFor> corrected_for(const Path& path);
 
 /// Whether a text is an APT CL file: its first statement is a word of APT (`GOTO/`, `PARTNO`, `$$`).
 bool looks_like_cl(std::string_view text);
 
 /// Either of the two, told by its text. Errors: FI100 and those of both.
-Result<Path> read_path(const std::string& file);
+Result<Path> read_path(const std::string& file, const ProgramOptions& options = {});
 
 }  // namespace polypod::post

@@ -44,7 +44,8 @@ enum class Between : std::uint8_t {
 };
 
 struct PlanOptions {
-  Vec3 origin = Vec3::Zero();              ///< p_MW, m; the axes of W are those of M
+  Vec3 origin = Vec3::Zero();              ///< p_MW, m
+  double rotation = 0;                     ///< rad, of W about z_M; with another value than 0 the tool stays along z
   double tolerance = 1e-5;                 ///< m, of the chords of arcs that are not written as arcs
   double axis_tolerance = 1.745329252e-3;  ///< rad, of the tool axis between two points (0.1 deg)
   double turn_speed = 0.5235987756;        ///< rad/s of a turn without a way (1800 deg/min)
@@ -52,6 +53,7 @@ struct PlanOptions {
   double step = 1e-3;                      ///< m, between judged poses
   double turn_step = 0.0175;               ///< rad, the same for turns
   Between between = Between::angles;
+  bool length_offsets = true;      ///< whether G43 moves the tip; not where the language has one TCP for all
   bool arcs_in_any_plane = false;  ///< circles of robots; LinuxCNC's lie along two of x, y, z
   double largest_sweep = 0;        ///< rad, arcs are split into pieces of at most this; 0: one piece
   std::optional<double> c = 0.0;   ///< Rotary::abc: C, rad; empty: chosen along the program
@@ -92,6 +94,7 @@ struct Plan {
   std::string branch;                                ///< the posture of the first point
   int inserted = 0;                                  ///< points between the ends of steps, chords of arcs among them
   double chord_error = 0;                            ///< m, the largest of arcs that are written as chords
+  int chorded = 0;                                   ///< arcs that are written as chords
   double axis_error = 0;                             ///< rad, the largest between two points
   double time = 0;                                   ///< s
   double length = 0;                                 ///< m
@@ -105,9 +108,11 @@ struct Plan {
 /// the last is taken, in whatever turn; at a pole (A = 0 of A C, A = 90 deg of A B) the free angle stays. The joints
 /// follow the posture with which the program begins, the first in which nothing is wrong if there is one. Between two
 /// CL points the axis is meant to turn along the shortest way: points are inserted where it would leave that by more
-/// than the tolerance. Judged are poses `step` and `turn_step` apart.
-/// Errors: PO122 a branch that the first point does not have, PO123 C cannot be chosen along this program or on this
-/// machine, PO199 cancelled. Cost: one inverse a judged pose.
+/// than the tolerance. Judged are poses `step` and `turn_step` apart. Rapids to places that are not known whole have no
+/// PlannedMove, and of the move behind them the end alone is judged; a note names them.
+/// Errors: PO124 a turned workpiece and a tool that tilts or turns about its axis; PO122 a branch that the first point
+/// does not have, PO123 C cannot be chosen along this program or on this machine, PO199 cancelled. Cost: one inverse a
+/// judged pose.
 Result<Plan> plan(const Configuration& configuration, const Path& path, const PlanOptions& options = {});
 
 }  // namespace polypod::post

@@ -27,10 +27,14 @@ struct WriteOptions {
   bool inverse_time = false;         ///< ngc: G93
   double turn_speed = 0.5235987756;  ///< rad/s of a turn without a way
   double rapid_speed = 0.1;          ///< m/s of rapids, for robots
-  double blend = 1e-4;               ///< m, how far robots may round a corner (C_DIS, zone, r); ngc: P of G64; 0: not
-  double acceleration = 1.2;         ///< m/s^2, `a` of URScript
-  int moves_per_part = 0;            ///< robots: moves in a subprogram; 0: no subprograms
-  Vec3 origin = Vec3::Zero();        ///< as of the plan
+  /// m, how far robots may round a corner (C_DIS, zone, r); ngc: P of G64; 0: exact stop, G61. Of a program with path
+  /// modes of its own (G61, G61.1, G64 P) only where `blend_overrides` says so or where it gives no distance (G64).
+  double blend = 1e-4;
+  bool blend_overrides = false;
+  double acceleration = 1.2;   ///< m/s^2, `a` of URScript
+  int moves_per_part = 0;      ///< robots: moves in a subprogram; 0: no subprograms
+  Vec3 origin = Vec3::Zero();  ///< as of the plan
+  double rotation = 0;         ///< as of the plan
 };
 
 struct Written {
@@ -43,7 +47,12 @@ struct Written {
 /// Writes the plan. Coordinates have 6 decimals (mm, deg) in G-code; 4 of mm and 6 of deg, 9 of quaternions, 7 of m and
 /// 8 of rad for robots. Robots are told the workpiece frame and the tool frame of the machine file, begin with a move
 /// in joints to the posture of the plan (S and T of KRL, confdata of RAPID) and go straight from there, rapids too.
-/// Error: PO121 a robot's language for a machine that is no arm. Cost: linear.
+/// A program keeps its words in their places; robots get comments for them, and for each move the exact stop (G61,
+/// G61.1) or the distance (P of G64) of its path mode as the zone: on both sides of a corner by P, which leaves the
+/// corner by less than P.
+/// Errors: PO121 a robot's language for a machine that is no arm; PO117 a place that is not known whole behind the
+/// first that is; PO118 a word that a robot's program cannot do without; PO119 several tools, where the language has
+/// one TCP. Cost: linear.
 Result<Written> write(Dialect dialect, const Configuration& configuration, const Path& path, const Plan& plan,
                       const WriteOptions& options = {});
 
