@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <numbers>
 
 namespace polypod::machine {
 namespace {
@@ -31,9 +32,11 @@ Pose frame_of(const Vec3& origin, const Vec3& x, const Vec3& z) {
   return X;
 }
 
-/// The angle about `axis` that turns `from` into `to`, both square to it.
+/// The angle about `axis` that turns `from` into `to`, both square to it; half a turn counts as positive.
 double angle_about(const Vec3& axis, const Vec3& from, const Vec3& to) {
-  return std::atan2(axis.dot(from.cross(to)), from.dot(to));
+  constexpr double kRounding = 1e-15;
+  const double angle = std::atan2(axis.dot(from.cross(to)), from.dot(to));
+  return angle < kRounding - std::numbers::pi ? std::numbers::pi : angle;
 }
 
 /// A table that grows axis by axis.

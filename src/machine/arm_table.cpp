@@ -15,7 +15,7 @@ namespace {
 /// digits).
 double tidy(double value) {
   constexpr double kSteps = 1e9, kNoise = 1e-13, kDigits = 1e-15;
-  const double near = std::round(value * kSteps) / kSteps;
+  const double near = std::round(value * kSteps) / kSteps + 0.0;  // no negative zero
   return std::abs(near - value) <= kNoise + kDigits * std::abs(value) ? near : value;
 }
 
