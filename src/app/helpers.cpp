@@ -29,6 +29,7 @@
 #include "polypod/core/range_text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machine/urdf.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::app {
@@ -279,7 +280,7 @@ struct Input {
 Result<std::vector<Input>> inputs_of(const std::vector<std::string>& given) {
   std::vector<Input> all;
   for (const std::string& name : given) {
-    const std::string path = files::is_standard_input(name) ? "/dev/stdin" : name;
+    const std::string path = files::is_standard_input(name) ? "/dev/stdin" : machine::file_of_machine(name);
     std::error_code none;
     if (path.empty() || !std::filesystem::exists(path, none)) continue;  // a name of the catalogue, or soon an error
     const auto same = [&](const Input& other) { return files::same_file(other.path, path); };

@@ -12,6 +12,7 @@
 
 #include "commands.hpp"
 #include "polypod/core/figures.hpp"
+#include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -26,6 +27,7 @@ struct MachineOptions {
   std::vector<std::string> sets;
   std::string pose;
   std::string joints;
+  std::string output;
   double length_mm = 0;
   bool all = false;
   bool free_twist = false;
@@ -166,9 +168,18 @@ std::string home_beyond_limits(const machine::AnyMachine& m) {
 Command info_command() {
   auto o = std::make_shared<MachineOptions>();
   return {"info", "Show a machine: family, joints, parameters, where its numbers come from", "polypod info lola50",
-          [o](Arguments& a) { declare_machine(a, o->machine, o->sets); },
+          [o](Arguments& a) {
+            declare_machine(a, o->machine, o->sets);
+            a.option("-o,--output", o->output, "The machine, with what --set changes, as a machine file");
+          },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+            POLYPOD_TRY(check_files({o->machine}, {o->output}, context.json));
+            if (!o->output.empty()) {
+              const std::string text = machine::to_toml(m);
+              POLYPOD_TRY(machine::from_text(text, o->output));  // what could not be read again is not written
+              POLYPOD_TRY(files::write_whole(o->output, text));
+            }
             Json parameters = Json::object();
             for (const machine::Parameter& p : machine::settings(m)) {
               parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = units::to_user(p.value, p.unit);
@@ -217,6 +228,7 @@ Command info_command() {
             fmt::print("\nsources\n");
             for (const auto& [key, text] : machine::provenance_of(m))
               fmt::print("  {}: {}\n", one_line(key), one_line(text));
+            if (!o->output.empty()) fmt::print("\nwrote {}\n", o->output);
             return kDone;
           }};
 }

@@ -12,10 +12,12 @@
 #include <filesystem>
 #include <set>
 
+#include "arm_table.hpp"
 #include "machine_file.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machine/urdf.hpp"
 
 namespace polypod::machine {
 
@@ -212,13 +214,23 @@ Result<AnyMachine> read_as(FamilyList<F...>, const std::string& family, const co
               fmt::format("known: {}", fmt::join(known, ", ")));
 }
 
+/// The table of a machine by its text: that of a TOML file, or of the arm that a URDF file describes.
+Result<config::Table> read_table(std::string_view text, const std::string& name) {
+  if (!is_urdf(text, name)) return config::parse(text, name);
+  POLYPOD_ASSIGN(arm, arm_from_urdf(text, name));
+  return table_of(arm, {urdf_name(name).file, 0, 0});
+}
+
 /// The table of a machine that a file names: another file, found from the folder of `from`, or a catalogue machine.
 /// What is no file itself, as a machine of the catalogue, names machines of the catalogue alone.
 Result<config::Table> named_machine(const std::string& name, const Place& from) {
   const std::string path = config::beside(from.file, name);
   std::error_code ec;
   const bool of_file = files::is_standard_input(from.file) || std::filesystem::exists(from.file, ec);
-  if (of_file && std::filesystem::is_regular_file(path, ec)) return config::read_file(path);
+  if (of_file && std::filesystem::is_regular_file(file_of_machine(path), ec)) {
+    POLYPOD_ASSIGN(text, files::read(file_of_machine(path)));
+    return read_table(text, path);
+  }
   for (const CatalogueEntry& entry : catalogue())
     if (entry.name == name) return config::parse(entry.toml, name + ".toml");
   return fail("MA100", fmt::format("no machine file or catalogue machine \"{}\"", name), from,
@@ -241,7 +253,7 @@ Status put_named_machines(config::Table& table) {
 
 /// The table of a machine file, whole.
 Result<config::Table> table_from(std::string_view toml, const std::string& file_name) {
-  POLYPOD_ASSIGN(table, config::parse(toml, file_name));
+  POLYPOD_ASSIGN(table, read_table(toml, file_name));
   POLYPOD_TRY(put_named_machines(table));
   return table;
 }
@@ -336,7 +348,8 @@ Result<AnyMachine> with_value(const AnyMachine& machine, const std::string& key,
 
 Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Override>& overrides) {
   std::error_code ec;
-  if (!files::is_standard_input(name_or_path) && !std::filesystem::exists(name_or_path, ec)) {
+  const std::string file = file_of_machine(name_or_path);
+  if (!files::is_standard_input(file) && !std::filesystem::exists(file, ec)) {
     std::string names;
     for (const CatalogueEntry& entry : catalogue()) {
       if (entry.name == name_or_path) return from_text(entry.toml, name_or_path + ".toml", overrides);
@@ -345,7 +358,7 @@ Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Overr
     return fail("MA100", fmt::format("no machine file or catalogue machine \"{}\"", name_or_path), {},
                 "the catalogue has " + names);
   }
-  POLYPOD_ASSIGN(text, files::read(name_or_path));
+  POLYPOD_ASSIGN(text, files::read(file));
   return from_text(text, name_or_path, overrides);
 }
 
