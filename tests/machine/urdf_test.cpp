@@ -181,7 +181,7 @@ TEST(Urdf, NearlyParallelAxesLoseNoDigits) {
 class PublishedArm : public testing::TestWithParam<std::pair<const char*, const char*>> {};
 INSTANTIATE_TEST_SUITE_P(Urdf, PublishedArm,
                          testing::Values(std::pair{"ur10e.urdf", "ur10e"}, std::pair{"kuka_kr210.urdf", "kuka-kr210"}),
-                         [](const auto& info) { return std::string(info.param.first).substr(0, 4); });
+                         [](const auto& arm) { return std::string(arm.param.first).substr(0, 4); });
 
 TEST_P(PublishedArm, AgreesWithTheCatalogue) {
   const auto read = machine::load(kExamples + GetParam().first);
