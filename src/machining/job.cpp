@@ -142,7 +142,8 @@ Result<Job> read_job(const std::string& path) {
   // A file beside the job, else a name of the catalogue.
   const std::string beside = config::beside(path, machine_name);
   std::error_code ec;
-  POLYPOD_ASSIGN(machine, machine::load(std::filesystem::exists(machine::file_of_machine(beside), ec) ? beside : machine_name));
+  POLYPOD_ASSIGN(machine,
+                 machine::load(std::filesystem::exists(machine::file_of_machine(beside), ec) ? beside : machine_name));
   POLYPOD_TRY(follows_programs(machine));
   job.machine = std::move(machine);
   job.machine_name = machine_name;

@@ -61,7 +61,8 @@ LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVec
 /// All solutions of what the task prescribes of the pose, each branch once; whatever else X_MT holds is not looked at.
 /// Of joints that may turn more than once, one turn is given, within the limits where one is (inverse_near finds the
 /// others). X_MT.R must be a rotation, X_MT.p is in m. Solutions: up to 8 for arms, 1 for struts and for sliders with
-/// their roots, 2 to the power of its cranks for deltas; none with a reason. At a singular pose two of them may be equal.
+/// their roots, 2 to the power of its cranks for deltas; none with a reason. At a singular pose two of them may be
+/// equal.
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT);
 /// The same on a way, after the joints `last`: the solution with the smallest largest change of a joint first, joints
 /// that may turn more than once in the turn nearest to `last`. A numeric inverse searches from `last`, and from its
