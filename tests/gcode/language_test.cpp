@@ -568,7 +568,7 @@ TEST(Unroll, AModalMotionBehindACycleKeepsItsWord) {
 
 TEST(Unroll, SavedModesComeBackAsBlocks) {
   EXPECT_EQ(plain("G90 G94 F100\nG0 X1 Y1 Z1\nM70 (save)\nG91 F50\nM8\nX2\nM72\nX5\nM2\n"),
-            "G90 G94 F100\nG0 X1 Y1 Z1\n(save)\nG91 F50\nM8\nX2\nF100 G90\nM9\nX5\nM2\n");
+            "G90 G94 F100\nG0 X1 Y1 Z1\n(save)\nG91 F50\nM8\nX2\nF100 G90 M9\nX5\nM2\n");
   EXPECT_EQ(plain("o1 sub\nM73\nG91 G0 X1\no1 endsub\nG90 G0 X1 Y1 Z1\no1 call\nX5\nM2\n"),
             "G90 G0 X1 Y1 Z1\nG91 G0 X1\nG90\nX5\nM2\n");
 }
