@@ -18,11 +18,7 @@ namespace {
 
 Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {
   Compliance out;
-  if (const Status given = needs_compliance(machine); !given) {
-    if (X_MT != nullptr) out.X_MT = *X_MT;
-    out.reason = given.error().message;
-    return out;
-  }
+  if (const Status given = needs_compliance(machine); !given) out.reason = given.error().message;
   const machine::ElementColumns columns = kinematics::element_columns(machine, q, X_MT);
   out.X_MT = columns.X_MT;
   const std::vector<machine::Element> elements = kinematics::elements(machine);
