@@ -33,8 +33,8 @@ struct Compliance {
 /// C_X = J C_q J^T (SLAV (4.20)) = sum over joints of c_i J_i J_i^T, symmetric and positive semidefinite; no inverse of
 /// J is needed, so it also holds at singular poses. Parallel machines with more chains than freedoms (deltas of four
 /// arms) share their load as the stiffnesses are; their J is weighted with them. Joints: the first inverse solution
-/// within all limits; where none reach the pose, not `reachable`, with the reason. Of a machine without compliances C is
-/// 0 and `reason` says so (needs_compliance asks before). Cost: about 2 us for a serial arm with a closed inverse.
+/// within all limits; where none reach the pose, not `reachable`, with the reason. Of a machine without compliances C
+/// is 0 and `reason` says so (needs_compliance asks before). Cost: about 2 us for a serial arm with a closed inverse.
 Compliance compliance_at(const AnyMachine& machine, const Pose& X_MT);
 /// The same at given joints.
 Compliance compliance_at_joints(const AnyMachine& machine, const machine::JointVector& q);
