@@ -141,7 +141,7 @@ Status Engine::run_words(std::vector<Word> words) {
   block.line = written_block_ != nullptr ? written_block_->line : 0;
   block.words = std::move(words);
   const Block* const before = block_;
-  const Status done = this->block(block);
+  Status done = this->block(block);
   block_ = before;
   return done;
 }
