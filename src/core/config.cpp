@@ -141,8 +141,24 @@ const Value* Table::find(std::string_view key) const {
 
 namespace {
 
-// Shorter keys (x_mm, y_mm) are near to others by chance.
-constexpr std::size_t kLeastMisspelt = 6;
+/// Whether a key is another one misspelt: its letters exchanged, one too many or too few, or another unit. One letter
+/// for another makes keys of their own (Krc_N_per_mm2 and Kac_N_per_mm2).
+bool is_misspelt(const std::string& key, const std::string& other) {
+  std::string a = key, b = other;
+  const std::size_t unit = key.rfind('_');
+  if (unit != std::string::npos && unit > 0 && unit == other.rfind('_') && a.substr(0, unit) == b.substr(0, unit)) {
+    return true;
+  }
+  if (a.size() == b.size()) {
+    std::sort(a.begin(), a.end());
+    std::sort(b.begin(), b.end());
+    return a == b;
+  }
+  if (a.size() < b.size()) std::swap(a, b);
+  if (a.size() != b.size() + 1) return false;
+  const auto [in_b, in_a] = std::mismatch(b.begin(), b.end(), a.begin());
+  return std::equal(in_b, b.end(), in_a + 1);
+}
 
 /// The place of a key, of which the place of its value is known: the parser keeps no other. As far as the file can be
 /// read again and the key stands in the line of its value; else that of the value.
@@ -160,14 +176,13 @@ Place place_of_key(const std::string& key, const Place& value) {
 
 tl::unexpected<Error> Table::missing(std::string_view key) const {
   // A misspelt key is found missing before it is found unknown.
-  std::vector<std::string> not_asked;
-  for (const auto& [other, value] : values_)
-    if (!asked_->contains(other)) not_asked.push_back(other);
-  const std::string near = nearest_word(key, not_asked);
-  if (near.size() < kLeastMisspelt)
-    return fail("CF106", fmt::format("{} is missing", full(name_, key)), place_, "add this key");
-  return fail("CF106", fmt::format("{} is missing; {} stands here", full(name_, key), full(name_, near)),
-              place_of_key(near, place_of(near)), fmt::format("write {} if that is meant; else add it", key));
+  const std::string wanted(key);
+  for (const auto& [near, value] : values_) {
+    if (asked_->contains(near) || !is_misspelt(wanted, near)) continue;
+    return fail("CF106", fmt::format("{} is missing; {} stands here", full(name_, key), full(name_, near)),
+                place_of_key(near, value.place), fmt::format("write {} if that is meant; else add it", key));
+  }
+  return fail("CF106", fmt::format("{} is missing", full(name_, key)), place_, "add this key");
 }
 
 bool Table::has(std::string_view key) const {

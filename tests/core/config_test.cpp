@@ -267,6 +267,20 @@ std::string repeated(const std::string& what, int times) {
   return out;
 }
 
+TEST(Config, CF106NamesWhatStandsInThePlaceOfAMissingKey) {
+  const auto message = [](const std::string& text, const char* key) {
+    const Table t = table_of(text);
+    const auto value = t.number(key, kAnyFinite);
+    return value ? "" : fmt::format("{}, {}:{}", value.error().message, value.error().place.line, value.error().hint);
+  };
+  EXPECT_EQ(message("a = 1\ntolerance_mm = 0.1\n", "tolerance_um"),
+            "tolerance_um is missing; tolerance_mm stands here, 2:write tolerance_um if that is meant; else add it");
+  for (const char* near : {"diametre_mm", "diamter_mm", "diammeter_mm", "diameter_um"})
+    EXPECT_THAT(message(fmt::format("{} = 1\n", near), "diameter_mm"), ::testing::HasSubstr(near));
+  for (const char* other : {"Kac_N_per_mm2", "Krc_N_per_mm3x", "Kte_N_per_mm", "Krc"})
+    EXPECT_EQ(message(fmt::format("{} = 1\n", other), "Krc_N_per_mm2").find("stands"), std::string::npos) << other;
+}
+
 TEST(Config, CF108WhatNestsTooDeepIsNotParsed) {
   EXPECT_EQ(where(parse("b = 1\n" + repeated("a.", 6000) + "a = 1\n", "t")), "CF108 2:32");
   EXPECT_EQ(where(parse("[" + repeated("a.", 100'000) + "a]\n", "t")), "CF108 1:33");
