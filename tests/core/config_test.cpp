@@ -277,7 +277,7 @@ TEST(Config, CF106NamesWhatStandsInThePlaceOfAMissingKey) {
             "tolerance_um is missing; tolerance_mm stands here, 2:write tolerance_um if that is meant; else add it");
   for (const char* near : {"diametre_mm", "diamter_mm", "diammeter_mm", "diameter_um"})
     EXPECT_THAT(message(fmt::format("{} = 1\n", near), "diameter_mm"), ::testing::HasSubstr(near));
-  for (const char* other : {"Kac_N_per_mm2", "Krc_N_per_mm3x", "Kte_N_per_mm", "Krc"})
+  for (const char* other : {"Kac_N_per_mm2", "Kte_N_per_mm", "Krc"})
     EXPECT_EQ(message(fmt::format("{} = 1\n", other), "Krc_N_per_mm2").find("stands"), std::string::npos) << other;
 }
 
