@@ -185,9 +185,9 @@ Status Engine::cycle(int before) {
         break;
       case 870: {
         // In beside the hole, across, and the tool cuts upward from the bottom.
-        const auto [first, second, normal_axis] = axes_of(plane_);
         const double middle = incremental_ ? bottom + cycle_offsets_[n] : cycle_offsets_[n];
         const auto beside = [&](double height) {
+          const auto [first, second, normal_axis] = axes_of(plane_);
           Axes q = hole;
           q[first] += cycle_offsets_[first];
           q[second] += cycle_offsets_[second];
