@@ -138,7 +138,7 @@ TEST(Predict, AProgramThatCutsNothingIsNamedWithTheReason) {
               HasSubstr("misses the stock by 20.000 mm in Z"));
   // 250 inches beside the part: meant in millimetres.
   EXPECT_THAT(refused("G20 G90 S8000 M3\nG0 X-130 Y125 Z1\nG1 Z-0.1 F10\nG1 X-125 Y124 F60\nG0 Z1\nM2\n"),
-              HasSubstr("in millimetres it would cut"));
+              HasSubstr("in millimetres it would be of the size of the stock"));
 }
 
 TEST(Predict, ProgramsWithoutAFeedMoveAreRefused) {
