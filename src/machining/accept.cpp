@@ -74,8 +74,9 @@ bool feeds(const gcode::Move& move) {
 /// Where the feed moves would be of the stock's size in the other unit, and are not in theirs: what to look at, or
 /// nothing. Lengths of programs and parts differ by less than the square root of 25.4.
 std::string other_unit(const Job& job, const gcode::Interpretation& interpretation) {
-  Box path(Vec3(Vec3::Zero())), stock = box_of(job.stock);  // with the origin, which a short program may be far from
-  stock.extend(Vec3(Vec3::Zero()));
+  const Vec3 origin = Vec3::Zero();  // counted in, as a short program may be far from it
+  Box path(origin), stock = box_of(job.stock);
+  stock.extend(origin);
   bool inches = false, millimetres = false;
   for (const gcode::Move& move : interpretation.moves) {
     if (!feeds(move) || !move.start_known) continue;
@@ -86,14 +87,12 @@ std::string other_unit(const Job& job, const gcode::Interpretation& interpretati
   const double larger = path.diagonal().head<2>().norm() / stock.diagonal().head<2>().norm();
   const double threshold = std::sqrt(units::from_inch(1) / units::from_mm(1));
   if (inches && larger > threshold) {
-    return "the program is in inches (G20); in millimetres it would be of the size of the stock: check G20 and G21, "
-           "and "
-           "the unit of the CAM system";
+    return "the program is in inches (G20); in millimetres it would be of the size of the stock: check G20 and "
+           "G21, and the unit of the CAM system";
   }
   if (millimetres && larger < 1 / threshold) {
-    return "the program is in millimetres (G21); in inches it would be of the size of the stock: check G20 and G21, "
-           "and "
-           "the unit of the CAM system";
+    return "the program is in millimetres (G21); in inches it would be of the size of the stock: check G20 and "
+           "G21, and the unit of the CAM system";
   }
   return {};
 }
