@@ -32,12 +32,8 @@ function(polypod_test name)
   foreach(used IN LISTS ARG_USES)
     target_link_libraries(${name} PRIVATE polypod_${used})
   endforeach()
-  target_link_libraries(${name} PRIVATE GTest::gtest_main GTest::gmock ${ARG_PRIVATE})
+  target_link_libraries(${name} PRIVATE polypod_test_paths GTest::gtest_main GTest::gmock ${ARG_PRIVATE})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
-  target_compile_definitions(${name} PRIVATE
-    POLYPOD_TEST_DATA="${PROJECT_SOURCE_DIR}/tests"
-    POLYPOD_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-    POLYPOD_PROGRAM="${PROJECT_BINARY_DIR}/bin/polypod")
   polypod_warnings(${name})
   # g++ 12 raises these falsely where a literal and a string are added and the headers are precompiled.
   target_compile_options(${name} PRIVATE "$<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow;-Wno-array-bounds>")

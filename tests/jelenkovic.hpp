@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/hexapod/strut_kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
@@ -24,7 +25,7 @@ struct Row {
 
 /// The rows of <room>/data/table_<number>.csv, of which the first `keys` columns are parameters.
 inline std::vector<Row> table(const std::string& room, const std::string& number, std::size_t keys) {
-  std::ifstream file(std::string(POLYPOD_TEST_DATA) + "/" + room + "/data/table_" + number + ".csv");
+  std::ifstream file(test::source("tests/" + room + "/data/table_" + number + ".csv"));
   std::vector<Row> rows;
   std::string line;
   bool header = true;

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "distributions.hpp"
+#include "paths.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/calibration/poses.hpp"
 #include "polypod/calibration/simulate.hpp"
@@ -27,7 +28,7 @@ constexpr double kLengthError = 0.1e-3;
 const double kAngleError = units::from_deg(0.05);
 
 std::string data(const std::string& name) {
-  return std::string(POLYPOD_SOURCE_DIR) + "/tests/calibration/data/" + name;
+  return test::source("tests/calibration/data/" + name);
 }
 AnyMachine machine_named(const std::string& name) {
   auto m = machine::load(name.ends_with(".toml") ? data(name) : name);

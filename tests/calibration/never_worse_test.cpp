@@ -10,6 +10,7 @@
 
 #include <cstdlib>
 
+#include "paths.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/calibration/simulate.hpp"
 #include "polypod/core/units.hpp"
@@ -63,7 +64,7 @@ std::vector<Case> cases() {
 
 AnyMachine nominal_of(const Case& c) {
   const bool file = c.machine.find('.') != std::string::npos;
-  auto m = machine::load(file ? std::string(POLYPOD_SOURCE_DIR) + "/tests/trials/" + c.machine : c.machine);
+  auto m = machine::load(file ? test::source("tests/trials/" + c.machine) : c.machine);
   EXPECT_TRUE(m) << (m ? "" : to_string(m.error()));
   return *m;
 }

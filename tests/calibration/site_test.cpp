@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "paths.hpp"
 #include "polypod/calibration/poses.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
@@ -16,7 +17,7 @@ namespace {
 
 /// Three slides, drawn as lines along x, y and z at the height 0.3 m of the places below.
 AnyMachine gantry() {
-  const auto m = machine::load(POLYPOD_TEST_DATA "/trials/soft_slides.toml");
+  const auto m = machine::load(test::source("tests/trials/soft_slides.toml"));
   EXPECT_TRUE(m) << to_string(m.error());
   return *m;
 }

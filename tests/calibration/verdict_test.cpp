@@ -9,6 +9,7 @@
 #include <limits>
 #include <tuple>
 
+#include "paths.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/calibration/simulate.hpp"
 #include "polypod/core/units.hpp"
@@ -256,7 +257,7 @@ TEST(Verdict, FewReadingsDoNotBlameTheInstrument) {
   for (const std::uint64_t seed : {2, 4, 5, 6}) {
     SCOPED_TRACE(seed);
     Measured m;
-    m.nominal = machine::load(std::string(POLYPOD_SOURCE_DIR) + "/tests/trials/kossel.toml").value();
+    m.nominal = machine::load(test::source("tests/trials/kossel.toml")).value();
     m.truth = *perturbed(m.nominal, 0.2e-3, units::from_deg(0.05), seed);
     SimulationOptions how;
     how.kind = Kind::gauge;

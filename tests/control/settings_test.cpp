@@ -12,6 +12,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -21,7 +22,7 @@ namespace {
 using machine::JointVector;
 
 std::string data(const std::string& file) {
-  return std::string(POLYPOD_TEST_DATA) + "/control/data/" + file;
+  return test::source("tests/control/data/" + file);
 }
 AnyMachine machine_of(const std::string& name) {
   return *machine::load(name);

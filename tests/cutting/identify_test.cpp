@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <numbers>
 
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
@@ -220,7 +221,7 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
 /// Measurements of an independent simulation of a cutter of 10 mm with four teeth.
 const Cutter kTen{"EM10", 10e-3, 4, 30 * units::from_deg(1), 25e-3};
 Result<CuttingIdentification> of_file(const std::string& name) {
-  const auto table = read_forces(kTen, std::string(POLYPOD_TEST_DATA) + "/cutting/data/" + name);
+  const auto table = read_forces(kTen, test::source("tests/cutting/data/" + name));
   if (!table) return tl::unexpected(table.error());
   return identify_cutting(kTen, table->cuts);
 }

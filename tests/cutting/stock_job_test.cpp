@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "samples.hpp"
 
@@ -108,7 +109,7 @@ TEST(MaterialFile, EveryCoefficientIsNeeded) {
 }
 
 TEST(Examples, CutterAndMaterialAreThoseOfTheSource) {
-  const std::string folder = POLYPOD_SOURCE_DIR "/examples/slavkovic_common/";
+  const std::string folder = test::source("examples/slavkovic_common/");
   auto cutter = read_cutter(folder + "cutter_8mm_4_flute.toml");
   auto material = read_material(folder + "material_aluminium.toml");
   ASSERT_TRUE(cutter) << to_string(cutter.error());

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "rs274.hpp"
@@ -55,10 +56,10 @@ CanonOptions options_beside(const std::string& program) {
 
 TEST(Canon, EveryGoodProgramAsLinuxCncPrintsIt) {
   const Scratch scratch;
-  auto programs = programs_in(fs::path(POLYPOD_TEST_DATA) / "gcode" / "good");
+  auto programs = programs_in(test::source("tests/gcode/good"));
   ASSERT_GE(programs.size(), 25u);
   for (const char* name : {"freecad_profile", "freecad_pocket"}) {
-    programs.push_back((fs::path(POLYPOD_SOURCE_DIR) / "examples" / name / "program.ngc").string());
+    programs.push_back(test::source(std::string("examples/") + name + "/program.ngc"));
   }
   for (const std::string& path : programs) {
     for (const bool block_delete : {false, true}) {
@@ -80,7 +81,7 @@ TEST(Canon, EveryGoodProgramAsLinuxCncPrintsIt) {
 /// it too (`both`) or understands what Polypod does not (`polypod`).
 TEST(Canon, EveryBadProgramIsRefusedAtItsPlace) {
   const Scratch scratch;
-  const auto programs = programs_in(fs::path(POLYPOD_TEST_DATA) / "gcode" / "bad");
+  const auto programs = programs_in(test::source("tests/gcode/bad"));
   ASSERT_GE(programs.size(), 25u);
   for (const std::string& path : programs) {
     SCOPED_TRACE(path);

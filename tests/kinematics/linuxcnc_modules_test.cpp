@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "machines.hpp"
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
@@ -33,7 +34,7 @@ struct Row {
 };
 
 std::string data(const std::string& file) {
-  return std::string(POLYPOD_TEST_DATA) + "/kinematics/data/" + file;
+  return test::source("tests/kinematics/data/" + file);
 }
 
 /// Rows of `coordinates` of the pose, `joints` joints and the pose again.

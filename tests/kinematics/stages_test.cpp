@@ -8,6 +8,7 @@
 #include <random>
 
 #include "machines.hpp"
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
@@ -181,7 +182,7 @@ TEST(Stages, AGantryOnlyMovesTheTripod) {
 
 TEST(Stages, SingleFiguresAreSetByTheirKeys) {
   const auto tip_at_home = [](const std::vector<machine::Override>& overrides) {
-    const auto m = machine::load(std::string(POLYPOD_SOURCE_DIR) + "/machines/tricept-wrist.toml", overrides);
+    const auto m = machine::load(test::source("machines/tricept-wrist.toml"), overrides);
     if (!m) throw std::runtime_error(to_string(m.error()));
     return kinematics::home_pose(*m)->p;
   };
@@ -190,8 +191,8 @@ TEST(Stages, SingleFiguresAreSetByTheirKeys) {
   EXPECT_LT((tip_at_home({{"stage[2].mount.z_mm", "100"}}) - nominal + Vec3(0, 0, 0.1)).norm(), kSame);
   EXPECT_LT((tip_at_home({{"stage[1].machine.tool.z_mm", "310"}}) - nominal).norm(), kSame)
       << "home of the tripod is that of its tip";
-  const auto m = machine::load(std::string(POLYPOD_SOURCE_DIR) + "/machines/tricept-wrist.toml",
-                               {{"stage[1].machine.leg[1].max_mm", "1000"}});
+  const auto m =
+      machine::load(test::source("machines/tricept-wrist.toml"), {{"stage[1].machine.leg[1].max_mm", "1000"}});
   ASSERT_TRUE(m.has_value()) << to_string(m.error());
   EXPECT_NEAR(kinematics::joint_range(*m, 0).max, 1.0, 1e-12);
 }

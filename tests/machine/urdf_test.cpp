@@ -12,6 +12,7 @@
 #include <random>
 
 #include "machines.hpp"
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -30,7 +31,7 @@ constexpr double kPi = std::numbers::pi;
 // table.
 constexpr double kExact = 1e-12;
 
-const std::string kExamples = std::string(POLYPOD_SOURCE_DIR) + "/examples/urdf/";
+const std::string kExamples = test::source("examples/urdf/");
 
 std::string text_of(const std::string& path) {
   std::ifstream in(path, std::ios::binary);

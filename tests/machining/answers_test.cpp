@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "machining/examples.hpp"
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/pages/correction.hpp"
@@ -20,7 +21,7 @@ using units::to_mm;
 using units::to_um;
 
 std::string trial(const std::string& file) {
-  return std::string(POLYPOD_SOURCE_DIR) + "/tests/trials/" + file;
+  return test::source("tests/trials/" + file);
 }
 
 Example with_text(const std::string& text, const std::string& job = "milling.toml") {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <string>
 
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/machining/correct.hpp"
 
@@ -19,7 +20,7 @@ struct Example {
 };
 
 inline std::string example_path(const std::string& name, const std::string& file) {
-  return std::string(POLYPOD_SOURCE_DIR) + "/examples/" + name + "/" + file;
+  return test::source("examples/" + name + "/" + file);
 }
 
 template <class T>

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "machining/examples.hpp"
+#include "paths.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -21,7 +22,7 @@ using testing::load_example;
 using units::to_um;
 
 std::string plane(const std::string& name) {
-  return std::string(POLYPOD_TEST_DATA) + "/statics/data/displacements_plane_" + name + ".csv";
+  return test::source("tests/statics/data/displacements_plane_" + name + ".csv");
 }
 
 /// Readings under 250 N of the machine itself, 75 mm apart, round the example's work; normal noise in m.

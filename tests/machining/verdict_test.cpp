@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "machining/examples.hpp"
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod {
@@ -16,7 +17,7 @@ using testing::with_program;
 using units::to_um;
 
 std::string trial(const std::string& file) {
-  return std::string(POLYPOD_SOURCE_DIR) + "/tests/trials/" + file;
+  return test::source("tests/trials/" + file);
 }
 
 Example load(const std::string& program, const std::string& job) {

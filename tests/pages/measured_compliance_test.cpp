@@ -9,6 +9,7 @@
 #include <regex>
 #include <sstream>
 
+#include "paths.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/pages/calibration.hpp"
@@ -27,8 +28,7 @@ using units::to_um_per_N;
 constexpr double kSame = 1e-12;  // of numbers that are computed the same way twice
 
 std::vector<MeasuredPoint> readings(const std::string& plane) {
-  return *statics::read_displacements(std::string(POLYPOD_TEST_DATA) + "/statics/data/displacements_plane_" + plane +
-                                      ".csv");
+  return *statics::read_displacements(test::source("tests/statics/data/displacements_plane_" + plane + ".csv"));
 }
 std::vector<MeasuredPoint> both() {
   std::vector<MeasuredPoint> out = readings("I");

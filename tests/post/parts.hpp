@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "machines.hpp"
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/post/write.hpp"
@@ -16,7 +17,7 @@
 namespace polypod::test {
 
 inline std::string example(const std::string& file) {
-  return std::string(POLYPOD_SOURCE_DIR) + "/examples/cl_file/" + file;
+  return test::source("examples/cl_file/" + file);
 }
 
 /// Fails the test with the error where there is one.

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "parts.hpp"
+#include "paths.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/check.hpp"
@@ -273,7 +274,7 @@ TEST(Post, ChoosesCWhereAConstantOneDoesNotDo) {
 
 /// A program posted to G-code makes the same moves.
 TEST(Post, AProgramStaysWhatItIs) {
-  const std::string file = std::string(POLYPOD_SOURCE_DIR) + "/examples/slavkovic_groove/program.ngc";
+  const std::string file = test::source("examples/slavkovic_groove/program.ngc");
   const auto program = value(gcode::read(file));
   const auto before = value(gcode::interpret(program));
   const Posted posted =

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "machines.hpp"
+#include "paths.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/singularity.hpp"
 
@@ -14,7 +15,7 @@ namespace polypod::quality {
 namespace {
 
 machine::AnyMachine trial(const std::string& name, const std::vector<machine::Override>& sets = {}) {
-  return test::load(std::string(POLYPOD_SOURCE_DIR) + "/tests/trials/" + name, sets);
+  return test::load(test::source("tests/trials/" + name), sets);
 }
 
 /// Six points of no conic: the machine has parallel legs at home, and a regular platform where that is turned.

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <random>
 
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/judge.hpp"
@@ -22,7 +23,7 @@ const machine::AnyMachine& lola() {
 constexpr double kTable4_4[5] = {9.03e-7, 11.17e-7, 14.74e-7, 27.65e-7, 97.58e-7};
 
 std::string data(const std::string& name) {
-  return std::string(POLYPOD_TEST_DATA) + "/statics/data/" + name;
+  return test::source("tests/statics/data/" + name);
 }
 
 std::vector<MeasuredPoint> both_planes() {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "paths.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
@@ -20,7 +21,7 @@ namespace {
 using ::testing::HasSubstr;
 
 std::string data(const std::string& name) {
-  return std::string(POLYPOD_TEST_DATA) + "/statics/data/" + name;
+  return test::source("tests/statics/data/" + name);
 }
 machine::AnyMachine lola() {
   return *machine::load("lola50");

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/statics/identify.hpp"
@@ -118,7 +119,7 @@ TEST(Map, AgreesWithTheMeasuredDisplacements) {
   const auto m = *machine::load("lola50");
   for (const auto& [file, z_mm] :
        {std::pair{"displacements_plane_I.csv", -400.0}, std::pair{"displacements_plane_V.csv", 0.0}}) {
-    const auto measured = read_displacements(std::string(POLYPOD_TEST_DATA) + "/statics/data/" + file);
+    const auto measured = read_displacements(test::source(std::string("tests/statics/data/") + file));
     ASSERT_TRUE(measured) << to_string(measured.error());
     const PlaneGrid grid = plane_grid(Plane::xy, from_mm(z_mm), {{-0.6, 0.6}, {-1.6, -1}}, 5, 3);
     const Map map = compliance_map(m, grid, Mat3::Identity());

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "paths.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 
@@ -20,8 +21,7 @@ machine::AnyMachine lola() {
   return *machine::load("lola50");
 }
 std::vector<MeasuredPoint> plane(const std::string& name) {
-  auto points =
-      read_displacements(std::string(POLYPOD_TEST_DATA) + "/statics/data/displacements_plane_" + name + ".csv");
+  auto points = read_displacements(test::source("tests/statics/data/displacements_plane_" + name + ".csv"));
   EXPECT_TRUE(points);
   return *points;
 }

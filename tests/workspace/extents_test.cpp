@@ -8,6 +8,7 @@
 
 #include "machines.hpp"
 
+#include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/volume.hpp"
@@ -159,8 +160,8 @@ TEST_P(Sides, AreWhereASearchFindsThem) {
 INSTANTIATE_TEST_SUITE_P(Machines, Sides,
                          testing::Values(Case{"hexapod-strut", 20}, Case{"hexapod-strut", 0},
                                          Case{"hexapod-slider", 10}, Case{"lola50", 0},
-                                         Case{POLYPOD_TRIALS "/irb360.toml", 0},
-                                         Case{POLYPOD_TRIALS "/pi850.toml", 5}));
+                                         Case{test::source("tests/trials/irb360.toml"), 0},
+                                         Case{test::source("tests/trials/pi850.toml"), 5}));
 
 // Congruent platforms reach the shell 50 mm <= |p - c| <= 90 mm about c = (0, 0, 10 mm), so that all sides are known.
 TEST(Extents, OfAShell) {
