@@ -11,9 +11,7 @@
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
-#include "polypod/families/serial/pieper.hpp"
-#include "polypod/families/serial/spherical_wrist.hpp"
-#include "polypod/families/serial/three_parallel.hpp"
+#include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod {
@@ -122,11 +120,9 @@ const std::vector<Named>& arms() {
 }
 
 void solve(const SerialArm& arm, const Pose& X, SixJointBranches& out, const double* reference = nullptr) {
-  if (const auto spherical = machine::SphericalWristInverse::of(arm)) return spherical->solve(X, out, reference);
-  if (const auto parallel = machine::ThreeParallelInverse::of(arm)) return parallel->solve(X, out, reference);
-  const auto pieper = machine::PieperInverse::of(arm);
-  ASSERT_TRUE(pieper.has_value());
-  pieper->solve(X, out, reference);
+  const auto inverse = machine::six_joint_inverse(arm);
+  ASSERT_TRUE(inverse.has_value());
+  std::visit([&](const auto& form) { form.solve(X, out, reference); }, *inverse);
 }
 
 JointVector random_joints(std::mt19937& random, double most = kPi) {
