@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <limits>
 #include <numbers>
 #include <random>
 #include <set>
@@ -401,6 +402,22 @@ TEST(SixJointArms, JointsAreContinuousAlongAPathOverAStraightWrist) {
       last = found;
     }
     EXPECT_LT(most, 0.03);
+  }
+}
+
+TEST(SixJointArms, WhatIsNotFiniteHasNoSolution) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const machine::AnyMachine arm = test::load("ur10e");
+  const JointVector q = JointVector::LinSpaced(6, -0.9, 1.1);
+  const Pose X = kinematics::forward(arm, q).poses.at(0);
+  Pose nowhere = X;
+  nowhere.p.x() = kNan;
+  JointVector never = q;
+  never[3] = kNan;
+  for (const auto& result : {kinematics::inverse(arm, nowhere), kinematics::inverse_near(arm, nowhere, q),
+                             kinematics::inverse_near(arm, X, never), kinematics::inverse_near(arm, X, q.head(5))}) {
+    EXPECT_TRUE(result.solutions.empty());
+    EXPECT_FALSE(result.reason.empty());
   }
 }
 
