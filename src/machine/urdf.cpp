@@ -551,8 +551,7 @@ Result<SerialArm> arm_from_urdf(std::string_view text, const std::string& name) 
   const auto link_name = [&](int l) { return shown(tree.links()[static_cast<std::size_t>(l)].name); };
   arm.name = tree.name();
   arm.description = fmt::format("URDF, {} to {}", link_name(base), link_name(tip));
-  const int free = arm.free_joints();
-  arm.task = free >= 6 ? Task::pose : free == 5 ? Task::axis : Task::point;
+  arm.task = arm.usual_task();
   arm.provenance["dh"] =
       fmt::format("{} (URDF, m and rad), from the axes of the chain {} to {}", file, link_name(base), link_name(tip));
   arm.provenance["joints"] = fmt::format("{}", fmt::join(reader.names(), ", "));
