@@ -2,10 +2,15 @@
 // Machines that several tests use.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "polypod/geometry/pose.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::test {
@@ -15,6 +20,27 @@ inline machine::AnyMachine load(const std::string& name, const std::vector<machi
   const auto m = machine::load(name, sets);
   if (!m) throw std::runtime_error(to_string(m.error()));
   return *m;
+}
+
+/// A serial arm by the text of its file. One that is not read ends the test.
+inline machine::SerialArm arm_of(const std::string& text, const std::string& file = "test.toml") {
+  const auto m = machine::from_text(text, file);
+  if (!m) throw std::runtime_error(to_string(m.error()));
+  return std::get<machine::SerialArm>(*m);
+}
+
+/// The largest difference of two poses, of coordinates in m and of elements of the rotations.
+inline double difference(const Pose& a, const Pose& b) {
+  return std::max((a.p - b.p).cwiseAbs().maxCoeff(), (a.R - b.R).cwiseAbs().maxCoeff());
+}
+
+/// The largest difference of two turning joints, rad, whole turns apart from each other being one.
+inline double apart(const machine::JointVector& a, const machine::JointVector& b) {
+  double worst = 0;
+  for (Eigen::Index i = 0; i < a.size(); ++i) {
+    worst = std::max(worst, std::abs(std::remainder(a[i] - b[i], 2 * std::numbers::pi)));
+  }
+  return worst;
 }
 
 /// All struts parallel at R = 1, so singular there: the tip's workspace without the joints' limits is the shell

@@ -131,12 +131,20 @@ std::optional<machine::Mobility> mobility(const AnyMachine& machine) {
       machine);
 }
 
+namespace {
+/// Why these are no joints of the machine; empty if they are.
+std::string no_joints(const AnyMachine& machine, const JointVector& q) {
+  if (q.size() != joint_count(machine)) {
+    return fmt::format("{} joints are given, the machine has {}", q.size(), joint_count(machine));
+  }
+  return q.allFinite() ? "" : "a joint is not a finite number";
+}
+}  // namespace
+
 ForwardResult forward(const AnyMachine& machine, const JointVector& q) {
-  if (q.size() != joint_count(machine) || !q.allFinite()) {
+  if (std::string reason = no_joints(machine, q); !reason.empty()) {
     ForwardResult out;
-    out.reason = q.size() != joint_count(machine)
-                     ? fmt::format("{} joints are given, the machine has {}", q.size(), joint_count(machine))
-                     : std::string("a joint is not a finite number");
+    out.reason = std::move(reason);
     return out;
   }
   return std::visit(
@@ -205,16 +213,26 @@ LimitBits violations(const AnyMachine& machine, const Pose& X_MT, const JointVec
   return std::visit([&](const auto& m) { return violations_of_limits(m, X_MT, q); }, machine);
 }
 
+namespace {
+/// No solution, for this reason.
+InverseResult no_solution(std::string reason) {
+  InverseResult out;
+  out.reason = std::move(reason);
+  return out;
+}
+bool is_finite(const Pose& X) {
+  return X.p.allFinite() && X.R.allFinite();
+}
+}  // namespace
+
 InverseResult inverse(const AnyMachine& machine, const Pose& X_MT) {
-  if (!X_MT.p.allFinite() || !X_MT.R.allFinite()) {
-    InverseResult out;
-    out.reason = "the pose does not consist of finite numbers";
-    return out;
-  }
+  if (!is_finite(X_MT)) return no_solution("the pose does not consist of finite numbers");
   return std::visit([&](const auto& m) { return inverse(m, X_MT); }, machine);
 }
 
 InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const JointVector& last) {
+  if (!is_finite(X_MT)) return inverse(machine, X_MT);
+  if (std::string reason = no_joints(machine, last); !reason.empty()) return no_solution(std::move(reason));
   InverseResult out = std::visit(
       [&](const auto& m) -> InverseResult {
         if constexpr (requires { inverse_near(m, X_MT, last); }) {

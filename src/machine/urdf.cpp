@@ -11,11 +11,11 @@
 #include <map>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "polypod/core/files.hpp"
 #include "polypod/core/nearest_word.hpp"
-#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machine/arm_of_axes.hpp"
 #include "urdf_joint.hpp"
@@ -29,10 +29,7 @@ constexpr double kLongest = 1e6;                      // m, as in machine files
 constexpr double kLargest = 1e6 * units::kRadPerDeg;  // rad, likewise
 constexpr std::size_t kNamesShown = 12;
 
-std::string shown(std::string_view name) {
-  constexpr std::size_t kMost = 60;
-  return one_line(std::string(name.substr(0, kMost)));
-}
+using xml::shown;
 
 /// "a, b, c", the first few of them.
 std::string list_of(const std::vector<std::string>& names) {
@@ -168,7 +165,7 @@ class Tree {
   }
 
   Status read_joints() {
-    std::map<std::string, int> names;
+    std::set<std::string> names;
     for (std::size_t i = 0; i < elements_.size(); ++i) {
       const xml::Element& e = elements_[i];
       if (e.depth != 2 || e.name != "joint") continue;
@@ -178,7 +175,7 @@ class Tree {
       joint.name = name;
       POLYPOD_ASSIGN(type, text_of(e, "type", fmt::format("joint {}", shown(name)).c_str()));
       joint.type = type;
-      if (!names.emplace(name, 0).second) {
+      if (!names.insert(name).second) {
         return fail("MA183", fmt::format("a second joint {}", shown(name)), place_of(e),
                     "give each joint its own name");
       }
@@ -337,7 +334,8 @@ std::optional<Angle> angle_of(std::string_view text) {
   constexpr double kRounding = 1e-15;
   const double off = std::abs(out.value - multiple);
   if (off > std::pow(10.0, -static_cast<double>(decimals)) + kRounding) return out;
-  out.rounded = off > 1e-12;
+  constexpr double kSaid = 1e-12;  // rad: less is nothing to tell a person
+  out.rounded = off > kSaid;
   out.value = multiple;
   return out;
 }
@@ -465,7 +463,8 @@ class ChainReader {
     X = X * Pose{R, read.origin};
     if (!moves(joint)) return {};
     const double length = read.axis.norm();
-    if (!(length > 1e-6 && length <= kLongest)) {
+    constexpr double kShortest = 1e-6;  // of a vector that should have length 1
+    if (!(length > kShortest && length <= kLongest)) {
       return out_of_range(
           joint, fmt::format("the axis {:g} {:g} {:g} has no direction", read.axis.x(), read.axis.y(), read.axis.z()),
           "give a unit vector, as in <axis xyz=\"0 0 1\"/>");
@@ -492,7 +491,7 @@ class ChainReader {
     axes_.push_back(axis);
     names_.push_back(fmt::format("{} {}", axes_.size(), shown(joint.name)));
     const bool turns = axis.kind == JointKind::revolute;
-    if (read.has_limit && read.velocity > 0 && std::isfinite(read.velocity)) {
+    if (read.velocity > 0 && std::isfinite(read.velocity)) {
       speeds_.push_back(fmt::format("{} {:.6g} {}", axes_.size(),
                                     turns ? units::to_deg(read.velocity) : units::to_mm(read.velocity),
                                     turns ? "deg/s" : "mm/s"));
@@ -552,8 +551,7 @@ Result<SerialArm> arm_from_urdf(std::string_view text, const std::string& name) 
   const auto link_name = [&](int l) { return shown(tree.links()[static_cast<std::size_t>(l)].name); };
   arm.name = tree.name();
   arm.description = fmt::format("URDF, {} to {}", link_name(base), link_name(tip));
-  const int free = arm.free_joints();
-  arm.task = free >= 6 ? Task::pose : free == 5 ? Task::axis : Task::point;
+  arm.task = arm.usual_task();
   arm.provenance["dh"] =
       fmt::format("{} (URDF, m and rad), from the axes of the chain {} to {}", file, link_name(base), link_name(tip));
   arm.provenance["joints"] = fmt::format("{}", fmt::join(reader.names(), ", "));

@@ -83,7 +83,6 @@ Result<UrdfJoint> joint_by_urdfdom(const std::string& type, const std::vector<Ur
   out.origin = vector_of(joint.parent_to_joint_origin_transform.position);
   out.axis = vector_of(joint.axis);
   if (joint.limits) {
-    out.has_limit = true;
     out.lower = joint.limits->lower;
     out.upper = joint.limits->upper;
     out.velocity = joint.limits->velocity;

@@ -13,9 +13,8 @@ namespace polypod::machine {
 /// A joint as urdfdom reads it; SI.
 struct UrdfJoint {
   Vec3 origin = Vec3::Zero();
-  Vec3 axis = Vec3::UnitX();  ///< as the file has it, of any length
-  double lower = 0, upper = 0, velocity = 0;
-  bool has_limit = false;
+  Vec3 axis = Vec3::UnitX();                  ///< as the file has it, of any length
+  double lower = 0, upper = 0, velocity = 0;  ///< 0 where the file does not say
 };
 
 /// A value of the file for one of its elements: `origin`, `xyz`, "0 0 1".

@@ -11,6 +11,8 @@ namespace polypod::machine::xml {
 namespace {
 
 constexpr std::string_view kSpace = " \t\r\n";
+constexpr int kKeptDepth = 3, kMostDepth = 64;
+constexpr std::size_t kMostBytes = 16U << 20U, kMostElements = 200'000, kMostAttributes = 100;
 
 bool is_space(char c) {
   return kSpace.find(c) != std::string_view::npos;
@@ -25,13 +27,11 @@ bool in_name(char c) {
 
 class Scanner {
  public:
-  Scanner(std::string_view text, const std::string& file, const Limits& limits)
-      : text_(text), file_(file), limits_(limits) {}
+  Scanner(std::string_view text, const std::string& file) : text_(text), file_(file) {}
 
   Result<std::vector<Element>> run() {
-    if (text_.size() > limits_.bytes) {
-      return fail("MA181", fmt::format("{} bytes, but at most {} are read", text_.size(), limits_.bytes),
-                  {file_, 0, 0});
+    if (text_.size() > kMostBytes) {
+      return fail("MA181", fmt::format("{} bytes, but at most {} are read", text_.size(), kMostBytes), {file_, 0, 0});
     }
     if (const std::size_t nul = text_.find('\0'); nul != std::string_view::npos) {
       at_ = 0;
@@ -64,11 +64,6 @@ class Scanner {
     int kept;  ///< its index, -1 where it is not kept
   };
 
-  /// What a message may show of a name.
-  static std::string shown(std::string_view name) {
-    constexpr std::size_t kMost = 60;
-    return one_line(std::string(name.size() > kMost ? name.substr(0, kMost) : name));
-  }
   void step(std::size_t count) {
     for (const std::size_t end = std::min(at_ + count, text_.size()); at_ < end; ++at_) {
       if (text_[at_] == '\n') {
@@ -132,13 +127,8 @@ class Scanner {
                         : fmt::format("<{}> of line {} is open", shown(open_.back().name), open_.back().line);
       return fail("MA180", fmt::format("</{}>, but {}", shown(tag), wanted), place);
     }
-    close();
-    return {};
-  }
-
-  void close() {
-    if (open_.back().kept >= 0) out_[static_cast<std::size_t>(open_.back().kept)].end = at_;
     open_.pop_back();
+    return {};
   }
 
   Result<Attribute> attribute() {
@@ -166,13 +156,12 @@ class Scanner {
 
   Status start_tag() {
     Element element;
-    element.begin = at_;
     element.line = line_;
     element.column = column();
     element.depth = static_cast<int>(open_.size()) + 1;
     if (open_.empty() && seen_root_) return wrong("a second outermost element");
-    if (element.depth > limits_.depth) {
-      return fail("MA181", fmt::format("elements inside each other more than {} deep", limits_.depth), here());
+    if (element.depth > kMostDepth) {
+      return fail("MA181", fmt::format("elements inside each other more than {} deep", kMostDepth), here());
     }
     step(1);
     POLYPOD_ASSIGN(tag, name("the name of an element"));
@@ -187,7 +176,6 @@ class Scanner {
         return fail("MA180", fmt::format("<{}> has the attribute {} twice", shown(tag), shown(one.name)),
                     {file_, one.line, one.column});
       }
-      constexpr std::size_t kMostAttributes = 100;
       if (element.attributes.size() >= kMostAttributes) {
         return fail("MA181", fmt::format("<{}> has more than {} attributes", shown(tag), kMostAttributes), here());
       }
@@ -196,23 +184,21 @@ class Scanner {
     seen_root_ = true;
     const bool empty = rest().starts_with("/>");
     int kept = -1;
-    if (element.depth <= limits_.kept_depth) {
-      if (out_.size() >= limits_.elements) {
-        return fail("MA181", fmt::format("more than {} elements", limits_.elements), here());
+    if (element.depth <= kKeptDepth) {
+      if (out_.size() >= kMostElements) {
+        return fail("MA181", fmt::format("more than {} elements", kMostElements), here());
       }
       kept = static_cast<int>(out_.size());
       element.parent = open_.empty() ? -1 : open_.back().kept;
       out_.push_back(element);
     }
-    open_.push_back({tag, element.line, element.column, kept});
     step(empty ? 2 : 1);
-    if (empty) close();
+    if (!empty) open_.push_back({tag, element.line, element.column, kept});
     return {};
   }
 
   std::string_view text_;
   const std::string& file_;
-  Limits limits_;
   std::size_t at_ = 0, line_begin_ = 0;
   int line_ = 1;
   bool seen_root_ = false;
@@ -228,8 +214,13 @@ const Attribute* Element::attribute(std::string_view wanted) const {
   return nullptr;
 }
 
-Result<std::vector<Element>> scan(std::string_view text, const std::string& file, const Limits& limits) {
-  return Scanner(text, file, limits).run();
+std::string shown(std::string_view text) {
+  constexpr std::size_t kMost = 60;
+  return one_line(text.substr(0, kMost));
+}
+
+Result<std::vector<Element>> scan(std::string_view text, const std::string& file) {
+  return Scanner(text, file).run();
 }
 
 }  // namespace polypod::machine::xml

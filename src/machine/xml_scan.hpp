@@ -3,8 +3,6 @@
 // than its length.
 #pragma once
 
-#include <cstddef>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,24 +20,19 @@ struct Element {
   std::string_view name;
   std::vector<Attribute> attributes;
   int line = 0, column = 0;
-  int parent = -1;                 ///< its index; -1 of the root
-  int depth = 0;                   ///< 1: the root
-  std::size_t begin = 0, end = 0;  ///< its text, tags included
+  int parent = -1;  ///< its index; -1 of the root
+  int depth = 0;    ///< 1: the root
 
   [[nodiscard]] const Attribute* attribute(std::string_view wanted) const;
 };
 
-/// What a reader keeps, and the most that it takes.
-struct Limits {
-  int kept_depth = 3;              ///< elements deeper than this are checked and not kept
-  int depth = 64;                  ///< MA181 beyond
-  std::size_t bytes = 16U << 20U;  ///< MA181 beyond
-  std::size_t elements = 200'000;  ///< of those kept; MA181 beyond
-};
+/// What a message may show of a name or a value: its first 60 bytes, on one line.
+std::string shown(std::string_view text);
 
-/// The elements in the order of their start tags. Checks what makes a text well-formed as far as elements go: tags that
-/// match, one root, quoted attributes, each once. Errors: MA180 (not well-formed), MA181 (too large, too deep, or with
-/// a document type, whose entities could make it any size).
-Result<std::vector<Element>> scan(std::string_view text, const std::string& file, const Limits& limits = {});
+/// The elements in the order of their start tags, down to three deep (the robot, its links and joints, what these
+/// hold); what lies deeper is checked and not kept. Checks what makes a text well-formed as far as elements go: tags
+/// that match, one root, quoted attributes, each once. Errors: MA180 (not well-formed), MA181 (beyond 16 MiB, 64 deep,
+/// 200 000 elements kept or 100 attributes of one; or with a document type, whose entities could make it any size).
+Result<std::vector<Element>> scan(std::string_view text, const std::string& file);
 
 }  // namespace polypod::machine::xml

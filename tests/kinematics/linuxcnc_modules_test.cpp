@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <numbers>
 #include <set>
 #include <sstream>
 
@@ -202,11 +201,7 @@ void expect_arm(const std::string& name) {
     EXPECT_LT((X.p - module.p).norm() + (X.R - module.R).norm(), kArm);
     double nearest = 10;
     for (const kinematics::Solution& s : machine::inverse(arm, asked).solutions) {
-      double apart = 0;
-      for (int k = 0; k < 6; ++k) {
-        apart = std::max(apart, std::abs(std::remainder(s.joints[k] - q[k], 2 * std::numbers::pi)));
-      }
-      nearest = std::min(nearest, apart);
+      nearest = std::min(nearest, test::apart(s.joints, q));
     }
     EXPECT_LT(nearest, kJoints);
   }

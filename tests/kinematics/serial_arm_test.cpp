@@ -3,10 +3,10 @@
 
 #include <gmock/gmock.h>
 
-#include <numbers>
 #include <set>
 
 #include "kinematics/invariants.hpp"
+#include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -14,13 +14,8 @@ namespace polypod {
 namespace {
 
 using machine::SerialArm;
+using test::arm_of;
 using testing::check_invariants;
-
-SerialArm arm_of(const std::string& toml) {
-  const auto m = machine::from_text(toml, "test.toml");
-  EXPECT_TRUE(m) << (m ? "" : to_string(m.error()));
-  return std::get<SerialArm>(*m);
-}
 
 SerialArm lola() {
   return std::get<SerialArm>(*machine::load("lola50"));
@@ -125,13 +120,8 @@ TEST_P(SphericalWrist, PosturesOfOnePose) {
       [&](const Pose& at, const machine::JointVector& joints) { return machine::jacobian(arm, at, joints); }, more);
   EXPECT_GE(numeric.solutions.size(), 2u);
   for (const kinematics::Solution& n : numeric.solutions) {
-    const bool known = std::any_of(result.solutions.begin(), result.solutions.end(), [&](const auto& s) {
-      double worst = 0;
-      for (int i = 0; i < 6; ++i) {
-        worst = std::max(worst, std::abs(std::remainder(s.joints[i] - n.joints[i], 2 * std::numbers::pi)));
-      }
-      return worst < 1e-6;
-    });
+    const bool known = std::any_of(result.solutions.begin(), result.solutions.end(),
+                                   [&](const auto& s) { return test::apart(s.joints, n.joints) < 1e-6; });
     EXPECT_TRUE(known) << n.joints.transpose();
   }
 }

@@ -24,6 +24,7 @@ namespace {
 
 using machine::JointVector;
 using machine::SerialArm;
+using test::difference;
 using testing::HasSubstr;
 
 constexpr double kPi = std::numbers::pi;
@@ -39,9 +40,7 @@ std::string text_of(const std::string& path) {
 }
 
 SerialArm arm_of(const std::string& text, const std::string& name = "test.urdf") {
-  const auto m = machine::from_text(text, name);
-  if (!m) throw std::runtime_error(to_string(m.error()));
-  return std::get<SerialArm>(*m);
+  return test::arm_of(text, name);
 }
 
 Error error_of(const std::string& text, const std::string& name = "test.urdf") {
@@ -81,10 +80,6 @@ std::string urdf_of(const std::vector<MadeJoint>& joints) {
         i + 1, j.type, i, three(j.xyz), three(j.rpy), three(j.axis));
   }
   return out + "</robot>";
-}
-
-double difference(const Pose& a, const Pose& b) {
-  return std::max((a.p - b.p).cwiseAbs().maxCoeff(), (a.R - b.R).cwiseAbs().maxCoeff());
 }
 
 /// The largest difference of the arm of a chain from the product of its transforms, the tip turned by half a turn about
@@ -239,6 +234,7 @@ TEST_P(PublishedArm, IsWrittenAsAMachineFileThatReadsBack) {
 TEST(Urdf, KeysOfTheMachineFileMayBeSet) {
   const auto plain = machine::load(kExamples + "kuka_kr210.urdf");
   const auto longer = machine::load(kExamples + "kuka_kr210.urdf", {{"tool.z_mm", "200"}, {"limits[1].max_deg", "90"}});
+  ASSERT_TRUE(plain.has_value()) << to_string(plain.error());
   ASSERT_TRUE(longer.has_value()) << to_string(longer.error());
   EXPECT_NEAR(kinematics::joint_range(*longer, 0).max, kPi / 2, 1e-15);
   const JointVector q = JointVector::LinSpaced(6, -0.9, 1.1);
@@ -348,7 +344,23 @@ TEST(Urdf, WhatIsRefusedIsNamedWithItsPlace) {
     int line;
     const char* says;
   };
-  const std::string j2 = R"(<joint name="j2" type="continuous">)", j2_axis = R"(<axis xyz="0 1 0"/>)";
+  const std::string j2 = R"(<joint name="j2" type="continuous">)", axis = R"(<axis xyz="0 1 0"/>)",
+                    origin = R"(<origin xyz="0.5 0 0"/>)";
+  // Joint j2 with another part of it.
+  const auto type = [&](const std::string& t) { return with(j2, "<joint name=\"j2\" type=\"" + t + "\">"); };
+  const auto along = [&](const std::string& xyz) { return with(axis, "<axis xyz=\"" + xyz + "\"/>"); };
+  const auto turned = [&](const std::string& rpy) {
+    return with(origin, "<origin xyz=\"0.5 0 0\" rpy=\"" + rpy + "\"/>");
+  };
+  const auto limited = [&](const std::string& ends) {
+    return with(j2, "<joint name=\"j2\" type=\"revolute\"><limit " + ends + " effort=\"1\" velocity=\"1\"/>");
+  };
+  const auto joined = [&](const std::string& which, const std::string& from, const std::string& to) {
+    return with("<" + which + " link=\"" + from + "\"/>", "<" + which + " link=\"" + to + "\"/>");
+  };
+  const auto beside_arm = [&](const std::string& more) {
+    return with(R"(<link name="arm"/>)", R"(<link name="arm"/>)" + more);
+  };
   const std::vector<Case> cases{
       {"", "MA180", 1, "no element"},
       {"robot", "MA180", 1, "text before"},
@@ -356,7 +368,7 @@ TEST(Urdf, WhatIsRefusedIsNamedWithItsPlace) {
       {with("</robot>", "</robt>"), "MA180", 7, "</robt>, but <robot> of line 1 is open"},
       {with("name=\"j1\"", "name=j1"), "MA180", 4, "quotes"},
       {with("name=\"j1\"", "name=\"j1\" name=\"j2\""), "MA180", 4, "twice"},
-      {with("name=\"j1\"", "name=\"j1"), "MA180", 4, ""},
+      {with("name=\"j1\"", "name=\"j1"), "MA180", 4, "<joint> has no >"},
       {tree("") + "<robot/>", "MA180", 7, "second outermost"},
       {"<!DOCTYPE r [<!ENTITY a \"aaaa\">]>\n" + tree(""), "MA181", 1, "document type"},
       {with("<link name=\"arm\"/>", "<xacro:arm name=\"x\"/>"), "MA182", 2, "xacro"},
@@ -366,34 +378,31 @@ TEST(Urdf, WhatIsRefusedIsNamedWithItsPlace) {
       {with(j2, "<joint type=\"continuous\">"), "MA183", 5, "name"},
       {with(j2, "<joint name=\"j2\">"), "MA183", 5, "type"},
       {with("name=\"j2\"", "name=\"j1\""), "MA183", 5, "second joint j1"},
-      {with("<link name=\"arm\"/>", "<link name=\"arm\"/><link name=\"arm\"/>"), "MA183", 2, "second link arm"},
+      {beside_arm("<link name=\"arm\"/>"), "MA183", 2, "second link arm"},
       {with("<child link=\"hand\"/>", ""), "MA183", 5, "no <child>"},
-      {with("<child link=\"hand\"/>", "<child link=\"hnd\"/>"), "MA184", 5, "there is no link hnd"},
-      {with("<parent link=\"arm\"/>", "<parent link=\"am\"/>"), "MA184", 5, "there is no link am"},
-      {with("<child link=\"hand\"/>", "<child link=\"arm\"/>"), "MA185", 5, "moved by two joints, j1 and j2"},
-      {with("<parent link=\"base\"/>", "<parent link=\"hand\"/>"), "MA185", 4, "loop"},
-      {with("<link name=\"arm\"/>", "<link name=\"arm\"/><link name=\"crate\"/>"), "MA185", 2,
-       "2 links have no parent: world, crate"},
-      {with(j2, "<joint name=\"j2\" type=\"floating\">"), "MA187", 5, "floating"},
-      {with(j2, "<joint name=\"j2\" type=\"planar\">"), "MA187", 5, "planar"},
-      {with(j2, "<joint name=\"j2\" type=\"revolut\">"), "MA187", 5, "revolut"},
-      {with(j2_axis, j2_axis + "<mimic joint=\"j1\" multiplier=\"2\"/>"), "MA188", 5, "joint j2 follows joint j1"},
-      {with(j2, "<joint name=\"j2\" type=\"revolute\">"), "MA189", 5, "limit"},
-      {with("0 1 0", "0 nan 0"), "MA189", 5, "j2"},
-      {with("0 1 0", "0 1"), "MA189", 5, "j2"},
-      {with("0 1 0", "0 1e999 0"), "MA189", 5, "j2"},
-      {with("0 1 0", "0 &lt; 0"), "MA189", 5, "characters"},
-      {with("0.5 0 0\"", "0.5 0 0\" rpy=\"0 0 1 2\""), "MA189", 5, "j2"},
-      {with("0.5 0 0\"", "0.5 0 0\" rpy=\"0 0 inf\""), "MA189", 5, "j2"},
-      {with("0 1 0", "0 0 0"), "MA190", 5, "no direction"},
-      {with("0 1 0", "0 1e30 0"), "MA190", 5, "no direction"},
+      {joined("child", "hand", "hnd"), "MA184", 5, "there is no link hnd"},
+      {joined("parent", "arm", "am"), "MA184", 5, "there is no link am"},
+      {joined("child", "hand", "arm"), "MA185", 5, "moved by two joints, j1 and j2"},
+      {joined("parent", "base", "hand"), "MA185", 4, "loop"},
+      {beside_arm("<link name=\"crate\"/>"), "MA185", 2, "2 links have no parent: world, crate"},
+      {type("floating"), "MA187", 5, "floating"},
+      {type("planar"), "MA187", 5, "planar"},
+      {type("revolut"), "MA187", 5, "revolut"},
+      {with(axis, axis + "<mimic joint=\"j1\" multiplier=\"2\"/>"), "MA188", 5, "joint j2 follows joint j1"},
+      {type("revolute"), "MA189", 5, "limit"},
+      {along("0 nan 0"), "MA189", 5, "j2"},
+      {along("0 1"), "MA189", 5, "j2"},
+      {along("0 1e999 0"), "MA189", 5, "j2"},
+      {along("0 &lt; 0"), "MA189", 5, "characters"},
+      {turned("0 0 1 2"), "MA189", 5, "j2"},
+      {turned("0 0 inf"), "MA189", 5, "j2"},
+      {along("0 0 0"), "MA190", 5, "no direction"},
+      {along("0 1e30 0"), "MA190", 5, "no direction"},
       {with("0.5 0 0", "5e30 0 0"), "MA190", 5, "farther than 1e+06 m"},
-      {with("0.5 0 0\"", "0.5 0 0\" rpy=\"0 0 1e20\""), "MA190", 5, "rad"},
-      {with(j2, "<joint name=\"j2\" type=\"revolute\"><limit lower=\"1\" upper=\"-1\" effort=\"1\" velocity=\"1\"/>"),
-       "MA190", 5, "not below"},
-      {with(j2, "<joint name=\"j2\" type=\"revolute\"><limit effort=\"1\" velocity=\"1\"/>"), "MA190", 5, "not below"},
-      {with(j2, "<joint name=\"j2\" type=\"revolute\"><limit lower=\"-1e9\" upper=\"1\" effort=\"1\" velocity=\"1\"/>"),
-       "MA190", 5, ""},
+      {turned("0 0 1e20"), "MA190", 5, "rad"},
+      {limited("lower=\"1\" upper=\"-1\""), "MA190", 5, "not below"},
+      {limited(""), "MA190", 5, "not below"},
+      {limited("lower=\"-1e9\" upper=\"1\""), "MA190", 5, "limits -1e+09 .. 1 beyond"},
       {"<robot name=\"a\"><link name=\"a\"/></robot>", "MA191", 1, "no joint"},
   };
   testing::internal::CaptureStderr();

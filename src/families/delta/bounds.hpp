@@ -42,7 +42,8 @@ class DeltaBounds {
   /// The ends of the rails.
   [[nodiscard]] LimitBits ends() const {
     LimitBits bits = 0;
-    for (int i = 0; i < m_.arms && !kArms; ++i) bits |= LimitBits{1} << (L::kMin + i) | LimitBits{1} << (L::kMax + i);
+    if constexpr (kArms) return bits;  // its arms and rods are rigid
+    for (int i = 0; i < m_.arms; ++i) bits |= LimitBits{1} << (L::kMin + i) | LimitBits{1} << (L::kMax + i);
     return bits;
   }
   void box(Vec3& low, Vec3& high, const Directions&) const {

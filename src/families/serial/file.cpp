@@ -108,6 +108,11 @@ Status read_locked(const config::Table& table, SerialArm& arm) {
 
 }  // namespace
 
+Task SerialArm::usual_task() const {
+  const int free = free_joints();
+  return free >= 6 ? Task::pose : free == 5 ? Task::axis : Task::point;
+}
+
 int SerialArm::free_joints() const {
   return static_cast<int>(std::count_if(dh.begin(), dh.end(), [](const DhRow& row) { return !row.locked; }));
 }
@@ -140,8 +145,7 @@ Result<SerialArm> SerialArm::from(const config::Table& table) {
   POLYPOD_ASSIGN(tool, read_frame(table, "tool"));
   arm.X_MB = base;
   arm.X_FT = tool;
-  const int free = arm.free_joints();
-  POLYPOD_ASSIGN(task, read_task(table, free >= 6 ? Task::pose : free == 5 ? Task::axis : Task::point));
+  POLYPOD_ASSIGN(task, read_task(table, arm.usual_task()));
   arm.task = task;
   POLYPOD_TRY(table.finish());
   return arm;

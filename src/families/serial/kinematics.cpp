@@ -6,9 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "polypod/families/serial/pieper.hpp"
-#include "polypod/families/serial/spherical_wrist.hpp"
-#include "polypod/families/serial/three_parallel.hpp"
+#include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/closure.hpp"
 
 namespace polypod::machine {
@@ -323,19 +321,15 @@ int WristInverse::first_within_limits(const Branches& branches) const {
   return -1;
 }
 
-namespace {
-/// The closed form of an arm with six joints, as a list; nothing if it has none.
-std::optional<InverseResult> inverse_of_six(const SerialArm& arm, const Pose& X_MT, const double* reference) {
-  if (const auto spherical = SphericalWristInverse::of(arm)) return spherical->solve(X_MT, reference);
-  if (const auto parallel = ThreeParallelInverse::of(arm)) return parallel->solve(X_MT, reference);
-  if (const auto pieper = PieperInverse::of(arm)) return pieper->solve(X_MT, reference);
+std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm) {
+  if (const auto spherical = SphericalWristInverse::of(arm)) return *spherical;
+  if (const auto parallel = ThreeParallelInverse::of(arm)) return *parallel;
+  if (const auto pieper = PieperInverse::of(arm)) return *pieper;
   return std::nullopt;
 }
-}  // namespace
 
 bool has_closed_inverse(const SerialArm& arm) {
-  return WristInverse::of(arm).has_value() || SphericalWristInverse::of(arm).has_value() ||
-         ThreeParallelInverse::of(arm).has_value() || PieperInverse::of(arm).has_value();
+  return WristInverse::of(arm).has_value() || six_joint_inverse(arm).has_value();
 }
 
 std::string branch_name(const SerialArm& arm, unsigned branch) {
@@ -343,7 +337,8 @@ std::string branch_name(const SerialArm& arm, unsigned branch) {
       "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
       "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
   if (branch >= WristInverse::kBranches) return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
-  const bool numbered = PieperInverse::of(arm) && !SphericalWristInverse::of(arm) && !ThreeParallelInverse::of(arm);
+  const auto six = six_joint_inverse(arm);
+  const bool numbered = six && std::holds_alternative<PieperInverse>(*six);
   return numbered ? fmt::format("arm-{}{}", branch / 2 + 1, branch % 2 == 0 ? "" : " wrist-flipped") : kNames[branch];
 }
 
@@ -353,14 +348,20 @@ InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVe
   return inverse_numerically(arm, X_MT, options);
 }
 
+namespace {
+InverseResult solutions_of(const SixJointInverse& inverse, const Pose& X_MT, const double* reference) {
+  return std::visit([&](const auto& form) { return form.solve(X_MT, reference); }, inverse);
+}
+}  // namespace
+
 InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVector& last) {
-  if (auto closed = inverse_of_six(arm, X_MT, last.data())) return std::move(*closed);
+  if (const auto six = six_joint_inverse(arm)) return solutions_of(*six, X_MT, last.data());
   if (WristInverse::of(arm)) return inverse(arm, X_MT);
   return inverse_from(arm, X_MT, last);
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
-  if (auto closed = inverse_of_six(arm, X_MT, nullptr)) return std::move(*closed);
+  if (const auto six = six_joint_inverse(arm)) return solutions_of(*six, X_MT, nullptr);
   const Result<WristInverse> closed = WristInverse::of(arm);
   if (!closed) return inverse_numerically(arm, X_MT, {});
   InverseResult out;

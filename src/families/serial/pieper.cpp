@@ -12,6 +12,10 @@ using six::Complex, six::angle_of, six::conjugate;
 using six::kFree, six::kSame;
 
 constexpr double kPi = std::numbers::pi;
+// Of the size of an equation's terms: what their rounding leaves of a zero.
+constexpr double kRounding = 1e-13;
+// Roots are one below this (rad, or slope over the size of the terms): rounding moves a double root by its own root.
+constexpr double kDouble = 1e-6;
 
 /// c + a cos x + b sin x.
 struct Wave {
@@ -39,19 +43,55 @@ struct Roots {
 
 /// Both angles at which a wave is 0.
 Roots zeros(const Wave& wave) {
-  constexpr double kRound = 1e-13;
   Roots out;
   const double size = std::hypot(wave.a, wave.b);
-  if (!(size > kSame) || std::abs(wave.c) > size * (1 + kRound)) return out;
+  if (!(size > kSame) || std::abs(wave.c) > size * (1 + kRounding)) return out;
   const double cosine = std::clamp(-wave.c / size, -1.0, 1.0);
   const double middle = std::atan2(wave.b, wave.a), half = std::acos(cosine);
   for (const double x : {middle - half, middle + half})
-    out.add(std::remainder(x, 2 * kPi), half < 1e-6 || kPi - half < 1e-6);
+    out.add(std::remainder(x, 2 * kPi), half < kDouble || kPi - half < kDouble);
   return out;
 }
 
+using C = std::complex<double>;
+
+/// The four roots of z^4 + p3 z^3 + p2 z^2 + p1 z + p0, by the iteration of Durand (1960) and Kerner (1966).
+std::array<C, 4> roots_of_quartic(const C& p3, const C& p2, const C& p1, const C& p0) {
+  constexpr int kSteps = 200;
+  constexpr double kStill = 1e-15;    // of a root's size
+  constexpr double kNever0 = 1e-300;  // two roots at one place: the step is large instead of infinite
+  const auto p = [&](const C& z) { return (((z + p3) * z + p2) * z + p1) * z + p0; };
+  std::array<C, 4> z{C{0.9, 0.3}, C{-0.4, 0.8}, C{-0.7, -0.6}, C{0.5, -0.9}};  // near the unit circle, apart
+  for (int k = 0; k < kSteps; ++k) {
+    double most = 0;
+    for (std::size_t i = 0; i < z.size(); ++i) {
+      C others = 1;
+      for (std::size_t j = 0; j < z.size(); ++j)
+        if (j != i) others *= z[i] - z[j];
+      if (std::abs(others) < kNever0) others = kNever0;
+      const C step = p(z[i]) / others;
+      z[i] -= step;
+      most = std::max(most, std::abs(step) / (1 + std::abs(z[i])));
+    }
+    if (most < kStill) break;
+  }
+  return z;
+}
+
+/// Takes out what two simple roots became that Newton's method brought to one.
+void drop_twins(Roots& roots) {
+  constexpr double kTwin = 1e-12;  // rad
+  int kept = 0;
+  for (int i = 0; i < roots.count; ++i) {
+    if (kept > 0 && !roots.met[i] && roots.angle[i] - roots.angle[kept - 1] <= kTwin) continue;
+    roots.angle[kept] = roots.angle[i];
+    roots.met[kept++] = roots.met[i];
+  }
+  roots.count = kept;
+}
+
 /// The zeros of f = sum of w_i^2 s_i over waves, a trigonometric polynomial of degree two: in z = e^(i x) a quartic
-/// whose roots on the unit circle count, by the iteration of Durand and Kerner, then Newton's method on f.
+/// whose roots on the unit circle count, then Newton's method on f.
 Roots zeros_of_squares(const std::array<Wave, 3>& waves, const std::array<double, 3>& sign, const Wave& linear) {
   Wave first = linear;
   double cos2 = 0, sin2 = 0, scale = std::abs(linear.c) + std::hypot(linear.a, linear.b);
@@ -66,55 +106,33 @@ Roots zeros_of_squares(const std::array<Wave, 3>& waves, const std::array<double
     scale += std::abs(s) * square(std::abs(w.c) + std::hypot(w.a, w.b));
   }
   const double lead = std::hypot(cos2, sin2);
-  if (lead < 1e-13 * scale) return zeros(first);
+  if (lead < kRounding * scale) return zeros(first);
   const auto f = [&](double x) { return first.at(x) + cos2 * std::cos(2 * x) + sin2 * std::sin(2 * x); };
   const auto slope = [&](double x) {
     return first.b * std::cos(x) - first.a * std::sin(x) + 2 * (sin2 * std::cos(2 * x) - cos2 * std::sin(2 * x));
   };
-  using C = std::complex<double>;
   const C top = 0.5 * C(cos2, -sin2);
   const C p3 = 0.5 * C(first.a, -first.b) / top, p2 = first.c / top, p1 = 0.5 * C(first.a, first.b) / top,
           p0 = 0.5 * C(cos2, sin2) / top;
-  const auto p = [&](const C& z) { return (((z + p3) * z + p2) * z + p1) * z + p0; };
-  C z[4] = {{0.9, 0.3}, {-0.4, 0.8}, {-0.7, -0.6}, {0.5, -0.9}};
-  for (int k = 0; k < 200; ++k) {
-    double most = 0;
-    for (int i = 0; i < 4; ++i) {
-      C others = 1;
-      for (int j = 0; j < 4; ++j)
-        if (j != i) others *= z[i] - z[j];
-      if (std::abs(others) < 1e-300) others = 1e-300;
-      const C step = p(z[i]) / others;
-      z[i] -= step;
-      most = std::max(most, std::abs(step) / (1 + std::abs(z[i])));
-    }
-    if (most < 1e-15) break;
-  }
+  constexpr double kOffCircle = 1e-3;  // a double root lies off the circle by the root of the rounding, and more
+  constexpr int kNewtonSteps = 8;
+  constexpr double kFlat = 1e-12;  // of the size of the terms: no slope to follow
+  constexpr double kFar = 0.1;     // rad: a step that leads to another root
   Roots out;
-  for (const C& root : z) {
-    // A root that is double lies off the circle by the root of the rounding.
-    if (!(std::abs(std::abs(root) - 1) < 1e-3)) continue;
+  for (const C& root : roots_of_quartic(p3, p2, p1, p0)) {
+    if (!(std::abs(std::abs(root) - 1) < kOffCircle)) continue;
     double x = std::arg(root);
-    for (int k = 0; k < 8; ++k) {
+    for (int k = 0; k < kNewtonSteps; ++k) {
       const double d = slope(x);
-      if (std::abs(d) < 1e-12 * scale) break;
+      if (std::abs(d) < kFlat * scale) break;
       const double step = f(x) / d;
-      if (std::abs(step) > 0.1) break;
+      if (std::abs(step) > kFar) break;
       x -= step;
     }
-    if (std::abs(f(x)) > 1e-13 * scale) continue;
-    out.add(std::remainder(x, 2 * kPi), std::abs(slope(x)) < 1e-6 * scale);
+    if (std::abs(f(x)) > kRounding * scale) continue;
+    out.add(std::remainder(x, 2 * kPi), std::abs(slope(x)) < kDouble * scale);
   }
-  // Two simple roots that Newton's method brought to one are one.
-  for (int i = 1; i < out.count; ++i) {
-    if (out.met[i] || out.angle[i] - out.angle[i - 1] > 1e-12) continue;
-    for (int j = i; j + 1 < out.count; ++j) {
-      out.angle[j] = out.angle[j + 1];
-      out.met[j] = out.met[j + 1];
-    }
-    --out.count;
-    --i;
-  }
+  drop_twins(out);
   return out;
 }
 
@@ -185,7 +203,7 @@ void PieperInverse::solve(const Pose& X_MT, Branches& out, const double* referen
     const double q3 = roots.angle[r];
     const Vec3 v = k0_ + kc_ * std::cos(q3) + ks_ * std::sin(q3);
     const Complex flat{v.dot(n_), v.dot(e_)};
-    const double size2 = square(flat.re) + square(flat.im), rounding = 1e-13 * (K + size2 + a_ * a_);
+    const double size2 = square(flat.re) + square(flat.im), rounding = kRounding * (K + size2 + a_ * a_);
     // R_2 v in the plane square to axis 2: one of its parts, or both.
     Complex turned[2];
     int sides = 1;

@@ -76,6 +76,52 @@ inline std::optional<Vec3> common_point(const Vec3& o, const Vec3& u, const Vec3
   return o + u * (between.cross(v).dot(n) / square);
 }
 
+/// Upper arm and forearm at joints 0, of arms whose axes 2 and 3 are parallel and square to axis 1. In the arm's frame
+/// A: z along axis 1 away from the base, y along axis 2 in either sense, the origin on axis 1 beside axis 2.
+struct Links {
+  Mat3 R_AM;
+  Vec3 origin;           ///< of A, in M
+  double sense_1 = 1;    ///< +1 or -1: axis 1 against z
+  double a1 = 0, b = 0;  ///< m: axis 2 in front of axis 1; the point that joint 1 carries aside, off the plane y = 0
+  double upper = 0, fore = 0;   ///< m, in that plane
+  Complex upper_0{}, fore_0{};  ///< their directions (x, z)
+  double bend = 0;              ///< rad, from upper to fore
+
+  [[nodiscard]] Vec3 in_A(const Vec3& p_M) const { return R_AM * (p_M - origin); }
+  /// +1 or -1: an axis along y against the turn from x to z, which is a negative one about y.
+  [[nodiscard]] double sense(const Vec3& axis_M) const { return R_AM.row(1).dot(axis_M) > 0 ? -1 : 1; }
+};
+/// The links of `arm`, the forearm ending at `end`; x points to the side of axis 1 on which axis 2 stands, or, where
+/// they meet, `carried`. Nothing where axes 1 to 3 stand otherwise, or a link has no length.
+inline std::optional<Links> links_of(const SerialArm& arm, const Axes& axes, const Vec3& carried, const Vec3& end) {
+  const auto& w = axes.direction;
+  const auto& o = axes.point;
+  if (w[1].cross(w[2]).norm() > kSame || std::abs(w[0].dot(w[1])) > kSame) return std::nullopt;
+  Links out;
+  Vec3 up = w[0];
+  if (up.dot(arm.X_MB.R.col(2)) < 0) up = -up;
+  out.sense_1 = up.dot(w[0]) > 0 ? 1 : -1;
+  Vec3 front = w[1].cross(up).normalized();
+  double side = front.dot(o[1] - o[0]);
+  if (std::abs(side) < kSame) side = front.dot(carried - o[0]);
+  if (side < 0) front = -front;
+  out.R_AM.row(0) = front;
+  out.R_AM.row(1) = up.cross(front);
+  out.R_AM.row(2) = up;
+  out.origin = o[0] + up * up.dot(o[1] - o[0]);
+  out.a1 = out.in_A(o[1]).x();
+  out.b = out.in_A(carried).y();
+  if (std::abs(out.b) < kFree) out.b = 0;
+  const Vec3 upper = out.in_A(o[2]) - out.in_A(o[1]), fore = out.in_A(end) - out.in_A(o[2]);
+  out.upper = std::hypot(upper.x(), upper.z());
+  out.fore = std::hypot(fore.x(), fore.z());
+  if (out.upper < kSame || out.fore < kSame) return std::nullopt;
+  out.upper_0 = {upper.x() / out.upper, upper.z() / out.upper};
+  out.fore_0 = {fore.x() / out.fore, fore.z() / out.fore};
+  out.bend = angle_of(out.fore_0 * conjugate(out.upper_0));
+  return out;
+}
+
 inline Mat3 turn(const Vec3& axis, double angle) {
   return Eigen::AngleAxisd(angle, axis).toRotationMatrix();
 }

@@ -27,38 +27,22 @@ std::optional<SphericalWristInverse> SphericalWristInverse::of(const SerialArm& 
   const auto wrist = six::common_point(o[4], w[4], o[5], w[5]);
   if (!wrist || (*wrist - o[3]).cross(w[3]).norm() > kSame) return std::nullopt;
   if (w[3].cross(w[4]).norm() < kSame) return std::nullopt;
-  if (w[1].cross(w[2]).norm() > kSame || std::abs(w[0].dot(w[1])) > kSame) return std::nullopt;
+  const auto links = six::links_of(arm, *axes, *wrist, *wrist);
+  if (!links) return std::nullopt;
   SphericalWristInverse out;
   out.range_ = range;
-  // The arm's frame A.
-  Vec3 up = w[0];
-  if (up.dot(arm.X_MB.R.col(2)) < 0) up = -up;
-  Vec3 front = w[1].cross(up).normalized();
-  double side = front.dot(o[1] - o[0]);
-  if (std::abs(side) < kSame) side = front.dot(*wrist - o[0]);
-  if (side < 0) front = -front;
-  out.R_AM_.row(0) = front;
-  out.R_AM_.row(1) = up.cross(front);
-  out.R_AM_.row(2) = up;
-  const Vec3 origin = o[0] + up * up.dot(o[1] - o[0]);
-  out.p_AM_ = -(out.R_AM_ * origin);
-  const auto in_A = [&](const Vec3& p_M) { return Vec3(out.R_AM_ * (p_M - origin)); };
-  out.a1_ = in_A(o[1]).x();
-  out.b_ = in_A(*wrist).y();
-  if (std::abs(out.b_) < kFree) out.b_ = 0;
-  const Vec3 upper = in_A(o[2]) - in_A(o[1]), fore = in_A(*wrist) - in_A(o[2]);
-  out.upper_ = std::hypot(upper.x(), upper.z());
-  out.fore_ = std::hypot(fore.x(), fore.z());
-  if (out.upper_ < kSame || out.fore_ < kSame) return std::nullopt;  // an elbow without lengths
-  out.upper_c_ = upper.x() / out.upper_;
-  out.upper_s_ = upper.z() / out.upper_;
-  out.fore_c_ = fore.x() / out.fore_;
-  out.fore_s_ = fore.z() / out.fore_;
-  const Complex bend = Complex{out.fore_c_, out.fore_s_} * conjugate({out.upper_c_, out.upper_s_});
-  out.bend_ = std::atan2(bend.im, bend.re);
-  // From x to z is a negative turn about y.
-  out.sense_ = {up.dot(w[0]) > 0 ? 1.0 : -1.0, out.R_AM_.row(1).dot(w[1]) > 0 ? -1.0 : 1.0,
-                out.R_AM_.row(1).dot(w[2]) > 0 ? -1.0 : 1.0};
+  out.R_AM_ = links->R_AM;
+  out.p_AM_ = -(links->R_AM * links->origin);
+  out.a1_ = links->a1;
+  out.b_ = links->b;
+  out.upper_ = links->upper;
+  out.fore_ = links->fore;
+  out.upper_c_ = links->upper_0.re;
+  out.upper_s_ = links->upper_0.im;
+  out.fore_c_ = links->fore_0.re;
+  out.fore_s_ = links->fore_0.im;
+  out.bend_ = links->bend;
+  out.sense_ = {links->sense_1, links->sense(w[1]), links->sense(w[2])};
 
   const Mat3 R_TM = X_0.R.transpose();
   out.wrist_T_ = R_TM * (*wrist - X_0.p);

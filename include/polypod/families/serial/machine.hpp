@@ -47,6 +47,9 @@ struct SerialArm {
 
   /// Number of joints that move.
   [[nodiscard]] int free_joints() const;
+  /// What a pose prescribes where nothing says: all six coordinates from six free joints on, the tip and the tool axis
+  /// with five, the tip with fewer.
+  [[nodiscard]] Task usual_task() const;
 
   /// Reads the keys of a serial arm (docs/machine-files.md) and finishes the table.
   static Result<SerialArm> from(const config::Table& table);

@@ -63,9 +63,6 @@ class SphericalWristInverse {
   /// Two bits a joint, in the order of `limits`.
   [[nodiscard]] kinematics::LimitBits violations(const double* joints) const;
 
-  /// Whether axes 4 and 5, and 5 and 6, are square to each other.
-  [[nodiscard]] bool right_angled() const { return right_angled_; }
-
  private:
   std::array<JointRange, 6> range_;
   std::array<double, 6> sense_{};  ///< +1 or -1: of joints 1 to 3 against z, and against the turn from x to z
@@ -78,9 +75,9 @@ class SphericalWristInverse {
   double upper_ = 0, fore_ = 0;                                 ///< lengths of the links in the plane, m
   double upper_c_ = 1, upper_s_ = 0, fore_c_ = 1, fore_s_ = 0;  ///< their directions (x, z) at joints 0
   double bend_ = 0;                                             ///< the angle from upper to fore there
-  double middle_ = 0;     ///< joint 5 where axes 4 and 6 point the same way (right-angled: in line)
-  bool swapped_ = false;  ///< joint 5 is straight at 0 with axes 4 and 6 against each other
-  bool right_angled_ = true;
+  double middle_ = 0;         ///< joint 5 where axes 4 and 6 point the same way (right-angled: in line)
+  bool swapped_ = false;      ///< joint 5 is straight at 0 with axes 4 and 6 against each other
+  bool right_angled_ = true;  ///< axes 4 and 5, and 5 and 6, are square to each other
 };
 
 }  // namespace polypod::machine

@@ -1,0 +1,22 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The closed inverse of an arm with six joints, whichever of them its axes have.
+#pragma once
+
+#include <optional>
+#include <variant>
+
+#include "polypod/families/serial/pieper.hpp"
+#include "polypod/families/serial/spherical_wrist.hpp"
+#include "polypod/families/serial/three_parallel.hpp"
+
+namespace polypod::machine {
+
+/// The closed inverses with six joints. Each has `of(arm)`, `solve` into SixJointBranches, `solve` with limits as a
+/// list, and `violations`, so that std::visit with one lambda asks any of them.
+using SixJointInverse = std::variant<SphericalWristInverse, ThreeParallelInverse, PieperInverse>;
+
+/// The first of them, in this order, that the arm's axes have: the forms with named postures before the one with
+/// numbered ones. Nothing if the arm has none. Follows from the table anew each time: keep it for inner loops.
+std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm);
+
+}  // namespace polypod::machine
