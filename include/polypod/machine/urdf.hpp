@@ -30,10 +30,9 @@ bool is_urdf(std::string_view text, const std::string& name);
 /// The base is BASE, else the root of the tree. The tip is TIP, else the only link that is called `tool0` (else ends in
 /// `_tool0`), else the only end of the tree that a moving joint moves. Joints of the chain are revolute, continuous
 /// (one turn each way), prismatic or fixed; a joint counts about (along) its axis. The table follows from the axes
-/// (arm_of_axes). The task is usual_task(). An
-/// angle of `rpy` with four decimals at least that is a multiple of 15 deg but for its last digit is that
-/// multiple: 1.5708 is 90 deg. What is changed so, the names of the joints, speeds, and what is not read (meshes,
-/// inertia) stand in `provenance`.
+/// (arm_of_axes). The task is usual_task(). An angle of `rpy` with four decimals at least that is a multiple of 15 deg
+/// but for its last digit is that multiple: 1.5708 is 90 deg. What is changed so, the names of the joints, speeds, and
+/// what is not read (meshes, inertia) stand in `provenance`.
 ///
 /// urdfdom judges each joint of the chain; tree, chain and text are checked before. Errors: MA180 to MA191,
 /// docs/errors.md.
