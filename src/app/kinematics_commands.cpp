@@ -33,7 +33,14 @@ struct MachineOptions {
   bool free_twist = false;
 };
 
-/// Numbers in mm where `length` says so, in deg elsewhere, each at least `width` wide.
+/// A figure that shows 0 has no sign.
+std::string unsigned_zero(std::string text) {
+  const bool zero = text.starts_with('-') && text.find_first_of("123456789") == std::string::npos;
+  return zero ? text.substr(1) : text;
+}
+
+/// Numbers in mm where `length` says so, in deg elsewhere, each at least `width` wide; the unit stands behind the last
+/// number that has it: "1.0000, 2.0000 mm, 30.0000 deg".
 std::string measured(const std::vector<double>& values, const std::function<bool(std::size_t)>& length, int width = 0) {
   constexpr int kDecimals = 4, kSignificant = 6;
   double largest = 0;
@@ -42,8 +49,9 @@ std::string measured(const std::vector<double>& values, const std::function<bool
   const Figures mm(largest, kDecimals, kSignificant);
   std::string out;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::string text = length(i) ? mm(values[i]) : fmt::format("{:.{}f}", values[i], kDecimals);
+    const std::string text = unsigned_zero(length(i) ? mm(values[i]) : fmt::format("{:.{}f}", values[i], kDecimals));
     out += fmt::format("{}{:>{}}", out.empty() ? "" : ", ", text, width);
+    if (i + 1 == values.size() || length(i + 1) != length(i)) out += length(i) ? " mm" : " deg";
   }
   return out;
 }

@@ -88,7 +88,7 @@ constexpr double kMostTolerance = 1e5;
 
 Command predict_command() {
   struct Options {
-    std::string program, job;
+    std::string program, job, stock_left;
     std::vector<std::string> measured, covariances;
     double step_mm = 0;
     bool at_rest = false, again = false;
@@ -102,6 +102,8 @@ Command predict_command() {
         a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--covariance", o->covariances, kCovarianceHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
+        a.option("--stock-left", o->stock_left,
+                 "Write the stock that the deflected tool leaves, for the job of the next set-up (kind = \"file\")");
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest,
                "Force at the commanded point, without the feedback of the deflection on the cut");
@@ -111,10 +113,11 @@ Command predict_command() {
         std::vector<std::string> inputs = o->measured;
         inputs.insert(inputs.end(), {o->program, o->job});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
-        POLYPOD_TRY(check_files(inputs, {}, context.json));
+        POLYPOD_TRY(check_files(inputs, {o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
         machining::PredictOptions options;
+        options.keep_stock = !o->stock_left.empty();
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
         options.step = units::from_mm(o->step_mm);
         options.again = o->again;
@@ -128,6 +131,8 @@ Command predict_command() {
         const bool spread = !in.job.material.spread.empty();
         const bool trust = trusted(in.job), within = p.within(in.job) && trust;
         const Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
+        const bool leaves = !o->stock_left.empty() && collision;  // after a collision nobody knows what is left
+        if (leaves) POLYPOD_TRY(cutting::write_stock(p.stock_left, o->stock_left));
         if (context.json) {
           Json moves = Json::array();
           for (std::size_t i = 0; i < p.moves.size(); ++i) {
@@ -170,6 +175,10 @@ Command predict_command() {
           }
           add_other_switch(document, p.other_switch, trust);
           if (!collision) document["collision"] = to_string(collision.error());
+          if (leaves) {
+            document["stock_left"] = o->stock_left;
+            document["stock_left_mm3"] = units::to_mm3(p.stock_left.volume());
+          }
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
           print_json(document);
@@ -214,6 +223,13 @@ Command predict_command() {
         if (p.moves.size() > kMost) fmt::print("  ... {} more, see --json\n", p.moves.size() - kMost);
         print_not_judged(p.not_judged);
         for (const std::string& note : p.notes) fmt::print("note: {}\n", note);
+        if (leaves) {
+          fmt::print("wrote {}: the stock that is left, {:.0f} mm3{}\n", one_line(o->stock_left),
+                     units::to_mm3(p.stock_left.volume()),
+                     p.all_judged() ? "" : ", by the deflections found, of which not all are judged");
+        } else if (!o->stock_left.empty()) {
+          fmt::print("{} was not written: what a collision leaves is not known\n", one_line(o->stock_left));
+        }
         return end(context, collision);
       }};
 }

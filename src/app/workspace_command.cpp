@@ -228,10 +228,23 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
   }
   const workspace::Shape box{workspace::ShapeKind::box, 0.5 * (low + high), 0.5 * (high - low)};
   POLYPOD_ASSIGN(held, workspace::certainly_holds(m, options, box));
+  const auto missed = held ? std::nullopt : workspace::missed_in(m, options, box);
+  const std::vector<double> pose = missed ? whole_pose_for_user(missed->pose) : std::vector<double>{};
   if (context.json) {
-    print_json({{"certainly_inside", held}});
+    Json document{{"certainly_inside", held}};
+    if (missed) document["not_reached"] = {{"pose", pose}, {"reason", missed->reason}};
+    print_json(document);
+  } else if (held) {
+    fmt::print("certainly inside\n");
+  } else if (missed) {
+    fmt::print(
+        "not wholly inside: x {:.6g}, y {:.6g}, z {:.6g} mm with A {:.4g}, B {:.4g}, C {:.4g} deg is out of "
+        "reach: {}\n",
+        pose[0], pose[1], pose[2], pose[3], pose[4], pose[5], missed->reason);
   } else {
-    fmt::print("{}\n", held ? "certainly inside" : "not wholly inside, or not proven");
+    fmt::print(
+        "not proven: all of 125 points of the box that were looked at are reached, but no proof was found for "
+        "those between them; a slightly smaller box may have one\n");
   }
   return held ? kDone : kAnswerIsNo;
 }

@@ -14,6 +14,8 @@ constexpr int kSectors = EndFootprint::kSectors;
 constexpr double kSector = 2 * kPi / kSectors;
 /// Heights are floats; what a move goes down by less than this is lost in their rounding, m.
 constexpr double kLeastDown = 1e-7;
+/// A sum of floats over a sector is known to this much, m.
+constexpr float kLeastLength = 1e-8F;
 
 double middle_of(int sector) {
   return (sector + 0.5) * kSector;
@@ -113,6 +115,15 @@ void look_down(const Stock& stock, const Vec3& tip, double radius, const Eigen::
     const float sum = layer.along(tip.head<2>() + 0.5 * step * ray, step * ray, steps);
     footprint.length[j] = sum * static_cast<float>(step);
     footprint.any = footprint.any || sum > 0;
+  }
+  if (stock.hollow() == nullptr || !footprint.any) return;
+  EndFootprint hollow;
+  look_down(*stock.hollow(), tip, radius, feed, down, hollow);
+  footprint.any = false;
+  for (std::size_t j = 0; j < kSectors; ++j) {
+    const float length = footprint.length[j] - hollow.length[j];
+    footprint.length[j] = length > kLeastLength ? length : 0;
+    footprint.any = footprint.any || length > kLeastLength;
   }
 }
 

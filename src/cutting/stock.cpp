@@ -241,7 +241,7 @@ Result<Stock> Stock::block(const Vec3& min, const Vec3& max, double cell, std::s
 }
 
 Result<Stock> Stock::from_layers(double x_min, double y_min, double cell, int columns, int rows, double bottom,
-                                 double top, std::vector<float> layers) {
+                                 double top, std::vector<float> layers, std::vector<float> hollow) {
   const auto bad = [](std::string what) { return fail("CT123", "the stock is damaged: " + std::move(what)); };
   if (!std::isfinite(x_min) || !std::isfinite(y_min) || !std::isfinite(cell) || !(cell > 0) || columns < 1 ||
       rows < 1) {
@@ -254,8 +254,13 @@ Result<Stock> Stock::from_layers(double x_min, double y_min, double cell, int co
   if (layers.size() != static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) * kLayers) {
     return bad(fmt::format("{} heights for {} by {} cells of {} layers", layers.size(), columns, rows, kLayers));
   }
-  for (const float h : layers) {
-    if (!(h <= highest) || (std::isinf(h) && h != empty())) return bad(fmt::format("a height of {:g} m", h));
+  if (!hollow.empty() && hollow.size() != layers.size()) {
+    return bad(fmt::format("{} heights, but {} of what is hollow", layers.size(), hollow.size()));
+  }
+  for (const std::vector<float>* heights : {&layers, &hollow}) {
+    for (const float h : *heights) {
+      if (!(h <= highest) || (std::isinf(h) && h != empty())) return bad(fmt::format("a height of {:g} m", h));
+    }
   }
   Stock stock;
   stock.cell_ = cell;
@@ -265,6 +270,11 @@ Result<Stock> Stock::from_layers(double x_min, double y_min, double cell, int co
   stock.y_min_ = y_min;
   stock.bottom_ = bottom;
   stock.top_ = highest;
+  if (!hollow.empty()) {
+    Stock inside = stock;
+    inside.layers_ = std::move(hollow);
+    stock.hollow_.push_back(std::move(inside));
+  }
   stock.layers_ = std::move(layers);
   return stock;
 }
@@ -300,7 +310,9 @@ double Stock::volume() const {
       row += std::max(0.0, layers[i] - bottom_);
     sum += row;
   }
-  return sum * cell_ * cell_ / kLayers;
+  double volume = sum * cell_ * cell_ / kLayers;
+  for (const Stock& hollow : hollow_) volume -= hollow.volume();
+  return volume;
 }
 
 Stock Stock::in_half_cells() const {
@@ -315,23 +327,71 @@ Stock Stock::in_half_cells() const {
                   out.layers_.begin() + static_cast<std::ptrdiff_t>(out.index(i, j)));
     }
   }
+  for (Stock& hollow : out.hollow_) hollow = hollow.in_half_cells();
+  return out;
+}
+
+Stock Stock::turned(Axis about) const {
+  Stock out = *this;
+  if (about == Axis::x) out.y_min_ = -(y_min_ + rows_ * cell_);
+  if (about == Axis::y) out.x_min_ = -(x_min_ + columns_ * cell_);
+  out.bottom_ = -static_cast<double>(top_);
+  out.top_ = static_cast<float>(-bottom_);
+  Stock inside = out;
+  inside.hollow_.clear();
+  for (int j = 0; j < rows_; ++j) {
+    for (int i = 0; i < columns_; ++i) {
+      const std::size_t to = about == Axis::x ? out.index(i, rows_ - 1 - j) : out.index(columns_ - 1 - i, j);
+      for (std::size_t k = 0; k < kLayers; ++k) {
+        const float height = layers_[index(i, j) + k];
+        const float begin = hollow_.empty() ? empty() : hollow_[0].layers_[index(i, j) + k];
+        const bool open = begin > bottom_, solid = height > (open ? static_cast<double>(begin) : bottom_);
+        out.layers_[to + k] = !solid ? empty() : open ? -begin : out.top_;
+        inside.layers_[to + k] = solid && height < top_ ? -height : empty();
+      }
+    }
+  }
+  out.hollow_.assign(1, std::move(inside));
+  return out;
+}
+
+Stock Stock::shifted(const Vec3& by) const {
+  Stock out = *this;
+  out.x_min_ += by.x();
+  out.y_min_ += by.y();
+  out.bottom_ += by.z();
+  out.top_ = static_cast<float>(top_ + by.z());
+  for (float& height : out.layers_) height = static_cast<float>(height + by.z());
+  for (Stock& hollow : out.hollow_) hollow = hollow.shifted(by);
   return out;
 }
 
 double Stock::cut_disc(const Vec3& tip, double radius) {
-  return sweep(tip, tip, radius, false, false);
+  double removed = sweep(tip, tip, radius, false, false);
+  for (Stock& hollow : hollow_) removed -= hollow.cut_disc(tip, radius);
+  return removed;
 }
 
 double Stock::cut_line(const Vec3& a, const Vec3& b, double radius, bool a_done) {
-  return cut_way(a, b, radius, a_done, false);
+  double removed = cut_way(a, b, radius, a_done, false);
+  for (Stock& hollow : hollow_) removed -= hollow.cut_line(a, b, radius, a_done);
+  return removed;
 }
 
 double Stock::cut_step(const Vec3& a, const Vec3& b, double radius, bool a_done) {
-  if (b.z() < a.z()) return cut_way(a, b, radius, a_done, true);
-  return settle() + cut_way(a, b, radius, a_done, false);
+  const bool down = b.z() < a.z();
+  double removed = (down ? 0 : settle_heights()) + cut_way(a, b, radius, a_done, down);
+  for (Stock& hollow : hollow_) removed -= hollow.cut_step(a, b, radius, a_done);
+  return removed;
 }
 
 double Stock::settle() {
+  double removed = settle_heights();
+  for (Stock& hollow : hollow_) removed -= hollow.settle();
+  return removed;
+}
+
+double Stock::settle_heights() {
   if (!due_.any) return 0;
   due_.any = false;
   const Quad level = all(std::max(due_.level, static_cast<float>(bottom_))), kept = all(due_.level);
@@ -401,7 +461,7 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
   // Of a way down that goes on where the last one ended, what is due of that lies on this way or under its end.
   later = later && b.z() < a.z() && cover.inner2() > 0;
   if (later) {
-    if (due_.x != a.x() || due_.y != a.y() || due_.radius != radius) removed_before = settle();
+    if (due_.x != a.x() || due_.y != a.y() || due_.radius != radius) removed_before = settle_heights();
     due_ = {true, b.x(), b.y(), radius, cover.inner2() * (1 + kDueSlack), level_kept};
   }
 
@@ -510,8 +570,10 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
   return removed_before + removed * cell_ * cell_ / kLayers;
 }
 
-void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
-                EngagementProfile& profile) {
+namespace {
+/// look_ahead in the heights alone.
+void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
+                     EngagementProfile& profile) {
   constexpr int kBins = EngagementProfile::kBins;
   profile.max_depth = 0;
   profile.any = false;
@@ -668,6 +730,23 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen:
       }
     }
   }
+}
+}  // namespace
+
+void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
+                EngagementProfile& profile) {
+  look_at_heights(stock, tip, radius, feed, ahead, profile);
+  if (stock.hollow() == nullptr || !profile.any) return;
+  EngagementProfile hollow;
+  look_at_heights(*stock.hollow(), tip, radius, feed, ahead, hollow);
+  constexpr float kRounding = 1e-8F;  // m: heights of a metre are kept to 6e-8, those of a part to 4e-9
+  profile.any = false;
+  for (int j = 0; j < EngagementProfile::kBins; ++j) {
+    const float depth = profile.depth[j] - hollow.depth[j];
+    profile.depth[j] = depth > kRounding ? depth : 0;
+    profile.any = profile.any || depth > kRounding;
+  }
+  if (!profile.any) profile.max_depth = 0;
 }
 
 std::vector<DiscEngagement> by_disc(const EngagementProfile& profile, double dz) {

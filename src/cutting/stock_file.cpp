@@ -16,7 +16,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "stock files are little-endian");
 
 constexpr char kMagic[8] = {'P', 'O', 'L', 'Y', 'S', 'T', 'O', 'K'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kSolid = 1, kHollow = 2;  // versions: with one height a layer, or two
 
 struct Header {
   char magic[8];
@@ -38,7 +38,7 @@ std::uint64_t fnv1a(std::string_view bytes) {
 Status write_stock(const Stock& stock, const std::string& path) {
   Header header{};
   std::memcpy(header.magic, kMagic, sizeof kMagic);
-  header.version = kVersion;
+  header.version = stock.hollow() == nullptr ? kSolid : kHollow;
   header.columns = stock.columns();
   header.rows = stock.rows();
   header.layers = Stock::kLayers;
@@ -48,7 +48,10 @@ Status write_stock(const Stock& stock, const std::string& path) {
   header.bottom = stock.bottom();
   header.top = stock.top();
   std::string bytes(reinterpret_cast<const char*>(&header), sizeof header);
-  bytes.append(reinterpret_cast<const char*>(stock.layers().data()), stock.layers().size() * sizeof(float));
+  for (const Stock* map : {&stock, stock.hollow()}) {
+    if (map == nullptr) continue;
+    bytes.append(reinterpret_cast<const char*>(map->layers().data()), map->layers().size() * sizeof(float));
+  }
   const std::uint64_t hash = fnv1a(bytes);
   bytes.append(reinterpret_cast<const char*>(&hash), sizeof hash);
   return files::write_whole(path, bytes);
@@ -67,9 +70,11 @@ Result<Stock> read_stock(const std::string& path) {
                 again);
   }
   std::memcpy(&header, bytes.data(), sizeof header);
-  if (header.version != kVersion) {
-    return fail("CT122", fmt::format("the stock file has version {}; this program reads {}", header.version, kVersion),
-                place, again);
+  if (header.version != kSolid && header.version != kHollow) {
+    return fail(
+        "CT122",
+        fmt::format("the stock file has version {}; this program reads {} and {}", header.version, kSolid, kHollow),
+        place, again);
   }
   if (header.columns < 1 || header.rows < 1) {
     return fail("CT123", fmt::format("the stock file is damaged: {} by {} cells", header.columns, header.rows), place,
@@ -89,7 +94,7 @@ Result<Stock> read_stock(const std::string& path) {
                 place, again);
   }
   const std::size_t count = cells * Stock::kLayers;
-  const std::size_t expected = sizeof header + count * sizeof(float) + sizeof(std::uint64_t);
+  const std::size_t expected = sizeof header + header.version * count * sizeof(float) + sizeof(std::uint64_t);
   if (bytes.size() != expected) {
     return fail("CT121",
                 fmt::format("the stock file has {} bytes, but {} by {} cells need {}", bytes.size(), header.columns,
@@ -101,10 +106,12 @@ Result<Stock> read_stock(const std::string& path) {
   if (hash != fnv1a(std::string_view(bytes).substr(0, expected - sizeof hash))) {
     return fail("CT123", "the stock file is damaged: its checksum does not fit", place, again);
   }
-  std::vector<float> layers(count);
-  std::memcpy(layers.data(), bytes.data() + sizeof header, count * sizeof(float));
+  std::vector<float> layers(count), hollow(header.version == kHollow ? count : 0);
+  const char* heights = bytes.data() + sizeof header;
+  std::memcpy(layers.data(), heights, count * sizeof(float));
+  if (!hollow.empty()) std::memcpy(hollow.data(), heights + count * sizeof(float), count * sizeof(float));
   auto stock = Stock::from_layers(header.x_min, header.y_min, header.cell, header.columns, header.rows, header.bottom,
-                                  header.top, std::move(layers));
+                                  header.top, std::move(layers), std::move(hollow));
   if (!stock) stock.error().place = place;
   return stock;
 }

@@ -333,7 +333,17 @@ Result<Stock> allowance_from(const config::Table& table, const Cutter& cutter) {
 
 Result<Stock> file_from(const config::Table& table, const Cutter& cutter) {
   POLYPOD_ASSIGN(file, table.text("file"));
+  POLYPOD_ASSIGN(turned, table.optional_text("turned", ""));
+  Vec3 shift = Vec3::Zero();
+  if (table.has("shift_mm")) {
+    POLYPOD_ASSIGN(shift_mm, table.numbers("shift_mm", 3));
+    for (int i = 0; i < 3; ++i) shift[i] = units::from_mm(shift_mm[static_cast<std::size_t>(i)]);
+  }
   POLYPOD_TRY(table.finish());
+  if (table.has("turned") && turned != "x" && turned != "y") {
+    return fail("CT124", fmt::format("{}.turned = \"{}\" must be \"x\" or \"y\"", table.name(), turned),
+                table.place_of("turned"), "the axis of the earlier W about which the part was turned over by 180 deg");
+  }
   POLYPOD_ASSIGN(stock, read_stock(config::beside(table.place().file, file)));
   if (stock.cell() > kLargestCell * cutter.diameter * (1 + 1e-9)) {
     return fail(
@@ -343,7 +353,8 @@ Result<Stock> file_from(const config::Table& table, const Cutter& cutter) {
                     file, units::to_mm(stock.cell()), units::to_mm(kLargestCell * cutter.diameter), kLargestCell),
         table.place_of("file"), "run the earlier program with cells small enough for the smallest cutter");
   }
-  return stock;
+  if (!turned.empty()) stock = stock.turned(turned == "x" ? Stock::Axis::x : Stock::Axis::y);
+  return shift.isZero(0) ? stock : stock.shifted(shift);
 }
 
 }  // namespace

@@ -481,8 +481,9 @@ Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Mo
 }
 
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
-                                    const gcode::Interpretation& interpretation, const PredictOptions& options) {
-  POLYPOD_ASSIGN(out, predict_way(job, program, way_as_programmed(program, interpretation.moves), options));
+                                    const gcode::Interpretation& interpretation, const PredictOptions& options,
+                                    cutting::Stock& scratch) {
+  POLYPOD_ASSIGN(out, predict_way(job, program, way_as_programmed(program, interpretation.moves), options, scratch));
   if (out.moves.empty()) return tl::unexpected(cuts_nothing(job, program, interpretation));
   return out;
 }
@@ -513,7 +514,9 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
-  POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation(), options));
+  cutting::Stock left;
+  POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation(), options, left));
+  if (options.keep_stock) out.stock_left = std::move(left);
   const Way way = way_as_programmed(program, accepted.interpretation().moves);
   const Corners corners = corners_of(job, program, way, out, job.tolerance - resolution(job));
   out.corner = corners.largest;
@@ -537,6 +540,7 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
   quiet.keep_samples = false;
   if (job.material.spread.empty()) return out;
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
+  cutting::Stock scratch;
   for (const std::array<double, 6>& variation : job.material.spread) {
     Job varied = job;
     cutting::Material& m = varied.material;
@@ -546,7 +550,7 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
     m.kte += variation[3];
     m.kre += variation[4];
     m.kae += variation[5];
-    POLYPOD_ASSIGN(p, predict_accepted(varied, program, accepted.interpretation(), quiet));
+    POLYPOD_ASSIGN(p, predict_accepted(varied, program, accepted.interpretation(), quiet, scratch));
     const auto add = [](double& sum, double change) { sum = std::hypot(sum, change); };
     add(out.deflection_mean, p.deflection.mean - prediction.deflection.mean);
     add(out.deflection_max, p.deflection.max - prediction.deflection.max);

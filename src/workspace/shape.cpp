@@ -2,10 +2,14 @@
 #include "polypod/workspace/shape.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
+
+#include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::workspace {
 
@@ -88,6 +92,36 @@ std::vector<Vec3> border_points(const Shape& shape) {
 }
 
 }  // namespace
+
+std::optional<Missed> missed_in(const AnyMachine& machine, const Options& options, const Shape& box) {
+  constexpr int kSteps = 4;
+  const LimitBits heeded = heeded_limits(machine, options);
+  const auto reason = [&](const kinematics::InverseResult& result) {
+    if (result.solutions.empty()) return result.reason;
+    const auto broken = [&](const kinematics::Solution& s) { return std::popcount(s.violations & heeded); };
+    const auto fewest = std::min_element(result.solutions.begin(), result.solutions.end(),
+                                         [&](const auto& a, const auto& b) { return broken(a) < broken(b); });
+    return fmt::format("{}", fmt::join(kinematics::limit_names(machine, fewest->violations & heeded), ", "));
+  };
+  std::vector<Vec3> points;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      for (int k = 0; k <= kSteps; ++k) {
+        points.push_back(box.center + (Vec3(i, j, k) * (2.0 / kSteps) - Vec3::Ones()).cwiseProduct(box.half));
+      }
+    }
+  }
+  const auto from_middle = [&](const Vec3& p) { return (p - box.center).cwiseQuotient(box.half).squaredNorm(); };
+  std::stable_sort(points.begin(), points.end(),
+                   [&](const Vec3& a, const Vec3& b) { return from_middle(a) > from_middle(b); });
+  for (const Mat3& R : sampled_orientations(options.directions)) {
+    for (const Vec3& p : points) {
+      if (reaches_samples(machine, options, {R}, p)) continue;
+      return Missed{{R, p}, reason(kinematics::inverse(machine, Pose{R, p}))};
+    }
+  }
+  return std::nullopt;
+}
 
 Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, ShapeKind kind) {
   Options coarse = options;

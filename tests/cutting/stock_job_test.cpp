@@ -342,6 +342,49 @@ TEST_F(StockFile, ComesBackAsItWas) {
   EXPECT_EQ(back->rows(), s.rows());
 }
 
+TEST_F(StockFile, OfATurnedPartComesBackAsItWas) {
+  Stock s = small().turned(Stock::Axis::x);
+  s.cut_line({-1e-3, 0.5e-3, 1e-3}, {1e-3, 0, 1e-3}, 0.4e-3);
+  ASSERT_TRUE(write_stock(s, path("a.stock")));
+  auto back = read_stock(path("a.stock"));
+  ASSERT_TRUE(back) << to_string(back.error());
+  EXPECT_EQ(back->layers(), s.layers());
+  ASSERT_NE(back->hollow(), nullptr);
+  EXPECT_EQ(back->hollow()->layers(), s.hollow()->layers());
+  EXPECT_EQ(back->volume(), s.volume());
+  std::string bytes = *files::read(path("a.stock"));
+  bytes.resize(bytes.size() - 4);
+  ASSERT_TRUE(files::write_whole(path("b.stock"), bytes));
+  EXPECT_EQ(read_stock(path("b.stock")).error().id, "CT121");
+}
+
+TEST_F(StockFile, IsTurnedAndShiftedByTheJob) {
+  ASSERT_TRUE(write_stock(small(), path("a.stock")));
+  const auto stock_of = [&](const std::string& keys) {
+    std::ofstream(path("job.toml")) << "kind = 'file'\nfile = 'a.stock'\n" + keys;
+    return stock_from(*config::read_file(path("job.toml")), end_mill());
+  };
+  // small() is from x -2, y -1, z -2 to x 2, y 1, z 0 mm.
+  const auto about_x = stock_of("turned = 'x'\nshift_mm = [10, 1, -2]\n");
+  ASSERT_TRUE(about_x) << to_string(about_x.error());
+  EXPECT_NEAR(about_x->x_min(), 8e-3, 1e-12);
+  EXPECT_NEAR(about_x->y_min(), 0, 1e-12);
+  EXPECT_NEAR(about_x->bottom(), -2e-3, 1e-9);
+  EXPECT_NEAR(about_x->top(), 0, 1e-9);
+  EXPECT_NEAR(about_x->volume(), small().volume(), 1e-6 * small().volume());
+  const auto shifted = stock_of("shift_mm = [0, 0, 5]\n");
+  ASSERT_TRUE(shifted);
+  EXPECT_EQ(shifted->hollow(), nullptr);
+  EXPECT_NEAR(shifted->top(), 5e-3, 1e-9);
+  for (const char* wrong : {"turned = 'z'\n", "turned = ''\n"}) {
+    const auto refused = stock_of(wrong);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().id, "CT124");
+    EXPECT_EQ(refused.error().place.line, 3);
+  }
+  EXPECT_FALSE(stock_of("shift_mm = [0, 0]\n"));
+}
+
 TEST_F(StockFile, IsFoundBesideTheJob) {
   ASSERT_TRUE(write_stock(small(), path("a.stock")));
   std::ofstream(path("job.toml")) << "kind = 'file'\nfile = 'a.stock'\n";

@@ -130,6 +130,94 @@ TEST(CutLine, BelowTheBottomTakesAllThereIs) {
   EXPECT_EQ(s.height(s.columns() / 2, s.rows() / 2), Stock::empty());
 }
 
+// A column of a plate that was cut from both sides holds what neither side took.
+TEST(Turned, HoldsWhatNeitherSideTook) {
+  EXPECT_TRUE(rc::check("any cuts on both sides, about either axis", [] {
+    const auto about = *rc::gen::element(Stock::Axis::x, Stock::Axis::y);
+    const auto somewhere = [](double top) {
+      return Vec3(between(-15e-3, 15e-3), between(-15e-3, 15e-3), top - between(-1e-3, 6e-3));
+    };
+    Stock front = plate(15e-3, -5e-3, 0.5e-3);
+    for (int i = 0; i < 4; ++i) front.cut_line(somewhere(0), somewhere(0), kRadius);
+    Stock both = front.turned(about);
+    RC_ASSERT(std::abs(both.volume() - front.volume()) <= 1e-6 * front.volume());
+    Stock back = plate(15e-3, -5e-3, 0.5e-3).turned(about);  // solid: only the second side's cuts
+    const double before = both.volume();
+    double removed = 0;
+    for (int i = 0; i < 4; ++i) {
+      const Vec3 a = somewhere(5e-3), b = somewhere(5e-3);
+      removed += both.cut_step(a, b, kRadius);
+      back.cut_step(a, b, kRadius);
+    }
+    removed += both.settle();
+    back.settle();
+    double expected = 0;
+    for (int j = 0; j < both.rows(); ++j) {
+      for (int i = 0; i < both.columns(); ++i) {
+        const int column = about == Stock::Axis::x ? i : both.columns() - 1 - i;
+        const int row = about == Stock::Axis::x ? both.rows() - 1 - j : j;
+        for (int k = 0; k < Stock::kLayers; ++k) {
+          const double to = back.cell_layers(i, j)[k], from = -double{front.cell_layers(column, row)[k]};
+          if (std::isfinite(to) && std::isfinite(from)) expected += std::max(0.0, to - from);
+        }
+      }
+    }
+    expected *= both.cell() * both.cell() / Stock::kLayers;
+    RC_ASSERT(std::abs(both.volume() - expected) <= kSumRounding * before);
+    RC_ASSERT(std::abs(before - both.volume() - removed) <= kSumRounding * before);
+  }));
+}
+
+TEST(Turned, TwiceIsWhatItWas) {
+  Stock s = plate();
+  s.cut_line({-9e-3, 1e-3, -2e-3}, {20e-3, 3e-3, -6e-3}, kRadius);
+  for (const auto about : {Stock::Axis::x, Stock::Axis::y}) {
+    const Stock again = s.turned(about).turned(about);
+    EXPECT_EQ(largest_difference(again, s), 0);
+    EXPECT_NEAR(again.volume(), s.volume(), kSumRounding * s.volume());
+    EXPECT_NEAR(again.x_min(), s.x_min(), 1e-15);
+    EXPECT_NEAR(again.y_min(), s.y_min(), 1e-15);
+  }
+}
+
+// A plate of 5 mm with 3 mm milled off from below: the cutter meets 2 mm, wherever its tip is below them.
+TEST(Turned, TheCutterMeetsWhatTheFirstSideLeft) {
+  Stock first = plate();
+  first.cut_line({-20e-3, 0, -3e-3}, {20e-3, 0, -3e-3}, 20e-3);
+  const Stock s = first.turned(Stock::Axis::y).shifted({0, 0, -5e-3});  // from -5 to 0 mm, hollow up to -2 mm
+  EXPECT_NEAR(s.top(), 0, 1e-12);
+  EXPECT_NEAR(s.bottom(), -5e-3, 1e-12);
+  for (const double depth : {1.5e-3, 2e-3, 3e-3, 7e-3}) {
+    const double met = std::min(depth, 2e-3);
+    EngagementProfile profile;
+    look_ahead(s, {0, 0, -depth}, kRadius, {0, 1}, 2 * kCell, profile);
+    for (const float d : profile.depth) EXPECT_NEAR(d, met, 2 * kHeightRounding);
+    Stock slot = s;
+    EXPECT_NEAR(slot.cut_disc({0, 0, -depth}, kRadius), kPi * kRadius * kRadius * met,
+                4e-3 * kPi * kRadius * kRadius * met);
+    EndFootprint footprint;
+    look_down(s, {0, 0, -depth}, kRadius, {0, 1}, 0.1e-3, footprint);
+    EXPECT_EQ(footprint.any, depth < 2e-3);
+    if (depth < 2e-3) {
+      EXPECT_NEAR(footprint.mean_length(), kRadius, 1e-3 * kRadius);
+    }
+  }
+  // Above the hollow alone there is nothing at all.
+  Stock through = s;
+  through.cut_line({-20e-3, 0, -2.5e-3}, {20e-3, 0, -2.5e-3}, 20e-3);
+  EngagementProfile profile;
+  look_ahead(through, {0, 0, -4e-3}, kRadius, {0, 1}, 2 * kCell, profile);
+  EXPECT_FALSE(profile.any);
+  EXPECT_EQ(profile.max_depth, 0);
+}
+
+TEST(Turned, HalfCellsHoldTheSame) {
+  Stock first = plate();
+  first.cut_line({-20e-3, 1e-3, -3e-3}, {20e-3, 4e-3, -4e-3}, kRadius);
+  const Stock s = first.turned(Stock::Axis::x);
+  EXPECT_NEAR(s.in_half_cells().volume(), s.volume(), kSumRounding * s.volume());
+}
+
 TEST(CutLine, InTheAirOrOutsideTakesNothing) {
   Stock s = plate();
   EXPECT_EQ(s.cut_line({-5e-3, 0, 1e-3}, {5e-3, 0, 0}, kRadius), 0);

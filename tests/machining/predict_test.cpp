@@ -160,6 +160,45 @@ TEST(Predict, SecondLapOfARigidToolMeetsNothing) {
   EXPECT_EQ(testing::predict(e).moves.size(), 9u);
 }
 
+// Two slots in one program, or in two with the stock that the first leaves: the second meets the same material.
+TEST(Predict, StockThatIsLeftIsTheStockOfTheNextProgram) {
+  const std::string begin = "G21 G90 G54 S12000 M3 F1800\n";
+  const std::string first = "G0 X-45 Y0 Z10\nG1 Z-2\nG1 X45\nG0 Z10\n";
+  const std::string second = "G0 X-45 Y5 Z10\nG1 Z-3\nG1 X45\nG0 Z10\n";
+  const auto together = testing::predict(with_program("slavkovic_groove", begin + first + second + "M2\n"));
+  machining::PredictOptions options;
+  options.keep_stock = true;
+  const auto one = testing::predict(with_program("slavkovic_groove", begin + first + "M2\n"), options);
+  auto next = with_program("slavkovic_groove", begin + second + "M2\n");
+  EXPECT_NEAR(one.stock_left.volume(), next.job.stock.volume() - one.pass.removed, 1e-5 * one.pass.removed);
+  const auto fresh = testing::predict(next);
+  next.job.stock = one.stock_left;
+  const auto two = testing::predict(next);
+  ASSERT_EQ(together.moves.size(), 2u);
+  ASSERT_EQ(two.moves.size(), 1u);
+  EXPECT_EQ(two.moves[0].deflection.max, together.moves[1].deflection.max);
+  EXPECT_EQ(two.moves[0].normal.mean, together.moves[1].normal.mean);
+  EXPECT_GT(fresh.moves[0].mean_force_size, 1.1 * two.moves[0].mean_force_size);
+  EXPECT_EQ(fresh.stock_left.columns(), 0) << "not asked for";
+}
+
+// The other side of a block of which 18 of 20 mm are milled off: a slot of 5 mm meets 2 mm, a hollow below them.
+TEST(Predict, ATurnedPartIsHollowWhereTheFirstSideWasCut) {
+  auto thick = with_program("slavkovic_groove", "G21 G90 G54 S12000 M3 F1800\nG0 X-45 Y0 Z10\nG1 Z-5\nG1 X45\nM2\n");
+  auto plate = thick, turned = thick;
+  thick.job.stock.cut_line({-0.1, 0, -18e-3}, {0.1, 0, -18e-3}, 0.05);
+  turned.job.stock = thick.job.stock.turned(cutting::Stock::Axis::x).shifted({0, 0, -20e-3});
+  plate.job.stock =
+      testing::unwrap(cutting::Stock::block({-30e-3, -20e-3, -2e-3}, {30e-3, 20e-3, 0}, plate.job.stock.cell()));
+  const auto a = testing::predict(turned), b = testing::predict(plate);
+  ASSERT_EQ(a.moves.size(), 1u);
+  ASSERT_EQ(b.moves.size(), 1u);
+  EXPECT_GT(b.moves[0].mean_force_size, 10);
+  EXPECT_NEAR(a.moves[0].mean_force_size, b.moves[0].mean_force_size, 1e-3 * b.moves[0].mean_force_size);
+  EXPECT_NEAR(a.moves[0].deflection.mean, b.moves[0].deflection.mean, 1e-3 * b.moves[0].deflection.mean);
+  EXPECT_NEAR(a.pass.removed, b.pass.removed, 1e-3 * b.pass.removed);
+}
+
 // A part that is turned in M bends as its program turned in W does.
 TEST(Predict, WorkpieceTurnedInTheMachine) {
   auto turned = load_example("slavkovic_square");

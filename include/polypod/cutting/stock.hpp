@@ -21,6 +21,7 @@ namespace polypod::cutting {
 class Stock {
  public:
   static constexpr int kLayers = 8;
+  enum class Axis { x, y };
 
   Stock() = default;
   /// A block from `min` to `max` (m, in W) in square cells; sizes that are no whole number of cells are rounded, and
@@ -29,8 +30,9 @@ class Stock {
   static Result<Stock> block(const Vec3& min, const Vec3& max, double cell, std::size_t max_cells = 50'000'000);
   /// A stock from its parts: kLayers heights a cell, row by row, none above `top` (m, in W), -infinity where there is
   /// no material. Errors: CT123 (sizes that do not fit, a height that is none).
+  /// `hollow`: as many heights again, up to which each layer is hollow from the bottom on (see turned), or none.
   static Result<Stock> from_layers(double x_min, double y_min, double cell, int columns, int rows, double bottom,
-                                   double top, std::vector<float> layers);
+                                   double top, std::vector<float> layers, std::vector<float> hollow = {});
 
   [[nodiscard]] double cell() const { return cell_; }
   [[nodiscard]] int columns() const { return columns_; }
@@ -50,6 +52,15 @@ class Stock {
   [[nodiscard]] double volume() const;  ///< m^3
   /// The same material in cells half as large: each cell becomes four that hold its heights. Four times the memory.
   [[nodiscard]] Stock in_half_cells() const;
+  /// The same material turned over by 180 deg about the x axis of W (y and z change their signs), or about its y axis
+  /// (x and z do). What was cut from above before is open from below then: material is what lies between `hollow` and
+  /// the heights. Twice the memory, and cuts take twice as long.
+  [[nodiscard]] Stock turned(Axis about) const;
+  /// The same material elsewhere: `by` in m, in W.
+  [[nodiscard]] Stock shifted(const Vec3& by) const;
+  /// Material that is not there: what this stock holds is taken out of the other from below. Nothing where all columns
+  /// are solid from the bottom on.
+  [[nodiscard]] const Stock* hollow() const { return hollow_.empty() ? nullptr : hollow_.data(); }
 
   /// Keeps only the cells for which `inside(x, y)` is true (for allowances along a contour).
   template <class F>
@@ -89,6 +100,7 @@ class Stock {
  private:
   double sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bool later);
   double cut_way(const Vec3& a, const Vec3& b, double radius, bool a_done, bool later);
+  double settle_heights();
 
   [[nodiscard]] std::size_t index(int column, int row) const {
     return (static_cast<std::size_t>(row) * columns_ + column) * kLayers;
@@ -98,6 +110,8 @@ class Stock {
   int columns_ = 0, rows_ = 0;
   float top_ = 0;
   std::vector<float> layers_;
+  std::vector<Stock> hollow_;  ///< none or one, on the same grid: every cut goes through both, and what it takes of
+                               ///< this one was not there
   Due due_;
 };
 
@@ -112,10 +126,12 @@ inline constexpr double kUsualCell = 0.02;     ///< of the cutter's diameter, un
 ///   `side = "outside"`, with the whole part within it, or "inside", with a cutter's diameter of material behind the
 ///   contour; an open one (`closed = false`) to the "left" or "right" of its direction, with the same behind it.
 ///   `corners` are "square" (mitred, up to four allowances long; the default) or "round";
-/// - "file": `file`, relative to the job, what an earlier program left (write_stock).
+/// - "file": `file`, relative to the job, what an earlier program left (write_stock); `turned = "x"` or "y" where the
+///   part was turned over by 180 deg about that axis of the earlier W, then `shift_mm` to where it lies in this one.
 /// Cells of a block or an allowance are at most 0.02 D (a little less where whole numbers of them then fill the stock),
 /// or `cell_mm`. Errors: those of config::Table and read_stock; CT110 empty, CT111 too many cells, CT112 cells above
-/// 0.025 D, CT113 too few points, CT114 a contour that meets itself, CT115 to CT117 an unknown side, corner or kind.
+/// 0.025 D, CT113 too few points, CT114 a contour that meets itself, CT115 to CT117 an unknown side, corner or kind,
+/// CT124 turned about an unknown axis.
 Result<Stock> stock_from(const config::Table& table, const Cutter& cutter);
 
 /// Writes a stock as a file that read_stock reads. Errors: FI101.

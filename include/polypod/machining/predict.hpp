@@ -121,6 +121,7 @@ struct Prediction {
   };
   std::vector<Ends> commanded_ends;  ///< whether it cuts within a millimetre of its start and of its end
   PassResult pass;
+  cutting::Stock stock_left;  ///< what the deflected tool leaves, in W, if it was asked for
   std::vector<std::string> notes;
 
   /// Whether every cut was judged and stays in the tube of the job, corners counted, at both positions of block delete.
@@ -133,6 +134,7 @@ struct PredictOptions {
   Bend bend = Bend::equilibrium;
   double step = 0;  ///< m; 0 takes the job's
   bool keep_samples = false;
+  bool keep_stock = false;
   bool again = false;  ///< see AcceptOptions
   std::function<bool(double)> progress;
 };

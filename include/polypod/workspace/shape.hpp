@@ -2,6 +2,8 @@
 // Boxes, cylinders and ellipsoids that a workspace certainly holds (SLAV Figures 2.19, 2.20).
 #pragma once
 
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include "polypod/workspace/volume.hpp"
@@ -31,6 +33,15 @@ struct Shape {
 /// ms.
 Result<bool> certainly_holds(const AnyMachine& machine, const Options& options, const Shape& shape,
                              std::int64_t max_cells = 20'000);
+
+/// A pose that is out of reach, and why: the limits of the solution that breaks the fewest, or the inverse's reason.
+struct Missed {
+  Pose pose;
+  std::string reason;
+};
+/// The first such pose of an axis-parallel box, if one of 5 x 5 x 5 points, the corners first, shows it in one of
+/// sampled_orientations(). Cost: 125 inverses an orientation at most.
+std::optional<Missed> missed_in(const AnyMachine& machine, const Options& options, const Shape& box);
 
 /// A shape of the kind that is certainly inside and cannot be made larger by moving or stretching it by 1 %: a pattern
 /// search over middle and extents, started from the middle of the workspace and from its widest inner cells, every step

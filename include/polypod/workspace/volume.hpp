@@ -147,6 +147,9 @@ bool has_bounds(const AnyMachine& machine);
 /// Serial arms: numbers of free joints; stages: their numbers. Error: WS103.
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names);
 
+/// The limits that the options look at: those of leg pairs with `interference` alone.
+LimitBits heeded_limits(const AnyMachine& machine, const Options& options);
+
 /// The bits of the limits between legs.
 LimitBits interference_bits(const AnyMachine& machine);
 
