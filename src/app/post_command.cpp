@@ -9,6 +9,7 @@
 #include <set>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -142,7 +143,7 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   if (o.c == "free") {
     p.c.reset();
   } else {
-    POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg));
+    POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg, "deg"));
     p.c = units::from_deg(c);
   }
   post::set_for(dialect, p);
