@@ -70,11 +70,6 @@ std::vector<Command> all_commands();
 
 // Helpers that several commands share -------------------------------------------------------------------------------
 
-/// The whole text as one number of this range. Errors: AP115 with the option's name, the text and the range.
-Result<double> number_of(const std::string& text, const std::string& option, config::Range range);
-/// The same for whole numbers.
-Result<int> count_of(const std::string& text, const std::string& option, config::Range range);
-
 /// "1,2.5,-3" as numbers of kAnyNumber. Errors: AP100 with the text and the option's name.
 Result<std::vector<double>> numbers_of(const std::string& text, const std::string& option);
 

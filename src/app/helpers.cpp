@@ -123,14 +123,6 @@ Result<int> count_of(const std::string& text, const std::string& option, config:
   return value;
 }
 
-Result<double> number_of(const std::string& text, const std::string& option, config::Range range) {
-  return number_of(text, option, range, "");
-}
-
-Result<int> count_of(const std::string& text, const std::string& option, config::Range range) {
-  return count_of(text, option, range, "");
-}
-
 Status in_range(const char* id, const std::string& option, double value, config::Range range, const std::string& unit) {
   if (within(value, range)) return {};
   return fail(id, fmt::format("{} {}: must be {}", option, value, config::in_words(range, unit)));
@@ -406,13 +398,11 @@ std::string in_words(std::chrono::duration<double> left) {
   return fmt::format("{} h {} min", minutes / 60, minutes % 60);
 }
 
-}  // namespace
-
-namespace {
 std::string& kept_command_line() {
   static std::string line;
   return line;
 }
+
 }  // namespace
 
 const std::string& command_line() {

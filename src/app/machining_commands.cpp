@@ -109,7 +109,8 @@ Command predict_command() {
                "Force at the commanded point, without the feedback of the deflection on the cut");
       },
       [o](const Context& context) -> Result<int> {
-        if (o->step_mm != 0) POLYPOD_TRY(in_range("AP120", "--step", o->step_mm, {kLeastStep, kMostStep}, "mm"));
+        if (context.given("--step"))
+          POLYPOD_TRY(in_range("AP120", "--step", o->step_mm, {kLeastStep, kMostStep}, "mm"));
         std::vector<std::string> inputs = o->measured;
         inputs.insert(inputs.end(), {o->program, o->job});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());

@@ -9,9 +9,11 @@
 
 namespace polypod::app {
 
-/// number_of and count_of with the unit that the message names.
+/// The whole text as one number of this range, whose unit the message names. Errors: AP115 with the option's name, the
+/// text and the range.
 Result<double> number_of(const std::string& text, const std::string& option, config::Range range,
                          const std::string& unit);
+/// The same for whole numbers.
 Result<int> count_of(const std::string& text, const std::string& option, config::Range range, const std::string& unit);
 
 /// Whether the value of an option lies in its range. Errors: `id` with the option's name, the value, the range and its

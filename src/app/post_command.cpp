@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <set>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -142,7 +144,7 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   if (o.c == "free") {
     p.c.reset();
   } else {
-    POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg));
+    POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg, "deg"));
     p.c = units::from_deg(c);
   }
   post::set_for(dialect, p);
@@ -150,13 +152,22 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   return p;
 }
 
-/// What is left out or could not be judged, behind the yes.
-std::string without(const post::Path& path) {
-  std::string out;
-  const auto unknown =
-      std::find_if(path.steps.begin(), path.steps.end(), [](const post::Step& s) { return s.moves() && !s.placed(); });
-  if (unknown != path.steps.end())
-    out += fmt::format("; not judged: the rapid of line {}, see the notes", unknown->line);
+/// The lines of the rapids that end at a place that is not known whole: nothing of them can be judged.
+std::set<int> not_judged(const post::Path& path) {
+  std::set<int> out;
+  for (const post::Step& s : path.steps)
+    if (s.moves() && !s.placed()) out.insert(s.line);
+  return out;
+}
+
+/// The answer where the plan has no problems, with what could not be judged or is left out.
+std::string yes(const post::Path& path) {
+  const std::set<int> unknown = not_judged(path);
+  std::string out = fmt::format("yes{}: every move is within reach and limits",
+                                unknown.empty() ? "" : ", apart from what was not judged");
+  if (!unknown.empty())
+    out += fmt::format("; not judged: the {} {}, see the notes",
+                       unknown.size() == 1 ? "rapid of line" : "rapids of lines", fmt::join(unknown, ", "));
   for (const post::LeftOut& l : path.left_out)
     out += fmt::format("; not written: the retract of line {}, see the notes", l.line);
   return out;
@@ -205,6 +216,90 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
 
 Json range_json(double min, double max) {
   return {{"min", min}, {"max", max}};
+}
+
+/// What the command answers.
+struct Answer {
+  const post::Configuration& configuration;
+  const post::Path& path;
+  const post::Plan& plan;
+  const post::Written& written;
+  bool writes;  ///< whether the program was written to its file
+  std::vector<std::string> notes;
+};
+
+Json joint_ranges_json(const Answer& answer) {
+  Json out = Json::array();
+  for (std::size_t i = 0; i < answer.plan.joints.size(); ++i) {
+    const bool turns =
+        kinematics::joint_kind(answer.configuration.machine, static_cast<int>(i)) == machine::JointKind::revolute;
+    const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+    out.push_back({{"joint", i + 1},
+                   {"unit", turns ? "deg" : "mm"},
+                   {"min", user(answer.plan.joints[i].min)},
+                   {"max", user(answer.plan.joints[i].max)}});
+  }
+  return out;
+}
+
+Json answer_json(const Options& o, const Answer& answer) {
+  const post::Plan& plan = answer.plan;
+  Json problems = Json::array(), left_out = Json::array(), rotary = Json::object();
+  for (const post::PlanProblem& p : plan.problems)
+    problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
+  for (const post::LeftOut& l : answer.path.left_out) left_out.push_back({{"line", l.line}, {"text", l.text}});
+  for (std::size_t i = 0; i < 3; ++i) {
+    rotary[std::string(1, "ABC"[i])] = range_json(units::to_deg(plan.turned_min[i]), units::to_deg(plan.turned_max[i]));
+  }
+  return {{"ok", plan.ok()},
+          {"written", answer.writes},
+          {"lines_out", answer.written.lines},
+          {"moves", answer.written.moves},
+          {"branch", plan.branch},
+          {"configuration", answer.configuration.name},
+          {"to", o.to},
+          {"points_inserted", plan.inserted},
+          {"tip_error_um", units::to_um(plan.chord_error)},
+          {"axis_error_deg", units::to_deg(plan.axis_error)},
+          {"problems", problems},
+          {"not_judged", not_judged(answer.path)},
+          {"left_out", left_out},
+          {"time_s", plan.time},
+          {"length_mm", units::to_mm(plan.length)},
+          {"rotary_deg", rotary},
+          {"joint_ranges", joint_ranges_json(answer)},
+          {"notes", answer.notes}};
+}
+
+void print_answer(const Options& o, const Answer& answer) {
+  const post::Plan& plan = answer.plan;
+  fmt::print("{}: {} lines, {} moves, {} points inserted\n", answer.configuration.name, answer.written.lines,
+             answer.written.moves, plan.inserted);
+  if (!plan.branch.empty()) fmt::print("posture        {}\n", plan.branch);
+  fmt::print("tool tip       off arcs written as chords by up to {:.1f} um (tolerance {:g} um)\n",
+             units::to_um(plan.chord_error), o.tolerance);
+  fmt::print("tool axis      off the shortest turn between two points by up to {:.3f} deg (tolerance {:g} deg)\n",
+             units::to_deg(plan.axis_error), o.axis_tolerance);
+  fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", plan.time, o.rapid,
+             units::to_mm(plan.length));
+  for (std::size_t i = 0; i < plan.problems.size() && i < kShownProblems; ++i) {
+    const post::PlanProblem& p = plan.problems[i];
+    fmt::print("  {}:{}: {}: {}\n", o.file, p.line, p.kind, p.detail);
+  }
+  if (plan.problems.size() > kShownProblems)
+    fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
+  for (const std::string& note : answer.notes) fmt::print("note: {}\n", note);
+  if (plan.ok()) {
+    fmt::print("{}\n", yes(answer.path));
+  } else if (answer.writes) {
+    fmt::print("no: the machine cannot take every move\n");
+  } else {
+    fmt::print(
+        "no: the machine cannot take every move; nothing was written (move the workpiece {}, or "
+        "--allow-problems)\n",
+        o.job.empty() ? "with --origin" : "in the job");
+  }
+  if (answer.writes) fmt::print("wrote {}\n", o.output);
 }
 
 }  // namespace
@@ -263,7 +358,7 @@ Command post_command() {
         } else {
           POLYPOD_TRY(refuse(context, {"--feed"}, "it serves --to ngc"));
         }
-        POLYPOD_TRY(check_files({o->file, o->job}, {o->output}, context.json));
+        POLYPOD_TRY(check_files({o->file, o->job, o->machine}, {o->output}, context.json));
         POLYPOD_ASSIGN(given, placed(*o, context));
         machining::Job job = given;
         take_frame_of_g54(job);
@@ -310,71 +405,11 @@ Command post_command() {
         notes.insert(notes.end(), written.notes.begin(), written.notes.end());
         const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc);
         notes.insert(notes.end(), own.begin(), own.end());
-        Json left_out = Json::array();
-        for (const post::LeftOut& l : path.left_out) left_out.push_back({{"line", l.line}, {"text", l.text}});
-        const double chord_um = units::to_um(plan.chord_error), axis_deg = units::to_deg(plan.axis_error);
-        if (context.json) {
-          Json problems = Json::array(), joints = Json::array();
-          for (const post::PlanProblem& p : plan.problems)
-            problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
-          for (std::size_t i = 0; i < plan.joints.size(); ++i) {
-            const bool turns =
-                kinematics::joint_kind(configuration.machine, static_cast<int>(i)) == machine::JointKind::revolute;
-            const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
-            joints.push_back({{"joint", i + 1},
-                              {"unit", turns ? "deg" : "mm"},
-                              {"min", user(plan.joints[i].min)},
-                              {"max", user(plan.joints[i].max)}});
-          }
-          Json rotary = Json::object();
-          for (std::size_t i = 0; i < 3; ++i)
-            rotary[std::string(1, "ABC"[i])] =
-                range_json(units::to_deg(plan.turned_min[i]), units::to_deg(plan.turned_max[i]));
-          print_json({{"ok", plan.ok()},
-                      {"written", writes},
-                      {"lines_out", written.lines},
-                      {"moves", written.moves},
-                      {"branch", plan.branch},
-                      {"configuration", configuration.name},
-                      {"to", o->to},
-                      {"points_inserted", plan.inserted},
-                      {"tip_error_um", chord_um},
-                      {"axis_error_deg", axis_deg},
-                      {"problems", problems},
-                      {"left_out", left_out},
-                      {"time_s", plan.time},
-                      {"length_mm", units::to_mm(plan.length)},
-                      {"rotary_deg", rotary},
-                      {"joint_ranges", joints},
-                      {"notes", notes}});
-        } else {
-          fmt::print("{}: {} lines, {} moves, {} points inserted\n", configuration.name, written.lines, written.moves,
-                     plan.inserted);
-          if (!plan.branch.empty()) fmt::print("posture        {}\n", plan.branch);
-          fmt::print("tool tip       off arcs written as chords by up to {:.1f} um (tolerance {:g} um)\n", chord_um,
-                     o->tolerance);
-          fmt::print(
-              "tool axis      off the shortest turn between two points by up to {:.3f} deg (tolerance {:g} deg)\n",
-              axis_deg, o->axis_tolerance);
-          fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", plan.time, o->rapid,
-                     units::to_mm(plan.length));
-          for (std::size_t i = 0; i < plan.problems.size() && i < kShownProblems; ++i) {
-            const post::PlanProblem& p = plan.problems[i];
-            fmt::print("  {}:{}: {}: {}\n", o->file, p.line, p.kind, p.detail);
-          }
-          if (plan.problems.size() > kShownProblems)
-            fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
-          for (const std::string& note : notes) fmt::print("note: {}\n", note);
-          if (plan.ok()) {
-            const std::string rest = without(path);
-            fmt::print("yes{}: every move is within reach and limits{}\nwrote {}\n",
-                       rest.empty() ? "" : ", apart from what was not judged", rest, o->output);
-          } else {
-            fmt::print("no: the machine cannot take every move{}\n",
-                       writes ? fmt::format("\nwrote {}", o->output)
-                              : "; nothing was written (move the workpiece with --origin, or --allow-problems)");
-          }
-        }
+        const Answer answer{configuration, path, plan, written, writes, std::move(notes)};
+        if (context.json)
+          print_json(answer_json(*o, answer));
+        else
+          print_answer(*o, answer);
         return plan.ok() ? kDone : kAnswerIsNo;
       }};
 }

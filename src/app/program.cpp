@@ -28,8 +28,7 @@ namespace polypod::app {
 namespace {
 
 /// The unit of an option: what its name ends with (--noise-um), or what its help says behind a comma or a colon, or
-/// first
-/// ("Grid over the workspace, mm (default 20)", "deg/s or mm/s"); empty where neither says one.
+/// first ("Grid over the workspace, mm (default 20)", "deg/s or mm/s"); empty where neither says one.
 std::string unit_of_option(const std::string& name, const std::string& help) {
   constexpr std::array<std::string_view, 19> kUnits{
       "mm",    "um",    "m",      "deg",    "rad",    "N",       "K",  "%",       "mm/s",          "mm/s2",
@@ -57,14 +56,6 @@ std::string unit_of_option(const std::string& name, const std::string& help) {
   return "";
 }
 
-Result<double> a_number(const std::string& text, const std::string& option, config::Range range,
-                        const std::string& unit) {
-  return number_of(text, option, range, unit);
-}
-Result<int> a_count(const std::string& text, const std::string& option, config::Range range, const std::string& unit) {
-  return count_of(text, option, range, unit);
-}
-
 class CliArguments : public Arguments {
  public:
   /// `wrong` takes the first option whose number is refused.
@@ -85,10 +76,10 @@ class CliArguments : public Arguments {
     option(names, value, kAnyCount, help, required);
   }
   void option(const char* names, double& value, config::Range range, const char* help, bool required) override {
-    number(names, value, range, help, a_number)->required(required)->type_name("FLOAT");
+    number(names, value, range, help, number_of)->required(required)->type_name("FLOAT");
   }
   void option(const char* names, int& value, config::Range range, const char* help, bool required) override {
-    number(names, value, range, help, a_count)->required(required)->type_name("INT");
+    number(names, value, range, help, count_of)->required(required)->type_name("INT");
   }
   void option(const char* names, std::vector<std::string>& values, const char* help, bool required) override {
     app_.add_option(names, values, help)->required(required)->allow_extra_args(false);

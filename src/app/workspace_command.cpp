@@ -320,7 +320,7 @@ Command workspace_command() {
               POLYPOD_TRY(refuse_beside_contains(context));
               return contains(m, options, o->contains, context);
             }
-            POLYPOD_TRY(o->files.check(o->machine, context.json));
+            POLYPOD_TRY(o->files.check(o->machine, context));
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
             Json document = volume_json(v);
             const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);

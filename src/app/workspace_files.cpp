@@ -22,9 +22,9 @@ Status WorkspaceFiles::refuse_unused(const Context& context) const {
   return refuse(context, {"--resolution"}, "it serves --report, --stl, --vtp and --vti; give one");
 }
 
-Status WorkspaceFiles::check(const std::string& machine_file, bool json) const {
-  if (resolution != 0) POLYPOD_TRY(in_range("AP130", "--resolution", resolution, {8, 512}, "points"));
-  return check_files({machine_file}, {stl, vtp, vti, report}, json);
+Status WorkspaceFiles::check(const std::string& machine_file, const Context& context) const {
+  if (context.given("--resolution")) POLYPOD_TRY(in_range("AP130", "--resolution", resolution, {8, 512}, "points"));
+  return check_files({machine_file}, {stl, vtp, vti, report}, context.json);
 }
 
 Status WorkspaceFiles::write(const machine::AnyMachine& m, const workspace::Options& options,

@@ -15,7 +15,7 @@ struct WorkspaceFiles {
   [[nodiscard]] Status refuse_unused(const Context& context) const;
   void declare(Arguments& arguments);
   /// Asked before the long work. Errors: AP130, those of check_files.
-  [[nodiscard]] Status check(const std::string& machine_file, bool json) const;
+  [[nodiscard]] Status check(const std::string& machine_file, const Context& context) const;
   /// Makes all files before it writes the first, so that an interrupted run leaves none. `v` is the volume for the same
   /// options.
   [[nodiscard]] Status write(const machine::AnyMachine& m, const workspace::Options& options,

@@ -170,7 +170,6 @@ struct Span {
 
 /// Where `word` stands in the line, if it does so once.
 std::optional<Span> only(std::string_view line, std::string_view word) {
-  if (word.empty()) return {};
   const auto first = find_word(line, word);
   if (!first || find_word(line, word, line.size()) != first) return {};
   return Span{*first, word.size()};
@@ -225,6 +224,7 @@ std::optional<std::string> line_of(const std::string& file, int line) {
 }
 
 std::optional<std::size_t> find_word(std::string_view line, std::string_view word, std::size_t near) {
+  if (word.empty()) return {};
   std::optional<std::size_t> best;
   const auto away = [near](std::size_t at) { return at > near ? at - near : near - at; };
   for (std::size_t at = line.find(word); at != std::string_view::npos; at = line.find(word, at + 1)) {

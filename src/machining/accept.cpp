@@ -72,7 +72,8 @@ bool feeds(const gcode::Move& move) {
 }
 
 /// Where the feed moves would be of the stock's size in the other unit, and are not in theirs: what to look at, or
-/// nothing. Lengths of programs and parts differ by less than the square root of 25.4.
+/// nothing. Two sizes are taken as one where they differ by less than the square root of 25.4: so no program is of the
+/// stock's size in both units.
 std::string other_unit(const Job& job, const gcode::Interpretation& interpretation) {
   const Vec3 origin = Vec3::Zero();  // counted in, as a short program may be far from it
   Box path(origin), stock = box_of(job.stock);
@@ -85,16 +86,14 @@ std::string other_unit(const Job& job, const gcode::Interpretation& interpretati
   }
   if (inches == millimetres) return {};
   const double larger = path.diagonal().head<2>().norm() / stock.diagonal().head<2>().norm();
-  const double threshold = std::sqrt(units::from_inch(1) / units::from_mm(1));
-  if (inches && larger > threshold) {
-    return "the program is in inches (G20); in millimetres it would be of the size of the stock: check G20 and "
-           "G21, and the unit of the CAM system";
-  }
-  if (millimetres && larger < 1 / threshold) {
-    return "the program is in millimetres (G21); in inches it would be of the size of the stock: check G20 and "
-           "G21, and the unit of the CAM system";
-  }
-  return {};
+  const double inch = units::from_inch(1) / units::from_mm(1);
+  const double in_other_unit = inches ? larger / inch : larger * inch;
+  const double same_size = std::sqrt(inch);
+  if (!(in_other_unit > 1 / same_size && in_other_unit < same_size)) return {};
+  return fmt::format(
+      "the program is in {}; in {} it would be of the size of the stock: check G20 and G21, and the unit of the CAM "
+      "system",
+      inches ? "inches (G20)" : "millimetres (G21)", inches ? "millimetres" : "inches");
 }
 
 Status not_corrected_before(const gcode::Program& program) {

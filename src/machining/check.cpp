@@ -62,12 +62,9 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     }
     const double length = move.length();
     const double turn = (move.axes_end - move.axes_start).cwiseAbs().maxCoeff();
-    out.length += move.start_known ? length : 0;
-    if (move.kind == gcode::MoveKind::rapid) {
-      out.time += move.start_known ? length / options.rapid_speed : 0;
-    } else if (move.feed > 0) {
-      out.time += length / move.feed;
-    }
+    const double speed = move.kind == gcode::MoveKind::rapid ? options.rapid_speed : move.feed;
+    if (move.start_known) out.length += length;
+    if (move.start_known && speed > 0) out.time += length / speed;
     const int steps = std::max(
         {1, static_cast<int>(std::ceil(length / options.step)), static_cast<int>(std::ceil(turn / options.turn_step))});
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {

@@ -200,6 +200,10 @@ std::vector<std::string> pass_notes(const Job& job, const gcode::Program& progra
 
 namespace {
 
+// From this share of the feed path without a cut, a stock that is not the one on the table is likelier than a program
+// with long ways through air.
+constexpr double kMostlyIdle = 0.5;
+
 /// Where most of the feed path cuts nothing: the stock of the job may not be the one on the table.
 std::optional<std::string> note_on_air(const std::vector<gcode::Move>& programmed, const Prediction& prediction) {
   std::vector<bool> cuts(programmed.size(), false);
@@ -217,7 +221,7 @@ std::optional<std::string> note_on_air(const std::vector<gcode::Move>& programme
     ++idle_moves;
     idle += move.length();
   }
-  if (!(idle > 0.5 * length)) return {};
+  if (!(idle > kMostlyIdle * length)) return {};
   return fmt::format(
       "{} of {} feed moves, {:.0f} % of their length, cut no material: check the stock of the job, its "
       "height first",

@@ -114,6 +114,16 @@ TEST_F(Excerpt, UnknownKeysArePlacedAndUnderlinedThemselves) {
   }
 }
 
+TEST_F(Excerpt, AKeyWithoutLettersHasThePlaceOfItsValue) {
+  const auto table = config::read_file(file("k.toml", "a = 1\n\"\" = 3\n"));
+  ASSERT_TRUE(table);
+  static_cast<void>(table->optional_number("a", 0));
+  const Status status = table->finish();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(excerpt(status.error()), "    2 | \"\" = 3\n      |      ^\n");
+  EXPECT_EQ(find_word("a = 1", ""), std::nullopt);
+}
+
 TEST_F(Excerpt, OfProgramsByLetterAndNumber) {
   const std::string path = file("p.ngc", "G1X10Y- 2.5F100\nN5 G41 (G 40)\r\no<sub> call [1 + 2]\n\n#<_x> = 3 SIN[4]\n");
   EXPECT_EQ(of(path, "GC102", 1, 3), "    1 | G1X10Y- 2.5F100\n      |   ^~~\n");

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
+#include <vector>
+
 namespace polypod::config {
 namespace {
 
@@ -22,24 +25,27 @@ TEST(RangeText, SaysWhichEndsAreAllowed) {
 }
 
 TEST(RangeText, UnitsOfKeys) {
-  EXPECT_EQ(unit_of("tolerance_um"), "um");
-  EXPECT_EQ(unit_of("base.joints_mm[2][1]"), "mm");
-  EXPECT_EQ(unit_of("joint[3].x_mm"), "mm");
-  EXPECT_EQ(unit_of("material.Ktc_N_per_mm2"), "N/mm2");
-  EXPECT_EQ(unit_of("compliance_rad_per_Nm"), "rad/Nm");
-  EXPECT_EQ(unit_of("systematic[1].expansion_um_per_m_K"), "um/(m K)");
-  EXPECT_EQ(unit_of("rad_per_Nm"), "rad/Nm");
-  EXPECT_EQ(unit_of("max_acceleration_mm_per_s2"), "mm/s2");
-  EXPECT_EQ(unit_of("feed_per_tooth_mm"), "mm");
-  EXPECT_EQ(unit_of("feed_mm_per_tooth"), "");
-  EXPECT_EQ(unit_of("temperature.mean_C"), "deg C");
-  EXPECT_EQ(unit_of("rapid_volume_mm3"), "mm3");
-  EXPECT_EQ(unit_of("teeth"), "");
-  EXPECT_EQ(unit_of("m"), "");
-  EXPECT_EQ(unit_of("arm.count"), "");
-  EXPECT_EQ(unit_of(""), "");
-  EXPECT_EQ(unit_of("]"), "");
-  EXPECT_EQ(unit_of("_per_mm"), "mm");
+  const std::vector<std::pair<std::string_view, std::string_view>> units{
+      {"tolerance_um", "um"},
+      {"base.joints_mm[2][1]", "mm"},
+      {"joint[3].x_mm", "mm"},
+      {"material.Ktc_N_per_mm2", "N/mm2"},
+      {"compliance_rad_per_Nm", "rad/Nm"},
+      {"systematic[1].expansion_um_per_m_K", "um/(m K)"},
+      {"rad_per_Nm", "rad/Nm"},
+      {"max_acceleration_mm_per_s2", "mm/s2"},
+      {"feed_per_tooth_mm", "mm"},
+      {"feed_mm_per_tooth", ""},
+      {"temperature.mean_C", "deg C"},
+      {"rapid_volume_mm3", "mm3"},
+      {"teeth", ""},
+      {"m", ""},
+      {"arm.count", ""},
+      {"", ""},
+      {"]", ""},
+      {"_per_mm", "mm"},
+  };
+  for (const auto& [key, unit] : units) EXPECT_EQ(unit_of(key), unit) << key;
 }
 
 }  // namespace

@@ -41,6 +41,14 @@ TEST(Check, TiltedToolGoesThroughTheInverse) {
   EXPECT_GT(r.joints[4].max - r.joints[4].min, units::from_deg(10));
 }
 
+TEST(Check, AMoveFromAnUnknownPlaceIsNotedAndNotCounted) {
+  const auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG1 X10 Y10 Z5 F600\nG1 X20\nM2\n");
+  const auto r = check(e, Vec3(0, -1300, 0));
+  EXPECT_NEAR(units::to_mm(r.length), 10, 1e-9);
+  EXPECT_NEAR(r.time, 10 / 600.0 * 60, 1e-9);
+  EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("line 2: where this move starts is not known")));
+}
+
 TEST(Check, AProgramWithoutAMoveIsNoYes) {
   const auto r = check(testing::with_program("slavkovic_square", "G21 G90\n(nothing)\nM2\n"), Vec3(0, -1300, 0));
   EXPECT_FALSE(r.ok);

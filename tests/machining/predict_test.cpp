@@ -10,8 +10,10 @@
 namespace polypod {
 namespace {
 
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::load_example;
+using ::testing::Not;
 using testing::with_program;
 using units::to_um;
 
@@ -139,6 +141,31 @@ TEST(Predict, AProgramThatCutsNothingIsNamedWithTheReason) {
   // 250 inches beside the part: meant in millimetres.
   EXPECT_THAT(refused("G20 G90 S8000 M3\nG0 X-130 Y125 Z1\nG1 Z-0.1 F10\nG1 X-125 Y124 F60\nG0 Z1\nM2\n"),
               HasSubstr("in millimetres it would be of the size of the stock"));
+  // The square of 242 mm, 9.5 mm wide in a program that counts inches as millimetres, above the stock.
+  EXPECT_THAT(refused("G21 G90 S8000 M3\nG0 X-4.76 Y-4.76 Z20\nG1 X4.76 Y4.76 F1000\nM2\n"),
+              HasSubstr("in inches it would be of the size of the stock"));
+  // Far too small in either unit.
+  EXPECT_THAT(refused("G21 G90 S8000 M3\nG0 X0 Y0 Z20\nG1 X0.1 Y0.1 F1000\nM2\n"), Not(HasSubstr("in inches")));
+}
+
+TEST(Predict, AProgramThatMostlyCutsAirIsNoted) {
+  const std::string side = "G21 G90\nT1 M6\nS8000 M3\nG0 X-125 Y-135 Z10\nG0 Z2\nG1 Z-2 F400\nG1 Y135 F1600\n";
+  const auto notes = [](const std::string& text) {
+    return testing::predict(with_program("slavkovic_square", text)).notes;
+  };
+  EXPECT_THAT(notes(side + "M2\n"), Not(Contains(HasSubstr("cut no material"))));
+  // 270 mm along the side, 375 mm away from it; the way down counts for nothing.
+  EXPECT_THAT(notes(side + "G1 X-500\nM2\n"),
+              Contains(HasSubstr("1 of 2 feed moves, 58 % of their length, cut no material")));
+}
+
+TEST(Predict, TheCutterThatStandsInForAToolIsNamed) {
+  auto e = load_example("slavkovic_square");  // T1
+  e.job.cutters[2] = e.job.cutter;
+  EXPECT_THAT(testing::predict(e).notes,
+              Contains("T1 has no [[tool]] in the job; [cutter] is taken, 8 mm in diameter"));
+  e.job.cutters[1] = e.job.cutter;
+  EXPECT_THAT(testing::predict(e).notes, Not(Contains(HasSubstr("has no [[tool]]"))));
 }
 
 TEST(Predict, ProgramsWithoutAFeedMoveAreRefused) {
