@@ -84,6 +84,15 @@ int group_of(int g) {
   }
 }
 
+std::string_view arguments_of_m(int m) {
+  if ((m >= 50 && m <= 53) || (m >= 62 && m <= 65)) return "P";
+  if (m == 61) return "Q";
+  if (m == 66) return "PQLE";
+  if (m == 67 || m == 68) return "EQ";
+  if (m == 19) return "RQP";
+  return m >= 100 ? "PQ" : "";
+}
+
 Refusal refusal_of(int g) {
   switch (g) {
     case 401:

@@ -24,8 +24,6 @@ int code_of(const gcode::Word& w) {
   return static_cast<int>(std::lround(w.value * 10));
 }
 
-/// Words that hold a number for an M word beside them.
-constexpr std::string_view kArguments = "PQELR";
 constexpr int kLeastBuilders = 100, kMostBuilders = 199;  // M words of the machine's builder
 
 bool moves_by_machine(int g) {
@@ -153,15 +151,13 @@ class BlockReader {
         return fail("PO118", fmt::format("M{} is not carried over", number(w.value, 1)), place,
                     "remove it, or do in the program what it does");
       }
-      if (p_elsewhere && has_arguments(v) && (find('P') || find('Q'))) {
+      if (p_elsewhere && !gcode::arguments_of_m(v).empty() && (find('P') || find('Q'))) {
         return fail("PO118", fmt::format("M{} beside a word that takes P or Q as well", v), place,
                     "give it a block of its own");
       }
     }
     return {};
   }
-
-  static bool has_arguments(int v) { return v == 19 || v >= 50; }
 
   [[nodiscard]] std::string spindle(const char* sense) const {
     return speed_.empty() ? fmt::format("spindle {}", sense) : fmt::format("spindle {} rev/min {}", speed_, sense);
@@ -188,11 +184,9 @@ class BlockReader {
       if (w.letter != 'M' || v < least || v > most) continue;
       flush();
       std::string text = fmt::format("M{}", v);
-      if (has_arguments(v)) {
-        for (const gcode::Word& argument : block_.words)
-          if (kArguments.find(argument.letter) != std::string_view::npos)
-            text += fmt::format(" {}{}", argument.letter, number(argument.value, 6));
-      }
+      for (const gcode::Word& argument : block_.words)
+        if (gcode::arguments_of_m(v).find(argument.letter) != std::string_view::npos)
+          text += fmt::format(" {}{}", argument.letter, number(argument.value, 6));
       add(text, text);
       flush(robots);
     }

@@ -560,6 +560,17 @@ TEST(Unroll, SavedModesComeBackAsBlocks) {
             "G90 G0 X1 Y1 Z1\nG91 G0 X1\nG90\nX5\nM2\n");
 }
 
+/// M60 and M52 alone take no number: R of the cycle or of the arc beside them does not stay with them.
+TEST(Unroll, NumbersStayWithTheWordsThatTakeThem) {
+  const std::string cycle = plain("F100\nG0 X0 Y0 Z5\nG81 X1 Y1 Z-1 R2 M60\nG80\nM2\n");
+  EXPECT_NE(cycle.find("M60"), std::string::npos) << cycle;
+  EXPECT_EQ(cycle.find('R'), std::string::npos) << cycle;
+  const std::string arc = plain("F100\nG0 X0 Y0 Z5\nG92 X1\nG3 X1 Y20 R10 M52\nM2\n");
+  EXPECT_NE(arc.find("M52"), std::string::npos) << arc;
+  EXPECT_EQ(arc.find('R'), std::string::npos) << arc;
+  EXPECT_NE(plain("F100\nG0 X0 Y0 Z5\nG92 X1\nG1 X20 M62 P3\nM2\n").find(" P3"), std::string::npos);
+}
+
 TEST(Unroll, ADwellBesideAMotionGetsABlock) {
   EXPECT_EQ(plain("G0 X1 Y1 Z1\nG4 P2 X5\nN3 G4 P1 G1 X7 F100 (a)\nM2\n"),
             "G0 X1 Y1 Z1\nG4 P2\nG0 X5\nG4 P1 F100 (a)\nG1 X7\nM2\n");

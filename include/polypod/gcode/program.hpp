@@ -66,4 +66,7 @@ std::string to_text(const Program& program);
 /// The texts of the comments of a block, with their brackets or semicolon, in order.
 std::vector<std::string_view> comments(const Block& block);
 
+/// The letters of the numbers that an M word takes, `P` of M52 or `RQP` of M19; of most words none.
+std::string_view arguments_of_m(int m);
+
 }  // namespace polypod::gcode
