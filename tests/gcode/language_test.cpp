@@ -620,6 +620,10 @@ TEST(Unroll, RefusesWhatTheJobDoesNotTell) {
            {"G0 X1 Y1\nG10 L2 P1 R30\nG28 X5\nM2\n", "GC125 part.ngc:3:1:"},
            {"G0 X1 Y1\nG10 L2 P1 R30\nG53 G0 X5\nG0 Y3\nM2\n", "GC169 part.ngc:4:4:"},
            {"F1 G0 X1\nG5.2 X3 Y3 P1\nX4 Y4 P1\nG5.3\nM2\n", "GC169 part.ngc:2:1:"},
+           {"F1 G0 X1\nG5.1 X3 Y3 I1 J1\nM2\n", "GC169 part.ngc:2:1:"},
+           // Lines would leave these curves by more than is promised: a parabola and a quarter of 1 km.
+           {"F1 G0 X0 Y0\nG5.1 X1000000 Y0 I500000 J1000000\nM2\n", "GC127 part.ngc:2:1:"},
+           {"F1 G0 X1000000 Y0\nG5.2 X1000000 Y1000000 P1\nX0 Y1000000 P1\nG5.3\nM2\n", "GC127 part.ngc:4:1:"},
            {"G59.1\nG0 X1\nM2\n", "GC125 part.ngc:1:1:"},
            {"#5221=3\nM2\n", "GC125 part.ngc:1:1:"},
            {"G92.3\nM2\n", "GC125 part.ngc:1:1:"},
