@@ -383,12 +383,12 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
 }
 
 std::optional<CorrectedFor> corrected_for(const Path& path) {
-  constexpr std::string_view kMark = "Polypod: corrected for the static compliance of ";
+  const std::string mark = std::string(gcode::kCorrectedMark) + ' ';
   std::optional<CorrectedFor> out;
   for (const Step& s : path.steps) {
     if (s.kind != StepKind::comment) continue;
-    if (const std::size_t at = s.text.find(kMark); at != std::string::npos) {
-      out = CorrectedFor{s.line, s.text.substr(at + kMark.size()), ""};
+    if (const std::size_t at = s.text.find(mark); at != std::string::npos) {
+      out = CorrectedFor{s.line, s.text.substr(at + mark.size()), ""};
       continue;
     }
     const std::size_t from = s.text.find("origin X");
