@@ -782,8 +782,7 @@ class Interpreter {
     length_offset_ = next;
     if (g != 490 && !noted_length_) {
       noted_length_ = true;
-      note(fmt::format("line {}: {} is passed through; the programmed point is taken as the tool tip", block_->line,
-                       text_of(*g_word(Group::length_offset))));
+      note(fmt::format("line {}: {} {}", block_->line, text_of(*g_word(Group::length_offset)), kLengthNote));
     }
     return {};
   }

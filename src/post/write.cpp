@@ -176,7 +176,7 @@ class NgcWriter {
     if (motion != motion_) block = " " + motion + block;
     motion_ = motion;
     if (m.kind != StepKind::rapid) {
-      const bool turn = m.length < 1e-9;
+      const bool turn = m.length < kNoWay;
       const double feed = options_.inverse_time ? std::min(m.seconds > 0 ? 60 / m.seconds : kMostInverse, kMostInverse)
                           : turn                ? units::to_deg(options_.turn_speed) * 60
                                                 : units::to_mm_per_min(step.feed);

@@ -180,7 +180,7 @@ class Rapid final : public Language {
         true);
   }
   void line(const PlannedMove& m, const Posture& posture, double v, double blend) override {
-    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < 1e-9),
+    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < kNoWay),
                     zone(blend)),
         true);
   }
@@ -267,7 +267,7 @@ class UrScript final : public Language {
   }
   void line(const PlannedMove& m, const Posture&, double speed, double blend) override {
     // A turn without a way has a time instead of a speed.
-    const std::string time = m.length < 1e-9 ? fmt::format(",t={}", number(std::max(m.seconds, 0.01), 4)) : "";
+    const std::string time = m.length < kNoWay ? fmt::format(",t={}", number(std::max(m.seconds, 0.01), 4)) : "";
     add(fmt::format("movel(pose_trans(work,{}),a={},v={}{},r={})", pose({m.R, m.tip}), number(options_.acceleration, 3),
                     number(speed, 6), time, number(time.empty() ? blend : 0, 6)),
         true);
@@ -398,7 +398,7 @@ double blend_behind(Dialect dialect, const Path& path, const Plan& plan, const W
   const double blend = std::min(allowed(path.steps[static_cast<std::size_t>(m.step)], options),
                                 allowed(path.steps[static_cast<std::size_t>(after.step)], options));
   const double shorter = std::min(m.length, after.length);
-  if (blend <= 0 || shorter < 1e-9) return 0;
+  if (blend <= 0 || shorter < kNoWay) return 0;
   return dialect == Dialect::urscript ? std::min(blend, 0.45 * shorter) : blend;
 }
 

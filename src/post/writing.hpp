@@ -9,6 +9,9 @@
 
 namespace polypod::post {
 
+/// m: a move that is shorter only turns.
+inline constexpr double kNoWay = 1e-9;
+
 /// In fixed notation without zeros at the end.
 std::string number(double value, int decimals);
 /// Printable ASCII on one line, cut off.
