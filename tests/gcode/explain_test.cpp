@@ -144,10 +144,11 @@ TEST(Explain, EveryCodeThatRunsHasAMeaning) {
     }
   }
   EXPECT_GT(described, 50);
-  for (const std::string block :
+  for (const char* const written :
        {"M0",      "M1",     "M2",     "M3",     "M4",        "M5",        "M6",        "M7",  "M8",  "M9",
         "M19 R90", "M30",    "M48",    "M49",    "M50",       "M51",       "M52",       "M53", "M60", "M61 Q1",
         "M62 P1",  "M63 P1", "M64 P1", "M65 P1", "M66 P0 L0", "M67 E0 Q1", "M68 E0 Q1", "M70", "M71", "M73"}) {
+    const std::string block = written;
     const Explanation e = explained(2, "S100\n" + block + "\nM2\n");
     EXPECT_TRUE(e.runs) << block;
     const std::string said = meaning(e.words, block.substr(0, block.find(' ')));
