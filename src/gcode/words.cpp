@@ -1,8 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "words.hpp"
 
-#include <fmt/format.h>
-
 #include <cmath>
 
 namespace polypod::gcode {
@@ -180,15 +178,6 @@ std::array<std::size_t, 3> axes_of(Plane plane) {
   return plane == Plane::xy   ? std::array<std::size_t, 3>{0, 1, 2}
          : plane == Plane::zx ? std::array<std::size_t, 3>{2, 0, 1}
                               : std::array<std::size_t, 3>{1, 2, 0};
-}
-
-std::string number(double value, int decimals) {
-  std::string text = fmt::format("{:.{}f}", value, decimals);
-  if (text.find('.') != std::string::npos) {
-    text.erase(text.find_last_not_of('0') + 1);
-    if (text.back() == '.') text.pop_back();
-  }
-  return text == "-0" ? "0" : text;
 }
 
 }  // namespace polypod::gcode
