@@ -106,6 +106,10 @@ Status Engine::cycle(int before) {
     set_path_mode();
     plain("G61");
   }
+  const auto start = [&](int sense) {  // of the spindle, above 0 clockwise
+    put(sense > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
+    plain(sense > 0 ? "M3" : "M4");
+  };
   const int count = l != nullptr ? static_cast<int>(l->value) : 1;
   double travel = current_[n] > r ? current_[n] : clear;
   Axes hole = current_;
@@ -153,13 +157,11 @@ Status Engine::cycle(int before) {
         put("DISABLE_SPEED_OVERRIDE(0)");
         feed(at(bottom), false);
         put("STOP_SPINDLE_TURNING(0)");
-        put(turning > 0 ? "START_SPINDLE_COUNTERCLOCKWISE(0)" : "START_SPINDLE_CLOCKWISE(0)");
-        plain(turning > 0 ? "M4" : "M3");
+        start(-turning);
         dwell(cycle_p_);
         feed(at(clear), false);
         put("STOP_SPINDLE_TURNING(0)");
-        put(turning > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
-        plain(turning > 0 ? "M3" : "M4");
+        start(turning);
         if (overrides) put("ENABLE_FEED_OVERRIDE()");
         if (speeds) put("ENABLE_SPEED_OVERRIDE(0)");
         break;
@@ -180,8 +182,7 @@ Status Engine::cycle(int before) {
         put("STOP_SPINDLE_TURNING(0)");
         plain("M5");
         traverse(at(clear));
-        put(turning_ > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
-        plain(turning_ > 0 ? "M3" : "M4");
+        start(turning_);
         break;
       case 870: {
         // In beside the hole, across, and the tool cuts upward from the bottom.
@@ -205,22 +206,18 @@ Status Engine::cycle(int before) {
           plain("M5");
           plain("M19 R0");
         };
-        const auto start = [&] {
-          put(turning_ > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
-          plain(turning_ > 0 ? "M3" : "M4");
-        };
         traverse(beside(r));
         orient();
         traverse(beside(bottom));
         traverse(above(bottom));
-        start();
+        start(turning_);
         feed(above(middle), false);
         feed(above(bottom), false);
         orient();
         traverse(beside(bottom));
         traverse(beside(clear));
         traverse(above(clear));
-        start();
+        start(turning_);
         break;
       }
       case 880:

@@ -54,6 +54,13 @@ struct EngineOptions {
   long most_lines = 5'000'000;
 };
 
+/// Of a NURBS curve, program units.
+struct ControlPoint {
+  double x = 0;
+  double y = 0;
+  double weight = 1;
+};
+
 class Engine final : private Parameters {
  public:
   Engine(const Program& program, EngineOptions options);
@@ -222,6 +229,7 @@ class Engine final : private Parameters {
   Status spline(int motion);
   Status control_point(bool first);
   Status end_nurbs();
+  void curve_to(const Axes& p);
   Status judge_within_nurbs() const;
   Status probe(const Axes& end);
   Status stop();
@@ -390,12 +398,7 @@ class Engine final : private Parameters {
   bool after_spline_ = false;
   bool spline_now_ = false;
   // NURBS, between G5.2 and G5.3.
-  static constexpr int kNurbsEnded = -10;  // the motion mode after G5.3: none, which rs274 tells as -1
-  struct ControlPoint {
-    double x = 0;
-    double y = 0;
-    double weight = 1;
-  };
+  static constexpr int kNurbsEnded = -10;     // the motion mode after G5.3: none, which rs274 tells as -1
   std::vector<ControlPoint> control_points_;  // the first is where the tool is
   std::size_t nurbs_order_ = 3;
 

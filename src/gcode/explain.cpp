@@ -167,7 +167,7 @@ std::string shown(double value) {
 
 }  // namespace
 
-/// What a letter means beside the codes of its line.
+/// What a letter means beside the codes of its line, and else in the motion that is in force.
 std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words) const {
   const auto has = [&](char letter, std::initializer_list<int> codes) {
     return std::any_of(words.begin(), words.end(), [&](const Word& w) {
@@ -176,7 +176,16 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
   };
   const std::string_view unit = inches_ ? "inch" : "mm";
   const std::string value = shown(word.value);
-  const bool in_cycle = is_cycle(motion_), arc = motion_ == 20 || motion_ == 30;
+  std::string claimed;  // letters of the line that are no numbers of the cycle or the arc in force
+  if (has('G', {40})) claimed += "P";
+  if (has('G', {100})) claimed += "PLRIJQ";
+  if (has('G', {640})) claimed += "PQ";
+  if (has('M', {980})) claimed += "PL";
+  for (const Word& w : words) {
+    if (w.letter == 'M') claimed += arguments_of_m(static_cast<int>(w.value));
+  }
+  const bool taken = claimed.find(word.letter) != std::string::npos;
+  const bool in_cycle = is_cycle(motion_) && !taken, arc = (motion_ == 20 || motion_ == 30) && !taken;
   switch (word.letter) {
     case 'N':
       return "a line number, which does nothing";
@@ -214,7 +223,8 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
       return fmt::format("centre of the arc: {} {} {}", value, unit, arc_absolute_ ? "absolute" : "from its start");
     case 'R':
       if (in_cycle)
-        return fmt::format("the height from which the cycle feeds, and to which it returns: {} {}", value, unit);
+        return fmt::format("the height from which the cycle feeds{}: {} {}",
+                           old_level_ ? "" : ", and to which it returns", value, unit);
       if (arc)
         return fmt::format("radius of the arc: {} {}{}", value, unit,
                            word.value < 0 ? "; negative: more than half a turn" : "");

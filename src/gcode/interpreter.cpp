@@ -549,13 +549,7 @@ class Interpreter {
     if (has_g(640)) use("PQ");
     if (has_g(430)) use("H");
     for (int i = 0; i < m_count_; ++i) {
-      const int m = m_[static_cast<std::size_t>(i)].tenfold / 10;
-      if ((m >= 50 && m <= 53) || (m >= 62 && m <= 65)) use("P");
-      if (m == 61) use("Q");
-      if (m == 66) use("PQLE");
-      if (m == 67 || m == 68) use("EQ");
-      if (m == 19) use("RQP");
-      if (m >= 100) use("PQ");
+      use(arguments_of_m(m_[static_cast<std::size_t>(i)].tenfold / 10));
     }
     for (char letter = 'A'; letter <= 'Z'; ++letter) {
       const Word* word = find(letter);
@@ -788,8 +782,7 @@ class Interpreter {
     length_offset_ = next;
     if (g != 490 && !noted_length_) {
       noted_length_ = true;
-      note(fmt::format("line {}: {} is passed through; the programmed point is taken as the tool tip", block_->line,
-                       text_of(*g_word(Group::length_offset))));
+      note(fmt::format("line {}: {} {}", block_->line, text_of(*g_word(Group::length_offset)), kLengthNote));
     }
     return {};
   }

@@ -21,9 +21,7 @@ Status Engine::check() {
   std::array<const Word*, 40> groups{};
   std::array<const Word*, 10> m_groups{};
   std::array<const Word*, 26> letters{};
-  bool uses_p = false;
   int acting = motion_;
-  bool user_m = false;
   for (const Word& word : block_->words) {
     if (!(std::abs(word.value) <= 1e9)) {
       return error(word.column, "GC135", fmt::format("{} with a number beyond every range", word.letter),
@@ -78,8 +76,6 @@ Status Engine::check() {
                      "use two blocks");
       }
       slot = &word;
-      user_m = user_m || group == 0;
-      uses_p = uses_p || (m >= 500 && m <= 530) || (m >= 620 && m <= 680) || m == 190;
     } else if (word.letter >= 'A' && word.letter <= 'Z') {
       const Word*& slot = letters[static_cast<std::size_t>(word.letter - 'A')];
       if (slot != nullptr) {
@@ -178,14 +174,7 @@ Status Engine::check() {
     }
   }
   for (const Word& word : block_->words) {
-    if (word.letter != 'M') continue;
-    const int m = static_cast<int>(word.value);
-    if ((m >= 50 && m <= 53) || (m >= 62 && m <= 65)) use("P");
-    if (m == 61) use("Q");
-    if (m == 66) use("PQLE");
-    if (m == 67 || m == 68) use("EQ");
-    if (m == 19) use("RQP");
-    if (m >= 100) use("PQ");
+    if (word.letter == 'M') use(arguments_of_m(static_cast<int>(word.value)));
   }
   for (char c = 'A'; c <= 'Z'; ++c) {
     const Word* word = has(c);
@@ -213,10 +202,6 @@ Status Engine::check() {
       return error(word->column, c == 'F' ? "GC111" : "GC132", fmt::format("{}{} is negative", c, word->value),
                    "check the number");
     }
-  }
-  if (const Word* f = has('F');
-      f != nullptr && ((g_word(200) != nullptr && !inches_) || (g_word(210) != nullptr && inches_))) {
-    (void)f;  // judged by `interpret`, which knows whether a unit was set before
   }
   if (g_word(430) == nullptr && has('H') != nullptr) {
     return error(has('H')->column, "GC119", "H without G43", "remove it");

@@ -107,6 +107,10 @@ Status Engine::motion() {
   for (const double x : end) {
     if (!(std::abs(x) <= 1e9)) return error(1, "GC135", "a block that leads beyond 10 km", "check the numbers");
   }
+  if (options_.plain && (motion_ == 50 || motion_ == 51) && (!known_[0] || !known_[1])) {
+    return error(named >= 0 ? g_word(named)->column : 1, "GC169", "a spline where the position of X or Y is not known",
+                 "give X, Y and Z before, in absolute coordinates");
+  }
   if (!incremental_) {
     for (std::size_t k = 0; k < 3; ++k) known_[k] = known_[k] || find(kAxisLetters[k]) != nullptr || (k < 2 && polar());
   }

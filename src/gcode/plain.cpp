@@ -117,8 +117,10 @@ void Engine::end_plain() {
       }
       if (!dynamic && std::string_view("XYZABCIJK@^").find(word.letter) != std::string_view::npos) continue;
       const bool taken =  // by an M word
-          std::any_of(block_->words.begin(), block_->words.end(),
-                      [](const Word& w) { return w.letter == 'M' && (w.value == 19 || w.value >= 50); });
+          std::any_of(block_->words.begin(), block_->words.end(), [&](const Word& w) {
+            return w.letter == 'M' &&
+                   arguments_of_m(static_cast<int>(w.value)).find(word.letter) != std::string_view::npos;
+          });
       const bool kept = taken || (word.letter == 'P' && g_word(40) != nullptr) ||
                         ((word.letter == 'P' || word.letter == 'Q') && g_word(640) != nullptr);
       if (!kept && std::string_view("RPQL").find(word.letter) != std::string_view::npos) continue;

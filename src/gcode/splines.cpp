@@ -11,13 +11,81 @@ namespace {
 
 /// How far the lines of the plain program may leave a curve, mm.
 constexpr double kChord = 5e-4;
+/// Of G5 and G5.1: a curve that needs more lines than this is as large as no machine.
+constexpr double kMostLines = 5000;
 /// An order beyond this is a slip.
-constexpr double kLargestOrder = 30;
+constexpr std::size_t kLargestOrder = 30;
 /// Beyond these weights a curve is no curve any more.
 constexpr double kLeastWeight = 1e-6;
 constexpr double kLargestWeight = 1e6;
 /// How often a knot span may be halved.
 constexpr int kDeepest = 12;
+/// Of kChord, for three points of a line: between them the curve may leave it a little more.
+constexpr double kSampled = 0.8;
+
+using Point = std::array<double, 2>;
+
+double distance(const Point& p, const Point& a, const Point& b) {  // from the line between a and b
+  const double x = b[0] - a[0];
+  const double y = b[1] - a[1];
+  const double square = x * x + y * y;
+  const double t = square > 0 ? std::clamp(((p[0] - a[0]) * x + (p[1] - a[1]) * y) / square, 0.0, 1.0) : 0.0;
+  return std::hypot(p[0] - a[0] - t * x, p[1] - a[1] - t * y);
+}
+
+/// A rational B-spline of order k over the control points P_0 to P_n with weights w_i,
+/// C(u) = sum N_i,k(u) w_i P_i / sum N_i,k(u) w_i, on uniform knots that are clamped at both ends, 0 <= u <= n - k + 2.
+/// Source: L. Piegl, W. Tiller, The NURBS Book, 1997, (4.1).
+class Nurbs {
+ public:
+  Nurbs(const std::vector<ControlPoint>& points, std::size_t order) : points_(points), order_(order) {}
+
+  [[nodiscard]] std::size_t spans() const { return points_.size() - order_ + 1; }
+
+  /// The point at u of a span, by de Boor's algorithm on w P and w.
+  [[nodiscard]] Point at(double u, std::size_t span) const {
+    std::array<std::array<double, 3>, kLargestOrder> d{};
+    for (std::size_t j = 0; j < order_; ++j) {
+      const ControlPoint& c = points_[span + j];
+      d[j] = {c.x * c.weight, c.y * c.weight, c.weight};
+    }
+    for (std::size_t r = 1; r < order_; ++r) {
+      for (std::size_t j = order_ - 1; j >= r; --j) {
+        const std::size_t i = span + j;
+        const double a = (u - knot(i)) / (knot(i + order_ - r) - knot(i));
+        for (std::size_t c = 0; c < 3; ++c) d[j][c] = (1 - a) * d[j - 1][c] + a * d[j][c];
+      }
+    }
+    const auto& h = d[order_ - 1];
+    return {h[0] / h[2], h[1] / h[2]};
+  }
+
+  /// Appends the ends of lines that follow the span from u0 at p0 to u1 at p1, off it by less than `chord`. False where
+  /// kDeepest halvings do not come so near.
+  bool divide(std::size_t span, double u0, const Point& p0, double u1, const Point& p1, double chord,
+              std::vector<Point>& ends, int depth = 0) const {
+    bool fits = depth > 1;  // two halves at least: a curve may cross its chord
+    for (const double t : {0.25, 0.5, 0.75}) {
+      fits = fits && distance(at(u0 + t * (u1 - u0), span), p0, p1) < kSampled * chord;
+    }
+    if (fits || depth > kDeepest) {
+      ends.push_back(p1);
+      return fits;
+    }
+    const double u = (u0 + u1) / 2;
+    const Point middle = at(u, span);
+    return divide(span, u0, p0, u, middle, chord, ends, depth + 1) &&
+           divide(span, u, middle, u1, p1, chord, ends, depth + 1);
+  }
+
+ private:
+  [[nodiscard]] double knot(std::size_t i) const {
+    return i < order_ ? 0.0 : static_cast<double>(std::min(i - order_ + 1, spans()));
+  }
+
+  const std::vector<ControlPoint>& points_;
+  std::size_t order_;
+};
 
 }  // namespace
 
@@ -75,18 +143,23 @@ Status Engine::spline(int motion) {
       return std::hypot(a[0] - 2 * b[0] + c[0], a[1] - 2 * b[1] + c[1]) / (h * h);
     };
     const double bend = std::max(second(1e-3), second(1 - 1e-3));
-    const double chord = inches_ ? kChord / kMmPerInch : kChord;
-    const int count = static_cast<int>(std::clamp(std::ceil(std::sqrt(bend / (8 * chord))), 1.0, 5000.0));
-    lines_ += count;
+    const double needed = std::ceil(std::sqrt(bend / (8 * inches_tolerance(kChord))));
+    if (!(needed <= kMostLines)) return bad("a curve of more than 5000 lines");
+    const int count = std::max(1, static_cast<int>(needed));
     for (int i = 1; i <= count; ++i) {
-      const Axes p = i == count ? end : point(static_cast<double>(i) / count);
-      plain("G1" + plain_words(p, true));
-      current_ = p;
+      curve_to(i == count ? end : point(static_cast<double>(i) / count));
     }
   }
   plain_motion_ = 1;
   move_to(end);
   return {};
+}
+
+/// A line of the plain program along a curve.
+void Engine::curve_to(const Axes& p) {
+  plain("G1" + plain_words(p, true));
+  current_ = p;
+  ++lines_;
 }
 
 /// A control point: X, Y and its weight P. The block with G5.2 opens the curve, which begins where the tool is; L is
@@ -109,7 +182,7 @@ Status Engine::control_point(bool first) {
     control_points_ = {{current_[0], current_[1], 1}};
     nurbs_order_ = 3;
     if (const Word* l = find('L'); l != nullptr) {
-      if (!(l->value >= 3) || l->value > kLargestOrder || l->value != std::floor(l->value)) {
+      if (!(l->value >= 3) || l->value > static_cast<double>(kLargestOrder) || l->value != std::floor(l->value)) {
         return bad(l->column, "L is no order of a curve", "write an integer from 3 to 30");
       }
       nurbs_order_ = static_cast<std::size_t>(l->value);
@@ -145,9 +218,7 @@ Status Engine::judge_within_nurbs() const {
   return {};
 }
 
-/// G5.3 runs the curve: a rational B-spline of order k over the control points P_0 to P_n with weights w_i,
-/// C(u) = sum N_i,k(u) w_i P_i / sum N_i,k(u) w_i, on uniform knots that are clamped at both ends, 0 <= u <= n - k + 2.
-/// The plain program gets lines, closer to it than 0.5 um. Source: L. Piegl, W. Tiller, The NURBS Book, 1997, (4.1).
+/// G5.3 runs the curve. The plain program gets lines, closer to it than 0.5 um.
 Status Engine::end_nurbs() {
   const int column = g_word(53)->column;
   const auto bad = [&](std::string_view what, std::string_view hint) {
@@ -159,67 +230,32 @@ Status Engine::end_nurbs() {
     return error(word.column, "GC127", fmt::format("G5.3: {} beside it", word.letter), "move it to another line");
   }
   const std::size_t count = control_points_.size();
-  const std::size_t k = nurbs_order_;
-  if (count < k) {
-    return bad(fmt::format("{} control points, the start of the curve included, for a curve of order {}", count, k),
-               "give more of them, or a smaller L");
+  if (count < nurbs_order_) {
+    return bad(
+        fmt::format("{} control points, the start of the curve included, for a curve of order {}", count, nurbs_order_),
+        "give more of them, or a smaller L");
   }
   put("NURBS_FEED({}, ...)", count);
   Axes end = current_;
   end[0] = control_points_.back().x;
   end[1] = control_points_.back().y;
-  const std::size_t spans = count - k + 1;
-  const auto knot = [&](std::size_t i) { return i < k ? 0.0 : static_cast<double>(std::min(i - k + 1, spans)); };
-  std::vector<std::array<double, 3>> d(k);
-  const auto point = [&](double u, std::size_t span) {  // de Boor's algorithm on w P and w
-    for (std::size_t j = 0; j < k; ++j) {
-      const ControlPoint& c = control_points_[span + j];
-      d[j] = {c.x * c.weight, c.y * c.weight, c.weight};
-    }
-    for (std::size_t r = 1; r < k; ++r) {
-      for (std::size_t j = k - 1; j >= r; --j) {
-        const std::size_t i = span + j;
-        const double a = (u - knot(i)) / (knot(i + k - r) - knot(i));
-        for (std::size_t c = 0; c < 3; ++c) d[j][c] = (1 - a) * d[j - 1][c] + a * d[j][c];
-      }
-    }
-    const auto& h = d[k - 1];
-    return std::array<double, 2>{h[0] / h[2], h[1] / h[2]};
-  };
   if (options_.plain) {
-    const double chord = inches_ ? kChord / kMmPerInch : kChord;
-    using Point2 = std::array<double, 2>;
-    const auto go = [&](const Point2& to) {
-      Axes p = current_;
-      p[0] = to[0];
-      p[1] = to[1];
-      plain("G1" + plain_words(p, true));
-      current_ = p;
-      ++lines_;
-    };
-    const auto off = [](const Point2& p, const Point2& a, const Point2& b) {
-      const double x = b[0] - a[0];
-      const double y = b[1] - a[1];
-      const double square = x * x + y * y;
-      const double t = square > 0 ? std::clamp(((p[0] - a[0]) * x + (p[1] - a[1]) * y) / square, 0.0, 1.0) : 0.0;
-      return std::hypot(p[0] - a[0] - t * x, p[1] - a[1] - t * y);
-    };
-    const std::function<void(std::size_t, double, const Point2&, double, const Point2&, int)> divide =
-        [&](std::size_t span, double u0, const Point2& p0, double u1, const Point2& p1, int depth) {
-          bool fits = depth > 1;  // two halves at least: a curve may cross its chord
-          for (const double t : {0.25, 0.5, 0.75}) {
-            fits = fits && off(point(u0 + t * (u1 - u0), span), p0, p1) < 0.8 * chord;
-          }
-          if (fits || depth > kDeepest || lines_ > options_.most_lines) return go(p1);
-          const double u = (u0 + u1) / 2;
-          const Point2 middle = point(u, span);
-          divide(span, u0, p0, u, middle, depth + 1);
-          divide(span, u, middle, u1, p1, depth + 1);
-        };
-    for (std::size_t span = 0; span < spans; ++span) {
+    const Nurbs curve(control_points_, nurbs_order_);
+    Axes place = current_;
+    std::vector<Point> ends;
+    for (std::size_t span = 0; span < curve.spans(); ++span) {
       const double u = static_cast<double>(span);
-      const Point2 to = span + 1 == spans ? Point2{end[0], end[1]} : point(u + 1, span);
-      divide(span, u, {current_[0], current_[1]}, u + 1, to, 0);
+      const Point to = span + 1 == curve.spans() ? Point{end[0], end[1]} : curve.at(u + 1, span);
+      ends.clear();
+      if (!curve.divide(span, u, {current_[0], current_[1]}, u + 1, to, inches_tolerance(kChord), ends) ||
+          lines_ > options_.most_lines) {
+        return bad("the curve is too large for lines that leave it by at most 0.5 um", "divide it into several curves");
+      }
+      for (const Point& p : ends) {
+        place[0] = p[0];
+        place[1] = p[1];
+        curve_to(place);
+      }
     }
   }
   control_points_.clear();

@@ -89,8 +89,8 @@ Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
       "parameters, subprograms, loops, cycles and shifts of the coordinates are carried out: the program counts as the "
       "plain blocks that it comes to, each with the line that it stands on");
   if (std::any_of(program.blocks.begin(), program.blocks.end(), [](const Block& b) { return b.optional; })) {
-    out.notes.emplace_back(options.interpret.block_delete ? "blocks that begin with / are left out"
-                                                          : "blocks that begin with / are carried out like all others");
+    out.notes.push_back(fmt::format("{} are {}", kBlockDeleteNote,
+                                    options.interpret.block_delete ? "left out" : "carried out like all others"));
   }
   return out;
 }

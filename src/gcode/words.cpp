@@ -1,8 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "words.hpp"
 
-#include <fmt/format.h>
-
 #include <cmath>
 
 namespace polypod::gcode {
@@ -82,6 +80,15 @@ int group_of(int g) {
     default:
       return 0;
   }
+}
+
+std::string_view arguments_of_m(int m) {
+  if ((m >= 50 && m <= 53) || (m >= 62 && m <= 65)) return "P";
+  if (m == 61) return "Q";
+  if (m == 66) return "PQLE";
+  if (m == 67 || m == 68) return "EQ";
+  if (m == 19) return "RQP";
+  return m >= 100 ? "PQ" : "";
 }
 
 Refusal refusal_of(int g) {
@@ -171,15 +178,6 @@ std::array<std::size_t, 3> axes_of(Plane plane) {
   return plane == Plane::xy   ? std::array<std::size_t, 3>{0, 1, 2}
          : plane == Plane::zx ? std::array<std::size_t, 3>{2, 0, 1}
                               : std::array<std::size_t, 3>{1, 2, 0};
-}
-
-std::string number(double value, int decimals) {
-  std::string text = fmt::format("{:.{}f}", value, decimals);
-  if (text.find('.') != std::string::npos) {
-    text.erase(text.find_last_not_of('0') + 1);
-    if (text.back() == '.') text.pop_back();
-  }
-  return text == "-0" ? "0" : text;
 }
 
 }  // namespace polypod::gcode

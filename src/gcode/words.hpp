@@ -9,6 +9,7 @@
 
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/program.hpp"
+#include "polypod/gcode/writer.hpp"
 
 namespace polypod::gcode {
 
@@ -47,8 +48,5 @@ template <std::size_t N>
 void scale(std::array<double, N>& values, double factor) {
   for (std::size_t k = 0; k < 3; ++k) values[k] *= factor;
 }
-
-/// A number as a program writes it: at most `decimals`, without zeros at the end.
-std::string number(double value, int decimals);
 
 }  // namespace polypod::gcode

@@ -515,6 +515,14 @@ std::string format_number(double value, int decimals) {
   return text;
 }
 
+std::string number(double value, int decimals) {
+  std::string text = format_number(value, decimals);
+  if (text.find('.') == std::string::npos) return text;
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
 Decimals decimals_of(const Program& program, const RewriteOptions& options) {
   int linear = 0;
   int rotary = 0;

@@ -161,22 +161,21 @@ class Planner {
       first_turns_ = start.last_turns;
       arrive(step, index, step.tip, angles, step.kind == StepKind::arc ? StepKind::line : step.kind, false);
       out_.turned_min = out_.turned_max = {angles.x(), angles.y(), angles.z()};
-      c_ = c;
-      k_ = step.axis;
-      source_angles_ = step.angles.value_or(angles);
-      lost_ = false;
-      return;
-    }
-    if (lost_) {
+    } else if (lost_) {
       const Vec3 angles = fits(step) ? *step.angles : nearest_turn(configuration_.rotary, step.axis, c, angles_);
       arrive(step, index, step.tip, angles, step.kind, false);
-      c_ = c;
-      k_ = step.axis;
-      source_angles_ = step.angles.value_or(angles);
-      lost_ = false;
-      return;
+    } else {
+      follow(step, index, c);
     }
-    Way way{&step, index, tip_, k_, source_angles_, step.angles.has_value(), c_, c, step.kind == StepKind::arc};
+    lost_ = false;
+    c_ = c;
+    k_ = step.axis;
+    source_angles_ = step.angles.value_or(angles_);
+  }
+
+  /// From the place before, which is known.
+  void follow(const Step& step, int index, double c) {
+    const Way way{&step, index, tip_, k_, source_angles_, step.angles.has_value(), c_, c, step.kind == StepKind::arc};
     if (!way.by_angles && angle_between(k_, step.axis) > std::numbers::pi - kOpposite) {
       problem(step.line, "axis", "the tool axis turns over, and nothing says which way: give points between");
     }
@@ -189,9 +188,6 @@ class Planner {
     } else {
       chords(way);
     }
-    c_ = c;
-    k_ = step.axis;
-    source_angles_ = step.angles.value_or(angles_);
   }
 
   [[nodiscard]] double radius(const Step& step) const {

@@ -24,8 +24,6 @@ int code_of(const gcode::Word& w) {
   return static_cast<int>(std::lround(w.value * 10));
 }
 
-/// Words that hold a number for an M word beside them.
-constexpr std::string_view kArguments = "PQELR";
 constexpr int kLeastBuilders = 100, kMostBuilders = 199;  // M words of the machine's builder
 
 bool moves_by_machine(int g) {
@@ -103,15 +101,33 @@ class BlockReader {
     if (m({2})) out_.end = "M2";
   }
 
-  [[nodiscard]] const gcode::Word* by_machine() const {
-    for (const gcode::Word& w : block_.words)
-      if (w.letter == 'G' && moves_by_machine(code_of(w))) return &w;
-    return nullptr;
+  /// Moves in machine coordinates are left out, as long as no other move comes behind them.
+  Status leave_out(bool cuts, bool moving) {
+    if (const gcode::Word* w = by_machine()) {
+      if (cuts && code_of(*w) == 530) {
+        return fail("PO116", "a cut in machine coordinates (G53): where the machine's zero lies is not known",
+                    Place{file_, block_.line, w->column}, "write this cut in workpiece coordinates");
+      }
+      const std::size_t first = block_.text.find_first_not_of(" \t"), last = block_.text.find_last_not_of(" \t\r");
+      out_.left_out.push_back({block_.line, block_.text.substr(first, last + 1 - first)});
+    }
+    if (!moving || out_.left_out.empty()) return {};
+    const LeftOut& retract = out_.left_out.front();
+    return fail("PO116",
+                fmt::format("`{}` with moves behind it (line {}): where the machine's zero lies is not known",
+                            retract.text, block_.line),
+                Place{file_, retract.line, 1},
+                "write it in workpiece coordinates (G0 Z...); as the last move of a program it is left out and named");
   }
 
   [[nodiscard]] bool turns() const { return find('A') || find('B') || find('C'); }
 
  private:
+  [[nodiscard]] const gcode::Word* by_machine() const {
+    for (const gcode::Word& w : block_.words)
+      if (w.letter == 'G' && moves_by_machine(code_of(w))) return &w;
+    return nullptr;
+  }
   [[nodiscard]] Step step(StepKind kind) const {
     Step s;
     s.kind = kind;
@@ -153,15 +169,13 @@ class BlockReader {
         return fail("PO118", fmt::format("M{} is not carried over", number(w.value, 1)), place,
                     "remove it, or do in the program what it does");
       }
-      if (p_elsewhere && has_arguments(v) && (find('P') || find('Q'))) {
+      if (p_elsewhere && !gcode::arguments_of_m(v).empty() && (find('P') || find('Q'))) {
         return fail("PO118", fmt::format("M{} beside a word that takes P or Q as well", v), place,
                     "give it a block of its own");
       }
     }
     return {};
   }
-
-  static bool has_arguments(int v) { return v == 19 || v >= 50; }
 
   [[nodiscard]] std::string spindle(const char* sense) const {
     return speed_.empty() ? fmt::format("spindle {}", sense) : fmt::format("spindle {} rev/min {}", speed_, sense);
@@ -188,11 +202,9 @@ class BlockReader {
       if (w.letter != 'M' || v < least || v > most) continue;
       flush();
       std::string text = fmt::format("M{}", v);
-      if (has_arguments(v)) {
-        for (const gcode::Word& argument : block_.words)
-          if (kArguments.find(argument.letter) != std::string_view::npos)
-            text += fmt::format(" {}{}", argument.letter, number(argument.value, 6));
-      }
+      for (const gcode::Word& argument : block_.words)
+        if (gcode::arguments_of_m(v).find(argument.letter) != std::string_view::npos)
+          text += fmt::format(" {}{}", argument.letter, number(argument.value, 6));
       add(text, text);
       flush(robots);
     }
@@ -270,6 +282,53 @@ Step step_of(const gcode::Move& move, int line) {
   return s;
 }
 
+/// The move, where it can be judged: a cut from a known place, a turn at one.
+Result<Step> judged_step(const gcode::Move& move, const Place& place) {
+  if (move.kind != gcode::MoveKind::rapid && !move.start_known) {
+    return fail("PO117",
+                "where this cut starts is not known: X, Y or Z have not been commanded since the program began, or "
+                "since a tool length offset (G43, G49) changed",
+                place, "command X, Y and Z with G0 before the first cut, and Z after G43");
+  }
+  Step s = step_of(move, place.line);
+  s.known = move.known_end;
+  s.start_known = move.start_known;
+  if (s.placed()) return s;
+  if ((move.axes_end - move.axes_start).cwiseAbs().maxCoeff() > 0) {
+    return fail("PO117", "A, B or C turn where X, Y or Z are not known: this cannot be judged", place,
+                "command X, Y and Z with G0 before");
+  }
+  for (int k = 0; k < 3; ++k)
+    if (!s.known[static_cast<std::size_t>(k)]) s.tip[k] = 0;
+  return s;
+}
+
+/// The first line, if any, of what a note tells.
+struct Firsts {
+  int incomplete = 0, length_change = 0, other_offset = 0, plain_turn = 0;
+
+  void say(std::vector<std::string>& notes) const {
+    if (incomplete > 0) {
+      notes.push_back(
+          fmt::format("line {}: X, Y or Z are not known yet, so this rapid, and the way of the next to a known place, "
+                      "cannot be judged: the place to which it comes is",
+                      incomplete));
+    }
+    if (length_change > 0 && length_change != incomplete) {
+      notes.push_back(
+          fmt::format("line {}: the tool length offset changes before it; where the tip then stands is not known, and "
+                      "of such rapids the end is judged, not the way",
+                      length_change));
+    }
+    if (other_offset > 0)
+      notes.push_back(fmt::format("line {}: G55 to G59 are written in the coordinates of G54", other_offset));
+    if (plain_turn > 0) {
+      notes.push_back(fmt::format(
+          "line {}: a cut that only turns the tool is written with --turn-speed, not with its F", plain_turn));
+    }
+  }
+};
+
 }  // namespace
 
 Result<Path> read_program(const std::string& file, const ProgramOptions& options) {
@@ -285,20 +344,20 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
   Path out;
   out.file = file;
   out.program = true;
-  // A tool length is passed on in its place, which says more than the reader's note.
+  // A tool length is passed on in its place, and whether / is carried out is the job's word: post says it itself.
   for (const std::string& note : understood.interpretation.notes)
-    if (note.find("is passed through; the programmed point") == std::string::npos &&
-        note.find("blocks that begin with /") == std::string::npos)
+    if (note.find(gcode::kLengthNote) == std::string::npos && note.find(gcode::kBlockDeleteNote) == std::string::npos)
       out.notes.push_back(note);
   if (slash != source.blocks.end()) {
-    out.notes.push_back(fmt::format("line {}: blocks that begin with / are {}, as the job says", slash->line,
+    out.notes.push_back(fmt::format("line {}: {} are {}, as the job says", slash->line, gcode::kBlockDeleteNote,
                                     options.unroll.interpret.block_delete ? "left out" : "carried out"));
   }
   const std::vector<gcode::Move>& moves = understood.interpretation.moves;
   std::size_t next = 0;
   std::optional<gcode::PathControl> path;
   bool turned = false, placed = false;
-  int first_incomplete = 0, length_change = 0, other_offset = 0, plain_turn = 0;
+  Firsts first;
+  const auto name = [](int& line, const gcode::Block& block) { line = line == 0 ? block.line : line; };
   for (std::size_t b = 0; b < understood.program.blocks.size(); ++b) {
     const gcode::Block& block = understood.program.blocks[b];
     const gcode::ModalState& state = understood.interpretation.states[b];
@@ -306,52 +365,18 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
     BlockReader reader(file, block, state, out);
     const bool moving = next < moves.size() && moves[next].block == static_cast<int>(b);
     POLYPOD_TRY(reader.before(moving && moves[next].kind == gcode::MoveKind::arc, path));
-    if (const gcode::Word* w = reader.by_machine()) {
-      const Place place{file, block.line, w->column};
-      if (state.motion > 0 && code_of(*w) == 530) {
-        return fail("PO116", "a cut in machine coordinates (G53): where the machine's zero lies is not known", place,
-                    "write this cut in workpiece coordinates");
-      }
-      const std::size_t first = block.text.find_first_not_of(" \t"), last = block.text.find_last_not_of(" \t\r");
-      out.left_out.push_back({block.line, block.text.substr(first, last + 1 - first)});
-    }
-    if (moving && !out.left_out.empty()) {
-      const LeftOut& retract = out.left_out.front();
-      return fail(
-          "PO116",
-          fmt::format("`{}` with moves behind it (line {}): where the machine's zero lies is not known", retract.text,
-                      block.line),
-          Place{file, retract.line, 1},
-          "write it in workpiece coordinates (G0 Z...); as the last move of a program it is left out and named");
-    }
+    POLYPOD_TRY(reader.leave_out(state.motion > 0, moving));
     turned = turned || (moving && reader.turns());
     for (; next < moves.size() && moves[next].block == static_cast<int>(b); ++next) {
       const gcode::Move& move = moves[next];
-      const bool cuts = move.kind != gcode::MoveKind::rapid;
-      if (cuts && !move.start_known) {
-        return fail("PO117",
-                    "where this cut starts is not known: X, Y or Z have not been commanded since the program began, or "
-                    "since a tool length offset (G43, G49) changed",
-                    Place{file, block.line, 1}, "command X, Y and Z with G0 before the first cut, and Z after G43");
-      }
-      Step s = step_of(move, block.line);
-      s.known = move.known_end;
-      s.start_known = move.start_known;
-      if (!move.start_known && placed && length_change == 0) length_change = block.line;
+      POLYPOD_ASSIGN(s, judged_step(move, Place{file, block.line, 1}));
+      if (!move.start_known && placed) name(first.length_change, block);
       placed = placed || s.placed();
       s.turned = turned;
       s.path = path;
-      if (!s.placed()) {
-        if ((move.axes_end - move.axes_start).cwiseAbs().maxCoeff() > 0) {
-          return fail("PO117", "A, B or C turn where X, Y or Z are not known: this cannot be judged",
-                      Place{file, block.line, 1}, "command X, Y and Z with G0 before");
-        }
-        for (int k = 0; k < 3; ++k)
-          if (!s.known[static_cast<std::size_t>(k)]) s.tip[k] = 0;
-        if (first_incomplete == 0) first_incomplete = block.line;
-      }
-      if (move.work_offset != 0 && other_offset == 0) other_offset = block.line;
-      if (cuts && move.length() < 1e-9 && plain_turn == 0) plain_turn = block.line;
+      if (!s.placed()) name(first.incomplete, block);
+      if (move.work_offset != 0) name(first.other_offset, block);
+      if (s.kind != StepKind::rapid && move.length() < kNoWay) name(first.plain_turn, block);
       out.steps.push_back(std::move(s));
     }
     reader.after();
@@ -361,24 +386,7 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
     return fail("PO117", "no move of the program ends at a place that is known whole", {file},
                 "command X, Y and Z with G0");
   }
-  if (first_incomplete > 0) {
-    out.notes.push_back(
-        fmt::format("line {}: X, Y or Z are not known yet, so this rapid, and the way of the next to a known place, "
-                    "cannot be judged: the place to which it comes is",
-                    first_incomplete));
-  }
-  if (length_change > 0 && length_change != first_incomplete) {
-    out.notes.push_back(
-        fmt::format("line {}: the tool length offset changes before it; where the tip then stands is not known, and of "
-                    "such rapids the end is judged, not the way",
-                    length_change));
-  }
-  if (other_offset > 0)
-    out.notes.push_back(fmt::format("line {}: G55 to G59 are written in the coordinates of G54", other_offset));
-  if (plain_turn > 0) {
-    out.notes.push_back(fmt::format(
-        "line {}: a cut that only turns the tool is written with --turn-speed, not with its F", plain_turn));
-  }
+  first.say(out.notes);
   for (const LeftOut& l : out.left_out) {
     out.notes.push_back(
         fmt::format("line {}: `{}` at the end is left out, for the machine's zero is not known: the tool stays where "
@@ -389,12 +397,12 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
 }
 
 std::optional<CorrectedFor> corrected_for(const Path& path) {
-  constexpr std::string_view kMark = "Polypod: corrected for the static compliance of ";
+  const std::string mark = std::string(gcode::kCorrectedMark) + ' ';
   std::optional<CorrectedFor> out;
   for (const Step& s : path.steps) {
     if (s.kind != StepKind::comment) continue;
-    if (const std::size_t at = s.text.find(kMark); at != std::string::npos) {
-      out = CorrectedFor{s.line, s.text.substr(at + kMark.size()), ""};
+    if (const std::size_t at = s.text.find(mark); at != std::string::npos) {
+      out = CorrectedFor{s.line, s.text.substr(at + mark.size()), ""};
       continue;
     }
     const std::size_t from = s.text.find("origin X");

@@ -15,14 +15,6 @@
 
 namespace polypod::post {
 
-std::string number(double value, int decimals) {
-  std::string text = gcode::format_number(value, decimals);
-  if (text.find('.') == std::string::npos) return text;
-  text.erase(text.find_last_not_of('0') + 1);
-  if (text.back() == '.') text.pop_back();
-  return text.empty() || text == "-0" ? "0" : text;
-}
-
 std::string plain_text(std::string_view text, std::size_t longest) {
   std::string out;
   for (const char c : one_line(text)) out += c >= ' ' && c <= '~' ? c : '?';
@@ -176,7 +168,7 @@ class NgcWriter {
     if (motion != motion_) block = " " + motion + block;
     motion_ = motion;
     if (m.kind != StepKind::rapid) {
-      const bool turn = m.length < 1e-9;
+      const bool turn = m.length < kNoWay;
       const double feed = options_.inverse_time ? std::min(m.seconds > 0 ? 60 / m.seconds : kMostInverse, kMostInverse)
                           : turn                ? units::to_deg(options_.turn_speed) * 60
                                                 : units::to_mm_per_min(step.feed);

@@ -18,6 +18,8 @@ namespace polypod::post {
 namespace {
 
 constexpr std::size_t kLongestComment = 120;
+constexpr double kSmallestZone = 1e-7;  // m, of RAPID: the last of its four decimals of mm
+constexpr double kBlendOfWay = 0.45;    // of the shorter way beside a corner, in URScript: two blends must not meet
 constexpr double kZero = 1e-6;  // rad, a joint this near to 0 or a quarter turn is there: rounding of the inverse
 
 /// Letters, digits and `_`, a letter first.
@@ -171,7 +173,7 @@ class Rapid final : public Language {
   void begin(const Pose& X_BW, const Pose& X_FT) override {
     head_.push_back(fmt::format("PERS tooldata tPart:=[TRUE,{},[1,[0,0,1],[1,0,0,0],0,0,0]];", pose(X_FT)));
     head_.push_back(fmt::format("PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],{}];", pose(X_BW)));
-    zone(std::max(options_.blend, 1e-7));
+    zone(std::max(options_.blend, kSmallestZone));
     add("ConfL\\Off;");
   }
   void first(const PlannedMove& m, const Posture& posture) override {
@@ -180,7 +182,7 @@ class Rapid final : public Language {
         true);
   }
   void line(const PlannedMove& m, const Posture& posture, double v, double blend) override {
-    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < 1e-9),
+    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < kNoWay),
                     zone(blend)),
         true);
   }
@@ -230,9 +232,8 @@ class Rapid final : public Language {
   /// Its name; each distance has zone data of its own.
   std::string zone(double blend) {
     if (blend <= 0) return "fine";
-    const double z = units::to_mm(blend);
-    const std::string data = fmt::format("[FALSE,{0},{0},{0},{1},{0},{1}]", number(std::max(z, 0.0001), 4),
-                                         number(std::max(z / 10, 0.0001), 4));
+    const auto data_mm = [](double m) { return number(units::to_mm(std::max(m, kSmallestZone)), 4); };
+    const std::string data = fmt::format("[FALSE,{0},{0},{0},{1},{0},{1}]", data_mm(blend), data_mm(blend / 10));
     const auto known = zones_.find(data);
     if (known != zones_.end()) return known->second;
     const std::string name = zones_.empty() ? "zPart" : fmt::format("zPart{}", zones_.size() + 1);
@@ -267,7 +268,7 @@ class UrScript final : public Language {
   }
   void line(const PlannedMove& m, const Posture&, double speed, double blend) override {
     // A turn without a way has a time instead of a speed.
-    const std::string time = m.length < 1e-9 ? fmt::format(",t={}", number(std::max(m.seconds, 0.01), 4)) : "";
+    const std::string time = m.length < kNoWay ? fmt::format(",t={}", number(std::max(m.seconds, 0.01), 4)) : "";
     add(fmt::format("movel(pose_trans(work,{}),a={},v={}{},r={})", pose({m.R, m.tip}), number(options_.acceleration, 3),
                     number(speed, 6), time, number(time.empty() ? blend : 0, 6)),
         true);
@@ -398,8 +399,8 @@ double blend_behind(Dialect dialect, const Path& path, const Plan& plan, const W
   const double blend = std::min(allowed(path.steps[static_cast<std::size_t>(m.step)], options),
                                 allowed(path.steps[static_cast<std::size_t>(after.step)], options));
   const double shorter = std::min(m.length, after.length);
-  if (blend <= 0 || shorter < 1e-9) return 0;
-  return dialect == Dialect::urscript ? std::min(blend, 0.45 * shorter) : blend;
+  if (blend <= 0 || shorter < kNoWay) return 0;
+  return dialect == Dialect::urscript ? std::min(blend, kBlendOfWay * shorter) : blend;
 }
 
 /// Words, places and tools that a robot's language cannot have.

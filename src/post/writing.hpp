@@ -5,12 +5,15 @@
 #include <string>
 #include <string_view>
 
+#include "polypod/gcode/writer.hpp"
 #include "polypod/post/write.hpp"
 
 namespace polypod::post {
 
-/// In fixed notation without zeros at the end.
-std::string number(double value, int decimals);
+/// m: a move that is shorter only turns.
+inline constexpr double kNoWay = 1e-9;
+
+using gcode::number;
 /// Printable ASCII on one line, cut off.
 std::string plain_text(std::string_view text, std::size_t longest);
 

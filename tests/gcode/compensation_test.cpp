@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "plain.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/canon.hpp"
 #include "polypod/gcode/interpreter.hpp"
@@ -182,12 +183,6 @@ class Contours {
   bool inverse_ = false;
 };
 
-/// With POLYPOD_KEEP_FAILED=FILE in the environment, a program that differs is kept.
-void keep_failed(bool failed, const std::string& text) {
-  const char* file = std::getenv("POLYPOD_KEEP_FAILED");
-  if (failed && file != nullptr) std::ofstream(file) << text;
-}
-
 struct Count {
   int same = 0;
   int byte_for_byte = 0;
@@ -340,14 +335,6 @@ TEST(Compensation, UnrolledContoursMoveAsLinuxCncMoves) {
   std::printf("unrolled contours: %d the same, %d refused for their gouges, %d refused by both\n", same, gouging,
               refused);
   EXPECT_GT(same, 20);
-}
-
-/// What `unroll` writes; an error as its text.
-std::string plain(const std::string& text, const UnrollOptions& options = {}) {
-  const auto program = parse(text, "part.ngc");
-  if (!program) return to_string(program.error());
-  const auto unrolled = unroll(*program, options);
-  return unrolled ? to_text(unrolled->program) : to_string(unrolled.error());
 }
 
 TEST(Compensation, UnrolledBlocksStandWhereTheyStood) {

@@ -10,6 +10,7 @@
 #include <map>
 #include <random>
 
+#include "plain.hpp"
 #include "polypod/gcode/canon.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/unroll.hpp"
@@ -519,20 +520,6 @@ std::string without_signs_of_zeros(std::string text) {
   return text;
 }
 
-/// With POLYPOD_KEEP_FAILED=FILE in the environment, a program that differs is kept.
-void keep_failed(bool failed, const std::string& text) {
-  const char* file = std::getenv("POLYPOD_KEEP_FAILED");
-  if (failed && file != nullptr) std::ofstream(file) << text;
-}
-
-/// What `unroll` writes; an error as its text.
-std::string plain(const std::string& text, const UnrollOptions& options = {}) {
-  const auto program = parse(text, "part.ngc");
-  if (!program) return to_string(program.error());
-  const auto unrolled = unroll(*program, options);
-  return unrolled ? to_text(unrolled->program) : to_string(unrolled.error());
-}
-
 TEST(Unroll, PlainProgramsStayAsTheyAre) {
   const std::string text = "%\r\n N10 g0 X1.50 (a)\nG1 Z-1 F100\r\n/G80\nM2\n%\nrest # [";
   const auto program = parse(text, "part.ngc");
@@ -571,6 +558,17 @@ TEST(Unroll, SavedModesComeBackAsBlocks) {
             "G90 G94 F100\nG0 X1 Y1 Z1\n(save)\nG91 F50\nM8\nX2\nF100 G90 M9\nX5\nM2\n");
   EXPECT_EQ(plain("o1 sub\nM73\nG91 G0 X1\no1 endsub\nG90 G0 X1 Y1 Z1\no1 call\nX5\nM2\n"),
             "G90 G0 X1 Y1 Z1\nG91 G0 X1\nG90\nX5\nM2\n");
+}
+
+/// M60 and M52 alone take no number: R of the cycle or of the arc beside them does not stay with them.
+TEST(Unroll, NumbersStayWithTheWordsThatTakeThem) {
+  const std::string cycle = plain("F100\nG0 X0 Y0 Z5\nG81 X1 Y1 Z-1 R2 M60\nG80\nM2\n");
+  EXPECT_NE(cycle.find("M60"), std::string::npos) << cycle;
+  EXPECT_EQ(cycle.find('R'), std::string::npos) << cycle;
+  const std::string arc = plain("F100\nG0 X0 Y0 Z5\nG92 X1\nG3 X1 Y20 R10 M52\nM2\n");
+  EXPECT_NE(arc.find("M52"), std::string::npos) << arc;
+  EXPECT_EQ(arc.find('R'), std::string::npos) << arc;
+  EXPECT_NE(plain("F100\nG0 X0 Y0 Z5\nG92 X1\nG1 X20 M62 P3\nM2\n").find(" P3"), std::string::npos);
 }
 
 TEST(Unroll, ADwellBesideAMotionGetsABlock) {
@@ -622,6 +620,10 @@ TEST(Unroll, RefusesWhatTheJobDoesNotTell) {
            {"G0 X1 Y1\nG10 L2 P1 R30\nG28 X5\nM2\n", "GC125 part.ngc:3:1:"},
            {"G0 X1 Y1\nG10 L2 P1 R30\nG53 G0 X5\nG0 Y3\nM2\n", "GC169 part.ngc:4:4:"},
            {"F1 G0 X1\nG5.2 X3 Y3 P1\nX4 Y4 P1\nG5.3\nM2\n", "GC169 part.ngc:2:1:"},
+           {"F1 G0 X1\nG5.1 X3 Y3 I1 J1\nM2\n", "GC169 part.ngc:2:1:"},
+           // Lines would leave these curves by more than is promised: a parabola and a quarter of 1 km.
+           {"F1 G0 X0 Y0\nG5.1 X1000000 Y0 I500000 J1000000\nM2\n", "GC127 part.ngc:2:1:"},
+           {"F1 G0 X1000000 Y0\nG5.2 X1000000 Y1000000 P1\nX0 Y1000000 P1\nG5.3\nM2\n", "GC127 part.ngc:4:1:"},
            {"G59.1\nG0 X1\nM2\n", "GC125 part.ngc:1:1:"},
            {"#5221=3\nM2\n", "GC125 part.ngc:1:1:"},
            {"G92.3\nM2\n", "GC125 part.ngc:1:1:"},
@@ -676,7 +678,7 @@ TEST(Language, ProgramsOfLinuxCncAreTheSameOrRefused) {
       if (entry.path().extension() == ".ngc") programs.push_back(entry.path().string());
     }
   }
-  if (programs.empty()) GTEST_SKIP() << "LinuxCNC's programs are not installed";
+  ASSERT_FALSE(programs.empty()) << "LinuxCNC's programs are not installed; scripts/packages.txt names linuxcnc-uspace";
   int same = 0;
   int not_run = 0;
   std::map<std::string, int> refused;

@@ -77,6 +77,12 @@ inline Reference rs274(const Scratch& scratch, const std::string& program, const
   return reference;
 }
 
+/// With POLYPOD_KEEP_FAILED=FILE in the environment, a program that differs is kept.
+inline void keep_failed(bool failed, const std::string& text) {
+  const char* file = std::getenv("POLYPOD_KEEP_FAILED");
+  if (failed && file != nullptr) std::ofstream(file) << text;
+}
+
 inline std::vector<std::string> lines(const std::string& text) {
   std::vector<std::string> result;
   std::istringstream in(text);
@@ -108,8 +114,9 @@ inline Call call_of(const std::string& line) {
   return call;
 }
 
-/// Whether two canonical texts say the same within the last printed digit; `far`: coordinates of many metres are
-/// those of an entry arc that is nearly a line, and follow the rounding of their program.
+/// Where two canonical texts differ by more than the last printed digit, if they do. Beyond 100 units a coordinate may
+/// be off by a millionth of what it has more: it is that of an entry arc that is nearly a line, and follows the
+/// rounding of its program.
 inline std::optional<std::string> difference(const std::string& ours, const std::string& theirs) {
   const auto a = lines(ours);
   const auto b = lines(theirs);

@@ -283,6 +283,15 @@ TEST(Programs, WordsThatCannotBeCarriedOverAreRefused) {
   EXPECT_EQ(written.error().place.line, 2);
 }
 
+/// The radius of an arc is not a number of the M word beside it, and M60 takes no P.
+TEST(Programs, NumbersStayWithTheWordsThatTakeThem) {
+  const std::string text =
+      "G21 G90 G17 G54\nG0 X0 Y0 Z30\nG1 X30 Y5 F300\nG3 X10 Y25 R20 M52\nG4 P0.5 M60\nG1 X5\nM2\n";
+  const Posted p = posted(Dialect::ngc, text);
+  expect_same_calls(text, p.written.text);
+  EXPECT_GT(at(lines_of(p.written.text), "M52"), 0) << p.written.text;
+}
+
 TEST(Programs, ATurnedWorkpieceTurnsItsFrame) {
   const std::string text = "G21 G90 G54\nG0 X0 Y0 Z30\nG1 X50 F300\nG3 X50 Y20 J10\nM2\n";
   post::PlanOptions planning;

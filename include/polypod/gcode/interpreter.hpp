@@ -13,6 +13,9 @@
 
 namespace polypod::gcode {
 
+/// How the note about tool length offsets ends.
+inline constexpr const char* kLengthNote = "is passed through; the programmed point is taken as the tool tip";
+
 enum class MoveKind : std::uint8_t {
   rapid,  ///< G0: no cut is allowed
   line,   ///< G1

@@ -66,4 +66,10 @@ std::string to_text(const Program& program);
 /// The texts of the comments of a block, with their brackets or semicolon, in order.
 std::vector<std::string_view> comments(const Block& block);
 
+/// The comment by which a corrected program is known; the name of its machine follows.
+inline constexpr const char* kCorrectedMark = "Polypod: corrected for the static compliance of";
+
+/// The letters of the numbers that an M word takes, `P` of M52 or `RQP` of M19; of most words none.
+std::string_view arguments_of_m(int m);
+
 }  // namespace polypod::gcode

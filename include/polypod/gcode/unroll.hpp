@@ -13,8 +13,12 @@
 
 namespace polypod::gcode {
 
-/// Whether a program holds what `interpret` does not take itself: expressions, parameters, O words, M98 and M99, canned
-/// cycles, G5, G5.1, G10, G28, G30, G52, G53, G59.1 to G59.3, G92. Cost: linear.
+/// How the note begins that says what became of such blocks.
+inline constexpr const char* kBlockDeleteNote = "blocks that begin with /";
+
+/// Whether a program holds what `interpret` does not take itself: expressions, parameters, O words, M70 to M73, M98 and
+/// M99, polar coordinates, canned cycles, G4 beside axis words, G5 to G5.3, G10, G28, G30, G38.2 to G38.5, G41 and G42,
+/// G52, G53, G59.1 to G59.3, G92. Cost: linear.
 bool needs_unrolling(const Program& program);
 
 struct UnrollOptions {

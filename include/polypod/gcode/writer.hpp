@@ -77,6 +77,9 @@ Decimals decimals_of(const Program& program, const RewriteOptions& options = {})
 /// A number in fixed notation, correctly rounded, without a negative zero. Range: finite, 0 <= decimals <= 15.
 std::string format_number(double value, int decimals);
 
+/// The same without zeros at the end.
+std::string number(double value, int decimals);
+
 /// The block with the motion word `G<motion>` (0 to 3) before its first axis word if it has no motion word; its
 /// checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
 Block ensure_motion_word(const Block& block, int motion);

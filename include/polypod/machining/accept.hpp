@@ -53,7 +53,7 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
 Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
 
 /// The comment by which a corrected program is known.
-inline constexpr const char* kCorrectedMark = "Polypod: corrected for the static compliance of";
+using gcode::kCorrectedMark;
 /// And the one of a program in which nothing was corrected: it is taken again.
 inline constexpr const char* kLookedAtMark = "Polypod: looked at, not corrected, for the static compliance of";
 

@@ -104,7 +104,7 @@ struct ProgramOptions {
 /// place is not known; PO118 a word that is not carried over; PO126 `/` without block_delete_said. Cost: linear.
 Result<Path> read_program(const std::string& file, const ProgramOptions& options = {});
 
-/// The machine and the origin that the header of a corrected program names (machining::kCorrectedMark).
+/// The machine and the origin that the header of a corrected program names (gcode::kCorrectedMark).
 struct CorrectedFor {
   int line = 0;
   std::string machine;
