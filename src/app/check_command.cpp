@@ -36,6 +36,32 @@ Result<machining::Job> placed_machine(const Context& context, const std::string&
   return job;
 }
 
+Json problems_json(const std::vector<machining::CheckProblem>& problems) {
+  Json out = Json::array();
+  for (const machining::CheckProblem& p : problems) {
+    out.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
+  }
+  return out;
+}
+
+/// The answer, and the lines behind it.
+void print_answer(const std::string& program, const machining::CheckResult& result) {
+  constexpr std::size_t kShown = 3;  // of the moves that were not judged
+  fmt::print("the program {} the machine{}\n", result.ok ? "fits" : "does not fit",
+             result.ok && !result.not_judged.empty() ? ", apart from what was not judged" : "");
+  for (const machining::CheckProblem& p : result.problems) {
+    fmt::print("  {}:{}: {}: {}\n", program, p.line, p.kind, p.detail);
+  }
+  for (std::size_t i = 0; i < std::min(kShown, result.not_judged.size()); ++i) {
+    const machining::CheckProblem& p = result.not_judged[i];
+    fmt::print("  not judged: {}:{}: {}: {}\n", program, p.line, p.kind == "end" ? "the whole move" : "its way",
+               p.detail);
+  }
+  if (result.not_judged.size() > kShown) {
+    fmt::print("  not judged: {} moves more, see --json\n", result.not_judged.size() - kShown);
+  }
+}
+
 }  // namespace
 
 Command check_command() {
@@ -74,10 +100,8 @@ Command check_command() {
               result.notes.push_back(
                   fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));
             }
-            Json problems = Json::array(), ranges = Json::array();
-            for (const machining::CheckProblem& p : result.problems) {
-              problems.push_back({{"line", p.line}, {"kind", p.kind}, {"detail", p.detail}});
-            }
+            const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
+            Json ranges = Json::array();
             for (std::size_t i = 0; i < result.joints.size(); ++i) {
               const int joint = static_cast<int>(i);
               const bool turns = kinematics::joint_kind(m, joint) == machine::JointKind::revolute;
@@ -93,21 +117,22 @@ Command check_command() {
             if (context.json) {
               print_json({{"ok", result.ok},
                           {"problems", problems},
+                          {"all_judged", result.not_judged.empty()},
+                          {"not_judged", not_judged},
                           {"time_s", result.time},
                           {"length_mm", units::to_mm(result.length)},
                           {"joint_ranges", ranges},
                           {"notes", result.notes}});
             } else {
-              fmt::print("{}\n", result.ok ? "the program fits the machine" : "the program does not fit the machine");
-              for (const machining::CheckProblem& p : result.problems) {
-                fmt::print("  {}:{}: {}: {}\n", o->program, p.line, p.kind, p.detail);
-              }
+              print_answer(o->program, result);
               fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
                          o->rapid, units::to_mm(result.length));
               for (const Json& r : ranges) {
-                fmt::print("  joint {:>2}  {:>9.3f} .. {:<9.3f} {} of {:.3f} .. {:.3f}\n", r["joint"].get<int>(),
-                           r["min"].get<double>(), r["max"].get<double>(), r["unit"].get<std::string>(),
-                           r["limit_min"].get<double>(), r["limit_max"].get<double>());
+                const auto shown = [&](const char* key) {
+                  return unsigned_zero(fmt::format("{:.3f}", r[key].get<double>()));
+                };
+                fmt::print("  joint {:>2}  {:>9} .. {:<9} {} of {} .. {}\n", r["joint"].get<int>(), shown("min"),
+                           shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
               }
               for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
             }

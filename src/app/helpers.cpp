@@ -123,6 +123,11 @@ Result<int> count_of(const std::string& text, const std::string& option, config:
   return value;
 }
 
+std::string unsigned_zero(std::string text) {
+  const bool zero = text.starts_with('-') && text.find_first_of("123456789") == std::string::npos;
+  return zero ? text.substr(1) : text;
+}
+
 Status in_range(const char* id, const std::string& option, double value, config::Range range, const std::string& unit) {
   if (within(value, range)) return {};
   return fail(id, fmt::format("{} {}: must be {}", option, value, config::in_words(range, unit)));

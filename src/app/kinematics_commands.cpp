@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
@@ -32,12 +33,6 @@ struct MachineOptions {
   bool all = false;
   bool free_twist = false;
 };
-
-/// A figure that shows 0 has no sign.
-std::string unsigned_zero(std::string text) {
-  const bool zero = text.starts_with('-') && text.find_first_of("123456789") == std::string::npos;
-  return zero ? text.substr(1) : text;
-}
 
 /// Numbers in mm where `length` says so, in deg elsewhere, each at least `width` wide; the unit stands behind the last
 /// number that has it: "1.0000, 2.0000 mm, 30.0000 deg".

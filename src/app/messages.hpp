@@ -30,4 +30,7 @@ const std::string& command_line();
 /// For the program, once: `words` begin with the name of the program, which is written as `polypod`.
 void keep_command_line(const std::vector<std::string>& words);
 
+/// A figure that shows 0 has no sign: "-0.000" becomes "0.000".
+std::string unsigned_zero(std::string text);
+
 }  // namespace polypod::app

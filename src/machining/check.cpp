@@ -2,6 +2,7 @@
 #include "polypod/machining/check.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <bit>
@@ -26,6 +27,18 @@ std::string pose_of(machine::Task task) {
   return out;
 }
 
+/// "X is", "X and Y are", "X, Y and Z are"; empty where all are known.
+std::string unknown_axes(const std::array<bool, 3>& known) {
+  std::vector<std::string> names;
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (!known[k]) names.emplace_back(1, "XYZ"[k]);
+  }
+  if (names.size() < 2) return names.empty() ? "" : names[0] + " is";
+  const std::string last = names.back();
+  names.pop_back();
+  return fmt::format("{} and {} are", fmt::join(names, ", "), last);
+}
+
 }  // namespace
 
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
@@ -44,10 +57,6 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       return fail("MC299", "cancelled");
     }
     ++index;
-    if (!move.start_known && move.kind != gcode::MoveKind::rapid && out.notes.size() == interpretation.notes.size()) {
-      out.notes.push_back(fmt::format("line {}: where this move starts is not known; only its end is checked",
-                                      program.blocks[static_cast<std::size_t>(move.block)].line));
-    }
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
     bool reach = false, limit = false, singular = false, branch = false, axis = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {
@@ -59,6 +68,15 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       problem(axis, "axis",
               fmt::format("{} {:g} deg: this machine has no {} (its pose is {})", "ABC"[k],
                           units::to_deg(move.axes_end[k]), "ABC"[k], pose_of(task)));
+    }
+    if (const std::string unknown = unknown_axes(move.known_end); !unknown.empty()) {
+      out.not_judged.push_back({line, "end", fmt::format("{} not known where it ends", unknown)});
+      last.resize(0);
+      continue;
+    }
+    if (!move.start_known) {
+      out.not_judged.push_back(
+          {line, "way", fmt::format("{} not known where it starts", unknown_axes(move.known_start))});
     }
     const double length = move.length();
     const double turn = (move.axes_end - move.axes_start).cwiseAbs().maxCoeff();
@@ -115,6 +133,9 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   }
   if (interpretation.moves.empty()) {
     out.problems.push_back({1, "empty", "the program makes no move, so there is nothing to judge"});
+  } else if (out.problems.empty() && out.joints.empty()) {
+    out.problems.push_back({out.not_judged.front().line, "empty",
+                            "no move ends where X, Y and Z are known, so there is nothing to judge"});
   }
   out.ok = out.problems.empty();
   return out;

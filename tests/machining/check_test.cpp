@@ -41,12 +41,35 @@ TEST(Check, TiltedToolGoesThroughTheInverse) {
   EXPECT_GT(r.joints[4].max - r.joints[4].min, units::from_deg(10));
 }
 
-TEST(Check, AMoveFromAnUnknownPlaceIsNotedAndNotCounted) {
+TEST(Check, AMoveFromAnUnknownPlaceIsNamedAndNotCounted) {
   const auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG1 X10 Y10 Z5 F600\nG1 X20\nM2\n");
   const auto r = check(e, Vec3(0, -1300, 0));
+  EXPECT_TRUE(r.ok);
   EXPECT_NEAR(units::to_mm(r.length), 10, 1e-9);
   EXPECT_NEAR(r.time, 10 / 600.0 * 60, 1e-9);
-  EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("line 2: where this move starts is not known")));
+  ASSERT_EQ(r.not_judged.size(), 1u);
+  EXPECT_EQ(r.not_judged[0].line, 2);
+  EXPECT_EQ(r.not_judged[0].kind, "way");
+  EXPECT_EQ(r.not_judged[0].detail, "X, Y and Z are not known where it starts");
+}
+
+// The tool stands somewhere over the table when a program begins: its first Z leads to no known place, and not to the
+// origin of W, which the machine here cannot reach at all.
+TEST(Check, AnEndThatIsNotKnownIsNotTakenAsTheOrigin) {
+  const auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 Z20\nG0 X0 Y-1300\nG1 X20 F600\nM2\n");
+  const auto r = check(e, Vec3(0, 0, 0));
+  EXPECT_TRUE(r.ok) << r.problems[0].detail;
+  ASSERT_EQ(r.not_judged.size(), 2u);
+  EXPECT_EQ(r.not_judged[0].line, 2);
+  EXPECT_EQ(r.not_judged[0].kind, "end");
+  EXPECT_EQ(r.not_judged[0].detail, "X and Y are not known where it ends");
+  EXPECT_EQ(r.not_judged[1].line, 3);
+  EXPECT_EQ(r.not_judged[1].kind, "way");
+  const auto nowhere =
+      check(testing::with_program("slavkovic_square", "G21 G90\nG0 Z20\nG1 Z5 F600\nM2\n"), Vec3(0, -1300, 0));
+  EXPECT_FALSE(nowhere.ok) << "nothing was judged";
+  ASSERT_EQ(nowhere.problems.size(), 1u);
+  EXPECT_EQ(nowhere.problems[0].kind, "empty");
 }
 
 TEST(Check, AProgramWithoutAMoveIsNoYes) {

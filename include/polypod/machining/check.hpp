@@ -20,10 +20,13 @@ struct CheckProblem {
 };
 
 struct CheckResult {
-  bool ok = false;
+  bool ok = false;                     ///< no problem was found in what was judged
   std::vector<CheckProblem> problems;  ///< the first of each kind of each move
-  double time = 0;                     ///< s, of the feed moves and, at `rapid_speed`, the rapids; without acceleration
-  double length = 0;                   ///< m
+  /// Moves of which X, Y and Z are not known from their start on, since the program has not said where the tool is:
+  /// "end" (neither where it ends nor its way is judged) or "way" (its end is judged).
+  std::vector<CheckProblem> not_judged;
+  double time = 0;    ///< s, of the feed moves and, at `rapid_speed`, the rapids; without acceleration
+  double length = 0;  ///< m
   std::vector<machine::JointRange>
       joints;  ///< smallest and largest value that each joint takes; empty if none was reached
   std::vector<std::string> notes;
@@ -38,7 +41,8 @@ struct CheckOptions {
 
 /// Sends the tool along every move without cutting: position and tool axis (A, B, C of the program) through the inverse
 /// kinematics, at both ends of each move and between them. The joints follow the branch they are on; a way on which
-/// they would have to change branch is a problem of kind "branch". Cost: about 1 us a point for a closed inverse.
+/// they would have to change branch is a problem of kind "branch". Of moves that begin at an unknown place the way is
+/// not judged, and of those that end at one nothing. Cost: about 1 us a point for a closed inverse.
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
                           const gcode::Interpretation& interpretation, const CheckOptions& options = {});
 
