@@ -91,15 +91,11 @@ Result<post::Path> path_of(const Options& o, const machining::Job& given, const 
   return post::read_path(o.file, options);
 }
 
-std::string origin_text(const Vec3& p) {
-  return fmt::format("X{:g} Y{:g} Z{:g}", units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z()));
-}
-
 /// A corrected program is right for one machine at one place.
 Status corrected_here(const post::Path& path, const machining::Job& job) {
   const std::optional<post::CorrectedFor> header = post::corrected_for(path);
   if (!header) return {};
-  const std::string machine = machine::name_of(job.machine), origin = origin_text(job.X_MW.p);
+  const std::string machine = machine::name_of(job.machine), origin = machining::place_in_words(job.X_MW);
   const Place place{path.file, header->line, 1};
   if (header->machine != machine) {
     return fail("PO125",
@@ -111,25 +107,17 @@ Status corrected_here(const post::Path& path, const machining::Job& job) {
                 "correct the program of the CAM system again, and post what `polypod correct` writes");
   }
   if (header->origin != origin) {
-    return fail(
-        "PO125",
-        fmt::format("the program was corrected for the origin {} mm in M, not for {} mm", header->origin, origin),
-        place, "post it at that origin, or correct the program of the CAM system for this one");
+    return fail("PO125",
+                fmt::format("the program was corrected for the origin {} in M, not for {}", header->origin, origin),
+                place, "post it at that place, or correct the program of the CAM system for this one");
   }
   return {};
-}
-
-std::string place_text(const machining::Job& job, double rotation) {
-  std::string out = fmt::format("{:g},{:g},{:g} mm in M", units::to_mm(job.X_MW.p.x()), units::to_mm(job.X_MW.p.y()),
-                                units::to_mm(job.X_MW.p.z()));
-  if (rotation != 0) out += fmt::format(", turned by {:g} deg about z", units::to_deg(rotation));
-  return out;
 }
 
 post::PlanOptions plan_place(const machining::Job& job) {
   post::PlanOptions p;
   p.origin = job.X_MW.p;
-  p.rotation = std::atan2(job.X_MW.R(1, 0), job.X_MW.R(0, 0));
+  p.rotation = machining::rotation_of(job.X_MW);
   return p;
 }
 
@@ -395,7 +383,7 @@ Command post_command() {
         write_with.header = {
             fmt::format("{} for {}, {}, by polypod post", std::filesystem::path(o->file).filename().string(),
                         machine::name_of(machine), configuration.name),
-            fmt::format("workpiece origin {}{}", place_text(job, plan_with.rotation),
+            fmt::format("workpiece origin in M {}{}", machining::place_in_words(job.X_MW),
                         plan.branch.empty() ? "" : ", posture " + plan.branch)};
         POLYPOD_ASSIGN(written, post::write(dialect, configuration, path, plan, write_with));
         const bool writes = plan.ok() || o->allow_problems;

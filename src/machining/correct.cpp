@@ -391,9 +391,8 @@ class Corrector {
     const auto changed = std::count(changed_.begin(), changed_.end(), true);
     std::vector<std::string> header{
         fmt::format("{} {}", changed > 0 ? kCorrectedMark : kLookedAtMark, machine::name_of(job_.machine)),
-        fmt::format("Polypod: tube radius {:g} um, {}origin X{:g} Y{:g} Z{:g} mm", units::to_um(job_.tolerance),
-                    cutters, units::to_mm(job_.X_MW.p.x()), units::to_mm(job_.X_MW.p.y()),
-                    units::to_mm(job_.X_MW.p.z()))};
+        fmt::format("Polypod: tube radius {:g} um, {}origin {}", units::to_um(job_.tolerance), cutters,
+                    place_in_words(job_.X_MW))};
     header.push_back(
         changed > 0 ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                     : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));

@@ -4,10 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/statics/judge.hpp"
@@ -124,6 +126,19 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
       files, std::move(*map), std::move(judgement.doubts), std::move(read->unused_columns),
       static_cast<std::size_t>(
           std::count_if(points.begin(), points.end(), [](const auto& p) { return !statics::tells_all_entries(p); }))});
+}
+
+double rotation_of(const Pose& X_MW) {
+  return std::atan2(X_MW.R(1, 0), X_MW.R(0, 0));
+}
+
+std::string place_in_words(const Pose& X_MW) {
+  constexpr int kDecimals = 4;
+  const auto mm = [](double x) { return gcode::number(units::to_mm(x), kDecimals); };
+  std::string out = fmt::format("X{} Y{} Z{} mm", mm(X_MW.p.x()), mm(X_MW.p.y()), mm(X_MW.p.z()));
+  const std::string turned = gcode::number(units::to_deg(rotation_of(X_MW)), kDecimals);
+  if (turned != "0") out += fmt::format(", turned by {} deg about z", turned);
+  return out;
 }
 
 Status follows_programs(const machine::AnyMachine& machine) {

@@ -405,11 +405,11 @@ std::optional<CorrectedFor> corrected_for(const Path& path) {
       out = CorrectedFor{s.line, s.text.substr(at + mark.size()), ""};
       continue;
     }
-    const std::size_t from = s.text.find("origin X");
-    if (!out || !out->origin.empty() || from == std::string::npos || s.text.find("Polypod: ") == std::string::npos)
+    constexpr std::string_view kOrigin = "origin X";
+    const std::size_t at = s.text.find(kOrigin);
+    if (!out || !out->origin.empty() || at == std::string::npos || s.text.find("Polypod: ") == std::string::npos)
       continue;
-    const std::size_t to = s.text.find(" mm", from);
-    out->origin = s.text.substr(from + 7, to == std::string::npos ? to : to - from - 7);
+    out->origin = s.text.substr(at + kOrigin.size() - 1);
   }
   return out;
 }

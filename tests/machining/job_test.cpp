@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "machining/examples.hpp"
+#include "polypod/core/units.hpp"
 
 namespace polypod {
 namespace {
@@ -22,6 +23,15 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   const std::size_t at = text.find(what);
   EXPECT_NE(at, std::string::npos) << what;
   return text.replace(at, what.size(), with);
+}
+
+// What a corrected program says of its place, and what `post` compares: a hundredth of a millimetre at a metre counts.
+TEST(Job, PlaceInWords) {
+  EXPECT_EQ(machining::place_in_words(Pose{Mat3::Identity(), {-0.05, -1.335, 0}}), "X-50 Y-1335 Z0 mm");
+  EXPECT_EQ(machining::place_in_words(Pose{Mat3::Identity(), {1e-9, -1.3327679, 2.5e-3}}), "X0 Y-1332.7679 Z2.5 mm");
+  const Pose turned{rotation_z(units::from_deg(-30.25)), {0.1, 0, 0}};
+  EXPECT_EQ(machining::place_in_words(turned), "X100 Y0 Z0 mm, turned by -30.25 deg about z");
+  EXPECT_NEAR(machining::rotation_of(turned), units::from_deg(-30.25), 1e-15);
 }
 
 TEST(Job, ReadsTheExamples) {

@@ -330,9 +330,14 @@ TEST(Programs, TheHeaderOfACorrectedProgramIsKept) {
     const auto header = post::corrected_for(p.path);
     ASSERT_TRUE(header);
     EXPECT_EQ(header->machine, "lola50");
-    EXPECT_EQ(header->origin, "X-50 Y-1335 Z0");
+    EXPECT_EQ(header->origin, "X-50 Y-1335 Z0 mm");
     EXPECT_EQ(header->line, 1);
   }
+  std::string turned = text;
+  turned.replace(turned.find("Z0 mm"), 5, "Z0 mm, turned by 30 deg about z");
+  const auto header = post::corrected_for(value(Source(turned).read()));
+  ASSERT_TRUE(header);
+  EXPECT_EQ(header->origin, "X-50 Y-1335 Z0 mm, turned by 30 deg about z");
   EXPECT_FALSE(post::corrected_for(value(Source(kStop).read())));
 }
 

@@ -82,6 +82,12 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
                                                                 const Place& place = {},
                                                                 const machine::AnyMachine* machine = nullptr);
 
+/// By how much the workpiece is turned about z_M, rad, -pi .. pi.
+double rotation_of(const Pose& X_MW);
+/// Where the workpiece is, as headers of programs say it: "X-50 Y-1332.7679 Z0 mm", and ", turned by 30 deg about z"
+/// where it is turned; to 0.1 um and 0.0001 deg.
+std::string place_in_words(const Pose& X_MW);
+
 /// Error: MC309 for a machine whose task does not hold x, y and z.
 Status follows_programs(const machine::AnyMachine& machine);
 

@@ -108,7 +108,7 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
 struct CorrectedFor {
   int line = 0;
   std::string machine;
-  std::string origin;  ///< "X-50 Y-1335 Z0", mm; empty where the header has none
+  std::string origin;  ///< "X-50 Y-1335 Z0 mm", ", turned by 30 deg about z"; empty where the header has none
 };
 std::optional<CorrectedFor> corrected_for(const Path& path);
 
