@@ -1,6 +1,6 @@
 MODULE small
   ! small.cl for lola50-six, six, by polypod post
-  ! workpiece origin 0,-1300,0 mm in M, posture front elbow-up
+  ! workpiece origin in M X0 Y-1300 Z0 mm, posture front elbow-up
   PERS tooldata tPart:=[TRUE,[[0,0,0],[0,0.707106781,-0.707106781,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
   PERS wobjdata wPart:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,-1300,0],[1,0,0,0]]];
   CONST zonedata zPart:=[FALSE,0.1,0.1,0.1,0.01,0.1,0.01];
