@@ -523,8 +523,8 @@ class Interpreter {
     axis_words_ = has('X') || has('Y') || has('Z') || has('A') || has('B') || has('C');
     // What this block does: the motion it names or, with axis words, the one in force.
     int acting = motion_word != nullptr ? motion_code_ / 10 : -1;
-    const bool centre_words = has('I') || has('J') || has('K') || has('R');
-    if (motion_word == nullptr && (axis_words_ || (centre_words && modal_.motion >= 2 && m_count_ == 0))) {
+    const bool centre_words = has('I') || has('J') || has('K');  // R alone is none, as in LinuxCNC
+    if (motion_word == nullptr && (axis_words_ || (centre_words && modal_.motion >= 2))) {
       acting = modal_.motion;
     }
     if (const Word* offset = g_word(Group::length_offset); offset != nullptr && has_g(431)) {

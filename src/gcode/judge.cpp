@@ -125,7 +125,7 @@ Status Engine::check() {
     if (takes_axes) return error(word.column, "GC125", "polar coordinates outside of a motion", "use X and Y");
   }
   const bool axes = axis_words();
-  const bool centre = motion_ >= 20 && motion_ <= 30 && (has('I') || has('J') || has('K') || has('R'));
+  const bool centre = motion_ >= 20 && motion_ <= 30 && (has('I') || has('J') || has('K'));
   const bool moves = !takes_axes && !dynamic && (named != nullptr ? motion_code != 800 : axes || centre);
   acting = !moves ? -1 : named != nullptr ? motion_code : motion_;
   if (axes && !takes_axes && !dynamic && acting < 0) {

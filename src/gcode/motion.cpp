@@ -61,10 +61,9 @@ Status Engine::motion() {
   const int before = motion_;
   if (named >= 0) motion_ = named;
   const bool axes = !taken && axis_words();
-  const bool centre =
-      motion_ >= 20 && motion_ <= 30 && std::any_of(block_->words.begin(), block_->words.end(), [](const Word& w) {
-        return w.letter == 'I' || w.letter == 'J' || w.letter == 'K' || w.letter == 'R';
-      });
+  const bool centre = motion_ >= 20 && motion_ <= 30 &&
+                      std::any_of(block_->words.begin(), block_->words.end(),
+                                  [](const Word& w) { return w.letter == 'I' || w.letter == 'J' || w.letter == 'K'; });
   if (motion_ < 0 || taken || (named < 0 && !axes && !centre)) return {};
   if (motion_ == 52) {
     rewritten_ = true;
