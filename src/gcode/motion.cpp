@@ -299,10 +299,12 @@ Status Engine::probe(const Axes& end) {
   put("TURN_PROBE_OFF()");
   if (options_.plain) plain("G1" + plain_words(end, false));
   plain_motion_ = 1;
-  // rs274's machine steps back after it has probed, without a word.
+  // rs274's machine steps back after it has probed, without a word, along the way that it knows of.
+  constexpr double kStepBack_inch = 0.01, kStepBack_mm = 0.254;
   Axes back = end;
-  for (std::size_t k = 0; k < 3 && distance > 0; ++k) {
-    back[k] -= (inches_ ? 0.01 : 0.254) * (end[k] - current_[k]) / distance;
+  const double way = std::hypot(end[0] - canon_[0], end[1] - canon_[1], end[2] - canon_[2]);
+  for (std::size_t k = 0; k < 3 && way > 0; ++k) {
+    back[k] -= (inches_ ? kStepBack_inch : kStepBack_mm) * (end[k] - canon_[k]) / way;
   }
   for (std::size_t k = 0; k < 6; ++k) parameter(5061 + static_cast<int>(k)) = end[k];
   parameter(5070) = 0;  // it did not trip
