@@ -13,6 +13,7 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/uncertainty.hpp"
@@ -49,6 +50,9 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
   return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation)};
 }
 
+constexpr const char* kStockLeftHelp =
+    "Write the stock that the deflected tool leaves, for the job of the next set-up (kind = \"file\")";
+
 constexpr const char* kCovarianceHelp =
     "What `calibrate --covariance` or `identify compliance --covariance` wrote with the job's machine file: U (k = 2), "
     "um, of the tip's place or of the normal error (repeatable: one of each)";
@@ -84,6 +88,29 @@ int end(const Context& context, const Status& collision) {
 /// um, the largest tube that makes sense
 constexpr double kMostTolerance = 1e5;
 
+bool is_corrected(const gcode::Program& program) {
+  return std::any_of(program.blocks.begin(), program.blocks.end(), [](const gcode::Block& block) {
+    const auto comments = gcode::comments(block);
+    return std::any_of(comments.begin(), comments.end(), [](std::string_view comment) {
+      return comment.find(gcode::kCorrectedMark) != std::string_view::npos;
+    });
+  });
+}
+
+void print_stock_left(const std::string& file, const cutting::Stock& stock, bool all_judged) {
+  fmt::print("wrote {}: the stock that is left, {:.0f} mm3{}\n", one_line(file), units::to_mm3(stock.volume()),
+             all_judged ? "" : ", by the deflections found, of which not all are judged");
+}
+
+/// "X -1 .. 101, Y -1 .. 71, Z -21 .. 1 mm", and that it is hollow.
+std::string box_in_words(const cutting::Stock& stock) {
+  const Vec3 low = stock.min() * units::kMmPerMetre, high = stock.max() * units::kMmPerMetre;
+  const auto mm = [](double x) { return gcode::number(x, 3); };
+  return fmt::format("X {} .. {}, Y {} .. {}, Z {} .. {} mm{}", mm(low.x()), mm(high.x()), mm(low.y()), mm(high.y()),
+                     mm(low.z()), mm(high.z()),
+                     stock.hollow() == nullptr ? "" : ", hollow where the other side was cut");
+}
+
 }  // namespace
 
 Command predict_command() {
@@ -102,8 +129,7 @@ Command predict_command() {
         a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--covariance", o->covariances, kCovarianceHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
-        a.option("--stock-left", o->stock_left,
-                 "Write the stock that the deflected tool leaves, for the job of the next set-up (kind = \"file\")");
+        a.option("--stock-left", o->stock_left, kStockLeftHelp);
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest,
                "Force at the commanded point, without the feedback of the deflection on the cut");
@@ -116,6 +142,12 @@ Command predict_command() {
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        const bool corrected = is_corrected(in.program);
+        if (corrected && !o->stock_left.empty()) {
+          return fail("AP126",
+                      "--stock-left of a corrected program: its blocks do not say which of them are transitions",
+                      {o->program}, "write the stock with the correction: polypod correct ... --stock-left FILE");
+        }
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
         machining::PredictOptions options;
         options.keep_stock = !o->stock_left.empty();
@@ -129,6 +161,12 @@ Command predict_command() {
         const machining::Uncertainty uncertainty =
             machining::uncertainty_of(in.job, p, pointer_to(known.compliances), pointer_to(known.parameters));
         options.progress(1);
+        if (corrected) {
+          p.notes.insert(
+              p.notes.begin(),
+              "the program was corrected: distances are from its own commands, which lie beside the path of the "
+              "part on purpose; what `polypod correct` said of that path stands in its report");
+        }
         const bool spread = !in.job.material.spread.empty();
         const bool trust = trusted(in.job), within = p.within(in.job) && trust;
         const Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
@@ -150,7 +188,9 @@ Command predict_command() {
                              {"depth_max_mm", to_mm(m.largest_depth)}});
             if (spread) moves.back()["normal_mean_band_95_um"] = to_um(band.normal_by_move[i]);
           }
+          const Vec3 low = in.job.stock.min() * units::kMmPerMetre, high = in.job.stock.max() * units::kMmPerMetre;
           Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
+                        {"stock_mm", {{"min", vector_json(low)}, {"max", vector_json(high)}}},
                         {"machine", in.job.machine_name},
                         {"model", o->at_rest ? "at rest" : "equilibrium"},
                         {"points", p.deflection.count},
@@ -188,6 +228,7 @@ Command predict_command() {
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
         fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", one_line(o->program),
                    one_line(in.job.machine_name), origin.x(), origin.y(), origin.z());
+        fmt::print("stock          {}\n", box_in_words(in.job.stock));
         fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
                    units::to_mm3(p.pass.removed));
         fmt::print("deflection     up to {:.1f} um, mean {:.1f} um\n", to_um(p.deflection.max),
@@ -201,7 +242,11 @@ Command predict_command() {
                            : "by a doubtful measurement, not judged against",
                    to_um(in.job.tolerance), kept_free(in.job, p.largest_distance));
         if (p.corner > 0) {
-          fmt::print("corners        the controller rounds them by up to {:.1f} um more{}\n", to_um(p.corner),
+          const double tube = in.job.tolerance - machining::resolution(in.job);
+          fmt::print("corners        the controller rounds them by up to {:.1f} um more{}{}\n", to_um(p.corner),
+                     p.largest_distance <= tube && p.largest_with_corners > tube
+                         ? ": with them it is beyond the tolerance"
+                         : "",
                      within ? "" : ", see G64 P in docs/path-modes.md");
         }
         print_steep(p.steep, p.largest_distance);
@@ -225,9 +270,7 @@ Command predict_command() {
         print_not_judged(p.not_judged);
         for (const std::string& note : p.notes) fmt::print("note: {}\n", note);
         if (leaves) {
-          fmt::print("wrote {}: the stock that is left, {:.0f} mm3{}\n", one_line(o->stock_left),
-                     units::to_mm3(p.stock_left.volume()),
-                     p.all_judged() ? "" : ", by the deflections found, of which not all are judged");
+          print_stock_left(o->stock_left, p.stock_left, p.all_judged());
         } else if (!o->stock_left.empty()) {
           fmt::print("{} was not written: what a collision leaves is not known\n", one_line(o->stock_left));
         }
@@ -237,7 +280,7 @@ Command predict_command() {
 
 Command correct_command() {
   struct Options {
-    std::string program, job, output, report, method = "tube";
+    std::string program, job, output, report, stock_left, method = "tube";
     std::vector<std::string> measured, covariances;
     int points = 10;
     std::string tolerance;
@@ -253,6 +296,7 @@ Command correct_command() {
             a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
             a.option("-o,--output", o->output, "The corrected program", true);
             a.option("--report", o->report, "An HTML report of what will happen and why");
+            a.option("--stock-left", o->stock_left, kStockLeftHelp);
             a.options("--measured", o->measured, kMeasuredHelp);
             a.option("--covariance", o->covariances, kCovarianceHelp);
             a.option("--tolerance", o->tolerance, "Radius of the tolerance tube, um (default: the job's)");
@@ -294,11 +338,12 @@ Command correct_command() {
             std::vector<std::string> inputs = o->measured;
             inputs.insert(inputs.end(), {o->program, o->job});
             inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
-            POLYPOD_TRY(check_files(inputs, {o->output, o->report}, context.json));
+            POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
             POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
             POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
             if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
             options.keep_samples = !o->report.empty();
+            options.keep_stock = !o->stock_left.empty();
             const char* current = "";
             std::function<bool(double)> line;
             options.progress = [&](const char* what, double share) {
@@ -328,6 +373,8 @@ Command correct_command() {
               page.command = command_line();
               POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
             }
+            if (writes && !o->stock_left.empty())
+              POLYPOD_TRY(together.add(o->stock_left, cutting::stock_bytes(c.stock_left)));
             POLYPOD_TRY(together.commit());
             const machining::MapBand map = machining::map_band(in.job, c.before);
             if (context.json) {
@@ -383,6 +430,7 @@ Command correct_command() {
                             {"short_blocks", short_blocks_json(c.short_blocks)},
                             {"steep_not_judged", steep_json(c.after.steep)},
                             {"written", writes},
+                            {"stock_left", writes ? o->stock_left : ""},
                             {"outside", outside},
                             {"moves", moves},
                             {"notes", notes},
@@ -411,6 +459,7 @@ Command correct_command() {
               for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
               for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
               if (writes) fmt::print("wrote {}\n", o->output);
+              if (writes && !o->stock_left.empty()) print_stock_left(o->stock_left, c.stock_left, c.all_judged());
               if (!o->report.empty()) fmt::print("report: {}\n", o->report);
             }
             if (!c.within_tolerance) {

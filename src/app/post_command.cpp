@@ -197,8 +197,6 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
     out.push_back(fmt::format("G54 of the controller must be turned too: G10 L2 P1 X Y Z R{:g}, with the origin",
                               units::to_deg(rotation)));
   }
-  if (rotation != 0 && post::corrected_for(path))
-    out.emplace_back("the header of a corrected program does not name the rotation: see that it is the one of the job");
   return out;
 }
 

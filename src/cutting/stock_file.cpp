@@ -35,7 +35,7 @@ std::uint64_t fnv1a(std::string_view bytes) {
 
 }  // namespace
 
-Status write_stock(const Stock& stock, const std::string& path) {
+std::string stock_bytes(const Stock& stock) {
   Header header{};
   std::memcpy(header.magic, kMagic, sizeof kMagic);
   header.version = stock.hollow() == nullptr ? kSolid : kHollow;
@@ -54,7 +54,11 @@ Status write_stock(const Stock& stock, const std::string& path) {
   }
   const std::uint64_t hash = fnv1a(bytes);
   bytes.append(reinterpret_cast<const char*>(&hash), sizeof hash);
-  return files::write_whole(path, bytes);
+  return bytes;
+}
+
+Status write_stock(const Stock& stock, const std::string& path) {
+  return files::write_whole(path, stock_bytes(stock));
 }
 
 Result<Stock> read_stock(const std::string& path) {

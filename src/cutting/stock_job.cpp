@@ -351,7 +351,9 @@ Result<Stock> file_from(const config::Table& table, const Cutter& cutter) {
         fmt::format("the cells of {} are {:g} mm wide, coarser than the cutter allows: {:g} mm, {:g} of its "
                     "diameter",
                     file, units::to_mm(stock.cell()), units::to_mm(kLargestCell * cutter.diameter), kLargestCell),
-        table.place_of("file"), "run the earlier program with cells small enough for the smallest cutter");
+        table.place_of("file"),
+        fmt::format("write cell_mm = {:g} or less under [stock] of the earlier job, and its stock again",
+                    units::to_mm(kLargestCell * cutter.diameter)));
   }
   if (!turned.empty()) stock = stock.turned(turned == "x" ? Stock::Axis::x : Stock::Axis::y);
   return shift.isZero(0) ? stock : stock.shifted(shift);

@@ -41,8 +41,7 @@ std::string others(const std::vector<int>& lines) {
 }
 
 Box box_of(const cutting::Stock& stock) {
-  const double x = stock.columns() * stock.cell(), y = stock.rows() * stock.cell();
-  return {Vec3(stock.x_min(), stock.y_min(), stock.bottom()), Vec3(stock.x_min() + x, stock.y_min() + y, stock.top())};
+  return {stock.min(), stock.max()};
 }
 
 /// The box of what a cutter of this radius sweeps on a move; arcs are taken with their whole circle.
@@ -226,10 +225,13 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   return out;
 }
 
+bool meets_stock(const Job& job, const gcode::Move& move) {
+  return may_touch(swept_box(move, job.cutter_of(move.tool).radius()), box_of(job.stock));
+}
+
 bool may_cut(const Job& job, const gcode::Interpretation& interpretation) {
-  const Box stock = box_of(job.stock);
   return std::any_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const gcode::Move& move) {
-    return feeds(move) && (!move.start_known || may_touch(swept_box(move, job.cutter_of(move.tool).radius()), stock));
+    return feeds(move) && (!move.start_known || meets_stock(job, move));
   });
 }
 

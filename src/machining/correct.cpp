@@ -80,6 +80,7 @@ class Corrector {
       POLYPOD_TRY(choose_modes());
     }
     POLYPOD_TRY(judge());
+    if (options_.keep_stock) POLYPOD_TRY(leave_stock());
     return std::move(out_);
   }
 
@@ -139,6 +140,17 @@ class Corrector {
     out_.before = std::move(before);
     before_.assign(moves_.size(), 0);
     for (const MovePrediction& m : out_.before.moves) before_[static_cast<std::size_t>(m.move)] = m.largest_distance;
+    return {};
+  }
+
+  /// The new program once more, for what it leaves; unlike anybody who reads it, this knows its transitions.
+  Status leave_stock() {
+    PredictOptions options;
+    options.step = check_step();
+    options.progress = progress("cutting what is left");
+    POLYPOD_ASSIGN(last, predict_way(job_, named_, way_, options, scratch_));
+    (void)last;
+    out_.stock_left = std::move(scratch_);
     return {};
   }
 

@@ -146,6 +146,26 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
                                units::to_deg(kUpright))};
 }
 
+/// Rapids of which the way is not known and which end, or begin, below the top of the stock: whether they go through it
+/// is not judged. Where Z alone is not known before a rapid straight down, its end is enough.
+std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& program, const PassMoves& moves) {
+  std::vector<NotJudged> out;
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    const gcode::Move& move = moves[i];
+    if (move.kind != gcode::MoveKind::rapid || move.start_known) continue;
+    const bool low = (move.known_end[2] && move.end.z() < job.stock.top()) ||
+                     (move.known_start[2] && move.start.z() < job.stock.top());
+    const bool straight_down = move.known_start[0] && move.known_start[1] && move.known_end[0] && move.known_end[1] &&
+                               move.start.head<2>() == move.end.head<2>();
+    if (!low || (straight_down && !meets_stock(job, move))) continue;
+    out.push_back({program.blocks[static_cast<std::size_t>(move.block)].line,
+                   "this rapid comes from an unknown place to below the top of the stock: whether it goes through "
+                   "material is not known",
+                   "retract above the stock and give X, Y and Z before, as in G0 Z... and then G0 X... Y..."});
+  }
+  return out;
+}
+
 }  // namespace
 
 bool is_plunge(const gcode::Move& move) {
@@ -166,6 +186,14 @@ Sample judged(const Sample& sample, const PathError& error) {
   return out;
 }
 
+namespace {
+/// mm3, to two digits or whole.
+std::string volume_in_words(double volume) {
+  const double mm3 = units::to_mm3(volume);
+  return mm3 < 10 ? fmt::format("{:.2g}", mm3) : fmt::format("{:.0f}", mm3);
+}
+}  // namespace
+
 std::vector<std::string> pass_notes(const Job& job, const gcode::Program& program, const PassResult& pass) {
   std::vector<std::string> notes;
   const auto line_of = [&](const Incident& i) { return program.blocks[static_cast<std::size_t>(i.block)].line; };
@@ -180,9 +208,9 @@ std::vector<std::string> pass_notes(const Job& job, const gcode::Program& progra
     touched += incident.volume;
   }
   if (touches > 0) {
-    notes.push_back(fmt::format("{} rapid {} (G0; first in line {}) {} {:.2g} mm3 of material in all", touches,
-                                touches == 1 ? "move" : "moves", first_touch, touches == 1 ? "touches" : "touch",
-                                units::to_mm3(touched)));
+    notes.push_back(fmt::format("{} rapid {} (G0; first in line {}) {} {} mm3 of material in all", touches,
+                                touches == 1 ? "move" : "moves", first_touch, touches == 1 ? "takes" : "take",
+                                volume_in_words(touched)));
   }
   if (ends > 0 && !job.material.end) {
     notes.push_back(
@@ -283,7 +311,7 @@ Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassRe
   if (worst == nullptr) return {};
   return fail(
       "MC304",
-      fmt::format("this rapid move (G0) goes through {:.3g} mm3 of material{}", units::to_mm3(worst->volume),
+      fmt::format("this rapid move (G0) goes through {} mm3 of material{}", volume_in_words(worst->volume),
                   others > 1 ? fmt::format(", and {} others through some", others - 1) : ""),
       Place{program.path, program.blocks[static_cast<std::size_t>(worst->block)].line, 1},
       fmt::format("retract first, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
@@ -477,6 +505,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   }
   out.plunges = held_back.take(out.plunge_within);
   if (auto leaning = leaning_tool(job, program, way, out.few)) out.not_judged.push_back(std::move(*leaning));
+  for (NotJudged& rapid : unknown_rapids(job, program, commanded)) out.not_judged.push_back(std::move(rapid));
   return out;
 }
 

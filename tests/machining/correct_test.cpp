@@ -46,6 +46,17 @@ TEST(Correct, SquareNeedsFewSegments) {
   }
 }
 
+TEST(Correct, StockThatTheNewProgramLeaves) {
+  const auto e = testing::load_example("slavkovic_square");
+  machining::CorrectOptions options;
+  options.keep_stock = true;
+  const auto c = testing::correct(e, options);
+  const double before = e.job.stock.volume();
+  EXPECT_NEAR(before - c.stock_left.volume(), c.after.pass.removed, 1e-5 * c.after.pass.removed);
+  EXPECT_GT(c.after.pass.removed, 1.03 * c.before.pass.removed) << "the deflected tool leaves material, corrected less";
+  EXPECT_EQ(testing::correct(e).stock_left.columns(), 0) << "not asked for";
+}
+
 TEST(Correct, WideTubeLeavesTheProgramAlone) {
   auto e = load_example("slavkovic_square");
   e.job.tolerance = 1e-3;

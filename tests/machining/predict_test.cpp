@@ -209,6 +209,23 @@ TEST(Predict, StockThatIsLeftIsTheStockOfTheNextProgram) {
   EXPECT_EQ(fresh.stock_left.columns(), 0) << "not asked for";
 }
 
+// A rapid at the depth of the cut from wherever the tool stands may go through the part: no yes for that.
+TEST(Predict, ARapidFromAnUnknownPlaceBelowTheTopIsNotJudged) {
+  const std::string cut = "G1 X45 F1800\nG0 Z10\nM2\n", begin = "G21 G90 G54 S12000 M3\n";
+  const auto low = testing::predict(with_program("slavkovic_groove", begin + "G0 Z-2\nG0 X-45 Y0\n" + cut));
+  ASSERT_EQ(low.not_judged.size(), 2u);
+  EXPECT_EQ(low.not_judged[0].line, 2);
+  EXPECT_EQ(low.not_judged[1].line, 3);
+  EXPECT_FALSE(low.within(with_program("slavkovic_groove", begin + cut).job));
+  for (const char* start : {"G0 Z10\nG0 X-45 Y0\nG0 Z-2\n", "G0 X-45 Y0 Z10\nG0 Z-2\n", "G0 X-45 Y0\nG0 Z-2\n"}) {
+    const auto high = testing::predict(with_program("slavkovic_groove", begin + start + cut));
+    EXPECT_TRUE(high.not_judged.empty()) << start;
+  }
+  const auto into =
+      testing::predict(with_program("slavkovic_groove", begin + "G0 X0 Y15\nG0 Z-1\nG0 X-45 Y0 Z-2\n" + cut));
+  EXPECT_EQ(into.not_judged.size(), 1u) << "straight down into the stock";
+}
+
 // The other side of a block of which 18 of 20 mm are milled off: a slot of 5 mm meets 2 mm, a hollow below them.
 TEST(Predict, ATurnedPartIsHollowWhereTheFirstSideWasCut) {
   auto thick = with_program("slavkovic_groove", "G21 G90 G54 S12000 M3 F1800\nG0 X-45 Y0 Z10\nG1 Z-5\nG1 X45\nM2\n");

@@ -41,6 +41,9 @@ class Stock {
   [[nodiscard]] double y_min() const { return y_min_; }
   [[nodiscard]] double bottom() const { return bottom_; }
   [[nodiscard]] double top() const { return top_; }  ///< the highest material there ever was, m
+  /// Corners of the box that the grid covers, m.
+  [[nodiscard]] Vec3 min() const { return {x_min_, y_min_, bottom_}; }
+  [[nodiscard]] Vec3 max() const { return {x_min_ + columns_ * cell_, y_min_ + rows_ * cell_, top_}; }
   /// The mean height of a cell's layers, an empty layer counting as the bottom; -infinity if all are empty.
   [[nodiscard]] float height(int column, int row) const;
   void set_height(int column, int row, float h);
@@ -134,7 +137,9 @@ inline constexpr double kUsualCell = 0.02;     ///< of the cutter's diameter, un
 /// CT124 turned about an unknown axis.
 Result<Stock> stock_from(const config::Table& table, const Cutter& cutter);
 
-/// Writes a stock as a file that read_stock reads. Errors: FI101.
+/// A stock as the bytes of a file that read_stock reads.
+std::string stock_bytes(const Stock& stock);
+/// Writes them. Errors: FI101.
 Status write_stock(const Stock& stock, const std::string& path);
 /// Errors: FI100, CT120 (no stock file), CT121 (too short or too long), CT122 (another version), CT123 (damaged).
 Result<Stock> read_stock(const std::string& path);

@@ -45,6 +45,9 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
 /// Whether the cutter of a feed move may meet the stock: boxes overlap, or where the move starts is not known.
 bool may_cut(const Job& job, const gcode::Interpretation& interpretation);
 
+/// Whether the cutter may meet the stock at the end of a move, or on its way if its start is known: boxes overlap.
+bool meets_stock(const Job& job, const gcode::Move& move);
+
 /// Why no point of a program that was predicted cuts: by how much its feed moves miss the stock, and what the likely
 /// reason is (inches and millimetres, the origin, the height). MC302.
 Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);

@@ -40,6 +40,7 @@ struct CorrectOptions {
   bool again = false;   ///< see AcceptOptions
   bool verify = false;  ///< look again in cells half as large, at half the step, before it is called within the tube
   bool keep_samples = false;
+  bool keep_stock = false;
   std::function<bool(const char* what, double share)> progress;
 };
 
@@ -69,10 +70,11 @@ struct MoveOutcome {
 };
 
 struct Correction {
-  std::string text;        ///< the corrected program
-  gcode::Program program;  ///< the same, read back
-  Prediction before;       ///< of the original, in equilibrium
-  Prediction after;        ///< of what was read back, against the original's moves
+  std::string text;           ///< the corrected program
+  gcode::Program program;     ///< the same, read back
+  Prediction before;          ///< of the original, in equilibrium
+  Prediction after;           ///< of what was read back, against the original's moves
+  cutting::Stock stock_left;  ///< what the deflected tool leaves of the stock with the new program, in W, if asked for
   std::vector<MoveOutcome> moves;
   std::vector<gcode::Move> programmed;  ///< the original's moves
   std::vector<PassMove> commanded;      ///< those read back; their `followed` points into `programmed`
