@@ -97,8 +97,13 @@ bool is_corrected(const gcode::Program& program) {
   });
 }
 
-void print_stock_left(const std::string& file, const cutting::Stock& stock, bool all_judged) {
-  fmt::print("wrote {}: the stock that is left, {:.0f} mm3{}\n", one_line(file), units::to_mm3(stock.volume()),
+void print_stock_left(const std::string& file, const cutting::Stock& stock, bool all_judged,
+                      const std::optional<machining::OtherSwitch>& other) {
+  fmt::print("wrote {}: the stock that is left{}, {:.0f} mm3{}\n", one_line(file),
+             !other                ? ""
+             : other->block_delete ? " with block delete off"
+                                   : " with block delete on",
+             units::to_mm3(stock.volume()),
              all_judged ? "" : ", by the deflections found, of which not all are judged");
 }
 
@@ -200,7 +205,7 @@ Command predict_command() {
                         {"distance_max_um", to_um(p.largest_distance)},
                         {"corner_deviation_um", to_um(p.corner)},
                         {"distance_with_corners_um", to_um(p.largest_with_corners)},
-                        {"tolerance_um", to_um(in.job.tolerance)},
+                        {"tolerance_um", rounded_um(in.job.tolerance)},
                         {"within_tolerance", within},
                         {"not_judged", not_judged_json(p.not_judged, p.plunges)},
                         {"all_judged", p.all_judged()},
@@ -270,7 +275,7 @@ Command predict_command() {
         print_not_judged(p.not_judged);
         for (const std::string& note : p.notes) fmt::print("note: {}\n", note);
         if (leaves) {
-          print_stock_left(o->stock_left, p.stock_left, p.all_judged());
+          print_stock_left(o->stock_left, p.stock_left, p.all_judged(), p.other_switch);
         } else if (!o->stock_left.empty()) {
           fmt::print("{} was not written: what a collision leaves is not known\n", one_line(o->stock_left));
         }
@@ -459,7 +464,8 @@ Command correct_command() {
               for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
               for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
               if (writes) fmt::print("wrote {}\n", o->output);
-              if (writes && !o->stock_left.empty()) print_stock_left(o->stock_left, c.stock_left, c.all_judged());
+              if (writes && !o->stock_left.empty())
+                print_stock_left(o->stock_left, c.stock_left, c.all_judged(), c.other_switch);
               if (!o->report.empty()) fmt::print("report: {}\n", o->report);
             }
             if (!c.within_tolerance) {

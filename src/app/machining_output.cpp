@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "measured_problems.hpp"
+#include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/by_parameters.hpp"
 
@@ -33,7 +34,8 @@ Json spread_json(const machining::Spread& s, double scale) {
 
 std::string spread_text(const machining::Spread& s) {
   if (s.count == 0) return "no point cuts";
-  return fmt::format("{:.1f} .. {:.1f} um, mean {:.1f} um", to_um(s.min), to_um(s.max), to_um(s.mean));
+  const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
+  return fmt::format("{} .. {} um, mean {} um", um(s.min), um(s.max), um(s.mean));
 }
 
 void add_uncertainty(Json& document, const machining::Uncertainty& u) {

@@ -134,8 +134,9 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   if (interpretation.moves.empty()) {
     out.problems.push_back({1, "empty", "the program makes no move, so there is nothing to judge"});
   } else if (out.problems.empty() && out.joints.empty()) {
-    out.problems.push_back({out.not_judged.front().line, "empty",
-                            "no move ends where X, Y and Z are known, so there is nothing to judge"});
+    out.problems.push_back(
+        {out.not_judged.front().line, "empty",
+         "no move ends where X, Y and Z are known, so there is nothing to judge: give all three with G0"});
   }
   out.ok = out.problems.empty();
   return out;

@@ -1036,10 +1036,11 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
       return out;
     }
   }
-  out.push_back(fmt::format(
-      "no smaller feed of those that were tried would do, in {} or in the whole program (down to a tenth and "
-      "a fifth): take less depth or width, or a stiffer place",
-      lines));
+  out.push_back(
+      fmt::format("less depth or width, or a stiffer place: no smaller feed of those that were tried would do, in {} "
+                  "or in the whole "
+                  "program (down to a tenth and a fifth)",
+                  lines));
   return out;
 }
 
