@@ -95,7 +95,7 @@ std::vector<Vec3> border_points(const Shape& shape) {
 
 std::optional<Missed> missed_in(const AnyMachine& machine, const Options& options, const Shape& box) {
   constexpr int kSteps = 4;
-  const LimitBits heeded = heeded_limits(machine, options);
+  const LimitBits heeded = checked_limits(machine, options);
   const auto reason = [&](const kinematics::InverseResult& result) {
     if (result.solutions.empty()) return result.reason;
     const auto broken = [&](const kinematics::Solution& s) { return std::popcount(s.violations & heeded); };

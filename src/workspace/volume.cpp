@@ -208,13 +208,13 @@ std::vector<Mat3> sampled_orientations(const Directions& d) {
   return orientations;
 }
 
-LimitBits heeded_limits(const AnyMachine& machine, const Options& options) {
+LimitBits checked_limits(const AnyMachine& machine, const Options& options) {
   return options.interference ? options.limits : options.limits & ~interference_bits(machine);
 }
 
 bool reaches_samples(const AnyMachine& machine, const Options& options, const std::vector<Mat3>& orientations,
                      const Vec3& p) {
-  const LimitBits heeded = heeded_limits(machine, options);
+  const LimitBits heeded = checked_limits(machine, options);
   return std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
     const auto result = kinematics::inverse(machine, Pose{R, p});
     // Only the first choice of a slider counts, as the source takes it; any posture of a chain.

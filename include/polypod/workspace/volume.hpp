@@ -148,7 +148,7 @@ bool has_bounds(const AnyMachine& machine);
 Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names);
 
 /// The limits that the options look at: those of leg pairs with `interference` alone.
-LimitBits heeded_limits(const AnyMachine& machine, const Options& options);
+LimitBits checked_limits(const AnyMachine& machine, const Options& options);
 
 /// The bits of the limits between legs.
 LimitBits interference_bits(const AnyMachine& machine);
