@@ -351,7 +351,8 @@ Stock Stock::turned(Axis about) const {
       }
     }
   }
-  out.hollow_.assign(1, std::move(inside));
+  out.hollow_.clear();
+  out.hollow_.push_back(std::move(inside));
   return out;
 }
 
