@@ -274,6 +274,25 @@ struct Input {
   std::string from;
 };
 
+/// Whether an output is a file beside a program that an O word of it may call: NAME.ngc for o<name>, 100.ngc for o100.
+bool is_subprogram_of(const std::string& program, const std::string& output) {
+  const std::filesystem::path file(output);
+  std::error_code none;
+  if (file.extension() != ".ngc" || !program.ends_with(".ngc") || !std::filesystem::is_regular_file(file, none) ||
+      !std::filesystem::equivalent(std::filesystem::absolute(file, none).parent_path(),
+                                   std::filesystem::absolute(program, none).parent_path(), none)) {
+    return false;
+  }
+  const auto lower = [](std::string text) {
+    std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
+    return text;
+  };
+  const auto read = files::read(program);
+  if (!read) return false;
+  const std::string text = lower(*read), name = lower(file.stem().string());
+  return text.find("o<" + name + ">") != std::string::npos || text.find("o" + name + " call") != std::string::npos;
+}
+
 Result<std::vector<Input>> inputs_of(const std::vector<std::string>& given) {
   std::vector<Input> all;
   for (const std::string& name : given) {
@@ -308,6 +327,10 @@ Status check_files(const std::vector<std::string>& inputs, const std::vector<std
       if (!files::same_file(input.path, path)) continue;
       return clash(path, input.from.empty() ? "read and would be written over"
                                             : "named in " + input.from + " and would be written over");
+    }
+    for (const Input& input : read) {
+      if (is_subprogram_of(input.path, path))
+        return clash(path, "called by " + input.path + " and would be written over");
     }
     const bool twice =
         std::any_of(outputs.begin(), outputs.begin() + static_cast<std::ptrdiff_t>(i),

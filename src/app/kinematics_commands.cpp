@@ -51,9 +51,11 @@ std::string measured(const std::vector<double>& values, const std::function<bool
   return out;
 }
 
-std::string pose_in_words(const Json& pose, int width = 0) {
+/// The coordinates of a task in its order; without one, x, y, z, A, B, C.
+std::string pose_in_words(const Json& pose, machine::Task task = machine::Task::pose, int width = 0) {
   return measured(
-      pose.get<std::vector<double>>(), [](std::size_t i) { return i < 3; }, width);
+      pose.get<std::vector<double>>(),
+      [&](std::size_t i) { return static_cast<int>(i) >= task.size() || !task.is_angle(static_cast<int>(i)); }, width);
 }
 
 std::string joints_in_words(const machine::AnyMachine& m, const machine::JointVector& q) {
@@ -125,7 +127,7 @@ int print_modes(const Context& context, const machine::AnyMachine& m, const mach
     fmt::print("{}\n", text);
     for (const Json& p : poses) {
       const auto broken = p["violations"].get<std::vector<std::string>>();
-      fmt::print("{}  {}\n", pose_in_words(p["pose"], 10),
+      fmt::print("{}  {}\n", pose_in_words(p["pose"], kinematics::task(m), 10),
                  broken.empty() ? "within all limits" : broken.front() + (broken.size() > 1 ? ", ..." : ""));
     }
   }
@@ -363,7 +365,7 @@ Command fk_command() {
           print_json(document);
         } else {
           for (const Json& p : poses) {
-            fmt::print("{}\n  {}\n", pose_in_words(p["pose"]), in_words(p["violations"]));
+            fmt::print("{}\n  {}\n", pose_in_words(p["pose"], kinematics::task(m)), in_words(p["violations"]));
             if (p.contains("whole_pose")) print_whole_pose(p["whole_pose"]);
           }
           if (poses.empty()) fmt::print("no pose: {}\n", why);

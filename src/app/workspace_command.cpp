@@ -238,7 +238,7 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
     fmt::print("certainly inside\n");
   } else if (missed) {
     fmt::print(
-        "not wholly inside: x {:.6g}, y {:.6g}, z {:.6g} mm with A {:.4g}, B {:.4g}, C {:.4g} deg is out of "
+        "not wholly inside: x {:.9g}, y {:.9g}, z {:.9g} mm with A {:.7g}, B {:.7g}, C {:.7g} deg is out of "
         "reach: {}\n",
         pose[0], pose[1], pose[2], pose[3], pose[4], pose[5], missed->reason);
   } else {

@@ -243,9 +243,11 @@ Result<Stock> Stock::block(const Vec3& min, const Vec3& max, double cell, std::s
 Result<Stock> Stock::from_layers(double x_min, double y_min, double cell, int columns, int rows, double bottom,
                                  double top, std::vector<float> layers, std::vector<float> hollow) {
   const auto bad = [](std::string what) { return fail("CT123", "the stock is damaged: " + std::move(what)); };
-  if (!std::isfinite(x_min) || !std::isfinite(y_min) || !std::isfinite(cell) || !(cell > 0) || columns < 1 ||
-      rows < 1) {
-    return bad("its grid is not finite");
+  constexpr double kLeast = 1e-6, kMost = 1, kFarthest = 1e6;  // m: a cell, and where the grid may lie
+  if (!(std::abs(x_min) <= kFarthest) || !(std::abs(y_min) <= kFarthest) || !(cell >= kLeast && cell <= kMost) ||
+      columns < 1 || rows < 1) {
+    return bad(fmt::format("cells of {:g} mm from x {:g}, y {:g} mm on; 0.001 to 1000 mm, within 1000 km",
+                           units::to_mm(cell), units::to_mm(x_min), units::to_mm(y_min)));
   }
   const float highest = static_cast<float>(top);  // as the heights are kept: must still be above the bottom
   if (!std::isfinite(bottom) || !std::isfinite(highest) || !(bottom < static_cast<double>(highest))) {

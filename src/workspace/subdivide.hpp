@@ -149,8 +149,9 @@ class Subdivision {
     stack[0].center = shape.center;
     stack[0].half = shape.half;
     stack[0].entries.push_back({root_.get(), all_groups()});
+    const std::size_t patch = sizeof(Node) + kHeapBlock + limits_.bytes(root_->data());
     while (!stack.empty()) {
-      if (--max_cells < 0) return false;
+      if (--max_cells < 0 || !fits(static_cast<std::size_t>(patches_.load()) * patch)) return false;
       const Box parent = std::move(stack.back());
       stack.pop_back();
       Box cell;

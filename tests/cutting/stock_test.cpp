@@ -97,6 +97,10 @@ TEST(FromLayers, RefusesWhatIsNoStock) {
   EXPECT_EQ(Stock::from_layers(0, 0, 1, 2, 1, 0, 1, layers(1, 2)).error().id, "CT123");
   EXPECT_EQ(Stock::from_layers(0, 0, 0, 2, 1, 0, 1, layers(1, 1)).error().id, "CT123");
   EXPECT_EQ(Stock::from_layers(0, 0, 1, 2, 1, 1, 1, layers(1, 1)).error().id, "CT123");
+  for (const double cell : {5e-324, 1e-9, 2.0}) {
+    EXPECT_EQ(Stock::from_layers(0, 0, cell, 2, 1, 0, 1, layers(1, 1)).error().id, "CT123") << cell;
+  }
+  EXPECT_EQ(Stock::from_layers(1e300, 0, 1, 2, 1, 0, 1, layers(1, 1)).error().id, "CT123");
 }
 
 TEST(CutDisc, RemovesItsArea) {
