@@ -15,6 +15,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/accept.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/uncertainty.hpp"
 #include "polypod/machining/unrolling.hpp"
@@ -88,15 +89,6 @@ int end(const Context& context, const Status& collision) {
 /// um, the largest tube that makes sense
 constexpr double kMostTolerance = 1e5;
 
-bool is_corrected(const gcode::Program& program) {
-  return std::any_of(program.blocks.begin(), program.blocks.end(), [](const gcode::Block& block) {
-    const auto comments = gcode::comments(block);
-    return std::any_of(comments.begin(), comments.end(), [](std::string_view comment) {
-      return comment.find(gcode::kCorrectedMark) != std::string_view::npos;
-    });
-  });
-}
-
 void print_stock_left(const std::string& file, const cutting::Stock& stock, bool all_judged,
                       const std::optional<machining::OtherSwitch>& other) {
   fmt::print("wrote {}: the stock that is left{}, {:.0f} mm3{}\n", one_line(file),
@@ -147,7 +139,7 @@ Command predict_command() {
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
-        const bool corrected = is_corrected(in.program);
+        const bool corrected = machining::corrected_line(in.program) > 0;
         if (corrected && !o->stock_left.empty()) {
           return fail("AP126",
                       "--stock-left of a corrected program: its blocks do not say which of them are transitions",

@@ -96,16 +96,11 @@ std::string other_unit(const Job& job, const gcode::Interpretation& interpretati
 }
 
 Status not_corrected_before(const gcode::Program& program) {
-  for (const gcode::Block& block : program.blocks) {
-    for (const std::string_view comment : gcode::comments(block)) {
-      if (comment.find(kCorrectedMark) == std::string_view::npos) continue;
-      return fail("MC306",
-                  "this program was corrected by Polypod before; a second correction would be added to the first",
-                  Place{program.path, block.line, 1},
-                  "give the program of the CAM system, or --again if its path is really the one to be followed");
-    }
-  }
-  return {};
+  const int line = corrected_line(program);
+  if (line == 0) return {};
+  return fail("MC306", "this program was corrected by Polypod before; a second correction would be added to the first",
+              Place{program.path, line, 1},
+              "give the program of the CAM system, or --again if its path is really the one to be followed");
 }
 
 Status known_tools(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
@@ -223,6 +218,15 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   POLYPOD_TRY(known_starts(job, program, out));
   POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress));
   return out;
+}
+
+int corrected_line(const gcode::Program& program) {
+  for (const gcode::Block& block : program.blocks) {
+    for (const std::string_view comment : gcode::comments(block)) {
+      if (comment.find(kCorrectedMark) != std::string_view::npos) return block.line;
+    }
+  }
+  return 0;
 }
 
 bool meets_stock(const Job& job, const gcode::Move& move) {

@@ -57,6 +57,8 @@ Status known_offsets(const Job& job, const gcode::Program& program, const gcode:
 
 /// The comment by which a corrected program is known.
 using gcode::kCorrectedMark;
+/// The line that says that Polypod corrected this program; 0: none does.
+int corrected_line(const gcode::Program& program);
 /// And the one of a program in which nothing was corrected: it is taken again.
 inline constexpr const char* kLookedAtMark = "Polypod: looked at, not corrected, for the static compliance of";
 
