@@ -62,6 +62,61 @@ void print_answer(const std::string& program, const machining::CheckResult& resu
   }
 }
 
+/// A program as the job's controller carries it out, and whether it fits.
+struct Judged {
+  gcode::Understood understood;
+  machining::CheckResult result;
+};
+
+Result<Judged> judge(const gcode::Program& source, const machining::Job& job, const machining::CheckOptions& options) {
+  const gcode::UnrollOptions unroll = machining::unroll_options(job);
+  POLYPOD_ASSIGN(unrolled, gcode::unroll(source, unroll));
+  POLYPOD_ASSIGN(run, gcode::interpret(unrolled.program, unroll.interpret));
+  run.notes.insert(run.notes.begin(), unrolled.notes.begin(), unrolled.notes.end());
+  gcode::Understood understood{std::move(unrolled.program), std::move(run), unrolled.unrolled};
+  POLYPOD_TRY(machining::known_offsets(job, understood.program, understood.interpretation));
+  POLYPOD_ASSIGN(result,
+                 machining::check(job.machine, job.X_MW, understood.program, understood.interpretation, options));
+  return Judged{std::move(understood), std::move(result)};
+}
+
+/// Adds what is found with the switch of block delete in its other position, which stands at the controller, not in the
+/// program.
+Status judge_other_switch(const gcode::Program& source, const machining::Job& job,
+                          const machining::CheckOptions& options, machining::CheckResult& result) {
+  if (std::none_of(source.blocks.begin(), source.blocks.end(),
+                   [](const gcode::Block& block) { return block.optional; }))
+    return {};
+  machining::Job other = job;
+  other.block_delete = !job.block_delete;
+  const char* position = other.block_delete ? "on" : "off";
+  Result<Judged> in_other_position = judge(source, other, options);
+  if (!in_other_position) {
+    Error error = std::move(in_other_position.error());
+    error.message += fmt::format(" (with block delete {})", position);
+    return tl::unexpected(std::move(error));
+  }
+  const Judged& judged = *in_other_position;
+  const auto add = [&](const std::vector<machining::CheckProblem>& found, std::vector<machining::CheckProblem>& known) {
+    const std::vector<machining::CheckProblem> before = known;
+    for (machining::CheckProblem one : found) {
+      const auto same = [&](const auto& k) {
+        return k.line == one.line && k.kind == one.kind && k.detail == one.detail;
+      };
+      if (std::any_of(before.begin(), before.end(), same)) continue;
+      one.detail += fmt::format(" (with block delete {})", position);
+      known.push_back(std::move(one));
+    }
+  };
+  add(judged.result.problems, result.problems);
+  add(judged.result.not_judged, result.not_judged);
+  result.ok = result.ok && judged.result.ok;
+  result.notes.push_back(
+      fmt::format("judged with block delete on and off; time, length and joint ranges are those with it {}",
+                  job.block_delete ? "on" : "off"));
+  return {};
+}
+
 }  // namespace
 
 Command check_command() {
@@ -86,14 +141,15 @@ Command check_command() {
             POLYPOD_TRY(in_range("AP123", "--rapid", o->rapid, {0, kAnyNumber.max, true}, "mm/min"));
             POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
             const machine::AnyMachine& m = job.machine;
-            POLYPOD_ASSIGN(understood, gcode::understand(o->program, machining::unroll_options(job)));
-            const gcode::Program& program = understood.program;
-            const gcode::Interpretation& interpretation = understood.interpretation;
-            POLYPOD_TRY(machining::known_offsets(job, program, interpretation));
             machining::CheckOptions options;
             options.rapid_speed = units::from_mm_per_min(o->rapid);
             options.progress = progress_line(context, "checking");
-            POLYPOD_ASSIGN(result, machining::check(m, job.X_MW, program, interpretation, options));
+            POLYPOD_ASSIGN(source, gcode::read(o->program));
+            POLYPOD_ASSIGN(judged, judge(source, job, options));
+            const gcode::Program& program = judged.understood.program;
+            const gcode::Interpretation& interpretation = judged.understood.interpretation;
+            machining::CheckResult& result = judged.result;
+            POLYPOD_TRY(judge_other_switch(source, job, options, result));
             options.progress(1);
             if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
               const Error why = machining::cuts_nothing(job, program, interpretation);

@@ -206,9 +206,7 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   if (!job.measured) POLYPOD_TRY(statics::needs_compliance(job.machine));
   if (!options.again) POLYPOD_TRY(not_corrected_before(program));
   if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), feeds)) {
-    return fail("MC301",
-                interpretation.moves.empty() ? "the program has no moves" : "the program has only rapid moves (G0)",
-                Place{program.path, 0, 0}, "check that this is the file that was meant");
+    return tl::unexpected(cuts_nothing(job, program, interpretation));
   }
   POLYPOD_TRY(known_offsets(job, program, interpretation));
   // A wrong unit or origin misses the stock and often the reach as well; the stock says more.
@@ -248,6 +246,11 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
     if (first == nullptr) first = &move;
     path.extend(swept_box(move, job.cutter_of(move.tool).radius()));
   }
+  if (first == nullptr) {
+    return {"MC301",
+            interpretation.moves.empty() ? "the program has no moves" : "the program has only rapid moves (G0)",
+            Place{program.path, 0, 0}, "check that this is the file that was meant"};
+  }
   std::string misses;
   for (int k = 0; k < 3; ++k) {
     const double over = path.min()[k] - stock.max()[k], under = stock.min()[k] - path.max()[k];
@@ -270,7 +273,7 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
               to_mm(path.min().y()), to_mm(path.max().y()), to_mm(path.min().z()), to_mm(path.max().z()),
               to_mm(stock.min().x()), to_mm(stock.max().x()), to_mm(stock.min().y()), to_mm(stock.max().y()),
               to_mm(stock.min().z()), to_mm(stock.max().z())),
-          first != nullptr ? place_of(program, *first) : Place{program.path, 0, 0}, hint};
+          place_of(program, *first), hint};
 }
 
 }  // namespace polypod::machining

@@ -394,12 +394,7 @@ class Pass {
       sample.deflection = equilibrium(move, window, look_again, C, force_here, sample.force);
       sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
     }
-    if (profile_.max_depth > tool.cutter->length * (1 + 1e-9)) {
-      return fail("MC202",
-                  fmt::format("the cut is {:.3f} mm deep, but the flute length of the cutter is {:.3f} mm",
-                              units::to_mm(profile_.max_depth), units::to_mm(tool.cutter->length)),
-                  place(move), "check the stock's top, the depth of the program and the cutter's length_mm");
-    }
+    POLYPOD_TRY(flutes_reach(move, p.z(), *tool.cutter));
     describe(sample);
     return {};
   }
@@ -467,6 +462,22 @@ class Pass {
     sample.exit = static_cast<float>(angle(last + 1));
     const bool wall_left = first < kRim, wall_right = last >= kBins - kRim;
     sample.wall_left = wall_left && !wall_right;
+  }
+
+  /// Whether the flutes reach up to the top of what is cut: depths count from the stock's bottom where the tip is
+  /// below.
+  [[nodiscard]] Status flutes_reach(const gcode::Move& move, double tip, const cutting::Cutter& cutter) const {
+    const double under = std::max(0.0, stock_.bottom() - tip), above = profile_.max_depth + under;
+    if (!(profile_.max_depth > kNoCut) || above <= cutter.length * (1 + 1e-9)) return {};
+    const double depth = units::to_mm(above), flutes = units::to_mm(cutter.length);
+    return fail(
+        "MC202",
+        under > 0
+            ? fmt::format("material that is cut reaches {:.3f} mm above the tip, which is {:.3f} mm under the "
+                          "stock, but the flute length of the cutter is {:.3f} mm",
+                          depth, units::to_mm(under), flutes)
+            : fmt::format("the cut is {:.3f} mm deep, but the flute length of the cutter is {:.3f} mm", depth, flutes),
+        place(move), "check the heights of the stock, the depth of the program and the cutter's length_mm");
   }
 
   Status may_cut(const gcode::Move& move) const {

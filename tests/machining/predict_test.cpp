@@ -300,6 +300,31 @@ TEST(Predict, CutDeeperThanTheEdges) {
   EXPECT_THAT(p.error().message, HasSubstr("mm deep, but the flute length of the cutter is 1.500 mm"));
 }
 
+// Flutes reach up from the tip, wherever the material that they would cut begins: under a plate that floats above the
+// tip, and with the tip below the stock.
+TEST(Predict, FlutesReachFromTheTipNotFromTheMaterial) {
+  auto e = with_program("slavkovic_groove", "G21 G90 G54 S12000 M3 F1800\nG0 X-45 Y0 Z10\nG1 Z-12\nG1 X45\nM2\n");
+  e.job.cutter.length = 8e-3;
+  const double cell = e.job.stock.cell();
+  e.job.stock = testing::unwrap(cutting::Stock::block({-30e-3, -20e-3, -2e-3}, {30e-3, 20e-3, 0}, cell));
+  const auto below = machining::predict(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(below);
+  EXPECT_EQ(below.error().id, "MC202");
+  EXPECT_EQ(below.error().place.line, 4);
+  EXPECT_THAT(below.error().message, HasSubstr("12.000 mm above the tip, which is 10.000 mm under the stock"));
+
+  auto thick = testing::unwrap(cutting::Stock::block({-30e-3, -20e-3, -20e-3}, {30e-3, 20e-3, 0}, cell));
+  thick.cut_line({-0.1, 0, -18e-3}, {0.1, 0, -18e-3}, 0.05);
+  e.job.stock = thick.turned(cutting::Stock::Axis::x).shifted({0, 0, -20e-3});
+  const auto hollow = machining::predict(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(hollow);
+  EXPECT_EQ(hollow.error().id, "MC202");
+  EXPECT_THAT(hollow.error().message, HasSubstr("mm deep, but the flute length of the cutter is 8.000 mm"));
+
+  e.job.cutter.length = 12.1e-3;  // the helix pulls the tool down by some 30 um
+  EXPECT_TRUE(machining::predict(e.job, e.program, e.interpretation));
+}
+
 TEST(Predict, OutOfReachNamesLineAndReason) {
   auto e = load_example("slavkovic_square");
   e.job.X_MW.p = Vec3(0, -2.2, 0);

@@ -49,7 +49,7 @@ bool may_cut(const Job& job, const gcode::Interpretation& interpretation);
 bool meets_stock(const Job& job, const gcode::Move& move);
 
 /// Why no point of a program that was predicted cuts: by how much its feed moves miss the stock, and what the likely
-/// reason is (inches and millimetres, the origin, the height). MC302.
+/// reason is (inches and millimetres, the origin, the height). MC302; MC301 where there are no feed moves.
 Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
 
 /// MC307 where G55 to G59 is in force and the job says nothing of its origin.
