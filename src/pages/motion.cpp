@@ -170,7 +170,7 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
     problems.points.push_back({to_mm(p.X.x()), to_mm(p.X.y()), to_mm(p.X.z())});
   if (!problems.points.empty()) scene.lines.push_back(std::move(problems));
   hang(scene);
-  page.add_figure(scene, "The base is above: z of the machine points down.");
+  page.add_scene(scene, "The base is above: z of the machine points down.");
 
   add_limits(page, question);
   page.add_section("Drives");

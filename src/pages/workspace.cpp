@@ -402,13 +402,12 @@ class Page {
     report_.add_section("In space");
     report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
     if (!tilts()) hang(scene);
-    report_.add_figure(
-        scene,
-        "The boundary of the workspace, coloured by the limit that makes it, and the machine. The box of "
-        "axes is in the machine's reference frame." +
-            std::string(tilts() ? ""
-                                : " The base is above: z of the machine points down, here and in "
-                                  "the sections."));
+    report_.add_scene(scene,
+                      "The boundary of the workspace, coloured by the limit that makes it, and the machine. The box of "
+                      "axes is in the machine's reference frame." +
+                          std::string(tilts() ? ""
+                                              : " The base is above: z of the machine points down, here and in "
+                                                "the sections."));
     report_.add_section("Sections");
     if (!tilts()) {
       report_.add_text(
