@@ -104,7 +104,7 @@ Box3 box_of(const Scene& scene, bool with_frames) {
     part(lo, axis) -= air;
     part(hi, axis) += air;
   }
-  return {lo, hi};
+  return {lo, hi, longest};
 }
 
 SceneKinds kinds_of(const Scene& scene) {
@@ -141,7 +141,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
 
   const Box3 box = box_of(*this, false);
   Point3 lo = box.low, hi = box.high;
-  const double longest = std::max({hi.x - lo.x, hi.y - lo.y, hi.z - lo.z});
+  const double longest = box.longest;
   std::vector<LegendEntry> entries;
   const SceneKinds known_kinds = kinds_of(*this);
   for (std::size_t k = 0; k < kinds.size(); ++k) {

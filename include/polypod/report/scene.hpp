@@ -93,6 +93,7 @@ struct Scene {
 /// The box of axes round everything that a scene draws, with some air; `with_frames`: also round all frames.
 struct Box3 {
   Point3 low, high;
+  double longest = 0;  ///< side, before there was air
 };
 Box3 box_of(const Scene& scene, bool with_frames);
 
