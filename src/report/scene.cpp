@@ -85,6 +85,13 @@ struct Piece {
 
 }  // namespace
 
+std::vector<Point3> shown_points(const Scene& scene, const Line3& line) {
+  std::vector<Point3> out = line.points;
+  if (!scene.shift || line.offset.size() != out.size()) return out;
+  for (std::size_t k = 0; k < out.size(); ++k) out[k] = out[k] + scene.shift->at * line.offset[k];
+  return out;
+}
+
 Box3 box_of(const Scene& scene, bool with_frames) {
   Point3 lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
   const auto add = [&](const Point3& p) {
@@ -93,7 +100,10 @@ Box3 box_of(const Scene& scene, bool with_frames) {
     hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
   };
   for (const Mesh& m : scene.meshes) std::for_each(m.points.begin(), m.points.end(), add);
-  for (const Line3& l : scene.lines) std::for_each(l.points.begin(), l.points.end(), add);
+  for (const Line3& l : scene.lines) {
+    const std::vector<Point3> points = shown_points(scene, l);
+    std::for_each(points.begin(), points.end(), add);
+  }
   for (const Frames& f : scene.frames)
     for (const auto& points : f.points)
       if (with_frames) std::for_each(points.begin(), points.end(), add);
@@ -349,21 +359,22 @@ std::string Scene::operator()(const Canvas& canvas) const {
     }
   }
   for (const Line3& l : lines) {
-    for (std::size_t k = 0; k < l.points.size(); ++k) {
-      if (!finite(l.points[k])) continue;
+    const std::vector<Point3> points = shown_points(*this, l);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      if (!finite(points[k])) continue;
       if (l.dots) {
-        const Point p = project(l.points[k]);
-        pieces.push_back({dot(l.points[k], to_eye) + 1e-6 * longest,
+        const Point p = project(points[k]);
+        pieces.push_back({dot(points[k], to_eye) + 1e-6 * longest,
                           fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" class=\"{} f\" stroke=\"none\"/>\n",
                                       px(p.x), px(p.y), px(l.stroke), svg::class_of(l.colour))});
         continue;
       }
-      if (k + 1 == l.points.size() || !finite(l.points[k + 1])) continue;
+      if (k + 1 == points.size() || !finite(points[k + 1])) continue;
       // Short pieces, so that each is before or behind a triangle as a whole.
-      const Point3 way = l.points[k + 1] - l.points[k];
+      const Point3 way = points[k + 1] - points[k];
       const int count = std::clamp(static_cast<int>(60 * std::sqrt(dot(way, way)) / longest), 1, 200);
       for (int i = 0; i < count; ++i) {
-        const Point3 a = l.points[k] + (double(i) / count) * way, b = l.points[k] + (double(i + 1) / count) * way;
+        const Point3 a = points[k] + (double(i) / count) * way, b = points[k] + (double(i + 1) / count) * way;
         const Point p = project(a), q = project(b);
         pieces.push_back({0.5 * dot(a + b, to_eye),
                           fmt::format("<path d=\"M{} {}L{} {}\" class=\"{} l\" style=\"stroke-width:{}\"/>\n", px(p.x),

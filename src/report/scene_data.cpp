@@ -36,6 +36,11 @@ std::string json_number(double value) {
   return fmt::format("{}", value == 0 ? 0.0 : value);
 }
 
+/// A figure that is read: ten digits.
+std::string figure_text(double value) {
+  return std::isfinite(value) ? fmt::format("{:.10g}", value == 0 ? 0.0 : value) : "null";
+}
+
 template <class Items, class Text>
 std::string list(const Items& items, const Text& text) {
   std::string out = "[";
@@ -174,11 +179,11 @@ std::string frames_text(const Frames& frames, const Box3& box) {
     for (const Point3& p : frame) points.add(p);
   const std::string columns = list(frames.columns, [](const Frames::Column& c) {
     return fmt::format("{{\"name\":{},\"unit\":{},\"values\":{}}}", quoted(c.name), quoted(c.unit),
-                       list(c.values, json_number));
+                       list(c.values, figure_text));
   });
   return fmt::format(
       "{{\"name\":{},\"unit\":{},\"plays\":{},\"at\":{},\"points\":{},\"columns\":{},\"notes\":{},\"start\":{}}}",
-      quoted(frames.name), quoted(frames.unit), frames.plays, list(frames.at, json_number), points.text(), columns,
+      quoted(frames.name), quoted(frames.unit), frames.plays, list(frames.at, figure_text), points.text(), columns,
       list(frames.notes, quoted), frames.start);
 }
 

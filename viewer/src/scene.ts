@@ -236,6 +236,9 @@ export class Picture {
       if (frames.plays) sliders.append(this.player(k, made));
     });
     if (sliders.childElementCount > 0) this.panel.append(sliders);
+    if (this.data.frames.filter((f) => !f.plays).length > 1) {
+      this.panel.append(element('p', 'still', 'Each of these sliders moves one coordinate of the tool, or one joint (q), while the others of its kind stay where they are at the start.'));
+    }
     if (this.data.frames.length > 0) {
       this.note.setAttribute('role', 'status');
       this.panel.append(this.reading, this.note);
@@ -290,7 +293,7 @@ export class Picture {
       at = frames.at[index()]!;
       before = performance.now();
       playing = true;
-      play.textContent = '❚❚';
+      play.textContent = 'Ⅱ';
       play.setAttribute('aria-label', 'Pause');
       requestAnimationFrame(tick);
     };
@@ -312,7 +315,7 @@ export class Picture {
       speed = length < 0.5 ? 0.1 : 0.25;
       choice.value = String(speed);
     }
-    row.append(button('⏮', 'To the start', () => { pause(); go(0); }), button('‹', 'A step back', () => step(-1)), play,
+    row.append(button('|‹', 'To the start', () => { pause(); go(0); }), button('‹', 'A step back', () => step(-1)), play,
       button('›', 'A step on', () => step(1)), choice);
     return row;
   }

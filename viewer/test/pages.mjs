@@ -33,7 +33,7 @@ const pages = {
   delta: ['delta delta-brno --step 60 --report {page}', true],
   pick: ['pick delta-brno --from 150,0,600 --to -150,0,600 --report {page}', true],
   dexterity: ['dexterity hexapod-strut --resolution 8 --report {page}', true],
-  correct: [`correct ${square}/program.ngc --job ${square}/job.toml -o {page}.ngc --report {page}`, false],
+  correct: [`correct ${square}/program.ngc --job ${square}/job.toml -o {page}.ngc --report {page}`, true],
   map: ['map lola50 --at 0 --x -600,600 --y -1600,-1000 --resolution 5 -o {page}', false],
 };
 
@@ -133,6 +133,33 @@ async function look(name, file, hasScene) {
   await narrow.context.close();
 }
 
+/** The pose and the joints that the page reads out at every end of its sliders are those of `polypod ik`. */
+async function posesAreThoseOfTheProgram(name, machine, file) {
+  const { context, page } = await open(file);
+  await page.waitForSelector('figure.scene.live', { timeout: 20000 });
+  const rows = await page.evaluate(() => {
+    const scene = JSON.parse(document.querySelector('script.scene-data').textContent);
+    return scene.frames.filter((f) => !f.name.startsWith('q')).flatMap((f) => [0, 7, f.at.length - 1].map((i) => f.columns.map((c) => [c.name, c.values[i]])));
+  });
+  for (const row of rows) {
+    const pose = row.filter(([n]) => !n.startsWith('q')).map(([, v]) => v), joints = row.filter(([n]) => n.startsWith('q')).map(([, v]) => v);
+    const done = spawnSync(program, ['ik', machine, `--pose=${pose.join(',')}`, '--json'], { cwd: root, encoding: 'utf8' });
+    const solutions = JSON.parse(done.stdout).solutions;
+    const off = Math.min(...solutions.map((s) => Math.max(...s.joints.map((q, i) => Math.abs(q - joints[i])))));
+    // Ten digits stand in the page.
+    check(name, off < 1e-6, `at ${pose} it shows ${joints}, ik says ${JSON.stringify(solutions.map((s) => s.joints))}`);
+  }
+  check(name, rows.length > 6, 'it has no sliders');
+  // What is shown is what stands in the data.
+  const slider = page.locator('.slide', { has: page.locator('span', { hasText: /^z$/ }) }).locator('input');
+  await slider.focus();
+  check(name, await turned(page, () => page.keyboard.press('End')), 'a slider does not move the machine');
+  const told = await page.locator('.reading dd').nth(2).textContent();
+  const z = rows.map((r) => r[2][1]).reduce((a, b) => Math.max(a, b));
+  check(name, Math.abs(parseFloat(told) - z) < 1e-3, `it reads out z ${told} where ${z} stands`);
+  await context.close();
+}
+
 async function withoutWebGl(name, file) {
   const none = await open(file, {}, () => {
     HTMLCanvasElement.prototype.getContext = () => null;
@@ -171,6 +198,7 @@ try {
     await look(name, file, hasScene);
     if (name === 'workspace') {
       await withoutWebGl(name, file);
+      await posesAreThoseOfTheProgram(name, 'hexapod-strut', file);
       await seesFaults(file);
     }
   }

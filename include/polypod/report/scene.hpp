@@ -35,7 +35,7 @@ struct Line3 {
   bool moves = false;               ///< its points are those of Scene::frames
   std::vector<double> value = {};   ///< of each point, for the colours of Scene::ramp; empty: `colour`
   std::vector<int> tag = {};        ///< of each point: the line of a program that it belongs to
-  std::vector<Point3> offset = {};  ///< of each point, for Scene::shift
+  std::vector<Point3> offset = {};  ///< of each point, for Scene::shift (drawn, too)
 };
 
 /// A row of pictures of the lines that move: over time, or over a coordinate. Only where the scene turns.
@@ -53,7 +53,7 @@ struct Frames {
   int start = 0;                            ///< the frame that is shown first
 };
 
-/// Points moved by `factor` times their offset, set by a slider. Only where the scene turns.
+/// Points of lines are moved by `at` times their offset; where the scene turns a slider sets the factor, up to `most`.
 struct Shift {
   std::string name;  ///< "deflection enlarged"
   double at = 1, most = 1;
@@ -89,6 +89,9 @@ struct Scene {
 
   std::string operator()(const Canvas& canvas) const;
 };
+
+/// The points of a line as they are drawn: moved by Scene::shift.
+std::vector<Point3> shown_points(const Scene& scene, const Line3& line);
 
 /// The box of axes round everything that a scene draws, with some air; `with_frames`: also round all frames.
 struct Box3 {
