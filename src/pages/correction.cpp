@@ -323,6 +323,15 @@ class Page {
                                    "correction are drawn {:g} times larger than they are. The command goes to one side "
                                    "so that the deflected tool comes back to the programmed path.",
                                    view.factor));
+    constexpr std::size_t kDrawn = 240, kTurns = 4000;
+    const report::Scene drawn = path_scene(c_, tracks_, view.factor, kDrawn),
+                        turns = path_scene(c_, tracks_, view.factor, kTurns);
+    report_.add_scene(
+        drawn,
+        fmt::format("The same in space, enlarged {:g} times here; a slider enlarges more or less where the "
+                    "picture turns, and the colour there is the distance from the programmed path.",
+                    view.factor),
+        &turns);
     if (const std::optional<Corner> near = corner(c_, tracks_)) {
       report_.add_heading(near->title);
       report_.add_figure(

@@ -226,6 +226,77 @@ Overview overview(const Job& job, const Correction& c, const Tracks& tracks) {
   return out;
 }
 
+report::Scene path_scene(const Correction& c, const Tracks& tracks, double factor, std::size_t points) {
+  report::Scene scene;
+  scene.title = "The paths in space";
+  const auto mm = [](const Vec3& p) { return report::Point3{to_mm(p.x()), to_mm(p.y()), to_mm(p.z())}; };
+  const report::Point3 gap{kNone, kNone, kNone};
+  report::Line3 programmed{"programmed", {}, report::kProgrammed, 1.4};
+  Vec3 end = Vec3::Constant(kNone);
+  for (const Stretch& stretch : tracks.stretches) {
+    const gcode::Move& move = c.programmed[index(stretch.move)];
+    const auto put = [&](const report::Point3& p) {
+      programmed.points.push_back(p);
+      programmed.tag.push_back(stretch.line);
+    };
+    if (!((move.start - end).norm() < 1e-6)) {
+      if (!programmed.points.empty()) put(gap);
+      put(mm(move.start));
+    }
+    const double length = move.length();
+    const int steps = move.kind == gcode::MoveKind::arc ? std::clamp(int(std::ceil(move.sweep / 0.2)), 1, 64) : 1;
+    for (int k = 1; k <= steps; ++k) put(mm(move.point(length * k / steps)));
+    end = move.end;
+  }
+  std::vector<int> line_of(c.programmed.size(), 0);
+  for (const Stretch& stretch : tracks.stretches) line_of[index(stretch.move)] = stretch.line;
+  const auto add_track = [&](report::Line3 line, const std::vector<Dot>& dots, Vec3 (*position)(const Dot&),
+                             bool coloured) {
+    // Of each group the first and the one that is farthest off: peaks survive.
+    const std::size_t group = std::max<std::size_t>(1, 2 * dots.size() / std::max<std::size_t>(points, 2));
+    const Dot* last = nullptr;
+    const auto put = [&](const Dot& d) {
+      const gcode::Move& move = c.programmed[index(d.move)];
+      const bool apart =
+          last != nullptr && last->move != d.move && (move.start - c.programmed[index(last->move)].end).norm() > 1e-6;
+      if (apart) {
+        line.points.push_back(gap);
+        line.offset.push_back({});
+        line.tag.push_back(0);
+        if (coloured) line.value.push_back(0);
+      }
+      const Vec3 x = position(d), p = move.point(move.nearest(x));
+      line.points.push_back(mm(p));
+      line.offset.push_back(mm(x - p));
+      line.tag.push_back(line_of[index(d.move)]);
+      if (coloured) line.value.push_back(to_um(double(d.sample->distance)));
+      last = &d;
+    };
+    for (std::size_t from = 0; from < dots.size(); from += group) {
+      const std::size_t to = std::min(dots.size(), from + group);
+      std::size_t most = from;
+      for (std::size_t i = from; i < to; ++i)
+        if (dots[i].sample->distance > dots[most].sample->distance) most = i;
+      put(dots[from]);
+      if (most != from) put(dots[most]);
+    }
+    scene.lines.push_back(std::move(line));
+  };
+  scene.lines.push_back(std::move(programmed));
+  add_track({"tool tip, program as it is", {}, report::kBefore, 2.4}, tracks.before, bent_of, true);
+  add_track({"corrected command", {}, kCommand, 1.4}, tracks.after, command_of, false);
+  add_track({"tool tip, corrected", {}, report::kAfter, 2.4}, tracks.after, bent_of, true);
+  double largest_error = 0;
+  for (const auto* dots : {&tracks.before, &tracks.after})
+    for (const Dot& d : *dots) largest_error = std::max(largest_error, to_um(double(d.sample->distance)));
+  scene.ramp = {"distance from the programmed path", "µm", 0, std::max(largest_error, 1e-3),
+                report::ColourMap::sequential};
+  scene.shift = {"deflection enlarged", factor, 4 * factor};
+  scene.azimuth_deg = -70;
+  scene.elevation_deg = 38;
+  return scene;
+}
+
 std::optional<Corner> corner(const Correction& c, const Tracks& tracks) {
   // The corner: how sharp, and how much room the moves on both sides leave.
   constexpr double kRoom = 10;  // mm

@@ -8,6 +8,7 @@
 
 #include "polypod/machining/correct.hpp"
 #include "polypod/report/plot.hpp"
+#include "polypod/report/scene.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::pages {
@@ -42,6 +43,10 @@ struct Overview {
   double factor = 1;  ///< by which the bend is enlarged
 };
 Overview overview(const machining::Job& job, const machining::Correction& c, const Tracks& tracks);
+
+/// The same in space: programmed moves, the tool tip before and after the correction coloured by its distance from
+/// them, the corrected command; each line thinned out to about `points` points that hold the largest distances.
+report::Scene path_scene(const machining::Correction& c, const Tracks& tracks, double factor, std::size_t points);
 
 struct Corner {
   report::PathPlot plot;

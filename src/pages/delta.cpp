@@ -206,11 +206,11 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   if (!border.points.empty()) scene.lines.push_back(std::move(border));
   if (!near.points.empty()) scene.lines.push_back(std::move(near));
   hang(scene);
-  page.add_figure(scene,
-                  "The boundary, coloured by the limit that makes it, with red dots where it is near-singular itself: "
-                  "where it is out of reach, two positions of an elbow meet (type 1 singularity). The base is above: z "
-                  "of the machine points "
-                  "down.");
+  page.add_scene(scene,
+                 "The boundary, coloured by the limit that makes it, with red dots where it is near-singular itself: "
+                 "where it is out of reach, two positions of an elbow meet (type 1 singularity). The base is above: z "
+                 "of the machine points "
+                 "down.");
 
   page.add_section("Sections");
   POLYPOD_ASSIGN(box, workspace::extent(machine, {}, false));

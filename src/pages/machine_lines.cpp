@@ -11,6 +11,10 @@ using report::Line3;
 using report::Point3;
 
 std::vector<Line3> machine_lines(const machine::AnyMachine& machine, const Vec3& tip) {
+  return lines_of(kinematics::outline(machine, tip));
+}
+
+std::vector<Line3> lines_of(const machine::Outline& outline) {
   using Role = machine::OutlinePart::Role;
   constexpr double kThick = 2.6, kThin = 1.5, kDot = 2.8;  // px
   const auto colour = [](Role role) {
@@ -28,7 +32,7 @@ std::vector<Line3> machine_lines(const machine::AnyMachine& machine, const Vec3&
     return Colour::ink;
   };
   std::vector<Line3> out;
-  for (const machine::OutlinePart& part : kinematics::outline(machine, tip)) {
+  for (const machine::OutlinePart& part : outline) {
     const bool dots = part.role == Role::joints;
     Line3 line{part.name, {}, colour(part.role), dots ? kDot : part.thick ? kThick : kThin, dots};
     for (const Vec3& p : part.points)
@@ -44,6 +48,9 @@ void hang(report::Scene& scene) {
     for (Point3& p : line.points) turn(p);
   for (report::Mesh& mesh : scene.meshes)
     for (Point3& p : mesh.points) turn(p);
+  for (report::Frames& frames : scene.frames)
+    for (auto& points : frames.points)
+      for (Point3& p : points) turn(p);
   scene.axes = {"x", "−y", "−z"};
 }
 

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include "machine_lines.hpp"
+#include "moving_machine.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/delta/kinematics.hpp"
@@ -114,6 +115,47 @@ std::string motion_csv(const machine::AnyMachine& machine, const Run& run) {
 
 namespace {
 
+/// The machine on its way, in place of the machine at the start.
+void animate(report::Scene& scene, const machine::AnyMachine& machine, const Run& run) {
+  constexpr std::size_t kFrames = 400;
+  const Sample& first = run.samples.front();
+  const auto joints = [&](const Sample& s) {
+    machine::JointVector q(run.arms);
+    for (int i = 0; i < run.arms; ++i) q[i] = s.drive[i].q;
+    return q;
+  };
+  const auto pose = [](const Sample& s) { return Pose{Mat3::Identity(), s.tool.p}; };
+  if (!first.reached) return;
+  const MovingMachine moving(machine, pose(first), joints(first));
+  report::Frames frames;
+  const Unit unit = unit_of(machine);
+  std::vector<report::Frames::Column> speeds{{"speed of the tool", "mm/s", {}}};
+  for (int i = 0; i < run.arms; ++i)
+    speeds.push_back({fmt::format("speed of q{}", i + 1), fmt::format("{}/s", unit.name), {}});
+  const std::size_t step = (run.samples.size() + kFrames - 1) / kFrames;
+  std::vector<std::size_t> shown;
+  for (std::size_t k = 0; k < run.samples.size(); k += step) shown.push_back(k);
+  if (shown.back() + 1 < run.samples.size()) shown.push_back(run.samples.size() - 1);
+  double before = -std::numeric_limits<double>::infinity();
+  for (const std::size_t k : shown) {
+    const Sample& s = run.samples[k];
+    if (!s.reached) continue;
+    std::string note;
+    for (const motion::Problem& p : run.problems)
+      if (p.t > before && p.t <= s.t) note += (note.empty() ? "" : "; ") + p.detail;
+    if (!moving.add(frames, s.t, pose(s), joints(s), note)) return;
+    before = s.t;
+    speeds[0].values.push_back(to_mm(s.tool.v.norm()));
+    for (int i = 0; i < run.arms; ++i)
+      speeds[static_cast<std::size_t>(i) + 1].values.push_back(unit.to(s.drive[i].speed));
+  }
+  frames.columns.insert(frames.columns.end(), speeds.begin(), speeds.end());
+  const std::size_t outline = machine_lines(machine, first.tool.p).size();
+  scene.lines.erase(scene.lines.begin(), scene.lines.begin() + static_cast<std::ptrdiff_t>(outline));
+  scene.lines.insert(scene.lines.begin(), moving.lines().begin(), moving.lines().end());
+  scene.frames.push_back(std::move(frames));
+}
+
 /// The limits beside what was met, and what was judged at all.
 void add_limits(report::Report& page, const MotionQuestion& question) {
   page.add_section("Limits");
@@ -169,8 +211,11 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
   for (const motion::Problem& p : run.problems)
     problems.points.push_back({to_mm(p.X.x()), to_mm(p.X.y()), to_mm(p.X.z())});
   if (!problems.points.empty()) scene.lines.push_back(std::move(problems));
+  report::Scene turns = scene;
+  animate(turns, machine, run);
   hang(scene);
-  page.add_figure(scene, "The base is above: z of the machine points down.");
+  hang(turns);
+  page.add_scene(scene, "The base is above: z of the machine points down.", &turns);
 
   add_limits(page, question);
   page.add_section("Drives");

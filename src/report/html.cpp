@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "svg.hpp"
+#include "viewer_bundle.hpp"
 
 namespace polypod::report {
 namespace {
@@ -38,7 +39,7 @@ dt{color:var(--muted)} dd{margin:0;text-align:right;overflow-wrap:anywhere;font-
 .card span{font-size:.9rem;color:var(--muted)}
 .good{border-left-color:var(--green)!important} .bad{border-left-color:var(--vermillion)!important}
 .verdict{background:var(--panel);border-left:4px solid var(--rule);border-radius:8px;padding:.8rem 1rem;margin:1rem 0;font-size:1.05rem;max-width:none;break-inside:avoid}
-.verdict strong{margin-right:.4em} .good strong{color:var(--green)} .bad strong{color:var(--vermillion)}
+.verdict strong{margin-right:.4em} .good strong{color:color-mix(in srgb,var(--green) 75%,var(--ink))} .bad strong{color:color-mix(in srgb,var(--vermillion) 75%,var(--ink))}
 figure{margin:1.3rem 0;break-inside:avoid}
 figcaption{color:var(--muted);font-size:.92rem;margin-top:.35rem;max-width:52em}
 .narrow{display:none}
@@ -69,37 +70,30 @@ pre{white-space:pre-wrap;overflow-wrap:anywhere;font-size:8.5pt} .scroll{overflo
 }
 )";
 
-// Reading needs none of this. It shows values under the pointer, and opens what is folded before printing.
-constexpr std::string_view kScript = R"(<script>
-(function(){
-var tip=document.createElement('div');tip.id='tip';document.body.appendChild(tip);
-function four(s){return s.split(' ').map(Number);}
-function show(v,span){var d=Math.max(0,Math.min(6,2-Math.floor(Math.log10(span||1))));return v.toFixed(d);}
-document.querySelectorAll('svg[data-x]').forEach(function(svg){
- var X=four(svg.dataset.x),Y=four(svg.dataset.y),curves=[];
- svg.querySelectorAll('path[data-name]').forEach(function(p){
-  var runs=p.getAttribute('d').split('M').filter(Boolean).map(function(run){
-   return run.split('L').map(function(q){return q.split(' ').map(parseFloat);});});
-  curves.push({name:p.dataset.name,runs:runs});});
- svg.addEventListener('pointermove',function(e){
-  var r=svg.getBoundingClientRect(),w=svg.viewBox.baseVal.width,x=(e.clientX-r.left)*w/r.width;
-  if(x<X[2]||x>X[3]){tip.style.display='none';return;}
-  var v=X[0]+(x-X[2])/(X[3]-X[2])*(X[1]-X[0]);
-  tip.textContent='';
-  function row(t){var d=document.createElement('div');d.textContent=t;tip.appendChild(d);}
-  row(svg.dataset.label+': '+show(v,X[1]-X[0]));
-  curves.forEach(function(c){c.runs.some(function(run){
-   for(var i=1;i<run.length;i++){var a=run[i-1],b=run[i];
-    if(a[0]<=x&&x<=b[0]){var t=b[0]>a[0]?(x-a[0])/(b[0]-a[0]):0,y=a[1]+t*(b[1]-a[1]);
-     row(c.name+': '+show(Y[0]+(y-Y[2])/(Y[3]-Y[2])*(Y[1]-Y[0]),Y[1]-Y[0])+' '+svg.dataset.unit);return true;}}
-   return false;});});
-  tip.style.display='block';
-  tip.style.left=Math.min(e.clientX+14,innerWidth-tip.offsetWidth-8)+'px';tip.style.top=(e.clientY+14)+'px';});
- svg.addEventListener('pointerleave',function(){tip.style.display='none';});});
-addEventListener('beforeprint',function(){
- document.querySelectorAll('details').forEach(function(d){d.open=true;});});
-})();
-</script>
+constexpr std::string_view kSceneCss = R"(.scene canvas[data-scene],.scene .stage,.scene .controls{display:none}
+.live .stage{display:block;position:relative;height:min(74vh,620px);overflow:hidden;border-radius:8px;background:var(--panel)}
+.live .stage canvas{display:block;width:100%;height:100%;touch-action:pan-y;cursor:grab;outline-offset:-3px}
+.live .stage canvas.turning{cursor:grabbing} .live .stage canvas:focus-visible{outline:3px solid var(--blue)}
+.live>.wide,.live>.narrow{display:none}
+.labels{position:absolute;inset:0;pointer-events:none;font-size:11px;color:var(--muted)}
+.labels span{position:absolute;left:0;top:0;white-space:nowrap;text-shadow:0 0 3px var(--panel),0 0 3px var(--panel)} .labels .axis{font-size:12px;color:var(--ink)}
+.bar{position:absolute;left:8px;top:8px;display:flex;flex-wrap:wrap;gap:4px}
+.bar button,.player button,.player select{font:inherit;font-size:13px;min-width:30px;min-height:30px;padding:2px 8px;border:1px solid var(--rule);border-radius:6px;background:var(--ground);color:var(--ink);cursor:pointer}
+.bar button:focus-visible,.player button:focus-visible,.controls input:focus-visible{outline:2px solid var(--blue);outline-offset:1px}
+.live .controls{display:block;font-size:.9rem;margin-top:.5rem}
+.legend{list-style:none;display:flex;flex-wrap:wrap;gap:.15rem 1.1rem;margin:0;padding:0;max-width:none}
+.legend li{display:flex;align-items:center;gap:.4rem;margin:0} .legend label{display:flex;align-items:center;gap:.4rem;cursor:pointer;min-height:26px}
+.legend i{width:18px;height:11px;border-radius:2px;flex:none} .legend i.line{height:3px} .legend i.dot{width:9px;height:9px;border-radius:50%}
+.slides{display:grid;grid-template-columns:repeat(auto-fill,minmax(300px,1fr));gap:.1rem 2rem;margin-top:.4rem}
+.slide{display:grid;grid-template-columns:7.5em 1fr 6.5em;align-items:center;gap:.7rem;min-height:30px}
+.slide input{width:100%;min-width:0;accent-color:var(--blue)} .slide output{text-align:right;font-variant-numeric:tabular-nums}
+.player{display:flex;gap:5px;align-items:center}
+.reading{grid-template-columns:repeat(auto-fill,minmax(140px,1fr));margin:.5rem 0 0}
+.note{color:color-mix(in srgb,var(--vermillion) 75%,var(--ink));font-weight:600;margin:.4rem 0 0} .still{color:var(--muted);font-size:.92rem}
+.ramp{display:flex;flex-wrap:wrap;align-items:center;gap:.5rem;margin-top:.4rem} .ramp i{width:180px;height:12px;border-radius:3px}
+footer pre{white-space:pre-wrap}
+@media print{.live>.wide{display:block!important} .live .stage,.live .controls,.still,footer.licences{display:none!important}}
+@media (max-width:640px){.live .stage{height:min(68vh,420px)} .slides{grid-template-columns:1fr} .slide{grid-template-columns:6.5em 1fr 5.8em} .bar button{padding:2px 6px}}
 )";
 
 /// Of UTF-8 text: bytes that do not go on with a character.
@@ -239,6 +233,24 @@ void Report::add_figure(const Figure& figure, const std::string& caption) {
       figure(Canvas{kWide, id}), figure(Canvas{kNarrow, id + "n"}), escape(caption));
 }
 
+void Report::add_scene(const Scene& drawn, const std::string& caption, const Scene* turns) {
+  if (POLYPOD_VIEWER == 0) {
+    add_figure(drawn, caption);
+    return;
+  }
+  const std::string id = next_id();
+  const Scene& scene = turns != nullptr ? *turns : drawn;
+  // Without a script, on paper and in browsers without WebGL the drawn picture stands; the script shows the canvas.
+  body_ += fmt::format(
+      "<figure class=\"scene\"><canvas data-scene=\"{}\"></canvas>\n"
+      "<div class=\"wide\">{}</div><div class=\"narrow\">{}</div>\n"
+      "<figcaption>{}<span class=\"how\"> Drag turns the picture; the wheel (after a click) or two fingers zoom; with "
+      "shift a drag moves it.</span></figcaption>\n"
+      "<script type=\"application/json\" class=\"scene-data\">{}</script></figure>\n",
+      id, drawn(Canvas{kWide, id}), drawn(Canvas{kNarrow, id + "n"}), escape(caption), scene_data(scene));
+  ++scenes_;
+}
+
 void Report::add_figure_grid(int columns, const std::vector<std::pair<std::string, Figure>>& panels,
                              const std::string& caption) {
   columns = std::clamp(columns, 1, 6);
@@ -272,12 +284,18 @@ std::string Report::to_html() const {
     contents += "</nav>\n";
   }
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  // Nothing from anywhere, and no script but the ones that this program has put here.
+  page += fmt::format(
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'sha256-{}'{}; style-src "
+      "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'\">\n",
+      viewer::page_sha256, scenes_ > 0 ? fmt::format(" 'sha256-{}'", viewer::viewer_sha256) : "");
   page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   page += "<meta name=\"color-scheme\" content=\"light dark\">\n";
   page += fmt::format("<title>{}</title>\n<style>\n:root{{{}}}\n", escape(title_), svg::light_colours());
   page += fmt::format("@media screen and (prefers-color-scheme:dark){{:root{{{}}}}}\n", svg::dark_colours());
   page += svg::css();
   page += kPageCss;
+  if (scenes_ > 0) page += kSceneCss;
   page += "</style>\n</head>\n<body>\n";
   page += fmt::format("<header class=\"top\">\n<h1>{}</h1>\n", escape(title_));
   if (!subtitle_.empty()) page += fmt::format("<p class=\"subtitle\">{}</p>\n", escape(subtitle_));
@@ -285,7 +303,14 @@ std::string Report::to_html() const {
   page += contents + "</header>\n<main>\n" + body_;
   if (in_section_) page += "</section>\n";
   page += "</main>\n";
-  page += kScript;
+  if (scenes_ > 0) {
+    page += fmt::format(
+        "<footer class=\"licences\"><details><summary>Licence of the script that turns the pictures</summary>\n"
+        "<p>The script is part of Polypod (BSD-3-Clause) and holds three.js:</p><pre>{}</pre></details></footer>\n"
+        "<script type=\"text/plain\" id=\"polypod-viewer\">{}</script>\n",
+        escape(viewer::licences_txt), viewer::viewer_b64);
+  }
+  page += fmt::format("<script>{}</script>\n", viewer::page_js);
   page += "</body>\n</html>\n";
   return page;
 }

@@ -85,6 +85,59 @@ struct Piece {
 
 }  // namespace
 
+std::vector<Point3> shown_points(const Scene& scene, const Line3& line) {
+  std::vector<Point3> out = line.points;
+  if (!scene.shift || line.offset.size() != out.size()) return out;
+  for (std::size_t k = 0; k < out.size(); ++k) out[k] = out[k] + scene.shift->at * line.offset[k];
+  return out;
+}
+
+Box3 box_of(const Scene& scene, bool with_frames) {
+  Point3 lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
+  const auto add = [&](const Point3& p) {
+    if (!finite(p)) return;
+    lo = {std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z)};
+    hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
+  };
+  for (const Mesh& m : scene.meshes) std::for_each(m.points.begin(), m.points.end(), add);
+  for (const Line3& l : scene.lines) {
+    const std::vector<Point3> points = shown_points(scene, l);
+    std::for_each(points.begin(), points.end(), add);
+  }
+  for (const Frames& f : scene.frames)
+    for (const auto& points : f.points)
+      if (with_frames) std::for_each(points.begin(), points.end(), add);
+  if (lo.x > hi.x) lo = hi = Point3{};
+  const double longest = std::max({hi.x - lo.x, hi.y - lo.y, hi.z - lo.z, 1e-9});
+  for (int axis = 0; axis < 3; ++axis) {  // some air, and no flat box
+    const double air = std::max(0.03 * longest, 0.5 * (0.1 * longest - (part(hi, axis) - part(lo, axis))));
+    part(lo, axis) -= air;
+    part(hi, axis) += air;
+  }
+  return {lo, hi, longest};
+}
+
+SceneKinds kinds_of(const Scene& scene) {
+  SceneKinds out;
+  const auto& kinds = scene.kinds;
+  out.occurs.assign(kinds.size(), 0);
+  for (const Mesh& m : scene.meshes) {
+    for (const int k : m.kind)
+      if (k >= 0 && static_cast<std::size_t>(k) < kinds.size()) out.occurs[static_cast<std::size_t>(k)] = 1;
+    for (const double v : m.value) {
+      const auto& levels = scene.levels;
+      const auto band = static_cast<std::size_t>(std::upper_bound(levels.begin(), levels.end(), v) - levels.begin());
+      if (band < kinds.size()) out.occurs[band] = 1;
+    }
+    if (m.kind.empty() && m.value.empty() && !kinds.empty() && !m.triangles.empty()) out.occurs[0] = 1;
+  }
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    const int kind = static_cast<int>(k);
+    out.fill.push_back(scene.levels.empty() ? kind_colour(kind, 0.66) : step_colour(kind, kinds.size(), 0.8));
+  }
+  return out;
+}
+
 std::string Scene::operator()(const Canvas& canvas) const {
   Picture picture(canvas, title);
   const auto colour_of = [&](int kind, double lightness) {
@@ -96,39 +149,17 @@ std::string Scene::operator()(const Canvas& canvas) const {
   // Light from the upper left, a little behind the eye.
   const Point3 light = unit_of(0.75 * to_eye + 0.55 * up + -0.45 * right);
 
-  Point3 lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
-  const auto add = [&](const Point3& p) {
-    if (!finite(p)) return;
-    lo = {std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z)};
-    hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
-  };
-  for (const Mesh& m : meshes) std::for_each(m.points.begin(), m.points.end(), add);
-  for (const Line3& l : lines) std::for_each(l.points.begin(), l.points.end(), add);
-  if (lo.x > hi.x) lo = hi = Point3{};
-  const double longest = std::max({hi.x - lo.x, hi.y - lo.y, hi.z - lo.z, 1e-9});
-  for (int axis = 0; axis < 3; ++axis) {  // some air, and no flat box
-    const double air = std::max(0.03 * longest, 0.5 * (0.1 * longest - (part(hi, axis) - part(lo, axis))));
-    part(lo, axis) -= air;
-    part(hi, axis) += air;
-  }
-
+  const Box3 box = box_of(*this, false);
+  Point3 lo = box.low, hi = box.high;
+  const double longest = box.longest;
   std::vector<LegendEntry> entries;
-  std::vector<char> occurs(kinds.size(), 0);
-  for (const Mesh& m : meshes) {
-    for (const int k : m.kind)
-      if (k >= 0 && static_cast<std::size_t>(k) < kinds.size()) occurs[static_cast<std::size_t>(k)] = 1;
-    for (const double v : m.value) {
-      const auto band = static_cast<std::size_t>(std::upper_bound(levels.begin(), levels.end(), v) - levels.begin());
-      if (band < kinds.size()) occurs[band] = 1;
-    }
-    if (m.kind.empty() && m.value.empty() && !kinds.empty() && !m.triangles.empty()) occurs[0] = 1;
-  }
+  const SceneKinds known_kinds = kinds_of(*this);
   for (std::size_t k = 0; k < kinds.size(); ++k) {
-    if (occurs[k] == 0) continue;
+    if (known_kinds.occurs[k] == 0) continue;
     LegendEntry entry;
     entry.name = kinds[k];
     entry.area = true;
-    entry.fill = colour_of(static_cast<int>(k), levels.empty() ? 0.66 : 0.8);
+    entry.fill = known_kinds.fill[k];
     entries.push_back(std::move(entry));
   }
   std::set<std::string> named;
@@ -328,21 +359,22 @@ std::string Scene::operator()(const Canvas& canvas) const {
     }
   }
   for (const Line3& l : lines) {
-    for (std::size_t k = 0; k < l.points.size(); ++k) {
-      if (!finite(l.points[k])) continue;
+    const std::vector<Point3> points = shown_points(*this, l);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      if (!finite(points[k])) continue;
       if (l.dots) {
-        const Point p = project(l.points[k]);
-        pieces.push_back({dot(l.points[k], to_eye) + 1e-6 * longest,
+        const Point p = project(points[k]);
+        pieces.push_back({dot(points[k], to_eye) + 1e-6 * longest,
                           fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" class=\"{} f\" stroke=\"none\"/>\n",
                                       px(p.x), px(p.y), px(l.stroke), svg::class_of(l.colour))});
         continue;
       }
-      if (k + 1 == l.points.size() || !finite(l.points[k + 1])) continue;
+      if (k + 1 == points.size() || !finite(points[k + 1])) continue;
       // Short pieces, so that each is before or behind a triangle as a whole.
-      const Point3 way = l.points[k + 1] - l.points[k];
+      const Point3 way = points[k + 1] - points[k];
       const int count = std::clamp(static_cast<int>(60 * std::sqrt(dot(way, way)) / longest), 1, 200);
       for (int i = 0; i < count; ++i) {
-        const Point3 a = l.points[k] + (double(i) / count) * way, b = l.points[k] + (double(i + 1) / count) * way;
+        const Point3 a = points[k] + (double(i) / count) * way, b = points[k] + (double(i + 1) / count) * way;
         const Point p = project(a), q = project(b);
         pieces.push_back({0.5 * dot(a + b, to_eye),
                           fmt::format("<path d=\"M{} {}L{} {}\" class=\"{} l\" style=\"stroke-width:{}\"/>\n", px(p.x),

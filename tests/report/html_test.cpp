@@ -21,6 +21,43 @@ TEST(Report, IsOneFileThatAsksNothingFromOutside) {
   EXPECT_LT(html.size(), 400'000u) << "curves of 20 000 points are thinned out";
 }
 
+/// A page with a scene of one triangle, a line and a name that would end a script.
+Report with_scene() {
+  Scene scene;
+  scene.title = "</script><script>alert(1)</script>";
+  scene.kinds = {scene.title};
+  scene.meshes = {{{{0, 0, 0}, {2, 0, 0}, {0, 2, 1}}, {{0, 1, 2}}, {}, 1}};
+  scene.lines = {{scene.title, {{0, 0, 0}, {1, 1, 1}}}};
+  Report report("t", "");
+  report.add_scene(scene, "c");
+  return report;
+}
+
+TEST(Report, APolicyLetsNothingInButTheScriptsOfThePage) {
+  const std::string plain = sample_report().to_html(), turns = with_scene().to_html();
+  for (const std::string& html : {plain, turns}) {
+    const std::size_t at = html.find("http-equiv=\"Content-Security-Policy\"");
+    ASSERT_NE(at, std::string::npos);
+    EXPECT_LT(at, html.find("<style>")) << "it holds from where it stands";
+    const std::string policy = html.substr(at, html.find('>', at) - at);
+    EXPECT_THAT(policy, HasSubstr("default-src 'none'"));
+    EXPECT_THAT(policy, HasSubstr("script-src 'sha256-"));
+    for (const char* open : {"'unsafe-eval'", "script-src 'unsafe-inline'", "http", "*"}) {
+      EXPECT_THAT(policy.substr(12), Not(HasSubstr(open)));
+    }
+  }
+  EXPECT_THAT(plain, Not(HasSubstr("id=\"polypod-viewer"))) << "a page without a scene carries no viewer";
+}
+
+TEST(Report, AScenesNamesEndNoScript) {
+  const std::string html = with_scene().to_html();
+  EXPECT_EQ(what_is_wrong(html), "");
+  EXPECT_THAT(html, Not(HasSubstr("<script>alert")));
+  EXPECT_THAT(html, HasSubstr("<canvas data-scene="));
+  EXPECT_THAT(html, HasSubstr("three.js authors")) << "the licence of what is bundled";
+  EXPECT_LT(html.size(), 320'000u) << "300 kB of script at most";
+}
+
 TEST(Report, IsWellFormed) {
   EXPECT_EQ(what_is_wrong(sample_report().to_html()), "");
 }

@@ -139,6 +139,44 @@ TEST(Scene, BearsAnything) {
   }
 }
 
+// The encodings are checked against strings made with Python's struct and base64:
+// base64.b64encode(struct.pack('<3f', 0, 1, float('nan'))) and so on.
+TEST(SceneData, HoldsPointsInStepsAndLinesAsFloats) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  Scene scene;
+  scene.kinds = {"a", "b"};
+  scene.meshes = {
+      {{{0, 0, 0}, {94, 0, 0}, {0, 94, 94}, {kNaN, 0, 0}}, {{0, 1, 2}, {0, 1, 3}, {0, 1, 9}}, {0, 1, -1, 0}, 0.5}};
+  scene.lines = {{"way", {{0, 1, kNaN}}, Colour::sky, 2, true}};
+  const std::string json = scene_data(scene);
+  // The box has 3 % air on each side: -2.82 .. 96.82, so 0 is step 1854.54 and 94 step 63679.46 of 65534.
+  EXPECT_THAT(json, HasSubstr("\"low\":[-2.82,-2.82,-2.82]"));
+  EXPECT_THAT(json, HasSubstr("\"data\":\"Pwc/Bz8Hv/g/Bz8HPwe/+L/4//8/Bz8H\"")) << json;
+  EXPECT_THAT(json, HasSubstr("\"triangles\":\"AAAAAAEAAAACAAAA\"")) << "those with a point that is there";
+  EXPECT_THAT(json, HasSubstr("\"kind\":\"AAH/AA==\""));
+  EXPECT_THAT(json, HasSubstr("\"points\":\"AAAAAAAAgD8AAMB/\""));
+  EXPECT_THAT(json, HasSubstr("\"colour\":\"sky\""));
+  EXPECT_THAT(json, Not(HasSubstr("nan")));
+}
+
+TEST(SceneData, FramesWidenTheBoxAndKeepTheirOrder) {
+  Scene scene;
+  scene.lines = {{"still", {{0, 0, 0}, {1, 0, 0}}}, {"moves", {{0, 0, 0}}}};
+  scene.lines[1].moves = true;
+  Frames frames;
+  frames.at = {0, 0.5};
+  frames.points = {{{0, 0, 0}}, {{0, 0, 10}}};
+  frames.columns = {{"q", "mm", {1.5, std::numeric_limits<double>::quiet_NaN()}}};
+  frames.notes = {"", "too <far>"};
+  scene.frames = {frames};
+  const std::string json = scene_data(scene);
+  EXPECT_GT(box_of(scene, true).high.z, 10);
+  EXPECT_LT(box_of(scene, false).high.z, 1) << "the drawing shows the first frame alone";
+  EXPECT_THAT(json, HasSubstr("\"at\":[0,0.5]"));
+  EXPECT_THAT(json, HasSubstr("\"values\":[1.5,null]"));
+  EXPECT_THAT(json, HasSubstr("[\"\",\"too \\u003cfar\\u003e\"]"));
+}
+
 TEST(HeatMap, KindsColourAndBlankIsBlank) {
   HeatMap map;
   map.columns = 3;

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// One self-contained HTML file: no network, no script that reading needs, good on paper, on small screens, light and
-// dark.
+// One self-contained HTML file: no network (its policy forbids it), no script that reading needs, good on paper, on
+// small screens, light and dark.
 #pragma once
 
 #include <string>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "polypod/report/plot.hpp"
+#include "polypod/report/scene.hpp"
 
 namespace polypod::report {
 
@@ -55,6 +56,9 @@ class Report {
   void add_definitions(const std::vector<std::pair<std::string, std::string>>& entries);
   void add_table(const Table& table);
   void add_figure(const Figure& figure, const std::string& caption);
+  /// A picture in space that turns by mouse, touch and keys where the browser has scripts and WebGL, and stands as it
+  /// is drawn where it has not and on paper. What turns may hold more than what is drawn: `turns`, by default `drawn`.
+  void add_scene(const Scene& drawn, const std::string& caption, const Scene* turns = nullptr);
   /// Small pictures side by side (one below the other on a narrow screen), each with its own title.
   void add_figure_grid(int columns, const std::vector<std::pair<std::string, Figure>>& panels,
                        const std::string& caption);
@@ -71,7 +75,7 @@ class Report {
   std::vector<std::string> sections_;
   std::string body_;
   bool in_section_ = false;
-  int pictures_ = 0;
+  int pictures_ = 0, scenes_ = 0;
 };
 
 }  // namespace polypod::report
