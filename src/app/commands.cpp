@@ -12,6 +12,7 @@ std::vector<Command> all_commands() {
       dexterity_command(), singularities_command(),             // quality
       errors_command(), tolerances_command(), budget_command(),
       delta_command(), move_command(), pick_command(), fit_command(),  // deltas
+      optimize_command(), study_command(),                      // studies
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(), identify_cutting_command(),
       simulate_measurement_command(), calibrate_command(), uncertainty_command(), poses_command(),  // measured machines

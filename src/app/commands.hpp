@@ -22,6 +22,8 @@ Command delta_command();
 Command move_command();
 Command pick_command();
 Command fit_command();
+Command optimize_command();
+Command study_command();
 Command compliance_command();
 Command map_command();
 Command identify_compliance_command();

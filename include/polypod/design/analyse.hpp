@@ -1,0 +1,46 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What the evaluations of a study say of its parameters.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/design/store.hpp"
+
+namespace polypod::design {
+
+/// How much one figure depends on each varied parameter.
+struct Sensitivity {
+  std::string of;  ///< "objective" or the name of a figure
+  /// Standardised regression coefficients of the ranks, one a varied parameter, -1 to 1: the sign says whether the
+  /// figure rises with the parameter. NaN where a parameter has one value.
+  std::vector<double> coefficients;
+  double share_explained = 0;  ///< R^2 of the ranks: below about 0.7 the dependence is not monotonic
+  int rows = 0;                ///< that were used
+};
+
+/// For the objective (of one that there is) and each figure: least squares on ranks (mean ranks of equal values) of the
+/// rows that are done or dropped (a volume of a dropped row is the middle of its coarse bounds). The rows are those
+/// that a search has tried, so most lie near its best: the coefficients describe these, not the ranges evenly. Empty
+/// where fewer rows than three for each parameter are left. Cost: n log n in the rows, a parameter and figure.
+std::vector<Sensitivity> sensitivities(const Study& study, const std::vector<Row>& rows);
+
+/// A condition on rows: a varied or tied key, a figure, `objective`, `row`, `seconds`; <, <=, >, >= or = a number.
+struct Condition {
+  std::string name;
+  enum class Is { below, at_most, above, at_least, equal } is = Is::equal;
+  double value = 0;
+};
+/// "volume_mm3>=20000". Errors: OP120 (no condition, or a name that the study does not have).
+Result<Condition> condition_of(const Study& study, const std::string& text);
+/// False where the row does not have the number.
+bool meets(const Study& study, const Row& row, const Condition& condition);
+
+/// A table of all these rows: row, state, phase, objective with its bounds, violation, the parameters, the figures with
+/// the bounds of volumes, seconds, version, at, reason.
+std::string rows_csv(const Study& study, const std::vector<Row>& rows);
+
+/// The machine of a row, with its provenance. Errors: OP121 (the row has no machine).
+Result<AnyMachine> machine_of_row(const Study& study, const Row& row);
+
+}  // namespace polypod::design

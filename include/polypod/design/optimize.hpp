@@ -1,0 +1,65 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The search for the best machine of a study, or for its front.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "polypod/design/store.hpp"
+
+namespace polypod::design {
+
+/// What a long search reports after each evaluation.
+struct SearchProgress {
+  int evaluations = 0, most = 0;
+  Phase phase = Phase::sample;
+  double objective = 0;     ///< the best so far; NaN where there is none, and of a front
+  int front = 0;            ///< points of the front so far
+  double seconds_left = 0;  ///< by the mean of the evaluations that this run computed; NaN before the first
+};
+
+struct OptimizeOptions {
+  int threads = 0;  ///< 0: as many as the machine has. The result does not depend on it.
+  std::string version;
+  std::function<bool()> cancelled;
+  std::function<void(const SearchProgress&)> progress;
+  /// After each batch in which the best row changed.
+  std::function<Status(const Row&)> better;
+};
+
+struct Outcome {
+  std::vector<Row> rows;  ///< of this search, in its order
+  std::optional<std::size_t> best;
+  std::vector<std::size_t> front;
+  std::int64_t computed = 0;  ///< by this run; the others were in the store
+  bool complete = false;      ///< the search ended by itself
+};
+
+/// Looks for the machine with the largest objective that keeps all holds, or for the front of the goals.
+///
+/// One objective: a Latin hypercube, then differential evolution (current-to-pbest/1 with success-history adaptation
+/// and a shrinking population: Tanabe and Fukunaga 2014), a parameter beyond its range set to its end, then the subplex
+/// method (Rowan 1990, of NLopt) from the best; repeated with new samples while evaluations are left. A candidate that
+/// keeps all holds is better than one that does not, of two that do not the one that breaks them less (Deb 2000). Where
+/// all parameters have steps or lists and all combinations fit into the evaluations, all are tried instead. A front:
+/// NSGA-II (Deb 2002). The first member of the first sample is the start, moved into the ranges.
+///
+/// No claim is made that no better machine exists. The search asks in batches whose size does not depend on the number
+/// of threads, and what is compared within a batch are the incumbents from before it; so the same study gives the same
+/// rows. A run that was broken off is repeated from the rows of the store, which are taken as they are, until the first
+/// that is not there. Errors: those of the store; WS110 is none: the outcome is not complete then.
+Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions& options);
+
+/// Whether the machine of the study is one of its candidates: within the ranges, with all ties.
+bool start_is_candidate(const Study& study);
+
+/// The row with the largest objective of those that are done; of equal ones the first. Nothing of a front.
+std::optional<std::size_t> best_of(const Study& study, const std::vector<Row>& rows);
+
+/// Rows that are done and that no other done row is better than in one goal and at least as good as in all, the best in
+/// the first goal first; of equal ones the first. Cost: rows times points of the front.
+std::vector<std::size_t> front_of(const Study& study, const std::vector<Row>& rows);
+
+}  // namespace polypod::design

@@ -1,0 +1,36 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Pictures and the page of a parameter study.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/design/analyse.hpp"
+#include "polypod/report/plot.hpp"
+
+namespace polypod::pages {
+
+/// What a page is made of.
+struct StudyPage {
+  const design::Study& study;
+  const std::vector<design::Row>& rows;
+  const std::vector<design::Sensitivity>& sensitivities;
+  bool complete = false;
+  std::string version;  ///< of Polypod
+  std::string command;  ///< how the page was made
+};
+
+/// The first two goals of all rows that have both, those of the front, and the start. Errors: QP110 (fewer than two
+/// goals, or no row that has both).
+Result<report::Figure> front_figure(const StudyPage& page);
+
+/// A line a row across the varied parameters and the goals, each on an axis of its own, better goals up: at most 200
+/// done rows, the best (of a front its points) in colour. Errors: QP110 (no row is done).
+Result<report::Figure> parallel_figure(const StudyPage& page);
+
+/// One self-contained HTML file: what was asked, what was tried, the best against the start with how sure its figures
+/// are, the front, parallel coordinates, sensitivities, the machine and its workspace, all inputs. The same rows give
+/// the same bytes. Errors: those of the workspace. Cost: a few seconds for the workspace.
+Result<std::string> study_page(const StudyPage& page);
+
+}  // namespace polypod::pages

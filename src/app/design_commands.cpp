@@ -1,0 +1,476 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+
+#include "commands.hpp"
+#include "interrupt.hpp"
+#include "messages.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/design/analyse.hpp"
+#include "polypod/design/optimize.hpp"
+#include "polypod/pages/study.hpp"
+#include "survey_options.hpp"
+
+namespace polypod::app {
+namespace {
+
+using design::Row;
+using design::State;
+using design::Study;
+
+std::string beside(const std::string& folder, const char* name) {
+  return (std::filesystem::path(folder) / name).string();
+}
+
+Json values_json(const Study& study, const Row& row) {
+  Json out = Json::object();
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i)
+    out[design::info_of(figures[i]).name] = number_json(row.evaluation.figures[i].value);
+  return out;
+}
+
+Json row_json(const Study& study, const Row& row) {
+  const design::Evaluation& e = row.evaluation;
+  Json parameters = Json::object(), bounds = Json::object();
+  for (const auto& [key, value] : study.parameters(row.varied)) parameters[key] = number_json(value);
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    const design::Value& v = e.figures[i];
+    if (v.lower < v.upper) bounds[design::info_of(figures[i]).name] = {number_json(v.lower), number_json(v.upper)};
+  }
+  Json out{{"row", row.row},
+           {"state", design::name_of(e.state)},
+           {"phase", design::name_of(row.phase)},
+           {"parameters", parameters},
+           {"values", values_json(study, row)}};
+  if (!bounds.empty()) out["bounds"] = bounds;
+  if (!study.wants_front()) {
+    out["objective"] = number_json(e.objective.value);
+    out["objective_lower"] = number_json(e.objective.lower);
+    out["objective_upper"] = number_json(e.objective.upper);
+  }
+  if (!e.reason.empty()) out["reason"] = e.reason;
+  return out;
+}
+
+Json front_json(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& front) {
+  Json out = Json::array();
+  for (const std::size_t i : front) out.push_back(row_json(study, rows[i]));
+  return out;
+}
+
+Json start_json(const Study& study, const std::vector<Row>& rows) {
+  for (const Row& row : rows)
+    if (row.phase == design::Phase::start) return row_json(study, row);
+  return {};
+}
+
+Json states_json(const std::vector<Row>& rows) {
+  Json out = Json::object();
+  for (const State s : {State::done, State::violates, State::dropped, State::refused}) {
+    out[design::name_of(s)] =
+        std::count_if(rows.begin(), rows.end(), [&](const Row& row) { return row.evaluation.state == s; });
+  }
+  return out;
+}
+
+std::string states_text(const std::vector<Row>& rows) {
+  const Json n = states_json(rows);
+  return fmt::format("{} done, {} dropped as proven worse, {} break a hold, {} refused", n["done"].get<int>(),
+                     n["dropped"].get<int>(), n["violates"].get<int>(), n["refused"].get<int>());
+}
+
+std::string shown(double value) {
+  return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("-");
+}
+
+/// Objective, parameters and figures of a row, one a line; those of the start beside them.
+void print_row(const Study& study, const Row& row, const Row* start) {
+  const design::Evaluation& e = row.evaluation;
+  fmt::print("{:<28} {:>14} {:>14}\n", "", fmt::format("row {}", row.row), start != nullptr ? "start" : "");
+  if (!study.wants_front()) {
+    fmt::print("{:<28} {:>14} {:>14}\n", "objective", shown(e.objective.value),
+               start != nullptr ? shown(start->evaluation.objective.value) : "");
+  }
+  std::vector<std::pair<std::string, double>> before;
+  if (start != nullptr) before = study.parameters(start->varied);
+  const auto parameters = study.parameters(row.varied);
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    // What the start's ties would be is not what the start has.
+    const bool known = i < study.vary.size() && i < before.size();
+    fmt::print("{:<28} {:>14} {:>14}\n", parameters[i].first, shown(parameters[i].second),
+               known ? shown(before[i].second) : "");
+  }
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    const design::Value& v = e.figures[i];
+    const std::string bounds =
+        v.lower < v.upper ? fmt::format("   certainly {} to {}", shown(v.lower), shown(v.upper)) : "";
+    fmt::print("{:<28} {:>14} {:>14}{}\n", design::info_of(figures[i]).name, shown(v.value),
+               start != nullptr ? shown(start->evaluation.figures[i].value) : "", bounds);
+  }
+  if (start != nullptr && start->evaluation.state != State::done) {
+    fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
+  }
+}
+
+const Row* start_of(const std::vector<Row>& rows) {
+  for (const Row& row : rows)
+    if (row.phase == design::Phase::start) return &row;
+  return nullptr;
+}
+
+/// Rows side by side.
+void print_table(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which) {
+  std::vector<std::string> head{"row", "state"};
+  if (!study.wants_front()) head.emplace_back("objective");
+  for (const design::Figure f : study.figures()) head.emplace_back(design::info_of(f).name);
+  for (const design::Vary& v : study.vary) head.push_back(v.key);
+  for (const design::Tie& t : study.ties) head.push_back(t.key);
+  std::vector<std::vector<std::string>> cells{head};
+  for (const std::size_t i : which) {
+    const Row& row = rows[i];
+    std::vector<std::string> line{std::to_string(row.row), design::name_of(row.evaluation.state)};
+    if (!study.wants_front()) line.push_back(shown(row.evaluation.objective.value));
+    for (const design::Value& v : row.evaluation.figures) line.push_back(shown(v.value));
+    for (const auto& [key, value] : study.parameters(row.varied)) line.push_back(shown(value));
+    cells.push_back(std::move(line));
+  }
+  std::vector<std::size_t> width(head.size(), 0);
+  for (const auto& line : cells)
+    for (std::size_t k = 0; k < line.size(); ++k) width[k] = std::max(width[k], line[k].size());
+  for (const auto& line : cells) {
+    for (std::size_t k = 0; k < line.size(); ++k) fmt::print("{}{:>{}}", k > 0 ? "  " : "", line[k], width[k]);
+    fmt::print("\n");
+  }
+}
+
+/// What the search has to say in one line, or nothing where stderr is no terminal.
+std::function<void(const design::SearchProgress&)> search_line(const Context& context) {
+  if (!context.progress) return nullptr;
+  return [](const design::SearchProgress& p) {
+    const std::string best = p.front > 0                  ? fmt::format("front of {}", p.front)
+                             : std::isfinite(p.objective) ? fmt::format("best {:.6g}", p.objective)
+                                                          : std::string("none yet");
+    fmt::print(stderr, "\r{} {} of {}, {}, about {:.0f} s left\x1b[K", design::name_of(p.phase), p.evaluations, p.most,
+               best, p.seconds_left);
+    std::fflush(stderr);
+  };
+}
+
+constexpr const char* kWinner = "winner.toml";
+
+/// A file of this name that no study has written stays.
+Status winner_may_appear(const std::string& folder) {
+  std::error_code ec;
+  const std::string winner = beside(folder, kWinner);
+  if (!std::filesystem::exists(winner, ec) || std::filesystem::exists(design::database_of(folder), ec)) return {};
+  return fail("AP230", fmt::format("{}: is there already, and the folder holds no study", winner), {},
+              "take another folder for -o");
+}
+
+Status write_winner(const Study& study, const std::string& folder, const Row& row) {
+  POLYPOD_ASSIGN(m, design::machine_of_row(study, row));
+  return files::write_whole(beside(folder, kWinner), machine::to_toml(m));
+}
+
+}  // namespace
+
+Command optimize_command() {
+  struct Options {
+    std::string study, folder;
+    int seed = 1, threads = 0;
+  };
+  auto o = std::make_shared<Options>();
+  return {"optimize", "The best machine of a study, or the front of several goals; every evaluation is kept",
+          "polypod optimize examples/jel_optimum/strut_equal.toml -o strut_equal",
+          [o](Arguments& a) {
+            a.positional("STUDY", o->study, "A study file: what may change, what is wanted, what must hold");
+            a.option("-o,--output", o->folder,
+                     "A folder for the database and the best machine; one of the same study is gone on with", true);
+            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the search, instead of that of the study");
+            a.option("--threads", o->threads, {0, 1024}, "How many threads (default: all; the result is the same)");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_TRY(check_files({o->study}, {}, context.json));
+            POLYPOD_ASSIGN(text, files::read(o->study));
+            POLYPOD_ASSIGN(study, design::study_from_text(text, o->study));
+            if (context.given("--seed")) study.seed = static_cast<std::uint64_t>(o->seed);
+            POLYPOD_TRY(winner_may_appear(o->folder));
+            if (std::filesystem::is_directory(o->folder)) {
+              POLYPOD_TRY(check_files({o->study}, {beside(o->folder, kWinner)}, context.json));
+            }
+            POLYPOD_ASSIGN(store, design::Store::open(o->folder, study, text, POLYPOD_VERSION));
+            design::OptimizeOptions options;
+            options.threads = o->threads;
+            options.version = POLYPOD_VERSION;
+            options.cancelled = [] { return interrupted(); };
+            options.progress = search_line(context);
+            options.better = [&](const Row& row) { return write_winner(study, o->folder, row); };
+            POLYPOD_ASSIGN(found, design::optimize(study, store, options));
+            if (context.progress) fmt::print(stderr, "\r\x1b[K");
+            if (interrupted()) return kBadInput;  // the database keeps what was done
+            POLYPOD_TRY(store.close());
+            const bool any = found.best || !found.front.empty();
+            const Row* start = start_of(found.rows);
+            if (context.json) {
+              print_json({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
+                          {"start", start_json(study, found.rows)},
+                          {"evaluations", found.rows.size()},
+                          {"computed", found.computed},
+                          {"states", states_json(found.rows)},
+                          {"front", front_json(study, found.rows, found.front)},
+                          {"complete", found.complete},
+                          {"seed", study.seed},
+                          {"database", design::database_of(o->folder)},
+                          {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
+              return any ? kDone : kAnswerIsNo;
+            }
+            fmt::print("{} evaluations of at most {}: {}\n", found.rows.size(), study.evaluations,
+                       states_text(found.rows));
+            if (found.computed < static_cast<std::int64_t>(found.rows.size())) {
+              fmt::print("{} of them were kept from before\n",
+                         static_cast<std::int64_t>(found.rows.size()) - found.computed);
+            }
+            if (found.best) {
+              print_row(study, found.rows[*found.best], start);
+              fmt::print("wrote {}\n", beside(o->folder, kWinner));
+            } else if (any) {
+              fmt::print("the front has {} points\n", found.front.size());
+              print_table(study, found.rows, found.front);
+            } else {
+              fmt::print("no candidate keeps all holds\n");
+              for (const Row& row : found.rows) {
+                if (row.evaluation.reason.empty()) continue;
+                fmt::print("row {}: {}\n", row.row, one_line(row.evaluation.reason));
+                break;
+              }
+            }
+            fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
+                       for_shell(o->folder));
+            return any ? kDone : kAnswerIsNo;
+          }};
+}
+
+namespace {
+
+struct StudyOptions {
+  std::string folder, csv, machine, output, report, front_svg, parallel_svg, state;
+  std::vector<std::string> where;
+  int top = 10;
+};
+
+Result<std::vector<std::size_t>> chosen_rows(const StudyOptions& o, const Study& study, const std::vector<Row>& rows) {
+  std::vector<design::Condition> conditions;
+  for (const std::string& text : o.where) {
+    POLYPOD_ASSIGN(c, design::condition_of(study, text));
+    conditions.push_back(std::move(c));
+  }
+  if (!o.state.empty()) {
+    bool known = false;
+    for (const State s : {State::done, State::violates, State::dropped, State::refused})
+      known = known || o.state == design::name_of(s);
+    if (!known) {
+      return fail("AP231", fmt::format("--state {}: unknown", o.state), {}, "known: done, violates, dropped, refused");
+    }
+  }
+  std::vector<std::size_t> out;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (!o.state.empty() && o.state != design::name_of(rows[i].evaluation.state)) continue;
+    const bool all = std::all_of(conditions.begin(), conditions.end(),
+                                 [&](const auto& c) { return design::meets(study, rows[i], c); });
+    if (all) out.push_back(i);
+  }
+  return out;
+}
+
+/// The best first; of a front, its points first.
+void sort_rows(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& front,
+               std::vector<std::size_t>& which) {
+  std::vector<std::size_t> place(rows.size(), rows.size());
+  for (std::size_t i = 0; i < front.size(); ++i) place[front[i]] = i;
+  std::stable_sort(which.begin(), which.end(), [&](std::size_t a, std::size_t b) {
+    const design::Evaluation &x = rows[a].evaluation, &y = rows[b].evaluation;
+    if (study.wants_front() && place[a] != place[b]) return place[a] < place[b];
+    if ((x.state == State::done) != (y.state == State::done)) return x.state == State::done;
+    const double u = x.objective.value, v = y.objective.value;
+    return std::isnan(v) ? !std::isnan(u) : u > v;
+  });
+}
+
+/// The row of --machine: a number, or `best`.
+Result<const Row*> asked_row(const std::string& text, const Study& study, const std::vector<Row>& rows) {
+  if (text == "best") {
+    const auto best = design::best_of(study, rows);
+    if (best) return &rows[*best];
+    return fail("AP232", "--machine best: there is no best row", {}, "give the number of a row of the front");
+  }
+  std::int64_t number = 0;
+  const auto [rest, code] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (code == std::errc{} && rest == text.data() + text.size()) {
+    for (const Row& row : rows)
+      if (row.row == number) return &row;
+  }
+  return fail("AP232", fmt::format("--machine {}: there is no such row among {}", text, rows.size()), {},
+              "give the number of a row, or `best`");
+}
+
+Json sensitivities_json(const Study& study, const std::vector<design::Sensitivity>& list) {
+  Json out = Json::array();
+  for (const design::Sensitivity& s : list) {
+    Json coefficients = Json::object();
+    for (std::size_t i = 0; i < study.vary.size(); ++i)
+      coefficients[study.vary[i].key] = number_json(s.coefficients[i]);
+    out.push_back({{"of", s.of},
+                   {"method", "standardised rank regression"},
+                   {"coefficients", coefficients},
+                   {"r2", s.share_explained},
+                   {"rows", s.rows}});
+  }
+  return out;
+}
+
+void print_sensitivities(const Study& study, const std::vector<design::Sensitivity>& list) {
+  if (list.empty()) {
+    fmt::print("\ntoo few rows for sensitivities\n");
+    return;
+  }
+  fmt::print("\nsensitivities: standardised coefficients of a regression on ranks, over the rows that were tried\n");
+  std::size_t width = 0;
+  for (const design::Vary& v : study.vary) width = std::max(width, v.key.size());
+  fmt::print("{:<{}}", "", width);
+  for (const design::Sensitivity& s : list) fmt::print("  {:>18}", s.of);
+  fmt::print("\n");
+  for (std::size_t i = 0; i < study.vary.size(); ++i) {
+    fmt::print("{:<{}}", study.vary[i].key, width);
+    for (const design::Sensitivity& s : list)
+      fmt::print("  {:>18}", std::isnan(s.coefficients[i]) ? "-" : fmt::format("{:.2f}", s.coefficients[i]));
+    fmt::print("\n");
+  }
+  fmt::print("{:<{}}", "R2 (rows)", width);
+  for (const design::Sensitivity& s : list)
+    fmt::print("  {:>18}", fmt::format("{:.2f} ({})", s.share_explained, s.rows));
+  fmt::print("\n");
+}
+
+Status write_study_files(const StudyOptions& o, const Study& study, const std::vector<Row>& rows,
+                         const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
+                         bool complete, const Row* machine_row) {
+  files::Outputs out;
+  if (!o.csv.empty()) {
+    std::vector<Row> chosen;
+    for (const std::size_t i : which) chosen.push_back(rows[i]);
+    std::sort(chosen.begin(), chosen.end(), [](const Row& a, const Row& b) { return a.row < b.row; });
+    POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, chosen)));
+  }
+  if (machine_row != nullptr) {
+    POLYPOD_ASSIGN(m, design::machine_of_row(study, *machine_row));
+    POLYPOD_TRY(out.add(o.output, machine::to_toml(m)));
+  }
+  const pages::StudyPage page{study, rows, sensitivities, complete, POLYPOD_VERSION, command_line()};
+  constexpr double kWidth = 960;
+  if (!o.front_svg.empty()) {
+    POLYPOD_ASSIGN(figure, pages::front_figure(page));
+    POLYPOD_TRY(out.add(o.front_svg, report::standalone_svg(figure, kWidth)));
+  }
+  if (!o.parallel_svg.empty()) {
+    POLYPOD_ASSIGN(figure, pages::parallel_figure(page));
+    POLYPOD_TRY(out.add(o.parallel_svg, report::standalone_svg(figure, kWidth)));
+  }
+  if (!o.report.empty()) {
+    POLYPOD_ASSIGN(html, pages::study_page(page));
+    POLYPOD_TRY(out.add(o.report, std::move(html)));
+  }
+  return out.commit();
+}
+
+}  // namespace
+
+Command study_command() {
+  auto o = std::make_shared<StudyOptions>();
+  return {"study",
+          "What a folder of `optimize` holds: the best, the front, sensitivities, tables, pages, any row's machine",
+          "polypod study strut_equal --where 'condition<=3' --report page.html",
+          [o](Arguments& a) {
+            a.positional("FOLDER", o->folder, "The folder that `polypod optimize STUDY -o FOLDER` wrote");
+            a.option("--top", o->top, {0, 1e6}, "How many rows are listed, the best first (default 10)");
+            a.option("--where", o->where,
+                     "NAME>=number: only rows with a parameter, figure or objective so (repeatable)");
+            a.option("--state", o->state, "done, violates, dropped or refused: only rows in this state");
+            a.option("--csv", o->csv, "Write these rows as a table");
+            a.option("--machine", o->machine, "A row's number, or `best`: its machine goes to --output");
+            a.option("-o,--output", o->output, "The machine file of --machine");
+            a.option("--front-svg", o->front_svg, "The front of the first two goals as a picture");
+            a.option("--parallel-svg", o->parallel_svg, "Parallel coordinates of the best rows as a picture");
+            a.option("--report", o->report, "An HTML report: what was asked and tried, the best against the start");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_TRY(check_files({design::database_of(o->folder)},
+                                    {o->csv, o->output, o->front_svg, o->parallel_svg, o->report}, context.json));
+            if (o->machine.empty() != o->output.empty()) {
+              return fail("AP233", "--machine and --output go together", {}, "write --machine best -o best.toml");
+            }
+            POLYPOD_ASSIGN(store, design::Store::read(o->folder));
+            const Study& study = store.study();
+            POLYPOD_ASSIGN(rows, store.rows());
+            POLYPOD_ASSIGN(complete, store.complete());
+            POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
+            const Row* machine_row = nullptr;
+            if (!o->machine.empty()) {
+              POLYPOD_ASSIGN(row, asked_row(o->machine, study, rows));
+              machine_row = row;
+            }
+            const auto best = design::best_of(study, rows);
+            const std::vector<std::size_t> front = design::front_of(study, rows);
+            const auto sensitivities = design::sensitivities(study, rows);
+            sort_rows(study, rows, front, which);
+            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, complete, machine_row));
+            std::vector<std::size_t> listed = which;
+            listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
+            if (context.json) {
+              Json list = Json::array();
+              for (const std::size_t i : listed) list.push_back(row_json(study, rows[i]));
+              print_json({{"rows", rows.size()},
+                          {"selected", which.size()},
+                          {"states", states_json(rows)},
+                          {"complete", complete},
+                          {"version", store.version()},
+                          {"seed", study.seed},
+                          {"best", best ? row_json(study, rows[*best]) : Json()},
+                          {"start", start_json(study, rows)},
+                          {"front", front_json(study, rows, front)},
+                          {"sensitivities", sensitivities_json(study, sensitivities)},
+                          {"listed", list}});
+              return kDone;
+            }
+            fmt::print("study {} on {}, seed {}, Polypod {}\n", one_line(study.file), one_line(study.machine),
+                       study.seed, store.version());
+            fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
+                       complete ? "ended by itself" : "was broken off, or is running");
+            if (best) {
+              fmt::print("\n");
+              print_row(study, rows[*best], start_of(rows));
+            }
+            if (study.wants_front()) fmt::print("the front has {} points\n", front.size());
+            if (!listed.empty()) {
+              fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
+              print_table(study, rows, listed);
+            }
+            print_sensitivities(study, sensitivities);
+            for (const std::string* path : {&o->csv, &o->output, &o->front_svg, &o->parallel_svg, &o->report})
+              if (!path->empty()) fmt::print("wrote {}\n", *path);
+            return kDone;
+          }};
+}
+
+}  // namespace polypod::app

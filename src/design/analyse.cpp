@@ -1,0 +1,212 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/design/analyse.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numeric>
+#include <optional>
+
+#include "polypod/core/nearest_word.hpp"
+
+namespace polypod::design {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+/// Ranks from 1, equal values with the mean of theirs; then without mean and with a deviation of 1. Empty where all are
+/// equal.
+Eigen::VectorXd standard_ranks(const std::vector<double>& values) {
+  const std::size_t n = values.size();
+  std::vector<std::size_t> order(n);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+  Eigen::VectorXd out(static_cast<Eigen::Index>(n));
+  for (std::size_t i = 0; i < n;) {
+    std::size_t end = i;
+    while (end < n && values[order[end]] == values[order[i]]) ++end;
+    const double rank = 0.5 * static_cast<double>(i + end + 1);
+    for (; i < end; ++i) out[static_cast<Eigen::Index>(order[i])] = rank;
+  }
+  out.array() -= out.mean();
+  const double size = out.norm();
+  if (!(size > 0)) return {};
+  return out / size;
+}
+
+/// A name and how a row's number of it is found.
+double number_of(const Study& study, const Row& row, const std::string& name) {
+  if (name == "row") return static_cast<double>(row.row);
+  if (name == "seconds") return row.evaluation.seconds;
+  if (name == "objective") return row.evaluation.objective.value;
+  const std::vector<Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i)
+    if (name == info_of(figures[i]).name) return row.evaluation.figures[i].value;
+  for (const auto& [key, value] : study.parameters(row.varied))
+    if (key == name) return value;
+  return kNone;
+}
+
+std::vector<std::string> names_of(const Study& study) {
+  std::vector<std::string> out{"row", "seconds"};
+  if (!study.wants_front()) out.emplace_back("objective");
+  for (const Figure f : study.figures()) out.emplace_back(info_of(f).name);
+  for (const Vary& v : study.vary) out.push_back(v.key);
+  for (const Tie& t : study.ties) out.push_back(t.key);
+  return out;
+}
+
+bool is_volume(Figure f) {
+  return f == Figure::volume || f == Figure::largest_box;
+}
+
+/// A field of a table as RFC 4180 has it.
+std::string field(const std::string& text) {
+  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return out + "\"";
+}
+std::string field(double value) {
+  return std::isfinite(value) ? fmt::format("{}", value) : "";
+}
+
+}  // namespace
+
+std::vector<Sensitivity> sensitivities(const Study& study, const std::vector<Row>& rows) {
+  constexpr std::size_t kRowsEach = 3;
+  std::vector<std::string> asked;
+  if (!study.wants_front()) asked.emplace_back("objective");
+  for (const Figure f : study.figures()) asked.emplace_back(info_of(f).name);
+  std::vector<Sensitivity> out;
+  for (const std::string& name : asked) {
+    std::vector<double> y;
+    std::vector<std::vector<double>> x(study.vary.size());
+    for (const Row& row : rows) {
+      if (row.evaluation.state != State::done && row.evaluation.state != State::dropped) continue;
+      const double value = number_of(study, row, name);
+      const bool whole = std::none_of(row.varied.begin(), row.varied.end(), [](double v) { return std::isnan(v); });
+      if (!std::isfinite(value) || !whole) continue;
+      y.push_back(value);
+      for (std::size_t i = 0; i < x.size(); ++i) x[i].push_back(row.varied[i]);
+    }
+    if (y.size() < kRowsEach * (x.size() + 1)) continue;
+    const Eigen::VectorXd ranks = standard_ranks(y);
+    if (ranks.size() == 0) continue;
+    std::vector<std::size_t> moving;
+    Eigen::MatrixXd X(ranks.size(), 0);
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const Eigen::VectorXd column = standard_ranks(x[i]);
+      if (column.size() == 0) continue;
+      moving.push_back(i);
+      X.conservativeResize(Eigen::NoChange, X.cols() + 1);
+      X.col(X.cols() - 1) = column;
+    }
+    if (moving.empty()) continue;
+    const Eigen::VectorXd b = X.completeOrthogonalDecomposition().solve(ranks);
+    Sensitivity s{name, std::vector<double>(x.size(), kNone), 1 - (ranks - X * b).squaredNorm(),
+                  static_cast<int>(y.size())};
+    for (std::size_t k = 0; k < moving.size(); ++k) s.coefficients[moving[k]] = b[static_cast<Eigen::Index>(k)];
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+Result<Condition> condition_of(const Study& study, const std::string& text) {
+  const auto bad = [&](const std::string& why, const std::string& hint) {
+    return fail("OP120", fmt::format("{}: {}", text, why), {}, hint);
+  };
+  const std::size_t at = text.find_first_of("<>=");
+  if (at == std::string::npos || at == 0) return bad("no condition", "write volume_mm3>=20000");
+  Condition out;
+  out.name = text.substr(0, at);
+  const bool equal = text.compare(at + 1, 1, "=") == 0 && text[at] != '=';
+  using Is = Condition::Is;
+  out.is = text[at] == '='   ? Is::equal
+           : text[at] == '<' ? (equal ? Is::at_most : Is::below)
+                             : (equal ? Is::at_least : Is::above);
+  const char* begin = text.data() + at + (equal ? 2 : 1);
+  const char* const end = text.data() + text.size();
+  const auto [rest, code] = std::from_chars(begin, end, out.value);
+  if (begin == end || code != std::errc{} || rest != end || !std::isfinite(out.value)) {
+    return bad("there is no number behind the sign", "write volume_mm3>=20000");
+  }
+  const std::vector<std::string> known = names_of(study);
+  if (std::find(known.begin(), known.end(), out.name) == known.end()) {
+    return bad(fmt::format("this study has no {}", out.name),
+               did_you_mean(out.name, known) + fmt::format("known: {}", fmt::join(known, ", ")));
+  }
+  return out;
+}
+
+bool meets(const Study& study, const Row& row, const Condition& c) {
+  const double x = number_of(study, row, c.name);
+  switch (c.is) {
+    case Condition::Is::below:
+      return x < c.value;
+    case Condition::Is::at_most:
+      return x <= c.value;
+    case Condition::Is::above:
+      return x > c.value;
+    case Condition::Is::at_least:
+      return x >= c.value;
+    case Condition::Is::equal:
+      break;
+  }
+  return x == c.value;
+}
+
+std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
+  const std::vector<Figure> figures = study.figures();
+  std::string out = "row,state,phase,objective,objective_lower,objective_upper,violation";
+  for (const Vary& v : study.vary) out += "," + field(v.key);
+  for (const Tie& t : study.ties) out += "," + field(t.key);
+  for (const Figure f : figures) {
+    const std::string name = info_of(f).name;
+    out += "," + name;
+    if (is_volume(f)) out += "," + name + "_lower," + name + "_upper";
+  }
+  out += ",seconds,version,at,reason\n";
+  for (const Row& row : rows) {
+    const Evaluation& e = row.evaluation;
+    out += fmt::format("{},{},{},{},{},{},{}", row.row, name_of(e.state), name_of(row.phase), field(e.objective.value),
+                       field(e.objective.lower), field(e.objective.upper), field(e.violation));
+    for (const auto& [key, value] : study.parameters(row.varied)) out += "," + field(value);
+    for (std::size_t i = 0; i < figures.size(); ++i) {
+      const Value& v = e.figures[i];
+      out += "," + field(v.value);
+      if (is_volume(figures[i])) out += "," + field(v.lower) + "," + field(v.upper);
+    }
+    out += fmt::format(",{},{},{},{}\n", field(e.seconds), field(row.version), field(row.at), field(e.reason));
+  }
+  return out;
+}
+
+Result<AnyMachine> machine_of_row(const Study& study, const Row& row) {
+  if (row.phase == Phase::start) return study.start;
+  auto made = study.machine_at(row.varied);
+  if (!made) {
+    return fail("OP121", fmt::format("row {} has no machine: {}", row.row, made.error().message), {},
+                "take another row");
+  }
+  const Evaluation& e = row.evaluation;
+  std::string text = fmt::format("row {} of the study {} on {} (seed {}, Polypod {}, {})", row.row, study.file,
+                                 study.machine, study.seed, row.version, row.at);
+  if (!std::isnan(e.objective.value)) text += fmt::format("; objective {:.6g}", e.objective.value);
+  const std::vector<Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i)
+    text += fmt::format("; {} {:.6g}", info_of(figures[i]).name, e.figures[i].value);
+  text += "; set by the search: ";
+  std::vector<std::string> set;
+  for (const auto& [key, value] : study.parameters(row.varied)) set.push_back(fmt::format("{} = {}", key, value));
+  text += fmt::format("{}; what other entries say of these figures is true of the machine that the study began with",
+                      fmt::join(set, ", "));
+  machine::note(*made, "study", text);
+  return std::move(*made);
+}
+
+}  // namespace polypod::design

@@ -1,0 +1,427 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/design/evaluate.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/quality/singularity.hpp"
+#include "polypod/quality/survey.hpp"
+#include "polypod/statics/compliance.hpp"
+#include "polypod/workspace/shape.hpp"
+
+namespace polypod::design {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+/// The gap of the first volume as a share of it: a tenth of the boxes that a volume to 1 % takes.
+constexpr double kCoarse = 0.25;
+constexpr const char* kCancelled = "WS110";
+
+Value exactly(double value) {
+  Value out;
+  out.value = out.lower = out.upper = value;
+  return out;
+}
+
+bool is_volume(Figure figure) {
+  return figure == Figure::volume || figure == Figure::largest_box;
+}
+
+double product(const std::array<double, 2>& sides) {
+  return sides[0] * sides[1];
+}
+
+/// One candidate on its way through the stages.
+class Judge {
+ public:
+  Judge(const Study& study, const Incumbents& incumbents, const EvaluateOptions& options)
+      : study_(study), incumbents_(incumbents), options_(options), wanted_(study.figures()) {
+    out_.figures.resize(wanted_.size());
+    workspace_ = workspace_options(study);
+    workspace_.threads = options.threads;
+    workspace_.cancelled = options.cancelled;
+  }
+
+  Result<Evaluation> operator()(const AnyMachine& m) {
+    POLYPOD_TRY(stages(m));
+    out_.objective = objective_of(study_, out_.figures);
+    return out_;
+  }
+
+ private:
+  [[nodiscard]] bool wants(Figure figure) const {
+    return std::find(wanted_.begin(), wanted_.end(), figure) != wanted_.end();
+  }
+  void set(Figure figure, const Value& value) {
+    for (std::size_t i = 0; i < wanted_.size(); ++i)
+      if (wanted_[i] == figure) out_.figures[i] = value;
+  }
+  [[nodiscard]] Value get(Figure figure) const {
+    for (std::size_t i = 0; i < wanted_.size(); ++i)
+      if (wanted_[i] == figure) return out_.figures[i];
+    return {};
+  }
+
+  void refuse(const std::string& why) {
+    out_.state = State::refused;
+    out_.reason = why;
+    out_.violation = kInf;
+  }
+
+  /// Whether what is known decides already. `last`: nothing else will be computed.
+  bool decided(bool last) {
+    double certain = box_violation_, likely = box_violation_;
+    std::string broken = box_violation_ > 0 ? box_reason_ : "";
+    for (const Hold& h : study_.holds) {
+      if (h.box) continue;
+      const Value v = get(h.figure);
+      if (std::isnan(v.value)) continue;
+      const auto share = [](double by, double bound) { return by > 0 ? by / (bound != 0 ? std::abs(bound) : 1) : 0; };
+      // No figure is negative, so what is infinite breaks an upper bound by a lot, but not by infinity.
+      constexpr double kLot = 1e6;
+      if (h.min) {
+        certain += share(*h.min - v.upper, *h.min);
+        likely += share(*h.min - v.value, *h.min);
+      }
+      if (h.max) {
+        certain += std::min(kLot, share(v.lower - *h.max, *h.max));
+        likely += std::min(kLot, share(v.value - *h.max, *h.max));
+      }
+      if (broken.empty() && (last ? likely : certain) > 0) broken = fmt::format("{}: {:.6g}", h.in_words(), v.value);
+    }
+    out_.violation = last ? likely : certain;
+    if (out_.violation > 0) {
+      out_.state = State::violates;
+      out_.reason = "not kept: " + broken;
+      return true;
+    }
+    out_.state = State::done;
+    for (const Goal& g : study_.goals) {
+      if (g.maximise || study_.wants_front() || get(g.figure).value != 0) continue;
+      refuse(fmt::format("{} is 0, and the objective takes its share of {}", info_of(g.figure).name, g.best));
+      return true;
+    }
+    if (!last && worse()) {
+      out_.state = State::dropped;
+      return true;
+    }
+    return last;
+  }
+
+  /// Whether the goals at their better bounds are worse than an incumbent at its worse ones. Figures that are not known
+  /// yet bound nothing.
+  [[nodiscard]] bool worse() {
+    for (const Goal& g : study_.goals)
+      if (std::isnan(get(g.figure).value)) return false;
+    if (!study_.wants_front()) {
+      const double upper = objective_of(study_, out_.figures).upper;
+      if (!(upper < incumbents_.objective)) return false;
+      out_.reason =
+          fmt::format("its objective is at most {:.6g}, below {:.6g} of another, proven", upper, incumbents_.objective);
+      return true;
+    }
+    const std::vector<double> hopeful = goals_of(study_, out_, true);
+    const bool beaten = std::any_of(incumbents_.front.begin(), incumbents_.front.end(),
+                                    [&](const auto& point) { return dominates(point, hopeful); });
+    if (beaten) out_.reason = "dominated by a point of the front, proven";
+    return beaten;
+  }
+
+  /// Error of a computation on a candidate: it has no such figure. Only Ctrl-C ends the search.
+  Status candidate(const Error& error) {
+    if (error.id == kCancelled) return tl::unexpected(error);
+    refuse(error.message);
+    return {};
+  }
+
+  Status stages(const AnyMachine& m) {
+    const quality::PoseIndependentSingularity s = quality::pose_independent_singularity(m);
+    if (s.never_held()) {
+      refuse("singular at every pose that was judged (type 2): the drives do not constrain the platform");
+      return {};
+    }
+    out_.state = State::done;
+    at_home(m);
+    if (out_.state == State::refused || decided(false)) return {};
+    const bool volumes = std::any_of(wanted_.begin(), wanted_.end(), is_volume);
+    const bool survey = std::any_of(wanted_.begin(), wanted_.end(), [](Figure f) { return info_of(f).of_survey; });
+    const bool boxes = std::any_of(study_.holds.begin(), study_.holds.end(), [](const Hold& h) { return h.box; });
+    if (volumes || survey || boxes) {
+      bool go_on = false;
+      POLYPOD_TRY(coarse_volume(m).map([&](bool g) { go_on = g; }));
+      if (!go_on || decided(false)) return {};
+    }
+    if (boxes) {
+      POLYPOD_TRY(boxes_inside(m));
+      if (out_.state == State::refused || decided(false)) return {};
+    }
+    if (survey) {
+      bool go_on = false;
+      POLYPOD_TRY(surveyed(m).map([&](bool g) { go_on = g; }));
+      if (!go_on || decided(false)) return {};
+    }
+    if (wants(Figure::volume)) {
+      const auto v = workspace::volume(m, workspace_);
+      if (!v) return candidate(v.error());
+      set_volume(*v);
+      if (decided(!wants(Figure::largest_box))) return {};
+    }
+    if (wants(Figure::largest_box)) {
+      const auto shape = workspace::largest_inside(m, workspace_, workspace::ShapeKind::box);
+      if (!shape) return candidate(shape.error());
+      set(Figure::largest_box, exactly(units::to_mm3(shape->volume())));
+    }
+    decided(true);
+    return {};
+  }
+
+  void at_home(const AnyMachine& m) {
+    if (wants(Figure::compliance)) {
+      Pose X{Mat3::Identity(), kinematics::middle_of_work(m)};
+      if (const auto home = kinematics::home_pose(m)) X = *home;
+      const statics::Compliance c = statics::compliance_at(m, X);
+      if (c.reachable) {
+        const Eigen::SelfAdjointEigenSolver<Mat3> eigen(c.linear(), Eigen::EigenvaluesOnly);
+        set(Figure::compliance, exactly(units::to_um_per_N(eigen.eigenvalues().maxCoeff())));
+      } else {
+        refuse("the machine cannot stand at the middle of its work: " + c.reason);
+        return;
+      }
+    }
+    if (wants(Figure::footprint) || wants(Figure::height)) {
+      Vec3 low = Vec3::Constant(kInf), high = Vec3::Constant(-kInf);
+      for (const machine::OutlinePart& part : kinematics::outline(m, kinematics::middle_of_work(m))) {
+        for (const Vec3& p : part.points) {
+          low = low.cwiseMin(p);
+          high = high.cwiseMax(p);
+        }
+      }
+      const Vec3 sides = (high - low) * units::kMmPerMetre;
+      set(Figure::footprint, exactly(product({sides.x(), sides.y()})));
+      set(Figure::height, exactly(sides.z()));
+    }
+  }
+
+  void set_volume(const workspace::Volume& v) {
+    Value value;
+    value.value = units::to_mm3(v.volume);
+    value.lower = units::to_mm3(v.lower);
+    value.upper = units::to_mm3(v.upper);
+    if (!v.proven) value.lower = value.upper = value.value;  // of a sample nothing is certain
+    set(Figure::volume, value);
+    // A box inside is no larger than the workspace.
+    if (wants(Figure::largest_box)) {
+      Value box;
+      box.lower = 0;
+      box.upper = v.proven ? value.upper : kInf;
+      box.value = 0.5 * value.value;
+      set(Figure::largest_box, box);
+    }
+  }
+
+  /// False where the candidate is done with.
+  Result<bool> coarse_volume(const AnyMachine& m) {
+    workspace::Options coarse = workspace_;
+    coarse.relative_tolerance = std::max(kCoarse, workspace_.relative_tolerance);
+    const auto v = workspace::volume(m, coarse);
+    if (!v) {
+      POLYPOD_TRY(candidate(v.error()));
+      return false;
+    }
+    if (v->empty || (!v->proven && !v->reached)) {
+      refuse(v->proven ? "no point is reachable from every required direction (proven)"
+                       : "a sample found no point that is reachable from every required direction");
+      return false;
+    }
+    if (v->proven) set_volume(*v);  // a coarse sample bounds nothing
+    return true;
+  }
+
+  /// How many of 27 points of a box are not reached, as a share; 0 where the box is proven to be inside.
+  Status boxes_inside(const AnyMachine& m) {
+    const std::vector<Mat3> orientations = workspace::sampled_orientations(workspace_.directions);
+    for (const Hold& h : study_.holds) {
+      if (!h.box) continue;
+      const Vec3 center = 0.5 * ((*h.box)[0] + (*h.box)[1]), half = 0.5 * ((*h.box)[1] - (*h.box)[0]);
+      const auto held = workspace::certainly_holds(m, workspace_, {workspace::ShapeKind::box, center, half});
+      if (!held) return candidate(held.error());
+      if (*held) continue;
+      constexpr double kNotProven = 0.01;
+      double missed = kNotProven;
+      for (int i = 0; i < 27; ++i) {
+        const Vec3 at(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
+        if (!workspace::reaches_samples(m, workspace_, orientations, center + half.cwiseProduct(at)))
+          missed += 1.0 / 27;
+      }
+      box_violation_ += missed;
+      if (box_reason_.empty()) box_reason_ = h.in_words();
+    }
+    return {};
+  }
+
+  Result<bool> surveyed(const AnyMachine& m) {
+    quality::SurveyOptions options;
+    options.workspace = workspace_;
+    options.resolution = study_.resolution;
+    const auto failed = [&](const Error& error) -> Result<bool> {
+      POLYPOD_TRY(candidate(error));
+      return false;
+    };
+    const auto survey = quality::survey(m, options);
+    if (!survey) return failed(survey.error());
+    const auto mean = [&](const quality::Quantity& q) { return quality::statistics(*survey, q.mean).mean; };
+    const auto worst = [&](const quality::Quantity& q, const quality::Anywhere& a, std::size_t number, double sign) {
+      return quality::worst_seen(m, *survey, options, q, a, number, sign).value;
+    };
+    const auto any = [&](std::initializer_list<Figure> list) {
+      return std::any_of(list.begin(), list.end(), [&](Figure f) { return wants(f); });
+    };
+    if (any({Figure::condition, Figure::sigma_min, Figure::determinant, Figure::condition_max,
+             Figure::sigma_min_least})) {
+      const auto f = quality::dexterity_field(m, *survey, options);
+      if (!f) return failed(f.error());
+      set(Figure::condition, exactly(mean(f->condition)));
+      set(Figure::sigma_min, exactly(mean(f->sigma_min)));
+      set(Figure::determinant, exactly(mean(f->determinant)));
+      if (wants(Figure::condition_max)) {
+        set(Figure::condition_max, exactly(worst(f->condition, f->anywhere, 0, 1)));
+      }
+      if (wants(Figure::sigma_min_least)) {
+        set(Figure::sigma_min_least, exactly(worst(f->sigma_min, f->anywhere, 1, -1)));
+      }
+    }
+    if (any({Figure::tolerance, Figure::tolerance_max, Figure::tolerance_angle})) {
+      const auto sizes = quality::sized(m, study_.tolerances, true);
+      if (!sizes) return failed(sizes.error());
+      const auto f = quality::tolerance_field(m, *survey, options, *sizes);
+      if (!f) return failed(f.error());
+      set(Figure::tolerance, exactly(units::to_mm(mean(f->position))));
+      set(Figure::tolerance_angle, exactly(mean(f->orientation)));
+      if (wants(Figure::tolerance_max)) {
+        set(Figure::tolerance_max, exactly(units::to_mm(worst(f->position, f->anywhere, 0, 1))));
+      }
+    }
+    if (any({Figure::known_error, Figure::known_error_max})) {
+      const auto sizes = quality::sized(m, study_.errors, false);
+      if (!sizes) return failed(sizes.error());
+      const auto f = quality::known_error_field(m, *survey, options, *sizes);
+      if (!f) return failed(f.error());
+      set(Figure::known_error, exactly(units::to_mm(mean(f->position))));
+      if (wants(Figure::known_error_max)) {
+        set(Figure::known_error_max, exactly(units::to_mm(worst(f->position, f->anywhere, 0, 1))));
+      }
+    }
+    for (std::size_t i = 0; i < wanted_.size(); ++i) {
+      if (!info_of(wanted_[i]).of_survey || !std::isnan(out_.figures[i].value)) continue;
+      refuse(fmt::format("{} has no value: the machine is singular at every point that was looked at",
+                         info_of(wanted_[i]).name));
+      return false;
+    }
+    return true;
+  }
+
+  const Study& study_;
+  const Incumbents& incumbents_;
+  const EvaluateOptions& options_;
+  std::vector<Figure> wanted_;
+  workspace::Options workspace_;
+  Evaluation out_;
+  double box_violation_ = 0;
+  std::string box_reason_;
+};
+
+/// A goal as a share of its normalising value, so that more is better.
+double share_of(const Goal& g, double value) {
+  if (g.maximise) return value / g.best;
+  return value > 0 ? g.best / value : kInf;
+}
+
+}  // namespace
+
+const char* name_of(State state) {
+  switch (state) {
+    case State::done:
+      return "done";
+    case State::violates:
+      return "violates";
+    case State::dropped:
+      return "dropped";
+    case State::refused:
+      break;
+  }
+  return "refused";
+}
+
+workspace::Options workspace_options(const Study& study) {
+  workspace::Options out;
+  out.directions.tilt = study.tilt;
+  out.directions.a_range = study.a_range;
+  out.directions.b_range = study.b_range;
+  out.relative_tolerance = study.relative_tolerance;
+  out.interference = study.interference;
+  out.bounds_tolerance = 0;
+  return out;
+}
+
+Value objective_of(const Study& study, const std::vector<Value>& figures) {
+  if (study.wants_front()) return {};
+  const std::vector<Figure> order = study.figures();
+  Value sum = exactly(0);
+  for (const Goal& g : study.goals) {
+    const auto at = static_cast<std::size_t>(std::find(order.begin(), order.end(), g.figure) - order.begin());
+    const Value& v = figures[at];
+    if (std::isnan(v.value)) return {};
+    sum.value += g.weight * share_of(g, v.value);
+    sum.lower += g.weight * share_of(g, g.maximise ? v.lower : v.upper);
+    sum.upper += g.weight * share_of(g, g.maximise ? v.upper : v.lower);
+  }
+  return sum;
+}
+
+std::vector<double> goals_of(const Study& study, const Evaluation& e, bool hopeful) {
+  const std::vector<Figure> order = study.figures();
+  std::vector<double> out;
+  for (const Goal& g : study.goals) {
+    const auto at = static_cast<std::size_t>(std::find(order.begin(), order.end(), g.figure) - order.begin());
+    const Value& v = e.figures[at];
+    out.push_back(g.maximise ? (hopeful ? v.upper : v.lower) : -(hopeful ? v.lower : v.upper));
+  }
+  return out;
+}
+
+bool dominates(const std::vector<double>& a, const std::vector<double>& b) {
+  bool better = false;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!(a[i] >= b[i])) return false;
+    better = better || a[i] > b[i];
+  }
+  return better;
+}
+
+Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,
+                                    const EvaluateOptions& options) {
+  const auto begin = std::chrono::steady_clock::now();
+  POLYPOD_ASSIGN(out, Judge(study, incumbents, options)(machine));
+  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return out;
+}
+
+Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varied, const Incumbents& incumbents,
+                            const EvaluateOptions& options) {
+  const auto m = study.machine_at(varied);
+  if (m) return evaluate_machine(study, *m, incumbents, options);
+  Evaluation out;
+  out.figures.resize(study.figures().size());
+  out.reason = m.error().message;
+  return out;
+}
+
+}  // namespace polypod::design

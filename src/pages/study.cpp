@@ -1,0 +1,487 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/study.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "machine_lines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/design/optimize.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/report/html.hpp"
+#include "polypod/report/parallel.hpp"
+#include "polypod/report/scene.hpp"
+#include "polypod/workspace/surface.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using design::Figure;
+using design::Goal;
+using design::Row;
+using design::State;
+using design::Study;
+using report::number;
+using report::Report;
+using report::Verdict;
+using Entries = std::vector<std::pair<std::string, std::string>>;
+
+constexpr int kDigits = 5;
+
+std::string goal_text(const Goal& g) {
+  return fmt::format("{} {}", g.maximise ? "largest" : "smallest", design::info_of(g.figure).name);
+}
+
+/// The place of a figure in the order of Study::figures().
+std::size_t place_of(const Study& study, Figure figure) {
+  const std::vector<Figure> order = study.figures();
+  return static_cast<std::size_t>(std::find(order.begin(), order.end(), figure) - order.begin());
+}
+
+double value_of(const Study& study, const Row& row, const Goal& g) {
+  return row.evaluation.figures[place_of(study, g.figure)].value;
+}
+
+const Row* start_of(const StudyPage& page) {
+  for (const Row& row : page.rows)
+    if (row.phase == design::Phase::start) return &row;
+  return nullptr;
+}
+
+std::string directions_of(const Study& s) {
+  if (s.a_range || s.b_range) {
+    std::string out;
+    for (const auto& [range, name] : {std::pair{s.a_range, "A"}, std::pair{s.b_range, "B"}}) {
+      if (!range) continue;
+      out += fmt::format("{}{} from {:g} to {:g} deg", out.empty() ? "every " : " and ", name,
+                         units::to_deg((*range)[0]), units::to_deg((*range)[1]));
+    }
+    return out;
+  }
+  return s.tilt > 0 ? fmt::format("every tilt up to {:g} deg", units::to_deg(s.tilt)) : "zero tilt (R = 1)";
+}
+
+class Page {
+ public:
+  explicit Page(const StudyPage& page)
+      : page_(page),
+        study_(page.study),
+        report_(fmt::format("Study of {}", page.study.machine), subtitle(page.study), facts(page)),
+        start_(start_of(page)),
+        front_(design::front_of(page.study, page.rows)) {
+    if (const auto best = design::best_of(page.study, page.rows)) best_ = &page.rows[*best];
+  }
+
+  Result<std::string> html() {
+    answer();
+    asked();
+    tried();
+    tradeoffs();
+    sensitivities();
+    POLYPOD_TRY(machines());
+    inputs();
+    return report_.to_html();
+  }
+
+ private:
+  static std::string subtitle(const Study& study) {
+    std::string out;
+    for (const Goal& g : study.goals) out += (out.empty() ? "" : ", ") + goal_text(g);
+    return fmt::format("Wanted: {}; {}", out, study.wants_front() ? "the front of all" : "one machine");
+  }
+
+  static Entries facts(const StudyPage& page) {
+    Entries out{{"study", page.study.file},
+                {"machine", page.study.machine},
+                {"tool directions", directions_of(page.study)},
+                {"seed", std::to_string(page.study.seed)}};
+    if (!page.version.empty()) out.emplace_back("made with", "Polypod " + page.version);
+    return out;
+  }
+
+  void answer() {
+    report_.add_section("The answer");
+    if (best_ == nullptr && front_.empty()) {
+      report_.add_verdict(Verdict::bad, "No candidate that was tried keeps all holds.");
+      return;
+    }
+    if (!page_.complete) {
+      report_.add_verdict(Verdict::bad, "The search had not ended when this page was made: it may still find better.");
+    }
+    if (best_ == nullptr) {
+      report_.add_verdict(
+          Verdict::neutral,
+          fmt::format("{} machines are left of which none is better than another in every goal.", front_.size()));
+      front_table();
+      return;
+    }
+    const design::Value& f = best_->evaluation.objective;
+    const bool compared = start_ != nullptr && std::isfinite(start_->evaluation.objective.value);
+    report_.add_verdict(
+        Verdict::neutral,
+        fmt::format(
+            "The best machine that was found is row {}, with an objective of {}{}.", best_->row,
+            number(f.value, kDigits),
+            compared ? fmt::format(" ({} of the start)", number(start_->evaluation.objective.value, kDigits)) : ""));
+    report_.add_text(
+        "A search finds good machines and proves nothing about those it did not try: no claim is made that none is "
+        "better. Volumes lie between proven bounds. Means are those over the points of the workspace at the study's "
+        "resolution, and what is called seen is the most or the least of the poses that were looked at.");
+    std::vector<report::KeyFigure> figures{{number(f.value, kDigits), "", "objective", Verdict::neutral}};
+    for (const Goal& g : study_.goals) {
+      figures.push_back({number(value_of(study_, *best_, g), 4), "", design::info_of(g.figure).name, Verdict::neutral});
+    }
+    report_.add_key_figures(figures);
+    compare();
+  }
+
+  /// The best against the start.
+  void compare() {
+    report::Table t;
+    t.caption = "The best machine beside the one that the study began with";
+    t.columns = {{"", "", -1}, {"start", "", -1}, {"best", "", -1}, {"proven bounds of the best", "", -1}};
+    const auto add = [&](const std::string& name, double before, double now, const design::Value* bounds) {
+      const bool bounded = bounds != nullptr && bounds->lower < bounds->upper;
+      t.rows.push_back({name, start_ != nullptr && std::isfinite(before) ? number(before, kDigits) : std::string(""),
+                        number(now, kDigits),
+                        bounded
+                            ? fmt::format("{} to {}", number(bounds->lower, kDigits), number(bounds->upper, kDigits))
+                            : std::string("")});
+    };
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    add("objective", start_ != nullptr ? start_->evaluation.objective.value : kNone, best_->evaluation.objective.value,
+        nullptr);
+    const auto parameters = study_.parameters(best_->varied);
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      const bool known = start_ != nullptr && i < study_.vary.size();
+      add(parameters[i].first, known ? start_->varied[i] : kNone, parameters[i].second, nullptr);
+    }
+    const std::vector<Figure> order = study_.figures();
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      add(design::info_of(order[i]).name, start_ != nullptr ? start_->evaluation.figures[i].value : kNone,
+          best_->evaluation.figures[i].value, &best_->evaluation.figures[i]);
+    }
+    report_.add_table(t);
+    if (start_ != nullptr && start_->evaluation.state != State::done) {
+      report_.add_text("The start is no solution itself: " + start_->evaluation.reason + ".");
+    }
+  }
+
+  void front_table() {
+    report::Table t;
+    t.caption = "The front: no other machine that was tried is better in every goal";
+    t.columns.push_back({"row", "", 0});
+    for (const Goal& g : study_.goals) t.columns.push_back({design::info_of(g.figure).name, "", -1});
+    for (const design::Vary& v : study_.vary) t.columns.push_back({v.key, "", -1});
+    for (const std::size_t i : front_) {
+      const Row& row = page_.rows[i];
+      std::vector<report::Cell> cells{static_cast<double>(row.row)};
+      for (const Goal& g : study_.goals) cells.emplace_back(number(value_of(study_, row, g), kDigits));
+      for (const double x : row.varied) cells.emplace_back(number(x, kDigits));
+      t.rows.push_back(std::move(cells));
+    }
+    constexpr std::size_t kOpen = 30;
+    t.folded = t.rows.size() > kOpen;
+    report_.add_table(t);
+  }
+
+  void asked() {
+    report_.add_section("What was asked");
+    report::Table vary;
+    vary.caption = "What may change";
+    vary.columns = {{"parameter", "", -1}, {"from", "", -1}, {"to", "", -1}, {"how", "", -1}};
+    for (const design::Vary& v : study_.vary) {
+      std::string how = "any number";
+      if (v.step > 0) how = fmt::format("steps of {:g}", v.step);
+      if (!v.values.empty()) {
+        how = "one of";
+        for (const double x : v.values) how += fmt::format(" {:g}", x);
+      }
+      vary.rows.push_back({v.key, number(v.min, kDigits), number(v.max, kDigits), how});
+    }
+    for (const design::Tie& t : study_.ties) {
+      vary.rows.push_back({t.key, std::string(""), std::string(""),
+                           fmt::format("{:g} times {}{}", t.factor, t.equals,
+                                       t.offset != 0 ? fmt::format(" plus {:g}", t.offset) : "")});
+    }
+    report_.add_table(vary);
+    std::vector<std::string> goals;
+    for (const Goal& g : study_.goals) {
+      goals.push_back(fmt::format("{}: {}{}", goal_text(g), design::info_of(g.figure).meaning,
+                                  study_.wants_front() || study_.goals.size() == 1
+                                      ? ""
+                                      : fmt::format("; weight {:g}, {} counts as 1", g.weight, number(g.best, 7))));
+    }
+    report_.add_heading("Goals");
+    report_.add_list(goals);
+    if (study_.goals.size() > 1 && !study_.wants_front()) {
+      report_.add_text(
+          "The objective is the sum of weight times value over best where the figure shall be large, and of weight "
+          "times best over value where it shall be small.");
+    }
+    if (study_.holds.empty()) return;
+    std::vector<std::string> holds;
+    for (const design::Hold& h : study_.holds) holds.push_back(h.in_words());
+    report_.add_heading("What must hold");
+    report_.add_list(holds);
+  }
+
+  void tried() {
+    report_.add_section("What was tried");
+    report::Table t;
+    t.caption = "Candidates by what became of them";
+    t.columns = {{"", "", -1}, {"candidates", "", 0}, {"meaning", "", -1}};
+    for (const auto& [state, meaning] :
+         {std::pair{State::done, "every figure is as exact as was asked, all holds are kept"},
+          std::pair{State::dropped, "its bounds prove that it is worse than one found before; never refined"},
+          std::pair{State::violates, "breaks a hold"},
+          std::pair{State::refused, "no machine, or no workspace to judge"}}) {
+      const auto count = std::count_if(page_.rows.begin(), page_.rows.end(),
+                                       [&, s = state](const Row& row) { return row.evaluation.state == s; });
+      t.rows.push_back({std::string(design::name_of(state)), static_cast<double>(count), std::string(meaning)});
+    }
+    report_.add_table(t);
+    if (study_.wants_front()) return;
+    report::LinePlot plot;
+    plot.title = "The objective of each candidate in the order of the search";
+    plot.x = {"row", "", {}, {}, false, true};
+    plot.y = {"objective", "", {}, {}};
+    report::Series each{"done", {}, {}, report::Colour::blue, report::LineStyle::points, 1.6};
+    report::Series dropped{"dropped", {}, {}, report::Colour::muted, report::LineStyle::points, 1.6};
+    report::Series best{"best so far", {}, {}, report::Colour::vermillion, report::LineStyle::solid, 1.5};
+    double so_far = -std::numeric_limits<double>::infinity();
+    for (const Row& row : page_.rows) {
+      const double f = row.evaluation.objective.value;
+      if (!std::isfinite(f) || row.phase == design::Phase::start) continue;
+      const bool done = row.evaluation.state == State::done;
+      if (!done && row.evaluation.state != State::dropped) continue;
+      (done ? each : dropped).x.push_back(static_cast<double>(row.row));
+      (done ? each : dropped).y.push_back(f);
+      if (done) so_far = std::max(so_far, f);
+      if (!std::isfinite(so_far)) continue;
+      best.x.push_back(static_cast<double>(row.row));
+      best.y.push_back(so_far);
+    }
+    if (best.x.empty()) return;
+    plot.series = {dropped, each, best};
+    report_.add_figure(plot,
+                       "The objective of each candidate, and the best so far. Dropped ones stand at the middle of "
+                       "their coarse bounds.");
+  }
+
+  void tradeoffs() {
+    if (front_.empty()) return;
+    report_.add_section("How the goals compete");
+    if (const auto figure = front_figure(page_)) {
+      report_.add_figure(
+          *figure,
+          fmt::format("{} against {}. On the front no other candidate is better in every goal of the "
+                      "study; with more than two goals it is a surface, of which this is one side.",
+                      design::info_of(study_.goals[0].figure).name, design::info_of(study_.goals[1].figure).name));
+      if (best_ != nullptr) front_table();
+    }
+    if (const auto figure = parallel_figure(page_)) {
+      report_.add_figure(*figure,
+                         "Each line is a candidate across its parameters and goals. Axes of goals point upwards "
+                         "to what is better.");
+    }
+  }
+
+  void sensitivities() {
+    report_.add_section("Which parameters matter");
+    if (page_.sensitivities.empty()) {
+      report_.add_text("Too few candidates have figures to say it.");
+      return;
+    }
+    report::Table t;
+    t.caption = "Standardised rank regression coefficients";
+    t.columns.push_back({"parameter", "", -1});
+    for (const auto& s : page_.sensitivities) t.columns.push_back({s.of, "", 2});
+    for (std::size_t i = 0; i < study_.vary.size(); ++i) {
+      std::vector<report::Cell> cells{study_.vary[i].key};
+      for (const auto& s : page_.sensitivities) cells.emplace_back(s.coefficients[i]);
+      t.rows.push_back(std::move(cells));
+    }
+    std::vector<report::Cell> explained{std::string("R² of the ranks")};
+    for (const auto& s : page_.sensitivities) explained.emplace_back(s.share_explained);
+    t.rows.push_back(std::move(explained));
+    report_.add_table(t);
+    report_.add_text(
+        "A coefficient near 1 or -1 means that the figure rises or falls with the parameter, near 0 that it hardly "
+        "depends on it or that it has its best inside the range. They are taken over the candidates that were tried, "
+        "most of which lie near the best, and not evenly over the ranges. Where R² is below about 0.7 the dependence "
+        "is not monotonic, and the coefficients say little.");
+  }
+
+  /// The machine and its workspace in space.
+  [[nodiscard]] Result<report::Figure> picture(const machine::AnyMachine& m, const std::string& title) const {
+    report::Scene scene;
+    scene.title = title;
+    const workspace::Options options = design::workspace_options(study_);
+    workspace::SurfaceOptions surface_options;
+    constexpr int kInSpace = 30;
+    surface_options.resolution = kInSpace;
+    if (const auto surface = workspace::surface(m, options, surface_options)) {
+      report::Mesh mesh;
+      for (const Vec3& p : surface->points)
+        mesh.points.push_back({units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z())});
+      mesh.triangles = surface->triangles;
+      scene.meshes.push_back(std::move(mesh));
+    } else if (surface.error().id == "WS110") {
+      return tl::unexpected(surface.error());
+    }
+    scene.lines = machine_lines(m, kinematics::middle_of_work(m));
+    return report::Figure(scene);
+  }
+
+  Status machines() {
+    if (best_ == nullptr) return {};
+    if (!kinematics::task(study_.start).places()) return {};
+    report_.add_section("The machine and its workspace");
+    const auto machine = design::machine_of_row(study_, *best_);
+    if (!machine) return {};
+    POLYPOD_ASSIGN(before, picture(study_.start, "The start and its workspace"));
+    POLYPOD_ASSIGN(now, picture(*machine, "The best machine and its workspace"));
+    report_.add_figure_grid(2, {{"start", before}, {"best", now}},
+                            "The machine at home and the boundary of the workspace, each at its own scale. A workspace "
+                            "that the grid of the picture does not meet is not drawn.");
+    report_.add_code("The best machine as a file", machine::to_toml(*machine));
+    return {};
+  }
+
+  void inputs() {
+    report_.add_section("Inputs");
+    Entries entries{{"evaluations", fmt::format("{} in the database", page_.rows.size())},
+                    {"resolution", fmt::format("{} points along the longest side", study_.resolution)},
+                    {"gap of a volume's bounds", fmt::format("{:g} of it at most", study_.relative_tolerance)},
+                    {"legs against legs", study_.interference ? "checked" : "not checked"}};
+    std::string tolerances;
+    for (const auto& [key, size] : study_.tolerances)
+      tolerances += fmt::format("{}{}={:g}", tolerances.empty() ? "" : ", ", key, size);
+    entries.emplace_back("tolerances, mm or deg", tolerances);
+    std::string errors;
+    for (const auto& [key, size] : study_.errors)
+      errors += fmt::format("{}{}={:g}", errors.empty() ? "" : ", ", key, size);
+    if (!errors.empty()) entries.emplace_back("known errors, mm or deg", errors);
+    report_.add_definitions(entries);
+    report_.add_code("The machine that the study began with", study_.machine_toml);
+    if (!page_.command.empty()) report_.add_code("This page again", page_.command, false);
+  }
+
+  const StudyPage& page_;
+  const Study& study_;
+  Report report_;
+  const Row* start_;
+  const Row* best_ = nullptr;
+  std::vector<std::size_t> front_;
+};
+
+}  // namespace
+
+Result<report::Figure> front_figure(const StudyPage& page) {
+  const Study& study = page.study;
+  if (study.goals.size() < 2) {
+    return fail("QP110", "a front needs two goals", {}, "this study has one: its rows are in the table");
+  }
+  const Goal &x = study.goals[0], &y = study.goals[1];
+  report::LinePlot plot;
+  plot.title = fmt::format("{} against {}", design::info_of(y.figure).name, design::info_of(x.figure).name);
+  plot.x = {fmt::format("{} ({} is better)", design::info_of(x.figure).name, x.maximise ? "more" : "less"), "", {}, {}};
+  plot.y = {fmt::format("{} ({} is better)", design::info_of(y.figure).name, y.maximise ? "more" : "less"), "", {}, {}};
+  report::Series tried{"tried", {}, {}, report::Colour::muted, report::LineStyle::points, 1.4};
+  report::Series front{"front", {}, {}, report::Colour::blue, report::LineStyle::points, 2.4};
+  report::Series start{"start", {}, {}, report::Colour::vermillion, report::LineStyle::points, 4};
+  report::Series best{"best", {}, {}, report::Colour::green, report::LineStyle::points, 4};
+  const auto add = [&](report::Series& to, const Row& row) {
+    const double a = value_of(study, row, x), b = value_of(study, row, y);
+    if (!std::isfinite(a) || !std::isfinite(b)) return;
+    to.x.push_back(a);
+    to.y.push_back(b);
+  };
+  for (const Row& row : page.rows) {
+    if (row.phase == design::Phase::start) add(start, row);
+    if (row.evaluation.state == State::done) add(tried, row);
+  }
+  for (const std::size_t i : design::front_of(study, page.rows)) add(front, page.rows[i]);
+  if (const auto at = design::best_of(study, page.rows)) add(best, page.rows[*at]);
+  if (front.x.empty()) return fail("QP110", "no row of this study has both goals", {}, "let the search go on");
+  // An outlier of what was tried must not press the front into a corner.
+  const auto ends = [](const std::vector<double>& values, std::optional<double>& lo, std::optional<double>& hi) {
+    const auto [least, most] = std::minmax_element(values.begin(), values.end());
+    const double air = 0.25 * (*most - *least);
+    if (!(air > 0)) return;
+    lo = *least - air;
+    hi = *most + air;
+  };
+  ends(front.x, plot.x.min, plot.x.max);
+  ends(front.y, plot.y.min, plot.y.max);
+  plot.series = {tried, front};
+  if (!start.x.empty()) plot.series.push_back(start);
+  if (!best.x.empty()) plot.series.push_back(best);
+  plot.aspect = 0.5;
+  return report::Figure(plot);
+}
+
+Result<report::Figure> parallel_figure(const StudyPage& page) {
+  const Study& study = page.study;
+  constexpr std::size_t kMost = 200, kBest = 10;
+  std::vector<std::size_t> done;
+  for (std::size_t i = 0; i < page.rows.size(); ++i) {
+    const Row& row = page.rows[i];
+    if (row.evaluation.state == State::done && row.phase != design::Phase::start) done.push_back(i);
+  }
+  if (done.empty()) return fail("QP110", "no row of this study is done", {}, "let the search go on");
+  std::vector<std::size_t> best = design::front_of(study, page.rows);
+  if (!study.wants_front()) {
+    std::stable_sort(done.begin(), done.end(), [&](std::size_t a, std::size_t b) {
+      return page.rows[a].evaluation.objective.value > page.rows[b].evaluation.objective.value;
+    });
+    best.assign(done.begin(), done.begin() + static_cast<std::ptrdiff_t>(std::min(kBest, done.size())));
+  }
+  std::erase_if(best, [&](std::size_t i) { return page.rows[i].phase == design::Phase::start; });
+  report::ParallelPlot plot;
+  plot.title = "Parallel coordinates of the candidates";
+  for (const design::Vary& v : study.vary) plot.axes.push_back({v.key, v.min, v.max, false});
+  const bool objective = !study.wants_front() && study.goals.size() > 1;
+  const auto line = [&](const Row& row) {
+    std::vector<double> out = row.varied;
+    for (const Goal& g : study.goals) out.push_back(value_of(study, row, g));
+    if (objective) out.push_back(row.evaluation.objective.value);
+    return out;
+  };
+  const std::size_t each = std::max<std::size_t>(1, done.size() / kMost);
+  report::ParallelPlot::Group others{"done", report::Colour::muted, 0.7, {}};
+  for (std::size_t k = 0; k < done.size(); k += each) others.lines.push_back(line(page.rows[done[k]]));
+  report::ParallelPlot::Group chosen{
+      study.wants_front() ? "front" : fmt::format("best {}", best.size()), report::Colour::blue, 1.4, {}};
+  for (const std::size_t i : best) chosen.lines.push_back(line(page.rows[i]));
+  report::ParallelPlot::Group winner{"best", report::Colour::vermillion, 2.4, {}};
+  if (const auto at = design::best_of(study, page.rows)) winner.lines.push_back(line(page.rows[*at]));
+  const std::size_t n = study.vary.size();
+  for (std::size_t k = 0; k < study.goals.size() + (objective ? 1 : 0); ++k) {
+    double lo = std::numeric_limits<double>::infinity(), hi = -lo;
+    for (const auto* group : {&others, &chosen}) {
+      for (const auto& values : group->lines) {
+        if (!std::isfinite(values[n + k])) continue;
+        lo = std::min(lo, values[n + k]);
+        hi = std::max(hi, values[n + k]);
+      }
+    }
+    const bool of_goal = k < study.goals.size();
+    plot.axes.push_back({of_goal ? design::info_of(study.goals[k].figure).name : "objective", lo, hi,
+                         of_goal && !study.goals[k].maximise});
+  }
+  plot.groups = {std::move(others), std::move(chosen)};
+  if (!winner.lines.empty()) plot.groups.push_back(std::move(winner));
+  return report::Figure(plot);
+}
+
+Result<std::string> study_page(const StudyPage& page) {
+  return Page(page).html();
+}
+
+}  // namespace polypod::pages

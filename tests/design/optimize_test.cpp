@@ -1,0 +1,312 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/design/optimize.hpp"
+
+#include <atomic>
+
+#include "studies.hpp"
+
+namespace polypod::design {
+namespace {
+
+constexpr double kRad = 3.14159265358979323846 / 180;
+
+struct Run {
+  Outcome outcome;
+  Status status;
+};
+
+/// `most`: cancelled once so many evaluations were computed; negative: never.
+Run run(const Study& study, const std::string& folder, int threads = 0, int most = -1) {
+  Run out;
+  auto store = Store::open(folder, study, "machine = \"strut\"\n", "1.0");
+  EXPECT_TRUE(store) << to_string(store.error());
+  if (!store) return out;
+  std::atomic<int> computed{0};
+  OptimizeOptions options;
+  options.threads = threads;
+  options.version = "1.0";
+  options.progress = [&](const SearchProgress&) { ++computed; };
+  if (most >= 0) options.cancelled = [&] { return computed >= most; };
+  auto found = optimize(study, *store, options);
+  EXPECT_TRUE(found) << to_string(found.error());
+  if (found) out.outcome = std::move(*found);
+  return out;
+}
+
+/// Everything of a row that must not depend on how it came to be computed.
+std::vector<std::string> lines_of(const std::vector<Row>& rows) {
+  std::vector<std::string> out;
+  for (const Row& row : rows) {
+    std::string line = fmt::format("{} {} {} {}", row.row, name_of(row.phase), name_of(row.evaluation.state),
+                                   row.evaluation.objective.value);
+    for (const double x : row.varied) line += fmt::format(" {}", x);
+    for (const Value& v : row.evaluation.figures) line += fmt::format(" {} {} {}", v.value, v.lower, v.upper);
+    out.push_back(line);
+  }
+  return out;
+}
+
+TEST(Optimize, FindsTheOptimumOnAHoldInClosedForm) {
+  const Folder folder;
+  const Study s = study_on_strut(kQuick);
+  const Outcome o = run(s, folder / "a").outcome;
+  ASSERT_TRUE(o.best);
+  EXPECT_TRUE(o.complete);
+  EXPECT_LE(o.rows.size(), 120U);
+  const Evaluation& e = o.rows[*o.best].evaluation;
+  EXPECT_GE(e.figures[0].value, 2500);  // the hold, exactly
+  constexpr double kNear = 2500 * 1e-3;
+  EXPECT_NEAR(e.figures[0].value, 2500, kNear);
+  EXPECT_DOUBLE_EQ(e.objective.value, 1 / e.figures[0].value);
+  EXPECT_EQ(o.rows[0].phase, Phase::start);
+}
+
+TEST(Optimize, SameRowsForOneAndManyThreadsAndAnotherSeedOthers) {
+  const Folder folder;
+  const Study s = study_on_strut(kQuick);
+  const auto one = lines_of(run(s, folder / "a", 1).outcome.rows);
+  EXPECT_EQ(one, lines_of(run(s, folder / "b", 5).outcome.rows));
+  EXPECT_NE(one, lines_of(run(study_on_strut(std::string("seed = 2\n") + kQuick), folder / "c").outcome.rows));
+}
+
+TEST(Optimize, BrokenOffAndGoneOnWithIsTheSameAsAtOnce) {
+  const Folder folder;
+  const Study s = study_on_strut(kQuick);
+  const Outcome whole = run(s, folder / "whole").outcome;
+  const std::string parts = folder / "parts";
+  std::int64_t computed = 0;
+  for (const int most : {0, 1, 7, 40, 3, 11}) {
+    const Outcome part = run(s, parts, 3, most).outcome;
+    EXPECT_FALSE(part.complete);
+    computed += part.computed;
+    const auto read = Store::read(parts);
+    ASSERT_TRUE(read) << to_string(read.error());
+    const auto stored = read->rows();
+    ASSERT_TRUE(stored);
+    EXPECT_EQ(static_cast<std::int64_t>(stored->size()), computed);  // nothing lost
+    EXPECT_FALSE(*read->complete());
+  }
+  EXPECT_GT(computed, 40);
+  const Outcome end = run(s, parts).outcome;
+  EXPECT_EQ(lines_of(end.rows), lines_of(whole.rows));
+  EXPECT_EQ(end.computed + computed, static_cast<std::int64_t>(whole.rows.size()));  // nothing twice
+  EXPECT_EQ(run(s, parts).outcome.computed, 0);
+}
+
+TEST(Optimize, ALargerBudgetTakesWhatThereIs) {
+  const Folder folder;
+  const Outcome first = run(study_on_strut(kQuick), folder / "a").outcome;
+  std::string more = kQuick;
+  more.replace(more.find("120"), 3, "200");
+  const Outcome second = run(study_on_strut(more), folder / "a").outcome;
+  EXPECT_LT(second.computed, static_cast<std::int64_t>(second.rows.size()));
+  std::set<std::int64_t> numbers;
+  for (const Row& row : *Store::read(folder / "a")->rows()) EXPECT_TRUE(numbers.insert(row.row).second);
+  EXPECT_LE(second.rows[*second.best].evaluation.figures[0].value, 2500 * 1.001);
+}
+
+TEST(Optimize, StepsAndListsAreTriedWholeWhereTheyFit) {
+  const Folder folder;
+  const Study s = study_on_strut(R"(evaluations = 60
+[[vary]]
+key = "base.radius_mm"
+min = 10
+max = 60
+step = 5
+[[vary]]
+key = "platform.radius_mm"
+values = [25, 12, 40]
+[[goal]]
+figure = "height_mm"
+sense = "max"
+[[hold]]
+figure = "footprint_mm2"
+min = 3000
+)");
+  const Outcome o = run(s, folder / "a").outcome;
+  EXPECT_EQ(o.rows.size(), 33U);  // 11 x 3; the start is one of them
+  double best = 0;
+  for (int i = 0; i < 11; ++i) {
+    for (const double r2 : {25.0, 12.0, 40.0}) {
+      const double r1 = 10 + 5 * i;
+      const double c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
+      const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
+      const double across2 = r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad);
+      if (area >= 3000) best = std::max(best, std::sqrt(4900 - across2));
+    }
+  }
+  ASSERT_TRUE(o.best);
+  EXPECT_NEAR(o.rows[*o.best].evaluation.figures[0].value, best, 1e-6);
+}
+
+TEST(Optimize, MixedParametersKeepTheirSteps) {
+  const Folder folder;
+  const Study s = study_on_strut(R"(evaluations = 150
+[[vary]]
+key = "base.radius_mm"
+min = 10
+max = 60
+[[vary]]
+key = "platform.radius_mm"
+min = 10
+max = 40
+step = 0.5
+[[goal]]
+figure = "height_mm"
+sense = "max"
+[[hold]]
+figure = "footprint_mm2"
+min = 3000
+)");
+  const Outcome o = run(s, folder / "a").outcome;
+  ASSERT_TRUE(o.best);
+  for (const Row& row : o.rows) {
+    if (row.phase == Phase::start) continue;
+    const double steps = (row.varied[1] - 10) / 0.5;
+    EXPECT_NEAR(steps, std::round(steps), 1e-9);
+  }
+  // For any base the platform nearest to it, over r2 = r1 cos 30, is the highest: a scan says how high.
+  double best = 0;
+  for (double r1 = 10; r1 <= 60; r1 += 0.01) {
+    for (double r2 = 10; r2 <= 40; r2 += 0.5) {
+      const double c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
+      const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
+      if (area < 3000) continue;
+      best = std::max(best, std::sqrt(4900 - (r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad))));
+    }
+  }
+  EXPECT_GT(o.rows[*o.best].evaluation.figures[0].value, best * (1 - 1e-3));
+}
+
+/// Area between the front and a corner that is worse than all of it, both goals to be small.
+double hypervolume(std::vector<std::array<double, 2>> points, double x1, double y1) {
+  std::sort(points.begin(), points.end());
+  double area = 0, y = y1;
+  for (const auto& p : points) {
+    if (p[0] >= x1 || p[1] >= y) continue;
+    area += (x1 - p[0]) * (y - p[1]);
+    y = p[1];
+  }
+  return area;
+}
+
+TEST(Optimize, FrontOfTwoGoalsBesideAScanInClosedForm) {
+  const Folder folder;
+  const Study s = study_on_strut(R"(evaluations = 600
+[[vary]]
+key = "base.radius_mm"
+min = 10
+max = 60
+[[vary]]
+key = "platform.radius_mm"
+min = 5
+max = 40
+[[goal]]
+figure = "footprint_mm2"
+sense = "min"
+[[goal]]
+figure = "height_mm"
+sense = "min"
+)");
+  const Outcome o = run(s, folder / "a").outcome;
+  EXPECT_FALSE(o.best);
+  ASSERT_GT(o.front.size(), 20U);
+  std::vector<std::array<double, 2>> found, scan;
+  for (const std::size_t i : o.front) {
+    const auto& f = o.rows[i].evaluation.figures;
+    found.push_back({f[0].value, f[1].value});
+    for (const Row& row : o.rows) {
+      const auto& g = row.evaluation.figures;
+      if (row.evaluation.state != State::done || row.phase == Phase::start) continue;
+      EXPECT_FALSE(g[0].value <= f[0].value && g[1].value <= f[1].value &&
+                   (g[0].value < f[0].value || g[1].value < f[1].value));
+    }
+  }
+  for (int i = 0; i <= 250; ++i) {
+    for (int k = 0; k <= 175; ++k) {
+      const double r1 = 10 + 0.2 * i, r2 = 5 + 0.2 * k, c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
+      const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
+      scan.push_back({area, std::sqrt(4900 - (r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad)))});
+    }
+  }
+  const double corner_x = 13000, corner_y = 71;
+  constexpr double kShare = 0.97;  // 600 points against 44 000
+  EXPECT_GT(hypervolume(found, corner_x, corner_y), kShare * hypervolume(scan, corner_x, corner_y));
+}
+
+TEST(Optimize, NothingThatKeepsTheHoldsIsNoBest) {
+  const Folder folder;
+  std::string text = kQuick;
+  text.replace(text.find("min = 2500"), 10, "min = 9e9");
+  text.replace(text.find("120"), 3, "30");
+  const Outcome o = run(study_on_strut(text), folder / "a").outcome;
+  EXPECT_FALSE(o.best);
+  EXPECT_TRUE(o.front.empty());
+  EXPECT_TRUE(o.complete);
+  for (const Row& row : o.rows) EXPECT_NE(row.evaluation.state, State::done);
+}
+
+TEST(Optimize, TheStartCountsWhereItIsOneOfTheCandidates) {
+  EXPECT_TRUE(start_is_candidate(study_on_strut(kQuick)));
+  std::string text = kQuick;
+  text.replace(text.find("max = 60"), 8, "max = 40");  // the start has 50
+  EXPECT_FALSE(start_is_candidate(study_on_strut(text)));
+  EXPECT_FALSE(start_is_candidate(
+      study_on_strut(std::string(kQuick) + "[[tie]]\nkey = \"tool.length_mm\"\nequals = \"base.radius_mm\"\n")));
+}
+
+/// JEL Table 8.43 (Huang 1998; Pittens and Podhorodeski 1993): the condition number of a hexapod on struts is at least
+/// sqrt 2, and this is reached where the struts stand at 45 deg on radii in the ratio 2 to 1 with joints in pairs.
+/// The struts may move by a thousandth, so that the means over the workspace are those of one pose.
+TEST(Optimize, IsotropicHexapod) {
+  const Folder folder;
+  const bool whole = std::getenv("POLYPOD_LONG") != nullptr;
+  const Study s =
+      study_from_text(std::string("machine = \"strut\"\nresolution = 8\nevaluations = ") + (whole ? "500" : "110") + R"(
+[[vary]]
+key = "base.radius_mm"
+min = 20
+max = 68
+[[vary]]
+key = "platform.radius_mm"
+min = 10
+max = 68
+)" +
+                          (whole ? R"([[vary]]
+key = "base.pair_angle_deg"
+min = 0
+max = 50
+[[vary]]
+key = "platform.pair_angle_deg"
+min = 0
+max = 50
+)"
+                                 : "") +
+                          R"([[goal]]
+figure = "condition"
+sense = "min"
+best = 1.4142135623731
+)",
+                      "iso.toml", R"(
+name = "strut"
+family = "strut-hexapod"
+base = { radius_mm = 50, pair_angle_deg = 0 }
+platform = { radius_mm = 40, pair_angle_deg = 0 }
+leg = { length_min_mm = 69.95, length_max_mm = 70.05, diameter_mm = 3 }
+tool = { length_mm = 0 }
+joint = { limit = "cone", cone_deg = 60 }
+)")
+          .value();
+  const Outcome o = run(s, folder / "a").outcome;
+  ASSERT_TRUE(o.best);
+  const Row& best = o.rows[*o.best];
+  constexpr double kNear = 2e-3;  // the workspace is no point
+  EXPECT_GT(best.evaluation.objective.value, 1 - kNear);
+  EXPECT_LE(best.evaluation.objective.value, 1);
+  const double r1 = 70 / std::sqrt(2.0) / std::sin(60 * kRad);
+  EXPECT_NEAR(best.varied[0], r1, 0.02 * r1);
+  EXPECT_NEAR(best.varied[1], r1 / 2, 0.02 * r1);
+}
+
+}  // namespace
+}  // namespace polypod::design

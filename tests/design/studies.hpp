@@ -1,0 +1,71 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Study files for the tests.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <random>
+#include <string>
+
+#include "polypod/design/study.hpp"
+
+namespace polypod::design {
+
+/// The strut hexapod of JEL Table 8.2 whose home follows the struts' mean length.
+inline constexpr const char* kStrut = R"(
+name = "strut"
+family = "strut-hexapod"
+base = { radius_mm = 50, pair_angle_deg = 30 }
+platform = { radius_mm = 25, pair_angle_deg = 30 }
+leg = { length_min_mm = 50, length_max_mm = 90, diameter_mm = 3 }
+tool = { length_mm = 0 }
+joint = { limit = "cone", cone_deg = 60 }
+)";
+
+/// A folder of its own, removed with the object.
+class Folder {
+ public:
+  Folder()
+      : path_(std::filesystem::temp_directory_path() / ("polypod-design-" + std::to_string(std::random_device{}()))) {
+    std::filesystem::create_directories(path_);
+  }
+  ~Folder() {
+    std::error_code ec;
+    std::filesystem::remove_all(path_, ec);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  [[nodiscard]] std::string operator/(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// A study on kStrut.
+inline Study study_on_strut(const std::string& text) {
+  const auto study = study_from_text("machine = \"strut\"\n" + text, "test.toml", kStrut);
+  EXPECT_TRUE(study) << to_string(study.error());
+  return study.value_or(Study{});
+}
+
+/// The least rectangle round the machine that is at least 2500 mm2, figures that take no workspace.
+inline constexpr const char* kQuick = R"(
+evaluations = 120
+[[vary]]
+key = "base.radius_mm"
+min = 10
+max = 60
+[[vary]]
+key = "base.pair_angle_deg"
+min = 0
+max = 60
+[[goal]]
+figure = "footprint_mm2"
+sense = "min"
+[[hold]]
+figure = "footprint_mm2"
+min = 2500
+)";
+
+}  // namespace polypod::design
