@@ -1,6 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "commands.hpp"
 
+#include "linuxcnc_commands.hpp"
+
 namespace polypod::app {
 
 // clang-format off
@@ -16,7 +18,7 @@ std::vector<Command> all_commands() {
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(), identify_cutting_command(),
       simulate_measurement_command(), calibrate_command(), uncertainty_command(), poses_command(),  // measured machines
-      controller_command(),
+      controller_command(), export_linuxcnc_command(), record_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(), post_command(),

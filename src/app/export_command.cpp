@@ -1,0 +1,156 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "linuxcnc_commands.hpp"
+#include "polypod/control/linuxcnc.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::app {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::string machine, out, home;
+  std::vector<std::string> sets;
+  double slide_speed = 200, turn_speed = 90;
+};
+
+/// The folder, made where it is not there; removed again where nothing came to stand in it.
+class Folder {
+ public:
+  Folder() = default;
+  Folder(Folder&& other) noexcept : made_(std::exchange(other.made_, {})) {}
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  Folder& operator=(Folder&&) = delete;
+  ~Folder() {
+    std::error_code ignored;
+    if (!made_.empty()) fs::remove(made_, ignored);  // does nothing where it is not empty
+  }
+  static Result<Folder> at(const std::string& name, const std::string& ini) {
+    std::error_code error;
+    Folder out;
+    if (fs::is_directory(name, error)) {
+      for (const auto& entry : fs::directory_iterator(name, error)) {
+        if (entry.path().extension() != ".ini" || entry.path().filename() == ini) continue;
+        return fail("AP220",
+                    fmt::format("{} holds {} already; a folder is for one configuration", one_line(name),
+                                one_line(entry.path().filename().string())),
+                    {}, "give another folder, or remove that file");
+      }
+      return out;
+    }
+    if (!fs::create_directory(name, error)) {
+      return fail("AP221",
+                  fmt::format("cannot make the folder {}: {}", one_line(name),
+                              error ? error.message() : "there is a file of this name"),
+                  {}, "the folder above it must be there, and writable");
+    }
+    out.made_ = name;
+    return out;
+  }
+
+ private:
+  fs::path made_;
+};
+
+Json axis_json(const control::ControllerAxis& axis, const std::string& name) {
+  const std::string unit = axis.turns ? "_deg" : "_mm";
+  return {{"name", name},
+          {"min" + unit, axis.min},
+          {"max" + unit, axis.max},
+          {"home" + unit, axis.home},
+          {"speed_max" + unit + "_per_s", axis.speed},
+          {"acceleration_max" + unit + "_per_s2", axis.acceleration}};
+}
+
+}  // namespace
+
+Command export_linuxcnc_command() {
+  auto o = std::make_shared<Options>();
+  return {
+      "export linuxcnc", "A LinuxCNC configuration for a machine, with a kinematics module of its own",
+      "polypod export linuxcnc hexapod-strut -o hexapod",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("-o,--output", o->out, "The folder of the configuration; made where it is not there", true);
+        a.option("--home", o->home,
+                 "q1,q2,... in mm or deg: the joints after homing (default: the machine's home; of arms a "
+                 "pose with room around it)");
+        a.option("--slide-speed", o->slide_speed, {1e-3, 1e5}, "mm/s, of drives along a line at most (default 200)");
+        a.option("--turn-speed", o->turn_speed, {1e-3, 1e5}, "deg/s, of drives that turn at most (default 90)");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        control::LinuxcncOptions options;
+        options.slide_speed = units::from_mm(o->slide_speed);
+        options.turn_speed = units::from_deg(o->turn_speed);
+        if (!o->home.empty()) {
+          POLYPOD_ASSIGN(values, numbers_of(o->home, "--home"));
+          const auto joints = static_cast<std::size_t>(kinematics::joint_count(m));
+          if (values.size() != joints) {
+            return fail("AP222", fmt::format("--home has {} values; the machine has {} joints", values.size(), joints));
+          }
+          machine::JointVector q(static_cast<Eigen::Index>(joints));
+          for (int i = 0; i < static_cast<int>(joints); ++i) {
+            const bool turns = kinematics::joint_kind(m, i) == machine::JointKind::revolute;
+            const double value = values[static_cast<std::size_t>(i)];
+            q[i] = turns ? units::from_deg(value) : units::from_mm(value);
+            const machine::JointRange range = kinematics::joint_range(m, i);
+            if (q[i] < range.min - 1e-9 || q[i] > range.max + 1e-9) {
+              return fail("AP222", fmt::format("--home: joint {} at {:.6g} is outside of its range {:.6g} to {:.6g}",
+                                               i + 1, value, turns ? units::to_deg(range.min) : units::to_mm(range.min),
+                                               turns ? units::to_deg(range.max) : units::to_mm(range.max)));
+            }
+          }
+          options.home = q;
+        }
+        POLYPOD_ASSIGN(made, control::linuxcnc_configuration(m, options));
+        POLYPOD_ASSIGN(folder, Folder::at(o->out, made.files.front().name));
+        std::vector<std::string> names;
+        for (const auto& file : made.files) names.push_back((fs::path(o->out) / file.name).string());
+        POLYPOD_TRY(check_files({o->machine}, names, context.json));
+        files::Outputs outputs;
+        for (std::size_t i = 0; i < names.size(); ++i) POLYPOD_TRY(outputs.add(names[i], made.files[i].text));
+        POLYPOD_TRY(outputs.commit());
+        if (context.json) {
+          Json axes = Json::array(), joints = Json::array(), list = Json::array();
+          for (const auto& axis : made.axes) axes.push_back(axis_json(axis, std::string(1, axis.letter)));
+          for (std::size_t i = 0; i < made.joints.size(); ++i)
+            joints.push_back(axis_json(made.joints[i], fmt::format("q{}", i + 1)));
+          for (const std::string& name : names) list.push_back(name);
+          print_json({{"files", list},
+                      {"module", made.module.name},
+                      {"axes", axes},
+                      {"joints", joints},
+                      {"stands", made.stands},
+                      {"notes", made.notes}});
+          return kDone;
+        }
+        fmt::print("module {}, {} joints\n\n", made.module.name, made.joints.size());
+        fmt::print("axis        home         min         max    per s\n");
+        const auto row = [](const std::string& name, const control::ControllerAxis& a) {
+          fmt::print("{:<4} {:>11.4f} {:>11.4f} {:>11.4f} {:>8.1f} {}\n", name, a.home, a.min, a.max, a.speed,
+                     a.turns ? "deg" : "mm");
+        };
+        for (const auto& axis : made.axes) row(std::string(1, axis.letter), axis);
+        for (std::size_t i = 0; i < made.joints.size(); ++i) row(fmt::format("q{}", i + 1), made.joints[i]);
+        fmt::print("\n");
+        for (const std::string& note : made.notes) fmt::print("{}\n", note);
+        fmt::print("\nwrote {}: {}\n", one_line(o->out), [&] {
+          std::string all;
+          for (const auto& file : made.files) all += (all.empty() ? "" : ", ") + file.name;
+          return all;
+        }());
+        return kDone;
+      }};
+}
+
+}  // namespace polypod::app

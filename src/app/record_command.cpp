@@ -1,0 +1,60 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "interrupt.hpp"
+#include "linuxcnc_commands.hpp"
+#include "polypod/control/record.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+
+namespace polypod::app {
+namespace {
+
+struct Options {
+  std::string folder, program, out;
+  double time_limit = 600;
+};
+
+}  // namespace
+
+Command record_command() {
+  auto o = std::make_shared<Options>();
+  return {
+      "record", "What LinuxCNC does with a program on an exported machine: joints, tip and line every millisecond",
+      "polypod record hexapod hexapod/example.ngc -o record.csv",
+      [o](Arguments& a) {
+        a.positional("DIR", o->folder, "The folder that `polypod export linuxcnc` wrote");
+        a.positional("PROGRAM", o->program, "The program; it starts at the machine's home, with empty offsets");
+        a.option("-o,--output", o->out, "The record, CSV", true);
+        a.option("--time-limit", o->time_limit, {1, 86400}, "s, of the whole run, which is in real time (default 600)");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_TRY(check_files({o->program}, {o->out}, context.json));
+        control::RecordOptions options;
+        options.time_limit = o->time_limit;
+        double shown = 0;
+        options.progress = [&](double seconds) {
+          if (context.progress && seconds > shown + 1) {
+            fmt::print(stderr, "\rrecording, {:.0f} s\x1b[K", seconds);
+            std::fflush(stderr);
+            shown = seconds;
+          }
+          return !interrupted();
+        };
+        const auto record = control::record(o->folder, o->program, options);
+        if (shown > 0) fmt::print(stderr, "\r\x1b[K");
+        if (!record) return tl::unexpected(record.error());
+        POLYPOD_TRY(files::write_whole(o->out, record->csv));
+        if (context.json) {
+          print_json({{"samples", record->samples}, {"seconds", record->seconds}, {"lines", record->lines}});
+        } else {
+          fmt::print("{} samples over {:.3f} s, {} lines of the program\nwrote {}\n", record->samples, record->seconds,
+                     record->lines, one_line(o->out));
+        }
+        return kDone;
+      }};
+}
+
+}  // namespace polypod::app

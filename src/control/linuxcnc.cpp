@@ -1,0 +1,331 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/control/linuxcnc.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "module_name.hpp"
+#include "polypod/calibration/simulate.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::control {
+namespace {
+
+using calibration::Stand;
+using machine::JointKind;
+using machine::Task;
+
+constexpr double kServoPeriod = 0.001;  // s
+
+double user(bool turns, double si) {
+  return turns ? units::to_deg(si) : units::to_mm(si);
+}
+/// What LinuxCNC reads back to the same double.
+std::string exact(double value) {
+  return fmt::format("{}", value == 0 ? 0.0 : value);
+}
+
+/// How far the joints stay from their limits, as a share of their ranges; 0.25 is enough.
+double room(const AnyMachine& machine, const JointVector& q) {
+  double out = 0.25;
+  for (int i = 0; i < static_cast<int>(q.size()); ++i) {
+    const machine::JointRange range = kinematics::joint_range(machine, i);
+    out = std::min(out, std::min(q[i] - range.min, range.max - q[i]) / (range.max - range.min));
+  }
+  return out;
+}
+
+/// Home of an arm: of poses with the tool at zero tilt, at the places of random stands, that with the most room to the
+/// limits of its joints and to singular poses; where none is within the limits, the best stand itself.
+std::optional<JointVector> home_of_arm(const AnyMachine& machine, const std::vector<Stand>& stands) {
+  std::optional<JointVector> best, best_stand;
+  double most = 0, most_stand = 0;
+  const auto worth = [&](const Pose& X, const JointVector& q) {
+    const double condition = kinematics::dexterity(machine, X, q).condition;
+    return room(machine, q) / (std::isfinite(condition) ? condition : 1e12);
+  };
+  constexpr std::size_t kTried = 300;
+  for (std::size_t i = 0; i < std::min(kTried, stands.size()); ++i) {
+    const double here = worth(stands[i].X_MT, stands[i].q);
+    if (here > most_stand) {
+      most_stand = here;
+      best_stand = stands[i].q;
+    }
+    Pose level = stands[i].X_MT;
+    level.R = Mat3::Identity();
+    for (const kinematics::Solution& s : kinematics::inverse(machine, level).solutions) {
+      if (s.violations != 0) continue;
+      const double value = worth(kinematics::settled(machine, level, s.joints), s.joints);
+      if (value <= most) continue;
+      most = value;
+      best = s.joints;
+    }
+  }
+  return best ? best : best_stand;
+}
+
+std::optional<JointVector> home_of(const AnyMachine& machine, const std::vector<Stand>& stands) {
+  if (const auto X = kinematics::home_pose(machine)) {
+    const kinematics::InverseResult found = kinematics::inverse(machine, *X);
+    if (const kinematics::Solution* s = found.reachable()) return s->joints;
+  }
+  return home_of_arm(machine, stands);
+}
+
+/// Poses of the machine within its limits, as LinuxCNC reaches them: those that joints give from home.
+std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector<Stand>& stands,
+                                    const JointVector& home, const std::vector<ControllerAxis>& joints,
+                                    const LinuxcncOptions& options) {
+  const Task task = kinematics::task(machine);
+  const auto home_pose = kinematics::forward(machine, home).poses.front();
+  const std::vector<double> at_home = kinematics::coordinates_of(task, kinematics::settled(machine, home_pose, home));
+  const int n = task.size();
+  std::vector<ControllerAxis> out(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i) {
+    ControllerAxis& axis = out[static_cast<std::size_t>(i)];
+    axis.letter = "XYZABC"[static_cast<int>(task[i])];
+    axis.turns = task.is_angle(i);
+    axis.home = user(axis.turns, at_home[static_cast<std::size_t>(i)]);
+    if (std::abs(axis.home) < 1e-12) axis.home = 0;
+    axis.min = axis.max = axis.home;
+  }
+  std::vector<double> linear, angular;  // speeds at which no drive is faster than it may be
+  for (const Stand& stand : stands) {
+    const std::vector<double> c = kinematics::coordinates_of(task, stand.X_MT);
+    for (int i = 0; i < n; ++i) {
+      ControllerAxis& axis = out[static_cast<std::size_t>(i)];
+      const double value = user(axis.turns, c[static_cast<std::size_t>(i)]);
+      axis.min = std::min(axis.min, value);
+      axis.max = std::max(axis.max, value);
+    }
+    const Eigen::MatrixXd J =
+        kinematics::task_jacobian(task, kinematics::jacobian(machine, stand.X_MT, stand.q), stand.X_MT);
+    const Eigen::MatrixXd inverse = J.completeOrthogonalDecomposition().pseudoInverse();
+    if (!inverse.allFinite()) continue;
+    double slow_linear = 1e9, slow_angular = 1e9;
+    for (Eigen::Index j = 0; j < inverse.rows(); ++j) {
+      const bool turns = joints[static_cast<std::size_t>(j)].turns;
+      const double most = turns ? options.turn_speed : options.slide_speed;
+      double by_linear = 0, by_angular = 0;
+      for (int i = 0; i < n; ++i) (task.is_angle(i) ? by_angular : by_linear) += inverse(j, i) * inverse(j, i);
+      slow_linear = std::min(slow_linear, most / std::max(std::sqrt(by_linear), 1e-9));
+      slow_angular = std::min(slow_angular, most / std::max(std::sqrt(by_angular), 1e-9));
+    }
+    linear.push_back(slow_linear);
+    angular.push_back(slow_angular);
+  }
+  constexpr double kShare = 0.1;  // of the stands, those nearest to singular poses, that may need slower drives
+  const auto low = [&](std::vector<double>& values, double most) {
+    if (values.empty()) return most;
+    const auto at = values.begin() + static_cast<std::ptrdiff_t>(kShare * static_cast<double>(values.size()));
+    std::nth_element(values.begin(), at, values.end());
+    return std::min(0.5 * *at, most);  // half for the place and half for the turn
+  };
+  const double v = low(linear, 1.0), w = low(angular, 3.0);
+  for (ControllerAxis& axis : out) {
+    const double speed = user(axis.turns, axis.turns ? w : v);
+    axis.speed = std::max(std::floor(speed * 10) / 10, 0.1);
+    axis.acceleration = axis.speed / options.time_to_speed;
+    axis.min = std::floor(axis.min * 100) / 100;
+    axis.max = std::ceil(axis.max * 100) / 100;
+  }
+  return out;
+}
+
+std::vector<ControllerAxis> joints_of(const AnyMachine& machine, const JointVector& home,
+                                      const LinuxcncOptions& options) {
+  std::vector<ControllerAxis> out;
+  for (int i = 0; i < static_cast<int>(home.size()); ++i) {
+    const bool turns = kinematics::joint_kind(machine, i) == JointKind::revolute;
+    const machine::JointRange range = kinematics::joint_range(machine, i);
+    const double speed = user(turns, turns ? options.turn_speed : options.slide_speed);
+    out.push_back({'J', turns, user(turns, range.min), user(turns, range.max), speed, speed / options.time_to_speed,
+                   user(turns, home[i])});
+  }
+  return out;
+}
+
+std::string ini_text(const LinuxcncConfiguration& c, const std::string& name) {
+  std::string letters, home[6] = {"0", "0", "0", "0", "0", "0"};
+  double v = 0, a = 0, w = 0, aw = 0;
+  for (const ControllerAxis& axis : c.axes) {
+    letters += fmt::format("{}{}", letters.empty() ? "" : " ", axis.letter);
+    home[std::string_view("XYZABC").find(axis.letter)] = exact(axis.home);
+    (axis.turns ? w : v) = axis.speed;
+    (axis.turns ? aw : a) = axis.acceleration;
+  }
+  std::string out =
+      fmt::format(R"([EMC]
+VERSION = 1.1
+MACHINE = {0}
+
+[DISPLAY]
+DISPLAY = axis
+GEOMETRY = XYZ
+POSITION_OFFSET = RELATIVE
+POSITION_FEEDBACK = ACTUAL
+MAX_FEED_OVERRIDE = 1.2
+PROGRAM_PREFIX = .
+
+[RS274NGC]
+PARAMETER_FILE = {0}.var
+
+[EMCMOT]
+EMCMOT = motmod
+COMM_TIMEOUT = 4.0
+SERVO_PERIOD = 1000000
+
+[TASK]
+TASK = milltask
+CYCLE_TIME = 0.001
+
+[HAL]
+HALFILE = {0}.hal
+
+[EMCIO]
+EMCIO = io
+CYCLE_TIME = 0.1
+TOOL_TABLE = {0}.tbl
+
+# The module refuses other units.
+[KINS]
+KINEMATICS = {1}
+JOINTS = {2}
+
+# HOME: where the joints' homes put the tool.
+[TRAJ]
+COORDINATES = {3}
+LINEAR_UNITS = mm
+ANGULAR_UNITS = deg
+HOME = {4} {5} {6} {7} {8} {9}
+)",
+                  name, c.module.name, c.joints.size(), letters, home[0], home[1], home[2], home[3], home[4], home[5]);
+  const auto speeds = [&](const char* kind, double speed, double acceleration) {
+    if (speed == 0) return;
+    out += fmt::format("DEFAULT_{0}_VELOCITY = {1}\nMAX_{0}_VELOCITY = {2}\nMAX_{0}_ACCELERATION = {3}\n", kind,
+                       exact(0.25 * speed), exact(speed), exact(acceleration));
+  };
+  speeds("LINEAR", v, a);
+  speeds("ANGULAR", w, aw);
+  out += fmt::format(
+      "\n# Ranges of the coordinates over {} random poses within all limits, and speeds at which nine in ten of them "
+      "need no\n"
+      "# drive faster than its MAX_VELOCITY: LinuxCNC looks at those of the joints only when they are jogged.\n",
+      c.stands);
+  for (const ControllerAxis& axis : c.axes) {
+    out += fmt::format("[AXIS_{}]\nMIN_LIMIT = {}\nMAX_LIMIT = {}\nMAX_VELOCITY = {}\nMAX_ACCELERATION = {}\n\n",
+                       axis.letter, exact(axis.min), exact(axis.max), exact(axis.speed), exact(axis.acceleration));
+  }
+  for (std::size_t i = 0; i < c.joints.size(); ++i) {
+    const ControllerAxis& joint = c.joints[i];
+    // The simulated drives are one cycle behind.
+    const double error = std::max(1.0, 5 * kServoPeriod * joint.speed);
+    out += fmt::format(
+        "[JOINT_{}]\nTYPE = {}\nMIN_LIMIT = {}\nMAX_LIMIT = {}\nMAX_VELOCITY = {}\nMAX_ACCELERATION = {}\nFERROR = {}\n"
+        "MIN_FERROR = {}\nHOME = {}\nHOME_OFFSET = {}\nHOME_SEQUENCE = 0\n\n",
+        i, joint.turns ? "ANGULAR" : "LINEAR", exact(joint.min), exact(joint.max), exact(joint.speed),
+        exact(joint.acceleration), exact(error), exact(0.5 * error), exact(joint.home), exact(joint.home));
+  }
+  return out;
+}
+
+std::string hal_text(const LinuxcncConfiguration& c) {
+  std::string out = fmt::format(R"(# The kinematics module checks the units that the INI file counts in.
+loadrt [KINS]KINEMATICS linear_units=[TRAJ]LINEAR_UNITS angular_units=[TRAJ]ANGULAR_UNITS
+loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
+loadrt estop_latch
+addf motion-command-handler servo-thread
+addf motion-controller servo-thread
+addf estop-latch.0 servo-thread
+
+# The machine's figures, mm and deg. After a calibration export anew: homes and limits follow from them.
+)");
+  for (const ModulePin& pin : c.module.pins)
+    out += fmt::format("setp {}.{} {:.17g}\n", c.module.name, pin.name, pin.value);
+  out += fmt::format(R"(
+# A forward or inverse that fails opens the e-stop; switching on again closes it. A machine that is off may stand anyhow.
+net motion-enabled motion.motion-enabled => {0}.armed
+net estop-out iocontrol.0.user-enable-out => estop-latch.0.ok-in
+net estop-reset iocontrol.0.user-request-enable => estop-latch.0.reset
+net kinematics-error {0}.kinematics-error => estop-latch.0.fault-in
+net estop-ok estop-latch.0.ok-out => iocontrol.0.emc-enable-in
+
+# Tool changes by hand, without asking; a spindle that turns at once.
+net tool-prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
+net tool-change iocontrol.0.tool-change => iocontrol.0.tool-changed
+net spindle-on spindle.0.on => spindle.0.at-speed
+
+# Simulated drives: they are at once where they are commanded to be.
+)",
+                     c.module.name);
+  for (std::size_t i = 0; i < c.joints.size(); ++i)
+    out += fmt::format("net drive-{0} joint.{0}.motor-pos-cmd => joint.{0}.motor-pos-fb\n", i);
+  return out;
+}
+
+/// A short way from home and back, relative, well within the coordinates' ranges.
+std::string example_text(const LinuxcncConfiguration& c) {
+  std::string there, back, aside, aside_back;
+  double least = 1e9, least_angle = 1e9;
+  const auto way = [](const ControllerAxis& a) { return std::min(a.home - a.min, a.max - a.home); };
+  for (const ControllerAxis& a : c.axes)
+    (a.turns ? least_angle : least) = std::min(a.turns ? least_angle : least, way(a));
+  bool first = true;
+  for (const ControllerAxis& a : c.axes) {
+    const double size = a.turns ? std::min(0.1 * least_angle, 5.0) : std::min(0.15 * least, 50.0);
+    const double step = std::floor(size * 1000) / 1000;
+    if (step == 0) continue;
+    std::string& to = first ? there : aside;
+    std::string& from = first ? back : aside_back;
+    to += fmt::format(" {}{:.3f}", a.letter, step);
+    from += fmt::format(" {}{:.3f}", a.letter, -step);
+    first = false;
+  }
+  const double feed = std::floor(60 * 0.3 * c.axes.front().speed);
+  std::string out =
+      fmt::format("(A short path from home and back, for a first run.)\nG21 G17 G40 G49 G80 G54 G94\nG61\nG91\nF{}\n",
+                  std::max(feed, 1.0));
+  for (const std::string& words : {there, aside, back, aside_back})
+    if (!words.empty()) out += "G1" + words + "\n";
+  return out + "G90\nM2\n";
+}
+
+}  // namespace
+
+Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, const LinuxcncOptions& options) {
+  LinuxcncConfiguration out;
+  const std::vector<Stand> stands = calibration::random_stands(machine, options.stands, 1);
+  out.stands = stands.size();
+  std::optional<JointVector> home = options.home;
+  if (!home) home = home_of(machine, stands);
+  if (!home || stands.empty()) {
+    return fail("LC104", "no pose within all limits was found to take as home", {},
+                "polypod workspace shows what the machine reaches; --home gives the joints");
+  }
+  POLYPOD_ASSIGN(module, linuxcnc_module(machine, *home));
+  out.module = std::move(module);
+  out.joints = joints_of(machine, *home, options);
+  out.axes = axes_of(machine, stands, *home, out.joints, options);
+  const std::string name = out.module.name.substr(0, out.module.name.size() - std::string_view("_kins").size());
+  out.files = {{name + ".ini", ini_text(out, name)},
+               {name + ".hal", hal_text(out)},
+               {name + ".tbl", "T1 P1 Z0.0 D6.0 ;the tool tip of the machine file\n"},
+               {out.module.name + ".c", out.module.source},
+               {"machine.toml", machine::to_toml(machine)},
+               {"example.ngc", example_text(out)}};
+  out.notes.push_back(
+      fmt::format("The axes' ranges are those of {} random poses within all limits: a pose inside them may "
+                  "still be out of reach, and LinuxCNC then refuses the move.",
+                  out.stands));
+  out.notes.emplace_back(
+      "The module keeps the joints' ranges to LinuxCNC and checks neither collisions nor the cones of joints: polypod "
+      "check judges a program.");
+  return out;
+}
+
+}  // namespace polypod::control

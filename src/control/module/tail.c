@@ -1,0 +1,188 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+
+/* ---- what LinuxCNC calls ------------------------------------------------------------------------------------------- */
+
+/* Whether a pin has changed since the figures were made from them. */
+static void refresh(void) {
+  static int made = 0;
+  int i, same = made;
+  for (i = 0; i < PARAMETERS; i++) {
+    const double value = *hal->parameter[i];
+    if (value != parameter[i]) {
+      parameter[i] = value;
+      same = 0;
+    }
+  }
+  for (i = 0; i < JOINTS; i++) {
+    if (!kTwoRoots[i] || *hal->high[i] == high[i]) continue;
+    high[i] = *hal->high[i];
+    same = 0;
+  }
+  if (same) return;
+  made = 1;
+  figures();
+#if LEGS > 0
+  prepare_legs();
+#endif
+}
+
+static int inverse(const double c[6], double *q) {
+#if ROWS > 0
+  return chain_inverse(c, q);
+#else
+  Pose X;
+  double whole[6];
+  if (!legs_usable || settle(c, &X, whole) != 0) return -1;
+  if (legs_inverse(&X, q) != 0) return -1;
+  return in_assembly_mode(q, &X) ? 0 : -1;
+#endif
+}
+
+/* c: in, near where to search; out, the coordinates of the joints. */
+static int forward(const double *q, double c[6]) {
+  Pose X;
+#if ROWS > 0
+  double J[JOINTS][6];
+  Pose closed;
+#if LEGS > 0
+  closed = legs_home;
+#endif
+  if (tip(q, &closed, &X, J) != 0) return -1;
+#else
+  double whole[6];
+  if (!legs_usable) return -1;
+  if (settle(c, &X, whole) != 0) X = legs_home;
+  if (legs_forward(q, &X) != 0) return -1;
+#endif
+  coordinates_of(NAMES_AXIS, &X, c);
+  return 0;
+}
+
+static void read_world(const EmcPose *w, double c[6]) {
+  const double given[6] = {w->tran.x, w->tran.y, w->tran.z, w->a * RAD, w->b * RAD, w->c * RAD};
+  int k;
+  for (k = 0; k < 6; k++) c[k] = kWorldHome[k];
+  for (k = 0; k < COORDINATES; k++) c[kCoordinate[k]] = given[kCoordinate[k]];
+}
+
+int kinematicsInverse(const EmcPose *world, double *joints, const KINEMATICS_INVERSE_FLAGS *fi,
+                      KINEMATICS_FORWARD_FLAGS *ff) {
+  double c[6], q[JOINTS];
+  int i, bad = 0;
+  (void)fi;
+  (void)ff;
+  refresh();
+  read_world(world, c);
+  for (i = 0; i < 6; i++) bad = bad || !isfinite(c[i]);
+  for (i = 0; i < JOINTS; i++) q[i] = kTurns[i] ? joints[i] * RAD : joints[i];
+  bad = bad || inverse(c, q) != 0;
+  for (i = 0; i < JOINTS; i++) bad = bad || !isfinite(q[i]);
+  *hal->iterations = iterations_last;
+  if (bad) {
+    ++*hal->inverse_failures;
+    *hal->error = *hal->armed;
+    return -1;
+  }
+  for (i = 0; i < JOINTS; i++) joints[i] = kTurns[i] ? q[i] / RAD : q[i];
+  *hal->error = 0;
+  return 0;
+}
+
+int kinematicsForward(const double *joints, EmcPose *world, const KINEMATICS_FORWARD_FLAGS *ff,
+                      KINEMATICS_INVERSE_FLAGS *fi) {
+  double c[6], seed[6], q[JOINTS], out[6] = {0, 0, 0, 0, 0, 0};
+  int i, bad = 0;
+  (void)fi;
+  (void)ff;
+  refresh();
+  read_world(world, seed);
+  for (i = 0; i < 6; i++) {
+    if (!isfinite(seed[i])) seed[i] = kWorldHome[i];
+    c[i] = seed[i];
+  }
+  for (i = 0; i < JOINTS; i++) {
+    q[i] = kTurns[i] ? joints[i] * RAD : joints[i];
+    bad = bad || !isfinite(q[i]);
+  }
+  bad = bad || forward(q, c) != 0;
+  for (i = 0; i < 6; i++) bad = bad || !isfinite(c[i]);
+  *hal->iterations = iterations_last;
+  if (bad) { /* the world stays what it was, and the machine stops by this pin */
+    ++*hal->forward_failures;
+    *hal->error = *hal->armed;
+    return -1;
+  }
+  for (i = 0; i < COORDINATES; i++) {
+    const int k = kCoordinate[i];
+    /* angles in the turn next to where they were */
+    if (k >= 3) c[k] += 2 * M_PI * rint((seed[k] - c[k]) / (2 * M_PI));
+    out[k] = k < 3 ? c[k] : c[k] / RAD;
+  }
+  world->tran.x = out[0];
+  world->tran.y = out[1];
+  world->tran.z = out[2];
+  world->a = out[3];
+  world->b = out[4];
+  world->c = out[5];
+  world->u = world->v = world->w = 0;
+  *hal->error = 0;
+  return 0;
+}
+
+KINEMATICS_TYPE kinematicsType(void) {
+  return KINEMATICS_BOTH;
+}
+KINS_NOT_SWITCHABLE
+EXPORT_SYMBOL(kinematicsType);
+EXPORT_SYMBOL(kinematicsForward);
+EXPORT_SYMBOL(kinematicsInverse);
+
+static int is_one_of(const char *text, const char *const *words) {
+  for (; *words; words++)
+    if (strcmp(text, *words) == 0) return 1;
+  return 0;
+}
+
+int rtapi_app_main(void) {
+  static const char *const kLengths[] = {"mm", "metric", "1", "1.0", 0};
+  static const char *const kAngles[] = {"deg", "degree", "1", "1.0", 0};
+  int i, failed = 0;
+  if (!is_one_of(linear_units, kLengths) || !is_one_of(angular_units, kAngles)) {
+    rtapi_print_msg(RTAPI_MSG_ERR, MODULE_NAME ": LINEAR_UNITS is %s and ANGULAR_UNITS %s; must be mm and deg\n",
+                    linear_units, angular_units);
+    return -1;
+  }
+  component = hal_init(MODULE_NAME);
+  if (component < 0) return component;
+  hal = hal_malloc(sizeof *hal);
+  if (!hal) {
+    hal_exit(component);
+    return -1;
+  }
+  for (i = 0; i < PARAMETERS; i++) {
+    failed = failed || hal_pin_float_newf(HAL_IN, &hal->parameter[i], component, MODULE_NAME ".%s", kName[i]) < 0;
+    if (!failed) *hal->parameter[i] = kDefault[i];
+  }
+  for (i = 0; i < JOINTS; i++) {
+    if (!kTwoRoots[i]) continue;
+    failed = failed || hal_pin_bit_newf(HAL_IN, &hal->high[i], component, MODULE_NAME ".high-%d", i) < 0;
+    if (!failed) *hal->high[i] = kHigh[i];
+  }
+  failed = failed || hal_pin_bit_newf(HAL_IN, &hal->armed, component, MODULE_NAME ".armed") < 0;
+  if (!failed) *hal->armed = 1;
+  failed = failed || hal_pin_bit_newf(HAL_OUT, &hal->error, component, MODULE_NAME ".kinematics-error") < 0 ||
+           hal_pin_s32_newf(HAL_OUT, &hal->iterations, component, MODULE_NAME ".iterations") < 0 ||
+           hal_pin_s32_newf(HAL_OUT, &hal->inverse_failures, component, MODULE_NAME ".inverse-failures") < 0 ||
+           hal_pin_s32_newf(HAL_OUT, &hal->forward_failures, component, MODULE_NAME ".forward-failures") < 0;
+  if (failed) {
+    hal_exit(component);
+    return -1;
+  }
+  refresh();
+  hal_ready(component);
+  return 0;
+}
+
+void rtapi_app_exit(void) {
+  hal_exit(component);
+}

@@ -1,0 +1,519 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/control/record.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "module_text.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::control {
+namespace {
+
+namespace fs = std::filesystem;
+using machine::AnyMachine;
+using Clock = std::chrono::steady_clock;
+
+constexpr double kServoPeriod = 0.001;  // s
+/// By how many servo cycles the commanded joints lag the commanded axes: LinuxCNC's interpolators, which take each
+/// joint as (q_-1 + 4 q_0 + q_+1) / 6 of three cycles.
+constexpr std::size_t kLag = 2;
+constexpr const char* kHeaders = "/usr/include/linuxcnc";
+constexpr const char* kModules = "/usr/lib/linuxcnc/modules";
+constexpr const char* kNoConfiguration = "give a folder that `polypod export linuxcnc MACHINE -o DIR` wrote";
+
+/// A folder for this run, removed with the object.
+class Scratch {
+ public:
+  Scratch() {
+    std::error_code error;
+    const fs::path base = fs::temp_directory_path(error);
+    std::string name = ((error ? fs::path("/tmp") : base) / "polypod-record-XXXXXX").string();
+    if (::mkdtemp(name.data()) != nullptr) path_ = name;
+    // LinuxCNC's realtime process is another user.
+    if (!path_.empty()) fs::permissions(path_, fs::perms(0755), error);
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+Status write(const fs::path& path, std::string_view text) {
+  std::ofstream out(path, std::ios::binary);
+  out.write(text.data(), static_cast<std::streamsize>(text.size()));
+  out.close();
+  if (!out)
+    return fail("LC114", fmt::format("cannot write {}", path.string()), {}, "TMPDIR names the folder of the run");
+  return {};
+}
+
+std::string text_of_file(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// A program of its own that does not outlive this one.
+class Child {
+ public:
+  /// Output and errors go to `log`. Nothing in the child but what is safe after a fork.
+  Child(const std::vector<std::string>& words, const fs::path& log) {
+    std::vector<char*> argv;
+    for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
+    argv.push_back(nullptr);
+    const std::string file = log.string();
+    pid_ = ::fork();
+    if (pid_ != 0) return;
+    ::setpgid(0, 0);  // a terminal's Ctrl-C is for this process alone, which then ends the child
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    sigset_t none;
+    ::sigemptyset(&none);
+    ::sigprocmask(SIG_SETMASK, &none, nullptr);
+    for (const int s : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGXFSZ}) ::signal(s, SIG_DFL);
+    const int in = ::open("/dev/null", O_RDONLY), out = ::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+    ::dup2(in, 0);
+    ::dup2(out, 1);
+    ::dup2(out, 2);
+    ::execvp(argv[0], argv.data());
+    ::_exit(127);
+  }
+  ~Child() {
+    if (pid_ > 0 && !status_) {
+      ::kill(-pid_, SIGKILL);
+      ::kill(pid_, SIGKILL);
+      ::waitpid(pid_, nullptr, 0);
+    }
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  /// The exit status once it has ended.
+  std::optional<int> status() {
+    if (pid_ < 0) return 127;
+    int raw = 0;
+    if (!status_ && ::waitpid(pid_, &raw, WNOHANG) == pid_) status_ = WIFEXITED(raw) ? WEXITSTATUS(raw) : 128;
+    return status_;
+  }
+
+ private:
+  pid_t pid_ = -1;
+  std::optional<int> status_;
+};
+
+enum class Outcome { ended, late, interrupted };
+
+/// Waits until the child ends.
+Outcome wait_for(Child& child, Clock::time_point begin, const RecordOptions& options) {
+  while (!child.status()) {
+    const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    if (!options.progress(seconds)) return Outcome::interrupted;
+    if (seconds > options.time_limit) return Outcome::late;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return Outcome::ended;
+}
+
+std::optional<fs::path> found_in_path(const char* program) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(std::string(path != nullptr ? path : "") + ":/usr/bin:/bin:/usr/sbin:/sbin");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const fs::path candidate = fs::path(folder) / program;
+    if (!folder.empty() && ::access(candidate.c_str(), X_OK) == 0) return candidate;
+  }
+  return std::nullopt;
+}
+
+std::string trimmed(std::string_view text) {
+  const auto begin = text.find_first_not_of(" \t\r");
+  if (begin == std::string_view::npos) return {};
+  return std::string(text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1));
+}
+
+/// The configuration as far as a run needs it.
+struct Configuration {
+  fs::path folder;
+  std::string ini_name, module, letters;
+  int joints = 0;
+  std::string record_ini;  ///< the INI file of the run
+  std::string hal;         ///< all its HAL files
+  std::string tool_table;  ///< its name
+  AnyMachine machine;
+};
+
+Result<Configuration> configuration_in(const std::string& name) {
+  Configuration out;
+  std::error_code error;
+  out.folder = fs::absolute(name, error);
+  std::vector<fs::path> found;
+  for (const auto& entry : fs::directory_iterator(out.folder, error))
+    if (entry.path().extension() == ".ini") found.push_back(entry.path());
+  if (error) {
+    return fail("LC110", fmt::format("{} is no folder that can be read: {}", one_line(name), error.message()), {},
+                kNoConfiguration);
+  }
+  if (found.size() != 1) {
+    return fail("LC110", fmt::format("{} holds {} INI files; must be one", one_line(name), found.size()), {},
+                kNoConfiguration);
+  }
+  out.ini_name = found.front().string();
+  POLYPOD_ASSIGN(text, files::read(out.ini_name));
+  std::istringstream lines(text);
+  std::string section, kinematics, joints;
+  bool display = false;
+  int number = 0;
+  for (std::string raw; std::getline(lines, raw);) {
+    ++number;
+    const std::string line = trimmed(raw);
+    if (line.starts_with('[')) {
+      section = line.substr(1, line.find(']') - 1);
+      out.record_ini += line + "\n";
+      if (section == "DISPLAY") {
+        out.record_ini += "DISPLAY = ./driver.py\n";
+        display = true;
+      }
+      if (section == "RS274NGC") out.record_ini += "PARAMETER_FILE = record.var\nSUBROUTINE_PATH = subroutines\n";
+      continue;
+    }
+    const auto equals = line.find('=');
+    if (line.empty() || line.front() == '#' || line.front() == ';' || equals == std::string::npos) continue;
+    const std::string key = trimmed(line.substr(0, equals)), value = trimmed(line.substr(equals + 1));
+    // What belongs to a screen, and what a run has of its own.
+    if (section == "DISPLAY" || section == "APPLICATIONS" || section == "FILTER") continue;
+    if (section == "RS274NGC" && (key == "PARAMETER_FILE" || key == "SUBROUTINE_PATH")) continue;
+    if (section == "HAL" && (key == "POSTGUI_HALFILE" || key == "HALUI" || key == "SHUTDOWN")) continue;
+    if (section == "HAL" && key == "HALFILE") {
+      if (value.starts_with("LIB:") || value.starts_with('/')) {
+        out.record_ini += line + "\n";
+      } else {
+        out.record_ini += "HALFILE = config/" + value + "\n";
+        out.hal += text_of_file(out.folder / value);
+      }
+      continue;
+    }
+    if (section == "EMCIO" && key == "TOOL_TABLE") {
+      out.tool_table = value;
+      out.record_ini += "TOOL_TABLE = record.tbl\n";
+      continue;
+    }
+    if (section == "KINS" && key == "KINEMATICS") kinematics = value;
+    if (section == "KINS" && key == "JOINTS") joints = value;
+    if (section == "TRAJ" && key == "COORDINATES") out.letters = value;
+    out.record_ini += line + "\n";
+  }
+  const Place place{out.ini_name};
+  out.module = kinematics.substr(0, kinematics.find(' '));
+  out.joints = std::atoi(joints.c_str());
+  std::erase(out.letters, ' ');
+  const bool module_there = !out.module.empty() && out.module.find('/') == std::string::npos &&
+                            fs::exists(out.folder / (out.module + ".c"), error);
+  if (!module_there || !display) {
+    return fail("LC110",
+                fmt::format("the INI file names {} as kinematics, and {} is not in the folder",
+                            kinematics.empty() ? "nothing" : one_line(kinematics), one_line(out.module + ".c")),
+                place, kNoConfiguration);
+  }
+  const auto loaded = machine::load((out.folder / "machine.toml").string());
+  if (!loaded) return tl::unexpected(loaded.error());
+  out.machine = *loaded;
+  const machine::Task task = kinematics::task(out.machine);
+  std::string wanted;
+  for (int i = 0; i < task.size(); ++i) wanted += "XYZABC"[static_cast<int>(task[i])];
+  if (out.joints != kinematics::joint_count(out.machine) || out.letters != wanted) {
+    return fail("LC110",
+                fmt::format("the INI file has {} joints and the coordinates {}; machine.toml beside it has {} and {}",
+                            out.joints, one_line(out.letters), kinematics::joint_count(out.machine), wanted),
+                place, "export the machine anew");
+  }
+  // One more HAL file, behind the others.
+  const auto at = out.record_ini.rfind("HALFILE = ");
+  if (at == std::string::npos) return fail("LC110", "the INI file names no HALFILE", place, kNoConfiguration);
+  out.record_ini.insert(out.record_ini.find('\n', at) + 1, "HALFILE = record.hal\n");
+  return out;
+}
+
+/// Samples joints, axes and the line. With LinuxCNC's component scale three more digits of each.
+std::string sampling(const Configuration& c, bool scaled) {
+  const std::size_t floats = static_cast<std::size_t>(c.joints) + c.letters.size();
+  std::string out = fmt::format("loadrt sampler depth=20000 cfg={}s\n", std::string(floats, 'f'));
+  if (scaled) out += fmt::format("loadrt scale count={}\n", floats);
+  std::size_t pin = 0;
+  const auto sample = [&](const std::string& source) {
+    if (scaled) {
+      out += fmt::format("setp scale.{0}.gain 1000\nnet record-{0} {1} => scale.{0}.in\n", pin, source);
+      out += fmt::format("net record-more-{0} scale.{0}.out => sampler.0.pin.{0}\naddf scale.{0} servo-thread\n", pin);
+    } else {
+      out += fmt::format("net record-{0} {1} => sampler.0.pin.{0}\n", pin, source);
+    }
+    ++pin;
+  };
+  for (int i = 0; i < c.joints; ++i) sample(fmt::format("joint.{}.pos-cmd", i));
+  for (const char letter : c.letters) sample(fmt::format("axis.{}.pos-cmd", static_cast<char>(letter - 'A' + 'a')));
+  out += fmt::format("net record-line motion.program-line => sampler.0.pin.{}\naddf sampler.0 servo-thread\n", pin);
+  out += "setp sampler.0.enable 0\n";  // the driver switches it on before the program
+  return out;
+}
+
+/// The last lines of a log that say something.
+std::string tail_of(const fs::path& log) {
+  std::istringstream lines(text_of_file(log));
+  std::vector<std::string> kept, errors;
+  for (std::string line; std::getline(lines, line);) {
+    line = trimmed(line);
+    if (line.empty()) continue;
+    kept.push_back(line);
+    const bool bad = line.find("rror") != std::string::npos || line.find("annot") != std::string::npos ||
+                     line.find("must be") != std::string::npos || line.find("not found") != std::string::npos;
+    if (bad && line.find("errorlevel") == std::string::npos) errors.push_back(line);
+  }
+  const std::vector<std::string>& from = errors.empty() ? kept : errors;
+  std::string out;
+  for (std::size_t i = 0; i < std::min<std::size_t>(from.size(), 3); ++i) {
+    const std::string& line = errors.empty() ? from[from.size() - std::min<std::size_t>(from.size(), 3) + i] : from[i];
+    out += (out.empty() ? "" : "; ") + one_line(line);
+  }
+  return out.empty() ? "it said nothing" : out;
+}
+
+Status ready() {
+  if (::geteuid() != 0) {
+    return fail("LC111",
+                "a record needs root: LinuxCNC runs in namespaces of its own, so that nothing of it is left behind", {},
+                "run it with sudo, or in a container");
+  }
+  for (const char* program : {"linuxcnc", "halsampler"}) {
+    if (!found_in_path(program)) {
+      return fail("LC112", fmt::format("LinuxCNC is not installed: no program {}", program), {},
+                  "on Debian: apt-get install linuxcnc-uspace linuxcnc-uspace-dev");
+    }
+  }
+  for (const char* program : {"unshare", "mount", "ip", "bash", "cc"}) {
+    if (!found_in_path(program)) {
+      return fail("LC112", fmt::format("no program {} is installed", program), {},
+                  "on Debian: apt-get install util-linux mount iproute2 bash gcc");
+    }
+  }
+  std::error_code error;
+  if (!fs::exists(fs::path(kHeaders) / "kinematics.h", error)) {
+    return fail("LC112", fmt::format("LinuxCNC's headers are not installed: no {}/kinematics.h", kHeaders), {},
+                "on Debian: apt-get install linuxcnc-uspace-dev");
+  }
+  if (!fs::is_directory(kModules, error)) {
+    return fail("LC112", fmt::format("LinuxCNC's modules are not in {}", kModules), {},
+                "on Debian: apt-get install linuxcnc-uspace");
+  }
+  return {};
+}
+
+/// One cycle of the record, in LinuxCNC's units.
+struct Sample {
+  std::vector<double> joints, axes;
+  int line = 0;
+};
+
+Result<std::vector<Sample>> samples_of(const fs::path& file, std::size_t joints, std::size_t axes, double scale) {
+  std::vector<Sample> out;
+  std::ifstream in(file);
+  long last = -1;
+  for (std::string line; std::getline(in, line);) {
+    const char* at = line.c_str();
+    char* next = nullptr;
+    const long number = std::strtol(at, &next, 10);
+    const bool lost = next == at || (last >= 0 && number != last + 1);
+    Sample s;
+    at = next;
+    const auto take = [&](std::vector<double>& to, std::size_t count) {
+      for (std::size_t i = 0; i < count; ++i) {
+        to.push_back(std::strtod(at, &next) / scale);
+        if (next == at) return false;
+        at = next;
+      }
+      return true;
+    };
+    const bool whole = !lost && take(s.joints, joints) && take(s.axes, axes);
+    if (whole) s.line = static_cast<int>(std::strtol(at, &next, 10));
+    if (!whole || next == at) {
+      if (in.eof()) break;  // the last line may be cut
+      return fail("LC118",
+                  fmt::format("samples were lost after {:.3f} s: {}", kServoPeriod * static_cast<double>(out.size()),
+                              one_line(line)),
+                  {}, "the machine is too busy; try again");
+    }
+    last = number;
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+void write_number(std::string& out, double value, int digits) {
+  std::string text = fmt::format("{:.{}f}", value, digits);
+  if (text.starts_with('-') && text.find_first_of("123456789") == std::string::npos) text.erase(0, 1);
+  out += ',';
+  out += text;
+}
+
+Record record_of(const Configuration& c, const std::vector<Sample>& samples, int digits) {
+  Record out;
+  const machine::Task task = kinematics::task(c.machine);
+  out.csv = "time_s,line,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg";
+  for (int i = 0; i < c.joints; ++i) out.csv += fmt::format(",q{}", i + 1);
+  out.csv += "\n";
+  if (samples.size() <= kLag) return out;
+  const std::size_t rows = samples.size() - kLag;
+  // Before the first change and behind the last one nothing happens.
+  const auto differs = [&](std::size_t k) {
+    return samples[k].axes != samples[k + 1].axes || samples[k + kLag].joints != samples[k + kLag + 1].joints;
+  };
+  std::size_t begin = 0, end = rows;
+  while (begin + 1 < rows && !differs(begin)) ++begin;
+  while (end > begin + 1 && !differs(end - 2)) --end;
+  if (begin + 1 >= rows) begin = 0, end = 1;  // a program without motion: one row
+  std::set<int> lines;
+  const bool follows = task.size() < 6 && !task.names_axis();
+  for (std::size_t k = begin; k < end; ++k) {
+    // The tip that the joints of this row give: weighted as they are.
+    std::vector<double> axes = samples[k].axes;
+    const std::vector<double>&before = samples[k > 0 ? k - 1 : 0].axes, &behind = samples[k + 1].axes;
+    for (std::size_t i = 0; i < axes.size(); ++i) axes[i] += (before[i] - 2 * axes[i] + behind[i]) / 6;
+    const std::vector<double>& joints = samples[k + kLag].joints;
+    double coordinates[6] = {0, 0, 0, 0, 0, 0};
+    if (follows) {
+      std::vector<double> given;
+      for (int i = 0; i < task.size(); ++i) {
+        const double value = axes[static_cast<std::size_t>(i)];
+        given.push_back(task.is_angle(i) ? units::from_deg(value) : units::from_mm(value));
+      }
+      machine::JointVector q(c.joints);
+      for (int i = 0; i < c.joints; ++i) {
+        const double value = joints[static_cast<std::size_t>(i)];
+        q[i] = kinematics::joint_kind(c.machine, i) == machine::JointKind::revolute ? units::from_deg(value)
+                                                                                    : units::from_mm(value);
+      }
+      const Pose X = kinematics::settled(c.machine, kinematics::pose_of(task, given), q);
+      const Vec3 abc = angles_abc(X.R);
+      for (int i = 0; i < 3; ++i) {
+        coordinates[i] = units::to_mm(X.p[i]);
+        coordinates[3 + i] = units::to_deg(abc[i]);
+      }
+    }
+    for (int i = 0; i < task.size(); ++i) coordinates[static_cast<int>(task[i])] = axes[static_cast<std::size_t>(i)];
+    out.csv += fmt::format("{:.3f},{}", kServoPeriod * static_cast<double>(k - begin), samples[k].line);
+    for (const double value : coordinates) write_number(out.csv, value, digits);
+    for (const double value : joints) write_number(out.csv, value, digits);
+    out.csv += "\n";
+    if (samples[k].line > 0) lines.insert(samples[k].line);
+  }
+  out.samples = end - begin;
+  out.seconds = kServoPeriod * static_cast<double>(end - begin - 1);
+  out.lines = lines.size();
+  return out;
+}
+
+/// What the driver left.
+Status verdict(const fs::path& scratch, const std::string& program) {
+  std::istringstream result(text_of_file(scratch / "result.txt"));
+  std::string first;
+  std::getline(result, first);
+  if (first == "ok") return {};
+  if (first.empty()) {
+    return fail("LC114", "LinuxCNC did not start: " + tail_of(scratch / "linuxcnc.txt"), {},
+                "linuxcnc DIR/NAME.ini shows more; a changed HAL file is the usual reason");
+  }
+  std::istringstream words(first);
+  std::string failed, where, said, line_said;
+  int line = 0;
+  words >> failed >> where >> line;
+  while (std::getline(result, line_said)) said += (said.empty() ? "" : "; ") + one_line(line_said);
+  if (where == "switch-on" || where == "homing") {
+    return fail("LC115", fmt::format("LinuxCNC does not {}: {}", where == "homing" ? "home" : "switch on", said), {},
+                "the joints' homes must lie within their limits and be a pose of the machine; export it anew");
+  }
+  return fail("LC116", "LinuxCNC: " + said, {program, line, 0},
+              "polypod check says where a program leaves what the machine can do");
+}
+
+}  // namespace
+
+Result<Record> record(const std::string& folder, const std::string& program, const RecordOptions& options) {
+  POLYPOD_ASSIGN(c, configuration_in(folder));
+  POLYPOD_ASSIGN(text, files::read(program));
+  POLYPOD_TRY(ready());
+  const Scratch scratch;
+  if (scratch.path().empty()) {
+    return fail("LC114", "no folder can be made for the run", {}, "TMPDIR names where; it must be writable");
+  }
+  const Clock::time_point begin = Clock::now();
+  const fs::path& dir = scratch.path();
+  const auto stopped = [&](Outcome outcome) -> Status {
+    if (outcome == Outcome::interrupted) return fail("LC119", "interrupted");
+    if (outcome == Outcome::late) {
+      return fail("LC117", fmt::format("the program did not end within {:g} s", options.time_limit), {program},
+                  "--time-limit gives more; LinuxCNC runs in real time");
+    }
+    return {};
+  };
+  {
+    const fs::path log = dir / "compiler.txt";
+    Child compiler({"cc", "-std=gnu11", "-O2", "-fPIC", "-shared", "-DUSPACE", "-DRTAPI", "-D__MODULE__",
+                    std::string("-I") + kHeaders, (c.folder / (c.module + ".c")).string(), "-o",
+                    (dir / (c.module + ".so")).string(), "-lm"},
+                   log);
+    POLYPOD_TRY(stopped(wait_for(compiler, begin, options)));
+    if (*compiler.status() != 0) {
+      return fail("LC113", "the kinematics module does not compile: " + tail_of(log),
+                  {(c.folder / (c.module + ".c")).string()}, "export the machine anew");
+    }
+  }
+  std::error_code error;
+  for (const char* made : {"config", "subroutines"}) fs::create_directory(dir / made, error);
+  const bool scaled = c.hal.find("loadrt scale") == std::string::npos;
+  POLYPOD_TRY(write(dir / "record.ini", c.record_ini));
+  POLYPOD_TRY(write(dir / "record.hal", sampling(c, scaled)));
+  POLYPOD_TRY(write(dir / "record.var", ""));
+  POLYPOD_TRY(write(dir / "record.tbl", text_of_file(c.folder / c.tool_table)));
+  POLYPOD_TRY(write(dir / "program.ngc", text));
+  POLYPOD_TRY(write(dir / "driver.py", text_of_driver_py));
+  POLYPOD_TRY(write(dir / "inside.sh", text_of_inside_sh));
+  fs::permissions(dir / "driver.py", fs::perms(0755), error);
+  const std::string beside = program == "-" ? "" : fs::absolute(program, error).parent_path().string();
+  {
+    Child run({"unshare", "--ipc", "--pid", "--net", "--mount", "--fork", "--kill-child", "--mount-proc", "bash",
+               (dir / "inside.sh").string(), dir.string(), kModules, c.folder.string(), beside, c.module},
+              dir / "linuxcnc.txt");
+    POLYPOD_TRY(stopped(wait_for(run, begin, options)));
+    if (!fs::exists(dir / "result.txt", error) && text_of_file(dir / "linuxcnc.txt").starts_with("unshare:")) {
+      return fail("LC111", "the system gives no namespaces: " + tail_of(dir / "linuxcnc.txt"), {},
+                  "a record needs root with CAP_SYS_ADMIN; containers may lack it");
+    }
+  }
+  POLYPOD_TRY(verdict(dir, program));
+  POLYPOD_ASSIGN(samples, samples_of(dir / "samples.txt", static_cast<std::size_t>(c.joints), c.letters.size(),
+                                     scaled ? 1000.0 : 1.0));
+  return record_of(c, samples, scaled ? 9 : 6);
+}
+
+}  // namespace polypod::control
