@@ -203,6 +203,20 @@ Error what_is_wrong(const CLI::App& app, const CLI::ParseError& e, const std::ve
   return {"AP116", e.what(), {}, {}};
 }
 
+/// An option of the command that was chosen, whose value is nothing, as of a variable of a script that is not set: a file
+/// without a name would be none, in silence (AP116).
+std::optional<Error> without_value(const CLI::App& app) {
+  for (const CLI::App* sub : app.get_subcommands()) {
+    if (auto wrong = without_value(*sub)) return wrong;
+  }
+  for (const CLI::Option* option : app.get_options()) {
+    const std::vector<std::string>& values = option->results();
+    if (option->get_lnames().empty() || std::find(values.begin(), values.end(), "") == values.end()) continue;
+    return Error{"AP116", fmt::format("--{} has no value", option->get_lnames().front()), {}, "give one, or leave it out"};
+  }
+  return std::nullopt;
+}
+
 // words: off
 struct Renamed {
   const char *command, *before, *now;
@@ -285,7 +299,7 @@ int run_command(int argc, char** argv) {
   Context context;
   context.progress = ::isatty(STDERR_FILENO) != 0;
   std::function<Result<int>(const Context&)> chosen;
-  std::optional<Error> wrong_number;
+  std::optional<Error> wrong_value;
   for (Command& command : commands) {
     CLI::App* parent = &app;
     std::string name = command.name;
@@ -301,7 +315,7 @@ int run_command(int argc, char** argv) {
       parent->description(before.empty() ? command.summary : before + "; " + command.summary);
     }
     CLI::App* sub = parent->add_subcommand(name, command.summary);
-    CliArguments arguments(*sub, wrong_number);
+    CliArguments arguments(*sub, wrong_value);
     command.declare(arguments);
     sub->add_flag("--json", context.json, "Print one JSON document to stdout");
     sub->footer("Example:\n  " + command.example);
@@ -327,10 +341,11 @@ int run_command(int argc, char** argv) {
     app.parse(std::vector<std::string>(words->rbegin(), words->rend() - 1));  // CLI11 takes them from the back
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return shown(app.exit(e));  // --help, --version
-    return refused(wrong_number ? *wrong_number : what_is_wrong(app, e, *words));
+    return refused(wrong_value ? *wrong_value : what_is_wrong(app, e, *words));
   }
-  if (wrong_number) {
-    print_error(context, *wrong_number);
+  if (!wrong_value) wrong_value = without_value(app);
+  if (wrong_value) {
+    print_error(context, *wrong_value);
     return kBadInput;
   }
   const Result<int> status = chosen(context);

@@ -141,14 +141,26 @@ const Value* Table::find(std::string_view key) const {
 
 namespace {
 
-/// Whether a key is another one misspelt: its letters exchanged, one too many or too few, or another unit. One letter
-/// for another makes keys of their own (Krc_N_per_mm2 and Kac_N_per_mm2).
+/// Whether two keys of one length differ by one letter, in a word of four letters at least: in a shorter one that makes
+/// keys of their own (Krc_N_per_mm2 and Kac_N_per_mm2, x_mm and y_mm).
+bool is_one_letter_off(const std::string& key, const std::string& other) {
+  if (key.size() != other.size()) return false;
+  constexpr std::size_t kLongWord = 4;
+  const auto [at, there] = std::mismatch(key.begin(), key.end(), other.begin());
+  if (at == key.end() || !std::equal(at + 1, key.end(), there + 1)) return false;
+  const auto i = static_cast<std::size_t>(at - key.begin());
+  const std::size_t before = key.rfind('_', i), begin = before == std::string::npos ? 0 : before + 1;
+  return *at != '_' && *there != '_' && std::min(key.find('_', i), key.size()) - begin >= kLongWord;
+}
+
+/// Whether a key is another one misspelt: its letters exchanged, one too many, too few or another, or another unit.
 bool is_misspelt(const std::string& key, const std::string& other) {
   std::string a = key, b = other;
   const std::size_t unit = key.rfind('_');
   if (unit != std::string::npos && unit > 0 && unit == other.rfind('_') && a.substr(0, unit) == b.substr(0, unit)) {
     return true;
   }
+  if (is_one_letter_off(key, other)) return true;
   if (a.size() == b.size()) {
     std::sort(a.begin(), a.end());
     std::sort(b.begin(), b.end());

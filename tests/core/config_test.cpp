@@ -275,6 +275,10 @@ TEST(Config, CF106NamesWhatStandsInThePlaceOfAMissingKey) {
   };
   EXPECT_EQ(message("a = 1\ntolerance_mm = 0.1\n", "tolerance_um"),
             "tolerance_um is missing; tolerance_mm stands here, 2:write tolerance_um if that is meant; else add it");
+  EXPECT_EQ(message("a = 1\ndiameter_mn = 8\ndiamatar_mm = 8\ndiamater_mm = 8\n", "diameter_mm"),
+            "diameter_mm is missing; diamater_mm stands here, 4:write diameter_mm if that is meant; else add it");
+  EXPECT_EQ(message("Kac_N_per_mm2 = 1\n", "Krc_N_per_mm2"), "Krc_N_per_mm2 is missing, 1:add this key");
+  EXPECT_EQ(message("x_mm = 1\n", "y_mm"), "y_mm is missing, 1:add this key");
   for (const char* near : {"diametre_mm", "diamter_mm", "diammeter_mm", "diameter_um"})
     EXPECT_THAT(message(fmt::format("{} = 1\n", near), "diameter_mm"), ::testing::HasSubstr(near));
   for (const char* other : {"Kac_N_per_mm2", "Kte_N_per_mm", "Krc"})
