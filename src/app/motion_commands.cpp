@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// move, pick, fit
+// pick, fit
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -219,63 +219,8 @@ std::string fit_in_words(const machine::AnyMachine& m, const workspace::PointFit
 namespace {
 // Of tool and drives: mm or deg, to the powers of s.
 constexpr config::Range kSpeed{1e-6, 1e9}, kAcceleration{1e-6, 1e12}, kJerk{1e-6, 1e15};
-constexpr config::Range kStep_mm{1e-4, 1e6}, kClearance_mm{0, 1e6};
+constexpr config::Range kClearance_mm{0, 1e6};
 }  // namespace
-
-Command move_command() {
-  struct Options {
-    std::string machine, file, points;
-    std::vector<std::string> sets;
-    double speed = 0, step = 1, clearance = 10;
-    Outputs outputs;
-  };
-  auto o = std::make_shared<Options>();
-  return {
-      "move", "A delta's tool along lines and arcs at constant speed: how the drives move, and whether it can",
-      "polypod move delta-brno --points \"200,-200,450;-200,200,550\" --speed 500",
-      [o](Arguments& a) {
-        declare_machine(a, o->machine, o->sets);
-        a.option("--path", o->file, "A path file (docs/delta.md): lines and arcs");
-        a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm");
-        a.option("--speed", o->speed, kSpeed, "mm/s (default: the path file's)");
-        a.option("--step", o->step, kStep_mm, "Between samples, mm (default 1)");
-        a.option("--singularity-distance", o->clearance, kClearance_mm,
-                 "Least distance from singular poses, mm (default 10; 0: not checked)");
-        o->outputs.declare(a);
-      },
-      [o](const Context& context) -> Result<int> {
-        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        if (o->file.empty() == o->points.empty()) {
-          return fail("AP191", "the path must be given once", {}, "give --path FILE or --points");
-        }
-        POLYPOD_TRY(o->outputs.check({o->machine, o->file}, context.json));
-        motion::PathFile path;
-        if (!o->file.empty()) {
-          POLYPOD_ASSIGN(read, motion::read_path(o->file));
-          path = std::move(read);
-        } else {
-          POLYPOD_ASSIGN(points, points_of(o->points, "--points"));
-          POLYPOD_ASSIGN(lines, motion::path_through(points));
-          path.path = std::move(lines);
-        }
-        motion::RunOptions options;
-        options.step = units::from_mm(o->step);
-        options.singular = units::from_mm(o->clearance);
-        POLYPOD_ASSIGN(r, motion::run(m, path.path, o->speed != 0 ? units::from_mm(o->speed) : path.speed, options));
-        pages::MotionQuestion question = question_of(m, r, "A path at constant speed", context, o->clearance);
-        question.not_judged.emplace_back("speed, acceleration and jerk of tool and drives (`polypod pick` has limits)");
-        if (context.json) {
-          Json document = run_json(m, r);
-          document["limits"] = question_json(question);
-          print_json(document);
-        } else {
-          print_run(m, r);
-          print_question(question);
-        }
-        POLYPOD_TRY(o->outputs.write(m, r, question, context.json));
-        return r.ok() ? kDone : kAnswerIsNo;
-      }};
-}
 
 Command pick_command() {
   struct Options {

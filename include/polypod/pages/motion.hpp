@@ -1,10 +1,11 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Table and page of a motion of a delta (KOZ Figures 4-13 to 4-15).
+// Tables and pages of motions (KOZ Figures 4-13 to 4-15, JEL Figures 7.1 to 7.4).
 #pragma once
 
 #include <string>
 
 #include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/machine_motion.hpp"
 
 namespace polypod::pages {
 
@@ -23,7 +24,7 @@ struct MotionQuestion {
   std::vector<std::string> judged, not_judged;  ///< kinds of limits in words
 };
 
-/// The kinds of limits that a delta has at every pose, in words: "ranges of the drives", "table", ...
+/// The kinds of limits that a machine has at every pose, in words: "ranges of the drives", "table", ...
 std::vector<std::string> limits_of_poses(const machine::AnyMachine& machine);
 
 /// A row a sample: t_s, x_mm, y_mm, z_mm, their derivatives, then each drive with its three derivatives (deg or mm);
@@ -36,5 +37,15 @@ std::string motion_csv(const machine::AnyMachine& machine, const motion::Run& ru
 /// makes the page again, or empty.
 std::string motion_page(const machine::AnyMachine& machine, const motion::Run& run, const MotionQuestion& question,
                         const std::string& version, const std::string& command = {});
+
+/// The same for any machine: t_s, line, x_mm, y_mm, z_mm, a_deg, b_deg, c_deg, the tip's derivatives, those of the
+/// drives, the condition number, the limit that is met the nearest with its share, and what is broken. Cells that are
+/// not known are empty.
+std::string move_csv(const machine::AnyMachine& machine, const motion::MoveResult& run);
+
+/// One self-contained HTML file: the answer, the path beside the machine at its start, at its end and where something
+/// is broken first (what breaks a limit is red), curves over time, limits, peaks.
+std::string move_page(const machine::AnyMachine& machine, const motion::PosePath& path, const motion::MoveResult& run,
+                      const MotionQuestion& question, const std::string& version, const std::string& command = {});
 
 }  // namespace polypod::pages

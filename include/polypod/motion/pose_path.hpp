@@ -1,0 +1,112 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Paths of poses: stretches of lines, arcs and blends on which the tool also turns.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/motion/joint_series.hpp"
+#include "polypod/motion/path.hpp"
+
+namespace polypod::motion {
+
+/// How the orientation goes from one point to the next.
+enum class Turning {
+  angles,  ///< A, B and C each linearly, as a controller with rotary axes (and JEL 7.5) does
+  turn     ///< about one axis, by the smallest turn, at a constant rate
+};
+
+/// A curve from one pose to another, by a parameter u from 0 to `size`: the length of the way in m, or of a turn on the
+/// spot its angle in rad.
+struct Stretch {
+  enum class Curve { line, arc, blend } curve = Curve::line;
+  double size = 0;
+  double length = 0;  ///< m, of the tip's way; 0 of a turn on the spot
+  Vec3 from = Vec3::Zero(), to = Vec3::Zero();
+  /// Arcs: center + r (cos a u + sin a v) + rise n, a from 0 to `sweep`, r linear in a from `radius` to `radius_end`.
+  Vec3 center = Vec3::Zero(), u = Vec3::UnitX(), v = Vec3::UnitY(), rise = Vec3::Zero();
+  double radius = 0, radius_end = 0, sweep = 0;
+  /// Blends: coefficients of u^0 to u^5 of x, y, z, m, and A, B, C, rad.
+  Eigen::Matrix<double, 6, 6> polynomial = Eigen::Matrix<double, 6, 6>::Zero();
+
+  Turning turning = Turning::angles;
+  Mat3 before = Mat3::Identity();                             ///< R = before R_z(C) R_y(B) R_x(A): how the work lies
+  Vec3 angles_from = Vec3::Zero(), angles_to = Vec3::Zero();  ///< A, B, C, rad
+  Vec3 axis = Vec3::Zero();  ///< of Turning::turn the whole turn as rotation vector in M
+
+  double duration = 0;  ///< s, 0 where none is given
+  double speed = 0;     ///< m/s, the largest that the tip may take here; 0: no limit of its own
+  bool rapid = false;
+  bool stop = false;  ///< the tool stands still where it ends
+  int line = 0;       ///< of the program or file, 0: none
+  /// Where the point that this stretch leads to was put in by Polypod.
+  bool inserted = false;
+
+  /// The pose at a parameter that itself moves: exact to the third order.
+  [[nodiscard]] PoseSeries at(const Series& parameter) const;
+  [[nodiscard]] Pose pose(double parameter) const;
+  /// Whether the orientation changes on the way.
+  [[nodiscard]] bool turns() const;
+};
+
+/// What happens where two stretches meet.
+struct Junction {
+  double corner = 0;     ///< rad, between the directions of the tip
+  bool tangent = false;  ///< direction and rate of turning go on
+  bool smooth = false;   ///< and so does the curvature: no jump of acceleration
+};
+
+struct PosePath {
+  std::vector<Stretch> stretches;
+  double length = 0;  ///< m
+  double size = 0;    ///< of all parameters
+
+  [[nodiscard]] Junction junction(std::size_t before) const;
+};
+
+struct TargetPose {
+  Vec3 p = Vec3::Zero();       ///< m
+  Vec3 angles = Vec3::Zero();  ///< A, B, C, rad
+};
+
+/// A straight way, on which the tool may turn; a turn on the spot where the points are one. Errors: MO100 (neither way
+/// nor turn).
+Result<Stretch> straight(const TargetPose& from, const TargetPose& to, Turning turning = Turning::angles);
+/// An arc over `via`. Errors: MO102.
+Result<Stretch> curved(const TargetPose& from, const Vec3& via, const TargetPose& to,
+                       Turning turning = Turning::angles);
+/// Error: MO100 where there is none.
+Result<PosePath> pose_path_of(std::vector<Stretch> stretches);
+
+/// The same path with corners replaced: each corner, and each jump of curvature where `curvature` says so, by a
+/// polynomial of fifth degree that goes on with the direction and the curvature of both sides and leaves the corner by
+/// `deviation` m at most. Corners at which the tool stops by its program (`stop`), turns on the spot and stretches that
+/// turn about one axis are left as they are; a blend takes at most half of either stretch.
+PosePath blended(const PosePath& path, double deviation, bool curvature);
+
+/// How the drives go along a stretch in the times that a file gives.
+enum class Profile {
+  linear,  ///< at a constant rate from point to point (JEL 7.5): the speed jumps at each point
+  smooth   ///< from rest to rest with a polynomial of fifth degree
+};
+
+struct PosePathFile {
+  PosePath path;
+  double speed = 0;    ///< m/s, 0 where the file gives none
+  bool timed = false;  ///< every stretch has its duration
+  Profile profile = Profile::linear;
+  bool angles = false;  ///< the file gives orientations
+};
+
+/// Reads a path file.
+/// TOML: `start_mm`, `start_deg` (A, B, C, optional), `speed_mm_per_s`, `turning` ("angles", "turn"), `profile`
+/// ("linear", "smooth"), `segments = [{ to_mm, via_mm, to_deg, time_s, speed_mm_per_s, stop }]`; each of a segment's
+/// keys may be left out: the point or the orientation then stays.
+/// CSV: a row a point with `x_mm,y_mm,z_mm` and, as they are given, `a_deg,b_deg,c_deg` and `time_s` (rising).
+/// Errors: MO100, MO102, MO111 (a duration of some stretches alone), MO112 (an unknown word), MO113 (times that do not rise), FI100
+/// and those of config and csv.
+Result<PosePathFile> read_pose_path(const std::string& file);
+
+}  // namespace polypod::motion

@@ -1,0 +1,503 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "commands.hpp"
+#include "messages.hpp"
+#include "polypod/core/figures.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/gcode/unroll.hpp"
+#include "polypod/machining/program_path.hpp"
+#include "polypod/motion/machine_motion.hpp"
+#include "polypod/pages/motion.hpp"
+
+namespace polypod::app {
+namespace {
+
+// Of tool and drives: mm or deg, to the powers of s; 0: no limit.
+constexpr config::Range kSpeed{0, 1e9}, kAcceleration{0, 1e12}, kJerk{0, 1e15};
+constexpr config::Range kStep_mm{1e-4, 1e6}, kDistance_mm{0, 1e6};
+
+struct Options {
+  std::string machine, file, points, program, origin, start;
+  std::vector<std::string> sets;
+  double speed = 0, step = 1, clearance = 10, condition = 1000, rapid = 6000, blend = 0;
+  bool fastest = false;
+  double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
+  std::string drive_speed, drive_acceleration, drive_jerk;
+  int samples = 1000;
+  std::string csv, report;
+};
+
+/// The path, and what it was made of.
+struct Asked {
+  motion::PosePath path;
+  motion::MoveOptions options;
+  bool angles = false;
+  std::vector<std::string> notes;
+};
+
+/// "c1,c2,...;c1,c2,..." : poses as --pose has them.
+Result<std::vector<motion::TargetPose>> poses_of(const std::string& text, machine::Task task) {
+  std::vector<motion::TargetPose> out;
+  for (std::size_t start = 0; start < text.size();) {
+    const std::size_t end = std::min(text.find(';', start), text.size());
+    POLYPOD_ASSIGN(n, numbers_of(text.substr(start, end - start), "--points"));
+    if (n.size() < std::min<std::size_t>(3, static_cast<std::size_t>(task.size())) ||
+        n.size() > static_cast<std::size_t>(task.size())) {
+      std::string names;
+      for (int i = 0; i < task.size(); ++i) names += fmt::format("{}{}", i > 0 ? "," : "", machine::name_of(task[i]));
+      return fail("AP190", fmt::format("--points {}: not points {};...", text, names));
+    }
+    constexpr double kFarthest_mm = 1e7;  // 10 km: beyond it lies a wrong unit
+    motion::TargetPose pose;
+    for (int i = 0; i < static_cast<int>(n.size()); ++i) {
+      const double x = n[static_cast<std::size_t>(i)];
+      const int k = static_cast<int>(task[i]);
+      if (std::abs(x) > kFarthest_mm) {
+        return fail("AP190", fmt::format("--points: {:g} mm is farther than any machine reaches", x), {},
+                    "give mm, and deg for angles");
+      }
+      (k < 3 ? pose.p[k] : pose.angles[k - 3]) = k < 3 ? units::from_mm(x) : units::from_deg(x);
+    }
+    out.push_back(pose);
+    start = end + 1;
+  }
+  return out;
+}
+
+bool turns(const machine::AnyMachine& m, int joint) {
+  return kinematics::joint_kind(m, joint) == machine::JointKind::revolute;
+}
+
+/// One number for all drives, or one each, deg or mm; 0: no limit.
+Result<machine::JointVector> of_drives(const machine::AnyMachine& m, const std::string& text, const std::string& option,
+                                       config::Range range, double otherwise) {
+  const int n = kinematics::joint_count(m);
+  machine::JointVector out = machine::JointVector::Constant(n, otherwise);
+  if (text.empty()) return out;
+  POLYPOD_ASSIGN(numbers, numbers_of(text, option));
+  if (numbers.size() != 1 && static_cast<int>(numbers.size()) != n) {
+    return fail("AP210", fmt::format("{} {}: the machine has {} drives", option, text, n), {},
+                "give one number for all drives, or one a drive");
+  }
+  for (int i = 0; i < n; ++i) {
+    const double x = numbers[numbers.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+    POLYPOD_TRY(in_range("AP210", option, x, range));
+    out[i] = x == 0 ? motion::kNoLimit : turns(m, i) ? units::from_deg(x) : units::from_mm(x);
+  }
+  return out;
+}
+
+/// What the path file, the points or the program say.
+Result<Asked> path_of(const machine::AnyMachine& m, const Options& o, const Context& context) {
+  Asked out;
+  const machine::Task task = kinematics::task(m);
+  const int given = int(!o.file.empty()) + int(!o.points.empty()) + int(!o.program.empty());
+  if (given != 1) {
+    return fail("AP191", "the path must be given once", {}, "give --path FILE, --points or --program");
+  }
+  if (o.program.empty()) POLYPOD_TRY(refuse(context, {"--origin", "--rapid"}, "it serves --program"));
+  double speed = 0;
+  if (!o.program.empty()) {
+    POLYPOD_TRY(refuse(context, {"--speed"}, "the program has its feeds"));
+    if (o.origin.empty()) {
+      return fail("AP211", "where is the work on the machine?", {},
+                  "give --origin x,y,z: the workpiece origin in M, mm");
+    }
+    POLYPOD_ASSIGN(p, numbers_of(o.origin, "--origin"));
+    if (p.size() != 3) return fail("AP211", fmt::format("--origin {}: not three numbers", o.origin));
+    Pose X_MW;
+    X_MW.p = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
+    POLYPOD_ASSIGN(understood, gcode::understand(o.program, {}));
+    POLYPOD_ASSIGN(program, machining::path_of_program(m, X_MW, understood.program, understood.interpretation,
+                                                       units::from_mm_per_min(o.rapid)));
+    out.path = std::move(program.path);
+    out.notes = std::move(program.notes);
+    if (!program.left_out.empty()) {
+      out.notes.push_back(
+          fmt::format("{} moves are left out, the first in line {}: where they begin or end is not known",
+                      program.left_out.size(), program.left_out.front()));
+    }
+    out.options.law = motion::Law::fastest;
+    out.angles = true;
+  } else if (!o.file.empty()) {
+    POLYPOD_ASSIGN(read, motion::read_pose_path(o.file));
+    out.path = std::move(read.path);
+    speed = read.speed;
+    out.angles = read.angles;
+    out.options.profile = read.profile;
+    if (read.timed && o.speed == 0) out.options.law = motion::Law::timed;
+  } else {
+    POLYPOD_ASSIGN(points, poses_of(o.points, task));
+    std::vector<motion::Stretch> lines;
+    for (std::size_t k = 0; k + 1 < points.size(); ++k) {
+      POLYPOD_ASSIGN(line, motion::straight(points[k], points[k + 1]));
+      lines.push_back(line);
+    }
+    POLYPOD_ASSIGN(path, motion::pose_path_of(std::move(lines)));
+    out.path = std::move(path);
+  }
+  if (o.fastest) out.options.law = motion::Law::fastest;
+  out.options.speed = o.speed != 0 ? units::from_mm(o.speed) : speed;
+  if (o.blend > 0) {
+    const bool jerk = out.options.law == motion::Law::fastest && o.tool_jerk != 0;
+    out.path = motion::blended(out.path, units::from_mm(o.blend), jerk);
+  }
+  return out;
+}
+
+Status limits_of(const machine::AnyMachine& m, const Options& o, const Context& context, motion::MoveOptions& out) {
+  const bool assumed = out.law == motion::Law::fastest;
+  const auto tool = [&](double value, const char* option) {
+    return value == 0 || (!assumed && !context.given(option)) ? motion::kNoLimit : units::from_mm(value);
+  };
+  out.limits.tool_speed = tool(o.tool_speed, "--tool-speed");
+  out.limits.tool_acceleration = tool(o.tool_acceleration, "--tool-acceleration");
+  out.limits.tool_jerk = tool(o.tool_jerk, "--tool-jerk");
+  constexpr double kSpeedOf = 12, kAccelerationOf = 250, kJerkOf = 2e4;  // rad or m, to the powers of s, as `pick`
+  const auto usual = [&](double value) { return assumed ? value : motion::kNoLimit; };
+  POLYPOD_ASSIGN(speed, of_drives(m, o.drive_speed, "--drive-speed", kSpeed, usual(kSpeedOf)));
+  POLYPOD_ASSIGN(acceleration,
+                 of_drives(m, o.drive_acceleration, "--drive-acceleration", kAcceleration, usual(kAccelerationOf)));
+  POLYPOD_ASSIGN(jerk, of_drives(m, o.drive_jerk, "--drive-jerk", kJerk, usual(kJerkOf)));
+  out.limits.drive_speed = speed;
+  out.limits.drive_acceleration = acceleration;
+  out.limits.drive_jerk = jerk;
+  return {};
+}
+
+/// A number, or null where there is none.
+Json number(double x) {
+  return std::isfinite(x) ? Json(x) : Json();
+}
+
+const char* unit_of(const motion::MoveDrive& d) {
+  return d.turns ? "deg" : "mm";
+}
+double shown(const motion::MoveDrive& d, double x) {
+  return d.turns ? units::to_deg(x) : units::to_mm(x);
+}
+
+/// What the motion was judged by.
+pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::MoveResult& r, const Asked& asked,
+                                  const Context& context) {
+  pages::MotionQuestion out;
+  const motion::MoveOptions& options = asked.options;
+  out.what = options.law == motion::Law::fastest ? "A path in the least time"
+             : options.law == motion::Law::timed ? "A path in given times"
+                                                 : "A path at constant speed";
+  out.judged = pages::limits_of_poses(m);
+  if (r.clearance) {
+    if (options.singular_distance > 0) {
+      out.judged.emplace_back("distance from singular poses");
+      out.limits.push_back({"least distance from singular poses", units::to_mm(options.singular_distance),
+                            units::to_mm(*r.clearance), "mm", context.given("--singularity-distance")});
+    } else {
+      out.not_judged.emplace_back("distance from singular poses");
+    }
+  } else if (options.condition > 0) {
+    out.judged.emplace_back("condition number (near-singular poses)");
+    out.limits.push_back(
+        {"largest condition number", options.condition, r.worst_condition, "", context.given("--condition-max")});
+  } else {
+    out.not_judged.emplace_back("near-singular poses");
+  }
+  const auto add = [&](const std::string& name, double limit, double met, const std::string& unit, const char* option) {
+    if (std::isfinite(limit)) out.limits.push_back({name, limit, met, unit, context.given(option)});
+    return std::isfinite(limit);
+  };
+  bool all = add("speed of the tool", units::to_mm(options.limits.tool_speed), units::to_mm(r.tool_speed), "mm/s",
+                 "--tool-speed");
+  all = add("acceleration of the tool", units::to_mm(options.limits.tool_acceleration),
+            units::to_mm(r.tool_acceleration), "mm/s²", "--tool-acceleration") &&
+        all;
+  all = add("jerk of the tool", units::to_mm(options.limits.tool_jerk), units::to_mm(r.tool_jerk), "mm/s³",
+            "--tool-jerk") &&
+        all;
+  const auto drives = [&](const char* what, const machine::JointVector& limit, double motion::MoveDrive::*met,
+                          const char* per, const char* option) {
+    bool every = true;
+    for (std::size_t i = 0; i < r.drives.size(); ++i) {
+      const motion::MoveDrive& d = r.drives[i];
+      every = add(fmt::format("{} of drive {}", what, i + 1), shown(d, limit[static_cast<Eigen::Index>(i)]),
+                  shown(d, d.*met), fmt::format("{}{}", unit_of(d), per), option) &&
+              every;
+    }
+    return every;
+  };
+  all = drives("speed", options.limits.drive_speed, &motion::MoveDrive::speed, "/s", "--drive-speed") && all;
+  all = drives("acceleration", options.limits.drive_acceleration, &motion::MoveDrive::acceleration, "/s²",
+               "--drive-acceleration") &&
+        all;
+  all = drives("jerk", options.limits.drive_jerk, &motion::MoveDrive::jerk, "/s³", "--drive-jerk") && all;
+  if (!all) out.not_judged.emplace_back("speeds, accelerations and jerks for which no limit is given");
+  out.not_judged.emplace_back("forces of the drives");
+  return out;
+}
+
+Json question_json(const pages::MotionQuestion& question) {
+  Json limits = Json::array();
+  for (const pages::MotionLimit& l : question.limits) {
+    limits.push_back(
+        {{"name", l.name}, {"limit", l.limit}, {"met", number(l.met)}, {"unit", l.unit}, {"given", l.given}});
+  }
+  return {{"values", limits}, {"judged", question.judged}, {"not_judged", question.not_judged}};
+}
+
+const char* law_name(motion::Law law) {
+  return law == motion::Law::fastest ? "time-optimal" : law == motion::Law::timed ? "timed" : "constant-speed";
+}
+
+Json move_json(const motion::MoveResult& r, const Asked& asked, const pages::MotionQuestion& question) {
+  Json problems = Json::array(), violations = Json::array();
+  for (const motion::MoveViolation& v : r.violations) {
+    const Json at = vector_json(v.p * units::kMmPerMetre);
+    problems.push_back({{"kind", v.kind},
+                        {"detail", v.detail},
+                        {"at_mm", at},
+                        {"path_length_mm", units::to_mm(v.length)},
+                        {"time_s", number(v.t)}});
+    violations.push_back({{"time_s", number(v.t)},
+                          {"limit", v.limit},
+                          {"kind", v.kind},
+                          {"detail", v.detail},
+                          {"at_mm", at},
+                          {"path_length_mm", units::to_mm(v.length)},
+                          {"line", v.line > 0 ? Json(v.line) : Json()}});
+  }
+  Json drives = Json::array();
+  for (const motion::MoveDrive& d : r.drives) {
+    const std::string unit = unit_of(d);
+    drives.push_back({{"unit", unit},
+                      {"position", {{"min", number(shown(d, d.low))}, {"max", number(shown(d, d.high))}}},
+                      {"speed_max", shown(d, d.speed)},
+                      {"acceleration_max", shown(d, d.acceleration)},
+                      {"jerk_max", shown(d, d.jerk)},
+                      {"force_max", nullptr},
+                      {"speed_" + unit + "_per_s", shown(d, d.speed)},
+                      {"acceleration_" + unit + "_per_s2", shown(d, d.acceleration)},
+                      {"jerk_" + unit + "_per_s3", shown(d, d.jerk)},
+                      {"start_" + unit, shown(d, d.first)},
+                      {"end_" + unit, shown(d, d.last)},
+                      {"min_" + unit, number(shown(d, d.low))},
+                      {"max_" + unit, number(shown(d, d.high))}});
+  }
+  Json starts = Json::array();
+  for (const motion::MoveStart& s : r.starts) {
+    starts.push_back({{"branch", s.branch},
+                      {"completes", s.completes},
+                      {"share_of_path", s.reaches},
+                      {"stopped_by", s.stopped_by.empty() ? Json() : Json(s.stopped_by)},
+                      {"condition_max", number(s.condition)},
+                      {"chosen", s.chosen}});
+  }
+  Json out = {{"ok", r.ok()},
+              {"mode", law_name(asked.options.law)},
+              {"length_mm", units::to_mm(r.length)},
+              {"time_s", number(r.time)},
+              {"problems", problems},
+              {"violations", violations},
+              {"tool",
+               {{"speed_mm_per_s", units::to_mm(r.tool_speed)},
+                {"acceleration_mm_per_s2", units::to_mm(r.tool_acceleration)},
+                {"jerk_mm_per_s3", units::to_mm(r.tool_jerk)},
+                {"turn_deg_per_s", units::to_deg(r.turn_speed)}}},
+              {"drives", drives},
+              {"branch", r.branch.empty() ? Json() : Json(r.branch)},
+              {"starts", starts},
+              {"condition_max", number(r.worst_condition)},
+              {"limits", question_json(question)}};
+  if (asked.options.law == motion::Law::fastest) {
+    Json binding = Json::array();
+    for (const auto& [name, share] : r.binding) binding.push_back({{"limit", name}, {"share_of_time", share}});
+    out["stops"] = r.stops;
+    out["limited_by"] = binding;
+  }
+  out["instants_checked"] = r.checked;
+  out["notes"] = r.notes;
+  return out;
+}
+
+/// "x, y, z" of a point, mm.
+std::string coordinates(const Vec3& p) {
+  const Figures at(units::to_mm(p.norm()), 2);
+  return fmt::format("{}, {}, {}", at(units::to_mm(p.x())), at(units::to_mm(p.y())), at(units::to_mm(p.z())));
+}
+
+/// Limits that are the same for several drives, once, with the largest value that was met.
+std::vector<pages::MotionLimit> together(const std::vector<pages::MotionLimit>& limits) {
+  std::vector<pages::MotionLimit> out;
+  for (const pages::MotionLimit& l : limits) {
+    const std::size_t drive = l.name.find(" of drive ");
+    if (drive == std::string::npos) {
+      out.push_back(l);
+      continue;
+    }
+    const std::string name = l.name.substr(0, drive) + " of the drives";
+    const auto same = std::find_if(out.begin(), out.end(), [&](const pages::MotionLimit& o) {
+      return o.name == name && o.limit == l.limit && o.unit == l.unit;
+    });
+    if (same == out.end()) {
+      out.push_back({name, l.limit, l.met, l.unit, l.given});
+    } else {
+      same->met = std::max(same->met, l.met);
+    }
+  }
+  return out;
+}
+
+void print_move(const motion::MoveResult& r, const Asked& asked, const pages::MotionQuestion& question) {
+  fmt::print("length   {} mm\ntime     {} s\n", figure(units::to_mm(r.length), 1), figure(r.time, 4));
+  if (asked.options.law == motion::Law::fastest && std::isfinite(r.time)) {
+    fmt::print("stops    {} on the way\n", r.stops);
+    for (const auto& [name, share] : r.binding) fmt::print("limited  {:.0f} % of the time by {}\n", 100 * share, name);
+  }
+  if (r.starts.size() > 1) {
+    const auto complete = std::count_if(r.starts.begin(), r.starts.end(), [](const auto& s) { return s.completes; });
+    fmt::print("branch   {} ({} of {} solutions at the start pass the whole path)\n", r.branch, complete,
+               r.starts.size());
+  }
+  fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14} {:>14}\n", "", "min", "max", "speed /s", "acceler. /s2", "jerk /s3");
+  fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14} {:>14} mm\n", "tool", "", "", figure(units::to_mm(r.tool_speed), 1),
+             figure(units::to_mm(r.tool_acceleration), 0), figure(units::to_mm(r.tool_jerk), 0));
+  double largest = 0;
+  for (const motion::MoveDrive& d : r.drives)
+    if (d.low <= d.high) largest = std::max({largest, std::abs(shown(d, d.low)), std::abs(shown(d, d.high))});
+  const Figures position(largest, 3);
+  // Each column at the scale of its largest figure, so that rounding shows as 0.
+  const auto column = [&](double motion::MoveDrive::*what, bool turns, int digits) {
+    double most = 0;
+    for (const motion::MoveDrive& d : r.drives)
+      if (d.turns == turns) most = std::max(most, shown(d, d.*what));
+    return Figures(most, digits);
+  };
+  for (std::size_t i = 0; i < r.drives.size(); ++i) {
+    const motion::MoveDrive& d = r.drives[i];
+    if (!(d.low <= d.high)) continue;
+    fmt::print("drive {:<2} {:>10} {:>10} {:>12} {:>14} {:>14} {}\n", i + 1, position(shown(d, d.low)),
+               position(shown(d, d.high)), column(&motion::MoveDrive::speed, d.turns, 1)(shown(d, d.speed)),
+               column(&motion::MoveDrive::acceleration, d.turns, 0)(shown(d, d.acceleration)),
+               column(&motion::MoveDrive::jerk, d.turns, 0)(shown(d, d.jerk)), unit_of(d));
+  }
+  for (const motion::MoveViolation& v : r.violations) {
+    const std::string line = v.line > 0 ? fmt::format(" (line {})", v.line) : "";
+    if (std::isfinite(v.t)) {
+      fmt::print("problem  after {:.3f} s at {} mm{}: {}\n", v.t, coordinates(v.p), line, v.detail);
+    } else {
+      fmt::print("problem  at {} mm{}: {}\n", coordinates(v.p), line, v.detail);
+    }
+  }
+  for (const std::string& note : r.notes) fmt::print("note     {}\n", note);
+  for (const pages::MotionLimit& l : together(question.limits)) {
+    fmt::print("limit    {:<36} {:>12.6g} {:<6} {:<7} met {:.6g}\n", l.name, l.limit, l.unit,
+               l.given ? "given" : "assumed", l.met);
+  }
+  fmt::print("judged   {}\n", fmt::join(question.judged, ", "));
+  fmt::print("not judged: {}\n", fmt::join(question.not_judged, ", "));
+}
+
+/// Angles that the path asks for and the machine does not have, as violations.
+void axes_not_there(const machine::AnyMachine& m, const motion::PosePath& path, motion::MoveResult& r) {
+  const machine::Task task = kinematics::task(m);
+  constexpr double kNoTurn = 1e-9;
+  for (int k = 0; k < 3; ++k) {
+    if (task.holds(static_cast<machine::Coordinate>(3 + k))) continue;
+    for (const motion::Stretch& s : path.stretches) {
+      const double most = std::max(std::abs(s.angles_from[k]), std::abs(s.angles_to[k]));
+      if (!(most > kNoTurn)) continue;
+      motion::MoveViolation v;
+      v.p = s.from;
+      v.line = s.line;
+      v.kind = "axis";
+      v.limit = fmt::format("no {}", "ABC"[k]);
+      v.detail = fmt::format("{} {:g} deg: this machine has no {}", "ABC"[k], units::to_deg(most), "ABC"[k]);
+      r.violations.push_back(v);
+      break;
+    }
+  }
+}
+
+}  // namespace
+
+Command move_command() {
+  auto o = std::make_shared<Options>();
+  return {
+      "move", "The tool of any machine along a path or a program: how tool and drives move, and whether they can",
+      "polypod move delta-brno --points \"200,-200,450;-200,200,550\" --speed 500",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--path", o->file, "A path file (docs/motion.md): points with orientations and times, lines and arcs");
+        a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm; with angles as --pose has them");
+        a.option("--program", o->program, "A G-code program, in the least time within its feeds and the limits");
+        a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm, of --program");
+        a.option("--rapid", o->rapid, {1e-3, 1e9}, "Largest speed of G0, mm/min (default 6000)");
+        a.option("--speed", o->speed, {1e-6, 1e9}, "The tip at this constant speed, mm/s (default: the path file's)");
+        a.flag("--time-optimal", o->fastest, "In the least time within the limits of tool and drives");
+        a.option("--blend", o->blend, kDistance_mm,
+                 "Corners are rounded by up to this, mm (default 0: the tool stops in them)");
+        a.option("--tool-speed", o->tool_speed, kSpeed, "mm/s (planned motion: default 5000; 0: no limit)");
+        a.option("--tool-acceleration", o->tool_acceleration, kAcceleration, "mm/s2 (default 1e5; 0: no limit)");
+        a.option("--tool-jerk", o->tool_jerk, kJerk, "mm/s3 (default 5e6; 0: no limit)");
+        a.option("--drive-speed", o->drive_speed,
+                 "deg/s or mm/s, one number or one a drive (default 12 rad/s, 12 m/s; 0: no limit)");
+        a.option("--drive-acceleration", o->drive_acceleration,
+                 "deg/s2 or mm/s2 (default 250 rad/s2, m/s2; 0: no limit)");
+        a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3; 0: no limit)");
+        a.option("--step", o->step, kStep_mm, "Between judged points of the path, mm (default 1)");
+        a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 1000)");
+        a.option("--condition-max", o->condition, {0, 1e12},
+                 "Poses with a larger condition number are near-singular (default 1000; 0: not judged)");
+        a.option("--singularity-distance", o->clearance, kDistance_mm,
+                 "Of deltas: least distance from singular poses, mm (default 10; 0: not checked)");
+        a.option("--start", o->start, "Solution of the inverse at the first pose: its number, or `best` conditioned");
+        a.option("--csv", o->csv, "A row a sample: tool and drives with speed, acceleration and jerk");
+        a.option("--report", o->report, "An HTML page with the curves and a picture");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_TRY(check_files({o->machine, o->file, o->program}, {o->csv, o->report}, context.json));
+        POLYPOD_ASSIGN(asked, path_of(m, *o, context));
+        motion::MoveOptions& options = asked.options;
+        POLYPOD_TRY(limits_of(m, *o, context, options));
+        options.step = units::from_mm(o->step);
+        options.samples = o->samples;
+        options.condition = o->condition;
+        options.singular_distance = units::from_mm(o->clearance);
+        if (o->start == "best") {
+          options.best_start = true;
+        } else if (!o->start.empty()) {
+          POLYPOD_ASSIGN(k, count_of(o->start, "--start", {1, 1000}, ""));
+          options.start = static_cast<std::size_t>(k - 1);
+        }
+        options.progress = progress_line(context, "moving");
+        POLYPOD_ASSIGN(r, motion::move(m, asked.path, options));
+        options.progress(1);
+        r.notes.insert(r.notes.begin(), asked.notes.begin(), asked.notes.end());
+        axes_not_there(m, asked.path, r);
+        const pages::MotionQuestion question = question_of(m, r, asked, context);
+        if (context.json) {
+          print_json(move_json(r, asked, question));
+        } else {
+          print_move(r, asked, question);
+        }
+        const std::string table = o->csv.empty() ? "" : pages::move_csv(m, r);
+        const std::string page =
+            o->report.empty() ? "" : pages::move_page(m, asked.path, r, question, POLYPOD_VERSION, command_line());
+        files::Outputs together;
+        if (!o->csv.empty()) POLYPOD_TRY(together.add(o->csv, table));
+        if (!o->report.empty()) POLYPOD_TRY(together.add(o->report, page));
+        POLYPOD_TRY(together.commit());
+        for (const std::string* path : {&o->csv, &o->report})
+          if (!path->empty() && !context.json) fmt::print("wrote {}\n", *path);
+        return r.ok() ? kDone : kAnswerIsNo;
+      }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,778 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/motion/machine_motion.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "polypod/core/units.hpp"
+#include "polypod/families/delta/kinematics.hpp"
+
+namespace polypod::motion {
+namespace {
+
+using kinematics::InverseResult;
+using kinematics::LimitBits;
+using kinematics::Solution;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+/// What the machine does at one place of the path.
+struct State {
+  bool reached = false;
+  std::string reason;  ///< why not
+  Pose X;
+  JointVector q;
+  unsigned branch = 0;
+  LimitBits violations = 0;
+  double condition = 0;
+  double clearance = kNoLimit;  ///< m, of deltas
+};
+
+struct Node {
+  std::size_t stretch = 0;
+  double u = 0, s = 0;
+  State state;
+};
+
+/// m, of a delta its least distance from a singular pose.
+std::optional<double> clearance_of(const AnyMachine& machine, const Vec3& X) {
+  return std::visit(
+      [&]<class M>(const M& m) -> std::optional<double> {
+        if constexpr (requires { closeness(m, X); }) return closeness(m, X).least();
+        return {};
+      },
+      machine);
+}
+
+class Follower {
+ public:
+  Follower(const AnyMachine& machine, const PosePath& path, const MoveOptions& options)
+      : machine_(machine), path_(path), options_(options), joints_(kinematics::joint_count(machine)) {
+    double s = 0;
+    for (const Stretch& stretch : path.stretches) {
+      begins_.push_back(s);
+      s += stretch.size;
+    }
+    is_delta_ = clearance_of(machine, Vec3::Zero()).has_value();
+  }
+
+  [[nodiscard]] const AnyMachine& machine() const { return machine_; }
+  [[nodiscard]] int joints() const { return joints_; }
+  [[nodiscard]] bool is_delta() const { return is_delta_; }
+  [[nodiscard]] double begin(std::size_t stretch) const { return begins_[stretch]; }
+  [[nodiscard]] std::size_t stretch_at(double s) const {
+    const auto it = std::upper_bound(begins_.begin(), begins_.end(), s);
+    return static_cast<std::size_t>(it - begins_.begin()) - 1;
+  }
+
+  /// With the joints that are the nearest to `near`, or the solution `which` of the list.
+  [[nodiscard]] State state(std::size_t stretch, double u, const JointVector& near, std::size_t which = 0) const {
+    State out;
+    const Pose target = path_.stretches[stretch].pose(u);
+    out.X = target;
+    const InverseResult result =
+        near.size() > 0 ? kinematics::inverse_near(machine_, target, near) : kinematics::inverse(machine_, target);
+    if (result.solutions.empty()) {
+      out.reason = result.reason;
+      out.clearance = 0;
+      return out;
+    }
+    const Solution* chosen = &result.solutions[std::min(which, result.solutions.size() - 1)];
+    if (near.size() == 0 && which == 0 && result.reachable() != nullptr) chosen = result.reachable();
+    out.reached = true;
+    out.q = chosen->joints;
+    out.branch = chosen->branch;
+    out.X = kinematics::settled(machine_, target, out.q);
+    out.violations = kinematics::violations(machine_, out.X, out.q);
+    out.condition = kinematics::dexterity(machine_, out.X, out.q).condition;
+    if (is_delta_) out.clearance = clearance_of(machine_, out.X.p).value_or(0);
+    return out;
+  }
+
+  /// Points of the whole path in rising order, from one solution of the first; stops at the first thing that is broken
+  /// where `all` is not asked for.
+  [[nodiscard]] std::vector<Node> track(std::size_t start, bool all) const {
+    std::vector<Node> out;
+    JointVector near;
+    for (std::size_t k = 0; k < path_.stretches.size(); ++k) {
+      const int pieces = pieces_of(k);
+      for (int i = 0; i <= pieces; ++i) {
+        Node node{k, path_.stretches[k].size * i / pieces, 0, {}};
+        node.s = begins_[k] + node.u;
+        node.state = state(k, node.u, near, near.size() == 0 ? start : 0);
+        const bool broken = !node.state.reached || node.state.violations != 0 || singular(node.state) ||
+                            (near.size() > 0 && jumps(near, node.state.q));
+        if (node.state.reached) near = node.state.q;
+        out.push_back(std::move(node));
+        if (broken && !all) return out;
+      }
+    }
+    return out;
+  }
+  [[nodiscard]] int pieces_of(std::size_t stretch) const {
+    const Stretch& s = path_.stretches[stretch];
+    const double turned =
+        s.turning == Turning::turn ? s.axis.norm() : (s.angles_to - s.angles_from).cwiseAbs().maxCoeff();
+    return std::max({2, static_cast<int>(std::ceil(s.length / options_.step)),
+                     static_cast<int>(std::ceil(turned / options_.turn_step))});
+  }
+
+  [[nodiscard]] bool singular(const State& s) const {
+    if (is_delta_) return options_.singular_distance > 0 && s.clearance < options_.singular_distance;
+    return s.reached && options_.condition > 0 && !(s.condition <= options_.condition);
+  }
+  /// Whether a drive goes so far that it may have changed its branch.
+  [[nodiscard]] bool jumps(const JointVector& from, const JointVector& to) const {
+    constexpr double kTurn = 0.5, kShare = 0.1;  // rad; of the range
+    for (int i = 0; i < joints_; ++i) {
+      const double change = std::abs(to[i] - from[i]);
+      if (kinematics::joint_kind(machine_, i) == machine::JointKind::revolute) {
+        if (change > kTurn) return true;
+        continue;
+      }
+      const machine::JointRange range = kinematics::joint_range(machine_, i);
+      if (std::isfinite(range.max - range.min) && change > kShare * (range.max - range.min) &&
+          change > 3 * options_.step) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  const AnyMachine& machine_;
+  const PosePath& path_;
+  const MoveOptions& options_;
+  int joints_;
+  bool is_delta_ = false;
+  std::vector<double> begins_;
+};
+
+/// Finds what the track breaks, each thing once and where it begins.
+class Judge {
+ public:
+  Judge(const Follower& follower, const PosePath& path, const MoveOptions& options)
+      : follower_(follower), path_(path), options_(options) {}
+
+  std::vector<MoveViolation> of(const std::vector<Node>& track) {
+    std::vector<MoveViolation> out;
+    const Node* last = nullptr;
+    for (const Node& node : track) {
+      const LimitBits fresh = bits(node.state) & ~seen_;
+      for (LimitBits rest = fresh; rest != 0; rest &= rest - 1) {
+        const LimitBits bit = rest & ~(rest - 1);
+        Node bad = node;
+        if (last != nullptr && last->stretch == node.stretch) {
+          double good = last->u;
+          constexpr int kHalvings = 20;
+          for (int k = 0; k < kHalvings; ++k) {
+            Node middle{node.stretch, 0.5 * (good + bad.u), 0, {}};
+            middle.state = follower_.state(middle.stretch, middle.u, last->state.q);
+            if ((bits(middle.state) & bit) != 0) {
+              bad = std::move(middle);
+            } else {
+              good = middle.u;
+            }
+          }
+          bad.s = follower_.begin(bad.stretch) + bad.u;
+        }
+        out.push_back(violation(std::countr_zero(bit), bad));
+      }
+      seen_ |= fresh;
+      if (last != nullptr && last->state.reached && node.state.reached &&
+          follower_.jumps(last->state.q, node.state.q) && really_jumps(*last, node)) {
+        if (!jumped_) out.push_back(jump(*last, node));
+        jumped_ = true;
+      }
+      last = &node;
+    }
+    return out;
+  }
+
+ private:
+  static constexpr int kReach = 62, kSingular = 63;  // beside the limits' bits
+
+  [[nodiscard]] LimitBits bits(const State& s) const {
+    LimitBits out = s.reached ? s.violations : LimitBits{1} << kReach;
+    if (follower_.singular(s)) out |= LimitBits{1} << kSingular;
+    return out;
+  }
+  /// A drive that merely goes fast does so by less over a shorter way.
+  [[nodiscard]] bool really_jumps(const Node& from, const Node& to) const {
+    if (from.stretch != to.stretch) return true;
+    JointVector a = from.state.q, b = to.state.q;
+    double low = from.u, high = to.u;
+    constexpr int kHalvings = 12;
+    for (int k = 0; k < kHalvings; ++k) {
+      const double middle = 0.5 * (low + high);
+      const State s = follower_.state(from.stretch, middle, a);
+      if (!s.reached) return true;
+      const double first = (s.q - a).cwiseAbs().maxCoeff(), second = (b - s.q).cwiseAbs().maxCoeff();
+      if (first > second) {
+        high = middle;
+        b = s.q;
+      } else {
+        low = middle;
+        a = s.q;
+      }
+      if (!follower_.jumps(a, b)) return false;
+    }
+    return true;
+  }
+  [[nodiscard]] MoveViolation jump(const Node& from, const Node& to) const {
+    MoveViolation out = base(to, "branch");
+    int joint = 0;
+    const double change = (to.state.q - from.state.q).cwiseAbs().maxCoeff(&joint);
+    const bool turns = kinematics::joint_kind(follower_.machine(), joint) == machine::JointKind::revolute;
+    out.limit = fmt::format("drive {} changes its branch", joint + 1);
+    out.detail = fmt::format("drive {} would jump by {:.3g} {}", joint + 1,
+                             turns ? units::to_deg(change) : units::to_mm(change), turns ? "deg" : "mm");
+    return out;
+  }
+  [[nodiscard]] MoveViolation base(const Node& at, const char* kind) const {
+    MoveViolation out;
+    out.s = at.s;
+    out.p = path_.stretches[at.stretch].pose(at.u).p;
+    out.line = path_.stretches[at.stretch].line;
+    out.kind = kind;
+    return out;
+  }
+  [[nodiscard]] MoveViolation violation(int bit, const Node& at) const {
+    MoveViolation out = base(at, bit == kReach ? "reach" : bit == kSingular ? "singular" : "limit");
+    if (bit == kReach) {
+      out.limit = at.state.reason.empty() ? "out of reach" : at.state.reason;
+    } else if (bit == kSingular) {
+      out.limit = "near-singular";
+      out.detail = follower_.is_delta()
+                       ? fmt::format("nearer to a singular pose than {:g} mm: {:.1f} mm",
+                                     units::to_mm(options_.singular_distance), units::to_mm(at.state.clearance))
+                       : fmt::format("near-singular: the condition number is above {:g}", options_.condition);
+    } else {
+      out.limit = kinematics::limit_name(follower_.machine(), bit);
+    }
+    if (out.detail.empty()) out.detail = out.limit;
+    return out;
+  }
+
+  const Follower& follower_;
+  const PosePath& path_;
+  const MoveOptions& options_;
+  LimitBits seen_ = 0;
+  bool jumped_ = false;
+};
+
+/// Chooses the solution of the first pose with which the path can be passed.
+std::size_t choose_start(const Follower& follower, const PosePath& path, const MoveOptions& options, MoveResult& out) {
+  const InverseResult first = kinematics::inverse(follower.machine(), path.stretches.front().pose(0));
+  std::size_t chosen = 0;
+  double reaches = -1, condition = kNoLimit;
+  bool completes = false;
+  for (std::size_t k = 0; k < first.solutions.size(); ++k) {
+    MoveStart start;
+    start.branch = kinematics::branch_name(follower.machine(), first.solutions[k].branch);
+    const std::vector<Node> track = follower.track(k, false);
+    Judge judge(follower, path, options);
+    const std::vector<MoveViolation> broken = judge.of(track);
+    start.completes = broken.empty();
+    start.reaches = start.completes ? 1 : track.back().s / path.size;
+    if (!broken.empty()) start.stopped_by = broken.front().limit;
+    for (const Node& node : track) start.condition = std::max(start.condition, node.state.condition);
+    const bool better =
+        start.completes != completes
+            ? start.completes
+            : (start.completes ? options.best_start && start.condition < condition : start.reaches > reaches + 1e-12);
+    if (better || k == 0) {
+      chosen = k;
+      reaches = start.reaches;
+      condition = start.condition;
+      completes = start.completes;
+    }
+    out.starts.push_back(std::move(start));
+  }
+  if (options.start) chosen = std::min(*options.start, first.solutions.empty() ? 0 : first.solutions.size() - 1);
+  if (chosen < out.starts.size()) {
+    out.starts[chosen].chosen = true;
+    out.branch = out.starts[chosen].branch;
+  }
+  return chosen;
+}
+
+/// Largest absolute values.
+struct Peaks3 {
+  double speed = 0, acceleration = 0, jerk = 0;
+  void raise(double v, double a, double j) {
+    speed = std::max(speed, std::abs(v));
+    acceleration = std::max(acceleration, std::abs(a));
+    jerk = std::max(jerk, std::abs(j));
+  }
+  void slower(double by) {
+    speed /= by;
+    acceleration /= by * by;
+    jerk /= by * by * by;
+  }
+  void raise(const Peaks3& other) { raise(other.speed, other.acceleration, other.jerk); }
+};
+
+/// Of each order the limit that is met the nearest.
+struct Nearest {
+  double ratio = 0;
+  int who = -2;  ///< a drive, -1 the tool, -3 the speed of the program
+  void take(double value, double limit, int by) {
+    const double r = std::abs(value) / limit;
+    if (std::isfinite(limit) && r > ratio) *this = {r, by};
+  }
+};
+
+class Mover {
+ public:
+  Mover(const AnyMachine& machine, const PosePath& path, const MoveOptions& options)
+      : path_(path), options_(options), limits_(options.limits), follower_(machine, path, options) {
+    for (machine::JointVector* v : {&limits_.drive_speed, &limits_.drive_acceleration, &limits_.drive_jerk})
+      if (v->size() == 0) *v = machine::JointVector::Constant(follower_.joints(), kNoLimit);
+  }
+
+  Result<MoveResult> run() {
+    MoveResult out;
+    out.length = path_.length;
+    const std::size_t start = choose_start(follower_, path_, options_, out);
+    track_ = follower_.track(start, true);
+    POLYPOD_TRY(go_on(0.1));
+    out.violations = Judge(follower_, path_, options_).of(track_);
+    const bool reached = std::any_of(track_.begin(), track_.end(), [](const Node& n) { return n.state.reached; });
+    if (!reached) {
+      return fail("MO116", fmt::format("no point of the path is within reach: {}", track_.front().state.reason), {},
+                  "move the path into the workspace; `polypod ik` says what a pose breaks");
+    }
+    summarise_track(out);
+    const bool everywhere = std::all_of(track_.begin(), track_.end(), [](const Node& n) { return n.state.reached; });
+    if (options_.law == Law::fastest && !everywhere) {
+      out.time = kNan;
+      for (MoveViolation& v : out.violations) {
+        v.t = kNan;
+        v.length = length_at(v.s);
+      }
+      out.notes.emplace_back("the path is not planned, because a part of it is out of reach");
+      return out;
+    }
+    POLYPOD_TRY(make_law(out));
+    for (MoveViolation& v : out.violations) v.t = law_.time_of(v.s);
+    POLYPOD_TRY(check(out));
+    out.time = law_.duration();
+    sample(out);
+    std::stable_sort(out.violations.begin(), out.violations.end(),
+                     [](const MoveViolation& a, const MoveViolation& b) { return a.s < b.s; });
+    for (MoveViolation& v : out.violations) v.length = length_at(v.s);
+    return out;
+  }
+
+ private:
+  [[nodiscard]] double length_at(double s) const {
+    double length = 0;
+    for (const Stretch& stretch : path_.stretches) {
+      if (s <= stretch.size) return length + stretch.length * s / stretch.size;
+      s -= stretch.size;
+      length += stretch.length;
+    }
+    return length;
+  }
+  Status go_on(double share) const {
+    if (options_.progress && !options_.progress(share)) return fail("MO199", "cancelled");
+    return {};
+  }
+
+  void summarise_track(MoveResult& out) const {
+    out.drives.resize(static_cast<std::size_t>(follower_.joints()));
+    double clearance = kNoLimit;
+    bool first = true;
+    for (const Node& node : track_) {
+      clearance = std::min(clearance, node.state.clearance);
+      out.worst_condition = std::max(out.worst_condition, node.state.condition);
+      if (!node.state.reached) continue;
+      for (int i = 0; i < follower_.joints(); ++i) {
+        MoveDrive& d = out.drives[static_cast<std::size_t>(i)];
+        const double q = node.state.q[i];
+        d.turns = kinematics::joint_kind(follower_.machine(), i) == machine::JointKind::revolute;
+        if (first) d.first = q;
+        d.last = q;
+        d.low = std::min(d.low, q);
+        d.high = std::max(d.high, q);
+      }
+      first = false;
+    }
+    if (follower_.is_delta()) out.clearance = clearance;
+  }
+
+  /// Joints of the track next to a place.
+  [[nodiscard]] JointVector near(std::size_t stretch, double u) const {
+    const double s = follower_.begin(stretch) + u;
+    auto it = std::upper_bound(track_.begin(), track_.end(), s, [](double x, const Node& n) { return x < n.s; });
+    while (it != track_.begin()) {
+      --it;
+      if (it->state.reached) return it->state.q;
+    }
+    for (const Node& n : track_)
+      if (n.state.reached) return n.state.q;
+    return {};
+  }
+
+  [[nodiscard]] PlanNode plan_node(std::size_t stretch, double u) const {
+    PlanNode out;
+    const Stretch& s = path_.stretches[stretch];
+    out.s = follower_.begin(stretch) + u;
+    if (s.speed > 0) out.speed = s.speed;
+    const PoseSeries target = s.at(Series(u, 1, 0, 0));
+    PoseSeries X = target;
+    const State state = follower_.state(stretch, u, near(stretch, u));
+    if (state.reached) {
+      const JointSeries joints = joint_series(follower_.machine(), target, state.X, state.q);
+      if (joints.regular) {
+        X = joints.X;
+        out.drive_1 = joints.first;
+        out.drive_2 = joints.second;
+        out.drive_3 = joints.third;
+      }
+    }
+    for (int k = 0; k < 3; ++k) {
+      out.tip_1[k] = X.p[k].derivative(1);
+      out.tip_2[k] = X.p[k].derivative(2);
+      out.tip_3[k] = X.p[k].derivative(3);
+    }
+    return out;
+  }
+
+  Status make_law(MoveResult& out) {
+    const std::vector<Stretch>& stretches = path_.stretches;
+    if (options_.law == Law::fastest) return plan(out);
+    if (options_.law == Law::constant && (!(options_.speed > 0) || !std::isfinite(options_.speed))) {
+      return fail("MO101", fmt::format("a speed of {:g} mm/s must be above 0", units::to_mm(options_.speed)));
+    }
+    for (std::size_t k = 0; k < stretches.size(); ++k) {
+      const Stretch& s = stretches[k];
+      if (options_.law == Law::timed) {
+        law_.add(options_.profile == Profile::smooth ? smooth_block(follower_.begin(k), s.size, s.duration)
+                                                     : uniform_block(follower_.begin(k), s.size, s.duration));
+      } else {
+        if (!(s.length > 0)) {
+          return fail("MO114",
+                      "the path turns the tool on the spot, which takes no time at a constant speed of its tip", {},
+                      "give time_s to every stretch, or plan with --time-optimal");
+        }
+        const double speed = s.speed > 0 ? s.speed : options_.speed;
+        law_.add(uniform_block(follower_.begin(k), s.size, s.length / speed));
+      }
+      if (k + 1 == stretches.size() || options_.profile == Profile::smooth) continue;
+      const Junction j = path_.junction(k);
+      if (j.tangent) continue;
+      MoveViolation v;
+      v.s = follower_.begin(k) + s.size;
+      v.p = s.to;
+      v.line = stretches[k + 1].line;
+      v.kind = "corner";
+      v.limit = "corner";
+      constexpr double kCorner = 1e-3;
+      v.detail = j.corner > kCorner
+                     ? fmt::format("a corner of {:.1f} deg: the tool would have to stop", units::to_deg(j.corner))
+                     : "the rate of turning jumps: the tool would have to stop";
+      v.limit = v.detail;
+      out.violations.push_back(v);
+    }
+    return {};
+  }
+
+  Status plan(MoveResult& out) {
+    const std::vector<Stretch>& stretches = path_.stretches;
+    const bool jerk = limits_.limits_jerk();
+    std::size_t first = 0;
+    for (std::size_t k = 0; k < stretches.size(); ++k) {
+      bool stops = k + 1 == stretches.size() || stretches[k].stop;
+      if (!stops) {
+        const Junction j = path_.junction(k);
+        stops = !j.tangent || (jerk && !j.smooth);
+      }
+      if (!stops) continue;
+      planned_.emplace_back(first, k);
+      POLYPOD_ASSIGN(block, planned(planned_.size() - 1, 1));
+      law_.add(std::move(block));
+      if (k + 1 < stretches.size()) ++out.stops;
+      first = k + 1;
+      POLYPOD_TRY(go_on(0.1 + 0.5 * static_cast<double>(k) / static_cast<double>(stretches.size())));
+    }
+    return {};
+  }
+
+  /// A block of stretches without a stop between them, on `finer` times as many nodes as usual.
+  [[nodiscard]] Result<TimeLaw::Block> planned(std::size_t block, int finer) const {
+    const auto [first, last] = planned_[block];
+    return limits_.limits_jerk() ? plan_within_jerk(first, last, finer) : plan_block(first, last, finer);
+  }
+
+  [[nodiscard]] Result<TimeLaw::Block> plan_block(std::size_t first, std::size_t last, int finer) const {
+    std::vector<PlanNode> nodes;
+    constexpr int kLeast = 60, kLeastOfMany = 16, kMost = 2000;
+    for (std::size_t k = first; k <= last; ++k) {
+      const int pieces = finer * std::clamp(follower_.pieces_of(k), first == last ? kLeast : kLeastOfMany, kMost);
+      for (int i = 0; i <= pieces; ++i) {
+        const double w = static_cast<double>(i) / pieces;
+        // Where the tool starts or stops, nodes stand closer.
+        const double share = first == last ? w * w * (3 - 2 * w)
+                             : k == first  ? 0.5 * w * w * (3 - w)
+                             : k == last   ? 1 - 0.5 * (1 - w) * (1 - w) * (2 + w)
+                                           : w;
+        nodes.push_back(plan_node(k, path_.stretches[k].size * share));
+      }
+    }
+    return fastest(nodes, limits_);
+  }
+
+  [[nodiscard]] Result<TimeLaw::Block> plan_within_jerk(std::size_t first, std::size_t last, int finer) const {
+    const double from = follower_.begin(first);
+    const double to = follower_.begin(last) + path_.stretches[last].size;
+    constexpr int kLeast = 100, kMost = 1500;
+    int pieces = 0;
+    std::vector<double> parts;
+    for (std::size_t k = first; k <= last; ++k) {
+      pieces += follower_.pieces_of(k);
+      if (k > first) parts.push_back(follower_.begin(k));
+    }
+    const auto node = [&](double s, std::size_t part) {
+      const std::size_t k = first + part;
+      return plan_node(k, std::clamp(s - follower_.begin(k), 0.0, path_.stretches[k].size));
+    };
+    return fastest_within_jerk(node, from, to - from, parts, finer * std::clamp(pieces, kLeast, kMost), limits_);
+  }
+
+  /// Tool and drives at the time x of a block.
+  [[nodiscard]] MoveSample sample_at(std::size_t block, double x) const {
+    MoveSample out;
+    out.t = law_.begin(block) + x;
+    const Series s = law_.in_block(block, x);
+    const TimeLaw::Block& b = law_.block(block);
+    out.s = s.value();
+    // At the end of a block its own last stretch counts.
+    std::size_t k = follower_.stretch_at(std::min(s.value(), b.from + b.size * (1 - 1e-12)));
+    k = std::max(k, follower_.stretch_at(b.from + b.size * 1e-12));
+    out.stretch = k;
+    const Stretch& stretch = path_.stretches[k];
+    out.line = stretch.line;
+    Series u = s - Series(follower_.begin(k));
+    u[0] = std::clamp(u[0], 0.0, stretch.size);
+    const PoseSeries target = stretch.at(u);
+    const State state = follower_.state(k, u[0], near(k, u[0]));
+    out.X = state.X;
+    out.reached = state.reached;
+    out.condition = state.condition;
+    out.violations = state.violations;
+    PoseSeries X = target;
+    if (state.reached) {
+      const JointSeries joints = joint_series(follower_.machine(), target, state.X, state.q);
+      out.q = state.q;
+      out.regular = joints.regular;
+      out.speed = joints.first;
+      out.acceleration = joints.second;
+      out.jerk = joints.third;
+      if (joints.regular) X = joints.X;
+    }
+    Mat3 R, dR;
+    for (int i = 0; i < 3; ++i) {
+      out.v[i] = X.p[i].derivative(1);
+      out.a[i] = X.p[i].derivative(2);
+      out.j[i] = X.p[i].derivative(3);
+      for (int c = 0; c < 3; ++c) {
+        R(i, c) = X.R(i, c).value();
+        dR(i, c) = X.R(i, c).derivative(1);
+      }
+    }
+    const Mat3 W = dR * R.transpose();
+    out.turn = 0.5 * Vec3(W(2, 1) - W(1, 2), W(0, 2) - W(2, 0), W(1, 0) - W(0, 1));
+    return out;
+  }
+
+  [[nodiscard]] std::array<Nearest, 3> nearest_of(const MoveSample& s) const {
+    std::array<Nearest, 3> out;
+    out[0].take(s.v.norm(), limits_.tool_speed, -1);
+    const double own = path_.stretches[s.stretch].speed;
+    if (options_.law == Law::fastest && own > 0) out[0].take(s.v.norm(), own, -3);
+    out[1].take(s.a.norm(), limits_.tool_acceleration, -1);
+    out[2].take(s.j.norm(), limits_.tool_jerk, -1);
+    for (int i = 0; s.regular && i < follower_.joints(); ++i) {
+      out[0].take(s.speed[i], limits_.drive_speed[i], i);
+      out[1].take(s.acceleration[i], limits_.drive_acceleration[i], i);
+      out[2].take(s.jerk[i], limits_.drive_jerk[i], i);
+    }
+    return out;
+  }
+  static std::string name_of(const Nearest& n, int order) {
+    const char* what[] = {"speed", "acceleration", "jerk"};
+    if (n.who == -2) return "";
+    if (n.who == -3) return "programmed speed";
+    return n.who < 0 ? fmt::format("tool {}", what[order]) : fmt::format("drive {} {}", n.who + 1, what[order]);
+  }
+  static std::pair<std::string, double> nearest_in_words(const std::array<Nearest, 3>& n) {
+    int best = 0;
+    for (int k = 1; k < 3; ++k)
+      if (n[static_cast<std::size_t>(k)].ratio > n[static_cast<std::size_t>(best)].ratio) best = k;
+    return {name_of(n[static_cast<std::size_t>(best)], best), n[static_cast<std::size_t>(best)].ratio};
+  }
+
+  /// Largest values of one block, and by which factor it must be slower so that all limits are kept.
+  struct Look {
+    Peaks3 tool;
+    double turn = 0;
+    std::vector<Peaks3> drives;
+    std::vector<std::array<Nearest, 3>> all;  ///< at each instant
+    double factor = 1;
+  };
+  Look look_at(std::size_t block, double total, std::set<std::string>& exceeded, MoveResult& out) const {
+    constexpr int kInstants = 10500, kLeast = 24;
+    const double duration = law_.block(block).duration;
+    const int count = std::max(kLeast, static_cast<int>(std::ceil(kInstants * duration / total)));
+    Look look;
+    look.drives.resize(out.drives.size());
+    for (int i = 0; i <= count; ++i) {
+      const MoveSample s = sample_at(block, duration * i / count);
+      look.tool.raise(s.v.norm(), s.a.norm(), s.j.norm());
+      look.turn = std::max(look.turn, s.turn.norm());
+      for (std::size_t k = 0; s.regular && k < look.drives.size(); ++k) {
+        const auto joint = static_cast<Eigen::Index>(k);
+        look.drives[k].raise(s.speed[joint], s.acceleration[joint], s.jerk[joint]);
+      }
+      look.all.push_back(nearest_of(s));
+      const std::array<Nearest, 3>& n = look.all.back();
+      if (options_.law == Law::fastest) {
+        look.factor = std::max({look.factor, n[0].ratio, std::sqrt(n[1].ratio), std::cbrt(n[2].ratio)});
+      } else {
+        report_exceeded(s, exceeded, out);
+      }
+    }
+    return look;
+  }
+
+  /// Looks at many instants of every block; slows a block down until all its limits are kept where they are to be.
+  Status check(MoveResult& out) {
+    const double total = law_.duration();
+    std::map<std::string, double> binding;
+    std::set<std::string> exceeded;
+    Peaks3 tool;
+    double turn = 0;
+    std::vector<Peaks3> drives(static_cast<std::size_t>(follower_.joints()));
+    for (std::size_t b = 0; b < law_.blocks(); ++b) {
+      Look look = look_at(b, total, exceeded, out);
+      // Where the limits are exceeded between nodes, finer nodes are better than a slower block.
+      constexpr double kEnough = 1.001;
+      constexpr int kFinest = 8;
+      for (int finer = 2; look.factor > kEnough && finer <= kFinest && !planned_.empty(); finer *= 2) {
+        POLYPOD_ASSIGN(block, planned(b, finer));
+        law_.replace(b, std::move(block));
+        look = look_at(b, total, exceeded, out);
+      }
+      const double factor = look.factor, duration = law_.block(b).duration;
+      const int count = static_cast<int>(look.all.size()) - 1;
+      out.checked += count + 1;
+      if (factor > 1) law_.stretch(b, factor);
+      look.tool.slower(factor);
+      tool.raise(look.tool);
+      turn = std::max(turn, look.turn / factor);
+      for (std::size_t k = 0; k < drives.size(); ++k) {
+        look.drives[k].slower(factor);
+        drives[k].raise(look.drives[k]);
+      }
+      for (std::array<Nearest, 3>& n : look.all) {
+        n[0].ratio /= factor;
+        n[1].ratio /= factor * factor;
+        n[2].ratio /= factor * factor * factor;
+        const auto [name, ratio] = nearest_in_words(n);
+        constexpr double kMet = 0.99;
+        if (ratio >= kMet) binding[name] += duration * factor / (count + 1);
+      }
+      if (b % 64 == 0) POLYPOD_TRY(go_on(0.6 + 0.3 * static_cast<double>(b) / static_cast<double>(law_.blocks())));
+    }
+    out.tool_speed = tool.speed;
+    out.tool_acceleration = tool.acceleration;
+    out.tool_jerk = tool.jerk;
+    out.turn_speed = turn;
+    for (std::size_t k = 0; k < drives.size(); ++k) {
+      out.drives[k].speed = drives[k].speed;
+      out.drives[k].acceleration = drives[k].acceleration;
+      out.drives[k].jerk = drives[k].jerk;
+    }
+    for (const auto& [name, time] : binding) out.binding.emplace_back(name, time / law_.duration());
+    std::stable_sort(out.binding.begin(), out.binding.end(),
+                     [](const auto& a, const auto& b) { return a.second > b.second; });
+    return {};
+  }
+
+  /// A limit that was given and is not kept, once, where it is first found.
+  void report_exceeded(const MoveSample& s, std::set<std::string>& seen, MoveResult& out) const {
+    const auto look = [&](double value, double limit, int who, int order) {
+      constexpr double kRounding = 1e-9;
+      if (!(std::abs(value) > limit * (1 + kRounding))) return;
+      const std::string name = name_of({0, who}, order);
+      if (!seen.insert(name).second) return;
+      const bool turns = who >= 0 && out.drives[static_cast<std::size_t>(who)].turns;
+      const auto shown = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+      const char* per[] = {"/s", "/s2", "/s3"};
+      MoveViolation v;
+      v.t = s.t;
+      v.s = s.s;
+      v.p = s.X.p;
+      v.line = path_.stretches[s.stretch].line;
+      v.kind = who < 0 ? "tool" : "drive";
+      v.limit = name;
+      v.detail = fmt::format("{} {:.6g} {}{} is above {:.6g}", name, shown(std::abs(value)), turns ? "deg" : "mm",
+                             per[order], shown(limit));
+      out.violations.push_back(v);
+    };
+    look(s.v.norm(), limits_.tool_speed, -1, 0);
+    look(s.a.norm(), limits_.tool_acceleration, -1, 1);
+    look(s.j.norm(), limits_.tool_jerk, -1, 2);
+    for (int i = 0; s.regular && i < follower_.joints(); ++i) {
+      look(s.speed[i], limits_.drive_speed[i], i, 0);
+      look(s.acceleration[i], limits_.drive_acceleration[i], i, 1);
+      look(s.jerk[i], limits_.drive_jerk[i], i, 2);
+    }
+  }
+
+  void sample(MoveResult& out) const {
+    std::vector<std::pair<std::size_t, double>> at;
+    const double total = law_.duration();
+    std::size_t b = 0;
+    for (int i = 0; i < options_.samples; ++i) {
+      const double t = total * i / (options_.samples - 1);
+      while (b + 1 < law_.blocks() && law_.begin(b + 1) <= t) ++b;
+      at.emplace_back(b, std::min(t - law_.begin(b), law_.block(b).duration));
+    }
+    for (const auto& [block, x] : at) {
+      MoveSample s = sample_at(block, x);
+      std::tie(s.nearest, s.share) = nearest_in_words(nearest_of(s));
+      out.samples.push_back(std::move(s));
+    }
+  }
+
+  const PosePath& path_;
+  const MoveOptions& options_;
+  PlanLimits limits_;
+  Follower follower_;
+  std::vector<Node> track_;
+  TimeLaw law_;
+  std::vector<std::pair<std::size_t, std::size_t>> planned_;  ///< first and last stretch of each block of a plan
+};
+
+}  // namespace
+
+Result<MoveResult> move(const AnyMachine& machine, const PosePath& path, const MoveOptions& options) {
+  constexpr double kMostPoints = 1e6;
+  double points = 0;
+  for (const Stretch& s : path.stretches) points += std::ceil(s.length / options.step) + 2;
+  if (!(options.step > 0) || !(points < kMostPoints)) {
+    return fail("MO104", fmt::format("{:g} points of the path are more than 1e6", points), {}, "take a longer step");
+  }
+  if (options.samples < 2) return fail("MO104", fmt::format("{} samples must be 2 or more", options.samples));
+  return Mover(machine, path, options).run();
+}
+
+}  // namespace polypod::motion

@@ -1,0 +1,547 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/motion/time_law.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace polypod::motion {
+namespace {
+
+/// A piece at the time x since it began.
+Series piece_at(const TimeLaw::Piece& piece, double x) {
+  if (piece.bend == 0) {
+    const Series t(x, 1, 0, 0);
+    Series out(piece.c[5]);
+    for (int i = 4; i >= 0; --i) out = out * t + Series(piece.c[static_cast<std::size_t>(i)]);
+    return out;
+  }
+  // S = sinh(k x) / k, C = (cosh(k x) - 1) / k^2.
+  const double z = piece.bend * x * x, k = std::sqrt(std::abs(piece.bend));
+  constexpr double kSmall = 1e-3;
+  double S = x * (1 + z / 6 * (1 + z / 20 * (1 + z / 42))), C = x * x / 2 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56)));
+  if (std::abs(z) > kSmall) {
+    S = (z > 0 ? std::sinh(k * x) : std::sin(k * x)) / k;
+    C = ((z > 0 ? std::cosh(k * x) : std::cos(k * x)) - 1) / piece.bend;
+  }
+  const double v = piece.c[1], a = 2 * piece.c[2], c = 1 + piece.bend * C;
+  const double rate = v * c + a * S;
+  return {piece.c[0] + v * S + a * C, rate, a * c + piece.bend * v * S, piece.bend * rate};
+}
+
+}  // namespace
+
+void TimeLaw::add(Block block) {
+  std::vector<double> ends;
+  double t = 0;
+  for (const Piece& piece : block.pieces) ends.push_back(t += piece.duration);
+  block.duration = t;
+  begins_.push_back(duration() + t);
+  pieces_.push_back(std::move(ends));
+  blocks_.push_back(std::move(block));
+}
+
+void TimeLaw::replace(std::size_t block, Block by) {
+  std::vector<double> ends;
+  double t = 0;
+  for (const Piece& piece : by.pieces) ends.push_back(t += piece.duration);
+  by.duration = t;
+  const double more = t - blocks_[block].duration;
+  for (std::size_t k = block; k < begins_.size(); ++k) begins_[k] += more;
+  pieces_[block] = std::move(ends);
+  blocks_[block] = std::move(by);
+}
+
+void TimeLaw::stretch(std::size_t block, double factor) {
+  Block& b = blocks_[block];
+  const double more = b.duration * (factor - 1);
+  for (Piece& piece : b.pieces) {
+    piece.duration *= factor;
+    double scale = 1;
+    for (double& c : piece.c) {
+      c *= scale;
+      scale /= factor;
+    }
+    piece.bend /= factor * factor;
+  }
+  b.duration += more;
+  for (double& end : pieces_[block]) end *= factor;
+  for (std::size_t k = block; k < begins_.size(); ++k) begins_[k] += more;
+}
+
+Series TimeLaw::in_block(std::size_t block, double x) const {
+  const Block& b = blocks_[block];
+  const std::vector<double>& ends = pieces_[block];
+  const auto it = std::upper_bound(ends.begin(), ends.end(), x);
+  const std::size_t k = std::min(static_cast<std::size_t>(it - ends.begin()), ends.size() - 1);
+  const Piece& piece = b.pieces[k];
+  const double since = std::clamp(x - (k == 0 ? 0 : ends[k - 1]), 0.0, piece.duration);
+  Series out = piece_at(piece, since);
+  if (b.eased) {
+    const Series w3 = out * out * out;
+    out = Series(b.size) * (w3 * (Series(10.0) - Series(15.0) * out + Series(6.0) * out * out));
+  }
+  // Rounding must not leave the block.
+  out[0] = b.from + std::clamp(out[0], 0.0, b.size);
+  return out;
+}
+
+Series TimeLaw::at(double t) const {
+  const auto it = std::upper_bound(begins_.begin(), begins_.end(), t);
+  const std::size_t k = std::min(static_cast<std::size_t>(it - begins_.begin()), begins_.size() - 1);
+  return in_block(k, t - begin(k));
+}
+
+double TimeLaw::time_of(double s) const {
+  std::size_t k = 0;
+  while (k + 1 < blocks_.size() && blocks_[k].from + blocks_[k].size < s) ++k;
+  double low = 0, high = blocks_[k].duration;
+  constexpr int kHalvings = 60;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (low + high);
+    (in_block(k, middle).value() < s ? low : high) = middle;
+  }
+  return begin(k) + high;
+}
+
+TimeLaw::Block uniform_block(double from, double size, double duration) {
+  TimeLaw::Block out{from, size, false, {}, 0};
+  out.pieces.push_back({duration, {0, size / duration}});
+  return out;
+}
+
+TimeLaw::Block smooth_block(double from, double size, double duration) {
+  TimeLaw::Block out{from, size, false, {}, 0};
+  const double d = duration, d3 = d * d * d;
+  out.pieces.push_back({d, {0, 0, 0, 10 * size / d3, -15 * size / (d3 * d), 6 * size / (d3 * d * d)}});
+  return out;
+}
+
+bool PlanLimits::limits_jerk() const {
+  return std::isfinite(tool_jerk) || (drive_jerk.size() > 0 && drive_jerk.array().isFinite().any());
+}
+
+namespace {
+
+tl::unexpected<Error> no_limit(const std::string& what) {
+  return fail("MO115", what, {}, "give limits above 0 of the tool or of the drives");
+}
+
+Status usable(const PlanLimits& limits) {
+  const auto positive = [](double x) { return x > 0; };
+  bool all = positive(limits.tool_speed) && positive(limits.tool_acceleration) && positive(limits.tool_jerk);
+  for (const machine::JointVector* v : {&limits.drive_speed, &limits.drive_acceleration, &limits.drive_jerk})
+    for (const double x : *v) all = all && positive(x);
+  if (!all) return no_limit("a limit of speed, acceleration or jerk is not above 0");
+  return {};
+}
+
+struct Span {
+  double low = -kNoLimit, high = kNoLimit;
+  void cut(double a, double b) {
+    low = std::max(low, std::min(a, b));
+    high = std::min(high, std::max(a, b));
+  }
+  void none() {
+    low = kNoLimit;
+    high = -kNoLimit;
+  }
+};
+
+/// |a u + b x| <= most.
+void cut_by_row(Span& span, double a, double b, double x, double most) {
+  if (!std::isfinite(most)) return;
+  if (a == 0) {
+    if (std::abs(b) * x > most) span.none();
+    return;
+  }
+  span.cut((-most - b * x) / a, (most - b * x) / a);
+}
+void cut_by_tool(Span& span, const Vec3& a, const Vec3& b, double x, double most) {
+  if (!std::isfinite(most)) return;
+  const double aa = a.squaredNorm(), ab = a.dot(b) * x, c = b.squaredNorm() * x * x - most * most;
+  if (aa == 0) {
+    if (c > 0) span.none();
+    return;
+  }
+  const double root = ab * ab - aa * c;
+  if (root < 0) {
+    span.none();
+    return;
+  }
+  span.cut((-ab - std::sqrt(root)) / aa, (-ab + std::sqrt(root)) / aa);
+}
+
+/// Accelerations u that the limits allow at a node whose x is x + ahead u.
+void cut_by_node(Span& span, const PlanNode& n, const PlanLimits& limits, double x, double ahead) {
+  cut_by_tool(span, n.tip_1 + ahead * n.tip_2, n.tip_2, x, limits.tool_acceleration);
+  for (Eigen::Index i = 0; i < n.drive_1.size(); ++i)
+    cut_by_row(span, n.drive_1[i] + ahead * n.drive_2[i], n.drive_2[i], x, limits.drive_acceleration[i]);
+}
+
+/// The largest x that speeds allow.
+double by_speed(const PlanNode& n, const PlanLimits& limits) {
+  double out = kNoLimit;
+  const auto cut = [&](double rate, double most) {
+    if (rate > 0) out = std::min(out, most * most / (rate * rate));
+  };
+  cut(n.tip_1.norm(), std::min(limits.tool_speed, n.speed));
+  for (Eigen::Index i = 0; i < n.drive_1.size(); ++i) cut(std::abs(n.drive_1[i]), limits.drive_speed[i]);
+  return out;
+}
+
+}  // namespace
+
+Result<TimeLaw::Block> fastest(const std::vector<PlanNode>& nodes, const PlanLimits& limits) {
+  POLYPOD_TRY(usable(limits));
+  const std::size_t n = nodes.size();
+  std::vector<double> most(n);
+  for (std::size_t i = 0; i < n; ++i) most[i] = by_speed(nodes[i], limits);
+  const auto step = [&](std::size_t i) { return nodes[i + 1].s - nodes[i].s; };
+  const auto allowed = [&](std::size_t i, double x) {
+    Span span;
+    cut_by_node(span, nodes[i], limits, x, 0);
+    if (step(i) > 0) cut_by_node(span, nodes[i + 1], limits, x, 2 * step(i));
+    return span;
+  };
+  constexpr double kHuge = 1e18;  // x of a place where nothing limits the speed
+  std::vector<double> reach(n, 0);
+  for (std::size_t i = n - 1; i-- > 0;) {
+    const double d = step(i), next = reach[i + 1];
+    const auto can = [&](double x) {
+      Span span = allowed(i, x);
+      if (!(d > 0)) return span.low <= span.high && x <= next;
+      span.high = std::min(span.high, (next - x) / (2 * d));
+      span.low = std::max(span.low, -x / (2 * d));
+      return span.low <= span.high;
+    };
+    double low = 0, high = std::min(most[i], kHuge);
+    if (can(high)) {
+      reach[i] = high;
+      continue;
+    }
+    constexpr int kHalvings = 60;
+    for (int k = 0; k < kHalvings; ++k) {
+      // By factors while they differ in size, else by halves.
+      const double middle = low > 0 ? std::sqrt(low * high) : high > 1e-12 ? high * 1e-3 : 0.5 * high;
+      const double at = low > 0 && high < 4 * low ? 0.5 * (low + high) : middle;
+      (can(at) ? low : high) = at;
+    }
+    reach[i] = low;
+  }
+  TimeLaw::Block out{nodes.front().s, nodes.back().s - nodes.front().s, false, {}, 0};
+  double x = 0;
+  for (std::size_t i = 0; i + 1 < n; ++i) {
+    const double d = step(i);
+    if (!(d > 0)) {
+      x = std::min(x, reach[i + 1]);
+      continue;
+    }
+    const Span span = allowed(i, x);
+    const double u = std::min(span.high, (reach[i + 1] - x) / (2 * d));
+    const double next = std::clamp(x + 2 * d * u, 0.0, reach[i + 1]);
+    const double v = std::sqrt(x), mean = 0.5 * (v + std::sqrt(next));
+    if (!(mean > 0) || !std::isfinite(mean) || next >= kHuge) {
+      return no_limit("no limit of speed and acceleration holds somewhere on the path, or one leaves no motion");
+    }
+    const double t = d / mean;
+    out.pieces.push_back({t, {nodes[i].s - nodes.front().s, v, (std::sqrt(next) - v) / t / 2}});
+    x = next;
+  }
+  return out;
+}
+
+namespace {
+
+/// The five diagonals of a symmetric matrix and its Cholesky factor.
+class Banded {
+ public:
+  explicit Banded(std::size_t n) : a_(n, {0, 0, 0}) {}
+  void clear() { std::fill(a_.begin(), a_.end(), std::array<double, 3>{0, 0, 0}); }
+  /// Entry (i, j), j <= i <= j + 2.
+  double& at(std::size_t i, std::size_t j) { return a_[i][i - j]; }
+  /// A x = b in the place of b; false where A is not positive definite.
+  bool solve(std::vector<double>& b) {
+    const std::size_t n = a_.size();
+    for (std::size_t i = 0; i < n; ++i) {
+      if (i >= 2) a_[i][2] /= a_[i - 2][0];
+      if (i >= 1) a_[i][1] = (a_[i][1] - (i >= 2 ? a_[i][2] * a_[i - 1][1] : 0)) / a_[i - 1][0];
+      double d = a_[i][0];
+      if (i >= 1) d -= a_[i][1] * a_[i][1];
+      if (i >= 2) d -= a_[i][2] * a_[i][2];
+      if (!(d > 0)) return false;
+      a_[i][0] = std::sqrt(d);
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      if (i >= 1) b[i] -= a_[i][1] * b[i - 1];
+      if (i >= 2) b[i] -= a_[i][2] * b[i - 2];
+      b[i] /= a_[i][0];
+    }
+    for (std::size_t i = n; i-- > 0;) {
+      if (i + 1 < n) b[i] -= a_[i + 1][1] * b[i + 1];
+      if (i + 2 < n) b[i] -= a_[i + 2][2] * b[i + 2];
+      b[i] /= a_[i][0];
+    }
+    return true;
+  }
+
+ private:
+  std::vector<std::array<double, 3>> a_;
+};
+
+/// One limit at one place: rows (one of a drive, three of the tool) L = c . (y_{i-1}, y_i, y_{i+1}), divided by the
+/// limit, with |L|^2 <= 1, or 1 / Y of a jerk, Y = share . (y_{i-1}, y_i, y_{i+1}) the y of the place.
+struct Constraint {
+  std::size_t node = 0;  ///< i
+  bool jerk = false;
+  std::array<Vec3, 3> c{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
+  std::array<double, 3> share{};
+};
+
+double eased(double w) {
+  return w * w * w * (10 - 15 * w + 6 * w * w);
+}
+/// w of a share of the way.
+double uneased(double share) {
+  double low = 0, high = 1;
+  constexpr int kHalvings = 60;
+  for (int k = 0; k < kHalvings; ++k) {
+    const double middle = 0.5 * (low + high);
+    (eased(middle) < share ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+/// An interval of the spline, and the part of the path that it lies on.
+struct Cell {
+  double begin = 0, end = 0;  ///< w
+  std::size_t part = 0;
+};
+/// Equal steps of w; more where a part is short; neighbours differ in length by little more than the factor two.
+std::vector<Cell> cells_of(const std::vector<double>& ends, int count) {
+  constexpr double kEach = 24, kRatio = 2.1;
+  std::vector<Cell> out;
+  double begin = 0;
+  for (std::size_t k = 0; k < ends.size(); ++k) {
+    const int pieces = static_cast<int>(std::ceil(std::max(kEach, count * (ends[k] - begin))));
+    for (int i = 0; i < pieces; ++i) {
+      out.push_back({begin + (ends[k] - begin) * i / pieces, begin + (ends[k] - begin) * (i + 1) / pieces, k});
+    }
+    begin = ends[k];
+  }
+  for (bool split = true; split;) {
+    split = false;
+    std::vector<Cell> finer;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const double length = out[i].end - out[i].begin;
+      const auto much_shorter = [&](const Cell& c) { return length > kRatio * (c.end - c.begin); };
+      if ((i > 0 && much_shorter(out[i - 1])) || (i + 1 < out.size() && much_shorter(out[i + 1]))) {
+        const double middle = 0.5 * (out[i].begin + out[i].end);
+        finer.push_back({out[i].begin, middle, out[i].part});
+        finer.push_back({middle, out[i].end, out[i].part});
+        split = true;
+      } else {
+        finer.push_back(out[i]);
+      }
+    }
+    out = std::move(finer);
+  }
+  return out;
+}
+
+}  // namespace
+
+Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s, std::size_t part)>& node, double from,
+                                           double size, const std::vector<double>& parts, int count,
+                                           const PlanLimits& limits) {
+  POLYPOD_TRY(usable(limits));
+  std::vector<double> ends;
+  for (const double s : parts) ends.push_back(uneased((s - from) / size));
+  ends.push_back(1);
+  const std::vector<Cell> cells = cells_of(ends, count);
+  // y_1 .. y_K belong to the intervals, y_0 and y_{K+1} to none.
+  const std::size_t intervals = cells.size(), n = intervals + 2;
+  const auto length = [&](std::size_t i) {
+    const Cell& c = cells[std::clamp<std::size_t>(i, 1, intervals) - 1];
+    return c.end - c.begin;
+  };
+  std::vector<Constraint> constraints;
+  using Row = std::array<double, 3>;  // of y_{i-1}, y_i, y_{i+1}
+  const auto ask = [&](std::size_t i, double share, const PlanNode& at) {
+    const double w = cells[i - 1].begin + share * (cells[i - 1].end - cells[i - 1].begin);
+    const double e = 1 - w;
+    const double s1 = 30 * size * w * w * e * e, s2 = 60 * size * w * e * (1 - 2 * w),
+                 s3 = 60 * size * (1 - 6 * w + 6 * w * w);
+    const double before = length(i - 1), own = length(i), behind = length(i + 1);
+    const double left_sum = before + own, right_sum = own + behind;
+    const Row left_slope{-2 / left_sum, 2 / left_sum, 0}, right_slope{0, -2 / right_sum, 2 / right_sum};
+    const Row left_value{own / left_sum, before / left_sum, 0};
+    Row value, slope, second;
+    const double on = share * own;
+    for (std::size_t k = 0; k < 3; ++k) {
+      second[k] = (right_slope[k] - left_slope[k]) / own;
+      slope[k] = left_slope[k] + on * second[k];
+      value[k] = left_value[k] + on * left_slope[k] + 0.5 * on * on * second[k];
+    }
+    const auto add = [&](const Vec3& d1, const Vec3& d2, const Vec3& d3, double speed, double acceleration,
+                         double jerk) {
+      const Vec3 a1 = d1 * s1, a2 = d2 * s1 * s1 + d1 * s2, a3 = d3 * s1 * s1 * s1 + 3 * s1 * s2 * d2 + d1 * s3;
+      const auto push = [&](bool is_jerk, const Vec3& of_value, const Vec3& of_slope, const Vec3& of_second) {
+        Constraint c{i, is_jerk, {}, value};
+        for (std::size_t k = 0; k < 3; ++k) c.c[k] = of_value * value[k] + of_slope * slope[k] + of_second * second[k];
+        constraints.push_back(c);
+      };
+      const Vec3 none = Vec3::Zero();
+      if (std::isfinite(speed) && a1.norm() > 0) {
+        push(false, Vec3(a1.squaredNorm() / (speed * speed), 0, 0), none, none);
+      }
+      if (std::isfinite(acceleration) && a2.norm() + a1.norm() > 0) {
+        push(false, a2 / acceleration, a1 / (2 * acceleration), none);
+      }
+      if (std::isfinite(jerk)) push(true, a3 / jerk, 1.5 * a2 / jerk, 0.5 * a1 / jerk);
+    };
+    add(at.tip_1, at.tip_2, at.tip_3, std::min(limits.tool_speed, at.speed), limits.tool_acceleration,
+        limits.tool_jerk);
+    for (Eigen::Index k = 0; k < at.drive_1.size(); ++k) {
+      add(Vec3(at.drive_1[k], 0, 0), Vec3(at.drive_2[k], 0, 0), Vec3(at.drive_3[k], 0, 0), limits.drive_speed[k],
+          limits.drive_acceleration[k], limits.drive_jerk[k]);
+    }
+  };
+  PlanNode at;
+  for (std::size_t i = 1; i <= intervals; ++i) {
+    const Cell& c = cells[i - 1];
+    const auto node_at = [&](double w) { return node(from + size * eased(w), c.part); };
+    if (i == 1 || cells[i - 2].part != c.part) at = node_at(c.begin);
+    ask(i, 0, at);
+    // Next to the ends, where the path itself comes to rest, jerks bulge within an interval.
+    constexpr std::size_t kEnds = 4;
+    if (i <= kEnds || i + kEnds > intervals) {
+      for (const double share : {0.25, 0.5, 0.75}) ask(i, share, node_at(c.begin + share * (c.end - c.begin)));
+    }
+    at = node_at(c.end);
+    ask(i, 1, at);
+  }
+  // How much of a limit is left; the barrier is the sum of -log of that.
+  const auto left = [&](const Constraint& c, const std::vector<double>& y, Vec3& L, double& Y) {
+    const std::size_t i = c.node;
+    L = c.c[0] * y[i - 1] + c.c[1] * y[i] + c.c[2] * y[i + 1];
+    Y = c.share[0] * y[i - 1] + c.share[1] * y[i] + c.share[2] * y[i + 1];
+    return (c.jerk ? (Y > 0 ? 1 / Y : 0) : 1) - L.squaredNorm();
+  };
+  const auto weight = [&](std::size_t i) { return i == 0 || i + 1 == n ? 0.5 * length(i) : length(i); };
+  const auto cost = [&](const std::vector<double>& y, double tau) {
+    double out = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!(y[i] > 0)) return kNoLimit;
+      out += tau * weight(i) / std::sqrt(y[i]);
+    }
+    Vec3 L;
+    double Y = 0;
+    for (const Constraint& c : constraints) {
+      const double g = left(c, y, L, Y);
+      if (!(g > 0)) return kNoLimit;
+      out -= std::log(c.jerk ? g * Y : g);  // without unit
+    }
+    return out;
+  };
+  const auto time_of = [&](const std::vector<double>& y) {
+    double out = 0;
+    for (std::size_t i = 0; i < n; ++i) out += weight(i) / std::sqrt(y[i]);
+    return out;
+  };
+  // A constant y that keeps all limits with room.
+  double start = 1;
+  constexpr int kMostHalvings = 400;
+  int halvings = 0;
+  std::vector<double> y(n, start);
+  while (!std::isfinite(cost(y, 0)) && halvings++ < kMostHalvings) std::fill(y.begin(), y.end(), start *= 0.25);
+  for (int k = 0; k < kMostHalvings && halvings == 0; ++k) {
+    std::vector<double> faster(n, start * 4);
+    if (!std::isfinite(cost(faster, 0))) break;
+    start *= 4;
+    y = faster;
+    if (k + 1 == kMostHalvings) return no_limit("nothing limits the speed on a part of the path");
+  }
+  if (halvings > kMostHalvings) return no_limit("the limits leave no motion on a part of the path");
+  std::fill(y.begin(), y.end(), 0.5 * start);
+
+  Banded H(n);
+  std::vector<double> gradient(n);
+  const auto barriers = static_cast<double>(constraints.size());
+  constexpr double kGap = 2e-4;  // of the time
+  constexpr int kNewton = 40;
+  for (double tau = barriers / time_of(y);; tau *= 5) {
+    for (int step = 0; step < kNewton; ++step) {
+      H.clear();
+      std::fill(gradient.begin(), gradient.end(), 0.0);
+      for (std::size_t i = 0; i < n; ++i) {
+        const double r = 1 / std::sqrt(y[i]);
+        gradient[i] += -0.5 * tau * weight(i) * r / y[i];
+        H.at(i, i) += 0.75 * tau * weight(i) * r / (y[i] * y[i]);
+      }
+      Vec3 L;
+      double Y = 0;
+      for (const Constraint& c : constraints) {
+        // -log(b - |L|^2) with b = 1, or 1 / Y for jerks, and that without unit: -log(1 - Y |L|^2). What is not convex
+        // of it is left out of the second order.
+        const double g = left(c, y, L, Y);
+        Row dg;
+        for (std::size_t k = 0; k < 3; ++k) dg[k] = -2 * L.dot(c.c[k]) - (c.jerk ? c.share[k] / (Y * Y) : 0);
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t row = c.node + k - 1;
+          gradient[row] -= dg[k] / g + (c.jerk ? c.share[k] / Y : 0);
+          for (std::size_t j = 0; j <= k; ++j) {
+            H.at(row, c.node + j - 1) += dg[k] * dg[j] / (g * g) + 2 * c.c[k].dot(c.c[j]) / g;
+          }
+        }
+      }
+      std::vector<double> d = gradient;
+      for (double& x : d) x = -x;
+      if (!H.solve(d)) break;
+      double slope = 0;
+      for (std::size_t i = 0; i < n; ++i) slope += gradient[i] * d[i];
+      if (!(slope < -1e-6)) break;
+      const double now = cost(y, tau);
+      double share = 1;
+      bool moved = false;
+      constexpr int kShorter = 40;
+      for (int k = 0; k < kShorter; ++k, share *= 0.5) {
+        std::vector<double> next = y;
+        for (std::size_t i = 0; i < n; ++i) next[i] += share * d[i];
+        if (cost(next, tau) <= now + 0.1 * share * slope) {
+          y = std::move(next);
+          moved = true;
+          break;
+        }
+      }
+      if (!moved) break;
+    }
+    if (barriers / tau < kGap * time_of(y)) break;
+  }
+  // In each interval y is a polynomial of second degree of w, so that w(t) is a sum of exponentials.
+  TimeLaw::Block out{from, size, true, {}, 0};
+  const auto slope_behind = [&](std::size_t i) { return 2 * (y[i + 1] - y[i]) / (length(i) + length(i + 1)); };
+  for (std::size_t i = 1; i <= intervals; ++i) {
+    const double w = cells[i - 1].begin, way = length(i), y1 = slope_behind(i - 1);
+    const double y0 = (length(i) * y[i - 1] + length(i - 1) * y[i]) / (length(i - 1) + length(i));
+    TimeLaw::Piece piece{0, {w, std::sqrt(y0), y1 / 4}, 0.5 * (slope_behind(i) - y1) / way};
+    double low = 0, high = kNoLimit, T = way / std::sqrt(y0);
+    constexpr int kSteps = 60;
+    for (int k = 0; k < kSteps; ++k) {
+      const Series reached = piece_at(piece, T);
+      const double off = reached.value() - w - way;
+      (off < 0 ? low : high) = T;
+      if (std::abs(off) <= 1e-16 + 4e-16 * std::abs(w)) break;
+      double next = T - off / reached.derivative(1);
+      if (!(next > low && next < high)) next = std::isfinite(high) ? 0.5 * (low + high) : 2 * T;
+      if (next == T) break;
+      T = next;
+    }
+    piece.duration = T;
+    out.pieces.push_back(piece);
+  }
+  return out;
+}
+
+}  // namespace polypod::motion

@@ -1,0 +1,534 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Motion of every machine: derivatives of the drives against differences of the inverse, given and planned motions
+// against closed forms, limits looked at between the nodes.
+#include "polypod/motion/machine_motion.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <numbers>
+
+#include "machines.hpp"
+
+#include "polypod/core/units.hpp"
+#include "polypod/families/delta/kinematics.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/motion/delta_motion.hpp"
+
+namespace polypod::motion {
+namespace {
+
+using machine::Coordinate;
+using machine::Task;
+using test::load;
+
+TargetPose target_of(const AnyMachine& m, const Pose& X) {
+  const Task task = kinematics::task(m);
+  const std::vector<double> c = kinematics::coordinates_of(task, X);
+  TargetPose out;
+  for (int i = 0; i < task.size(); ++i) {
+    const int k = static_cast<int>(task[i]);
+    (k < 3 ? out.p[k] : out.angles[k - 3]) = c[static_cast<std::size_t>(i)];
+  }
+  return out;
+}
+
+/// A short way from a pose in every coordinate of the task.
+Stretch way_from(const AnyMachine& m, const Pose& X, double share) {
+  const auto reach = kinematics::reach(m);
+  const double size = share * (reach.high - reach.low).minCoeff();
+  const Task task = kinematics::task(m);
+  const TargetPose from = target_of(m, X);
+  TargetPose to = from;
+  for (int i = 0; i < task.size(); ++i) {
+    const int k = static_cast<int>(task[i]);
+    const double by = (i % 2 == 0 ? 1 : -0.7);
+    if (k < 3) {
+      to.p[k] += size * by;
+    } else {
+      to.angles[k - 3] += 0.03 * by;
+    }
+  }
+  return *straight(from, to);
+}
+/// From home; of machines without one from joints in their ranges such that the whole way is well conditioned.
+Stretch short_way(const AnyMachine& m, double share = 0.01) {
+  if (const auto home = kinematics::home_pose(m)) return way_from(m, *home, share);
+  for (const double middle : {0.5, 0.4, 0.45, 0.55, 0.6, 0.35, 0.3, 0.65}) {
+    JointVector q(kinematics::joint_count(m));
+    for (int i = 0; i < q.size(); ++i) {
+      const machine::JointRange r = kinematics::joint_range(m, i);
+      q[i] = r.min + (middle + (kinematics::is_serial(m) ? 0.04 : 0.005) * i) * (r.max - r.min);
+    }
+    const auto poses = kinematics::forward(m, q).poses;
+    if (poses.empty()) continue;
+    const Stretch out = way_from(m, poses.front(), share);
+    bool good = true;
+    for (int k = 0; k <= 10 && good; ++k) {
+      const Pose X = out.pose(out.size * k / 10);
+      const auto found = kinematics::inverse(m, X);
+      good = found.reachable() != nullptr && kinematics::dexterity(m, X, found.reachable()->joints).condition < 30;
+    }
+    if (good) return out;
+  }
+  throw std::runtime_error("no way was found");
+}
+
+std::vector<std::string> catalogue_names() {
+  std::vector<std::string> out;
+  for (const auto& entry : machine::catalogue()) out.emplace_back(entry.name);
+  return out;
+}
+
+class EveryMachine : public ::testing::TestWithParam<std::string> {};
+/// One of each kind every day, all of them where POLYPOD_LONG is set.
+std::vector<std::string> some_names() {
+  if (std::getenv("POLYPOD_LONG") != nullptr) return catalogue_names();
+  return {"lola50", "ur10e", "hexapod-strut", "hexapod-slider", "delta-brno", "tripod-z3", "tricept-wrist"};
+}
+class SomeMachine : public ::testing::TestWithParam<std::string> {};
+const auto named = [](const auto& which) {
+  std::string name = which.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+};
+INSTANTIATE_TEST_SUITE_P(Catalogue, SomeMachine, ::testing::ValuesIn(some_names()), named);
+INSTANTIATE_TEST_SUITE_P(Catalogue, EveryMachine, ::testing::ValuesIn(catalogue_names()), named);
+
+/// Against differences of eighth order of the inverse along the way: their own error is some 1e-12 / h^k of rounding
+/// and h^8.
+TEST_P(EveryMachine, DerivativesOfTheDrivesAreThoseOfTheInverse) {
+  const AnyMachine m = load(GetParam());
+  const Stretch s = short_way(m);
+  const double u = 0.4 * s.size, h = 0.05 * s.size;
+  const auto first = kinematics::inverse(m, s.pose(u));
+  ASSERT_FALSE(first.solutions.empty()) << first.reason;
+  JointVector q0 = first.solutions.front().joints;
+  const auto joints_at = [&](double at) {
+    const auto r = kinematics::inverse_near(m, s.pose(at), q0);
+    if (r.solutions.empty()) throw std::runtime_error(r.reason);
+    return r.solutions.front().joints;
+  };
+  q0 = joints_at(u);
+  std::vector<JointVector> q;
+  for (int k = -4; k <= 4; ++k) q.push_back(joints_at(u + k * h));
+  const auto at = [&](int k) -> const JointVector& { return q[static_cast<std::size_t>(k + 4)]; };
+  const JointVector d1 =
+      (0.8 * (at(1) - at(-1)) - 0.2 * (at(2) - at(-2)) + 4.0 / 105 * (at(3) - at(-3)) - 1.0 / 280 * (at(4) - at(-4))) /
+      h;
+  const JointVector d2 = (-205.0 / 72 * at(0) + 1.6 * (at(1) + at(-1)) - 0.2 * (at(2) + at(-2)) +
+                          8.0 / 315 * (at(3) + at(-3)) - 1.0 / 560 * (at(4) + at(-4))) /
+                         (h * h);
+  const JointVector d3 = (-61.0 / 30 * (at(1) - at(-1)) + 169.0 / 120 * (at(2) - at(-2)) - 0.3 * (at(3) - at(-3)) +
+                          7.0 / 240 * (at(4) - at(-4))) /
+                         (h * h * h);
+  const PoseSeries target = s.at(Series(u, 1, 0, 0));
+  const Pose X = kinematics::settled(m, s.pose(u), q0);
+  const JointSeries got = joint_series(m, target, X, q0);
+  ASSERT_TRUE(got.regular);
+  const double size = d1.norm();
+  constexpr double kRounding = 1e-10;  // of positions that a search finds
+  EXPECT_LT((got.first - d1).norm(), 1e-7 * size + kRounding / h);
+  EXPECT_LT((got.second - d2).norm(), 1e-6 * (size / s.size + d2.norm()) + kRounding / (h * h));
+  EXPECT_LT((got.third - d3).norm(), 1e-4 * (size / (s.size * s.size) + d3.norm()) + 10 * kRounding / (h * h * h));
+  // And the way without series: differences of exact first derivatives.
+  const JointSeries other = joint_series_by_differences(m, target, X, q0);
+  EXPECT_LT((got.first - other.first).norm(), 1e-12 * (1 + size));
+  EXPECT_LT((got.second - other.second).norm(), 1e-8 * (size / s.size + d2.norm()));
+  EXPECT_LT((got.third - other.third).norm(), 1e-7 * (size / (s.size * s.size) + d3.norm()));
+}
+
+/// In the least time: nothing is exceeded at ten thousand instants that are not those of the planner's own check, some
+/// limit is met, the drives' derivatives are those of their positions, and it ends where it should.
+TEST_P(SomeMachine, TheLeastTimeKeepsAllLimitsAndMeetsSome) {
+  const AnyMachine m = load(GetParam());
+  const PosePath path = *pose_path_of({short_way(m)});
+  const int n = kinematics::joint_count(m);
+  for (const double jerk : {1e3, kNoLimit}) {
+    MoveOptions options;
+    options.law = Law::fastest;
+    options.samples = 1237;
+    options.singular_distance = 0;
+    options.condition = 0;
+    options.limits.tool_speed = 0.5;
+    options.limits.tool_acceleration = 5;
+    options.limits.tool_jerk = jerk;
+    options.limits.drive_speed = JointVector::Constant(n, 0.3);
+    options.limits.drive_acceleration = JointVector::Constant(n, 4);
+    options.limits.drive_jerk = JointVector::Constant(n, jerk);
+    const auto r = move(m, path, options);
+    ASSERT_TRUE(r) << r.error().message;
+    EXPECT_GE(r->checked, 10000);
+    ASSERT_GT(r->time, 0);
+    double share = 0;
+    constexpr double kBetween = 1e-3;  // between the instants that were checked
+    for (const MoveSample& s : r->samples) {
+      ASSERT_TRUE(s.reached && s.regular);
+      EXPECT_LE(s.v.norm(), 0.5 * (1 + kBetween));
+      EXPECT_LE(s.a.norm(), 5 * (1 + kBetween));
+      EXPECT_LE(s.j.norm(), jerk * (1 + 10 * kBetween));
+      EXPECT_LE(s.speed.cwiseAbs().maxCoeff(), 0.3 * (1 + kBetween));
+      EXPECT_LE(s.acceleration.cwiseAbs().maxCoeff(), 4 * (1 + kBetween));
+      if (std::isfinite(jerk)) {
+        EXPECT_LE(s.jerk.cwiseAbs().maxCoeff(), jerk * (1 + 10 * kBetween));
+      }
+      share += s.share >= 0.98 ? 1.0 : 0.0;
+    }
+    EXPECT_GT(share / static_cast<double>(r->samples.size()), 0.8);
+    EXPECT_LT(r->samples.front().v.norm() + r->samples.back().v.norm(), 1e-6);
+    // Trapezoidal sums of the speeds are the ways.
+    JointVector way = JointVector::Zero(n);
+    for (std::size_t k = 0; k + 1 < r->samples.size(); ++k) {
+      const MoveSample &a = r->samples[k], &b = r->samples[k + 1];
+      way += 0.5 * (b.t - a.t) * (a.speed + b.speed);
+    }
+    EXPECT_LT((way - (r->samples.back().q - r->samples.front().q)).norm(), 1e-3 * (1e-3 + way.norm()));
+  }
+}
+
+/// The least time with limits of jerk is never below that without, nor that below a motion without limits of
+/// acceleration.
+TEST(Fastest, MoreLimitsTakeMoreTime) {
+  const AnyMachine m = load("hexapod-strut");
+  const PosePath path = *pose_path_of({short_way(m, 0.05)});
+  MoveOptions options;
+  options.law = Law::fastest;
+  options.limits.drive_speed = JointVector::Constant(6, 0.2);
+  double last = 0;
+  for (const double factor : {1.0, 0.3, 0.1}) {
+    options.limits.drive_acceleration = JointVector::Constant(6, 3 * factor);
+    options.limits.drive_jerk = JointVector::Constant(6, kNoLimit);
+    const double without = move(m, path, options)->time;
+    options.limits.drive_jerk = JointVector::Constant(6, 200);
+    const double with = move(m, path, options)->time;
+    EXPECT_GT(without, last);
+    EXPECT_GT(with, without);
+    last = without;
+  }
+}
+
+PlanNode on_a_line(double s) {
+  PlanNode out;
+  out.s = s;
+  out.tip_1 = Vec3::UnitX();
+  return out;
+}
+
+/// Rest to rest over L within speed V and acceleration A: the trapezoid; with jerk J the S profile of seven phases.
+double trapezoid(double L, double V, double A) {
+  return V * V / A < L ? L / V + V / A : 2 * std::sqrt(L / A);
+}
+double s_profile(double L, double V, double A, double J) {
+  const auto ramp = [&](double v) { return v * J < A * A ? 2 * std::sqrt(v / J) : v / A + A / J; };
+  if (V * ramp(V) <= L) return 2 * ramp(V) + (L - V * ramp(V)) / V;
+  double low = 0, high = V;
+  for (int k = 0; k < 100; ++k) {
+    const double middle = 0.5 * (low + high);
+    (middle * ramp(middle) < L ? low : high) = middle;
+  }
+  return 2 * ramp(low);
+}
+
+TEST(TimeLaw, OneAxisHasItsClosedForms) {
+  for (const auto& [L, V, A, J] : {std::array{1.0, 0.5, 2.0, 20.0}, std::array{1.0, 5.0, 2.0, 20.0},
+                                   std::array{0.01, 5.0, 2.0, 20.0}, std::array{1.0, 100.0, 100.0, 20.0}}) {
+    PlanLimits limits;
+    limits.tool_speed = V;
+    limits.tool_acceleration = A;
+    std::vector<PlanNode> nodes;
+    for (int k = 0; k <= 400; ++k) nodes.push_back(on_a_line(L * k / 400));
+    TimeLaw plain;
+    plain.add(*fastest(nodes, limits));
+    EXPECT_NEAR(plain.duration() / trapezoid(L, V, A), 1, 1e-3);
+    EXPECT_GE(plain.duration(), trapezoid(L, V, A) * (1 - 1e-9));
+    limits.tool_jerk = J;
+    TimeLaw law;
+    law.add(*fastest_within_jerk([](double s, std::size_t) { return on_a_line(s); }, 0, L, {}, 400, limits));
+    // The gap of the interior-point method is 2e-4, that of 400 intervals a little more.
+    EXPECT_NEAR(law.duration() / s_profile(L, V, A, J), 1, 1e-3);
+    EXPECT_NEAR(law.at(law.duration()).value(), L, 1e-12);
+    double v = 0, a = 0, j = 0;
+    for (int k = 0; k <= 10000; ++k) {
+      const polypod::Series s = law.at(law.duration() * k / 10000);
+      v = std::max(v, std::abs(s.derivative(1)));
+      a = std::max(a, std::abs(s.derivative(2)));
+      j = std::max(j, std::abs(s.derivative(3)));
+    }
+    EXPECT_LT(v, V * 1.002);
+    EXPECT_LT(a, A * 1.01);
+    EXPECT_LT(j, J * 1.01);
+    EXPECT_NEAR(law.time_of(law.at(0.3 * law.duration()).value()), 0.3 * law.duration(), 1e-9);
+    const double before = law.duration();
+    law.stretch(0, 1.5);
+    EXPECT_NEAR(law.duration(), 1.5 * before, 1e-12);
+    EXPECT_NEAR(law.at(law.duration()).value(), L, 1e-12);
+  }
+}
+
+TEST(TimeLaw, ACircleWithinAnAcceleration) {
+  // Round and round on a circle of radius r the speed is sqrt(a r): so long that ramps do not count.
+  const double r = 0.05, A = 2, L = 40 * 2 * std::numbers::pi * r;
+  PlanLimits limits;
+  limits.tool_acceleration = A;
+  std::vector<PlanNode> nodes;
+  for (int k = 0; k <= 4000; ++k) {
+    PlanNode n;
+    n.s = L * k / 4000;
+    const double c = std::cos(n.s / r), s = std::sin(n.s / r);
+    n.tip_1 = Vec3(-s, c, 0);
+    n.tip_2 = Vec3(-c, -s, 0) / r;
+    nodes.push_back(n);
+  }
+  TimeLaw law;
+  law.add(*fastest(nodes, limits));
+  EXPECT_NEAR(law.at(0.5 * law.duration()).derivative(1), std::sqrt(A * r), 1e-3);
+  EXPECT_NEAR(law.duration(), L / std::sqrt(A * r), 0.01 * law.duration());
+  EXPECT_GT(law.duration(), L / std::sqrt(A * r));
+}
+
+/// A strut's length l = |p + b - a| of a tip that moves with p: l' = y.v / l, l'' = (v.v + y.a - l'^2) / l,
+/// l''' = (3 v.a + y.j - 3 l' l'') / l.
+TEST(Move, ACircleAtConstantSpeedOnStruts) {
+  const AnyMachine any = load("hexapod-strut");
+  const auto& m = std::get<machine::StrutHexapod>(any);
+  const Pose home = *kinematics::home_pose(any);
+  const double r = 0.006, speed = 0.05;
+  TargetPose from{home.p + Vec3(r, 0, 0), Vec3::Zero()}, to{home.p + Vec3(0, -r, 0), Vec3::Zero()};
+  const PosePath path = *pose_path_of({*curved(from, home.p + Vec3(-r, 0, 0), to)});
+  MoveOptions options;
+  options.speed = speed;
+  options.samples = 101;
+  const auto result = move(any, path, options);
+  ASSERT_TRUE(result);
+  EXPECT_TRUE(result->ok());
+  EXPECT_NEAR(result->time, 1.5 * std::numbers::pi * r / speed, 1e-12);
+  const double w = speed / r;
+  for (const MoveSample& s : result->samples) {
+    const double c = std::cos(w * s.t), n = std::sin(w * s.t);
+    const Vec3 p = home.p + r * Vec3(c, n, 0), v = speed * Vec3(-n, c, 0), a = -speed * w * Vec3(c, n, 0),
+               j = speed * w * w * Vec3(n, -c, 0);
+    EXPECT_LT((s.X.p - p).norm(), 1e-12);
+    EXPECT_LT((s.a - a).norm(), 1e-10);
+    EXPECT_LT((s.j - j).norm(), 1e-8);
+    for (int i = 0; i < 6; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const Vec3 y = p + m.platform_joint[k] - Vec3(0, 0, m.tool_length) - m.base_joint[k];
+      const double l = y.norm(), l1 = y.dot(v) / l, l2 = (v.dot(v) + y.dot(a) - l1 * l1) / l,
+                   l3 = (3 * v.dot(a) + y.dot(j) - 3 * l1 * l2) / l;
+      EXPECT_NEAR(s.q[i] + 0, l, 1e-12);
+      EXPECT_NEAR(s.speed[i], l1, 1e-12);
+      EXPECT_NEAR(s.acceleration[i], l2, 1e-10);
+      EXPECT_NEAR(s.jerk[i], l3, 1e-8);
+    }
+  }
+}
+
+/// The closed forms of deltas, which know nothing of the closure's series.
+TEST(Move, TheSampleMoveOfTheSourceAsTheFormulasOfDeltasHaveIt) {
+  for (const char* name : {"delta-brno", "delta-linear", "delta-picker"}) {
+    const AnyMachine any = load(name);
+    const Vec3 middle = std::visit([](const auto& m) { return kinematics::middle_of_work(AnyMachine(m)); }, any);
+    const bool brno = std::string(name) == "delta-brno";
+    const Vec3 from = brno ? Vec3(0.2, -0.2, 0.45) : Vec3(middle + Vec3(0.02, -0.02, 0)),
+               to = brno ? Vec3(-0.2, 0.2, 0.55) : Vec3(middle + Vec3(-0.02, 0.02, 0.01));
+    MoveOptions options;
+    options.speed = 0.5;
+    options.samples = 57;
+    const auto got = move(any, *pose_path_of({*straight({from, Vec3::Zero()}, {to, Vec3::Zero()})}), options);
+    ASSERT_TRUE(got) << got.error().message;
+    const Path path = *path_through({from, to});
+    const auto peaks = run(any, path, 0.5);
+    ASSERT_TRUE(peaks);
+    EXPECT_NEAR(got->length, peaks->length, 1e-12);
+    EXPECT_NEAR(got->time, peaks->time, 1e-12);
+    if (brno) {
+      EXPECT_NEAR(got->length, 0.5745, 5e-5);
+    }
+    for (const MoveSample& s : got->samples) {
+      Motion tool = path.at(0.5 * s.t);
+      tool.v *= 0.5;
+      const Sample want = std::visit(
+          [&](const auto& m) -> Sample {
+            if constexpr (requires { drives_of(m, s.t, tool); }) return drives_of(m, s.t, tool);
+            return {};
+          },
+          any);
+      for (int i = 0; i < static_cast<int>(got->drives.size()); ++i) {
+        EXPECT_NEAR(s.q[i], want.drive[i].q, 1e-10);
+        EXPECT_NEAR(s.speed[i], want.drive[i].speed, 1e-9 * (1 + std::abs(want.drive[i].speed)));
+        EXPECT_NEAR(s.acceleration[i], want.drive[i].acceleration, 1e-8 * (1 + std::abs(want.drive[i].acceleration)));
+        EXPECT_NEAR(s.jerk[i], want.drive[i].jerk, 1e-7 * (1 + std::abs(want.drive[i].jerk)));
+      }
+    }
+  }
+}
+
+TEST(Move, GivenTimesAreKept) {
+  const AnyMachine m = load("hexapod-strut");
+  const Vec3 p = kinematics::home_pose(m)->p;
+  std::vector<Stretch> stretches{
+      *straight({p, Vec3::Zero()}, {p + Vec3(0.005, 0, 0), Vec3(0.05, 0, 0)}),
+      *straight({p + Vec3(0.005, 0, 0), Vec3(0.05, 0, 0)}, {p + Vec3(0.005, 0, 0), Vec3(0, 0, 0.1)})};
+  stretches[0].duration = 2;
+  stretches[1].duration = 0.5;
+  const PosePath path = *pose_path_of(stretches);
+  MoveOptions options;
+  options.law = Law::timed;
+  options.samples = 6;  // every half second
+  auto r = move(m, path, options);
+  ASSERT_TRUE(r);
+  EXPECT_DOUBLE_EQ(r->time, 2.5);
+  EXPECT_NEAR(r->length, 0.005, 1e-15);
+  EXPECT_LT((r->samples[1].X.p - p - Vec3(0.00125, 0, 0)).norm(), 1e-12);
+  EXPECT_LT((r->samples[2].X.R - rotation_abc(0.025, 0, 0)).norm(), 1e-12);
+  EXPECT_NEAR(r->samples[1].v.x(), 0.0025, 1e-12);
+  EXPECT_NEAR(r->samples[1].turn.x(), 0.025, 1e-12);
+  ASSERT_EQ(r->violations.size(), 1U);  // the speed jumps where the first stretch ends
+  EXPECT_EQ(r->violations[0].kind, "corner");
+  EXPECT_NEAR(r->violations[0].t, 2, 1e-9);
+  options.profile = Profile::smooth;
+  r = move(m, path, options);
+  ASSERT_TRUE(r);
+  EXPECT_TRUE(r->ok());
+  EXPECT_NEAR(r->tool_speed, 15.0 / 8 * 0.005 / 2, 1e-8);  // of 10 x^3 - 15 x^4 + 6 x^5 in the middle
+  options.limits.tool_speed = 0.004;
+  r = move(m, path, options);
+  ASSERT_EQ(r->violations.size(), 1U);
+  EXPECT_EQ(r->violations[0].limit, "tool speed");
+  // 15/8 (1 - x^2)^2, x from -1 to 1 over the stretch, passes 0.004 / 0.0025 at x = -sqrt(1 - sqrt(1.6 / 1.875)).
+  const double x = std::sqrt(1 - std::sqrt(0.004 / 0.0025 / 1.875));
+  EXPECT_NEAR(r->violations[0].t, 1 - x, 2.5 / 10000 * 2);
+}
+
+TEST(Move, LimitsAreFoundWhereTheyAreBroken) {
+  const AnyMachine any = load("hexapod-strut");
+  const auto& m = std::get<machine::StrutHexapod>(any);
+  const Vec3 p = kinematics::home_pose(any)->p;
+  MoveOptions options;
+  options.speed = 0.01;
+  const auto r =
+      move(any, *pose_path_of({*straight({p, Vec3::Zero()}, {p + Vec3(0, 0, 0.05), Vec3::Zero()})}), options);
+  ASSERT_TRUE(r);
+  ASSERT_FALSE(r->ok());
+  // Straight up all struts are the longest at once: l^2 = d^2 + z^2.
+  const double d = (m.platform_joint[0] - m.base_joint[0]).head<2>().norm();
+  const double z = std::sqrt(m.length_max * m.length_max - d * d);
+  bool found = false;
+  for (const MoveViolation& v : r->violations) {
+    if (v.limit.find("maximum") == std::string::npos) continue;
+    found = true;
+    EXPECT_NEAR(v.p.z(), z + m.tool_length, 1e-6);
+    EXPECT_NEAR(v.t, (z + m.tool_length - p.z()) / 0.01, 1e-4);
+    EXPECT_NEAR(v.length, v.p.z() - p.z(), 1e-9);
+  }
+  EXPECT_TRUE(found);
+  const auto out =
+      move(load("lola50"), *pose_path_of({*straight({Vec3(0, -5, 0), Vec3::Zero()}, {Vec3(0, -6, 0), Vec3::Zero()})}),
+           options);
+  EXPECT_EQ(out.error().id, "MO116");
+  // A way that begins within reach and leaves it: no plan, and the reason.
+  options.law = Law::fastest;
+  options.limits.tool_speed = 1;
+  options.limits.tool_acceleration = 1;
+  const auto leaves =
+      move(load("lola50"), *pose_path_of({*straight({Vec3(0, -1.3, 0), Vec3::Zero()}, {Vec3(0, -3, 0), Vec3::Zero()})}),
+           options);
+  ASSERT_TRUE(leaves);
+  EXPECT_FALSE(leaves->ok());
+  EXPECT_TRUE(std::isnan(leaves->time));
+}
+
+TEST(PosePath, BlendsGoOnSmoothlyAndStayNear) {
+  const auto a = *straight({Vec3(0, 0, 0), Vec3::Zero()}, {Vec3(0.1, 0, 0), Vec3(0.1, 0, 0)});
+  const auto b = *straight({Vec3(0.1, 0, 0), Vec3(0.1, 0, 0)}, {Vec3(0.1, 0.1, 0), Vec3(0.1, 0.2, 0)});
+  const auto c = *curved({Vec3(0.1, 0.1, 0), Vec3(0.1, 0.2, 0)}, Vec3(0.1 - 0.02, 0.12, 0),
+                         {Vec3(0.06, 0.1, 0), Vec3(0.1, 0.2, 0)});
+  const PosePath path = *pose_path_of({a, b, c});
+  EXPECT_NEAR(path.junction(0).corner, std::numbers::pi / 2, 1e-12);
+  EXPECT_FALSE(path.junction(0).tangent);
+  EXPECT_TRUE(path.junction(1).corner < 1e-9 && !path.junction(1).smooth);  // the arc's curvature begins at once
+  const double deviation = 0.001;
+  const PosePath round = blended(path, deviation, true);
+  ASSERT_EQ(round.stretches.size(), 5U);
+  for (std::size_t k = 0; k + 1 < round.stretches.size(); ++k) {
+    const Junction j = round.junction(k);
+    EXPECT_TRUE(j.tangent && j.smooth) << k;
+    const Stretch &in = round.stretches[k], &onward = round.stretches[k + 1];
+    EXPECT_LT((in.pose(in.size).p - onward.pose(0).p).norm(), 1e-12);
+    EXPECT_LT((in.pose(in.size).R - onward.pose(0).R).norm(), 1e-12);
+  }
+  // The way in the corner is the nearer to the corner the smaller the deviation: it is met to some per cent.
+  double nearest = 1;
+  const Stretch& corner = round.stretches[1];
+  for (int k = 0; k <= 1000; ++k) {
+    const Vec3 p = corner.pose(corner.size * k / 1000).p;
+    const double off = std::min(std::abs(p.y()), std::abs(p.x() - 0.1));
+    nearest = std::min(nearest, (p - Vec3(0.1, 0, 0)).norm());
+    EXPECT_LE(off, deviation * 1.001);
+  }
+  EXPECT_GT(nearest, 0.5 * deviation);
+  EXPECT_EQ(blended(path, 0, true).stretches.size(), 3U);
+}
+
+TEST(PosePath, TurningAboutOneAxisIsTheShortestWay) {
+  const Vec3 from(0.3, -0.2, 0.5), to(-0.4, 0.6, -0.1);
+  const Stretch s = *straight({Vec3::Zero(), from}, {Vec3::Zero(), to}, Turning::turn);
+  const Mat3 A = rotation_abc(from.x(), from.y(), from.z()), B = rotation_abc(to.x(), to.y(), to.z());
+  const double angle = rotation_vector(B * A.transpose()).norm();
+  EXPECT_NEAR(s.size, angle, 1e-12);
+  EXPECT_LT((s.pose(0).R - A).norm() + (s.pose(s.size).R - B).norm(), 1e-12);
+  EXPECT_NEAR(rotation_vector(s.pose(0.5 * s.size).R * A.transpose()).norm(), 0.5 * angle, 1e-12);
+  const PoseSeries X = s.at(polypod::Series(0.3 * s.size, 1, 0, 0));
+  const double h = 1e-4;
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      const auto R = [&](double x) { return s.pose(0.3 * s.size + x).R(i, k); };
+      EXPECT_NEAR(X.R(i, k).derivative(1), (R(h) - R(-h)) / (2 * h), 1e-7);
+      EXPECT_NEAR(X.R(i, k).derivative(2), (R(h) - 2 * R(0) + R(-h)) / (h * h), 1e-6);
+    }
+  }
+}
+
+std::string written(const std::string& name, const std::string& text) {
+  const std::string path = ::testing::TempDir() + name;
+  std::ofstream(path) << text;
+  return path;
+}
+
+TEST(PosePath, Files) {
+  const auto good = read_pose_path(written("poses.toml", R"(
+start_mm = [0, 0, 70]
+start_deg = [0, 0, 0]
+segments = [
+  { to_mm = [5, 0, 70], to_deg = [2, 0, 0], time_s = 1 },
+  { to_deg = [0, 0, 4], time_s = 0.5 },
+  { via_mm = [0, 5, 70], to_mm = [-5, 0, 70], time_s = 2 },
+]
+)"));
+  ASSERT_TRUE(good) << good.error().message;
+  EXPECT_TRUE(good->timed && good->angles);
+  ASSERT_EQ(good->path.stretches.size(), 3U);
+  EXPECT_NEAR(good->path.length, 0.005 + std::numbers::pi * 0.005, 1e-12);
+  EXPECT_NEAR(good->path.stretches[1].size, std::hypot(2, 4) * std::numbers::pi / 180, 1e-12);
+  const auto table =
+      read_pose_path(written("poses.csv", "time_s,x_mm,y_mm,z_mm,a_deg\n0,0,0,70,0\n1,5,0,70,2\n1.5,5,5,70,0\n"));
+  ASSERT_TRUE(table) << table.error().message;
+  EXPECT_TRUE(table->timed);
+  EXPECT_NEAR(table->path.stretches[1].duration, 0.5, 1e-12);
+  const auto id = [](const std::string& name, const std::string& text) {
+    const auto r = read_pose_path(written(name, text));
+    return r ? std::string("read") : r.error().id;
+  };
+  EXPECT_EQ(id("back.csv", "time_s,x_mm,y_mm,z_mm\n0,0,0,70\n1,5,0,70\n0.5,5,5,70\n"), "MO113");
+  EXPECT_EQ(id("still.csv", "x_mm,y_mm,z_mm\n0,0,70\n0,0,70\n"), "MO100");
+  EXPECT_EQ(id("one.csv", "x_mm,y_mm,z_mm\n0,0,70\n"), "MO100");
+  EXPECT_EQ(id("some.toml", "start_mm = [0,0,70]\nsegments = [{to_mm=[5,0,70], time_s=1},{to_mm=[5,5,70]}]\n"),
+            "MO111");
+  EXPECT_EQ(id("word.toml", "start_mm = [0,0,70]\nturning = \"about\"\nsegments = [{to_mm=[5,0,70]}]\n"), "MO112");
+  EXPECT_EQ(id("line.toml", "start_mm = [0,0,70]\nsegments = [{to_mm=[5,0,70], via_mm=[2,0,70]}]\n"), "MO102");
+  EXPECT_EQ(id("key.toml", "start_mm = [0,0,70]\nsegments = [{to_mm=[5,0,70], tme_s=1}]\n"), "CF103");
+}
+
+}  // namespace
+}  // namespace polypod::motion
