@@ -8,6 +8,7 @@ if(TARGET polypod)
 endif()
 install(DIRECTORY include/polypod DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY machines DESTINATION ${CMAKE_INSTALL_DATADIR}/polypod)
+install(DIRECTORY cells DESTINATION ${CMAKE_INSTALL_DATADIR}/polypod)
 install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DATADIR}/polypod)
 install(EXPORT polypodTargets NAMESPACE polypod:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/polypod)
 configure_package_config_file(cmake/polypodConfig.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/polypodConfig.cmake

@@ -22,6 +22,7 @@ std::vector<Command> all_commands() {
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(), post_command(),
+      cell_command(),                                           // cells
   };
 }
 // clang-format on

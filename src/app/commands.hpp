@@ -39,5 +39,6 @@ Command correct_command();
 Command check_command();
 Command canon_command();
 Command post_command();
+Command cell_command();
 
 }  // namespace polypod::app

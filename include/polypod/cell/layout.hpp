@@ -1,0 +1,66 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The bodies of a cell: what touches at rest and along the cycles, doors, floor area, and what machines sweep.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/cell/cell.hpp"
+#include "polypod/cell/reach.hpp"
+#include "polypod/cell/safety.hpp"
+
+namespace polypod::cell {
+
+/// A box turned about z.
+struct Solid {
+  std::string name, kind;
+  Vec3 middle = Vec3::Zero(), size = Vec3::Zero();  ///< m, in C
+  double turn = 0;                                  ///< rad
+  bool module = false;
+  [[nodiscard]] std::vector<Vec3> corners() const;  ///< eight, the lower four first, round
+};
+/// Bodies, conveyors and places with a size.
+std::vector<Solid> solids(const Cell& cell);
+
+/// A round link of a machine: all points within `radius` of a segment.
+struct Capsule {
+  Vec3 from = Vec3::Zero(), to = Vec3::Zero();  ///< m, in C
+  double radius = 0;                            ///< m
+  bool tool = false;                            ///< it may touch what the machine works on
+  bool mount = false;                           ///< it stands on what carries the machine
+};
+/// The links of a machine at a pose with its joints.
+std::vector<Capsule> links(const Machine& machine, const Pose& X_MT, const machine::JointVector& q);
+
+/// Distance of a segment from a solid, m, 0 where they meet. The distance of a point from a box is convex along the
+/// segment: golden section, to 1e-6 of its length.
+double distance(const Vec3& from, const Vec3& to, const Solid& solid);
+/// By how much two boxes reach into each other: the least way along the axes of both that parts them, m; 0 or below
+/// where they are apart (separating axes; exact for boxes turned about one axis).
+double overlap(const Solid& a, const Solid& b);
+
+/// Where links of two machines come too near to each other.
+struct Conflict {
+  std::string first, second;  ///< "arm (empty)", "delta (fill)"
+  double distance = 0;        ///< m between the surfaces; below 0: they reach into each other
+  Vec3 at = Vec3::Zero();     ///< m, in C
+  std::string zone;           ///< the interlock that keeps them apart; empty: none
+};
+
+struct Layout {
+  std::vector<Problem> problems;    ///< collisions, doors
+  std::vector<Conflict> conflicts;  ///< the nearest pair of positions of each two tasks that come too near
+  std::vector<Swept> swept;         ///< where links come to, at the samples
+  double least_distance = 0;        ///< m, of machine and body over all samples; infinite where nothing is near
+  Vec3 low = Vec3::Zero(), high = Vec3::Zero();  ///< of all bodies, m
+  double floor_area = 0;                         ///< m2, of the rectangle that guards and bodies take
+  int positions = 0;                             ///< of machines that were judged
+};
+
+/// Judges bodies at rest, machines at home, and positions along the ways of all tasks: arms on joint motions between
+/// the stands of their tasks, deltas on the planned cycles between the corners of their window and each slot. A sample,
+/// not a proof: positions are at most about 40 mm apart. The tool and what it holds may come near to what the task
+/// takes from and puts to. Two machines are judged wherever they do not hold one zone together.
+Layout layout(const Cell& cell, const Motions& motions);
+
+}  // namespace polypod::cell

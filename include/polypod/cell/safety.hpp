@@ -1,0 +1,77 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Distances that keep people from machines. An aid for whoever assesses the risk, not an assessment: figures follow the
+// standards as they are commonly published, and are to be checked against one's own copy.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "polypod/cell/cell.hpp"
+#include "polypod/cell/reach.hpp"
+
+namespace polypod::cell {
+
+/// ISO 13855:2010, 6.2.3: light curtain across the way of approach, detection capability d <= 40 mm, T the overall time
+/// to stop (s): S = 2000 mm/s T + 8 (d - 14 mm), not below 100 mm; where that exceeds 500 mm, S = 1600 mm/s T + 8
+/// (d - 14 mm), not below 500 mm. 40 mm < d <= 70 mm: S = 1600 mm/s T + 850 mm. m. No value above 70 mm.
+std::optional<double> curtain_distance(double stopping, double resolution);
+
+/// ISO 13855:2010, 6.3: scanner with a horizontal field at the height H (m, at most 1 m): S = 1600 mm/s T + C with C =
+/// 1200 mm - 0.4 H, not below 850 mm. No value where H is above 1 m or below 15 (d - 50 mm): one could crawl beneath.
+std::optional<double> scanner_distance(double stopping, double height, double resolution);
+
+/// ISO 13857:2019, Table 2 (high risk): the least horizontal distance of a hazard at `hazard_height` from a fence of
+/// `fence_height`, m; the larger value of the neighbouring rows and the lower of the columns counts. 0: no distance is
+/// needed. No value for fences below 1 m.
+std::optional<double> reach_over_distance(double hazard_height, double fence_height);
+
+/// ISO 13857:2019, Table 4 (14 years and older): least distance of a hazard behind an opening whose smaller side (slot,
+/// square) or diameter is e; m. No value above 120 mm: whole bodies pass.
+std::optional<double> reach_through_distance(const std::string& shape, double e);
+
+/// ISO 13854:2017, Table 1: gaps below which a part of the body is crushed, m.
+const std::vector<std::pair<std::string, double>>& crushing_gaps();
+
+/// How long a machine needs to stand, s: as stated, or for deltas and arms their largest speed over their largest
+/// deceleration, taken as large as the acceleration.
+struct Stopping {
+  double time = 0;
+  bool stated = false;
+};
+Stopping stopping_of(const Machine& machine);
+
+struct GuardFigure {
+  std::string name, kind;
+  double stopping = 0;  ///< s, T of ISO 13855: device, control and the slowest machine
+  double needed = 0;    ///< m
+  double actual = 0;    ///< m, from the guard to the nearest place that a machine comes to
+  bool enough = false;
+  std::string rule, note;
+};
+struct Hazard {
+  std::string zone, kind, cause, measure;
+  double gap = -1;                                 ///< m, below 0: none
+  int severity = 0, frequency = 0, avoidance = 0;  ///< proposals for the risk graph (ISO 14121-2 style): 1 or 2
+};
+struct Safety {
+  double guard_distance = 0;  ///< m, the largest distance that a guard needs after ISO 13855
+  double stopping = 0;        ///< s, of the slowest machine
+  std::vector<GuardFigure> guards;
+  std::vector<Hazard> hazards;
+  std::vector<Problem> problems;  ///< guards too near, without another measure
+  std::vector<std::string> assumed;
+};
+
+/// `space` are points in C that moving parts come to, with their radius (layout.hpp); they are what guards keep people
+/// from. Where the cell has no light curtain or scanner, the guard distance is that of a curtain of 30 mm and an
+/// assumed response of 20 ms.
+struct Swept {
+  Vec3 at = Vec3::Zero();
+  double radius = 0;
+  std::string machine;
+};
+Safety safety(const Cell& cell, const std::vector<Swept>& space);
+
+}  // namespace polypod::cell

@@ -1,0 +1,308 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// cell
+#include "polypod/cell/cell.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "commands.hpp"
+#include "messages.hpp"
+#include "polypod/core/figures.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/pages/cell.hpp"
+
+namespace polypod::app {
+namespace {
+
+using units::to_mm;
+
+struct Options {
+  std::string file, policy, report, events, drawing, sequence;
+  std::vector<std::string> sets;
+  double minutes = 10;
+  int seed = 1, seeds = 1;
+  bool compare = false;
+};
+
+Json finite(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+Json estimate_json(const cell::Estimate& e) {
+  return {{"mean", e.mean}, {"half_width_95", finite(e.half_width)}};
+}
+std::string estimate_text(const cell::Estimate& e, int decimals) {
+  return std::isfinite(e.half_width) ? fmt::format("{:.{}f} +- {:.{}f}", e.mean, decimals, e.half_width, decimals)
+                                     : fmt::format("{:.{}f}", e.mean, decimals);
+}
+
+Json points_json(const std::vector<cell::Vec2>& places) {
+  Json out = Json::array();
+  for (const cell::Vec2& p : places) out.push_back({p.x(), p.y()});
+  return out;
+}
+
+Json planning_json(const cell::Planning& p) {
+  Json methods = Json::array();
+  for (const cell::Plan& plan : p.plans) {
+    methods.push_back({{"method", plan.method},
+                       {"measure", plan.measure},
+                       {"score", plan.score},
+                       {"best", plan.best ? Json(*plan.best) : Json(nullptr)},
+                       {"best_of", plan.best_is},
+                       {"places", points_json(plan.places)}});
+  }
+  return {{"stations", p.stations},
+          {"flows", p.flows_given ? "given" : "simulated"},
+          {"present_m_per_hour", p.present},
+          {"methods", methods}};
+}
+
+Json cost_json(const cell::Cell& c, double per_min) {
+  Json rows = Json::array();
+  for (const cell::CostRow& row : c.cost.rows) {
+    rows.push_back({{"name", row.name},
+                    {"quantity", row.quantity},
+                    {"unit", row.unit},
+                    {"price", row.price},
+                    {"sum", row.sum()},
+                    {"kind", row.kind}});
+  }
+  return {{"total", c.cost.total()},
+          {"reserve", c.cost.reserve()},
+          {"currency", c.cost.currency},
+          {"with_reserve", c.cost.total() + c.cost.reserve()},
+          {"assembly_hours", c.cost.hours},
+          {"assembly", c.cost.hours * c.cost.hour_price},
+          {"running_per_item",
+           c.cost.running_price > 0 && per_min > 0 ? Json(c.cost.running_price / 60 / per_min) : Json(nullptr)},
+          {"parts", rows}};
+}
+
+Json safety_json(const cell::Safety& s) {
+  Json guards = Json::array(), hazards = Json::array();
+  for (const cell::GuardFigure& g : s.guards) {
+    guards.push_back({{"name", g.name},
+                      {"kind", g.kind},
+                      {"needed_mm", finite(to_mm(g.needed))},
+                      {"actual_mm", finite(to_mm(g.actual))},
+                      {"enough", g.enough},
+                      {"rule", g.rule},
+                      {"note", g.note}});
+  }
+  for (const cell::Hazard& h : s.hazards) {
+    hazards.push_back({{"zone", h.zone},
+                       {"kind", h.kind},
+                       {"cause", h.cause},
+                       {"measure", h.measure},
+                       {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))}});
+  }
+  return {{"stopping_ms", s.stopping * 1e3},
+          {"guards", guards},
+          {"hazards", hazards},
+          {"assumed", s.assumed},
+          {"aid_only", true}};
+}
+
+Json layout_json(const cell::Layout& l) {
+  Json interlocks = Json::array();
+  for (const cell::Conflict& c : l.conflicts) {
+    interlocks.push_back({{"first", c.first},
+                          {"second", c.second},
+                          {"distance_mm", to_mm(c.distance)},
+                          {"zone", c.zone.empty() ? Json(nullptr) : Json(c.zone)}});
+  }
+  return {{"size_mm", vector_json((l.high - l.low) * units::kMmPerMetre)},
+          {"floor_area_m2", l.floor_area},
+          {"positions", l.positions},
+          {"least_distance_mm", finite(to_mm(l.least_distance))},
+          {"interlocks", interlocks}};
+}
+
+Json document(const pages::CellResult& r) {
+  const cell::Cell& c = r.cell;
+  Json problems = Json::array();
+  for (const cell::Problem& p : r.problems) problems.push_back({{"kind", p.kind}, {"detail", p.detail}});
+  Json out{{"ok", r.problems.empty()}, {"problems", problems}};
+  if (!r.simulated()) {
+    out["seconds"] = nullptr;
+    out["throughput_per_min"] = nullptr;
+    out["utilisation"] = Json::object();
+  } else {
+    const cell::Outcome& o = r.outcome();
+    Json use = Json::object(), waiting = Json::object(), tasks = Json::object(), belts = Json::object();
+    for (std::size_t m = 0; m < c.machines.size(); ++m) {
+      use[c.machines[m].name] = r.study.utilisation[m].mean;
+      Json why = Json::object();
+      for (const auto& [what, seconds] : o.machines[m].waiting) why[what] = seconds;
+      waiting[c.machines[m].name] = why;
+    }
+    for (std::size_t t = 0; t < c.tasks.size(); ++t) tasks[c.tasks[t].name] = o.done[t];
+    for (std::size_t b = 0; b < c.conveyors.size(); ++b)
+      belts[c.conveyors[b].name] = {{"running_s", o.belts[b].running}, {"most_items", o.belts[b].most}};
+    out["seconds"] = o.seconds;
+    out["throughput_per_min"] = r.study.throughput.mean;
+    out["utilisation"] = use;
+    out["throughput"] = estimate_json(r.study.throughput);
+    out["throughput"]["seeds"] = r.study.outcomes.size();
+    out["policy"] = r.policy;
+    out["working_s"] = o.working;
+    out["waiting_s"] = waiting;
+    out["items"] = {{"fed", o.fed},       {"placed", o.placed},       {"missed", o.missed},
+                    {"unseen", o.unseen}, {"failed_grips", o.failed}, {"on_belts", o.remaining}};
+    out["containers"] = {{"filled", o.filled}, {"emptied", o.emptied}, {"served", o.served}};
+    out["tasks"] = tasks;
+    out["belts"] = belts;
+    out["state"] = o.state;
+    out["standstill"] = o.stands_since ? Json{{"since_s", *o.stands_since}, {"why", o.standstill}} : Json(nullptr);
+    if (!r.study.policies.empty()) {
+      Json policies = Json::array(), gains = Json::array(), next = Json::array();
+      for (std::size_t k = 0; k < r.study.policies.size(); ++k) {
+        policies.push_back({{"policy", r.study.policies[k].first},
+                            {"throughput_per_min", estimate_json(r.study.policies[k].second)},
+                            {"missed", estimate_json(r.study.missed_by_policy[k].second)}});
+      }
+      for (const cell::Gain& g : r.study.gains)
+        gains.push_back({{"what", g.what}, {"gain_per_min", estimate_json(g.change)}});
+      for (const cell::Gain& g : r.study.next_gains)
+        next.push_back({{"what", g.what}, {"gain_per_min", estimate_json(g.change)}});
+      out["policies"] = policies;
+      out["limits"] = {{"gains", gains}, {"when_that_is_twice_as_fast", next}};
+    }
+  }
+  out["cost"] = cost_json(c, r.simulated() ? r.study.throughput.mean : 0);
+  out["guard_distance_mm"] = to_mm(r.safety.guard_distance);
+  out["reach"] = {{"judged", r.motions.judged},
+                  {"out_of_reach", std::count_if(r.motions.problems.begin(), r.motions.problems.end(),
+                                                 [](const cell::Problem& p) { return p.kind == "reach"; })}};
+  out["layout"] = layout_json(r.layout);
+  out["safety"] = safety_json(r.safety);
+  out["planning"] = planning_json(r.planning);
+  return out;
+}
+
+void print_result(const pages::CellResult& r) {
+  const cell::Cell& c = r.cell;
+  fmt::print("{}\n", one_line(c.description.empty() ? c.name : c.description));
+  fmt::print("reach      {} of {} places judged are in reach\n",
+             r.motions.judged - std::count_if(r.motions.problems.begin(), r.motions.problems.end(),
+                                              [](const cell::Problem& p) { return p.kind == "reach"; }),
+             r.motions.judged);
+  fmt::print("layout     {:.0f} x {:.0f} mm on the floor, {:.2f} m2; {} positions of machines judged\n",
+             to_mm(r.layout.high.x() - r.layout.low.x()), to_mm(r.layout.high.y() - r.layout.low.y()),
+             r.layout.floor_area, r.layout.positions);
+  if (!r.simulated()) {
+    fmt::print("cycle      not simulated: something is out of reach\n");
+  } else {
+    const cell::Outcome& o = r.outcome();
+    fmt::print("cycle      {:.0f} s simulated, policy {}, {} seed{}\n", o.seconds, r.policy, r.study.outcomes.size(),
+               r.study.outcomes.size() == 1 ? "" : "s");
+    fmt::print("throughput {} items a minute: {} placed, {} missed, {} unseen, {} grips failed\n",
+               estimate_text(r.study.throughput, 2), o.placed, o.missed, o.unseen, o.failed);
+    if (!c.containers.empty())
+      fmt::print("containers {} filled, {} emptied, {} served\n", o.filled, o.emptied, o.served);
+    for (std::size_t m = 0; m < c.machines.size(); ++m) {
+      std::vector<std::string> waits;
+      for (const auto& [what, seconds] : o.machines[m].waiting)
+        waits.push_back(fmt::format("{:.0f} s for {}", seconds, one_line(what)));
+      fmt::print("{:<10} {:.1f} % busy{}\n", c.machines[m].name, 100 * r.study.utilisation[m].mean,
+                 waits.empty() ? "" : fmt::format("; waits {}", fmt::join(waits, ", ")));
+    }
+    for (std::size_t k = 0; k < r.study.policies.size(); ++k) {
+      fmt::print("policy     {:<10} {} items a minute, {} missed\n", r.study.policies[k].first,
+                 estimate_text(r.study.policies[k].second, 2), estimate_text(r.study.missed_by_policy[k].second, 1));
+    }
+    for (const cell::Gain& g : r.study.gains)
+      fmt::print("gain       {:<28} {} items a minute\n", g.what, estimate_text(g.change, 2));
+    if (!r.study.next_gains.empty()) {
+      fmt::print("next       with twice the speed of the first: {}\n", r.study.next_gains.front().what);
+    }
+  }
+  if (!c.cost.rows.empty()) {
+    fmt::print("cost       {:.0f} {}, with a reserve of {:.0f} {:.0f} {}", c.cost.total(), c.cost.currency,
+               c.cost.reserve(), c.cost.total() + c.cost.reserve(), c.cost.currency);
+    if (c.cost.hours > 0) fmt::print("; {:.0f} hours of assembly", c.cost.hours);
+    fmt::print("\n");
+  }
+  fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
+             to_mm(r.safety.guard_distance), r.safety.stopping * 1e3);
+  for (const std::string& text : r.safety.assumed) fmt::print("assumed    {}\n", one_line(text));
+  for (const cell::Plan& p : r.planning.plans) {
+    fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score,
+               p.best ? fmt::format(", best {:.4g} of {}", *p.best, p.best_is) : "");
+  }
+  for (const cell::Problem& p : r.problems) fmt::print("problem    {}: {}\n", p.kind, one_line(p.detail));
+  fmt::print("{}\n", r.problems.empty() ? "ok" : "not ok");
+}
+
+}  // namespace
+
+Command cell_command() {
+  auto o = std::make_shared<Options>();
+  return {"cell", "A robot cell: reach, collisions, cycle, throughput, cost, safety, documentation",
+          "polypod cell cells/kozubik/cell.toml --minutes 10 --report cell.html",
+          [o](Arguments& a) {
+            a.positional("cell", o->file, "A cell file (docs/cell.md)");
+            a.option("--minutes", o->minutes, {0, 1e5, true, false}, "Simulated time, min (default: that of the file)");
+            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of all random numbers (default: that of the file)");
+            a.option("--seeds", o->seeds, {1, 1000},
+                     "So many runs, with seeds that follow each other: means with confidence intervals (default 1)");
+            a.option("--policy", o->policy,
+                     "Which item next: first, nearest or look-ahead (default: that of the file)");
+            a.flag("--compare", o->compare, "Compare the policies, and find what limits the cell");
+            a.option("--set", o->sets,
+                     "KEY=NUMBER: another number of the cell file, as conveyor.A.speed_mm_per_s=150 (repeatable)");
+            a.option("--report", o->report, "An HTML page: the documentation of the cell");
+            a.option("--events", o->events, "A CSV file: each event of the first run");
+            a.option("--drawing", o->drawing, "An SVG file: five views with dimensions");
+            a.option("--sequence", o->sequence, "A file of Structured Text (IEC 61131-3): the sequence for the PLC");
+          },
+          [o](const Context& context) -> Result<int> {
+            POLYPOD_TRY(check_files({o->file}, {o->report, o->events, o->drawing, o->sequence}, context.json));
+            std::vector<cell::Override> overrides;
+            for (const std::string& set : o->sets) {
+              const std::size_t equals = set.find('=');
+              if (equals == std::string::npos)
+                return fail("AP240", fmt::format("--set {}: not KEY=NUMBER", one_line(set)), {},
+                            "as in --set conveyor.A.speed_mm_per_s=150");
+              overrides.push_back({set.substr(0, equals), set.substr(equals + 1)});
+            }
+            if (!o->policy.empty() && o->policy != "first" && o->policy != "nearest" && o->policy != "look-ahead") {
+              return fail("AP241", fmt::format("--policy {}: not one of them", one_line(o->policy)), {},
+                          "first, nearest or look-ahead");
+            }
+            POLYPOD_ASSIGN(c, cell::read(o->file, overrides));
+            pages::CellQuestion question;
+            question.settings.seconds = 60 * (context.given("--minutes") ? o->minutes : c.minutes);
+            question.settings.seed = static_cast<std::uint64_t>(context.given("--seed") ? o->seed : c.seed);
+            question.settings.policy = o->policy.empty() ? c.policy : o->policy;
+            question.settings.record = !o->events.empty() || !o->report.empty();
+            question.seeds = o->seeds;
+            question.compare = o->compare;
+            question.settings.progress = progress_line(context, "simulating");
+            const pages::CellResult result = pages::judge_cell(std::move(c), question);
+            if (!result.study.complete) return kDone;  // Ctrl-C: the program says so
+            files::Outputs together;
+            if (!o->report.empty())
+              POLYPOD_TRY(together.add(o->report, pages::cell_page(result, POLYPOD_VERSION, command_line())));
+            if (!o->events.empty()) POLYPOD_TRY(together.add(o->events, pages::cell_events_csv(result)));
+            if (!o->drawing.empty()) POLYPOD_TRY(together.add(o->drawing, pages::cell_drawing(result)));
+            if (!o->sequence.empty()) POLYPOD_TRY(together.add(o->sequence, cell::structured_text(result.cell)));
+            POLYPOD_TRY(together.commit());
+            if (context.json) {
+              print_json(document(result));
+            } else {
+              print_result(result);
+              for (const std::string* path : {&o->report, &o->events, &o->drawing, &o->sequence})
+                if (!path->empty()) fmt::print("wrote {}\n", *path);
+            }
+            return result.problems.empty() ? kDone : kAnswerIsNo;
+          }};
+}
+
+}  // namespace polypod::app

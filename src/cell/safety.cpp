@@ -1,0 +1,252 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cell/safety.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+
+namespace polypod::cell {
+namespace {
+
+constexpr double mm = units::kMetrePerMm;
+
+/// Distance of a point from the wall over the line from a to b, seen from above.
+double from_line(const Vec3& p, const Vec3& a, const Vec3& b) {
+  const Eigen::Vector2d d = (b - a).head<2>(), r = (p - a).head<2>();
+  const double length = d.squaredNorm();
+  const double t = length > 0 ? std::clamp(r.dot(d) / length, 0.0, 1.0) : 0;
+  return (r - t * d).norm();
+}
+
+}  // namespace
+
+std::optional<double> curtain_distance(double stopping, double resolution) {
+  const double d = std::max(resolution, 14 * mm);
+  if (resolution > 70 * mm) return std::nullopt;
+  if (resolution > 40 * mm) return 1.6 * stopping + 850 * mm;
+  const double c = 8 * (d - 14 * mm), near = 2.0 * stopping + c;
+  if (near <= 500 * mm) return std::max(near, 100 * mm);
+  return std::max(1.6 * stopping + c, 500 * mm);
+}
+
+std::optional<double> scanner_distance(double stopping, double height, double resolution) {
+  if (height > 1.0 || height < 15 * (resolution - 50 * mm) - 1e-12) return std::nullopt;
+  return 1.6 * stopping + std::max(1200 * mm - 0.4 * height, 850 * mm);
+}
+
+std::optional<double> reach_over_distance(double hazard_height, double fence_height) {
+  static constexpr std::array<double, 10> kFence{1000, 1200, 1400, 1600, 1800, 2000, 2200, 2400, 2500, 2700};
+  struct Row {
+    double height;
+    std::array<double, 10> distance;
+  };
+  static constexpr std::array<Row, 15> kRows{{{2700, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+                                              {2600, {900, 800, 700, 600, 600, 500, 400, 300, 100, 0}},
+                                              {2400, {1100, 1000, 900, 800, 700, 600, 400, 300, 100, 0}},
+                                              {2200, {1300, 1200, 1000, 900, 800, 600, 400, 300, 0, 0}},
+                                              {2000, {1400, 1300, 1100, 900, 800, 600, 400, 0, 0, 0}},
+                                              {1800, {1500, 1400, 1100, 900, 800, 600, 0, 0, 0, 0}},
+                                              {1600, {1500, 1400, 1100, 900, 800, 500, 0, 0, 0, 0}},
+                                              {1400, {1500, 1400, 1100, 900, 800, 0, 0, 0, 0, 0}},
+                                              {1200, {1500, 1400, 1100, 900, 700, 0, 0, 0, 0, 0}},
+                                              {1000, {1500, 1400, 1000, 800, 0, 0, 0, 0, 0, 0}},
+                                              {800, {1500, 1300, 900, 600, 0, 0, 0, 0, 0, 0}},
+                                              {600, {1400, 1300, 800, 0, 0, 0, 0, 0, 0, 0}},
+                                              {400, {1400, 1200, 400, 0, 0, 0, 0, 0, 0, 0}},
+                                              {200, {1200, 900, 0, 0, 0, 0, 0, 0, 0, 0}},
+                                              {0, {1100, 500, 0, 0, 0, 0, 0, 0, 0, 0}}}};
+  const double a = hazard_height / mm, b = fence_height / mm;
+  if (b < kFence.front() - 1e-9) return std::nullopt;
+  std::size_t column = 0;
+  while (column + 1 < kFence.size() && kFence[column + 1] <= b + 1e-9) ++column;
+  double out = 0;
+  for (std::size_t k = 0; k < kRows.size(); ++k) {
+    // The two rows about the height; one where it is in the table.
+    const bool here = std::abs(kRows[k].height - a) < 1e-9;
+    const bool above = kRows[k].height > a && (k + 1 == kRows.size() || kRows[k + 1].height < a);
+    const bool below = kRows[k].height < a && k > 0 && kRows[k - 1].height > a;
+    if (here || above || below) out = std::max(out, kRows[k].distance[column]);
+  }
+  return out * mm;
+}
+
+std::optional<double> reach_through_distance(const std::string& shape, double e) {
+  struct Row {
+    double upto, slot, square, round;
+  };
+  static constexpr std::array<Row, 9> kRows{{{4, 2, 2, 2},
+                                             {6, 10, 5, 5},
+                                             {8, 20, 15, 5},
+                                             {10, 80, 25, 20},
+                                             {12, 100, 80, 80},
+                                             {20, 120, 120, 120},
+                                             {30, 850, 120, 120},
+                                             {40, 850, 200, 120},
+                                             {120, 850, 850, 850}}};
+  for (const Row& row : kRows) {
+    if (e / mm > row.upto + 1e-9) continue;
+    return (shape == "slot" ? row.slot : shape == "square" ? row.square : row.round) * mm;
+  }
+  return std::nullopt;
+}
+
+const std::vector<std::pair<std::string, double>>& crushing_gaps() {
+  static const std::vector<std::pair<std::string, double>> kGaps{{"body", 0.500},
+                                                                 {"head", 0.300},
+                                                                 {"leg", 0.180},
+                                                                 {"foot", 0.120},
+                                                                 {"toes", 0.050},
+                                                                 {"arm", 0.120},
+                                                                 {"hand, wrist, fist", 0.100},
+                                                                 {"finger", 0.025}};
+  return kGaps;
+}
+
+Stopping stopping_of(const Machine& machine) {
+  if (machine.stopping >= 0) return {machine.stopping, true};
+  double time = 0;
+  if (is_delta(machine)) {
+    time = std::max(machine.tool_speed / machine.tool_acceleration, machine.drive_speed / machine.drive_acceleration);
+  } else {
+    for (std::size_t j = 0; j < machine.joint_speed.size(); ++j)
+      time = std::max(time, machine.joint_speed[j] / machine.joint_acceleration[j]);
+  }
+  return {time, false};
+}
+
+Safety safety(const Cell& cell, const std::vector<Swept>& space) {
+  Safety out;
+  for (const Machine& m : cell.machines) {
+    const Stopping s = stopping_of(m);
+    out.stopping = std::max(out.stopping, s.time);
+    if (!s.stated) {
+      out.assumed.push_back(
+          fmt::format("{} stops within {:.0f} ms: its largest speed over a deceleration as large as its acceleration; "
+                      "measure it",
+                      m.name, s.time * 1e3));
+    }
+  }
+  constexpr double kWalk = 1.6;
+  bool device = false;
+  for (const Guard& g : cell.guards) {
+    GuardFigure f;
+    f.name = g.name;
+    f.kind = name_of(g.kind);
+    f.actual = std::numeric_limits<double>::infinity();
+    double highest = 0;
+    std::string nearest;
+    for (const Swept& s : space) {
+      const double d = from_line(s.at, g.from, g.to) - s.radius;
+      if (d < f.actual) {
+        f.actual = d;
+        nearest = s.machine;
+      }
+      highest = std::max(highest, s.at.z() + s.radius);
+    }
+    std::optional<double> needed;
+    if (g.kind == Guard::Kind::fence) {
+      // Over the fence: each place that a machine comes to, with its own height.
+      double worst = 0, worst_short = -std::numeric_limits<double>::infinity();
+      bool known = true;
+      for (const Swept& s : space) {
+        const auto over = reach_over_distance(std::max(0.0, s.at.z()), g.height);
+        if (!over) {
+          known = false;
+          break;
+        }
+        const double lacks = *over - (from_line(s.at, g.from, g.to) - s.radius);
+        if (lacks > worst_short) {
+          worst_short = lacks;
+          worst = *over;
+        }
+      }
+      f.rule = "ISO 13857, Table 2 (reaching over, high risk)";
+      if (known) {
+        needed = worst;
+        f.enough = worst_short <= 0;
+      } else {
+        f.note = "fences below 1 m do not hold anybody back";
+      }
+      if (g.opening > 0) {
+        const auto through = reach_through_distance(g.opening_shape, g.opening);
+        double near = std::numeric_limits<double>::infinity();
+        for (const Swept& s : space)
+          if (std::abs(s.at.z() - g.opening_height) < 0.85)
+            near = std::min(near, from_line(s.at, g.from, g.to) - s.radius);
+        if (!through || near < *through) {
+          f.enough = false;
+          f.note = fmt::format(
+              "through the opening of {:.0f} mm the nearest place is {:.0f} mm away, {} is needed (ISO 13857, Table 4)",
+              g.opening / mm, near / mm,
+              through ? fmt::format("{:.0f} mm", *through / mm) : std::string("a smaller opening"));
+          out.hazards.push_back({fmt::format("opening in {}", g.name), "shearing",
+                                 "between what is moved and the edge of the opening", g.measure, 0, 2, 1, 1});
+        }
+      }
+    } else {
+      device = true;
+      f.stopping = g.response + cell.control_response + out.stopping;
+      needed = g.kind == Guard::Kind::curtain ? curtain_distance(f.stopping, g.resolution)
+                                              : scanner_distance(f.stopping, g.height, g.resolution);
+      f.rule = g.kind == Guard::Kind::curtain ? "ISO 13855, S = K T + C, approach across the curtain"
+                                              : "ISO 13855, S = K T + C, approach along the field";
+      if (needed) {
+        f.enough = f.actual >= *needed;
+        out.guard_distance = std::max(out.guard_distance, *needed);
+      } else {
+        f.note = "no value: its resolution or height is out of the standard's range";
+      }
+    }
+    f.needed = needed.value_or(std::numeric_limits<double>::quiet_NaN());
+    if (!f.enough) {
+      const std::string text = needed ? fmt::format("guard {}: {:.0f} mm from {}, {:.0f} mm are needed ({})", g.name,
+                                                    f.actual / mm, nearest, *needed / mm, f.rule)
+                                      : fmt::format("guard {}: {}", g.name, f.note);
+      if (g.measure.empty())
+        out.problems.push_back({"guard", text});
+      else
+        f.note += fmt::format("{}too near by itself; stated measure, to be judged: {}", f.note.empty() ? "" : "; ",
+                              g.measure);
+    }
+    out.guards.push_back(f);
+  }
+  if (!device) {
+    constexpr double kResponse = 0.020, kResolution = 0.030;
+    out.guard_distance = *curtain_distance(kResponse + cell.control_response + out.stopping, kResolution);
+    out.assumed.push_back(
+        "the cell has no light curtain or scanner: the guard distance is that of a curtain of 30 mm with a response of "
+        "20 ms");
+  }
+  // What the layout itself tells; the rest is for the person who assesses.
+  for (const Machine& m : cell.machines) {
+    out.hazards.push_back({m.name, "crushing",
+                           is_delta(m) ? "between arm and platform, and between tool and belt"
+                                       : "between tool and frame, while it is programmed",
+                           "", -1, 2, 1, 1});
+    out.hazards.push_back(
+        {m.name, "electrical", "live parts, also after a fault", "insulation, labels, locked cabinets", -1, 2, 1, 2});
+  }
+  for (const Conveyor& c : cell.conveyors) {
+    out.hazards.push_back({c.name, "drawing in", "between belt and drum", "", -1, 1, 1, 1});
+    if (c.power > 0)
+      out.hazards.push_back(
+          {c.name, "electrical", fmt::format("motor of {:.0f} W", c.power), "insulation, labels", -1, 2, 1, 2});
+    // Gaps between this belt and the one that it feeds.
+    for (const Conveyor& o : cell.conveyors) {
+      if (o.name != c.onto) continue;
+      const double gap = c.at.z() - c.depth - o.at.z();
+      if (std::abs(gap) < 0.5)
+        out.hazards.push_back(
+            {c.name + " and " + o.name, "crushing", "gap between the belts", "", std::abs(gap), 1, 1, 1});
+    }
+  }
+  out.hazards.push_back({"all parts", "cutting", "edges and burrs", "deburred (KOZ 5.2.5)", -1, 1, 1, 1});
+  out.assumed.push_back(fmt::format("people walk at {:.1f} m/s and reach at 2.0 m/s (ISO 13855)", kWalk));
+  return out;
+}
+
+}  // namespace polypod::cell

@@ -1,0 +1,624 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/cell.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "polypod/core/figures.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/report/csv.hpp"
+#include "polypod/report/html.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using report::Colour;
+using report::Verdict;
+using units::to_mm;
+
+// Views ---------------------------------------------------------------------------------------------------------------
+
+/// A direction from which the cell is seen: what of C goes to the right, up, and towards the eye.
+struct View {
+  const char* name;
+  const char *right_label, *up_label;
+  Vec3 right, up, eye;
+};
+
+const std::array<View, 4>& plane_views() {
+  static const std::array<View, 4> kViews{{{"front", "x", "z", {1, 0, 0}, {0, 0, 1}, {0, -1, 0}},
+                                           {"top", "x", "y", {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                                           {"left", "−y", "z", {0, -1, 0}, {0, 0, 1}, {-1, 0, 0}},
+                                           {"right", "y", "z", {0, 1, 0}, {0, 0, 1}, {1, 0, 0}}}};
+  return kViews;
+}
+View isometric() {
+  // The eye stands to the front, to the left and above.
+  const Vec3 eye = Vec3(-1, -1.4, 0.9).normalized(), right = Vec3(0, 0, 1).cross(eye).normalized();
+  return {"isometric", "", "", right, eye.cross(right), eye};
+}
+
+report::Point seen(const View& v, const Vec3& p) {
+  return {to_mm(v.right.dot(p)), to_mm(v.up.dot(p))};
+}
+
+Colour colour_of(const std::string& kind) {
+  if (kind == "conveyor") return Colour::sky;
+  if (kind == "pallet" || kind == "holder") return Colour::orange;
+  if (kind == "table" || kind == "stand") return Colour::muted;
+  if (kind == "cabinet") return Colour::purple;
+  return Colour::muted;
+}
+
+/// The convex hull of points in a plane (Andrew's monotone chain).
+std::vector<report::Point> hull(std::vector<report::Point> points) {
+  std::sort(points.begin(), points.end(),
+            [](const auto& a, const auto& b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
+  std::vector<report::Point> out;
+  const auto turns_left = [](const report::Point& a, const report::Point& b, const report::Point& c) {
+    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > 1e-9;
+  };
+  for (int side = 0; side < 2; ++side) {
+    const std::size_t start = out.size();
+    for (const report::Point& p : points) {
+      while (out.size() >= start + 2 && !turns_left(out[out.size() - 2], out.back(), p)) out.pop_back();
+      out.push_back(p);
+    }
+    out.pop_back();
+    std::reverse(points.begin(), points.end());
+  }
+  return out;
+}
+
+/// Solids, machines at home, guards and dimensions as seen from one side.
+report::PathPlot picture(const CellResult& r, const View& view, bool dimensions) {
+  report::PathPlot out;
+  out.title = fmt::format("{}, seen from the {}", r.cell.name, view.name);
+  if (std::string(view.name) == "isometric") out.title = fmt::format("{}, isometric", r.cell.name);
+  out.x_label = view.right_label;
+  out.y_label = view.up_label;
+  out.max_aspect = 0.75;
+  std::vector<cell::Solid> solids = cell::solids(r.cell);
+  std::stable_sort(solids.begin(), solids.end(), [&](const cell::Solid& a, const cell::Solid& b) {
+    return view.eye.dot(a.middle) < view.eye.dot(b.middle);
+  });
+  std::set<std::string> named;
+  for (const cell::Solid& s : solids) {
+    std::vector<report::Point> outline;
+    for (const Vec3& p : s.corners()) outline.push_back(seen(view, p));
+    out.areas.push_back({named.insert(s.kind).second ? s.kind : "", hull(outline), colour_of(s.kind)});
+  }
+  for (const cell::Guard& g : r.cell.guards) {
+    const Vec3 up(0, 0, g.height);
+    const Vec3 a(g.from.x(), g.from.y(), 0), b(g.to.x(), g.to.y(), 0);
+    report::Polyline line{std::string(name_of(g.kind)),
+                          {},
+                          g.kind == cell::Guard::Kind::fence ? Colour::green : Colour::vermillion,
+                          report::LineStyle::dashed,
+                          1.5};
+    for (const Vec3& p : {a, b, Vec3(b + up), Vec3(a + up), a}) line.points.push_back(seen(view, p));
+    out.lines.push_back(std::move(line));
+  }
+  for (std::size_t m = 0; m < r.cell.machines.size(); ++m) {
+    const cell::Machine& machine = r.cell.machines[m];
+    const kinematics::ForwardResult f = kinematics::forward(machine.model, r.motions.home[m]);
+    if (f.poses.empty()) continue;
+    for (const machine::OutlinePart& part : kinematics::outline_at(machine.model, f.poses[0], r.motions.home[m])) {
+      if (part.role == machine::OutlinePart::Role::joints) continue;
+      report::Polyline line{"machines at home", {}, Colour::blue, report::LineStyle::solid, part.thick ? 2.6 : 1.5};
+      for (const Vec3& p : part.points) line.points.push_back(seen(view, machine.X_CM * p));
+      out.lines.push_back(std::move(line));
+    }
+    out.markers.push_back({machine.name, seen(view, machine.X_CM.p), Colour::blue});
+  }
+  for (const cell::Conveyor& c : r.cell.conveyors) {
+    out.arrows.push_back(
+        {"belts", seen(view, c.point(0.1 * c.length, 0)), seen(view, c.point(0.9 * c.length, 0)), Colour::ink});
+    out.markers.push_back({c.name, seen(view, c.point(0.5 * c.length, 0)), Colour::ink});
+  }
+  for (const cell::Spot& s : r.cell.spots) {
+    report::Polyline slots{"places of the gripper", {}, Colour::vermillion, report::LineStyle::points, 2};
+    for (const Vec3& p : s.slots) slots.points.push_back(seen(view, p));
+    out.lines.push_back(std::move(slots));
+  }
+  if (!dimensions) return out;
+  // Overall dimensions and those of the guards, below and at the left.
+  const report::Point low = seen(view, r.layout.low), high = seen(view, r.layout.high);
+  const double x0 = std::min(low.x, high.x), x1 = std::max(low.x, high.x), y0 = std::min(low.y, high.y),
+               y1 = std::max(low.y, high.y);
+  const double step = 0.09 * std::max(x1 - x0, y1 - y0);
+  const auto dimension = [&](report::Point a, report::Point b, const std::string& text) {
+    const report::Point middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
+    out.arrows.push_back({"dimensions, mm", middle, a, Colour::muted});
+    out.arrows.push_back({"", middle, b, Colour::muted});
+    out.markers.push_back({text, middle, Colour::muted});
+  };
+  dimension({x0, y0 - step}, {x1, y0 - step}, fmt::format("{:.0f}", x1 - x0));
+  dimension({x0 - step, y0}, {x0 - step, y1}, fmt::format("{:.0f}", y1 - y0));
+  // Heights of belts, or distances from the corner.
+  int level = 0;
+  for (const cell::Machine& m : r.cell.machines) {
+    const report::Point at = seen(view, m.X_CM.p);
+    ++level;
+    dimension({x0, y1 + level * 0.7 * step}, {at.x, y1 + level * 0.7 * step},
+              fmt::format("{} {:.0f}", m.name, std::abs(at.x - x0)));
+    dimension({x1 + level * 0.7 * step, y0}, {x1 + level * 0.7 * step, at.y},
+              fmt::format("{} {:.0f}", m.name, std::abs(at.y - y0)));
+  }
+  return out;
+}
+
+// The Gantt chart -----------------------------------------------------------------------------------------------------
+
+struct Gantt {
+  std::string title;
+  std::vector<std::string> names;
+  std::vector<const std::vector<cell::Interval>*> rows;
+  double from = 0, to = 60;
+
+  std::string operator()(const report::Canvas& canvas) const {
+    const double left = 64, right = canvas.width - 8, bar = 26, row = 46;
+    const auto x = [&](double t) { return left + (t - from) / (to - from) * (right - left); };
+    std::map<std::string, Colour> colours;
+    constexpr std::array<Colour, 6> kOrder{Colour::blue,   Colour::orange,     Colour::green,
+                                           Colour::purple, Colour::vermillion, Colour::sky};
+    std::string body;
+    double top = 6;
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      body += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"t\">{}</text>\n", 2.0, top + bar / 2 + 4,
+                          report::escape(names[k].substr(0, 9)));
+      for (const cell::Interval& i : *rows[k]) {
+        if (!i.busy || i.to <= from || i.from >= to) continue;
+        const auto colour = colours.emplace(i.what, kOrder[colours.size() % kOrder.size()]).first->second;
+        const double a = x(std::max(i.from, from)), b = x(std::min(i.to, to));
+        body += fmt::format(
+            "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" class=\"{} f\"><title>{}: {:.2f} to "
+            "{:.2f} s</title></rect>\n",
+            a, top, std::max(0.5, b - a), bar, class_name(colour), report::escape(i.what), i.from, i.to);
+      }
+      top += row;
+    }
+    for (const double t : report::nice_ticks(from, to, canvas.width < 500 ? 4 : 8)) {
+      body += fmt::format(
+          "<path d=\"M{0:.1f} {1:.1f}v5\" class=\"axis\"/><text x=\"{0:.1f}\" y=\"{2:.1f}\" class=\"t m\">{3}</text>\n",
+          x(t), top - 12, top + 8, report::number(t, 4));
+    }
+    body += fmt::format(
+        "<path d=\"M{:.1f} {:.1f}H{:.1f}\" class=\"axis\"/><text x=\"{:.1f}\" y=\"{:.1f}\" class=\"t e\">time, "
+        "s</text>\n",
+        left, top - 12, right, right, top + 26);
+    double at = left, line = top + 44;
+    for (const auto& [what, colour] : colours) {
+      const double width = 26 + 7.0 * static_cast<double>(what.size());
+      if (at + width > right && at > left) {
+        at = left;
+        line += 20;
+      }
+      body += fmt::format(
+          "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"14\" height=\"10\" class=\"{} f\"/><text x=\"{:.1f}\" y=\"{:.1f}\" "
+          "class=\"t\">{}</text>\n",
+          at, line - 9, class_name(colour), at + 19, line, report::escape(what));
+      at += width + 14;
+    }
+    return fmt::format(
+        "<svg class=\"pp\" viewBox=\"0 0 {0:.1f} {1:.1f}\" width=\"{0:.1f}\" height=\"{1:.1f}\" role=\"img\" "
+        "aria-label=\"{2}\">\n{3}</svg>\n",
+        canvas.width, line + 12, report::escape(title), body);
+  }
+  static const char* class_name(Colour colour) {
+    switch (colour) {
+      case Colour::orange:
+        return "c-orange";
+      case Colour::green:
+        return "c-green";
+      case Colour::purple:
+        return "c-purple";
+      case Colour::vermillion:
+        return "c-vermillion";
+      case Colour::sky:
+        return "c-sky";
+      default:
+        return "c-blue";
+    }
+  }
+};
+
+// The page ------------------------------------------------------------------------------------------------------------
+
+std::string with_interval(const cell::Estimate& e, int decimals) {
+  return std::isfinite(e.half_width)
+             ? fmt::format("{} ± {}", report::fixed(e.mean, decimals), report::fixed(e.half_width, decimals))
+             : report::fixed(e.mean, decimals);
+}
+
+void verdicts(report::Report& page, const CellResult& r) {
+  if (r.problems.empty()) {
+    page.add_verdict(Verdict::good,
+                     fmt::format("Everything that the tasks ask for is in reach, no collision was found in {} "
+                                 "positions, and in {} s of simulated time no item was missed and nothing stood still.",
+                                 r.layout.positions, report::number(r.outcome().seconds, 4)));
+  }
+  for (const cell::Problem& p : r.problems) page.add_verdict(Verdict::bad, p.kind + ": " + p.detail + ".");
+}
+
+void task_section(report::Report& page, const CellResult& r) {
+  page.add_section("Task");
+  if (!r.cell.description.empty()) page.add_text(r.cell.description + ".");
+  std::vector<std::pair<std::string, std::string>> facts;
+  for (const cell::Item& i : r.cell.items)
+    facts.emplace_back(i.name, fmt::format("diameter {} mm, height {} mm, {} g", report::number(to_mm(i.diameter)),
+                                           report::number(to_mm(i.height)), report::number(i.mass * 1e3)));
+  for (const cell::Container& c : r.cell.containers)
+    facts.emplace_back(c.name, fmt::format("holds {}, diameter {} mm, height {} mm", c.capacity,
+                                           report::number(to_mm(c.diameter)), report::number(to_mm(c.height))));
+  page.add_definitions(facts);
+  report::Table table;
+  table.caption = "Tasks in the order of their priority.";
+  table.columns = {{"task", "", -1}, {"machine", "", -1}, {"from", "", -1}, {"to", "", -1}, {"when", "", -1}};
+  for (const cell::Task& t : r.cell.tasks) {
+    const auto spot = [&](int k) { return r.cell.spots[static_cast<std::size_t>(k)].name; };
+    const std::string from = t.from_conveyor >= 0
+                                 ? "conveyor " + r.cell.conveyors[static_cast<std::size_t>(t.from_conveyor)].name
+                                 : spot(t.from);
+    table.rows.push_back({t.name, r.cell.machines[static_cast<std::size_t>(t.machine)].name, from,
+                          (t.via >= 0 ? spot(t.via) + ", " : "") + spot(t.to),
+                          std::string(t.on_serve              ? "SERVE"
+                                      : t.working && t.ending ? "work, end"
+                                      : t.working             ? "work"
+                                                              : "end")});
+  }
+  page.add_table(table);
+  if (!r.cell.assumptions.empty()) {
+    page.add_heading("Assumed");
+    std::vector<std::string> list;
+    for (const auto& [what, why] : r.cell.assumptions) list.push_back(fmt::format("{}: {}.", what, why));
+    page.add_list(list);
+  }
+}
+
+void layout_section(report::Report& page, const CellResult& r) {
+  page.add_section("Layout");
+  page.add_text(
+      fmt::format("The cell takes {} × {} mm of floor, {} m². Bodies were judged at rest, machines in {} positions "
+                  "along their ways: a sample, not a proof.",
+                  report::fixed(to_mm(r.layout.high.x() - r.layout.low.x()), 0),
+                  report::fixed(to_mm(r.layout.high.y() - r.layout.low.y()), 0), report::fixed(r.layout.floor_area, 2),
+                  r.layout.positions));
+  page.add_figure(picture(r, isometric(), false), "The cell from the front left, machines at home.");
+  for (const View& view : plane_views())
+    page.add_figure(picture(r, view, true), fmt::format("Seen from the {}{}.", view.name,
+                                                        std::string(view.name) == "top" ? ", the front below" : ""));
+  if (!r.layout.conflicts.empty()) {
+    report::Table table;
+    table.caption = "Where machines share space. An interlock lets one in at a time.";
+    table.columns = {{"machine", "", -1}, {"machine", "", -1}, {"nearest", "mm", 0}, {"interlock", "", -1}};
+    for (const cell::Conflict& c : r.layout.conflicts)
+      table.rows.push_back({c.first, c.second, to_mm(c.distance), c.zone.empty() ? std::string("none") : c.zone});
+    page.add_table(table);
+  }
+  page.add_heading("Planning methods");
+  page.add_text(
+      fmt::format("What stations send each other ({}) scored by the methods of layout planning; machines count as "
+                  "stations that everything passes.",
+                  r.planning.flows_given ? "given" : "counted in the simulation, an hour"));
+  report::Table table;
+  table.columns = {{"method", "", -1}, {"measure", "", -1}, {"score", "", -1}, {"best", "", -1}, {"best of", "", -1}};
+  for (const cell::Plan& p : r.planning.plans) {
+    table.rows.push_back({p.method, p.measure, report::number(p.score, 4),
+                          p.best ? report::number(*p.best, 4) : std::string("not enumerated"), p.best_is});
+  }
+  page.add_table(table);
+  std::vector<std::pair<std::string, report::Figure>> panels;
+  for (const cell::Plan& p : r.planning.plans) {
+    report::PathPlot plot;
+    plot.title = p.method;
+    plot.unit = p.method == "coordinate method" ? "m" : "";
+    const double most = r.planning.flows.size() > 0 ? r.planning.flows.maxCoeff() : 0;
+    for (std::size_t i = 0; i < p.places.size(); ++i) {
+      for (std::size_t k = i + 1; k < p.places.size(); ++k) {
+        const double f = r.planning.flows(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k));
+        if (f > 0)
+          plot.lines.push_back({"",
+                                {{p.places[i].x(), p.places[i].y()}, {p.places[k].x(), p.places[k].y()}},
+                                Colour::sky,
+                                report::LineStyle::solid,
+                                1 + 5 * f / most});
+      }
+      plot.markers.push_back({r.planning.stations[i], {p.places[i].x(), p.places[i].y()}, Colour::ink});
+    }
+    if (!p.places.empty()) panels.emplace_back(p.method, plot);
+  }
+  page.add_figure_grid(2, panels, "Layouts of the methods; the width of a line is the flow.");
+  if (r.planning.chart_given) {
+    report::Table chart;
+    chart.caption =
+        "Relationship chart: A absolutely necessary, E especially important, I important, O ordinary, U unimportant, X "
+        "undesirable.";
+    chart.columns = {{"station", "", -1}, {"station", "", -1}, {"closeness", "", -1}, {"reason", "", -1}};
+    for (const cell::Relation& rel : r.planning.relations)
+      chart.rows.push_back({r.planning.stations[static_cast<std::size_t>(rel.a)],
+                            r.planning.stations[static_cast<std::size_t>(rel.b)], std::string(1, rel.closeness),
+                            rel.reason});
+    page.add_table(chart);
+  }
+}
+
+void machine_section(report::Report& page, const CellResult& r) {
+  page.add_section("Machines");
+  report::Table table;
+  table.columns = {{"machine", "", -1}, {"model", "", -1}, {"family", "", -1},
+                   {"x", "mm", 0},      {"y", "mm", 0},    {"z", "mm", 0}};
+  for (const cell::Machine& m : r.cell.machines)
+    table.rows.push_back({m.name, machine::name_of(m.model), machine::family_of(m.model), to_mm(m.X_CM.p.x()),
+                          to_mm(m.X_CM.p.y()), to_mm(m.X_CM.p.z())});
+  page.add_table(table);
+  page.add_text(fmt::format(
+      "{} places were asked for, by the machines' own inverse kinematics and limits; {} are out of reach.",
+      r.motions.judged, std::count_if(r.motions.problems.begin(), r.motions.problems.end(), [](const cell::Problem& p) {
+        return p.kind == "reach";
+      })));
+}
+
+void cycle_section(report::Report& page, const CellResult& r) {
+  page.add_section("Cycle and throughput");
+  if (!r.simulated()) {
+    page.add_text("The cycle was not simulated, because something is out of reach.");
+    return;
+  }
+  const cell::Outcome& o = r.outcome();
+  page.add_key_figures({{with_interval(r.study.throughput, 2), "/min", "items into containers", Verdict::neutral},
+                        {fmt::format("{}", o.missed), "", "items missed", o.missed > 0 ? Verdict::bad : Verdict::good},
+                        {fmt::format("{}", o.filled), "", "containers filled", Verdict::neutral},
+                        {fmt::format("{}", o.served), "", "containers served", Verdict::neutral}});
+  page.add_text(fmt::format(
+      "Simulated: {} s, policy \"{}\", {} run{}. The figures below are of the first one; means over several runs stand "
+      "with their 95 % confidence interval.",
+      report::number(o.seconds, 5), r.policy, r.study.outcomes.size(), r.study.outcomes.size() == 1 ? "" : "s"));
+  Gantt gantt;
+  gantt.title = "What the machines do";
+  gantt.to = std::min(o.seconds, 90.0);
+  report::BarChart bars;
+  bars.title = "Use of the machines";
+  bars.unit = "%";
+  bars.parts = {"busy"};
+  std::vector<std::string> reasons;
+  for (const cell::MachineUse& m : o.machines)
+    for (const auto& [what, seconds] : m.waiting)
+      if (std::find(reasons.begin(), reasons.end(), what) == reasons.end()) reasons.push_back(what);
+  for (const std::string& what : reasons) bars.parts.push_back("waits: " + what);
+  for (std::size_t m = 0; m < o.machines.size(); ++m) {
+    report::BarChart::Row row{r.cell.machines[m].name, {100 * o.machines[m].busy / o.seconds}};
+    for (const std::string& what : reasons) {
+      double seconds = 0;
+      for (const auto& [key, value] : o.machines[m].waiting)
+        if (key == what) seconds = value;
+      row.parts.push_back(100 * seconds / o.seconds);
+    }
+    bars.rows.push_back(row);
+    if (!o.machines[m].intervals.empty()) {
+      gantt.names.push_back(r.cell.machines[m].name);
+      gantt.rows.push_back(&o.machines[m].intervals);
+    }
+  }
+  page.add_figure(bars, "Shares of the simulated time.");
+  if (!gantt.rows.empty())
+    page.add_figure(gantt, fmt::format("Gantt chart of the first {} s: what each machine does; gaps are waiting.",
+                                       report::number(gantt.to)));
+  report::Table belts;
+  belts.columns = {{"conveyor", "", -1}, {"speed", "mm/s", 0}, {"runs", "%", 1}, {"most items at once", "", 0}};
+  for (std::size_t b = 0; b < o.belts.size(); ++b)
+    belts.rows.push_back({r.cell.conveyors[b].name, to_mm(r.cell.conveyors[b].speed),
+                          100 * o.belts[b].running / o.seconds, static_cast<double>(o.belts[b].most)});
+  page.add_table(belts);
+  if (r.study.policies.empty()) return;
+  page.add_heading("Policies of assignment");
+  report::Table policies;
+  policies.columns = {{"policy", "", -1}, {"items a minute", "", -1}, {"missed", "", -1}};
+  for (std::size_t k = 0; k < r.study.policies.size(); ++k)
+    policies.rows.push_back({r.study.policies[k].first, with_interval(r.study.policies[k].second, 2),
+                             with_interval(r.study.missed_by_policy[k].second, 1)});
+  page.add_table(policies);
+  page.add_heading("What limits the cell");
+  report::Table gains;
+  gains.caption =
+      "Gain of throughput where one thing is 10 % faster, with the same random numbers; the second figure holds where "
+      "the first of the list is twice as fast.";
+  gains.columns = {{"what", "", -1}, {"gain", "items/min", -1}, {"then", "items/min", -1}};
+  for (const cell::Gain& g : r.study.gains) {
+    std::string then = "";
+    for (const cell::Gain& n : r.study.next_gains)
+      if (n.what == g.what) then = with_interval(n.change, 2);
+    gains.rows.push_back({g.what, with_interval(g.change, 2), then});
+  }
+  page.add_table(gains);
+}
+
+void cost_section(report::Report& page, const CellResult& r) {
+  const cell::Cost& cost = r.cell.cost;
+  if (cost.rows.empty()) return;
+  page.add_section("Cost and parts");
+  page.add_key_figures(
+      {{report::fixed(cost.total(), 0), cost.currency, "parts to buy and make", Verdict::neutral},
+       {report::fixed(cost.total() + cost.reserve(), 0), cost.currency, "with reserve", Verdict::neutral},
+       {report::fixed(cost.hours, 0), "h", "assembly, not in the sum", Verdict::neutral}});
+  report::Table table;
+  table.caption = "Parts.";
+  table.columns = {
+      {"part", "", -1}, {"quantity", "", -1}, {"price", cost.currency, -1}, {"sum", cost.currency, -1}, {"", "", -1}};
+  for (const cell::CostRow& row : cost.rows) {
+    table.rows.push_back({row.name, fmt::format("{} {}", report::number(row.quantity), row.unit),
+                          row.stock ? std::string("") : report::number(row.price, 6),
+                          row.stock ? std::string("at hand") : report::number(row.sum(), 6), row.note});
+  }
+  table.rows.push_back(
+      {std::string("total"), std::string(""), std::string(""), report::number(cost.total(), 8), std::string("")});
+  page.add_table(table);
+  if (r.simulated() && cost.running_price > 0 && r.study.throughput.mean > 0) {
+    page.add_text(fmt::format("Running costs {} {} an item.",
+                              report::number(cost.running_price / 60 / r.study.throughput.mean), cost.currency));
+  }
+}
+
+void safety_section(report::Report& page, const CellResult& r) {
+  page.add_section("Safety");
+  page.add_verdict(Verdict::neutral,
+                   "This is an aid for whoever assesses the risk of the cell (ISO 12100). It is no assessment and no "
+                   "proof of conformity. Check each figure against your copy of the standard.");
+  page.add_key_figures(
+      {{report::fixed(to_mm(r.safety.guard_distance), 0), "mm", "least distance of light curtain or scanner",
+        Verdict::neutral},
+       {report::fixed(r.safety.stopping * 1e3, 0), "ms", "until the slowest machine stands", Verdict::neutral}});
+  page.add_text(
+      "ISO 13855: S = K T + C, with the speed of approach K, the time T from the interruption to the standstill, and C "
+      "for what reaches through before it is seen.");
+  report::Table guards;
+  guards.caption = "Guards.";
+  guards.columns = {{"guard", "", -1}, {"kind", "", -1}, {"needed", "mm", 0},
+                    {"is", "mm", 0},   {"rule", "", -1}, {"note", "", -1}};
+  for (const cell::GuardFigure& g : r.safety.guards)
+    guards.rows.push_back(
+        {g.name, g.kind, to_mm(g.needed), to_mm(g.actual), g.rule,
+         (g.enough ? "far enough" : "not far enough by itself") + (g.note.empty() ? std::string("") : "; " + g.note)});
+  page.add_table(guards);
+  report::Table hazards;
+  hazards.caption =
+      "Hazards by zone, to be completed: severity S, frequency F and avoidance A are proposals of 1 or 2 (risk graph).";
+  hazards.columns = {{"zone", "", -1},  {"hazard", "", -1},  {"cause", "", -1},        {"gap", "mm", -1},
+                     {"S F A", "", -1}, {"measure", "", -1}, {"residual risk", "", -1}};
+  for (const cell::Hazard& h : r.safety.hazards)
+    hazards.rows.push_back({h.zone, h.kind, h.cause, h.gap < 0 ? std::string("") : report::number(to_mm(h.gap)),
+                            fmt::format("{} {} {}", h.severity, h.frequency, h.avoidance),
+                            h.measure.empty() ? std::string("to be given") : h.measure, std::string("to be judged")});
+  page.add_table(hazards);
+  std::vector<std::string> gaps;
+  for (const auto& [part, gap] : cell::crushing_gaps())
+    gaps.push_back(fmt::format("{} {} mm", part, report::number(to_mm(gap))));
+  page.add_text(fmt::format("Gaps that do not crush (ISO 13854): {}.", fmt::join(gaps, ", ")));
+  page.add_text(fmt::format("Stop category {} (IEC 60204-1).", r.cell.stop_category));
+  page.add_heading("Assumed");
+  page.add_list(r.safety.assumed);
+}
+
+}  // namespace
+
+CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
+  CellResult out;
+  out.cell = std::move(given);
+  out.policy = question.settings.policy;
+  out.motions = cell::motions(out.cell);
+  out.layout = cell::layout(out.cell, out.motions);
+  out.safety = cell::safety(out.cell, out.layout.swept);
+  out.problems = out.motions.problems;
+  out.problems.insert(out.problems.end(), out.layout.problems.begin(), out.layout.problems.end());
+  out.problems.insert(out.problems.end(), out.safety.problems.begin(), out.safety.problems.end());
+  const bool reached = std::none_of(out.motions.problems.begin(), out.motions.problems.end(),
+                                    [](const cell::Problem& p) { return p.kind == "reach"; });
+  std::vector<cell::Flow> flows;
+  if (reached) {
+    out.study = cell::study(out.cell, out.motions, question.settings, question.seeds, question.compare);
+    int missed = 0, unseen = 0;
+    for (const cell::Outcome& o : out.study.outcomes) {
+      missed += o.missed;
+      unseen += o.unseen;
+    }
+    const std::string in_runs =
+        out.study.outcomes.size() == 1 ? "" : fmt::format(" in {} runs", out.study.outcomes.size());
+    if (missed > 0)
+      out.problems.push_back(
+          {"missed", fmt::format("{} items fall off the end of a belt{}: the cell does not keep up", missed, in_runs)});
+    if (unseen > 0)
+      out.problems.push_back(
+          {"unseen", fmt::format("{} items lie wholly in no picture of a camera{}", unseen, in_runs)});
+    for (std::size_t k = 0; k < out.study.outcomes.size(); ++k) {
+      const cell::Outcome& o = out.study.outcomes[k];
+      if (!o.stands_since) continue;
+      out.problems.push_back({"deadlock", fmt::format("since {:.1f} s nothing can go on (seed {}): {}", *o.stands_since,
+                                                      question.settings.seed + k, o.standstill)});
+      break;
+    }
+    if (out.simulated() && out.cell.commands.empty())
+      out.problems.push_back({"command", "nobody presses START: add a [[command]]"});
+    if (out.simulated()) {
+      const cell::Outcome& o = out.outcome();
+      const auto index = [&](const std::string& name) {
+        for (std::size_t k = 0; k < out.cell.stations.size(); ++k)
+          if (out.cell.stations[k].name == name) return static_cast<int>(k);
+        return -1;
+      };
+      for (const cell::Traffic& t : o.traffic) {
+        const int from = index(t.from), to = index(t.to);
+        if (from >= 0 && to >= 0 && from != to && o.seconds > 0)
+          flows.push_back({from, to, 3600 * t.count / o.seconds});
+      }
+    }
+  }
+  out.planning = cell::planning(out.cell, flows);
+  return out;
+}
+
+std::string cell_events_csv(const CellResult& result) {
+  report::Csv csv({"time_s", "step", "who", "what", "detail"});
+  if (result.simulated()) {
+    for (const cell::Event& e : result.outcome().events) {
+      csv.add({e.time, e.step > 0 ? report::Csv::Field(static_cast<double>(e.step)) : report::Csv::Field(std::string()),
+               e.who, e.what, e.detail});
+    }
+  }
+  return csv.text();
+}
+
+std::string cell_drawing(const CellResult& result) {
+  report::PanelGrid grid;
+  grid.title = fmt::format("{}: views with dimensions in mm", result.cell.name);
+  grid.columns = 2;
+  for (const View& view : plane_views()) grid.panels.emplace_back(view.name, picture(result, view, true));
+  grid.panels.emplace_back("isometric", picture(result, isometric(), false));
+  return report::standalone_svg(grid, 1600);
+}
+
+std::string cell_page(const CellResult& r, const std::string& version, const std::string& command) {
+  std::vector<std::pair<std::string, std::string>> facts;
+  for (const cell::Machine& m : r.cell.machines) facts.emplace_back(m.name, machine::name_of(m.model));
+  if (!version.empty()) facts.emplace_back("made with", "Polypod " + version);
+  report::Report page("Robot cell: " + r.cell.name, r.cell.description, facts);
+  page.add_section("Answer");
+  verdicts(page, r);
+  if (r.simulated()) {
+    page.add_key_figures(
+        {{with_interval(r.study.throughput, 2), "/min", "items into containers", Verdict::neutral},
+         {report::fixed(r.cell.cost.total(), 0), r.cell.cost.currency, "parts", Verdict::neutral},
+         {report::fixed(to_mm(r.safety.guard_distance), 0), "mm", "guard distance (ISO 13855)", Verdict::neutral}});
+  }
+  page.add_text(
+      "Judged: reach and limits of the machines at each place, bodies and links at sampled positions, the load of arms "
+      "where it is given, widths of modules, the cycle in the simulation, distances of guards. "
+      "Not judged: forces and torques of drives, vibration, what a vacuum holds, items that overlap, electrics, noise, "
+      "hygiene.");
+  task_section(page, r);
+  layout_section(page, r);
+  machine_section(page, r);
+  cycle_section(page, r);
+  cost_section(page, r);
+  safety_section(page, r);
+  page.add_section("Sequence");
+  report::Table sequence;
+  sequence.caption = "States and steps for the PLC; numbers are those of KOZ 5.2.2.";
+  sequence.columns = {{"state", "", -1}, {"step", "", -1}, {"condition", "", -1}, {"action", "", -1}, {"next", "", -1}};
+  for (const cell::SequenceRow& row : cell::sequence(r.cell))
+    sequence.rows.push_back({row.state, row.step, row.condition, row.action, row.next});
+  page.add_table(sequence);
+  page.add_code("Structured Text (IEC 61131-3)", cell::structured_text(r.cell));
+  if (!command.empty()) {
+    page.add_section("Inputs");
+    page.add_code("The command that made this page", command, false);
+  }
+  return page.to_html();
+}
+
+}  // namespace polypod::pages
