@@ -452,6 +452,8 @@ Status verdict(const fs::path& scratch, const std::string& program) {
     return fail("LC115", fmt::format("LinuxCNC does not {}: {}", where == "homing" ? "home" : "switch on", said), {},
                 "the joints' homes must lie within their limits and be a pose of the machine; export it anew");
   }
+  // LinuxCNC reads ahead; its messages name the line that they are about.
+  if (const auto at = said.find("on line "); at != std::string::npos) line = std::atoi(said.c_str() + at + 8);
   return fail("LC116", "LinuxCNC: " + said, {program, line, 0},
               "polypod check says where a program leaves what the machine can do");
 }

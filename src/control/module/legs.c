@@ -275,13 +275,6 @@ static int legs_inverse(const Pose *X, double *q) {
   return 0;
 }
 
-/* Whether the pose is in the assembly mode of home: det F_X changes its sign at singular poses alone. */
-static int in_assembly_mode(const double *q, const Pose *X) {
-  double values[EQUATIONS], rows[EQUATIONS][6], step[6];
-  const int n = closure_rows(X, q, values, rows, 0);
-  return n != 6 || solve_rows(n, 6, rows, values, step) == home_side;
-}
-
 /* One Newton's way to the pose of the joints; 1 where it converged, in the assembly mode of home, not far from the seed. */
 static int legs_newton(const double *q, Pose *X) {
   const Pose seed = *X;

@@ -26,6 +26,15 @@ static void refresh(void) {
 #endif
 }
 
+#if ROWS == 0
+/* Whether the pose is in the assembly mode of home: det F_X changes its sign at singular poses alone. */
+static int in_assembly_mode(const double *q, const Pose *X) {
+  double values[EQUATIONS], rows[EQUATIONS][6], step[6];
+  const int n = closure_rows(X, q, values, rows, 0);
+  return n != 6 || solve_rows(n, 6, rows, values, step) == home_side;
+}
+#endif
+
 static int inverse(const double c[6], double *q) {
 #if ROWS > 0
   return chain_inverse(c, q);
