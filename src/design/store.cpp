@@ -9,17 +9,20 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <system_error>
+#include <thread>
 
 namespace polypod::design {
 namespace {
 
 constexpr const char* kFormat = "1";
 constexpr int kPatience_ms = 10'000;
+constexpr int kKindOfError = 0xff;  // of SQLite's extended codes
 constexpr const char* kLock = "lock";
 
 /// An identifier of SQL in its quotes.
@@ -108,7 +111,7 @@ struct Store::Impl {
   [[nodiscard]] std::string why() const { return sqlite3_errmsg(db.get()); }
 
   tl::unexpected<Error> failed(int code) const {
-    const int kind = code & 0xff;
+    const int kind = code & kKindOfError;
     if (kind == SQLITE_NOTADB || kind == SQLITE_CORRUPT) {
       return fail("OP111", fmt::format("{}: not a database of a study: {}", path, why()), {}, "take another folder");
     }
@@ -119,10 +122,18 @@ struct Store::Impl {
     return fail("OP110", fmt::format("{}: {}", path, why()), {}, "check the folder and its permissions");
   }
 
+  /// A process that is being killed gives its locks back one after the other, and not every statement of SQLite waits
+  /// for that by itself.
   Status run(const std::string& sql) const {
-    const int code = sqlite3_exec(db.get(), sql.c_str(), nullptr, nullptr, nullptr);
-    if (code != SQLITE_OK) return failed(code);
-    return {};
+    const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(kPatience_ms);
+    constexpr std::chrono::milliseconds kPause(10);
+    while (true) {
+      const int code = sqlite3_exec(db.get(), sql.c_str(), nullptr, nullptr, nullptr);
+      if (code == SQLITE_OK) return {};
+      const bool busy = (code & kKindOfError) == SQLITE_BUSY || (code & kKindOfError) == SQLITE_LOCKED;
+      if (!busy || std::chrono::steady_clock::now() > until) return failed(code);
+      std::this_thread::sleep_for(kPause);
+    }
   }
 
   Result<Statement> prepare(const std::string& sql) const {
@@ -268,6 +279,7 @@ Result<Store> Store::open(const std::string& folder, const Study& study, const s
                 "wait until it has ended, or take another folder; `polypod study` reads it meanwhile");
   }
   POLYPOD_TRY(impl->connect(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE));
+  POLYPOD_TRY(impl->run("SELECT count(*) FROM sqlite_master"));  // waits until the file is free
   POLYPOD_ASSIGN(there, impl->has_tables());
   if (there) {
     POLYPOD_TRY(impl->check_format());

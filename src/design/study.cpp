@@ -30,6 +30,11 @@ std::string number(double value) {
   return fmt::format("{}", value);
 }
 
+/// Twelve digits, as a search rounds what it tries.
+double rounded(double value) {
+  return std::strtod(fmt::format("{:.12g}", value).c_str(), nullptr);
+}
+
 tl::unexpected<Error> with_place(Error error, const Place& place) {
   error.place = place;
   return tl::unexpected<Error>(std::move(error));
@@ -470,7 +475,7 @@ std::vector<std::pair<std::string, double>> Study::parameters(const std::vector<
         for (const machine::Parameter& p : list)
           if (machine::key_of(p) == t.equals) value = units::to_user(p.value, p.unit);
     }
-    out.emplace_back(t.key, t.factor * value + t.offset);
+    out.emplace_back(t.key, rounded(t.factor * value + t.offset));
   }
   return out;
 }

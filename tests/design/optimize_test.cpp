@@ -15,10 +15,10 @@ struct Run {
   Status status;
 };
 
-/// `most`: cancelled once so many evaluations were computed; negative: never.
+/// `most`: cancelled once so many evaluations were computed; negative: never. What is read back is kQuick.
 Run run(const Study& study, const std::string& folder, int threads = 0, int most = -1) {
   Run out;
-  auto store = Store::open(folder, study, "machine = \"strut\"\n", "1.0");
+  auto store = Store::open(folder, study, std::string("machine = \"strut\"\n") + kQuick, "1.0");
   EXPECT_TRUE(store) << to_string(store.error());
   if (!store) return out;
   std::atomic<int> computed{0};
@@ -101,7 +101,9 @@ TEST(Optimize, ALargerBudgetTakesWhatThereIs) {
   const Outcome second = run(study_on_strut(more), folder / "a").outcome;
   EXPECT_LT(second.computed, static_cast<std::int64_t>(second.rows.size()));
   std::set<std::int64_t> numbers;
-  for (const Row& row : *Store::read(folder / "a")->rows()) EXPECT_TRUE(numbers.insert(row.row).second);
+  const auto rows = Store::read(folder / "a").value().rows();
+  ASSERT_TRUE(rows);
+  for (const Row& row : *rows) EXPECT_TRUE(numbers.insert(row.row).second);
   EXPECT_LE(second.rows[*second.best].evaluation.figures[0].value, 2500 * 1.001);
 }
 
