@@ -19,6 +19,7 @@ std::vector<Command> all_commands() {
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(), post_command(),
+      view_command(),                                           // in a browser
   };
 }
 // clang-format on

@@ -37,5 +37,6 @@ Command correct_command();
 Command check_command();
 Command canon_command();
 Command post_command();
+Command view_command();
 
 }  // namespace polypod::app
