@@ -23,6 +23,7 @@ std::vector<Command> all_commands() {
       predict_command(), correct_command(), check_command(),    // programs
       canon_command(), post_command(),
       cell_command(),                                           // cells
+      view_command(),                                           // in a browser
   };
 }
 // clang-format on

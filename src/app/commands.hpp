@@ -40,5 +40,6 @@ Command check_command();
 Command canon_command();
 Command post_command();
 Command cell_command();
+Command view_command();
 
 }  // namespace polypod::app

@@ -638,6 +638,10 @@ std::string certificate_page(const machine::AnyMachine& nominal, const std::vect
   const std::string name = good ? "Calibration certificate" : "Measurement report, no certificate";
   const std::string title = c.statement.number.empty() ? name : name + " " + c.statement.number;
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  page += "<meta name=\"generator\" content=\"Polypod\">\n";
+  page +=
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; base-uri "
+      "'none'; form-action 'none'\">\n";
   page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   page += fmt::format("<title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n", escape(title), kCss);
   page += fmt::format(

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "machine_lines.hpp"
+#include "moving_machine.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/report/html.hpp"
@@ -197,6 +198,7 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   mesh.opacity = 0.55;
   scene.meshes.push_back(std::move(mesh));
   scene.lines = machine_lines(machine, m.home);
+  const std::size_t outline = scene.lines.size();
   report::Line3 near{"near-singular", {}, report::Colour::vermillion, 2.5, true};
   for (const workspace::DeltaPoint& p : study.points)
     if (p.by_geometry || p.by_determinant) near.points.push_back(mm(p.X));
@@ -205,12 +207,16 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
     if (closeness(m, X).least() < options.d_min) border.points.push_back(mm(X));
   if (!border.points.empty()) scene.lines.push_back(std::move(border));
   if (!near.points.empty()) scene.lines.push_back(std::move(near));
+  report::Scene turns = scene;
+  add_poses(turns, outline, machine, Pose{Mat3::Identity(), m.home}, 0);
   hang(scene);
+  hang(turns);
   page.add_scene(scene,
                  "The boundary, coloured by the limit that makes it, with red dots where it is near-singular itself: "
                  "where it is out of reach, two positions of an elbow meet (type 1 singularity). The base is above: z "
                  "of the machine points "
-                 "down.");
+                 "down.",
+                 &turns);
 
   page.add_section("Sections");
   POLYPOD_ASSIGN(box, workspace::extent(machine, {}, false));

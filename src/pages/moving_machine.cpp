@@ -151,4 +151,19 @@ std::vector<Frames> MovingMachine::sweeps(const Point3& low, const Point3& high,
   return out;
 }
 
+void add_poses(report::Scene& scene, std::size_t lines, const AnyMachine& machine, const Pose& start, double tilt) {
+  const kinematics::InverseResult result = kinematics::inverse(machine, start);
+  if (result.solutions.empty()) return;
+  const auto* within = result.reachable();
+  const JointVector q = within != nullptr ? within->joints : result.solutions.front().joints;
+  const MovingMachine moving(machine, kinematics::settled(machine, start, q), q);
+  report::Scene meshes;
+  meshes.meshes = scene.meshes;
+  const report::Box3 box = report::box_of(meshes, false);
+  constexpr int kPictures = 41;
+  scene.frames = moving.sweeps(box.low, box.high, tilt, kPictures);
+  scene.lines.erase(scene.lines.begin(), scene.lines.begin() + static_cast<std::ptrdiff_t>(lines));
+  scene.lines.insert(scene.lines.begin(), moving.lines().begin(), moving.lines().end());
+}
+
 }  // namespace polypod::pages

@@ -37,4 +37,10 @@ class MovingMachine {
   std::vector<report::Line3> lines_;
 };
 
+/// Gives a scene sliders for pose and joints: its first `lines` lines are the machine, and become that at `start` (the
+/// solution within the limits, or else the first); lengths go as far as the meshes, angles to +-`tilt`, rad. Nothing
+/// changes where the machine takes no such pose.
+void add_poses(report::Scene& scene, std::size_t lines, const machine::AnyMachine& machine, const Pose& start,
+               double tilt);
+
 }  // namespace polypod::pages

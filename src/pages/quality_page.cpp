@@ -569,7 +569,10 @@ class Page {
     scene.meshes.push_back(std::move(mesh));
     scene.lines = singular_points();
     report_.add_section("In space");
-    report_.add_scene(scene, "The boundary of the workspace, coloured by the error of the tip.");
+    report::Scene turns = scene;
+    const std::vector<report::Line3> machine = machine_lines(machine_, middle_);
+    turns.lines.insert(turns.lines.begin(), machine.begin(), machine.end());
+    report_.add_scene(scene, "The boundary of the workspace, coloured by the error of the tip.", &turns);
     report::Scene with_machine = scene;
     with_machine.title = "The same with the machine";
     with_machine.lines = machine_lines(machine_, middle_);

@@ -399,28 +399,13 @@ class Page {
         {{"x", extent_text(volume_, 0)}, {"y", extent_text(volume_, 1)}, {"z", extent_text(volume_, 2)}});
   }
 
-  /// The machine at other poses, beside the surface: a slider a coordinate and a joint.
-  void with_poses(report::Scene& scene) const {
-    const Pose start = kinematics::home_pose(machine_).value_or(Pose{Mat3::Identity(), middle_});
-    const kinematics::InverseResult result = kinematics::inverse(machine_, start);
-    if (result.solutions.empty() || surface_.points.empty()) return;
-    const auto* within = result.reachable();
-    const machine::JointVector q = within != nullptr ? within->joints : result.solutions.front().joints;
-    const MovingMachine moving(machine_, kinematics::settled(machine_, start, q), q);
-    report::Scene surface = scene;
-    surface.lines.clear();
-    const report::Box3 box = report::box_of(surface, false);
-    constexpr int kPictures = 41;
-    const double tilt = std::clamp(1.2 * largest_, units::from_deg(10), units::from_deg(60));
-    scene.frames = moving.sweeps(box.low, box.high, tilt, kPictures);
-    scene.lines = moving.lines();
-  }
-
   void pictures() {
     report_.add_section("In space");
     report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
     report::Scene turns = scene;
-    with_poses(turns);
+    const Pose start = kinematics::home_pose(machine_).value_or(Pose{Mat3::Identity(), middle_});
+    const double tilt = std::clamp(1.2 * largest_, units::from_deg(10), units::from_deg(60));
+    add_poses(turns, turns.lines.size(), machine_, start, tilt);
     if (!tilts()) {
       hang(scene);
       hang(turns);

@@ -56,6 +56,11 @@ details{margin:.8rem 0} summary{cursor:pointer;color:var(--blue);font-weight:500
 pre{background:var(--panel);border-radius:8px;padding:12px 14px;overflow-x:auto;font:13px/1.45 ui-monospace,"DejaVu Sans Mono","Liberation Mono",monospace}
 footer{max-width:992px;margin:3rem auto 2rem;padding:.8rem 16px 0;color:var(--muted);font-size:.88rem}
 #tip{position:fixed;pointer-events:none;background:var(--ink);color:var(--ground);border-radius:6px;padding:6px 9px;font-size:12px;line-height:1.4;white-space:nowrap;display:none;z-index:2}
+.tools{display:flex;gap:6px;justify-content:flex-end;margin:2px 0} .tools button,.tools input{font:inherit;font-size:.78rem;color:var(--muted);background:none;border:1px solid var(--grid);border-radius:5px;padding:1px 8px;min-height:26px}
+.tools button{cursor:pointer} .tools button:hover{color:var(--ink)} .tools button:focus-visible,.sort:focus-visible{outline:2px solid var(--blue)}
+.sort{font:inherit;color:inherit;background:none;border:0;padding:0;text-align:inherit;cursor:pointer}
+th[aria-sort=ascending] .sort::after{content:" \25B2";font-size:.7em} th[aria-sort=descending] .sort::after{content:" \25BC";font-size:.7em}
+tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange) 28%,transparent)} rect.picked{fill:var(--orange);fill-opacity:.25}
 @media (max-width:640px){
 .wide{display:none} .narrow{display:block} h1{font-size:1.55rem} header.top{padding-top:20px}
 .panels{grid-template-columns:1fr!important} .cards{grid-template-columns:1fr 1fr} .card{padding:10px 12px} .card b{font-size:1.35rem}
@@ -64,7 +69,7 @@ footer{max-width:992px;margin:3rem auto 2rem;padding:.8rem 16px 0;color:var(--mu
 @page{margin:15mm 14mm}
 body{font-size:10.5pt;background:#fff} main,header.top,footer{max-width:none;padding-left:0;padding-right:0}
 .wide{display:block!important} .narrow{display:none!important}
-h2,h3,h4,summary{break-after:avoid} nav,#tip{display:none!important} a{color:inherit;text-decoration:none}
+h2,h3,h4,summary{break-after:avoid} nav,#tip,.tools{display:none!important} a{color:inherit;text-decoration:none}
 pre{white-space:pre-wrap;overflow-wrap:anywhere;font-size:8.5pt} .scroll{overflow:visible} summary{color:inherit;list-style:none}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 }
@@ -92,6 +97,12 @@ constexpr std::string_view kSceneCss = R"(.scene canvas[data-scene],.scene .stag
 .note{color:color-mix(in srgb,var(--vermillion) 75%,var(--ink));font-weight:600;margin:.4rem 0 0} .still{color:var(--muted);font-size:.92rem}
 .ramp{display:flex;flex-wrap:wrap;align-items:center;gap:.5rem;margin-top:.4rem} .ramp i{width:180px;height:12px;border-radius:3px}
 footer pre{white-space:pre-wrap}
+#live fieldset{border:1px solid var(--rule);border-radius:8px;margin:.8rem 0;padding:.5rem 1rem .8rem} #live legend{font-weight:600;padding:0 .4rem}
+#live .fields{display:grid;grid-template-columns:repeat(auto-fill,minmax(290px,1fr));gap:.3rem 1.6rem}
+#live label{display:grid;grid-template-columns:1fr 6.5em 2.6em;gap:.5rem;align-items:center;font-size:.93rem} #live label.wide{display:grid;grid-template-columns:2em 1fr 6.5em 2.6em}
+#live label.wide input[type=range]{width:100%;min-width:0;accent-color:var(--blue)}
+#live input[type=number]{font:inherit;width:100%;padding:3px 6px;border:1px solid var(--rule);border-radius:5px;background:var(--ground);color:var(--ink);text-align:right;font-variant-numeric:tabular-nums}
+#live button{font:inherit;min-height:30px;padding:2px 12px;border:1px solid var(--rule);border-radius:6px;background:var(--ground);color:var(--ink);cursor:pointer}
 @media print{.live>.wide{display:block!important} .live .stage,.live .controls,.still,footer.licences{display:none!important}}
 @media (max-width:640px){.live .stage{height:min(68vh,420px)} .slides{grid-template-columns:1fr} .slide{grid-template-columns:6.5em 1fr 5.8em} .bar button{padding:2px 6px}}
 )";
@@ -167,6 +178,14 @@ void Report::add_list(const std::vector<std::string>& items) {
   if (items.empty()) return;
   body_ += "<ul>\n";
   for (const std::string& item : items) body_ += fmt::format("<li>{}</li>\n", escape(item));
+  body_ += "</ul>\n";
+}
+
+void Report::add_links(const std::vector<std::pair<std::string, std::string>>& links) {
+  if (links.empty()) return;
+  body_ += "<ul>\n";
+  for (const auto& [address, text] : links)
+    body_ += fmt::format("<li><a href=\"{}\">{}</a></li>\n", escape(address), escape(text));
   body_ += "</ul>\n";
 }
 
@@ -251,6 +270,14 @@ void Report::add_scene(const Scene& drawn, const std::string& caption, const Sce
   ++scenes_;
 }
 
+void Report::make_live(const std::string& data) {
+  std::string inert;  // in a page, whatever it holds
+  for (const char c : data) inert += c == '<' ? std::string("\\u003c") : std::string(1, c);
+  body_ +=
+      fmt::format("<div id=\"live\"></div><script type=\"application/json\" id=\"live-data\">{}</script>\n", inert);
+  live_ = true;
+}
+
 void Report::add_figure_grid(int columns, const std::vector<std::pair<std::string, Figure>>& panels,
                              const std::string& caption) {
   columns = std::clamp(columns, 1, 6);
@@ -284,11 +311,14 @@ std::string Report::to_html() const {
     contents += "</nav>\n";
   }
   std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  page += "<meta name=\"generator\" content=\"Polypod\">\n";
   // Nothing from anywhere, and no script but the ones that this program has put here.
   page += fmt::format(
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'sha256-{}'{}; style-src "
-      "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'\">\n",
-      viewer::page_sha256, scenes_ > 0 ? fmt::format(" 'sha256-{}'", viewer::viewer_sha256) : "");
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'sha256-{}'{}{}; "
+      "style-src "
+      "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'{}\">\n",
+      viewer::page_sha256, live_ ? fmt::format(" 'sha256-{}'", viewer::live_sha256) : "",
+      scenes_ > 0 ? fmt::format(" 'sha256-{}'", viewer::viewer_sha256) : "", live_ ? "; connect-src 'self'" : "");
   page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   page += "<meta name=\"color-scheme\" content=\"light dark\">\n";
   page += fmt::format("<title>{}</title>\n<style>\n:root{{{}}}\n", escape(title_), svg::light_colours());
@@ -311,6 +341,7 @@ std::string Report::to_html() const {
         escape(viewer::licences_txt), viewer::viewer_b64);
   }
   page += fmt::format("<script>{}</script>\n", viewer::page_js);
+  if (live_) page += fmt::format("<script>{}</script>\n", viewer::live_js);
   page += "</body>\n</html>\n";
   return page;
 }

@@ -108,6 +108,22 @@ LegendEntry entry_of(const Series& s) {
 
 }  // namespace
 
+namespace {
+/// The values of a short curve, for the page's script to read them off and to save them; longer ones are read off the
+/// drawing.
+std::string values_of(const Series& s) {
+  constexpr std::size_t kMost = 1500;
+  const std::size_t n = std::min(s.x.size(), s.y.size());
+  if (n == 0 || n > kMost) return "";
+  std::string out = " data-v=\"";
+  for (std::size_t i = 0; i < n; ++i) {
+    out += i > 0 ? ";" : "";
+    out += std::isfinite(s.x[i]) && std::isfinite(s.y[i]) ? fmt::format("{:.9g},{:.9g}", s.x[i], s.y[i]) : "-";
+  }
+  return out + '"';
+}
+}  // namespace
+
 std::string LinePlot::operator()(const Canvas& canvas) const {
   Picture picture(canvas, title);
   Range xr, yr;
@@ -179,9 +195,9 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
       draw_points(picture, points, s.colour, s.stroke);
       continue;
     }
-    picture.body +=
-        fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\" data-name=\"{}\"/>\n", svg::path(points),
-                    svg::class_of(s.colour), svg::class_of(s.style), px(s.stroke), escape(s.name));
+    picture.body += fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\" data-name=\"{}\"{}/>\n",
+                                svg::path(points), svg::class_of(s.colour), svg::class_of(s.style), px(s.stroke),
+                                escape(s.name), picture.width < kNarrow ? "" : values_of(s));
   }
   for (const Level& l : levels) {
     picture.body += fmt::format("<path d=\"M{} {}H{}\" class=\"{} l dash\" style=\"stroke-width:1.2\"/>\n", px(left),
@@ -215,7 +231,13 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
   const std::string scales =
       fmt::format(" data-x=\"{} {} {} {}\" data-y=\"{} {} {} {}\" data-label=\"{}\" data-unit=\"{}\"", xr.lo, xr.hi,
                   px(left), px(right), yr.lo, yr.hi, px(bottom), px(top), escape(x_label), escape(y.unit));
-  return picture.finish(bottom + (x_label.empty() ? 24 : 42), scales);
+  // Parts of the x axis with a name: the script shows a part in all curves when it is picked in one.
+  std::string parts;
+  for (const Span& s : spans)
+    if (!s.name.empty())
+      parts += fmt::format("{}{}:{:.9g}:{:.9g}", parts.empty() ? "" : ";", escape(s.name), s.from, s.to);
+  return picture.finish(bottom + (x_label.empty() ? 24 : 42),
+                        scales + (parts.empty() ? "" : fmt::format(" data-spans=\"{}\"", parts)));
 }
 
 std::string PathPlot::operator()(const Canvas& canvas) const {

@@ -7,6 +7,8 @@
 namespace polypod::report::viewer {
 
 extern const std::string_view page_js;        ///< of every page
+extern const std::string_view live_js;        ///< of pages that `polypod view` serves
+extern const std::string_view live_sha256;    ///< base64
 extern const std::string_view viewer_b64;     ///< of pages with scenes: compressed (deflate), base64
 extern const std::string_view licences_txt;   ///< of what viewer_b64 holds
 extern const std::string_view page_sha256;    ///< of page_js, base64

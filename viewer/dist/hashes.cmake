@@ -1,2 +1,3 @@
-set(page_sha256 Oe00/wOUbmF4kdWw9b18F5vTo3Z16JP0OCQ4UyFUnww=)
-set(viewer_sha256 4mzQ4/InxadqV3dtXKpezszloc/dG3YdhjusY/qgK+U=)
+set(page_sha256 Oq/qCA7ryib2Aj1rlWTsfQe2OjFAMBPh/3hDwO1xqeE=)
+set(live_sha256 XrjOHOF6CEPTvhvumhvEN2a4bCfWwT7L7IKCIWSigGA=)
+set(viewer_sha256 KCO7cSSeai+oVvwFEmSe3F6WcU/MPJ86nJKsc/fAQV4=)

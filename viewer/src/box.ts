@@ -12,12 +12,16 @@ export class Box {
   private side = '';
   private readonly labels: HTMLSpanElement[] = [];
 
-  constructor(private readonly scene: SceneData, private readonly host: HTMLElement) {
+  constructor(private scene: SceneData, private readonly host: HTMLElement) {
     this.lines = new LineSegments(new BufferGeometry(), this.material);
     this.lines.frustumCulled = false;
     this.lines.renderOrder = -1;
   }
 
+  change(scene: SceneData): void {
+    this.scene = scene;
+    this.side = '';
+  }
   recolour(colour: Color): void {
     this.material.color = colour;
   }

@@ -17,8 +17,8 @@ export class Line {
   private readonly material: LineMaterial | ShaderMaterial;
   private readonly geometry: LineSegmentsGeometry | BufferGeometry;
 
-  constructor(readonly data: LineData, private readonly colourOf: ((value: number) => Color) | null, pixels: number) {
-    this.given = floats(data.points);
+  constructor(readonly data: LineData, private readonly colourOf: ((value: number) => Color) | null, pixels: number, points?: Float32Array) {
+    this.given = points ?? floats(data.points);
     this.points = this.given.slice();
     this.values = data.value === undefined ? null : floats(data.value);
     const n = this.points.length / 3;
@@ -62,6 +62,10 @@ export class Line {
       colours.set([c.r, c.g, c.b], 3 * i);
     }
     (this.geometry as BufferGeometry).setAttribute('color', new BufferAttribute(colours, 3));
+  }
+  dispose(): void {
+    this.geometry.dispose();
+    this.material.dispose();
   }
   resize(width: number, height: number): void {
     if (this.material instanceof LineMaterial) this.material.resolution.set(width, height);

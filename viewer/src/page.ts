@@ -27,39 +27,234 @@ function shown(value: number, span: number): string {
   return value.toFixed(Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(span || 1)))));
 }
 
-// Curves: the value of each at the pointer.
+// A line of the program that is picked anywhere shows everywhere: in curves, in tables, in scenes.
+let picked: number | null = null;
+function pick(line: number | null): void {
+  picked = line;
+  document.dispatchEvent(new CustomEvent('polypod:line', { detail: line }));
+}
+
+document.addEventListener('polypod:pick', (e) => {
+  const line = (e as CustomEvent<number>).detail;
+  pick(line === picked ? null : line);
+});
+
+// Curves: the value of each at the pointer. Short ones hold their values, of longer ones the drawing is read.
+interface Curve {
+  name: string;
+  values: [number, number][] | null;
+  runs: number[][][];
+}
+function curvesOf(svg: SVGSVGElement): Curve[] {
+  return [...svg.querySelectorAll<SVGPathElement>('path[data-name]')].map((path) => ({
+    name: path.dataset['name'] ?? '',
+    values: path.dataset['v']?.split(';').map((p) => (p === '-' ? [NaN, NaN] : p.split(',').map(Number)) as [number, number]) ?? null,
+    runs: (path.getAttribute('d') ?? '').split('M').filter(Boolean).map((run) => run.split('L').map((point) => point.split(' ').map(parseFloat))),
+  }));
+}
+/** The value of a curve of values at x, if x lies on it: at the nearest point. */
+function nearest(values: [number, number][], x: number): [number, number] | null {
+  let best: [number, number] | null = null;
+  let low = Infinity, high = -Infinity;
+  for (const point of values) {
+    if (!Number.isFinite(point[0])) continue;
+    low = Math.min(low, point[0]);
+    high = Math.max(high, point[0]);
+    if (best === null || Math.abs(point[0] - x) < Math.abs(best[0] - x)) best = point;
+  }
+  return x < low || x > high ? null : best;
+}
 for (const svg of document.querySelectorAll<SVGSVGElement>('svg[data-x]')) {
   const four = (text: string | undefined): number[] => (text ?? '').split(' ').map(Number);
   const X = four(svg.dataset['x']), Y = four(svg.dataset['y']);
-  const curves = [...svg.querySelectorAll<SVGPathElement>('path[data-name]')].map((path) => ({
-    name: path.dataset['name'] ?? '',
-    runs: (path.getAttribute('d') ?? '').split('M').filter(Boolean).map((run) => run.split('L').map((point) => point.split(' ').map(parseFloat))),
-  }));
-  svg.addEventListener('pointermove', (e) => {
+  const curves = curvesOf(svg);
+  const spans = (svg.dataset['spans'] ?? '').split(';').filter(Boolean).map((part) => {
+    const [name, from, to] = part.split(':');
+    return { name: name ?? '', line: Number(/^line (\d+)$/.exec(name ?? '')?.[1] ?? NaN), from: Number(from), to: Number(to) };
+  });
+  const valueAt = (e: MouseEvent): number | null => {
     const box = svg.getBoundingClientRect();
     const x = ((e.clientX - box.left) * svg.viewBox.baseVal.width) / box.width;
-    if (x < X[2]! || x > X[3]!) {
+    return x < X[2]! || x > X[3]! ? null : X[0]! + ((x - X[2]!) / (X[3]! - X[2]!)) * (X[1]! - X[0]!);
+  };
+  const toPx = (v: number): number => X[2]! + ((v - X[0]!) / (X[1]! - X[0]!)) * (X[3]! - X[2]!);
+  svg.addEventListener('pointermove', (e) => {
+    const v = valueAt(e);
+    if (v === null) {
       tip.hide();
       return;
     }
-    const v = X[0]! + ((x - X[2]!) / (X[3]! - X[2]!)) * (X[1]! - X[0]!);
-    const rows = [`${svg.dataset['label']}: ${shown(v, X[1]! - X[0]!)}`];
+    const x = toPx(v);
+    let at = v;
+    const rows: string[] = [];
+    const unit = svg.dataset['unit'] ?? '';
     for (const curve of curves) {
+      if (curve.values !== null) {
+        const point = nearest(curve.values, v);
+        if (point === null || !Number.isFinite(point[1])) continue;
+        at = point[0];
+        rows.push(`${curve.name}: ${Number(point[1].toPrecision(6))} ${unit}`);
+        continue;
+      }
       curve.runs.some((run) => {
         for (let i = 1; i < run.length; ++i) {
           const a = run[i - 1]!, b = run[i]!;
           if (a[0]! > x || x > b[0]!) continue;
           const t = b[0]! > a[0]! ? (x - a[0]!) / (b[0]! - a[0]!) : 0, y = a[1]! + t * (b[1]! - a[1]!);
           const value = Y[0]! + ((y - Y[2]!) / (Y[3]! - Y[2]!)) * (Y[1]! - Y[0]!);
-          rows.push(`${curve.name}: ${shown(value, Y[1]! - Y[0]!)} ${svg.dataset['unit']}`);
+          rows.push(`${curve.name}: about ${shown(value, Y[1]! - Y[0]!)} ${unit}`);
           return true;
         }
         return false;
       });
     }
+    const span = spans.find((s) => s.from <= v && v <= s.to);
+    rows.unshift(`${svg.dataset['label']}: ${shown(at, (X[1]! - X[0]!) / 10)}`);
+    if (span) rows.push(span.name);
     tip.show(rows, e.clientX, e.clientY);
   });
   svg.addEventListener('pointerleave', () => tip.hide());
+  if (!spans.some((s) => Number.isFinite(s.line))) continue;
+  svg.addEventListener('click', (e) => {
+    const v = valueAt(e);
+    const span = v === null ? undefined : spans.find((s) => s.from <= v && v <= s.to);
+    pick(span && Number.isFinite(span.line) && span.line !== picked ? span.line : null);
+  });
+  const marks: SVGRectElement[] = [];
+  document.addEventListener('polypod:line', () => {
+    for (const mark of marks.splice(0)) mark.remove();
+    for (const s of spans) {
+      if (s.line !== picked) continue;
+      const mark = document.createElementNS('http://www.w3.org/2000/svg', 'rect');
+      mark.setAttribute('x', String(toPx(s.from)));
+      mark.setAttribute('width', String(Math.max(1, toPx(s.to) - toPx(s.from))));
+      mark.setAttribute('y', String(Y[3]!));
+      mark.setAttribute('height', String(Y[2]! - Y[3]!));
+      mark.setAttribute('class', 'picked');
+      svg.prepend(mark);
+      marks.push(mark);
+    }
+  });
+}
+
+// Tables: a click on a title sorts, rows can be filtered, a row with a line of the program picks it.
+const numberIn = (text: string): number => Number(text.replace(/\u2212/g, '-').replace(/[\u2009\u00a0 ]/g, '').replace(/[^0-9.e+-].*$/, '') || NaN);
+for (const table of document.querySelectorAll<HTMLTableElement>('main table')) {
+  const body = table.tBodies[0], heads = table.tHead?.rows[0]?.cells;
+  if (!body || !heads || body.rows.length < 2) continue;
+  const given = [...body.rows];
+  [...heads].forEach((head, column) => {
+    if ((head.textContent ?? '') === '') return;
+    const button = document.createElement('button');
+    button.type = 'button';
+    button.className = 'sort';
+    button.append(...head.childNodes);
+    head.append(button);
+    button.addEventListener('click', () => {
+      const before = head.getAttribute('aria-sort');
+      for (const other of heads) other.removeAttribute('aria-sort');
+      const next = before === null ? 'ascending' : before === 'ascending' ? 'descending' : null;
+      if (next === null) {
+        body.append(...given);
+        return;
+      }
+      head.setAttribute('aria-sort', next);
+      const sign = next === 'ascending' ? 1 : -1;
+      const key = (row: HTMLTableRowElement): string => row.cells[column]?.textContent ?? '';
+      body.append(...[...given].sort((a, b) => {
+        const [u, v] = [numberIn(key(a)), numberIn(key(b))];
+        if (Number.isNaN(u) || Number.isNaN(v)) return Number.isNaN(u) && Number.isNaN(v) ? sign * key(a).localeCompare(key(b)) : Number.isNaN(u) ? 1 : -1;
+        return sign * (u - v);
+      }));
+    });
+  });
+  const tools = document.createElement('div');
+  tools.className = 'tools';
+  if (given.length > 15) {
+    const filter = document.createElement('input');
+    filter.type = 'search';
+    filter.placeholder = 'only rows with …';
+    filter.setAttribute('aria-label', 'Only rows that hold this text');
+    filter.addEventListener('input', () => {
+      for (const row of given) row.hidden = !(row.textContent ?? '').toLowerCase().includes(filter.value.toLowerCase());
+    });
+    tools.append(filter);
+  }
+  tools.append(saving('CSV', () => {
+    const quoted = (text: string): string => (/[",\n]/.test(text) ? `"${text.replace(/"/g, '""')}"` : text);
+    const line = (row: HTMLTableRowElement): string => [...row.cells].map((c) => {
+      const small = c.querySelector('small')?.textContent ?? '';
+      const text = c.textContent ?? '';
+      return quoted(small === '' ? text.replace(/\u2212/g, '-').replace(/(\d)\u2009(?=\d)/g, '$1') : `${text.slice(0, text.length - small.length)} [${small}]`);
+    }).join(',');
+    save(new Blob([[table.tHead!.rows[0]!, ...body.rows].map(line).join('\n') + '\n'], { type: 'text/csv' }), 'table.csv');
+  }, 'Save this table (CSV)'));
+  table.parentElement?.after(tools);
+  if (/^line/.test(heads[0]?.textContent ?? '')) {
+    for (const row of given) {
+      const line = numberIn(row.cells[0]?.textContent ?? '');
+      if (!Number.isFinite(line)) continue;
+      row.classList.add('picks');
+      row.addEventListener('click', () => pick(line === picked ? null : line));
+      document.addEventListener('polypod:line', () => row.classList.toggle('picked', line === picked));
+    }
+  }
+}
+
+// Figures as files.
+function save(blob: Blob, name: string): void {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+function saving(text: string, done: () => void, label: string): HTMLButtonElement {
+  const button = document.createElement('button');
+  button.type = 'button';
+  button.textContent = text;
+  button.title = label;
+  button.setAttribute('aria-label', label);
+  button.addEventListener('click', done);
+  return button;
+}
+function svgText(svg: SVGSVGElement): string {
+  const copy = svg.cloneNode(true) as SVGSVGElement;
+  copy.setAttribute('xmlns', 'http://www.w3.org/2000/svg');
+  const style = document.createElementNS('http://www.w3.org/2000/svg', 'style');
+  const rules = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]).filter((r): r is CSSStyleRule => r instanceof CSSStyleRule && r.selectorText.includes('svg.pp')).map((r) => r.cssText);
+  const own = getComputedStyle(document.documentElement);
+  const colours = ['ground', 'panel', 'rule', 'ink', 'muted', 'grid', 'blue', 'vermillion', 'green', 'purple', 'orange', 'sky'].map((c) => `--${c}:${own.getPropertyValue(`--${c}`).trim()}`);
+  style.textContent = `svg.pp{${colours.join(';')};background:var(--ground);font-family:sans-serif}\n${rules.join('\n')}`;
+  copy.prepend(style);
+  return new XMLSerializer().serializeToString(copy);
+}
+for (const svg of document.querySelectorAll<SVGSVGElement>('main figure .wide > svg.pp, main figure .panels svg.pp')) {
+  const tools = document.createElement('div');
+  tools.className = 'tools';
+  const name = (svg.getAttribute('aria-label') ?? 'figure').replace(/[^A-Za-z0-9]+/g, '-').replace(/^-|-$/g, '').slice(0, 60).toLowerCase();
+  const what = svg.getAttribute('aria-label') ?? 'this figure';
+  tools.append(saving('SVG', () => save(new Blob([svgText(svg)], { type: 'image/svg+xml' }), `${name}.svg`), `Save as SVG: ${what}`));
+  tools.append(saving('PNG', () => {
+    const image = new Image();
+    image.onload = () => {
+      const canvas = document.createElement('canvas');
+      canvas.width = 2 * image.width;
+      canvas.height = 2 * image.height;
+      canvas.getContext('2d')!.drawImage(image, 0, 0, canvas.width, canvas.height);
+      canvas.toBlob((blob) => blob && save(blob, `${name}.png`));
+    };
+    image.src = `data:image/svg+xml,${encodeURIComponent(svgText(svg))}`;
+  }, `Save as PNG: ${what}`));
+  const curves = curvesOf(svg).filter((c) => c.values !== null);
+  if (curves.length > 0) {
+    tools.append(saving('CSV', () => {
+      const rows = ['curve,x,y'];
+      for (const c of curves) for (const [x, y] of c.values!) if (Number.isFinite(x)) rows.push(`"${c.name.replace(/"/g, '""')}",${x},${y}`);
+      save(new Blob([rows.join('\n') + '\n'], { type: 'text/csv' }), `${name}.csv`);
+    }, `Save the values (CSV): ${what}`));
+  }
+  svg.after(tools);
 }
 
 // What scrolls sideways can be reached by keys.

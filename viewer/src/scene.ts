@@ -3,7 +3,7 @@
 
 import { Color, ColorManagement, LinearSRGBColorSpace, Mesh, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from 'three';
 import { Box } from './box';
-import { floats, type SceneData, unpacked } from './data';
+import { floats, type LineData, type MeshData, type SceneData, unpacked } from './data';
 import { Line } from './lines';
 import { surfaceMaterial } from './materials';
 import { fixed, shown } from './numbers';
@@ -67,7 +67,8 @@ export class Picture {
   private readonly scene = new Scene();
   private readonly view: View;
   private readonly box: Box;
-  private readonly lines: Line[];
+  private lines: Line[];
+  private readonly pixels = Math.min(2, window.devicePixelRatio || 1);
   private readonly surfaces: { mesh: Mesh; surface: Surface }[] = [];
   private readonly height = { value: new Vector2(-1e30, 1e30) };
   private readonly panel = element('div', 'controls');
@@ -75,6 +76,7 @@ export class Picture {
   private width = 1;
   private tall = 1;
   private waiting = false;
+  private marked: Line | null = null;
   private frame: { of: number; index: number } | null = null;
   private readonly framePoints: (Float32Array | null)[];
   private readonly note = element('p', 'note');
@@ -82,30 +84,23 @@ export class Picture {
   private readonly sliders: { set(v: number): void }[] = [];
 
   /** Throws where the browser has no WebGL. */
-  constructor(private readonly figure: HTMLElement, private readonly canvas: HTMLCanvasElement, private readonly data: SceneData, private readonly tip: Tip) {
+  constructor(private readonly figure: HTMLElement, private readonly canvas: HTMLCanvasElement, private data: SceneData, private readonly tip: Tip) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
     this.renderer.setClearColor(0x000000, 0);
-    const pixels = Math.min(2, window.devicePixelRatio || 1);
-    this.renderer.setPixelRatio(pixels);
+    this.renderer.setPixelRatio(this.pixels);
     this.view = new View(data.low, data.high, data.view, () => this.request());
     const labels = element('div', 'labels');
     this.box = new Box(data, labels);
     this.scene.add(this.box.lines);
-    for (const mesh of data.meshes) {
-      const surface = surfaceOf(mesh, data);
-      const object = new Mesh(surface.geometry, surfaceMaterial(mesh.opacity, this.height));
-      object.renderOrder = mesh.opacity < 1 ? 2 : 1;
-      this.scene.add(object);
-      this.surfaces.push({ mesh: object, surface });
-    }
+    for (const mesh of data.meshes) this.addMesh(mesh);
     const colours = data.colours;
     const map = colours?.map.map((c) => new Color(c)) ?? [];
     const colourOf = colours === undefined ? null : (value: number): Color => {
       const t = Math.max(0, Math.min(1, (value - colours.low) / (colours.high - colours.low || 1)));
       return map[Math.round(t * (map.length - 1))] ?? new Color(0x888888);
     };
-    this.lines = data.lines.map((line) => new Line(line, line.value === undefined ? null : colourOf, pixels));
+    this.lines = data.lines.map((line) => new Line(line, line.value === undefined ? null : colourOf, this.pixels));
     for (const line of this.lines) this.scene.add(line.object);
     this.framePoints = data.frames.map(() => null);
 
@@ -119,6 +114,7 @@ export class Picture {
     figure.classList.add('live');
     steer(this.view, canvas);
     this.hover();
+    this.picking();
     this.theme();
     window.matchMedia('(prefers-color-scheme:dark)').addEventListener('change', () => this.theme());
     new ResizeObserver(() => this.resize()).observe(this.stage);
@@ -320,6 +316,48 @@ export class Picture {
     return row;
   }
 
+  /** Other lines in the place of those that are shown. */
+  setLines(lines: LineData[]): void {
+    const hidden = new Set(this.lines.filter((l) => !l.object.visible).map((l) => l.data.layer));
+    for (const line of this.lines) {
+      this.scene.remove(line.object);
+      line.dispose();
+    }
+    this.lines = lines.map((line) => new Line(line, null, this.pixels));
+    for (const line of this.lines) {
+      line.object.visible = !hidden.has(line.data.layer);
+      this.scene.add(line.object);
+      line.resize(this.width, this.tall);
+    }
+    this.theme();
+  }
+
+  /** Another scene in the place of this one, seen from where this one was. */
+  setScene(data: SceneData): void {
+    for (const { mesh } of this.surfaces) {
+      this.scene.remove(mesh);
+      mesh.geometry.dispose();
+    }
+    this.surfaces.length = 0;
+    this.data = data;
+    for (const mesh of data.meshes) this.addMesh(mesh);
+    this.box.change(data);
+    this.view.setBox(data.low, data.high);
+    this.setLines(data.lines);
+    this.panel.replaceChildren();
+    this.sliders.length = 0;
+    this.height.value.set(-1e30, 1e30);
+    this.controls();
+  }
+
+  private addMesh(mesh: MeshData): void {
+    const surface = surfaceOf(mesh, this.data);
+    const object = new Mesh(surface.geometry, surfaceMaterial(mesh.opacity, this.height));
+    object.renderOrder = mesh.opacity < 1 ? 2 : 1;
+    this.scene.add(object);
+    this.surfaces.push({ mesh: object, surface });
+  }
+
   /** Frame `index` of the frames `of`. */
   show(of: number, index: number): void {
     const frames = this.data.frames[of];
@@ -347,11 +385,32 @@ export class Picture {
     this.theme();
   }
 
+  /** The stretch of each line that belongs to a line of the program, thick and in the colour of what is picked. */
+  private mark(line: number | null): void {
+    if (this.marked) {
+      this.scene.remove(this.marked.object);
+      this.marked.dispose();
+      this.marked = null;
+    }
+    const from = this.lines.find((l) => l.data.tag !== undefined);
+    if (line !== null && from) {
+      const points = from.points.slice();
+      const n = points.length / 3;
+      for (let i = 0; i < n; ++i) if (from.data.tag![i] !== line && from.data.tag![i + 1] !== line) points.fill(NaN, 3 * i, 3 * i + 3);
+      const data: LineData = { name: '', layer: '', colour: 'orange', stroke: 6, dots: false, moves: false, points: '' };
+      this.marked = new Line(data, null, this.pixels, points);
+      this.scene.add(this.marked.object);
+      this.marked.resize(this.width, this.tall);
+    }
+    this.theme();
+  }
+
   private theme(): void {
     const style = getComputedStyle(this.figure);
     const of = (name: string): Color => new Color(style.getPropertyValue(`--${name}`).trim() || '#888888');
     this.box.recolour(of('rule'));
     const broken = this.frame !== null && (this.data.frames[this.frame.of]!.notes[this.frame.index] ?? '') !== '';
+    this.marked?.recolour(of('orange'));
     for (const line of this.lines) line.recolour(of(broken && line.data.moves && line.data.colour === 'ink' ? 'vermillion' : line.data.colour));
     this.request();
   }
@@ -364,6 +423,7 @@ export class Picture {
     this.tall = tall;
     this.renderer.setSize(width, tall, false);
     for (const line of this.lines) line.resize(width, tall);
+    this.marked?.resize(width, tall);
     this.view.resize(width, tall);
   }
 
@@ -398,6 +458,19 @@ export class Picture {
     this.canvas.addEventListener('pointerleave', () => {
       window.clearTimeout(timer);
       this.tip.hide();
+    });
+  }
+
+  /** A click on a path picks its line of the program, everywhere on the page. */
+  private picking(): void {
+    document.addEventListener('polypod:line', (e) => this.mark((e as CustomEvent<number | null>).detail));
+    if (!this.lines.some((l) => l.data.tag !== undefined)) return;
+    let at = [0, 0];
+    this.canvas.addEventListener('pointerdown', (e) => (at = [e.clientX, e.clientY]));
+    this.canvas.addEventListener('pointerup', (e) => {
+      if (Math.hypot(e.clientX - at[0]!, e.clientY - at[1]!) > 4) return;
+      const row = this.read(e.offsetX, e.offsetY).find((t) => /^line \d+$/.test(t));
+      if (row) document.dispatchEvent(new CustomEvent('polypod:pick', { detail: Number(row.slice(5)) }));
     });
   }
 

@@ -12,18 +12,25 @@ export class View {
   elevation: number;
   private zoom = 1;
   private readonly middle = new Vector3();
-  private readonly size: number;
+  private size = 1;
   private readonly home: [number, number];
-  private readonly homeMiddle: Vector3;
+  private readonly homeMiddle = new Vector3();
   private aspect = 1;
 
   /** `low`, `high`: the box that is to be seen. */
-  constructor(private readonly low: Vec, private readonly high: Vec, start: [number, number], private readonly changed: () => void) {
-    this.homeMiddle = new Vector3(...low).add(new Vector3(...high)).multiplyScalar(0.5);
-    this.middle.copy(this.homeMiddle);
-    this.size = Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) || 1;
+  constructor(private low: Vec, private high: Vec, start: [number, number], private readonly changed: () => void) {
+    this.setBox(low, high, false);
     this.home = start;
     [this.azimuth, this.elevation] = start;
+  }
+
+  setBox(low: Vec, high: Vec, apply = true): void {
+    this.low = low;
+    this.high = high;
+    this.homeMiddle.set(...low).add(new Vector3(...high)).multiplyScalar(0.5);
+    this.middle.copy(this.homeMiddle);
+    this.size = Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) || 1;
+    if (apply) this.apply();
   }
 
   reset(): void {
@@ -83,6 +90,9 @@ export class View {
       wide = Math.max(wide, Math.abs(p.dot(homeRight)));
       tall = Math.max(tall, Math.abs(p.dot(homeUp)));
     }
+    // Flat and long boxes are larger from other sides: their diagonal has most of its room, too.
+    wide = Math.max(wide, 0.39 * this.size);
+    tall = Math.max(tall, 0.36 * this.size);
     const kRoom = 1.14;
     const half = Math.max(tall * kRoom, (wide * kRoom) / this.aspect) || 1;
     const c = this.camera;

@@ -7,8 +7,9 @@
 // 390 px; axe-core finds no serious fault in light and dark. A page with a picture in space has a canvas that turns by mouse and keys and comes
 // back with 0, and shows its drawn picture on paper, without scripts and without WebGL.
 import assert from 'node:assert/strict';
-import { spawnSync } from 'node:child_process';
+import { spawn, spawnSync } from 'node:child_process';
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
+import { get } from 'node:http';
 import { tmpdir } from 'node:os';
 import { dirname, join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -31,7 +32,7 @@ const square = 'examples/slavkovic_square';
 const pages = {
   workspace: [`workspace hexapod-strut --tilt 20 --rel-tol 0.2 --resolution 8 --report {page}`, true],
   delta: ['delta delta-brno --step 60 --report {page}', true],
-  pick: ['pick delta-brno --from 150,0,600 --to -150,0,600 --report {page}', true],
+  pick: ['pick delta-brno --from 150,0,600 --to -150,0,600 --report {page} --csv {page}.csv', true],
   dexterity: ['dexterity hexapod-strut --resolution 8 --report {page}', true],
   correct: [`correct ${square}/program.ngc --job ${square}/job.toml -o {page}.ngc --report {page}`, true],
   map: ['map lola50 --at 0 --x -600,600 --y -1600,-1000 --resolution 5 -o {page}', false],
@@ -160,6 +161,118 @@ async function posesAreThoseOfTheProgram(name, machine, file) {
   await context.close();
 }
 
+/** The pointer on a curve reads the figures of the command's own table; the figure and a table are saved with them. */
+async function curvesHoldTheFigures(name, file) {
+  const [head, ...rows] = readFileSync(`${file}.csv`, 'utf8').trim().split('\n').map((line) => line.split(','));
+  const column = (title) => rows.map((row) => Number(row[head.indexOf(title)]));
+  const time = column('t_s'), speed = column('q1_deg_per_s');
+  const { context, page, seen } = await open(file, { acceptDownloads: true });
+  const svg = page.locator('.wide svg[aria-label^="speed of the drives"]');
+  await svg.scrollIntoViewIfNeeded();
+  const box = await svg.boundingBox();
+  const [low, high, left, right] = (await svg.getAttribute('data-x')).split(' ').map(Number);
+  const width = await svg.evaluate((e) => e.viewBox.baseVal.width);
+  let compared = 0;
+  for (const k of [40, 111, 250, 333]) {
+    const x = left + ((time[k] - low) / (high - low)) * (right - left);
+    await page.mouse.move(box.x + (x * box.width) / width, box.y + box.height / 2);
+    const told = await page.locator('#tip').innerText();
+    const value = Number(/drive 1: ([-+.0-9e]+)/.exec(told)?.[1]);
+    // The pointer stands between two samples: one of them is read.
+    const near = [k - 1, k, k + 1].map((i) => Math.abs(value - speed[i]) / Math.max(1, Math.abs(speed[i])));
+    check(name, Math.min(...near) < 1e-5, `at ${time[k]} s the pointer reads ${told.replaceAll('\n', ', ')}; the table says ${speed[k]}`);
+    ++compared;
+  }
+  check(name, compared === 4, 'no curve is read');
+  const figure = page.locator('figure', { has: svg });
+  for (const kind of ['SVG', 'PNG', 'CSV']) {
+    const waiting = page.waitForEvent('download');
+    await figure.locator('.tools button', { hasText: kind }).first().click();
+    const path = await (await waiting).path();
+    const bytes = readFileSync(path);
+    const right = kind === 'PNG' ? bytes.subarray(1, 4).toString() === 'PNG' : kind === 'SVG' ? /^<svg[^>]*xmlns=/.test(bytes.toString()) : bytes.toString().includes(`,${Number(speed[111].toPrecision(9))}`);
+    check(name, right && bytes.length > 500, `${kind} is no such file: ${bytes.subarray(0, 60)}`);
+  }
+  const table = page.locator('main table').last();
+  await table.locator('th .sort').nth(0).click();
+  check(name, (await table.locator('th[aria-sort=ascending]').count()) === 1, 'a table does not sort');
+  check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
+  await context.close();
+}
+
+/** A line of the program that is picked in the table shows in the curves and in the scene, and the other way round. */
+async function linesArePicked(name, file) {
+  const { context, page } = await open(file);
+  await page.waitForSelector('figure.scene.live', { timeout: 20000 });
+  await page.locator('figure.scene').first().scrollIntoViewIfNeeded();
+  await settle(page);
+  const row = page.locator('tr.picks').nth(1);
+  check(name, await turned(page, () => row.evaluate((e) => e.click())), 'a line that is picked in the table does not show in the scene');
+  check(name, (await page.locator('svg.pp .picked').count()) > 1, 'it does not show in the curves');
+  const line = Number(await row.locator('td').first().textContent());
+  await page.evaluate((l) => document.dispatchEvent(new CustomEvent('polypod:pick', { detail: l })), line);
+  check(name, (await page.locator('tr.picked').count()) === 0, 'picked again it stays');
+  await page.locator('.wide svg[data-spans]').first().click();
+  check(name, (await page.locator('tr.picked').count()) > 0, 'a click into a curve picks no line of the table');
+  await context.close();
+}
+
+/** `polypod view`: the form against `polypod ik`, its manners, and its end. */
+async function theServer() {
+  const start = (...words) => new Promise((done) => {
+    const child = spawn(program, ['view', ...words], { cwd: root, stdio: ['ignore', 'pipe', 'pipe'] });
+    const ended = new Promise((end) => child.on('exit', (code, signal) => end({ code, signal })));
+    child.stdout.once('data', (text) => done({ child, ended, address: String(text).trim() }));
+    child.on('exit', () => done({ child, ended, address: '' }));
+  });
+  const name = 'view';
+  const { child, ended, address } = await start('hexapod-strut');
+  check(name, /^http:\/\/127\.0\.0\.1:\d+\/$/.test(address), `it prints ${address}`);
+  const context = await browser.newContext({ viewport: { width: 1200, height: 900 } });
+  const page = await context.newPage();
+  const messages = [], requests = [];
+  page.on('console', (m) => ['error', 'warning'].includes(m.type()) && messages.push(m.text()));
+  page.on('pageerror', (e) => messages.push(String(e)));
+  page.on('request', (q) => requests.push(q.url()));
+  await page.goto(address);
+  check(name, (await page.waitForSelector('figure.scene.live', { timeout: 20000 }).catch(() => null)) !== null, 'its scene does not come alive');
+  const settled = () => page.waitForFunction(() => document.querySelector('#live dl')?.textContent.includes('q1'), null, { timeout: 10000 });
+  await settled();
+  const x = page.getByLabel('x, mm'), q1 = page.getByLabel('q1, mm');
+  check(name, await turned(page, async () => {
+    const answered = page.waitForResponse((r) => r.url().endsWith('/0/pose'));
+    await x.fill('7.25');
+    await answered;
+    await page.waitForTimeout(200);
+  }), 'a figure that is typed does not move the machine');
+  const ik = JSON.parse(spawnSync(program, ['ik', 'hexapod-strut', '--pose=7.25,0,75,0,0,0', '--json'], { encoding: 'utf8' }).stdout);
+  check(name, Math.abs(Number(await q1.inputValue()) - ik.solutions[0].joints[0]) < 1e-6, `q1 is ${await q1.inputValue()}, ik says ${ik.solutions[0].joints[0]}`);
+  const computed = page.waitForResponse((r) => r.url().endsWith('/0/workspace'), { timeout: 60000 });
+  await page.getByText('Compute the workspace').click();
+  await computed;
+  await page.waitForTimeout(500);
+  check(name, (await page.locator('#live').innerText()).includes('mm³, certainly between'), 'it computes no workspace');
+  check(name, (await page.locator('.legend li').count()) > 4, 'the workspace has no legend');
+  await judge('view, axe', page);
+  check(name, messages.length === 0, `the console says: ${messages.join(' | ')}`);
+  check(name, requests.every((url) => url.startsWith(address)), `it asks for ${requests.join(' ')}`);
+  // Another site's page may not ask, under whatever name it reaches the port.
+  for (const [headers, status] of [[{}, 200], [{ Origin: 'http://evil.example' }, 403], [{ Host: 'evil.example' }, 403]]) {
+    const got = await new Promise((done) => get(`${address}0`, { headers }, (r) => { r.resume(); done(r.statusCode); }));
+    check(name, got === status, `${JSON.stringify(headers)} gives ${got}`);
+  }
+  const begin = Date.now();
+  child.kill('SIGINT');
+  const end = await ended;
+  check(name, end.code === 130, `Ctrl-C ends it with ${JSON.stringify(end)}`);
+  check(name, Date.now() - begin < 2000, `Ctrl-C takes ${Date.now() - begin} ms`);
+  await context.close();
+  const once = await start('lola50', '--once');
+  const answered = await fetch(once.address);
+  check(name, answered.status === 200 && (await answered.text()).includes('<canvas data-scene'), '--once serves no page');
+  check(name, (await once.ended).code === 0, '--once does not end with 0');
+}
+
 async function withoutWebGl(name, file) {
   const none = await open(file, {}, () => {
     HTMLCanvasElement.prototype.getContext = () => null;
@@ -196,12 +309,15 @@ try {
     if (!existsSync(file)) continue;
     check(name, statSync(file).size < 4e6, `it has ${statSync(file).size} bytes`);
     await look(name, file, hasScene);
+    if (name === 'pick') await curvesHoldTheFigures(name, file);
+    if (name === 'correct') await linesArePicked(name, file);
     if (name === 'workspace') {
       await withoutWebGl(name, file);
       await posesAreThoseOfTheProgram(name, 'hexapod-strut', file);
       await seesFaults(file);
     }
   }
+  if (option('--only') === undefined || option('--only') === 'view') await theServer();
 } finally {
   await browser.close();
   if (keep === undefined) rmSync(out, { recursive: true, force: true });

@@ -51,6 +51,8 @@ class Report {
   /// A sentence in a frame of its colour: the answer of the report, or a warning.
   void add_verdict(Verdict verdict, const std::string& sentence);
   void add_list(const std::vector<std::string>& items);
+  /// Address in this document or its server, and text.
+  void add_links(const std::vector<std::pair<std::string, std::string>>& links);
   void add_key_figures(const std::vector<KeyFigure>& figures);
   /// Name and value, one a line, in as many columns as fit: inputs.
   void add_definitions(const std::vector<std::pair<std::string, std::string>>& entries);
@@ -65,6 +67,10 @@ class Report {
   /// Text as it is, in a fixed-width font, e.g. a program; `folded` as in Table.
   void add_code(const std::string& title, const std::string& text, bool folded = true);
 
+  /// The page is served by `polypod view`: its script shows a form for the scene above, by `data` (JSON), and may ask
+  /// the server that the page came from, and nobody else. Once a page.
+  void make_live(const std::string& data);
+
   [[nodiscard]] std::string to_html() const;
 
  private:
@@ -76,6 +82,7 @@ class Report {
   std::string body_;
   bool in_section_ = false;
   int pictures_ = 0, scenes_ = 0;
+  bool live_ = false;
 };
 
 }  // namespace polypod::report

@@ -1,0 +1,60 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What `polypod view` shows: pages of given files, and what those pages ask. Knows no sockets.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "polypod/core/error.hpp"
+#include "polypod/machine/any_machine.hpp"
+
+namespace polypod::viewer {
+
+struct Request {
+  std::string method = "GET";
+  std::string path = "/";  ///< without the query
+  std::string host, origin;
+  std::string body;
+};
+struct Response {
+  int status = 200;
+  std::string type = "text/html; charset=utf-8";
+  std::string body;
+};
+
+/// The given files, and nothing else: addresses are numbers, so no request names a path.
+class Site {
+ public:
+  /// Machine files and names of the catalogue, reports (.html) that Polypod has written, programs with the job that is
+  /// given beside them. Errors: VW100 (no file), VW101 (a kind of file that is not shown), VW102 (a job without a
+  /// program, a program without a job, two jobs), VW103 (an .html file that is no report of Polypod), and those of the
+  /// readers.
+  static Result<Site> of(const std::vector<std::string>& files, const std::string& version);
+
+  /// The answer to a request. `port` is the server's own: Host must be 127.0.0.1 or localhost with it, Origin (if there
+  /// is one) the same as an address: 403 otherwise. Files are read anew. Called from several threads. Cost: a pose
+  /// below 10 ms; a workspace until its bounds are within 1 % or 30 000 boxes were examined; a program as long as
+  /// `correct`.
+  [[nodiscard]] Response answer(const Request& request, int port) const;
+
+  /// Long answers end early.
+  void stop() const { *stopped_ = true; }
+
+ private:
+  struct Item {
+    enum class Kind { machine, report, program } kind = Kind::machine;
+    std::string path, job;
+  };
+  [[nodiscard]] Response page(std::size_t item) const;
+  [[nodiscard]] Response list() const;
+  [[nodiscard]] std::string live_data(const machine::AnyMachine& machine, std::size_t item) const;
+  [[nodiscard]] Result<std::string> ask(const Item& item, const std::string& what, const std::string& body) const;
+
+  std::vector<Item> items_;
+  std::string version_;
+  std::shared_ptr<std::atomic<bool>> stopped_ = std::make_shared<std::atomic<bool>>(false);
+};
+
+}  // namespace polypod::viewer

@@ -1,0 +1,135 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/machine.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "machine_lines.hpp"
+#include "moving_machine.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/report/html.hpp"
+#include "polypod/workspace/surface.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machine::AnyMachine;
+using machine::JointVector;
+
+void describe(const AnyMachine& machine, MachineAt& at) {
+  at.violations = kinematics::limit_names(machine, kinematics::violations(machine, at.X, at.q));
+  at.lines = lines_of(kinematics::outline_at(machine, at.X, at.q));
+  const kinematics::Dexterity d = kinematics::dexterity(machine, at.X, at.q);
+  at.condition = d.condition;
+  at.sigma_min = d.sigma_min;
+}
+
+}  // namespace
+
+MachineAt machine_at(const AnyMachine& machine, const Pose& X) {
+  MachineAt out;
+  out.X = X;
+  const kinematics::InverseResult result = kinematics::inverse(machine, X);
+  if (result.solutions.empty()) {
+    out.reason = kinematics::reason_of(machine, result);
+    return out;
+  }
+  const kinematics::Solution* within = result.reachable();
+  out.q = within != nullptr ? within->joints : result.solutions.front().joints;
+  out.X = kinematics::settled(machine, X, out.q);
+  describe(machine, out);
+  return out;
+}
+
+MachineAt machine_at(const AnyMachine& machine, const JointVector& q) {
+  MachineAt out;
+  out.q = q;
+  const kinematics::ForwardResult result = kinematics::forward(machine, q);
+  if (result.poses.empty()) {
+    out.reason = result.reason;
+    return out;
+  }
+  out.X = result.poses.front();
+  describe(machine, out);
+  return out;
+}
+
+Pose start_pose(const AnyMachine& machine) {
+  if (const auto home = kinematics::home_pose(machine)) return *home;
+  return {Mat3::Identity(), kinematics::middle_of_work(machine)};
+}
+
+bool hangs(const AnyMachine& machine) {
+  return !kinematics::task(machine).turns();
+}
+
+report::Scene machine_scene(const AnyMachine& machine, const MachineAt& at) {
+  report::Scene scene;
+  scene.title = fmt::format("{} in space", machine::name_of(machine));
+  scene.lines = at.lines;
+  if (hangs(machine)) hang(scene);
+  return scene;
+}
+
+Result<report::Scene> workspace_scene(const AnyMachine& machine, const workspace::Options& options, const MachineAt& at,
+                                      int resolution) {
+  workspace::SurfaceOptions how;
+  how.resolution = resolution;
+  POLYPOD_ASSIGN(surface, workspace::surface(machine, options, how));
+  report::Scene scene;
+  scene.title = fmt::format("{} and its workspace in space", machine::name_of(machine));
+  report::Mesh mesh;
+  std::map<std::string, int> kinds;
+  for (const Vec3& p : surface.points)
+    mesh.points.push_back({units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z())});
+  mesh.triangles = surface.triangles;
+  for (const int limit : surface.limit) {
+    const std::string name = workspace::limit_kind(machine, limit);
+    const auto [it, fresh] = kinds.try_emplace(name, static_cast<int>(scene.kinds.size()));
+    if (fresh) scene.kinds.push_back(name);
+    mesh.kind.push_back(it->second);
+  }
+  mesh.opacity = 0.6;
+  scene.meshes.push_back(std::move(mesh));
+  scene.lines = at.lines;
+  if (hangs(machine)) hang(scene);
+  return scene;
+}
+
+std::string machine_page(const AnyMachine& machine, const MachinePageOptions& options) {
+  std::vector<std::pair<std::string, std::string>> facts{{"machine", machine::name_of(machine)},
+                                                         {"family", machine::family_of(machine)}};
+  if (!options.version.empty()) facts.emplace_back("made with", "Polypod " + options.version);
+  report::Report page(machine::name_of(machine), machine::description_of(machine), facts);
+  const MachineAt at = machine_at(machine, start_pose(machine));
+  page.add_section("The machine");
+  page.add_text(
+      "This answers for the limits of the machine that its file names, for a machine at rest that is built as the file "
+      "says: not for collisions with workpiece and surroundings, and not for stiffness and accuracy.");
+  if (at.lines.empty()) {
+    page.add_verdict(report::Verdict::neutral, "The machine takes no pose at its start: " + at.reason + ".");
+  }
+  const report::Scene drawn = machine_scene(machine, at);
+  page.add_scene(drawn, hangs(machine) ? "The base is above: z of the machine points down." : "The machine in M.");
+  if (!options.live.empty()) page.make_live(options.live);
+  page.add_section("Figures");
+  std::vector<std::pair<std::string, std::string>> settings;
+  for (const machine::Parameter& p : machine::settings(machine)) {
+    settings.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
+  }
+  page.add_definitions(settings);
+  page.add_code("The machine's file", machine::to_toml(machine));
+  std::vector<std::pair<std::string, std::string>> sources;
+  for (const auto& [key, text] : machine::provenance_of(machine)) sources.emplace_back(key, text);
+  if (!sources.empty()) {
+    page.add_heading("Where the numbers come from");
+    page.add_definitions(sources);
+  }
+  return page.to_html();
+}
+
+}  // namespace polypod::pages

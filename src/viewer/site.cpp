@@ -1,0 +1,334 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/viewer/site.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/machining/correct.hpp"
+#include "polypod/machining/unrolling.hpp"
+#include "polypod/pages/correction.hpp"
+#include "polypod/pages/machine.hpp"
+#include "polypod/report/html.hpp"
+#include "polypod/workspace/volume.hpp"
+
+namespace polypod::viewer {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using machine::AnyMachine;
+using machine::JointVector;
+
+std::string ending_of(const std::string& path) {
+  std::string end = std::filesystem::path(path).extension().string();
+  std::transform(end.begin(), end.end(), end.begin(), [](unsigned char c) { return std::tolower(c); });
+  return end;
+}
+
+std::string name_of(const std::string& path) {
+  return std::filesystem::path(path).filename().string();
+}
+
+constexpr std::string_view kJson = "application/json";
+
+std::string text_of(const Json& document) {
+  return document.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Response refused(int status, const std::string& what) {
+  return {status, "text/plain; charset=utf-8", what + "\n"};
+}
+
+/// A page that says what went wrong.
+Response error_page(const std::string& title, const Error& error) {
+  report::Report page(title, "This cannot be shown");
+  page.add_verdict(report::Verdict::bad, to_string(error));
+  return {200, "text/html; charset=utf-8", page.to_html()};
+}
+
+double user_value(const AnyMachine& m, int joint, double q) {
+  return kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? units::to_deg(q) : units::to_mm(q);
+}
+const char* joint_unit(const AnyMachine& m, int joint) {
+  return kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? "deg" : "mm";
+}
+std::vector<double> user_pose(const AnyMachine& m, const Pose& X) {
+  const machine::Task task = kinematics::task(m);
+  std::vector<double> c = kinematics::coordinates_of(task, X);
+  for (std::size_t i = 0; i < c.size(); ++i)
+    c[i] = task.is_angle(static_cast<int>(i)) ? units::to_deg(c[i]) : units::to_mm(c[i]);
+  return c;
+}
+
+/// Numbers of a list of a question. Errors: VW120.
+Result<std::vector<double>> numbers_in(const Json& question, const char* key, int count) {
+  const auto at = question.find(key);
+  const bool right = at != question.end() && at->is_array() && at->size() == static_cast<std::size_t>(count);
+  std::vector<double> out;
+  for (int i = 0; right && i < count; ++i) {
+    const Json& value = (*at)[static_cast<std::size_t>(i)];
+    constexpr double kMost = 1e9;
+    if (!value.is_number() || !(std::abs(value.get<double>()) <= kMost)) break;
+    out.push_back(value.get<double>());
+  }
+  if (out.size() != static_cast<std::size_t>(count))
+    return fail("VW120", fmt::format("{}: not a list of {} numbers", key, count));
+  return out;
+}
+
+/// The machine of an item with the figures that the form changes. Errors: VW120, those of machine::load.
+Result<AnyMachine> machine_in(const Json& question, const std::string& path) {
+  std::vector<machine::Override> overrides;
+  if (const auto sets = question.find("sets"); sets != question.end()) {
+    if (!sets->is_object()) return fail("VW120", "sets: not an object");
+    for (const auto& [key, value] : sets->items()) {
+      if (!value.is_string()) return fail("VW120", "sets: a value is no text");
+      overrides.push_back({key, value.get<std::string>()});
+    }
+  }
+  return machine::load(path, overrides);
+}
+
+Result<pages::MachineAt> place_in(const Json& question, const AnyMachine& m) {
+  if (question.contains("joints")) {
+    const int count = kinematics::joint_count(m);
+    POLYPOD_ASSIGN(values, numbers_in(question, "joints", count));
+    JointVector q(count);
+    for (int i = 0; i < count; ++i) {
+      const double v = values[static_cast<std::size_t>(i)];
+      q[i] = kinematics::joint_kind(m, i) == machine::JointKind::revolute ? units::from_deg(v) : units::from_mm(v);
+    }
+    return pages::machine_at(m, q);
+  }
+  const machine::Task task = kinematics::task(m);
+  POLYPOD_ASSIGN(c, numbers_in(question, "pose", task.size()));
+  for (std::size_t i = 0; i < c.size(); ++i)
+    c[i] = task.is_angle(static_cast<int>(i)) ? units::from_deg(c[i]) : units::from_mm(c[i]);
+  return pages::machine_at(m, kinematics::pose_of(task, c));
+}
+
+Json number_or_null(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json place_json(const AnyMachine& m, const pages::MachineAt& at) {
+  Json out;
+  if (!at.reason.empty()) {
+    out["reason"] = at.reason;
+    return out;
+  }
+  Json joints = Json::array();
+  for (int i = 0; i < at.q.size(); ++i) joints.push_back(user_value(m, i, at.q[i]));
+  out["pose"] = user_pose(m, at.X);
+  out["joints"] = joints;
+  out["violations"] = at.violations;
+  out["condition"] = number_or_null(at.condition);
+  out["sigma_min"] = number_or_null(at.sigma_min);
+  return out;
+}
+
+/// `scene` is JSON already.
+std::string with_scene(const Json& document, const report::Scene& scene) {
+  std::string out = text_of(document);
+  out.pop_back();
+  return out + (out.size() > 1 ? "," : "") + "\"scene\":" + report::scene_data(scene) + "}";
+}
+
+}  // namespace
+
+Result<Site> Site::of(const std::vector<std::string>& files, const std::string& version) {
+  Site site;
+  site.version_ = version;
+  if (files.empty()) return fail("VW100", "no file is given", {}, "name a machine, a report, or a program and its job");
+  std::vector<std::string> programs, jobs;
+  for (const std::string& file : files) {
+    const std::string end = ending_of(file);
+    if (end == ".html" || end == ".htm") {
+      POLYPOD_ASSIGN(text, files::read(file));
+      if (text.find("<meta name=\"generator\" content=\"Polypod\">") == std::string::npos) {
+        return fail("VW103", fmt::format("{} is no page that this version of Polypod has written", file), {},
+                    "open other pages in a browser of your own");
+      }
+      site.items_.push_back({Item::Kind::report, file, ""});
+    } else if (end == ".ngc" || end == ".nc" || end == ".tap" || end == ".gcode") {
+      programs.push_back(file);
+    } else if (end == ".toml" || end == ".urdf" || end.empty() || !std::filesystem::exists(file)) {
+      const auto m = machine::load(file);
+      if (m) {
+        site.items_.push_back({Item::Kind::machine, file, ""});
+        continue;
+      }
+      if (end != ".toml" || !machining::read_job(file)) return tl::unexpected(m.error());
+      jobs.push_back(file);
+    } else {
+      return fail("VW101", fmt::format("{}: files of this kind are not shown", file), {},
+                  "view shows machines, reports (.html), and programs (.ngc, .nc, .tap, .gcode) with their job");
+    }
+  }
+  if (jobs.size() > 1 || jobs.empty() != programs.empty()) {
+    return fail("VW102",
+                jobs.size() > 1 ? "two jobs are given"
+                : jobs.empty()  ? fmt::format("{} is given without its job", programs.front())
+                                : fmt::format("{} is a job, and no program is given", jobs.front()),
+                {}, "give programs and their one job: polypod view program.ngc job.toml");
+  }
+  for (const std::string& program : programs) site.items_.push_back({Item::Kind::program, program, jobs.front()});
+  return site;
+}
+
+Response Site::list() const {
+  report::Report page("Polypod", "What was given to `polypod view`");
+  std::vector<std::pair<std::string, std::string>> links;
+  for (std::size_t i = 0; i < items_.size(); ++i) {
+    const char* what = items_[i].kind == Item::Kind::machine  ? "machine"
+                       : items_[i].kind == Item::Kind::report ? "report"
+                                                              : "program";
+    links.emplace_back(fmt::format("/{}", i), fmt::format("{} ({})", name_of(items_[i].path), what));
+  }
+  page.add_links(links);
+  return {200, "text/html; charset=utf-8", page.to_html()};
+}
+
+std::string Site::live_data(const AnyMachine& m, std::size_t item) const {
+  const Pose X = pages::start_pose(m);
+  const pages::MachineAt at = pages::machine_at(m, X);
+  const machine::Task task = kinematics::task(m);
+  const machine::Reach reach = kinematics::reach(m);
+  Json pose = Json::array(), joints = Json::array(), settings = Json::array();
+  const std::vector<double> c = user_pose(m, X);
+  for (int i = 0; i < task.size(); ++i) {
+    const std::string name(machine::name_of(task[i]));
+    double low = -90, high = 90;
+    if (!task.is_angle(i)) {
+      const int axis = name[0] - 'x';
+      low = units::to_mm(reach.low[axis]);
+      high = units::to_mm(reach.high[axis]);
+    }
+    pose.push_back({{"name", name},
+                    {"value", c[static_cast<std::size_t>(i)]},
+                    {"unit", task.is_angle(i) ? "deg" : "mm"},
+                    {"low", low},
+                    {"high", high}});
+  }
+  for (int i = 0; i < kinematics::joint_count(m); ++i) {
+    const machine::JointRange range = kinematics::joint_range(m, i);
+    joints.push_back({{"value", at.q.size() > i ? user_value(m, i, at.q[i]) : 0.0},
+                      {"min", number_or_null(user_value(m, i, range.min))},
+                      {"max", number_or_null(user_value(m, i, range.max))},
+                      {"unit", joint_unit(m, i)}});
+  }
+  for (const machine::Parameter& p : machine::settings(m)) {
+    settings.push_back({{"key", machine::key_of(p)}, {"value", units::to_user(p.value, p.unit)}, {"unit", p.unit}});
+  }
+  return text_of({{"address", fmt::format("/{}", item)},
+                  {"settings", settings},
+                  {"pose", pose},
+                  {"joints", joints},
+                  {"turns", task.turns()}});
+}
+
+Response Site::page(std::size_t number) const {
+  const Item& item = items_[number];
+  const std::string name = name_of(item.path);
+  if (item.kind == Item::Kind::report) {
+    const auto text = files::read(item.path);
+    return text ? Response{200, "text/html; charset=utf-8", *text} : error_page(name, text.error());
+  }
+  if (item.kind == Item::Kind::machine) {
+    const auto m = machine::load(item.path);
+    if (!m) return error_page(name, m.error());
+    return {200, "text/html; charset=utf-8", pages::machine_page(*m, {version_, live_data(*m, number)})};
+  }
+  const auto job = machining::read_job(item.job);
+  if (!job) return error_page(name, job.error());
+  const auto understood = gcode::understand(item.path, machining::unroll_options(*job));
+  if (!understood) return error_page(name, understood.error());
+  machining::CorrectOptions options;
+  options.keep_samples = true;
+  options.again = true;
+  options.progress = [this](const char*, double) { return !*stopped_; };
+  const auto correction = machining::correct(*job, understood->program, understood->interpretation, options);
+  if (!correction) return error_page(name, correction.error());
+  pages::CorrectionPageOptions how;
+  how.version = version_;
+  return {200, "text/html; charset=utf-8", pages::correction_page(*job, understood->program, *correction, how)};
+}
+
+Result<std::string> Site::ask(const Item& item, const std::string& what, const std::string& body) const {
+  const Json question = Json::parse(body, nullptr, false);
+  if (!question.is_object()) return fail("VW120", "the question is no JSON object");
+  POLYPOD_ASSIGN(m, machine_in(question, item.path));
+  POLYPOD_ASSIGN(at, place_in(question, m));
+  if (what == "pose") return with_scene(place_json(m, at), pages::machine_scene(m, at));
+
+  workspace::Options options;
+  if (const auto tilt = question.find("tilt_deg"); tilt != question.end()) {
+    constexpr double kMostTilt = 89;
+    if (!tilt->is_number() || !(tilt->get<double>() >= 0 && tilt->get<double>() <= kMostTilt))
+      return fail("VW120", "tilt_deg: not a number of 0 to 89");
+    options.directions.tilt = units::from_deg(tilt->get<double>());
+  }
+  constexpr std::int64_t kCells = 30'000;
+  options.max_cells = kCells;
+  options.bounds_tolerance = 0;
+  POLYPOD_ASSIGN(volume, workspace::volume(m, options));
+  constexpr int kResolution = 24;
+  report::Scene scene = pages::machine_scene(m, at);
+  if (!volume.empty) {
+    POLYPOD_ASSIGN(found, pages::workspace_scene(m, options, at, kResolution));
+    scene = std::move(found);
+  }
+  const auto mm3 = [](double v) { return report::number(v * 1e9, 5); };
+  Json document;
+  document["volume_mm3"] = volume.volume * 1e9;
+  document["volume_lower_mm3"] = volume.lower * 1e9;
+  document["volume_upper_mm3"] = volume.upper * 1e9;
+  document["proven"] = volume.proven;
+  document["volume"] = volume.empty ? std::string("No point is reachable. This is proven.")
+                                    : fmt::format("{} mm³, {} between {} and {} mm³.", mm3(volume.volume),
+                                                  volume.proven ? "certainly" : "by a sample with 95 %",
+                                                  mm3(volume.lower), mm3(volume.upper));
+  return with_scene(document, scene);
+}
+
+Response Site::answer(const Request& request, int port) const {
+  // A page from elsewhere that this computer's browser shows may not ask, by whatever name it reaches 127.0.0.1.
+  bool known = false, same = request.origin.empty();
+  for (const char* name : {"127.0.0.1", "localhost"}) {
+    known = known || request.host == fmt::format("{}:{}", name, port);
+    same = same || request.origin == fmt::format("http://{}:{}", name, port);
+  }
+  if (!known || !same) return refused(403, "Only pages of this server may ask it.");
+  if (request.method != "GET" && request.method != "POST") return refused(405, "Not a method of this server.");
+  const std::string& path = request.path;
+  if (path == "/") {
+    if (request.method != "GET") return refused(405, "Not a method of this page.");
+    return items_.size() == 1 ? page(0) : list();
+  }
+  // "/3" or "/3/pose"
+  std::size_t number = 0;
+  const char* const end = path.data() + path.size();
+  const auto [rest, code] = std::from_chars(path.data() + 1, end, number);
+  if (code != std::errc{} || number >= items_.size()) return refused(404, "There is no such page.");
+  const std::string what(rest, end);
+  if (what.empty() && request.method == "GET") return page(number);
+  if ((what == "/pose" || what == "/workspace") && items_[number].kind == Item::Kind::machine) {
+    if (request.method != "POST") return refused(405, "Not a method of this page.");
+    const auto found = ask(items_[number], what.substr(1), request.body);
+    if (!found) return {200, std::string(kJson), text_of({{"error", to_string(found.error())}})};
+    return {200, std::string(kJson), *found};
+  }
+  return refused(404, "There is no such page.");
+}
+
+}  // namespace polypod::viewer

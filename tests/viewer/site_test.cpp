@@ -1,0 +1,177 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The server of `polypod view`, asked without sockets: who may ask, for what, and whether the answers are the
+// library's.
+#include "polypod/viewer/site.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "paths.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::viewer {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+constexpr int kPort = 4711;
+
+Site site_of(const std::vector<std::string>& files) {
+  auto site = Site::of(files, "test");
+  EXPECT_TRUE(site) << site.error().message;
+  return *site;
+}
+Request get(const std::string& path, const std::string& host = "127.0.0.1:4711", const std::string& origin = "") {
+  return {"GET", path, host, origin, ""};
+}
+Request post(const std::string& path, const json& body) {
+  return {"POST", path, "localhost:4711", "http://localhost:4711", body.dump()};
+}
+
+TEST(Site, OnlyItsOwnPagesMayAsk) {
+  const Site site = site_of({"hexapod-strut"});
+  EXPECT_EQ(site.answer(get("/"), kPort).status, 200);
+  EXPECT_EQ(site.answer(get("/", "localhost:4711", "http://127.0.0.1:4711"), kPort).status, 200);
+  for (const char* host :
+       {"", "127.0.0.1", "127.0.0.1:4712", "evil.example:4711", "127.0.0.1:4711.evil.example", "[::1]:4711"}) {
+    EXPECT_EQ(site.answer(get("/", host), kPort).status, 403) << host;
+  }
+  for (const char* origin :
+       {"null", "http://evil.example", "https://127.0.0.1:4711", "http://127.0.0.1", "http://127.0.0.1:47110"}) {
+    EXPECT_EQ(site.answer(get("/", "127.0.0.1:4711", origin), kPort).status, 403) << origin;
+  }
+}
+
+TEST(Site, NoRequestNamesAFile) {
+  const Site site = site_of({"hexapod-strut", "lola50"});
+  EXPECT_THAT(site.answer(get("/"), kPort).body, HasSubstr("href=\"/1\""));
+  for (const char* path : {"/../../etc/passwd", "/etc/passwd", "//etc/passwd", "/0/../1", "/0/", "/2", "/-1", "/0x0",
+                           "/99999999999999999999", "/%2e%2e/etc/passwd", "", "0", "/0/pose/..", "/lola50"}) {
+    EXPECT_EQ(site.answer(get(path), kPort).status, 404) << path;
+  }
+  EXPECT_EQ(site.answer(get("/0/pose"), kPort).status, 405) << "a question is posted";
+  Request put = get("/0");
+  put.method = "PUT";
+  EXPECT_EQ(site.answer(put, kPort).status, 405);
+}
+
+TEST(Site, PosesAreThoseOfTheLibraryForEveryMachineOfTheCatalogue) {
+  // Both sides are the same library: what is tested is the way there and back, in mm and deg, in the task's order.
+  constexpr double kRounding = 1e-9;  // mm or deg
+  int asked = 0;
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    const std::string name(entry.name);
+    const auto m = machine::load(name);
+    ASSERT_TRUE(m);
+    const Site site = site_of({name});
+    const std::string page = site.answer(get("/"), kPort).body;
+    const std::string mark = "id=\"live-data\">";
+    const std::size_t from = page.find(mark) + mark.size();
+    const json live = json::parse(page.substr(from, page.find("</script>", from) - from));
+    json pose = json::array();
+    for (const json& c : live["pose"]) pose.push_back(c["value"].get<double>() + (c["unit"] == "mm" ? 1.5 : 0.5));
+    const json answer = json::parse(site.answer(post("/0/pose", {{"pose", pose}}), kPort).body);
+    ASSERT_FALSE(answer.contains("error")) << name << answer;
+    const machine::Task task = kinematics::task(*m);
+    std::vector<double> c;
+    for (std::size_t i = 0; i < pose.size(); ++i) {
+      const double v = pose[i].get<double>();
+      c.push_back(task.is_angle(static_cast<int>(i)) ? units::from_deg(v) : units::from_mm(v));
+    }
+    const auto inverse = kinematics::inverse(*m, kinematics::pose_of(task, c));
+    if (inverse.solutions.empty()) {
+      EXPECT_TRUE(answer.contains("reason")) << name;
+      continue;
+    }
+    ++asked;
+    double nearest = 1e300;
+    for (const auto& s : inverse.solutions) {
+      double off = 0;
+      for (int i = 0; i < s.joints.size(); ++i) {
+        const bool turns = kinematics::joint_kind(*m, i) == machine::JointKind::revolute;
+        const double q = turns ? units::to_deg(s.joints[i]) : units::to_mm(s.joints[i]);
+        off = std::max(off, std::abs(q - answer["joints"][static_cast<std::size_t>(i)].get<double>()));
+      }
+      nearest = std::min(nearest, off);
+    }
+    EXPECT_LT(nearest, kRounding) << name;
+    EXPECT_FALSE(answer["scene"]["lines"].empty()) << name;
+    // And back: the joints give the pose.
+    const json back = json::parse(site.answer(post("/0/pose", {{"joints", answer["joints"]}}), kPort).body);
+    EXPECT_FALSE(back.contains("error")) << name << back;
+  }
+  EXPECT_GT(asked, 20);
+}
+
+TEST(Site, FiguresChangeTheMachineAndNothingElse) {
+  const Site site = site_of({"hexapod-strut"});
+  const json pose{0, 0, 75, 0, 0, 0};
+  const json as_is = json::parse(site.answer(post("/0/pose", {{"pose", pose}}), kPort).body);
+  const json other =
+      json::parse(site.answer(post("/0/pose", {{"pose", pose}, {"sets", {{"base.radius_mm", "60"}}}}), kPort).body);
+  ASSERT_TRUE(other.contains("joints")) << other;
+  EXPECT_GT(other["joints"][0].get<double>(), as_is["joints"][0].get<double>() + 1);
+  EXPECT_EQ(json::parse(site.answer(post("/0/pose", {{"pose", pose}}), kPort).body)["joints"], as_is["joints"]);
+  const json unknown =
+      json::parse(site.answer(post("/0/pose", {{"pose", pose}, {"sets", {{"no.such", "1"}}}}), kPort).body);
+  EXPECT_THAT(unknown["error"].get<std::string>(), HasSubstr("no.such"));
+}
+
+TEST(Site, AWorkspaceHasItsBoundsAndASurface) {
+  const Site site = site_of({"hexapod-strut"});
+  const json answer =
+      json::parse(site.answer(post("/0/workspace", {{"pose", {0, 0, 75, 0, 0, 0}}, {"tilt_deg", 20}}), kPort).body);
+  ASSERT_TRUE(answer.contains("volume_mm3")) << answer;
+  // JEL Table 8.2's machine at 20 deg, as docs/workspace.md has it: 30154 mm3 between 30114 and 30195.
+  EXPECT_LE(answer["volume_lower_mm3"].get<double>(), 30195);
+  EXPECT_GE(answer["volume_upper_mm3"].get<double>(), 30114);
+  EXPECT_FALSE(answer["scene"]["meshes"].empty());
+}
+
+TEST(Site, BearsAnyQuestion) {
+  const Site site = site_of({"hexapod-strut"});
+  for (const char* body : {"", "{", "[]", "null", "{\"pose\":1}", "{\"pose\":[1]}", "{\"pose\":[1,2,3,4,5,1e400]}",
+                           "{\"pose\":[0,0,75,0,0,\"0\"]}", "{\"joints\":[]}", "{\"sets\":[],\"pose\":[0,0,75,0,0,0]}",
+                           "{\"sets\":{\"a\":1},\"pose\":[0,0,75,0,0,0]}",
+                           "{\"sets\":{\"base.radius_mm\":\"nan\"},\"pose\":[0,0,75,0,0,0]}", "\xff\xfe"}) {
+    const Response r = site.answer({"POST", "/0/pose", "127.0.0.1:4711", "", body}, kPort);
+    EXPECT_EQ(r.status, 200);
+    EXPECT_TRUE(json::parse(r.body).contains("error")) << body << r.body;
+  }
+  // Damaged questions: whatever comes, an answer is JSON.
+  std::mt19937 random(1);
+  const std::string good = R"({"sets":{"base.radius_mm":"55"},"pose":[1,2,75,0,0,0],"tilt_deg":5})";
+  for (int k = 0; k < 2000; ++k) {
+    std::string body = good;
+    for (int n = 1 + static_cast<int>(random() % 4); n > 0; --n)
+      body[random() % body.size()] = static_cast<char>(random() % 256);
+    const Response r = site.answer({"POST", "/0/pose", "127.0.0.1:4711", "", body}, kPort);
+    EXPECT_EQ(r.status, 200);
+    EXPECT_TRUE(json::accept(r.body)) << body;
+  }
+}
+
+TEST(Site, SaysWhatItDoesNotShow) {
+  EXPECT_EQ(Site::of({}, "").error().id, "VW100");
+  const std::string folder = ::testing::TempDir();
+  const auto file = [&](const std::string& name, const std::string& text) {
+    std::ofstream(folder + "/" + name) << text;
+    return folder + "/" + name;
+  };
+  EXPECT_EQ(Site::of({file("a.stl", "solid a")}, "").error().id, "VW101");
+  EXPECT_EQ(Site::of({file("a.html", "<script>alert(1)</script>")}, "").error().id, "VW103");
+  const std::string square = test::source("examples/slavkovic_square/");
+  EXPECT_EQ(Site::of({square + "program.ngc"}, "").error().id, "VW102");
+  EXPECT_EQ(Site::of({square + "job.toml"}, "").error().id, "VW102");
+  EXPECT_EQ(Site::of({"no-such-machine"}, "").error().id, "MA100");
+  EXPECT_TRUE(Site::of({square + "program.ngc", square + "job.toml", "lola50"}, ""));
+}
+
+}  // namespace
+}  // namespace polypod::viewer

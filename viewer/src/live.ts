@@ -1,0 +1,211 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The form of a machine that `polypod view` serves: every figure that is typed is asked of the library in the server.
+
+interface Setting {
+  key: string;
+  value: number;
+  unit: string;
+}
+interface Joint {
+  value: number;
+  min: number | null;
+  max: number | null;
+  unit: string;
+}
+interface LiveData {
+  address: string;
+  settings: Setting[];
+  pose: { name: string; value: number; unit: string; low: number; high: number }[];
+  joints: Joint[];
+  turns: boolean;
+}
+interface Picture {
+  setLines(lines: unknown[]): void;
+  setScene(scene: unknown): void;
+}
+interface Answer {
+  error?: string;
+  scene?: { lines: unknown[] };
+  pose?: number[];
+  joints?: number[];
+  violations?: string[];
+  reason?: string;
+  condition?: number | null;
+  sigma_min?: number | null;
+  volume?: string;
+}
+
+const host = document.getElementById('live');
+const text = document.getElementById('live-data')?.textContent;
+
+function make<K extends keyof HTMLElementTagNameMap>(name: K, content = ''): HTMLElementTagNameMap[K] {
+  const out = document.createElement(name);
+  if (content !== '') out.textContent = content;
+  return out;
+}
+
+function start(root: HTMLElement, data: LiveData): void {
+  const sets: Record<string, string> = {};
+  const picture = (): Picture | undefined => (window as unknown as { polypodScenes?: Picture[] }).polypodScenes?.[0];
+  const told = make('p');
+  told.setAttribute('role', 'status');
+  const figures = make('dl');
+  const volume = make('p');
+  volume.setAttribute('role', 'status');
+
+  const group = (title: string): HTMLElement => {
+    const set = make('fieldset'), fields = make('div');
+    fields.className = 'fields';
+    set.append(make('legend', title), fields);
+    root.append(set);
+    return fields;
+  };
+  const field = (name: string, unit: string, value: number, low: number | null, high: number | null, slides: boolean, changed: (v: number) => void): { set(v: number): void } => {
+    const label = make('label'), input = make('input');
+    label.className = slides ? 'wide' : '';
+    input.type = 'number';
+    input.step = 'any';
+    input.setAttribute('aria-label', `${name}, ${unit}`);
+    const range = make('input');
+    const put = (v: number): void => {
+      input.value = String(Number(v.toPrecision(9)));
+      range.value = String(v);
+    };
+    label.append(make('span', name));
+    if (slides && low !== null && high !== null) {
+      range.type = 'range';
+      range.min = String(low);
+      range.max = String(high);
+      range.step = String((high - low) / 1000);
+      range.setAttribute('aria-label', name);
+      range.addEventListener('input', () => {
+        input.value = String(Number(Number(range.value).toPrecision(6)));
+        changed(Number(range.value));
+      });
+      label.append(range);
+    } else if (slides) {
+      label.append(make('span'));
+    }
+    input.addEventListener('input', () => {
+      const v = Number(input.value);
+      if (input.value.trim() === '' || !Number.isFinite(v)) return;
+      range.value = input.value;
+      changed(v);
+    });
+    label.append(input, make('span', unit));
+    put(value);
+    (slides ? label : label).dataset['key'] = name;
+    lastGroup.append(label);
+    return { set: put };
+  };
+
+  let lastGroup = group('Pose');
+  const pose = data.pose.map((c) => c.value);
+  const poseFields = data.pose.map((c, i) => field(c.name, c.unit, c.value, c.low, c.high, true, (v) => {
+    pose[i] = v;
+    ask({ pose });
+  }));
+  lastGroup = group('Joints');
+  const joints = data.joints.map((j) => j.value);
+  const jointFields = data.joints.map((j, i) => field(`q${i + 1}`, j.unit, j.value, j.min, j.max, true, (v) => {
+    joints[i] = v;
+    ask({ joints });
+  }));
+  root.append(figures, told);
+  if (data.settings.length > 0) {
+    lastGroup = group('Figures of the machine');
+    for (const s of data.settings) {
+      field(s.key, s.unit, s.value, null, null, false, (v) => {
+        sets[s.key] = String(v);
+        ask({ pose });
+        later();
+      });
+    }
+  }
+  lastGroup = group('Workspace');
+  let tilt = 0;
+  if (data.turns) {
+    field('tilt of the tool in every direction', 'deg', 0, null, null, false, (v) => {
+      tilt = v;
+      later();
+    });
+  }
+  const button = make('button', 'Compute the workspace');
+  button.type = 'button';
+  button.addEventListener('click', () => void workspace());
+  lastGroup.append(button);
+  root.append(volume);
+
+  async function post(what: string, body: unknown, signal?: AbortSignal): Promise<Answer> {
+    const done = await fetch(`${data.address}/${what}`, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body), signal: signal ?? null });
+    return (await done.json()) as Answer;
+  }
+  const show = (answer: Answer): void => {
+    if (answer.error !== undefined) {
+      told.textContent = answer.error;
+      told.className = 'note';
+      return;
+    }
+    const broken = answer.reason ? [answer.reason] : (answer.violations ?? []);
+    told.textContent = broken.length === 0 ? 'Within all limits.' : `Not within the limits: ${broken.join(', ')}.`;
+    told.className = broken.length === 0 ? '' : 'note';
+    if (answer.scene && answer.scene.lines.length > 0) picture()?.setLines(answer.scene.lines);
+    const rows: [string, string][] = [];
+    (answer.joints ?? []).forEach((q, i) => rows.push([`q${i + 1}`, `${q.toFixed(4)} ${data.joints[i]!.unit}`]));
+    const value = (v: number | null | undefined): string => (v === null || v === undefined ? 'infinite' : String(Number(v.toPrecision(5))));
+    if (!answer.reason) rows.push(['condition of the Jacobian', value(answer.condition)], ['least singular value', value(answer.sigma_min)]);
+    figures.replaceChildren(...rows.map(([name, v]) => {
+      const row = make('div');
+      row.append(make('dt', name), make('dd', v));
+      return row;
+    }));
+  };
+  // One question at a time; of those that came meanwhile the last one counts.
+  let asking = false, next: Record<string, unknown> | null = null;
+  async function ask(what: { pose?: number[]; joints?: number[] }): Promise<void> {
+    next = { ...what, sets };
+    if (asking) return;
+    asking = true;
+    while (next !== null) {
+      const now: Record<string, unknown> = next;
+      next = null;
+      try {
+        const answer = await post('pose', now);
+        show(answer);
+        if (!answer.error && !answer.reason) {
+          if (now['joints']) answer.pose?.forEach((v, i) => { pose[i] = v; poseFields[i]?.set(v); });
+          if (now['pose']) answer.joints?.forEach((v, i) => { joints[i] = v; jointFields[i]?.set(v); });
+        }
+      } catch (error) {
+        show({ error: `The program does not answer any more: ${String(error)}` });
+      }
+    }
+    asking = false;
+  }
+  let timer = 0, running: AbortController | null = null, wanted = false;
+  function later(): void {
+    if (!wanted) return;
+    window.clearTimeout(timer);
+    timer = window.setTimeout(() => void workspace(), 250);
+  }
+  async function workspace(): Promise<void> {
+    wanted = true;
+    running?.abort();
+    const mine = (running = new AbortController());
+    volume.textContent = 'The workspace is being computed …';
+    try {
+      const answer = await post('workspace', { sets, pose, tilt_deg: tilt }, mine.signal);
+      if (mine !== running) return;
+      volume.textContent = answer.error ?? answer.volume ?? '';
+      volume.className = answer.error === undefined ? '' : 'note';
+      if (answer.error === undefined && answer.scene) picture()?.setScene(answer.scene);
+    } catch (error) {
+      if (!mine.signal.aborted) volume.textContent = String(error);
+    }
+  }
+  void ask({ pose });
+}
+
+if (host && text) start(host, JSON.parse(text) as LiveData);
+
+export {};
