@@ -14,6 +14,12 @@
 namespace polypod::calibration {
 namespace {
 
+constexpr double kLargestSize = 30;  // t, see Fit::learn_noise_and_priors
+
+// What is thought of t beforehand (Fit::pull_of): sum (change / prior)^2 = 4 / t^2 of four parameters changes by so
+// much a u, and the pull is greatest at u = sqrt(kTail / kStiff): sqrt(kTail kStiff) / 2 = 2.8.
+constexpr double kStiff = 8, kTail = 4;
+
 /// Looks at all rows, and at rules and priors, where Ceres is going to ask for them.
 class Evaluation : public ceres::EvaluationCallback {
  public:
@@ -338,22 +344,21 @@ void Fit::learn_noise_and_priors(bool sizes) {
   constexpr int kSteps = 100;
   constexpr double kLongestStep = 0.7;  // of ln t
   constexpr double kSettled = 1e-3;
-  constexpr double kLargestSize = 30;  // t
   const Eigen::MatrixXd R = triangle(weights(), problem_.wanted);
   const auto n = static_cast<Eigen::Index>(problem_.wanted.size());
   Eigen::VectorXd prior = of_wanted(problem_.prior), change = of_wanted(x_ - problem_.start);
   const Eigen::VectorXd usual = of_wanted(usual_);
-  // The gradient of what was minimised is 0: R^T R change - J^T W (measured - computed) = -s^2 change / prior^2.
   const double s = problem_.noise_scale;
-  const Eigen::VectorXd right = R.transpose() * (R * change) + s * s * change.cwiseQuotient(prior.cwiseAbs2());
+  // The gradient of what was minimised is 0: R^T R change - J^T W (measured - computed) = -s^2 change / prior^2.
+  pull_ = R.transpose() * (R * change) + s * s * change.cwiseQuotient(prior.cwiseAbs2());
   if (sizes) prior = usual;
-  const std::array<std::size_t, 2> rules{rules_among(wanted_of(Learns::lengths)),
-                                         rules_among(wanted_of(Learns::angles))};
+  const std::array<std::size_t, 2> rules =
+      rules_of_ = {rules_among(wanted_of(Learns::lengths)), rules_among(wanted_of(Learns::angles))};
   double told = 0;
   for (int step = 0; step < kSteps; ++step) {
     const Eigen::MatrixXd C = root_of_covariance(R, prior, s);
     const Eigen::VectorXd variance = C.rowwise().squaredNorm();  // over prior^2
-    change = prior.asDiagonal() * (C * (C.transpose() * (prior.cwiseProduct(right) / (s * s))));
+    change = prior.asDiagonal() * (C * (C.transpose() * (prior.cwiseProduct(pull_) / (s * s))));
     told = static_cast<double>(n) - variance.sum() - static_cast<double>(rules[0] + rules[1]);
     if (!sizes) break;
     double moved = 0;
@@ -379,6 +384,73 @@ void Fit::learn_noise_and_priors(bool sizes) {
   problem_.noise_scale = std::max(kLeastNoise, robust_scale(whitened_, problem_.not_fitted, problem_.share, told));
 }
 
+double Fit::likelihood_of_sizes(const Eigen::MatrixXd& squares, const std::array<double, 2>& u) const {
+  Eigen::VectorXd prior = of_wanted(problem_.prior);
+  std::array<double, 2> log_t{};
+  for (std::size_t k = 0; k < learns_.size(); ++k) {
+    if (learns_[k] == Learns::nothing) continue;
+    const std::size_t kind = learns_[k] == Learns::lengths ? 0 : 1;
+    const auto at = static_cast<Eigen::Index>(k);
+    prior[at] *= std::exp(u[kind]);
+    log_t[kind] = std::log(prior[at] / usual_[problem_.wanted[k]]);
+  }
+  // -1/2 ln det(1 + P R^T R P / s^2) + 1/2 b^T (1 + P R^T R P / s^2)^-1 b, b = P pull_ / s^2.
+  const double s = problem_.noise_scale;
+  Eigen::MatrixXd A = prior.asDiagonal() * squares * prior.asDiagonal() / (s * s);
+  A.diagonal().array() += 1;
+  const Eigen::LLT<Eigen::MatrixXd> root(A);
+  const Eigen::VectorXd half = root.matrixL().solve(Eigen::VectorXd(prior.cwiseProduct(pull_) / (s * s)));
+  double out = 0.5 * half.squaredNorm() - Eigen::MatrixXd(root.matrixL()).diagonal().array().log().sum();
+  for (const Learns kind : {Learns::lengths, Learns::angles}) {
+    const double t = log_t[kind == Learns::lengths ? 0 : 1];
+    out += static_cast<double>(rules_of_[kind == Learns::lengths ? 0 : 1]) * t + log_thought_of(t);
+  }
+  return out;
+}
+
+std::array<double, 2> Fit::spread_of_sizes(const Eigen::MatrixXd& R) const {
+  constexpr double kStep = 0.05, kWidest = 0.5;  // of ln t: of differences, of the grid's unit
+  // Units of the grid, and what each node stands for.
+  constexpr std::array<double, 13> kNodes{-4, -3, -2, -1.3, -0.7, 0, 0.7, 1.3, 2, 3, 4.5, 6, 8};
+  const Eigen::MatrixXd squares = R.transpose() * R;
+  const double most = likelihood_of_sizes(squares, {0, 0});
+  std::array<std::vector<std::pair<double, double>>, 2> nodes;  // u, share
+  for (std::size_t kind = 0; kind < 2; ++kind) {
+    const Learns which = kind == 0 ? Learns::lengths : Learns::angles;
+    const auto one = std::find(learns_.begin(), learns_.end(), which);
+    if (one == learns_.end()) {
+      nodes[kind] = {{0, 1}};
+      continue;
+    }
+    std::array<double, 2> up{}, down{};
+    up[kind] = kStep;
+    down[kind] = -kStep;
+    const double bend =
+        (likelihood_of_sizes(squares, up) - 2 * most + likelihood_of_sizes(squares, down)) / (kStep * kStep);
+    const double unit = bend < 0 ? std::min(kWidest, 1 / std::sqrt(-bend)) : kWidest;
+    const int column = problem_.wanted[static_cast<std::size_t>(one - learns_.begin())];
+    const double room = std::log(kLargestSize * usual_[column] / problem_.prior[column]);
+    for (std::size_t i = 0; i < kNodes.size(); ++i) {
+      if (unit * kNodes[i] > room) break;
+      const double before = i == 0 ? kNodes[i] : kNodes[i - 1];
+      const double after = i + 1 == kNodes.size() || unit * kNodes[i + 1] > room ? kNodes[i] : kNodes[i + 1];
+      nodes[kind].emplace_back(unit * kNodes[i], 0.5 * (after - before));
+    }
+  }
+  double sum = 0;
+  std::array<double, 2> squared{};
+  for (const auto& [u, share_u] : nodes[0]) {
+    for (const auto& [v, share_v] : nodes[1]) {
+      const double weight = share_u * share_v * std::exp(likelihood_of_sizes(squares, {u, v}) - most);
+      sum += weight;
+      squared[0] += weight * std::exp(2 * u);
+      squared[1] += weight * std::exp(2 * v);
+    }
+  }
+  const auto wide = [&](double x) { return sum > 0 ? std::max(1.0, std::sqrt(x / sum)) : 1.0; };
+  return {wide(squared[0]), wide(squared[1])};
+}
+
 std::vector<int> Fit::wanted_of(Learns kind) const {
   std::vector<int> out;
   for (std::size_t k = 0; k < learns_.size(); ++k)
@@ -386,9 +458,11 @@ std::vector<int> Fit::wanted_of(Learns kind) const {
   return out;
 }
 
+double Fit::log_thought_of(double u) {
+  return -0.5 * kTail * std::log(1 + kStiff * u * u / kTail);
+}
+
 std::pair<double, double> Fit::pull_of(double u) {
-  constexpr double kStiff = 8;  // sum (change / prior)^2 = 4 / t^2 of four parameters changes by so much a u
-  constexpr double kTail = 4;   // the pull is greatest at u = sqrt(kTail / kStiff): sqrt(kTail kStiff) / 2 = 2.8
   return {kStiff * u / (1 + kStiff * u * u / kTail), kStiff};
 }
 

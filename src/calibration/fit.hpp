@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -89,6 +90,13 @@ class Fit {
   /// smaller the machine is, so that with priors of any size it would shrink to nothing. Whose drawing is farther off
   /// gives --prior-mm and --prior-deg. Without `sizes` of the noise alone.
   void learn_noise_and_priors(bool sizes);
+  /// By how much the priors fall short where their sizes are learnt: what is known of a size from k parameters is off
+  /// by 1 / sqrt(2 k) of itself, and the largest likelihood takes it as known. The root of the mean of t^2 over what is
+  /// known of both sizes (the likelihood times what is thought of t beforehand, on a grid round its maximum), over t;
+  /// at least 1. Cost: at most 169 Cholesky decompositions of the wanted unknowns.
+  [[nodiscard]] std::array<double, 2> spread_of_sizes(const Eigen::MatrixXd& R) const;
+  /// ln of that likelihood where the sizes are e^u times those that were learnt; `squares` = R^T R.
+  [[nodiscard]] double likelihood_of_sizes(const Eigen::MatrixXd& squares, const std::array<double, 2>& u) const;
   /// Columns of the unknowns whose size is learnt with the others of this kind.
   [[nodiscard]] std::vector<int> wanted_of(Learns kind) const;
   /// How strongly the default size of the errors draws t, e^u times of it, back: the derivative of -ln p(u), and a
@@ -96,6 +104,8 @@ class Fit {
   /// so that few readings cannot turn it over, and nowhere as more than three, so that machines that agree with their
   /// drawing, a hundred times better than usual, are seen to.
   [[nodiscard]] static std::pair<double, double> pull_of(double u);
+  /// ln p(u), but for a constant.
+  [[nodiscard]] static double log_thought_of(double u);
   /// The parts of the searched unknowns.
   [[nodiscard]] Eigen::VectorXd of_wanted(const Eigen::VectorXd& all) const;
   /// One search from `block` with the bend where it is now.
@@ -148,8 +158,11 @@ class Fit {
   std::vector<Eigen::VectorXd> whitened_;  ///< residuals there, over their noise
   bool converged_ = false;
   bool noise_as_given_;
+  std::array<std::size_t, 2> rules_of_{};  ///< that hold lengths and angles among the wanted unknowns
   std::vector<Learns> learns_;         ///< of each wanted unknown: with which others the size of its prior is learnt
   Eigen::VectorXd usual_;              ///< the priors before that
+  Eigen::VectorXd pull_;               ///< J^T W (measured - computed at the start), in first order, of the wanted
+  Eigen::VectorXd wide_;               ///< the priors with what is not known of their size
   Eigen::VectorXd error_;              ///< standard errors of all unknowns
   Eigen::VectorXd error_of_readings_;  ///< without systematic parts
   Eigen::MatrixXd shift_;              ///< of the wanted unknowns by one standard uncertainty of each systematic part

@@ -113,38 +113,42 @@ void Fit::set_covariance(const std::vector<double>& weight, double sum, double c
   // What was searched for is off by its own covariance, and by what the parameters that were not searched for do to
   // it (Schmidt's consider analysis): K J_u P_u with K = C R^T / s^2; those themselves by their priors.
   const double s = noise_that_counts();
-  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(all, all);
-  root.topLeftCorner(n, n) = prior.asDiagonal() * root_of_covariance(R, prior, s);
+  const Eigen::MatrixXd own = prior.asDiagonal() * root_of_covariance(R, prior, s);
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(all, all + n);
   if (all > n) {
     const Eigen::VectorXd unfitted = problem_.prior(problem_.unfitted);
-    const auto own = root.topLeftCorner(n, n);
-    root.topRightCorner(n, all - n) =
+    root.block(0, n, n, all - n) =
         own * (own.transpose() * (R.transpose() * (R_all.topRightCorner(n, all - n) * unfitted.asDiagonal()))) /
         (s * s);
-    root.bottomRightCorner(all - n, all - n) = -unfitted.asDiagonal().toDenseMatrix();
+    root.block(n, n, all - n, all - n) = -unfitted.asDiagonal().toDenseMatrix();
   }
-  // Its covariance in parts: K R^T R K^T / s^2 is of the readings' scatter, the rest is left of the priors.
-  const auto own = root.topLeftCorner(n, n);
+  // Its covariance in parts: K R^T R K^T / s^2 is of the readings' scatter, and what is left of the machine's own
+  // errors is C P^-2 times these. Of their size only so much is known, so that they are as wide as wide_ on the whole;
+  // with P in its place both parts are C together.
   const Eigen::MatrixXd scatter = own * (own.transpose() * R.transpose()) / s;
+  const std::array<double, 2> spread = spread_of_sizes(R);
+  wide_ = problem_.prior;
+  for (std::size_t k = 0; k < learns_.size(); ++k)
+    if (learns_[k] != Learns::nothing) wide_[problem_.wanted[k]] *= spread[learns_[k] == Learns::lengths ? 0 : 1];
+  root.topLeftCorner(n, n) = own * (own.transpose() * of_wanted(wide_).cwiseQuotient(prior.cwiseAbs2()).asDiagonal());
+  root.block(0, all, n, n) = scatter;
   set_systematic(weight, own, s);
   const Eigen::Index parts = std::ssize(out_.systematic);
-  Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, all + parts + scatter.cols());
+  Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, all + n + parts);
   for (Eigen::Index k = 0; k < all; ++k) {
     auto row = of_all.row(both[static_cast<std::size_t>(k)]);
-    row.head(all) = root.row(k);
-    if (k >= n) continue;
-    row.segment(all, parts) = shift_.row(k);
-    row.tail(scatter.cols()) = scatter.row(k);
+    row.head(all + n) = root.row(k);
+    if (k < n) row.tail(parts) = shift_.row(k);
   }
-  error_ = of_all.leftCols(all + parts).rowwise().norm();
-  error_of_readings_ = of_all.leftCols(all).rowwise().norm();
+  error_ = of_all.rowwise().norm();
+  error_of_readings_ = of_all.leftCols(all + n).rowwise().norm();
   const auto parameters = static_cast<Eigen::Index>(problem_.nominal.size());
   const auto square = [&](const auto& columns) -> Eigen::MatrixXd {
     return columns.bottomRows(parameters) * columns.bottomRows(parameters).transpose();
   };
-  out_.covariance_systematic = square(of_all.middleCols(all, parts));
-  out_.covariance_readings = square(of_all.rightCols(scatter.cols()));
-  const Eigen::MatrixXd without = square(of_all.leftCols(all));
+  out_.covariance_systematic = square(of_all.rightCols(parts));
+  out_.covariance_readings = square(of_all.middleCols(all, n));
+  const Eigen::MatrixXd without = square(of_all.leftCols(all + n));
   out_.covariance_drawing = without - out_.covariance_readings;
   out_.covariance = without + out_.covariance_systematic;
   set_covariance_before(both);
@@ -213,7 +217,7 @@ void Fit::set_covariance_before(const std::vector<int>& uncertain) {
   Eigen::VectorXd r;
   Eigen::MatrixXd J;
   problem_.rules(problem_.start, r, J);
-  const Eigen::VectorXd prior = problem_.prior(columns);
+  const Eigen::VectorXd prior = wide_(columns);
   const Eigen::MatrixXd root = prior.asDiagonal() * root_of_covariance(triangle_of(J(Eigen::all, columns)), prior, 1);
   Eigen::MatrixXd of_all = Eigen::MatrixXd::Zero(problem_.layout.count, root.cols());
   for (std::size_t k = 0; k < columns.size(); ++k) of_all.row(columns[k]) = root.row(Eigen::Index(k));

@@ -22,6 +22,11 @@ namespace {
 constexpr double kNoise = 20e-6;
 constexpr double kNoiseAngle = 35e-6;
 
+/// How many independent places those of one machine are worth: of the coordinates that are told, the mean square over
+/// them, over what was foretold, has the median 0.82 and is above 4 in 1.5 % of the machines; chi-square of two
+/// freedoms over two has 0.69 and 1.8 %, of three 0.79 and 0.7 %.
+constexpr double kPlaces = 2;
+
 struct Case {
   std::string machine;  ///< of the catalogue, or a file of the trials
   Kind kind;
@@ -44,7 +49,12 @@ std::vector<Case> cases() {
             {"hexapod-strut", Kind::point, {1, 2}},
             {"lola50", Kind::gauge, {1}},
             {"lola50", Kind::axis, {1}},
-            {"delta-brno", Kind::distance, {1, 2}},
+            {"delta-brno", Kind::distance, ten},
+            {"delta-brno", Kind::contact, ten},
+            {"pi850.toml", Kind::distance, ten},
+            {"dynapod", Kind::axis, ten},
+            {"dynapod", Kind::pose, ten},
+            {"hexaglide.toml", Kind::point, {7}},
             {"delta-linear", Kind::contact, {1}},
             {"hexapod-octahedral", Kind::pose, {1}},
             {"hexapod-strut", Kind::contact, {1}},
@@ -141,6 +151,7 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   const auto n = static_cast<Eigen::Index>(pose_coordinates(nominal).size());
   Errors all{Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
   int judged = 0, beyond = 0, told = 0, told_worse = 0, opened = 0;
+  Eigen::VectorXd known = Eigen::VectorXd::Zero(n), spread = Eigen::VectorXd::Zero(n);
   std::vector<bool> left_open(static_cast<std::size_t>(n), false);
   for (const std::uint64_t seed : one.seeds) {
     SCOPED_TRACE(fmt::format("seed {}", seed));
@@ -195,6 +206,9 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
       told_worse += is_told && e.after[k] > e.before[k] ? 1 : 0;
       beyond += e.after[k] > 9 * e.stated[k] ? 1 : 0;
     }
+    const Eigen::ArrayXd drawing = e.before.cwiseMax(c->verdict.before.mean.cwiseAbs2());
+    known.array() += (drawing - e.stated.array()).max(0.0);
+    spread.array() += 2 / kPlaces * (drawing.square() - e.stated.array().square()).max(0.0);
     all.before += e.before;
     all.after += e.after;
     all.ratio += e.ratio;
@@ -209,13 +223,19 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   if (one.kind == Kind::point || one.kind == Kind::pose || one.kind == Kind::axis) {
     EXPECT_GT(judged, 0);
   }
-  // Over the seeds: what is left open is no worse than the drawing on the whole, and deviations are as stated. A mean
-  // of ten squares that hang together spreads by half of itself. Student's t with four degrees of freedom has twice the
-  // variance.
+  // Over the seeds, deviations are as stated. A machine's mean square over the places, over what was foretold, has the
+  // mean 1 and spreads as chi-square of kPlaces freedoms, the sum over ten machines as one of twenty, which reaches 2.5
+  // times its mean in 0.02 % of the cases: 0.2 of the 900 coordinates of the long list. What is left open rests on the
+  // size of all errors, which half of these machines do not have: there twice as much is allowed.
+  // A coordinate that is told is nearer than the drawing. One that is left open is off by e after, and by e + m before,
+  // with the variances s^2 and b^2 - s^2: the difference of their squares has the mean s^2 - b^2 and the variance
+  // 2 (b^4 - s^4) / kPlaces a machine. Four deviations of the sum: again 0.02 %.
   for (Eigen::Index k = 0; k < n && judged >= 6; ++k) {
     const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
-    EXPECT_LT(all.after[k], 1.1 * all.before[k]) << coordinate;
-    EXPECT_LT(all.ratio[k], (left_open[static_cast<std::size_t>(k)] ? 5 : 2.5) * judged) << coordinate;
+    const bool open = left_open[static_cast<std::size_t>(k)];
+    const double chance = open ? std::max(0.0, 4 * std::sqrt(spread[k]) - known[k]) : 0.1 * all.before[k];
+    EXPECT_LT(all.after[k], all.before[k] + chance) << coordinate;
+    EXPECT_LT(all.ratio[k], (open ? 5 : 2.5) * judged) << coordinate;
   }
 }
 
