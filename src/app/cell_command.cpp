@@ -124,6 +124,45 @@ Json layout_json(const cell::Layout& l) {
           {"interlocks", interlocks}};
 }
 
+/// How long the ways take: tables of picks, and where arms stand.
+Json times_json(const pages::CellResult& r) {
+  Json picks = Json::object(), stands = Json::object();
+  for (std::size_t t = 0; t < r.motions.picks.size(); ++t) {
+    const cell::PickTable& table = r.motions.picks[t];
+    if (table.times.empty()) continue;
+    Json rows = Json::array();
+    for (const std::vector<double>& row : table.times) {
+      Json out = Json::array();
+      for (const double time : row) out.push_back(finite(time));
+      rows.push_back(out);
+    }
+    Json home = Json::array();
+    for (const double time : table.home_times) home.push_back(finite(time));
+    picks[r.cell.tasks[t].name] = {{"along_mm", {to_mm(table.low), to_mm(table.high)}},
+                                   {"across_mm", {to_mm(table.across_low), to_mm(table.across_high)}},
+                                   {"columns", table.columns},
+                                   {"rows", table.rows},
+                                   {"s", rows},
+                                   {"to_home_s", home}};
+  }
+  for (std::size_t m = 0; m < r.cell.machines.size(); ++m) {
+    const machine::AnyMachine& model = r.cell.machines[m].model;
+    Json spots = Json::object();
+    for (std::size_t k = 0; k < r.cell.spots.size(); ++k) {
+      Json slots = Json::array();
+      for (const cell::Stand& s : r.motions.stands[m][k]) {
+        if (!s.ok)
+          slots.push_back(nullptr);
+        else
+          slots.push_back({{"above", joints_for_user(model, s.above)}, {"straight_s", s.straight}});
+      }
+      if (!slots.empty()) spots[r.cell.spots[k].name] = slots;
+    }
+    stands[r.cell.machines[m].name] = {{"home", joints_for_user(model, r.motions.home[m])}, {"stands", spots}};
+  }
+  return {{"picks", picks}, {"machines", stands}};
+}
+
 Json document(const pages::CellResult& r) {
   const cell::Cell& c = r.cell;
   Json problems = Json::array();
@@ -182,6 +221,7 @@ Json document(const pages::CellResult& r) {
                                                  [](const cell::Problem& p) { return p.kind == "reach"; })}};
   out["layout"] = layout_json(r.layout);
   out["safety"] = safety_json(r.safety);
+  out["times"] = times_json(r);
   out["planning"] = planning_json(r.planning);
   return out;
 }

@@ -59,23 +59,24 @@ void Resource::give(const std::string& who) {
 }
 
 bool Buffer::Step::await_ready() const {
+  const auto wake = [&](std::deque<std::shared_ptr<Waiter>>& waiting) {
+    buffer.sim_.plan(buffer.sim_.now(), waiting.front());
+    waiting.pop_front();
+  };
   if (puts) {
-    if (buffer.count_ >= buffer.capacity_ || !buffer.putters_.empty()) return false;
-    if (!buffer.getters_.empty()) {  // straight on to who waits
-      buffer.sim_.plan(buffer.sim_.now(), buffer.getters_.front());
-      buffer.getters_.pop_front();
+    if (!buffer.getters_.empty()) {  // straight on to who waits, also where there is no place at all
+      wake(buffer.getters_);
       return true;
     }
+    if (buffer.count_ >= buffer.capacity_) return false;
     ++buffer.count_;
     return true;
   }
-  if (buffer.count_ == 0) return false;
-  if (!buffer.putters_.empty()) {  // its piece takes the place that becomes free
-    buffer.sim_.plan(buffer.sim_.now(), buffer.putters_.front());
-    buffer.putters_.pop_front();
-    return true;
-  }
-  --buffer.count_;
+  if (buffer.count_ == 0 && buffer.putters_.empty()) return false;
+  if (buffer.putters_.empty())
+    --buffer.count_;
+  else
+    wake(buffer.putters_);  // its piece takes the place that becomes free
   return true;
 }
 

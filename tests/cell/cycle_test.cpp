@@ -1,0 +1,294 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Times of ways and the cycle as a whole.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "cells.hpp"
+#include "paths.hpp"
+#include "polypod/cell/reach.hpp"
+#include "polypod/cell/simulate.hpp"
+#include "polypod/motion/delta_motion.hpp"
+
+namespace polypod::cell {
+namespace {
+
+const Cell& kozubik() {
+  static const Cell kCell = *read(test::source("cells/kozubik/cell.toml"));
+  return kCell;
+}
+const Motions& kozubik_motions() {
+  static const Motions kMotions = motions(kozubik());
+  return kMotions;
+}
+Cell cell_of(std::string text, const std::string& from = "", const std::string& to = "") {
+  for (std::size_t at = from.empty() ? std::string::npos : text.find(from); at != std::string::npos;
+       at = text.find(from, at + to.size()))
+    text.replace(at, from.size(), to);
+  auto cell = from_text(text, "cell.toml");
+  if (!cell) ADD_FAILURE() << to_string(cell.error());
+  return std::move(*cell);
+}
+RunSettings for_seconds(double seconds) {
+  RunSettings s;
+  s.seconds = seconds;
+  return s;
+}
+
+TEST(CellTimes, TrapezoidsOfSpeed) {
+  // 1 m at 1 m/s and 2 m/s2: half a second up, half a second down, over 0.25 m each; 0.5 m at speed.
+  EXPECT_DOUBLE_EQ(trapezoid_time(1, 1, 2), 1.5);
+  // 0.18 m: a triangle, 2 sqrt(0.18 / 2).
+  EXPECT_DOUBLE_EQ(trapezoid_time(0.18, 1, 2), 0.6);
+  // The two agree where the speed is just reached.
+  EXPECT_DOUBLE_EQ(trapezoid_time(0.5, 1, 2), 1.0);
+  EXPECT_EQ(trapezoid_time(0, 1, 2), 0);
+}
+
+TEST(CellTimes, TheToolPointsWhereItIsTold) {
+  const Pose down = tool_pose({1, 2, 3}, std::acos(-1.0) / 2, 0.7, 0);
+  EXPECT_NEAR((down.R.col(2) - Vec3(0, 0, 1)).norm(), 0, 1e-12) << "z_T points back to the flange";
+  const Pose level = tool_pose({0, 0, 0}, 0, 0, 0);
+  EXPECT_NEAR((level.R.col(2) - Vec3(-1, 0, 0)).norm(), 0, 1e-12);
+  for (const double roll : {0.0, 1.0, 3.0}) EXPECT_NEAR(tool_pose({0, 0, 0}, 0.4, 1.1, roll).R.determinant(), 1, 1e-12);
+  // Turned by 180 deg about its axis, what stood upright hangs: y_T turns round.
+  EXPECT_NEAR((tool_pose({0, 0, 0}, 0, 0, std::acos(-1.0)).R.col(1) - Vec3(0, -1, 0)).norm(), 0, 1e-12);
+}
+
+TEST(CellTimes, EveryPlaceOfTheSeedsCellIsInReach) {
+  for (const Problem& p : kozubik_motions().problems) ADD_FAILURE() << p.detail;
+  EXPECT_GT(kozubik_motions().judged, 100);
+  // The stands are what they say: the arm's forward kinematics gives the slot.
+  const Machine& arm = kozubik().machines[1];
+  for (std::size_t k = 0; k < 18; ++k) {
+    const Stand& s = kozubik_motions().stands[1][0][k];
+    const auto f = kinematics::forward(arm.model, s.joints);
+    ASSERT_FALSE(f.poses.empty());
+    EXPECT_NEAR(((arm.X_CM * f.poses[0]).p - kozubik().spots[0].slots[k]).norm(), 0, 1e-9);
+    EXPECT_EQ(kinematics::violations(arm.model, f.poses[0], s.joints), 0U);
+  }
+}
+
+TEST(CellTimes, BetweenNodesTheTableIsNearToThePlannedCycle) {
+  const Cell& cell = kozubik();
+  const Machine& delta = cell.machines[0];
+  const std::size_t fill = 4;
+  const PickTable& table = kozubik_motions().picks[fill];
+  const Pose X_MC = delta.X_CM.inverse();
+  // Plans of neighbours differ by how well their search ends: 3 % at the nodes, and as much between them.
+  constexpr double kBetween = 0.05;
+  for (const double u : {0.13, 0.37, 0.61, 0.9}) {
+    for (const double v : {0.2, 0.7}) {
+      const double along = table.low + u * (table.high - table.low),
+                   across = table.across_low + v * (table.across_high - table.across_low);
+      Vec3 pick = cell.conveyors[0].point(along, across);
+      pick.z() += cell.items[0].height;
+      const Vec3 slot = cell.spots[1].slots[0];
+      const auto plan = motion::plan(
+          delta.model,
+          {X_MC * pick, X_MC * Vec3(slot.x(), slot.y(), cell.tasks[fill].release), delta.lift, delta.blend},
+          limits_of(delta));
+      ASSERT_TRUE(plan);
+      EXPECT_NEAR(table.time(0, along, across), plan->time, kBetween * plan->time) << u << " " << v;
+    }
+  }
+}
+
+TEST(CellTimes, PublishedPickerCycle) {
+  // ABB IRB 340: 150 cycles a minute of 25, 305, 25 mm there and back at up to 10 m/s and 100 m/s2 (published); nothing
+  // is published of its jerk and its drives, which do not limit here.
+  const auto picker = machine::load("delta-picker");
+  ASSERT_TRUE(picker);
+  motion::MotionLimits limits;
+  limits.tool = {10, 100, 1e5};
+  limits.drive = {1e3, 1e5, 1e8};
+  const auto plan = motion::plan(*picker, {{-0.1525, 0, 0.85}, {0.1525, 0, 0.85}, 0.025, 0.025}, limits);
+  ASSERT_TRUE(plan) << to_string(plan.error());
+  EXPECT_LT(2 * plan->time, 60.0 / 150);
+  // No faster than a way of 305 mm at that acceleration: 2 sqrt(d / a).
+  EXPECT_GT(plan->time, 2 * std::sqrt(0.305 / 100));
+}
+
+TEST(CellCycle, ASlowSourceIsServedWhole) {
+  const Cell cell = cell_of(test::kPicking);
+  const Motions m = motions(cell);
+  ASSERT_TRUE(m.problems.empty()) << m.problems.front().detail;
+  const Outcome o = run(cell, m, for_seconds(300));
+  // One a second from 0 s on, the window is 7 s behind the source: 301 come in 300 s, what is on the way is 7 or 8.
+  EXPECT_EQ(o.fed, 301);
+  EXPECT_EQ(o.missed, 0);
+  EXPECT_NEAR(o.placed, 301 - 8, 1);
+  EXPECT_EQ(o.placed + o.remaining, o.fed - (o.fed - o.placed - o.remaining));
+  EXPECT_LE(o.fed - o.placed - o.remaining, 1) << "one may be in the air";
+  // Busy: the way there, the way back, and both grips, for each item; the table's times are the only ones.
+  const double each = o.machines[0].busy / o.placed;
+  double least = 1e9, most = 0;
+  for (const auto& row : m.picks[0].times) {
+    least = std::min(least, *std::min_element(row.begin(), row.end()));
+    most = std::max(most, *std::max_element(row.begin(), row.end()));
+  }
+  const double matching = 0.1 / cell.machines[0].tool_acceleration;
+  EXPECT_GT(each, 2 * least + 0.1 + matching);
+  EXPECT_LT(each, 2 * most + 0.1 + matching + 0.02);
+}
+
+TEST(CellCycle, AFastSourceIsMissedAtTheRateOfTheMachine) {
+  const Cell cell = cell_of(test::kPicking, "per_minute = 60", "per_minute = 600");
+  const Motions m = motions(cell);
+  const Outcome o = run(cell, m, for_seconds(300));
+  EXPECT_GT(o.missed, 1000);
+  // The machine never waits once the first item has come: its rate is that of its ways.
+  EXPECT_GT(o.machines[0].busy / o.seconds, 0.95);
+  EXPECT_NEAR(o.fed, o.placed + o.missed + o.remaining, 1);
+}
+
+TEST(CellCycle, ASensorStopsTheBeltInsteadOfMissing) {
+  const Cell cell = cell_of(cell_of(test::kPicking).name.empty() ? "" : std::string(test::kPicking),
+                            "speed_mm_per_s = 100", "speed_mm_per_s = 100\nsensor_mm = 890");
+  Cell fast = cell;
+  fast.sources[0].rate = 10;
+  const Motions m = motions(fast);
+  const Outcome o = run(fast, m, for_seconds(300));
+  EXPECT_EQ(o.missed, 0);
+  EXPECT_LT(o.belts[0].running, 299);
+  EXPECT_GT(o.placed, 250);
+}
+
+TEST(CellCycle, ACameraThatIsTooSlowDoesNotSee) {
+  std::string text = test::kPicking;
+  text +=
+      "[[camera]]\nname = \"eye\"\nconveyor = \"A\"\nat_mm = 300\nfield_mm = [60, 300]\ninterval_ms = 1000\ndelay_ms = "
+      "50\n";
+  text.replace(text.find("at_mm = 0 #source"), 9, "at_mm = 15");
+  const Cell cell = cell_of(text);
+  const Motions m = motions(cell);
+  const Outcome o = run(cell, m, for_seconds(120));
+  // The field less the item is 20 mm, 0.2 s of the belt: one picture a second sees none of the items, which come in
+  // step with it and lie whole from 2.9 s on, after each picture.
+  EXPECT_EQ(o.placed, 0);
+  EXPECT_GT(o.unseen, 100);
+  // Ten pictures a second see all.
+  const Cell fast = cell_of(text, "interval_ms = 1000", "interval_ms = 100");
+  const Outcome seen = run(fast, motions(fast), for_seconds(120));
+  EXPECT_EQ(seen.unseen, 0);
+  EXPECT_GT(seen.placed, 100);
+}
+
+TEST(CellCycle, TheSeedsFourteenSteps) {
+  Cell cell = kozubik();
+  cell.commands = {{1, Order::start}, {100, Order::serve}, {300, Order::end}};
+  RunSettings s = for_seconds(500);
+  s.record = true;
+  const Outcome o = run(cell, kozubik_motions(), s);
+  EXPECT_EQ(o.served, 1);
+  EXPECT_EQ(o.missed, 0);
+  EXPECT_EQ(o.state, "waiting");
+  // Both tins are full again, and back in the pallet: what was poured out was put in.
+  EXPECT_EQ(o.emptied * 12, o.placed);
+  EXPECT_EQ(o.remaining, 0);
+  EXPECT_EQ(o.filled * 12, o.placed);
+  EXPECT_EQ(o.done[0], 2) << "returned";
+  EXPECT_EQ(o.done[1], 1) << "served";
+  EXPECT_EQ(o.done[3], 3) << "two at the start and one for the served one";
+  // The steps happen in their order: 2, 3, 4, 5, 6, 8, 9, 10, 11.
+  std::vector<int> first;
+  for (const Event& e : o.events)
+    if (e.step > 0 && std::find(first.begin(), first.end(), e.step) == first.end()) first.push_back(e.step);
+  EXPECT_EQ(first, (std::vector<int>{2, 3, 4, 5, 6, 8, 9, 10, 11}));
+  EXPECT_FALSE(o.stands_since);
+}
+
+TEST(CellCycle, WhenAllIsServedTheOperatorRefills) {
+  Cell cell = kozubik();
+  cell.spots[0].containers = 3;
+  cell.commands.assign(1, {1, Order::start});
+  for (int k = 0; k < 3; ++k) cell.commands.push_back({2.0 + k, Order::serve});
+  RunSettings s = for_seconds(400);
+  const Outcome asks = run(cell, kozubik_motions(), s);
+  // Items of the last tin go round no more once the other tins are served: what was poured out fills two, then one.
+  EXPECT_EQ(asks.served, 3);
+  EXPECT_EQ(asks.state, "refill");
+  cell.refill = 30;
+  const Outcome goes_on = run(cell, kozubik_motions(), s);
+  EXPECT_GT(goes_on.placed, asks.placed);
+  EXPECT_EQ(goes_on.state, "working");
+}
+
+TEST(CellCycle, StopHaltsAndStartGoesOn) {
+  Cell cell = cell_of(test::kPicking);
+  cell.commands = {{0, Order::start}, {50.3, Order::stop}, {150.3, Order::start}};
+  const Motions m = motions(cell);
+  const Outcome o = run(cell, m, for_seconds(400));
+  EXPECT_NEAR(o.working, 300, 1e-9);
+  EXPECT_NEAR(o.belts[0].running, 300, 1e-9);
+  const Outcome whole = run(cell_of(test::kPicking), m, for_seconds(300));
+  EXPECT_NEAR(o.placed, whole.placed, 2);
+}
+
+TEST(CellCycle, TheSameSeedGivesTheSameAndAnotherAnother) {
+  RunSettings s = for_seconds(600);
+  s.record = true;
+  const Outcome a = run(kozubik(), kozubik_motions(), s), b = run(kozubik(), kozubik_motions(), s);
+  ASSERT_EQ(a.events.size(), b.events.size());
+  for (std::size_t k = 0; k < a.events.size(); ++k) {
+    EXPECT_EQ(a.events[k].time, b.events[k].time);
+    EXPECT_EQ(a.events[k].what, b.events[k].what);
+  }
+  s.seed = 2;
+  const Outcome c = run(kozubik(), kozubik_motions(), s);
+  bool differs = c.events.size() != a.events.size();
+  for (std::size_t k = 0; k < std::min(a.events.size(), c.events.size()) && !differs; ++k)
+    differs = a.events[k].time != c.events[k].time;
+  EXPECT_TRUE(differs);
+}
+
+TEST(CellCycle, MachinesThatWaitInEachOthersZonesAreADeadlock) {
+  const Cell stuck = cell_of(test::kCrossing, "KEEPS", "true");
+  const Outcome o = run(stuck, motions(stuck), for_seconds(60));
+  ASSERT_TRUE(o.stands_since);
+  EXPECT_LT(*o.stands_since, 10);
+  EXPECT_EQ(o.standstill,
+            "one waits for zone right, which two would bring, two waits for zone left, which one would bring");
+  EXPECT_EQ(o.done[0] + o.done[1], 0);
+  // Outside of the zones they pass.
+  const Cell passes = cell_of(test::kCrossing, "KEEPS", "false");
+  const Outcome done = run(passes, motions(passes), for_seconds(60));
+  EXPECT_EQ(done.done[0] + done.done[1], 2);
+}
+
+TEST(CellCycle, ItemsThatAreLostStarveTheCell) {
+  // One picture a second and a narrow field: some biscuits are seen by nobody and fall off; the tins never fill.
+  Cell cell = kozubik();
+  cell.conveyors[0].sensor = -1;
+  cell.cameras[0].interval = 2;
+  cell.cameras[0].field_along = 0.1;
+  const Outcome o = run(cell, kozubik_motions(), for_seconds(600));
+  EXPECT_GT(o.unseen, 0);
+  ASSERT_TRUE(o.stands_since);
+  EXPECT_NE(o.standstill.find("delta waits for items on A"), std::string::npos) << o.standstill;
+  EXPECT_NE(o.standstill.find("arm waits for a full container in holder"), std::string::npos) << o.standstill;
+}
+
+TEST(CellCycle, ABetterPartNeverMakesTheStudyLie) {
+  RunSettings s = for_seconds(600);
+  const Study st = study(kozubik(), kozubik_motions(), s, 4, true);
+  ASSERT_EQ(st.outcomes.size(), 4U);
+  ASSERT_EQ(st.policies.size(), 3U);
+  ASSERT_EQ(st.gains.size(), 4U);
+  EXPECT_EQ(st.policies[0].second.mean, st.throughput.mean);
+  // The delta works most and limits; with it twice as fast the arm does.
+  EXPECT_EQ(st.gains.front().what, "delta 10 % faster");
+  ASSERT_FALSE(st.next_gains.empty());
+  EXPECT_EQ(st.next_gains.front().what, "arm 10 % faster");
+}
+
+TEST(CellCycle, Estimates) {
+  // 1 to 5: mean 3, variance 2.5, t(4) = 2.776; 1, 2, 3: variance 1, t(2) = 4.303.
+  EXPECT_DOUBLE_EQ(estimate({1, 2, 3, 4, 5}).mean, 3);
+  EXPECT_NEAR(estimate({1, 2, 3, 4, 5}).half_width, 2.776 * std::sqrt(0.5), 0.01);
+  EXPECT_NEAR(estimate({1, 2, 3}).half_width, 4.303 / std::sqrt(3.0), 1e-3);
+  EXPECT_TRUE(std::isinf(estimate({5}).half_width));
+}
+
+}  // namespace
+}  // namespace polypod::cell

@@ -1,0 +1,100 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Cell files: what is read, and that each fault is found where it stands.
+#include <gtest/gtest.h>
+
+#include "cells.hpp"
+#include "paths.hpp"
+#include "polypod/cell/cell.hpp"
+
+namespace polypod::cell {
+namespace {
+
+TEST(CellFile, TheSeedsCellHasItsCosts) {
+  const auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell) << to_string(cell.error());
+  // KOZ Table 5-3: 3 x 400, 5 x 1200, 1000, 250, 18 x 20, 18 x 10.
+  EXPECT_DOUBLE_EQ(cell->cost.total(), 8990);
+  EXPECT_DOUBLE_EQ(cell->cost.total() + cell->cost.reserve(), 10000);
+  EXPECT_EQ(cell->cost.currency, "CZK");
+  EXPECT_DOUBLE_EQ(cell->cost.hours, 100);
+  EXPECT_EQ(cell->spots[0].slots.size(), 18U);
+  // Tables 5-1 and 5-2.
+  EXPECT_DOUBLE_EQ(cell->conveyors[0].length, 2.1);
+  EXPECT_DOUBLE_EQ(cell->conveyors[1].frame_width, 0.18);
+  EXPECT_DOUBLE_EQ(cell->conveyors[0].power, 200);
+}
+
+/// The error of a cell in which one text takes the place of another.
+Error error_of(const std::string& from, const std::string& to) {
+  std::string text = test::kPicking;
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  text.replace(at, from.size(), to);
+  const auto cell = from_text(text, "cell.toml");
+  if (cell) {
+    ADD_FAILURE() << to << " was read";
+    return {};
+  }
+  return cell.error();
+}
+
+TEST(CellFile, TheSmallCellIsRead) {
+  const auto cell = from_text(test::kPicking, "cell.toml");
+  ASSERT_TRUE(cell) << to_string(cell.error());
+}
+
+TEST(CellFile, FaultsAreFoundWhereTheyStand) {
+  const struct {
+    const char *from, *to, *id;
+  } kFaults[] = {
+      {"speed_mm_per_s = 100", "speed_mm_per_s = -100", "CE104"},
+      {"speed_mm_per_s = 100", "speed_mm_per_s = 0", "CE104"},
+      {"diameter_mm = 40\nheight_mm = 10", "diameter_mm = 500\nheight_mm = 10", "CE103"},
+      {"across_mm = [-50, 50]", "across_mm = [-50, 190]", "CE103"},
+      {"window_mm = [700, 900]", "window_mm = [900, 700]", "CE105"},
+      {"window_mm = [700, 900]", "window_mm = [700, 9000]", "CE105"},
+      {"at_mm = 0 #source", "at_mm = 950", "CE105"},
+      {"to = \"holder\"", "to = \"hodler\"", "CE102"},
+      {"machine = \"delta\"", "machine = \"dleta\"", "CE102"},
+      {"kind = \"holder\"", "kind = \"folder\"", "CE102"},
+      {"order = \"START\"", "order = \"GO\"", "CE102"},
+      {"price = 10", "price = -10", "CF105"},
+      {"name = \"holder\"", "name = \"A\"", "CE101"},
+      {"diameter_mm = 100", "diameter_mm = 20", "CE103"},
+      {"pitch_mm = 120", "pitch_mm = 90", "CE103"},
+      {"file = \"delta-picker\"", "file = \"delta-pikcer\"", "MA100"},
+      {"policy = \"first\"", "policy = \"last\"", "CE102"},
+      {"minutes = 5", "minutes = 0", "CF105"},
+      {"lift_mm = 40", "lift_mm = 40\ncolour = 3", "CF103"},
+  };
+  for (const auto& fault : kFaults) {
+    const Error error = error_of(fault.from, fault.to);
+    EXPECT_EQ(error.id, fault.id) << fault.to << ": " << to_string(error);
+    EXPECT_GT(error.place.line, 0) << to_string(error);
+  }
+  EXPECT_NE(error_of("to = \"holder\"", "to = \"hodler\"").hint.find("holder"), std::string::npos);
+}
+
+TEST(CellFile, AConveyorMustEndOverTheNext) {
+  std::string text = test::kPicking;
+  text +=
+      "[[conveyor]]\nname = \"B\"\nat_mm = [0, 1000, 900]\nlength_mm = 500\nwidth_mm = 200\nspeed_mm_per_s = 50\nonto "
+      "= \"A\"\n";
+  const auto cell = from_text(text, "cell.toml");
+  ASSERT_FALSE(cell);
+  EXPECT_EQ(cell.error().id, "CE107");
+}
+
+TEST(CellFile, NumbersCanBeSetByName) {
+  const auto cell =
+      from_text(test::kPicking, "cell.toml", {{"conveyor.A.speed_mm_per_s", "250"}, {"source[1].per_minute", "20"}});
+  ASSERT_TRUE(cell) << to_string(cell.error());
+  EXPECT_DOUBLE_EQ(cell->conveyors[0].speed, 0.25);
+  EXPECT_DOUBLE_EQ(cell->sources[0].rate, 20.0 / 60);
+  EXPECT_EQ(from_text(test::kPicking, "cell.toml", {{"conveyor.Z.speed_mm_per_s", "250"}}).error().id, "CE108");
+  EXPECT_EQ(from_text(test::kPicking, "cell.toml", {{"conveyor.A.speed_mm_per_s", "nan"}}).error().id, "CE108");
+  EXPECT_EQ(from_text(test::kPicking, "cell.toml", {{"conveyor.A.sped_mm_per_s", "2"}}).error().id, "CF103");
+}
+
+}  // namespace
+}  // namespace polypod::cell
