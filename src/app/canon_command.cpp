@@ -2,9 +2,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <memory>
 
 #include "commands.hpp"
+#include "json_rows.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/gcode/canon.hpp"
 #include "polypod/gcode/explain.hpp"
@@ -105,18 +107,23 @@ Command canon_command() {
           POLYPOD_ASSIGN(explanation, gcode::explain(program, o->explain, o->canon));
           return print_explanation(explanation, context.json);
         }
-        POLYPOD_ASSIGN(text, gcode::canonical_text(program, o->canon));
+        POLYPOD_ASSIGN(text, gcode::long_canonical_text(program, o->canon));
         if (!context.json) {
-          fmt::print("{}", text);
+          constexpr std::size_t kPart = 1 << 16;
+          for (std::size_t at = 0; at < text.size(); at += kPart) {
+            std::fwrite(text.run(at), 1, std::min(kPart, text.size() - at), stdout);
+          }
           return kDone;
         }
-        Json lines = Json::array();
-        for (std::size_t at = 0; at < text.size();) {
-          const std::size_t end = std::min(text.find('\n', at), text.size());
-          lines.push_back(text.substr(at, end - at));
-          at = end + 1;
-        }
-        print_json({{"canon", lines}});
+        const auto lines = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+        std::size_t at = 0;  // every line ends with a line break
+        const auto next_line = [&](std::size_t) -> std::optional<Json> {
+          std::string line;
+          for (; text[at] != '\n'; ++at) line += text[at];
+          ++at;
+          return line;
+        };
+        print_json({{"canon", Json::array()}}, {{"canon", lines, next_line}});
         return kDone;
       }};
 }

@@ -28,6 +28,7 @@
 #include "polypod/core/nearest_word.hpp"
 #include "polypod/core/range_text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/calls.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -274,7 +275,7 @@ struct Input {
   std::string from;
 };
 
-/// Whether an output is a file beside a program that an O word of it may call: NAME.ngc for o<name>, 100.ngc for o100.
+/// Whether an output is a file beside a program that it may call, itself or through others.
 bool is_subprogram_of(const std::string& program, const std::string& output) {
   const std::filesystem::path file(output);
   std::error_code none;
@@ -283,14 +284,9 @@ bool is_subprogram_of(const std::string& program, const std::string& output) {
                                    std::filesystem::absolute(program, none).parent_path(), none)) {
     return false;
   }
-  const auto lower = [](std::string text) {
-    std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-    return text;
-  };
-  const auto read = files::read(program);
-  if (!read) return false;
-  const std::string text = lower(*read), name = lower(file.stem().string());
-  return text.find("o<" + name + ">") != std::string::npos || text.find("o" + name + " call") != std::string::npos;
+  const std::vector<std::string> called = gcode::files_called(program);
+  return std::any_of(called.begin(), called.end(),
+                     [&](const std::string& one) { return files::same_file(one, output); });
 }
 
 Result<std::vector<Input>> inputs_of(const std::vector<std::string>& given) {

@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "covariance_files.hpp"
+#include "json_rows.hpp"
 #include "machining_output.hpp"
 #include "measured_problems.hpp"
 #include "messages.hpp"
@@ -170,21 +171,21 @@ Command predict_command() {
         const bool leaves = !o->stock_left.empty() && collision;  // after a collision nobody knows what is left
         if (leaves) POLYPOD_TRY(cutting::write_stock(p.stock_left, o->stock_left));
         if (context.json) {
-          Json moves = Json::array();
-          for (std::size_t i = 0; i < p.moves.size(); ++i) {
+          const auto move_row = [&](std::size_t i) -> std::optional<Json> {
             const machining::MovePrediction& m = p.moves[i];
-            moves.push_back({{"line", m.line},
-                             {"length_mm", to_mm(m.length)},
-                             {"points", m.points},
-                             {"deflection_um", {{"max", to_um(m.deflection.max)}, {"mean", to_um(m.deflection.mean)}}},
-                             {"normal_error_um", spread_json(m.normal, units::kUmPerMetre)},
-                             {"vertical_error_um", spread_json(m.vertical, units::kUmPerMetre)},
-                             {"distance_max_um", to_um(m.largest_distance)},
-                             {"mean_force_N", vector_json(m.mean_force)},
-                             {"mean_force_size_N", m.mean_force_size},
-                             {"depth_max_mm", to_mm(m.largest_depth)}});
-            if (spread) moves.back()["normal_mean_band_95_um"] = to_um(band.normal_by_move[i]);
-          }
+            Json row{{"line", m.line},
+                     {"length_mm", to_mm(m.length)},
+                     {"points", m.points},
+                     {"deflection_um", {{"max", to_um(m.deflection.max)}, {"mean", to_um(m.deflection.mean)}}},
+                     {"normal_error_um", spread_json(m.normal, units::kUmPerMetre)},
+                     {"vertical_error_um", spread_json(m.vertical, units::kUmPerMetre)},
+                     {"distance_max_um", to_um(m.largest_distance)},
+                     {"mean_force_N", vector_json(m.mean_force)},
+                     {"mean_force_size_N", m.mean_force_size},
+                     {"depth_max_mm", to_mm(m.largest_depth)}};
+            if (spread) row["normal_mean_band_95_um"] = to_um(band.normal_by_move[i]);
+            return row;
+          };
           const Vec3 low = in.job.stock.min() * units::kMmPerMetre, high = in.job.stock.max() * units::kMmPerMetre;
           Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
                         {"stock_mm", {{"min", vector_json(low)}, {"max", vector_json(high)}}},
@@ -204,7 +205,7 @@ Command predict_command() {
                         {"steep_not_judged", steep_json(p.steep)},
                         {"time_s", p.time},
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
-                        {"moves", moves},
+                        {"moves", Json::array()},
                         {"notes", p.notes}};
           if (spread) {
             document["band_95_um"] = {{"deflection_max", to_um(band.deflection_max)},
@@ -219,7 +220,7 @@ Command predict_command() {
           }
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
-          print_json(document);
+          print_json(document, {{"moves", p.moves.size(), move_row}});
           return end(context, collision);
         }
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
@@ -375,22 +376,22 @@ Command correct_command() {
             POLYPOD_TRY(together.commit());
             const machining::MapBand map = machining::map_band(in.job, c.before);
             if (context.json) {
-              Json moves = Json::array(), outside = Json::array();
-              for (const machining::MoveOutcome& m : c.moves) {
-                moves.push_back({{"line", m.line},
-                                 {"rewritten", m.rewritten},
-                                 {"segments", m.pieces},
-                                 {"transitions", m.transitions},
-                                 {"length_mm", to_mm(m.length)},
-                                 {"before_um", spread_json(m.normal_before, units::kUmPerMetre)},
-                                 {"after_um", spread_json(m.normal_after, units::kUmPerMetre)},
-                                 {"distance_before_um", to_um(m.distance_before)},
-                                 {"distance_after_um", to_um(m.distance_after)},
-                                 {"corner_before_um", to_um(m.corner_before)},
-                                 {"corner_after_um", to_um(m.corner_after)},
-                                 {"within_tolerance", m.within}});
-                if (!m.within) outside.push_back(moves.back());
-              }
+              const auto move_row = [&](std::size_t i) -> std::optional<Json> {
+                const machining::MoveOutcome& m = c.moves[i];
+                return Json{{"line", m.line},
+                            {"rewritten", m.rewritten},
+                            {"segments", m.pieces},
+                            {"transitions", m.transitions},
+                            {"length_mm", to_mm(m.length)},
+                            {"before_um", spread_json(m.normal_before, units::kUmPerMetre)},
+                            {"after_um", spread_json(m.normal_after, units::kUmPerMetre)},
+                            {"distance_before_um", to_um(m.distance_before)},
+                            {"distance_after_um", to_um(m.distance_after)},
+                            {"corner_before_um", to_um(m.corner_before)},
+                            {"corner_after_um", to_um(m.corner_after)},
+                            {"within_tolerance", m.within}};
+              };
+              const auto outside_row = [&](std::size_t i) { return c.moves[i].within ? std::nullopt : move_row(i); };
               std::vector<std::string> notes = c.before.notes;
               for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
               Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
@@ -428,14 +429,14 @@ Command correct_command() {
                             {"steep_not_judged", steep_json(c.after.steep)},
                             {"written", writes},
                             {"stock_left", writes ? o->stock_left : ""},
-                            {"outside", outside},
-                            {"moves", moves},
+                            {"outside", Json::array()},
+                            {"moves", Json::array()},
                             {"notes", notes},
                             {"report", o->report}};
               add_other_switch(document, c.other_switch, trusted(in.job));
               add_map(document, in.job, map);
               add_uncertainty(document, uncertainty);
-              print_json(document);
+              print_json(document, {{"outside", c.moves.size(), outside_row}, {"moves", c.moves.size(), move_row}});
             } else {
               fmt::print("normal error before  {}\n", spread_text(c.before.normal));
               fmt::print("normal error after   {}\n", spread_text(c.after.normal));

@@ -21,6 +21,8 @@
 #include <filesystem>
 #include <optional>
 
+#include "polypod/core/file_parts.hpp"
+
 namespace polypod::files {
 namespace {
 
@@ -149,17 +151,20 @@ int write_all(int fd, std::string_view bytes) {
   return 0;
 }
 
-/// Errors by errno's codes; EFBIG where there is more than kMostBytes, as /dev/zero has.
-int read_all(int fd, std::string& bytes) {
+/// Errors by errno's codes; EFBIG where there is more than kMostBytes, as /dev/zero has. Ends where `take` says no.
+template <class Take>
+int read_all(int fd, Take&& take) {
   constexpr std::size_t kMostBytes = std::size_t{1} << 30;
   struct stat info {};
   if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size > static_cast<off_t>(kMostBytes)) return EFBIG;
   std::array<char, 1 << 16> buffer;
-  while (bytes.size() <= kMostBytes) {
+  std::size_t bytes = 0;
+  while (bytes <= kMostBytes) {
     const ssize_t n = ::read(fd, buffer.data(), buffer.size());
     if (n == 0) return 0;
     if (n > 0) {
-      bytes.append(buffer.data(), static_cast<std::size_t>(n));
+      bytes += static_cast<std::size_t>(n);
+      if (!take(std::string_view(buffer.data(), static_cast<std::size_t>(n)))) return 0;
     } else if (errno != EINTR) {
       return errno;
     }
@@ -371,7 +376,7 @@ bool outputs_appeared() noexcept {
   return appeared;
 }
 
-Result<std::string> read(const std::string& path) {
+Status read_parts(const std::string& path, const std::function<Status(std::string_view)>& take) {
   const auto failed = [&](const char* why) {
     return fail("FI100", fmt::format("cannot read the file: {}", why), Place{path, 0, 0}, "check the path");
   };
@@ -379,11 +384,23 @@ Result<std::string> read(const std::string& path) {
   if (std::filesystem::is_directory(path, ec)) return failed("it is a directory");
   const int fd = path == "-" ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 3) : ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return failed(std::strerror(errno));
-  std::string bytes;
-  const int code = read_all(fd, bytes);
+  Status taken;
+  const int code = read_all(fd, [&](std::string_view bytes) {
+    taken = take(bytes);
+    return taken.has_value();
+  });
   ::close(fd);
   if (code == EFBIG) return failed("it holds more than 1 GiB");
   if (code != 0) return failed(std::strerror(code));
+  return taken;
+}
+
+Result<std::string> read(const std::string& path) {
+  std::string bytes;
+  POLYPOD_TRY(read_parts(path, [&](std::string_view part) -> Status {
+    bytes += part;
+    return {};
+  }));
   return bytes;
 }
 

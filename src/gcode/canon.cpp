@@ -10,6 +10,7 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -178,21 +179,36 @@ Result<EngineOptions> engine_options(const Program& program, const CanonOptions&
   }
   engine.parameters = std::move(parameters);
   if (engine.checks) return engine;
-  const auto judged = interpret(program, checks);
+  const Status judged = judge(program, checks);
   const bool behind = !judged && until > 0 && judged.error().place.line > until;
   if (!behind) POLYPOD_TRY(judged);
   return engine;
 }
 
-Result<std::string> canonical_text(const Program& program, const CanonOptions& options) {
+namespace {
+
+/// A run through the whole program. Errors: those of canonical_text.
+Result<std::unique_ptr<Engine>> run_of(const Program& program, const CanonOptions& options) {
   POLYPOD_ASSIGN(engine, engine_options(program, options));
-  Engine run(program, std::move(engine));
-  POLYPOD_TRY(run.run());
-  if (!run.ended()) {
+  auto run = std::make_unique<Engine>(program, std::move(engine));
+  POLYPOD_TRY(run->run());
+  if (!run->ended()) {
     return fail("GC150", "no M2, M30 or closing %: LinuxCNC refuses a program without an end",
                 Place{program.path, program.blocks.empty() ? 0 : program.blocks.back().line, 1}, "end it with M2");
   }
-  return run.take_text();
+  return run;
+}
+
+}  // namespace
+
+Result<std::string> canonical_text(const Program& program, const CanonOptions& options) {
+  POLYPOD_ASSIGN(run, run_of(program, options));
+  return run->take_text();
+}
+
+Result<LongVector<char>> long_canonical_text(const Program& program, const CanonOptions& options) {
+  POLYPOD_ASSIGN(run, run_of(program, options));
+  return run->take_long_text();
 }
 
 }  // namespace polypod::gcode

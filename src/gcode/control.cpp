@@ -24,9 +24,12 @@ std::string shown(const std::string& label) {
 }  // namespace
 
 Status Engine::run_lines() {
-  for (const Block& block : source().program->blocks) {  // LinuxCNC reads what it skips, too
-    if (!options_.checks || block.after_end || block.text.size() < kLongestLine) continue;
-    written_block_ = block_ = &block;
+  const auto& all = source().program->blocks;
+  const long most_lines = options_.most_lines + static_cast<long>(all.size());  // each once is no endless loop
+  for (std::size_t i = 0; options_.checks && i < all.size(); ++i) {             // LinuxCNC reads what it skips, too
+    other_ = all[i];
+    if (other_.after_end || other_.text.size() < kLongestLine) continue;
+    written_block_ = block_ = &other_;
     return error(static_cast<int>(kLongestLine), "GC108", "a line of more than 252 characters, which LinuxCNC refuses",
                  "split the block");
   }
@@ -36,23 +39,28 @@ Status Engine::run_lines() {
     if (f.at >= blocks.size()) {
       if (frames_.size() == 1) return {};
       // A file that ends without M99 or endsub.
-      written_block_ = block_ = &blocks.back();
+      other_ = blocks.back();
+      written_block_ = block_ = &other_;
       return error(1, "GC163", fmt::format("the file ends within the subprogram {}", shown(f.name)),
                    "end it with endsub, or M99");
     }
     if (until_ > 0 && f.source == 0 && blocks[f.at].line == until_) return {};
-    if (++lines_ > options_.most_lines) {
-      written_block_ = block_ = &blocks[f.at];
+    if (++lines_ > most_lines) {
+      other_ = blocks[f.at];
+      written_block_ = block_ = &other_;
       return error(1, "GC165", fmt::format("the program runs more than {} lines", options_.most_lines),
                    "check the conditions of its loops: one of them may never end");
     }
+    constexpr std::size_t kSpill = 1 << 16;
+    if (out_.size() > kSpill) spill();
     POLYPOD_TRY(step());
   }
   return {};
 }
 
 Status Engine::step() {
-  const Block& block = source().program->blocks[frame().at++];
+  here_ = source().program->blocks[frame().at++];
+  const Block& block = here_;
   written_block_ = &block;
   if (block.percent) {
     begin_plain();
@@ -63,7 +71,7 @@ Status Engine::step() {
       ends_ = finished_ = true;
     }
     percent_ = true;
-    add_plain(block.text, true);
+    add_plain(std::string(block.text), true);
     return {};
   }
   if (block.text.size() >= kLongestLine && options_.checks) {
@@ -88,7 +96,8 @@ Status Engine::step() {
   scratch_.text = block.text;
   scratch_.ending = block.ending;
   scratch_.line = block.line;
-  scratch_.words = std::move(line.words);
+  scratch_words_ = std::move(line.words);
+  scratch_.words = scratch_words_;
   // Assignments count when the whole line has been read, but before it runs.
   if (!line.assignments.empty()) POLYPOD_TRY(assign(line, scratch_));
   return execute(scratch_);
@@ -306,7 +315,8 @@ Status Engine::control(const Line& line, const Block& block) {
         const auto other = o_word_of(blocks[i].text);
         if (!other) continue;
         if (other->second == "sub") {
-          written_block_ = block_ = &blocks[i];
+          other_ = blocks[i];
+          written_block_ = block_ = &other_;
           return error(1, "GC163", "a subprogram within a subprogram", "define it outside");
         }
         if (other->second == "endsub" && other->first == label) {
@@ -358,7 +368,8 @@ Status Engine::control(const Line& line, const Block& block) {
     if (line.arguments.front() != 0) return {};
     while (true) {
       POLYPOD_TRY(skip_to(label, {"else", "elseif", "endif"}, block));
-      const Block& next = source().program->blocks[f.at++];
+      other_ = source().program->blocks[f.at++];
+      const Block& next = other_;
       const auto found = o_word_of(next.text);
       if (found->second != "elseif") return {};
       written_block_ = &next;

@@ -53,6 +53,13 @@ void Engine::begin() {
   put("ON_RESET()");
 }
 
+std::string Engine::take_text() {
+  std::string text;
+  text.reserve(long_out_.size() + out_.size());
+  text.assign(long_out_.begin(), long_out_.end());
+  return text += out_;
+}
+
 Status Engine::run() {
   begin();
   POLYPOD_TRY(run_lines());

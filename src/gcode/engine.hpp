@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "expression.hpp"
+#include "fixed.hpp"
 #include "polypod/gcode/explain.hpp"
 #include "polypod/gcode/interpreter.hpp"
 
@@ -65,7 +66,12 @@ class Engine final : private Parameters {
  public:
   Engine(const Program& program, EngineOptions options);
   Status run();
-  std::string take_text() { return std::move(out_); }
+  std::string take_text();
+  /// The same, where it may be long.
+  LongVector<char> take_long_text() {
+    spill();
+    return std::move(long_out_);
+  }
   Program take_plain();
   /// The file of each plain block; empty for the program itself.
   [[nodiscard]] std::string file_of(std::size_t plain_block) const {
@@ -132,6 +138,10 @@ class Engine final : private Parameters {
     bool restores = false;       // by M73: they come back where the subprogram ends
   };
   void begin();  // the canonical calls before the first line
+  void spill() {
+    long_out_.append(out_.data(), out_.size());
+    out_.clear();
+  }
   Status run_lines();
   Status step();
   Status execute(const Block& block);
@@ -153,7 +163,7 @@ class Engine final : private Parameters {
   [[nodiscard]] Modes modes() const;
   Status save_or_restore(int m);
   Status restore(const Modes& saved, int column);
-  Status run_words(std::vector<Word> words);
+  Status run_words(const std::vector<Word>& words);
 
   // --- parameters.cpp -------------------------------------------------------------------------------------------
   [[nodiscard]] tl::expected<double, std::string> numbered(int index) const override;
@@ -168,7 +178,15 @@ class Engine final : private Parameters {
   // ---------------------------------------------------------------------------------------
   /// A canonical call that does not wait for the end of a compensated move before it, as some of rs274's do not.
   void put_now(std::string_view text) {
-    if (options_.text) fmt::format_to(std::back_inserter(out_), "{:5} {}{}\n", ++calls_, number_, text);
+    if (!options_.text) return;
+    constexpr std::size_t kWidth = 5;
+    const std::size_t before = out_.size();
+    append_whole(out_, static_cast<std::uint64_t>(++calls_));
+    if (out_.size() < before + kWidth) out_.insert(before, before + kWidth - out_.size(), ' ');
+    out_ += ' ';
+    out_ += number_;
+    out_ += text;
+    out_ += '\n';
   }
   void put(std::string_view text) {
     if (waiting_.empty()) return put_now(text);
@@ -181,8 +199,15 @@ class Engine final : private Parameters {
   void put(fmt::format_string<T...> format, T&&... values) {
     if (options_.text) put(std::string_view(fmt::format(format, std::forward<T>(values)...)));
   }
-  static std::string list(const Axes& p) {
-    return fmt::format("{:.4f}, {:.4f}, {:.4f}, {:.4f}, {:.4f}, {:.4f}", p[0], p[1], p[2], p[3], p[4], p[5]);
+  static std::string list(const Axes& p) { return with_list("", p); }
+  /// `begin` and the coordinates behind it.
+  static std::string with_list(std::string_view begin, const Axes& p) {
+    std::string text(begin);
+    for (std::size_t k = 0; k < p.size(); ++k) {
+      if (k > 0) text += ", ";
+      append_fixed(text, p[k]);
+    }
+    return text;
   }
   [[nodiscard]] tl::unexpected<Error> error(int column, std::string_view id, std::string message,
                                             std::string_view hint) const;
@@ -209,7 +234,7 @@ class Engine final : private Parameters {
   }
   [[nodiscard]] bool axis_words() const;
 
-  void read_number(const std::string& text);
+  void read_number(std::string_view text);
   Status block(const Block& block);
   Status check();
   void comment();
@@ -324,12 +349,13 @@ class Engine final : private Parameters {
   [[nodiscard]] bool shifted() const;
 
   EngineOptions options_;
-  std::string out_;
+  std::string out_;            // the newest of the text
+  LongVector<char> long_out_;  // what came before it
   std::string number_;
   int calls_ = 0;
   std::vector<std::string> notes_;
   Program plain_;
-  std::vector<std::size_t> plain_sources_;
+  LongVector<std::uint32_t> plain_sources_;
 
   // Control.
   std::vector<std::unique_ptr<Source>> sources_;
@@ -346,7 +372,10 @@ class Engine final : private Parameters {
   bool break_passed_ = false;
 
   // The block at hand.
-  Block scratch_;
+  Block here_;     // the line that runs
+  Block other_;    // one that is looked at
+  Block scratch_;  // the line with its expressions evaluated
+  std::vector<Word> scratch_words_;
   const Block* block_ = nullptr;
   const Block* written_block_ = nullptr;  // its line in the file
   bool rewritten_ = false;

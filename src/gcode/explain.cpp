@@ -333,7 +333,8 @@ Result<Explanation> Engine::explain(int line) {
   const bool beside = compensating();
   const bool inches = inches_;
   const std::size_t before = out_.size();
-  std::vector<Word> words = at->words;
+  const Block block = *at;
+  std::vector<Word> words(block.words.begin(), block.words.end());
   if (at->construct != Construct::none) {
     POLYPOD_ASSIGN(read, read_line(at->text, *this, Place{source().program->path, line, 0}));
     words = read.words;
@@ -360,7 +361,7 @@ Result<Explanation> Engine::explain(int line) {
         code ? code_name(word.letter, static_cast<int>(std::lround(word.value * 10))) : word.letter + shown(word.value);
     out.words.push_back({name, meaning_of(word, words)});
   }
-  for (const std::string_view comment : comments(*at)) out.words.push_back({std::string(comment), "a comment"});
+  for (const std::string_view comment : comments(block)) out.words.push_back({std::string(comment), "a comment"});
   if (!ends_) out.in_force = in_force();  // the end of a program sets all modes anew
   for (std::size_t i = before; i < out_.size();) {
     const std::size_t end = std::min(out_.find('\n', i), out_.size());

@@ -319,7 +319,9 @@ constexpr std::uint32_t bits(std::string_view letters) {
 
 class Interpreter {
  public:
-  Interpreter(const Program& program, const InterpretOptions& options) : program_(program), options_(options) {}
+  /// `keep`: whether moves, states and what is passed through are kept.
+  Interpreter(const Program& program, const InterpretOptions& options, bool keep)
+      : program_(program), options_(options), keep_(keep) {}
 
   Result<Interpretation> run() {
     for (const Vec3& offset : options_.work_offsets) {
@@ -328,9 +330,8 @@ class Interpreter {
                     "check the job's offsets");
       }
     }
-    out_.states.reserve(program_.blocks.size());
     for (std::size_t i = 0; i < program_.blocks.size(); ++i) {
-      block_ = &program_.blocks[i];
+      here_ = program_.blocks[i];
       index_ = static_cast<int>(i);
       bool executed = false;
       if (!out_.ended && !block_->after_end) {
@@ -344,7 +345,7 @@ class Interpreter {
       }
       ModalState state = modal_;
       state.executed = executed;
-      out_.states.push_back(state);
+      if (keep_) out_.states.push_back(state);
     }
     if (!out_.ended && percent_) {
       const int last = program_.blocks.back().line;
@@ -364,7 +365,8 @@ class Interpreter {
                 std::string(hint));
   }
   [[nodiscard]] std::string text_of(const Word& word) const {
-    return block_->text.substr(static_cast<std::size_t>(word.column) - 1, static_cast<std::size_t>(word.length));
+    return std::string(
+        block_->text.substr(static_cast<std::size_t>(word.column) - 1, static_cast<std::size_t>(word.length)));
   }
   [[nodiscard]] const Word* find(char letter) const { return words_[static_cast<std::size_t>(letter - 'A')]; }
   [[nodiscard]] bool has(char letter) const { return find(letter) != nullptr; }
@@ -373,10 +375,17 @@ class Interpreter {
   }
   [[nodiscard]] const Word* g_word(Group group) const { return g_groups_[static_cast<std::size_t>(group)].word; }
   [[nodiscard]] int g_code(Group group) const { return g_groups_[static_cast<std::size_t>(group)].tenfold; }
-  void pass(std::string what) { out_.passed_through.push_back({index_, std::move(what)}); }
+  void pass(const Word& word) {
+    if (keep_) out_.passed_through.push_back({index_, word.column, word.length});
+  }
 
   Status block() {
-    for (const std::string_view comment : comments(*block_)) pass(std::string(comment));
+    if (keep_ && block_->text.find_first_of("(;") != std::string_view::npos) {
+      for (const std::string_view comment : comments(*block_)) {
+        const auto column = static_cast<int>(comment.data() - block_->text.data()) + 1;
+        out_.passed_through.push_back({index_, column, static_cast<int>(comment.size())});
+      }
+    }
     if (block_->construct != Construct::none) return refuse_construct();
     if (block_->words.empty()) return {};
     POLYPOD_TRY(sort_words());
@@ -678,7 +687,7 @@ class Interpreter {
     for (int i = 0; i < m_count_; ++i) {
       const Code& code = m_[static_cast<std::size_t>(i)];
       const int m = code.tenfold / 10;
-      pass(text_of(*code.word));
+      pass(*code.word);
       switch (m) {
         case 6:
           if (selected_tool_ >= 0) tool_ = selected_tool_;
@@ -725,13 +734,13 @@ class Interpreter {
         case Group::spindle_mode:
         case Group::cancel:
         case Group::length_offset:
-          pass(text_of(*code.word));
+          pass(*code.word);
           break;
         default:
-          if (code.tenfold == 800) pass(text_of(*code.word));
+          if (code.tenfold == 800) pass(*code.word);
       }
     }
-    if (has('O')) pass(text_of(*find('O')));
+    if (has('O')) pass(*find('O'));
     if (const int g = g_code(Group::plane); g >= 0) {
       modal_.plane = g == 170 ? Plane::xy : g == 180 ? Plane::zx : Plane::yz;
     }
@@ -796,7 +805,7 @@ class Interpreter {
   Status motion() {
     if (motion_code_ >= 0) modal_.motion = static_cast<std::int16_t>(motion_code_ == 800 ? -1 : motion_code_ / 10);
     if (to_machine_ && acting_ <= 0) {
-      pass(text_of(*g_word(Group::machine)));
+      pass(*g_word(Group::machine));
       forget_places();
       return {};
     }
@@ -823,7 +832,7 @@ class Interpreter {
       }
     }
     if (to_machine_) {
-      pass(text_of(*g_word(Group::machine)));
+      pass(*g_word(Group::machine));
       forget_places();
       return {};
     }
@@ -879,7 +888,7 @@ class Interpreter {
     move.known_end = known_;
     position_ = move.end;
     axes_ = move.axes_end;
-    out_.moves.push_back(move);
+    if (keep_) out_.moves.push_back(move);
     return {};
   }
 
@@ -987,10 +996,12 @@ class Interpreter {
 
   const Program& program_;
   const InterpretOptions& options_;
+  const bool keep_;
   Interpretation out_;
 
   // The block at hand.
-  const Block* block_ = nullptr;
+  Block here_;
+  const Block* const block_ = &here_;
   int index_ = 0;
   Words words_{};
   std::array<Code, static_cast<std::size_t>(Group::unknown) + 1> g_groups_{};
@@ -1026,7 +1037,12 @@ class Interpreter {
 }  // namespace
 
 Result<Interpretation> interpret(const Program& program, const InterpretOptions& options) {
-  return Interpreter(program, options).run();
+  return Interpreter(program, options, true).run();
+}
+
+Status judge(const Program& program, const InterpretOptions& options) {
+  POLYPOD_TRY(Interpreter(program, options, false).run());
+  return {};
 }
 
 }  // namespace polypod::gcode

@@ -8,7 +8,7 @@
 namespace polypod::gcode {
 
 /// rs274 shows the digits that directly follow an N at the front of the line.
-void Engine::read_number(const std::string& text) {
+void Engine::read_number(std::string_view text) {
   std::size_t i = 0;
   while (i < text.size() && (is_space(text[i]) || text[i] == '/')) ++i;
   if (i >= text.size() || upper(text[i]) != 'N') {

@@ -129,17 +129,17 @@ Status Engine::restore(const Modes& saved, int column) {
   m(saved.adaptive_feed && !now.adaptive_feed, 52);
   m(saved.feed_hold && !now.feed_hold, 53);
   if (!switches.empty()) words.push_back(word('M', switches.front()));
-  POLYPOD_TRY(run_words(std::move(words)));
+  POLYPOD_TRY(run_words(words));
   for (std::size_t i = 1; i < switches.size(); ++i) POLYPOD_TRY(run_words({word('M', switches[i])}));
   return {};
 }
 
 /// Runs words as a block of the line at hand.
-Status Engine::run_words(std::vector<Word> words) {
+Status Engine::run_words(const std::vector<Word>& words) {
   if (words.empty()) return {};
   Block block;
   block.line = written_block_ != nullptr ? written_block_->line : 0;
-  block.words = std::move(words);
+  block.words = words;
   const Block* const before = block_;
   Status done = this->block(block);
   block_ = before;

@@ -154,14 +154,14 @@ void Engine::move_to(const Axes& end) {
 }
 
 void Engine::traverse(const Axes& end) {
-  put("STRAIGHT_TRAVERSE({})", list(end));
+  if (options_.text) put(std::string_view(with_list("STRAIGHT_TRAVERSE(", end) += ')'));
   if (options_.plain) plain("G0" + plain_words(end, false));
   plain_motion_ = 0;
   move_to(end);
 }
 
 void Engine::feed(const Axes& end, bool by_inverse_time) {
-  put("STRAIGHT_FEED({})", list(end));
+  if (options_.text) put(std::string_view(with_list("STRAIGHT_FEED(", end) += ')'));
   if (options_.plain) {
     std::string text = "G1" + plain_words(end, false);
     if (by_inverse_time) text += " F" + number(value('F'), 9);

@@ -58,11 +58,11 @@ void Engine::add_plain(std::string text, bool as_it_is) {
   if (!options_.plain) return;
   if (!as_it_is && text.empty()) return;
   Block block;
-  block.text = std::move(text);
+  block.text = text;
   block.ending = "\n";
   block.line = written_block_ != nullptr ? written_block_->line : 0;
   plain_.blocks.push_back(std::move(block));
-  plain_sources_.push_back(frames_.back().source);
+  plain_sources_.push_back(static_cast<std::uint32_t>(frames_.back().source));
 }
 
 void Engine::end_plain() {
@@ -137,7 +137,7 @@ void Engine::end_plain() {
     }
     if (named && !moves) plain_motion_ = motion_ < 0 ? -1 : motion_ / 10;
     if (block_ == written_block_ && !needs_mode && !block_->optional) {
-      add_plain(block_->text, true);
+      add_plain(std::string(block_->text), true);
       return;
     }
     join(before, remarks);
@@ -168,16 +168,28 @@ void Engine::end_plain() {
 
 /// The blocks, with the compensated moves in their places (a block has one at most).
 Program Engine::take_plain() {
-  for (Late& motion : late_) {
-    if (motion.words.empty()) continue;
-    std::string& text = plain_.blocks[motion.block].text;
-    if (motion.offset > 0)
-      motion.words.insert(0, 1, ' ');
-    else if (!text.empty())
-      motion.words += ' ';
-    text.insert(motion.offset, motion.words);
+  std::erase_if(late_, [](const Late& motion) { return motion.words.empty(); });
+  if (late_.empty()) return std::move(plain_);
+  std::stable_sort(late_.begin(), late_.end(), [](const Late& a, const Late& b) { return a.block < b.block; });
+  Program whole;
+  whole.path = plain_.path;
+  auto next = late_.begin();
+  for (std::size_t i = 0; i < plain_.blocks.size(); ++i) {
+    Block block = plain_.blocks[i];
+    std::string text(block.text);
+    for (; next != late_.end() && next->block == i; ++next) {
+      std::string& words = next->words;
+      if (next->offset > 0)
+        words.insert(0, 1, ' ');
+      else if (!text.empty())
+        words += ' ';
+      text.insert(next->offset, words);
+    }
+    block.text = text;
+    whole.blocks.push_back(block);
   }
-  return std::move(plain_);
+  plain_ = {};
+  return whole;
 }
 
 }  // namespace polypod::gcode

@@ -7,8 +7,11 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <new>
+#include <type_traits>
 
-#include "polypod/core/files.hpp"
+#include "polypod/core/file_parts.hpp"
+#include "reader.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -131,202 +134,279 @@ Construct construct_at(std::string_view text, std::size_t at) {
   return at < text.size() && text[at] == '[' && letters != 1 ? Construct::expression : Construct::none;
 }
 
-class Reader {
- public:
-  Reader(std::string_view text, const std::string& path) : text_(text) { program_.path = path; }
-
-  Result<Program> run() {
-    program_.blocks.reserve(static_cast<std::size_t>(std::ranges::count(text_, '\n')) + 1);
-    std::size_t at = 0;
-    int line = 0;
-    while (at < text_.size()) {
-      std::size_t newline = text_.find('\n', at);
-      const std::size_t next = newline == std::string_view::npos ? text_.size() : newline + 1;
-      std::size_t end = newline == std::string_view::npos ? text_.size() : newline;
-      while (end > at && text_[end - 1] == '\r') --end;
-      Block block;
-      block.text = text_.substr(at, end - at);
-      block.ending = text_.substr(end, next - end);
-      block.line = ++line;
-      block.after_end = ended_;
-      if (!ended_) POLYPOD_TRY(read_block(block));
-      program_.blocks.push_back(std::move(block));
-      at = next;
-    }
-    return std::move(program_);
-  }
-
- private:
-  [[nodiscard]] tl::unexpected<Error> error(const Block& block, std::size_t at, std::string id, std::string message,
-                                            std::string hint) const {
-    return fail(std::move(id), std::move(message), Place{program_.path, block.line, static_cast<int>(at) + 1},
-                std::move(hint));
-  }
-
-  Status read_block(Block& block) {
-    const std::string& text = block.text;
-    std::array<Word, 64> words;
-    std::size_t count = 0;
-    bool first = true;  // nothing but blanks and comments so far
-    bool checksum = false;
-    for (std::size_t i = 0; i < text.size();) {
-      const char c = text[i];
-      if (is_blank(c)) {
-        ++i;
-        continue;
-      }
-      if (c == '(' || c == ';') {
-        POLYPOD_ASSIGN(end, skip_comment(block, i));
-        i = end;
-        continue;
-      }
-      if (checksum) {
-        return error(block, i, "GC107", fmt::format("{} after a checksum; a checksum ends its block", show(c)),
-                     "remove what follows the number after '*', or the checksum");
-      }
-      if (c == '%') {
-        POLYPOD_TRY(read_percent(block, i, first));
-        first = false;
-        ++i;
-        continue;
-      }
-      if (block.percent) {
-        return error(block, i, "GC105", fmt::format("{} on a line with '%'; '%' stands alone on its line", show(c)),
-                     "move it to a line of its own");
-      }
-      if (c == '/') {
-        if (!first) {
-          return error(block, i, "GC106", "'/' within a block; block delete stands at the start of its line",
-                       "move '/' to the start of the line, or remove it");
-        }
-        block.optional = true;
-        first = false;
-        ++i;
-        continue;
-      }
-      if (c == '#' || c == '[') {
-        block.construct = c == '#' ? Construct::parameter : Construct::expression;
-        block.construct_column = static_cast<int>(i) + 1;
-        break;
-      }
-      if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
-        return error(block, i, "GC100", fmt::format("{} does not belong into a block", show(c)),
-                     c == '\r'                          ? "end lines with LF or CR LF"
-                     : text.starts_with("\xef\xbb\xbf") ? "save the file without a byte order mark"
-                                                        : "remove it, or put it into a comment");
-      }
-      first = false;
-      const char letter = upper(c);
-      std::size_t after = i + 1;
-      while (after < text.size() && is_blank(text[after])) ++after;
-      if (const Construct value = construct_at(text, after); value != Construct::none) {
-        block.construct = value;
-        block.construct_column = static_cast<int>(after) + 1;
-        break;
-      }
-      if (letter == 'O' && after < text.size() && text[after] == '<') {
-        block.construct = Construct::o_word;
-        block.construct_column = static_cast<int>(i) + 1;
-        break;
-      }
-      const Number number = read_number(text, i + 1);
-      switch (number.outcome) {
-        case Number::Outcome::good:
-          break;
-        case Number::Outcome::missing:
-          return error(block, i, "GC101", fmt::format("{} without a number", letter),
-                       "is the file complete? every letter outside comments needs a number");
-        case Number::Outcome::malformed:
-          return error(block, number.problem, "GC102", fmt::format("{} with a malformed number", letter),
-                       "write [+-] digits, with at most one point and no exponent");
-        case Number::Outcome::too_large:
-          return error(block, i, "GC102", fmt::format("{} with a number that is too large", letter),
-                       "the number does not fit a double");
-      }
-      if (letter == '*') {
-        if (number.value < 0 || number.value > 255 || number.value != std::floor(number.value)) {
-          return error(block, i, "GC107",
-                       fmt::format("checksum {}; a checksum is an integer from 0 to 255", number.value),
-                       "remove or renew the checksum");
-        }
-        checksum = true;
-      }
-      if (letter == 'N' && count > 0) {
-        return error(block, i, "GC106", "N within a block; a line number stands at the start of its line",
-                     "move N to the start of the line, or remove it");
-      }
-      if (count == words.size()) {
-        return error(block, i, "GC108", fmt::format("more than {} words in one block", words.size()),
-                     "split the block");
-      }
-      words[count++] = Word{letter, number.value, static_cast<int>(i) + 1, static_cast<int>(number.end - i)};
-      i = number.end;
-      if (letter == 'O' && starts_with_keyword(text, i)) {
-        block.construct = Construct::o_word;
-        block.construct_column = words[count - 1].column;
-        break;
-      }
-    }
-    block.words.assign(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(count));
-    if (count > 0 || block.construct != Construct::none) content_ = true;
-    if (!block.optional && block.construct == Construct::none) {
-      ended_ = ended_ || std::ranges::any_of(block.words, [](const Word& word) {
-                 return word.letter == 'M' && (word.value == 2 || word.value == 30);
-               });
-    }
-    return {};
-  }
-
-  Status read_percent(Block& block, std::size_t at, bool first) {
-    if (!first || block.percent) {
-      return error(block, at, "GC105", "'%' within a block; '%' stands alone on its line", "move it to its own line");
-    }
-    if (!opened_ && content_) {
-      return error(block, at, "GC105", "'%' in a program that did not begin with '%'",
-                   "begin the program with a '%' line, or remove this one");
-    }
-    block.percent = true;
-    if (opened_) ended_ = true;
-    opened_ = true;
-    return {};
-  }
-
-  /// The position after the comment that begins at `at`.
-  Result<std::size_t> skip_comment(const Block& block, std::size_t at) const {
-    const std::string& text = block.text;
-    // A lone CR would hide the rest of the line from a reader who sees two lines.
-    const std::size_t cr = text.find('\r', at);
-    const std::size_t close = text[at] == ';' ? text.size() : text.find(')', at);
-    if (cr != std::string::npos && (close == std::string::npos || cr < close)) {
-      return error(block, cr, "GC100", "the byte 0x0d within a line", "end lines with LF or CR LF");
-    }
-    if (text[at] == ';') return text.size();
-    const std::size_t nested = text.find('(', at + 1);
-    if (close == std::string::npos) {
-      return error(block, at, "GC103", "a comment that is not closed on its line", "add ')'");
-    }
-    if (nested != std::string::npos && nested < close) {
-      return error(block, nested, "GC103", "'(' within a comment; comments do not nest", "use other brackets inside");
-    }
-    return close + 1;
-  }
-
-  std::string_view text_;
-  Program program_;
-  bool opened_ = false;   // a `%` was seen
-  bool content_ = false;  // a block with words was seen
-  bool ended_ = false;    // closing `%`, M2 or M30
-};
-
 }  // namespace
 
+tl::unexpected<Error> LineReader::error(const Block& block, std::size_t at, std::string id, std::string message,
+                                        std::string hint) const {
+  return fail(std::move(id), std::move(message), Place{program_.path, block.line, static_cast<int>(at) + 1},
+              std::move(hint));
+}
+
+Status LineReader::add(std::string_view line, int number) {
+  std::size_t end = line.size();
+  if (line.ends_with('\n')) --end;
+  while (end > 0 && line[end - 1] == '\r') --end;
+  Block block;
+  block.text = line.substr(0, end);
+  block.ending = line.substr(end);
+  block.line = ++line_;
+  block.after_end = ended_;
+  if (!ended_) POLYPOD_TRY(read_block(block));
+  if (number > 0) block.line = number;
+  program_.blocks.push_back(block);
+  return {};
+}
+
+Status LineReader::read_block(Block& block) {
+  const std::string_view text = block.text;
+  std::array<Word, kMostWords>& words = words_;
+  std::size_t count = 0;
+  bool first = true;  // nothing but blanks and comments so far
+  bool checksum = false;
+  for (std::size_t i = 0; i < text.size();) {
+    const char c = text[i];
+    if (is_blank(c)) {
+      ++i;
+      continue;
+    }
+    if (c == '(' || c == ';') {
+      POLYPOD_ASSIGN(end, skip_comment(block, i));
+      i = end;
+      continue;
+    }
+    if (checksum) {
+      return error(block, i, "GC107", fmt::format("{} after a checksum; a checksum ends its block", show(c)),
+                   "remove what follows the number after '*', or the checksum");
+    }
+    if (c == '%') {
+      POLYPOD_TRY(read_percent(block, i, first));
+      first = false;
+      ++i;
+      continue;
+    }
+    if (block.percent) {
+      return error(block, i, "GC105", fmt::format("{} on a line with '%'; '%' stands alone on its line", show(c)),
+                   "move it to a line of its own");
+    }
+    if (c == '/') {
+      if (!first) {
+        return error(block, i, "GC106", "'/' within a block; block delete stands at the start of its line",
+                     "move '/' to the start of the line, or remove it");
+      }
+      block.optional = true;
+      first = false;
+      ++i;
+      continue;
+    }
+    if (c == '#' || c == '[') {
+      block.construct = c == '#' ? Construct::parameter : Construct::expression;
+      block.construct_column = static_cast<int>(i) + 1;
+      break;
+    }
+    if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
+      return error(block, i, "GC100", fmt::format("{} does not belong into a block", show(c)),
+                   c == '\r'                          ? "end lines with LF or CR LF"
+                   : text.starts_with("\xef\xbb\xbf") ? "save the file without a byte order mark"
+                                                      : "remove it, or put it into a comment");
+    }
+    first = false;
+    const char letter = upper(c);
+    std::size_t after = i + 1;
+    while (after < text.size() && is_blank(text[after])) ++after;
+    if (const Construct value = construct_at(text, after); value != Construct::none) {
+      block.construct = value;
+      block.construct_column = static_cast<int>(after) + 1;
+      break;
+    }
+    if (letter == 'O' && after < text.size() && text[after] == '<') {
+      block.construct = Construct::o_word;
+      block.construct_column = static_cast<int>(i) + 1;
+      break;
+    }
+    const Number number = read_number(text, i + 1);
+    switch (number.outcome) {
+      case Number::Outcome::good:
+        break;
+      case Number::Outcome::missing:
+        return error(block, i, "GC101", fmt::format("{} without a number", letter),
+                     "is the file complete? every letter outside comments needs a number");
+      case Number::Outcome::malformed:
+        return error(block, number.problem, "GC102", fmt::format("{} with a malformed number", letter),
+                     "write [+-] digits, with at most one point and no exponent");
+      case Number::Outcome::too_large:
+        return error(block, i, "GC102", fmt::format("{} with a number that is too large", letter),
+                     "the number does not fit a double");
+    }
+    if (letter == '*') {
+      if (number.value < 0 || number.value > 255 || number.value != std::floor(number.value)) {
+        return error(block, i, "GC107",
+                     fmt::format("checksum {}; a checksum is an integer from 0 to 255", number.value),
+                     "remove or renew the checksum");
+      }
+      checksum = true;
+    }
+    if (letter == 'N' && count > 0) {
+      return error(block, i, "GC106", "N within a block; a line number stands at the start of its line",
+                   "move N to the start of the line, or remove it");
+    }
+    if (count == words.size()) {
+      return error(block, i, "GC108", fmt::format("more than {} words in one block", words.size()), "split the block");
+    }
+    words[count++] = Word{letter, number.value, static_cast<int>(i) + 1, static_cast<int>(number.end - i)};
+    i = number.end;
+    if (letter == 'O' && starts_with_keyword(text, i)) {
+      block.construct = Construct::o_word;
+      block.construct_column = words[count - 1].column;
+      break;
+    }
+  }
+  block.words = {words.data(), count};
+  if (count > 0 || block.construct != Construct::none) content_ = true;
+  if (!block.optional && block.construct == Construct::none) {
+    ended_ = ended_ || std::ranges::any_of(block.words, [](const Word& word) {
+               return word.letter == 'M' && (word.value == 2 || word.value == 30);
+             });
+  }
+  return {};
+}
+
+Status LineReader::read_percent(Block& block, std::size_t at, bool first) {
+  if (!first || block.percent) {
+    return error(block, at, "GC105", "'%' within a block; '%' stands alone on its line", "move it to its own line");
+  }
+  if (!opened_ && content_) {
+    return error(block, at, "GC105", "'%' in a program that did not begin with '%'",
+                 "begin the program with a '%' line, or remove this one");
+  }
+  block.percent = true;
+  if (opened_) ended_ = true;
+  opened_ = true;
+  return {};
+}
+
+/// The position after the comment that begins at `at`.
+Result<std::size_t> LineReader::skip_comment(const Block& block, std::size_t at) const {
+  const std::string_view text = block.text;
+  // A lone CR would hide the rest of the line from a reader who sees two lines.
+  const std::size_t cr = text.find('\r', at);
+  const std::size_t close = text[at] == ';' ? text.size() : text.find(')', at);
+  if (cr != std::string_view::npos && (close == std::string_view::npos || cr < close)) {
+    return error(block, cr, "GC100", "the byte 0x0d within a line", "end lines with LF or CR LF");
+  }
+  if (text[at] == ';') return text.size();
+  const std::size_t nested = text.find('(', at + 1);
+  if (close == std::string_view::npos) {
+    return error(block, at, "GC103", "a comment that is not closed on its line", "add ')'");
+  }
+  if (nested != std::string_view::npos && nested < close) {
+    return error(block, nested, "GC103", "'(' within a comment; comments do not nest", "use other brackets inside");
+  }
+  return close + 1;
+}
+
+struct Blocks::Head {
+  std::uint32_t text = 0, ending = 0, words = 0;  // how many of them follow: words first
+  std::int32_t line = 0;
+  std::int32_t construct_column = 0;
+  bool optional = false, percent = false, after_end = false;
+  Construct construct = Construct::none;
+};
+
+Block Blocks::operator[](std::size_t i) const {
+  static_assert(sizeof(Head) == 24 && sizeof(Word) == 24 && std::is_trivially_copyable_v<Word>);
+  const char* const at = bytes_.run(at_[i]);
+  const Head& head = *std::launder(reinterpret_cast<const Head*>(at));
+  const auto* words = std::launder(reinterpret_cast<const Word*>(at + sizeof(Head)));
+  const char* const text = at + sizeof(Head) + head.words * sizeof(Word);
+  Block block;
+  block.text = {text, head.text};
+  block.ending = {text + head.text, head.ending};
+  block.line = head.line;
+  block.optional = head.optional;
+  block.percent = head.percent;
+  block.after_end = head.after_end;
+  block.construct = head.construct;
+  block.construct_column = head.construct_column;
+  block.words = {words, head.words};
+  return block;
+}
+
+void Blocks::push_back(const Block& block) {
+  Head head;
+  head.text = static_cast<std::uint32_t>(block.text.size());
+  head.ending = static_cast<std::uint32_t>(block.ending.size());
+  head.words = static_cast<std::uint32_t>(block.words.size());
+  head.line = block.line;
+  head.construct_column = block.construct_column;
+  head.optional = block.optional;
+  head.percent = block.percent;
+  head.after_end = block.after_end;
+  head.construct = block.construct;
+  at_.push_back(bytes_.size());
+  bytes_.append(reinterpret_cast<const char*>(&head), sizeof head);
+  bytes_.append(reinterpret_cast<const char*>(block.words.data()), block.words.size() * sizeof(Word));
+  bytes_.append(block.text.data(), block.text.size());
+  bytes_.append(block.ending.data(), block.ending.size());
+  constexpr std::array<char, alignof(Word)> kZeros{};
+  const std::size_t over = bytes_.size() % alignof(Word);
+  if (over != 0) bytes_.append(kZeros.data(), alignof(Word) - over);
+}
+
+void Blocks::set_line(std::size_t i, int line) {
+  std::launder(reinterpret_cast<Head*>(&bytes_[at_[i]]))->line = line;
+}
+
+void Blocks::clear() {
+  at_.clear();
+  bytes_.clear();
+}
+
 Result<Program> parse(std::string_view text, const std::string& path) {
-  return Reader(text, path).run();
+  LineReader reader(path);
+  while (!text.empty()) {
+    const std::size_t newline = text.find('\n');
+    const std::size_t next = newline == std::string_view::npos ? text.size() : newline + 1;
+    POLYPOD_TRY(reader.add(text.substr(0, next)));
+    text.remove_prefix(next);
+  }
+  return reader.take();
 }
 
 Result<Program> read(const std::string& path) {
-  POLYPOD_ASSIGN(text, files::read(path));
-  return parse(text, path);
+  LineReader reader(path);
+  std::string begun;  // a line of which the end is not read yet
+  const auto take = [&](std::string_view text) -> Status {
+    while (!text.empty()) {
+      const std::size_t newline = text.find('\n');
+      if (newline == std::string_view::npos) {
+        begun += text;
+        return {};
+      }
+      if (begun.empty()) {
+        POLYPOD_TRY(reader.add(text.substr(0, newline + 1)));
+      } else {
+        begun += text.substr(0, newline + 1);
+        POLYPOD_TRY(reader.add(begun));
+        begun.clear();
+      }
+      text.remove_prefix(newline + 1);
+    }
+    return {};
+  };
+  POLYPOD_TRY(files::read_parts(path, take));
+  if (!begun.empty()) POLYPOD_TRY(reader.add(begun));
+  return reader.take();
+}
+
+Result<Program> read_back(const Program& program, const std::string& path) {
+  LineReader reader(path);
+  std::string line;
+  for (const Block& block : program.blocks) {
+    line = block.text;
+    line += block.ending;
+    POLYPOD_TRY(reader.add(line));
+  }
+  return reader.take();
 }
 
 std::string to_text(const Program& program) {

@@ -9,6 +9,7 @@
 
 #include "engine.hpp"
 #include "polypod/core/units.hpp"
+#include "reader.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -40,10 +41,10 @@ bool needs_unrolling(const Program& program) {
   return false;
 }
 
-Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
+Result<Unrolled> unroll(Program program, const UnrollOptions& options) {
   Unrolled out;
   if (!needs_unrolling(program)) {
-    out.program = program;
+    out.program = std::move(program);
     return out;
   }
   EngineOptions engine;
@@ -65,10 +66,11 @@ Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
   Engine run(program, engine);
   POLYPOD_TRY(run.run());
   const Program plain = run.take_plain();
+  LineReader reader(program.path);
   std::string text;
   for (std::size_t i = 0; i < plain.blocks.size(); ++i) {
     const Block& block = plain.blocks[i];
-    text += block.text;
+    text = block.text;
     if (options.source_lines && !block.text.empty() && !block.percent && block.text != "%") {
       std::string file = std::filesystem::path(run.file_of(i)).filename().string();
       for (char& c : file) {
@@ -79,10 +81,9 @@ Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
       if (!remark && !full) text += fmt::format(" ({}line {})", file.empty() ? "" : file + " ", block.line);
     }
     text += block.ending;
+    POLYPOD_TRY(reader.add(text, block.line));
   }
-  POLYPOD_ASSIGN(parsed, parse(text, program.path));
-  for (std::size_t i = 0; i < parsed.blocks.size(); ++i) parsed.blocks[i].line = plain.blocks[i].line;
-  out.program = std::move(parsed);
+  out.program = reader.take();
   out.unrolled = true;
   out.notes = run.take_notes();
   out.notes.emplace_back(
@@ -97,7 +98,7 @@ Result<Unrolled> unroll(const Program& program, const UnrollOptions& options) {
 
 Result<Understood> understand(const std::string& path, const UnrollOptions& options) {
   POLYPOD_ASSIGN(source, read(path));
-  POLYPOD_ASSIGN(unrolled, unroll(source, options));
+  POLYPOD_ASSIGN(unrolled, unroll(std::move(source), options));
   POLYPOD_ASSIGN(run, interpret(unrolled.program, options.interpret));
   run.notes.insert(run.notes.begin(), unrolled.notes.begin(), unrolled.notes.end());
   return Understood{std::move(unrolled.program), std::move(run), unrolled.unrolled};

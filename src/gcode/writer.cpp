@@ -8,11 +8,14 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
+#include <limits>
 #include <numbers>
 #include <string_view>
 
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "reader.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -160,16 +163,18 @@ class Edit {
 
 class Rewriter {
  public:
-  Rewriter(const Program& program, const Interpretation& interpretation, std::span<const Replacement> replacements,
-           const RewriteOptions& options)
+  Rewriter(const Program& program, const Interpretation& interpretation,
+           const std::function<bool(Replacement&)>& replacements, const RewriteOptions& options)
       : program_(program),
         interpretation_(interpretation),
         replacements_(replacements),
         options_(options),
-        decimals_(decimals_of(program, options)) {}
+        decimals_(decimals_of(program, options)),
+        reader_(program.path) {}
 
   Result<Rewritten> run() {
     POLYPOD_TRY(check());
+    POLYPOD_TRY(next_replacement());
     for (const Block& block : program_.blocks) {
       if (block.ending.ends_with('\n')) {
         ending_ = block.ending;
@@ -180,54 +185,58 @@ class Rewriter {
     double following = -1;
     for (std::size_t i = program_.blocks.size(); i-- > 0;) {
       next_number_[i] = following;
-      if (const Word* number = find(program_.blocks[i], 'N'); number != nullptr) following = number->value;
+      const Block block = program_.blocks[i];
+      if (const Word* number = find(block, 'N'); number != nullptr) following = number->value;
     }
     std::size_t move = 0;
-    std::size_t next = 0;
     for (std::size_t i = 0; i < program_.blocks.size(); ++i) {
       const Block& block = program_.blocks[i];
       index_ = static_cast<int>(i);
       const bool moves = move < interpretation_.moves.size() && interpretation_.moves[move].block == index_;
       if (!moves) {
-        emit(block, block.text);
+        POLYPOD_TRY(emit(block, block.text));
         if (interpretation_.states[i].executed && changes_motion(block))
           written_motion_ = interpretation_.states[i].motion;
         continue;
       }
-      if (next < replacements_.size() && replacements_[next].move == static_cast<int>(move)) {
-        replace(block, interpretation_.moves[move], replacements_[next].points);
-        ++next;
+      if (replacement_.move == static_cast<int>(move)) {
+        POLYPOD_TRY(replace(block, interpretation_.moves[move], replacement_.points));
+        POLYPOD_TRY(next_replacement());
       } else {
         POLYPOD_TRY(keep(block, interpretation_.moves[move]));
       }
       ++move;
     }
-    POLYPOD_ASSIGN(program, parse(text_, program_.path));
-    out_.program = std::move(program);
+    out_.program = reader_.take();
     return std::move(out_);
   }
 
  private:
+  [[nodiscard]] tl::unexpected<Error> bad(std::string message) const {
+    return fail("GC140", std::move(message), Place{program_.path, 0, 0}, "give replacements in the order of the moves");
+  }
   Status check() const {
-    const auto bad = [&](std::string message) {
-      return fail("GC140", std::move(message), Place{program_.path, 0, 0},
-                  "give replacements in the order of the moves");
-    };
-    if (interpretation_.states.size() != program_.blocks.size()) {
-      return bad("the interpretation is not that of this program");
+    if (interpretation_.states.size() == program_.blocks.size()) return {};
+    return bad("the interpretation is not that of this program");
+  }
+  /// Into `replacement_`; after the last one its move is none.
+  Status next_replacement() {
+    const int last = replacement_.move;
+    if (!replacements_(replacement_)) {
+      replacement_.move = kNoMove;
+      return {};
     }
-    int last = -1;
-    for (const Replacement& replacement : replacements_) {
-      if (replacement.move <= last || replacement.move >= static_cast<int>(interpretation_.moves.size())) {
-        return bad(fmt::format("a replacement of move {} after that of move {}; there are {} moves", replacement.move,
-                               last, interpretation_.moves.size()));
-      }
-      last = replacement.move;
-      if (replacement.points.empty()) return bad(fmt::format("no point in the replacement of move {}", last));
-      for (const PathPoint& point : replacement.points) {
-        if (!point.p.allFinite() || !point.axes.allFinite() || point.p.cwiseAbs().maxCoeff() > 1e4) {
-          return bad(fmt::format("a point of the replacement of move {} is not finite, or beyond 10 km", last));
-        }
+    if (replacement_.move <= last || replacement_.move >= static_cast<int>(interpretation_.moves.size())) {
+      return bad(fmt::format("a replacement of move {} after that of move {}; there are {} moves", replacement_.move,
+                             last, interpretation_.moves.size()));
+    }
+    if (replacement_.points.empty()) {
+      return bad(fmt::format("no point in the replacement of move {}", replacement_.move));
+    }
+    for (const PathPoint& point : replacement_.points) {
+      if (!point.p.allFinite() || !point.axes.allFinite() || point.p.cwiseAbs().maxCoeff() > 1e4) {
+        return bad(
+            fmt::format("a point of the replacement of move {} is not finite, or beyond 10 km", replacement_.move));
       }
     }
     return {};
@@ -238,11 +247,16 @@ class Rewriter {
                                [](const Word& w) { return is_motion_word(w) || (w.letter == 'G' && w.value == 80); });
   }
 
-  void emit(const Block& block, std::string_view line) {
-    text_ += line;
-    text_ += block.ending;
+  /// A line of the new program.
+  Status put(std::string_view line, std::string_view ending) {
+    line_ = line;
+    line_ += ending;
     out_.source.push_back(index_);
+    return reader_.add(line_);
+  }
+  Status emit(const Block& block, std::string_view line) {
     if (line != block.text) ++out_.blocks_changed;
+    return put(line, block.ending);
   }
 
   [[nodiscard]] int decimals(const Move& move) const { return move.inches ? decimals_.inch : decimals_.mm; }
@@ -306,12 +320,11 @@ class Rewriter {
       changed = true;
     }
     written_motion_ = motion;
-    emit(block, changed ? edit.line() : block.text);
-    return {};
+    return changed ? emit(block, edit.line()) : emit(block, block.text);
   }
 
   /// A block with a new path.
-  void replace(const Block& block, const Move& move, const std::vector<PathPoint>& points) {
+  Status replace(const Block& block, const Move& move, const std::vector<PathPoint>& points) {
     const Style style(block);
     const int arc_motion = move.clockwise ? 2 : 3;
     const bool turns = std::ranges::any_of(block.words, [](const Word& w) { return is_rotary(w.letter); });
@@ -409,16 +422,11 @@ class Rewriter {
     } else {  // a full circle by its centre alone
       edit.after(*motion_word, words);
     }
-    const std::string& last_ending = block.ending;
+    const std::string_view last_ending = block.ending;
     const bool several = pieces.size() > 1;
-    const std::string between = last_ending.ends_with('\n') ? last_ending : ending_;
-    const auto put = [&](const std::string& line, bool last) {
-      text_ += line;
-      text_ += last ? last_ending : between;
-      out_.source.push_back(index_);
-    };
+    const std::string_view between(last_ending.ends_with('\n') ? last_ending : std::string_view(ending_));
     const std::string first_line = edit.line();
-    put(first_line, !several);
+    POLYPOD_TRY(put(first_line, several ? between : last_ending));
     if (several || first_line != block.text) ++out_.blocks_changed;
 
     // The others.
@@ -441,10 +449,11 @@ class Rewriter {
       if (inverse) style.add(line, feed_word(pieces[i]));
       if (last && !at_end.empty()) style.add(line, at_end);
       if (checksum != nullptr) line += fmt::format("*{}", checksum_of(line));
-      put(line, last);
+      POLYPOD_TRY(put(line, last ? last_ending : between));
       ++out_.blocks_added;
     }
     written_motion_ = pieces.back().motion;
+    return {};
   }
 
   static std::array<int, 2> axes_in_plane(Plane plane) {
@@ -494,13 +503,16 @@ class Rewriter {
 
   const Program& program_;
   const Interpretation& interpretation_;
-  std::span<const Replacement> replacements_;
+  const std::function<bool(Replacement&)>& replacements_;
+  static constexpr int kNoMove = std::numeric_limits<int>::max();
+  Replacement replacement_{-1, {}};  // the next one
   const RewriteOptions& options_;
   Decimals decimals_;
   Rewritten out_;
-  std::string text_;
+  LineReader reader_;
+  std::string line_;
   std::string ending_ = "\n";
-  std::vector<double> next_number_;  // the number of the next numbered block after each block; -1 for none
+  LongVector<double> next_number_;  // the number of the next numbered block after each block; -1 for none
   int index_ = 0;
   Vec3 written_ = Vec3::Zero();       // where the written program stands, p_W, m
   Vec3 written_axes_ = Vec3::Zero();  // its A, B, C, rad
@@ -540,28 +552,35 @@ Decimals decimals_of(const Program& program, const RewriteOptions& options) {
 
 Result<Rewritten> rewrite(const Program& program, const Interpretation& interpretation,
                           std::span<const Replacement> replacements, const RewriteOptions& options) {
+  std::size_t next = 0;
+  const std::function<bool(Replacement&)> one = [&](Replacement& out) {
+    if (next == replacements.size()) return false;
+    out = replacements[next++];
+    return true;
+  };
+  return Rewriter(program, interpretation, one, options).run();
+}
+
+Result<Rewritten> rewrite_each(const Program& program, const Interpretation& interpretation,
+                               const std::function<bool(Replacement&)>& replacements, const RewriteOptions& options) {
   return Rewriter(program, interpretation, replacements, options).run();
 }
 
-Block ensure_motion_word(const Block& block, int motion) {
-  if (std::ranges::any_of(block.words, is_motion_word)) return block;
+std::string ensure_motion_word(const Block& block, int motion) {
+  if (std::ranges::any_of(block.words, is_motion_word)) return std::string(block.text);
   const Word* anchor = anchor_of(block);
-  if (anchor == nullptr) return block;
+  if (anchor == nullptr) return std::string(block.text);
   Edit edit(block);
   edit.before(*anchor, fmt::format("{}{}", Style(block).letter('G'), motion));
-  auto changed = parse(edit.line() + block.ending, "");
-  if (!changed || changed->blocks.empty()) return block;
-  Block result = std::move(changed->blocks.front());
-  result.line = block.line;
-  return result;
+  return edit.line();
 }
 
-Block with_path_control(const Block& block, const std::string& words) {
+std::string with_path_control(const Block& block, const std::string& words) {
   const auto is_control = [](const Word& w) {
     return w.letter == 'G' && (w.value == 61 || w.value == 61.1 || w.value == 64);
   };
   const auto control = std::ranges::find_if(block.words, is_control);
-  if (control == block.words.end()) return block;
+  if (control == block.words.end()) return std::string(block.text);
   const bool lower = Style(block).lower;
   std::string text = words;
   if (lower)
@@ -574,11 +593,7 @@ Block with_path_control(const Block& block, const std::string& words) {
       if (word.letter == 'P' || word.letter == 'Q') edit.drop(word);
     }
   }
-  auto changed = parse(edit.line() + block.ending, "");
-  if (!changed || changed->blocks.empty()) return block;
-  Block result = std::move(changed->blocks.front());
-  result.line = block.line;
-  return result;
+  return edit.line();
 }
 
 namespace {
@@ -621,23 +636,29 @@ Program with_header(const Program& program, std::span<const std::string> lines, 
       break;
     }
   }
-  result.blocks.assign(program.blocks.begin(), program.blocks.begin() + static_cast<std::ptrdiff_t>(at));
-  if (at > 0 && !result.blocks.back().ending.ends_with('\n')) result.blocks.back().ending = ending;
+  const auto put = [&](Block block) {
+    block.line = static_cast<int>(result.blocks.size()) + 1;
+    result.blocks.push_back(block);
+  };
+  for (std::size_t i = 0; i < at; ++i) {
+    Block block = program.blocks[i];
+    if (i + 1 == at && !block.ending.ends_with('\n')) block.ending = ending;
+    put(block);
+  }
   for (const std::string& line : lines) {
     const std::string text = comment_text(line, semicolon);
+    const std::string remark = semicolon ? "; " + text : "(" + text + ")";
     Block comment;
-    comment.text = semicolon ? "; " + text : "(" + text + ")";
+    comment.text = remark;
     comment.ending = ending;
-    result.blocks.push_back(std::move(comment));
+    put(comment);
   }
   if (!code.empty()) {
     if (auto parsed_block = parse(code + ending, ""); parsed_block && !parsed_block->blocks.empty()) {
-      result.blocks.push_back(std::move(parsed_block->blocks.front()));
+      put(parsed_block->blocks.front());
     }
   }
-  result.blocks.insert(result.blocks.end(), program.blocks.begin() + static_cast<std::ptrdiff_t>(at),
-                       program.blocks.end());
-  for (std::size_t i = 0; i < result.blocks.size(); ++i) result.blocks[i].line = static_cast<int>(i) + 1;
+  for (std::size_t i = at; i < program.blocks.size(); ++i) put(program.blocks[i]);
   return result;
 }
 

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <future>
 #include <optional>
 #include <set>
 #include <system_error>
 #include <thread>
+#include <unordered_map>
 
 #include "fit.hpp"
 #include "modes.hpp"
@@ -176,17 +178,21 @@ class Corrector {
       prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
       prediction.commanded_ends[c].end |= fine.commanded_ends[c].end;
     }
+    const std::size_t known = prediction.moves.size();
+    std::size_t at = 0;  // both lists rise with the moves of the program
     for (const MovePrediction& m : fine.moves) {
-      const auto same = [&](const MovePrediction& o) { return o.move == m.move; };
-      const auto at = std::find_if(prediction.moves.begin(), prediction.moves.end(), same);
-      if (at == prediction.moves.end()) {
-        prediction.moves.push_back(m);
+      while (at < known && prediction.moves[at].move < m.move) ++at;
+      if (at < known && prediction.moves[at].move == m.move) {
+        MovePrediction& same = prediction.moves[at];
+        same.largest_distance = std::max(same.largest_distance, m.largest_distance);
       } else {
-        at->largest_distance = std::max(at->largest_distance, m.largest_distance);
+        prediction.moves.push_back(m);
       }
     }
-    std::sort(prediction.moves.begin(), prediction.moves.end(),
-              [](const auto& a, const auto& b) { return a.move < b.move; });
+    if (prediction.moves.size() > known) {
+      std::sort(prediction.moves.begin(), prediction.moves.end(),
+                [](const auto& a, const auto& b) { return a.move < b.move; });
+    }
     prediction.largest_distance = std::max(prediction.largest_distance, fine.largest_distance);
     prediction.not_judged.insert(prediction.not_judged.end(), fine.not_judged.begin(), fine.not_judged.end());
     return {};
@@ -199,17 +205,15 @@ class Corrector {
   Status find_deflections(cutting::Stock& scratch, const std::function<bool(double)>& report) {
     const Job& job = fit_finely_ ? fine_job() : job_;
     const Way way = as_programmed();
-    deflections_.assign(moves_.size(), Deflections{});
+    deflections_.clear(moves_.size());
     scratch = job.stock;
     PassOptions pass;
     pass.bend = options_.method == CorrectMethod::mirror ? Bend::at_rest : Bend::corrected;
     pass.step = sample_step_;
     pass.progress = report;
     const auto visit = [&](const Sample& sample) {
-      Deflections& d = deflections_[static_cast<std::size_t>(sample.move)];
-      d.s.push_back(sample.s);
-      d.delta.push_back(to_correct(moves_[static_cast<std::size_t>(sample.move)], sample.deflection));
-      d.cuts = d.cuts || sample.cutting;
+      const auto i = static_cast<std::size_t>(sample.move);
+      deflections_.add(i, sample.s, to_correct(moves_[i], sample.deflection), sample.cutting);
     };
     POLYPOD_ASSIGN(result, run_pass(job, program_, way.commanded(), scratch, pass, visit));
     return no_rapid_cuts(job_, program_, result);
@@ -217,14 +221,14 @@ class Corrector {
 
   /// Whether moves i and i + 1 both cut and meet: nothing lies between them.
   [[nodiscard]] bool meet(std::size_t i) const {
-    return i + 1 < moves_.size() && deflections_[i].cuts && deflections_[i + 1].cuts;
+    return i + 1 < moves_.size() && deflections_.cuts(i) && deflections_.cuts(i + 1);
   }
 
   void choose_moves() {
     rewritten_.assign(moves_.size(), false);
     frozen_.assign(moves_.size(), false);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (!deflections_[i].cuts) continue;
+      if (!deflections_.cuts(i)) continue;
       rewritten_[i] = options_.method == CorrectMethod::mirror || before_[i] > inside();
     }
     spread_choice();
@@ -244,10 +248,10 @@ class Corrector {
   /// corner may jump: a step back to the programmed path would leave a mark.
   void spread_choice() {
     for (std::size_t i = 0; i + 1 < moves_.size(); ++i) {
-      if (meet(i) && rewritten_[i] && deflections_[i + 1].delta.front().norm() > jump(i)) take(i + 1);
+      if (meet(i) && rewritten_[i] && deflections_.at_start(i + 1).norm() > jump(i)) take(i + 1);
     }
     for (std::size_t i = moves_.size(); i-- > 1;) {
-      if (meet(i - 1) && rewritten_[i] && deflections_[i - 1].delta.back().norm() > jump(i)) take(i - 1);
+      if (meet(i - 1) && rewritten_[i] && deflections_.at_end(i - 1).norm() > jump(i)) take(i - 1);
     }
   }
   void take(std::size_t i) { rewritten_[i] = rewritten_[i] || !frozen_[i]; }
@@ -263,113 +267,134 @@ class Corrector {
                     std::min(job_.controller.shortest_block(moves_[of].feed), sides * kASide * job_.tolerance));
   }
 
-  [[nodiscard]] Plan pieces_of(std::size_t i, const Vec3& first, const Vec3& last) const {
-    if (options_.method == CorrectMethod::mirror) {
-      return equal_pieces(moves_[i], deflections_[i], last, options_.mirror_points);
-    }
+  [[nodiscard]] Plan pieces_of(std::size_t i, const Deflections& d, const Vec3& first, const Vec3& last) const {
+    if (options_.method == CorrectMethod::mirror) return equal_pieces(moves_[i], d, last, options_.mirror_points);
     const double chord = options_.chord > 0 ? options_.chord : 0.1 * job_.tolerance;
-    return fit_pieces(moves_[i], deflections_[i], first, last,
-                      {fit_[i], chord, job_.controller.shortest_block(moves_[i].feed)});
+    return fit_pieces(moves_[i], d, first, last, {fit_[i], chord, job_.controller.shortest_block(moves_[i].feed)});
   }
 
-  [[nodiscard]] std::vector<Plan> plan_all() const {
-    std::vector<Plan> plans(moves_.size());
-    Vec3 stands = Vec3::Zero();  // where the command is when a move begins
-    for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (!rewritten_[i]) {
-        stands = moves_[i].end;
-        continue;
-      }
-      const gcode::Move& move = moves_[i];
-      const Deflections& d = deflections_[i];
-      Plan& plan = plans[i];
-      const double before = shared(i, i, 1);
-      const Vec3 ideal = move.start - d.delta.front();
-      Vec3 first = d.delta.front().norm() > before ? ideal : move.start;
-      if ((first - stands).norm() <= before || (merges(i) && (ideal - stands).norm() <= before)) {
-        first = stands;  // a corner that both moves share, or none
-      } else {
-        plan.push_back({first, true, {}});
-      }
-      Vec3 last = move.end;
-      bool release = false;
-      const bool next_too = meet(i) && rewritten_[i + 1];
-      if (next_too && (d.delta.back() - deflections_[i + 1].delta.front()).norm() <= shared(i + 1, i, 2)) {
-        last = move.end - 0.5 * (d.delta.back() + deflections_[i + 1].delta.front());
-      } else if (d.delta.back().norm() > shared(i + 1, i, 1)) {
-        last = move.end - d.delta.back();
-        release = !next_too;  // let the load go on the spot before the tool leaves
-      }
-      stands = release ? move.end : last;
-      for (Piece& piece : pieces_of(i, first, last)) plan.push_back(std::move(piece));
-      if (release) plan.push_back({move.end, true, {}});
+  /// Plans move after move: where the command is when one begins follows from those before it.
+  class Planner {
+   public:
+    explicit Planner(const Corrector& corrector) : corrector_(corrector) {}
+    /// The blocks of the next move, none where it is not rewritten; until the next call.
+    const Plan& next() {
+      corrector_.plan(i_++, stands_, deflections_, plan_);
+      return plan_;
     }
-    return plans;
+
+   private:
+    const Corrector& corrector_;
+    std::size_t i_ = 0;
+    Vec3 stands_ = Vec3::Zero();
+    Deflections deflections_;
+    Plan plan_;
+  };
+
+  /// The plan of a move; `stands`: where the command is when it begins, and then when the next one does.
+  void plan(std::size_t i, Vec3& stands, Deflections& d, Plan& plan) const {
+    plan.clear();
+    if (!rewritten_[i]) {
+      stands = moves_[i].end;
+      return;
+    }
+    const gcode::Move& move = moves_[i];
+    deflections_.get(i, d);
+    const double before = shared(i, i, 1);
+    const Vec3 ideal = move.start - d.delta.front();
+    Vec3 first = d.delta.front().norm() > before ? ideal : move.start;
+    if ((first - stands).norm() <= before || (merges(i) && (ideal - stands).norm() <= before)) {
+      first = stands;  // a corner that both moves share, or none
+    } else {
+      plan.push_back({first, true, {}});
+    }
+    Vec3 last = move.end;
+    bool release = false;
+    const bool next_too = meet(i) && rewritten_[i + 1];
+    if (next_too && (d.delta.back() - deflections_.at_start(i + 1)).norm() <= shared(i + 1, i, 2)) {
+      last = move.end - 0.5 * (d.delta.back() + deflections_.at_start(i + 1));
+    } else if (d.delta.back().norm() > shared(i + 1, i, 1)) {
+      last = move.end - d.delta.back();
+      release = !next_too;  // let the load go on the spot before the tool leaves
+    }
+    stands = release ? move.end : last;
+    for (Piece& piece : pieces_of(i, d, first, last)) plan.push_back(std::move(piece));
+    if (release) plan.push_back({move.end, true, {}});
   }
 
   /// Writes the text, reads it back, and judges what was read.
   Status write_and_check() {
-    POLYPOD_TRY(write(plan_all()));
+    POLYPOD_TRY(write());
     return check();
   }
 
-  Status write(const std::vector<Plan>& plans) {
+  Status write() {
     gcode::RewriteOptions options;
     options.interpret = job_.interpret_options();
     const gcode::Decimals decimals = gcode::decimals_of(program_, options);
-    std::vector<gcode::Replacement> replacements;
     // A point that rounds onto the one before it gets no block: drop it here, so that blocks and points stay in step.
-    transitions_.assign(moves_.size(), {});
+    transitions_.clear();
+    first_transition_.clear();
     changed_ = rewritten_;
     Vec3 stands = Vec3::Zero();
-    for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (!rewritten_[i]) {
-        stands = moves_[i].end;
-        continue;
+    Planner planner(*this);
+    std::size_t i = 0;
+    const auto next = [&](gcode::Replacement& r) {
+      for (; i < moves_.size(); ++i) {
+        first_transition_.push_back(transitions_.size());
+        if (replace(i, planner.next(), decimals, stands, r)) {
+          ++i;
+          return true;
+        }
       }
-      gcode::Replacement r;
-      r.move = static_cast<int>(i);
-      const double grain = moves_[i].inches ? units::from_inch(std::pow(10.0, -decimals.inch))
-                                            : units::from_mm(std::pow(10.0, -decimals.mm));
-      const auto rounded = [&](const Vec3& p) { return Vec3((p / grain).array().round() * grain); };
-      const auto same = [&](const Vec3& a, const Vec3& b) {
-        return (rounded(a) - rounded(b)).cwiseAbs().maxCoeff() < 0.5 * grain;
-      };
-      if (plans[i].size() == 1 && moves_[i].kind == gcode::MoveKind::line && same(stands, moves_[i].start) &&
-          same(plans[i].front().end, moves_[i].end)) {
-        changed_[i] = false;  // to the written digits it is the programmed move, whose text stays
-        stands = moves_[i].end;
-        continue;
-      }
-      for (std::size_t j = 0; j < plans[i].size(); ++j) {
-        const Piece& piece = plans[i][j];
-        const bool needed = j + 1 == plans[i].size() && r.points.empty();
-        if (same(piece.end, stands) && !needed) continue;
-        r.points.push_back({piece.end, moves_[i].axes_end, piece.centre});
-        transitions_[i].push_back(piece.transition);
-        stands = piece.end;
-      }
-      replacements.push_back(std::move(r));
-    }
-    POLYPOD_ASSIGN(rewritten, gcode::rewrite(program_, interpretation_, replacements, options));
+      return false;
+    };
+    POLYPOD_ASSIGN(rewritten, gcode::rewrite_each(program_, interpretation_, next, options));
+    first_transition_.push_back(transitions_.size());
     rewritten_text_ = std::move(rewritten);
     return finish_text();
   }
 
+  /// The points of the blocks that stand for a move; false where it keeps its text. `stands`: where the written program
+  /// stands.
+  bool replace(std::size_t i, const Plan& plan, const gcode::Decimals& decimals, Vec3& stands, gcode::Replacement& r) {
+    if (!rewritten_[i]) {
+      stands = moves_[i].end;
+      return false;
+    }
+    r.points.clear();
+    r.move = static_cast<int>(i);
+    const double grain = moves_[i].inches ? units::from_inch(std::pow(10.0, -decimals.inch))
+                                          : units::from_mm(std::pow(10.0, -decimals.mm));
+    const auto rounded = [&](const Vec3& p) { return Vec3((p / grain).array().round() * grain); };
+    const auto same = [&](const Vec3& a, const Vec3& b) {
+      return (rounded(a) - rounded(b)).cwiseAbs().maxCoeff() < 0.5 * grain;
+    };
+    if (plan.size() == 1 && moves_[i].kind == gcode::MoveKind::line && same(stands, moves_[i].start) &&
+        same(plan.front().end, moves_[i].end)) {
+      changed_[i] = false;  // to the written digits it is the programmed move, whose text stays
+      stands = moves_[i].end;
+      return false;
+    }
+    for (std::size_t j = 0; j < plan.size(); ++j) {
+      const Piece& piece = plan[j];
+      const bool needed = j + 1 == plan.size() && r.points.empty();
+      if (same(piece.end, stands) && !needed) continue;
+      r.points.push_back({piece.end, moves_[i].axes_end, piece.centre});
+      transitions_.push_back(piece.transition);
+      stands = piece.end;
+    }
+    return true;
+  }
+
   /// Header and path control modes, and reading back: from here on only what was written counts.
   Status finish_text() {
-    gcode::Program program = rewritten_text_.program;
-    for (std::size_t b = 0; b < program.blocks.size(); ++b) {
-      const int source = rewritten_text_.source[b];
-      if (std::find(mode_blocks_.begin(), mode_blocks_.end(), source) == mode_blocks_.end()) continue;
-      const bool inches = interpretation_.states[static_cast<std::size_t>(source)].inches;
-      program.blocks[b] = gcode::with_path_control(program.blocks[b], path_mode_words(*mode_, inches));
-    }
+    const gcode::Program changed = mode_blocks_.empty() ? gcode::Program{} : with_modes();
+    const gcode::Program& program = mode_blocks_.empty() ? rewritten_text_.program : changed;
     const std::vector<std::string> header = header_lines();
     const std::string code = mode_ ? "G21 " + path_mode_words(*mode_) : "";
     const gcode::Program whole = gcode::with_header(program, header, code);
-    out_.text = gcode::to_text(whole);
-    POLYPOD_ASSIGN(back, gcode::parse(out_.text, program_.path + " (corrected)"));
+    POLYPOD_ASSIGN(back, gcode::read_back(whole, program_.path + " (corrected)"));
     out_.program = std::move(back);
     out_.lines_out = out_.program.blocks.size();
     header_at_ = 0;
@@ -379,16 +404,36 @@ class Corrector {
     }
     header_size_ = whole.blocks.size() - program.blocks.size();
     named_.path = program_.path;
-    named_.blocks.assign(out_.program.blocks.size(), {});
-    for (std::size_t b = 0; b < named_.blocks.size(); ++b) {
+    named_.blocks.clear();
+    for (std::size_t b = 0; b < out_.program.blocks.size(); ++b) {
       const bool header_block = b >= header_at_ && b < header_at_ + header_size_;
       const int source = header_block ? 0 : source_block(static_cast<int>(b));
-      named_.blocks[b].line = source < 0 ? 0 : program_.blocks[static_cast<std::size_t>(source)].line;
+      gcode::Block named;
+      named.line = source < 0 ? 0 : program_.blocks[static_cast<std::size_t>(source)].line;
+      named_.blocks.push_back(named);
     }
     POLYPOD_ASSIGN(run, gcode::interpret(out_.program, job_.interpret_options()));
     way_ = Way{&program_, &moves_, {}, {}};
     transition_blocks_.assign(out_.program.blocks.size(), false);
     return match(run);
+  }
+
+  /// What was written, with the path control modes that replace those of the program; their words are not read.
+  [[nodiscard]] gcode::Program with_modes() const {
+    gcode::Program changed;
+    changed.path = rewritten_text_.program.path;
+    for (std::size_t b = 0; b < rewritten_text_.program.blocks.size(); ++b) {
+      gcode::Block block = rewritten_text_.program.blocks[b];
+      const int source = rewritten_text_.source[b];
+      std::string text;
+      if (std::find(mode_blocks_.begin(), mode_blocks_.end(), source) != mode_blocks_.end()) {
+        const bool inches = interpretation_.states[static_cast<std::size_t>(source)].inches;
+        text = gcode::with_path_control(block, path_mode_words(*mode_, inches));
+        block.text = text;
+      }
+      changed.blocks.push_back(block);
+    }
+    return changed;
   }
 
   [[nodiscard]] std::vector<std::string> header_lines() const {
@@ -428,8 +473,8 @@ class Corrector {
   Status match(const gcode::Interpretation& run) {
     way_.moves.clear();
     way_.source.clear();
-    const std::vector<int> move_of_block = moves_by_block(moves_);
-    std::vector<std::size_t> next_point(moves_.size(), 0);
+    const LongVector<int> move_of_block = moves_by_block(moves_);
+    LongVector<std::uint32_t> next_point(moves_.size(), 0);
     out_.pieces = out_.transitions = 0;
     for (const gcode::Move& move : run.moves) {
       const int source = move_of_block[static_cast<std::size_t>(source_block(move.block))];
@@ -437,8 +482,9 @@ class Corrector {
       bool transition = false;
       const auto i = static_cast<std::size_t>(source);
       if (changed_[i]) {
-        if (next_point[i] >= transitions_[i].size()) return mismatch(move);
-        transition = transitions_[i][next_point[i]++];
+        const std::size_t point = first_transition_[i] + next_point[i]++;
+        if (point >= first_transition_[i + 1]) return mismatch(move);
+        transition = transitions_[point];
         transition_blocks_[static_cast<std::size_t>(move.block)] = transition;
         ++(transition ? out_.transitions : out_.pieces);
       }
@@ -447,15 +493,15 @@ class Corrector {
     return {};
   }
 
-  [[nodiscard]] std::vector<int> moves_by_block(const std::vector<gcode::Move>& moves) const {
-    std::vector<int> out(program_.blocks.size(), -1);
+  [[nodiscard]] LongVector<int> moves_by_block(const LongVector<gcode::Move>& moves) const {
+    LongVector<int> out(program_.blocks.size(), -1);
     for (std::size_t i = 0; i < moves.size(); ++i) out[static_cast<std::size_t>(moves[i].block)] = static_cast<int>(i);
     return out;
   }
 
   /// Adds a commanded move; what starts at a height that the program has not said starts where the original does.
   void add(Way& way, const gcode::Move& commanded, std::size_t source, bool transition,
-           const std::vector<gcode::Move>& programmed, bool rewritten) const {
+           const LongVector<gcode::Move>& programmed, bool rewritten) const {
     PassMove move{commanded, transition, rewritten && !transition ? &programmed[source] : nullptr};
     if (!commanded.start_known && programmed[source].start_known) {
       move.move.start = programmed[source].start;
@@ -472,7 +518,29 @@ class Corrector {
                 "please report this program");
   }
 
+  /// Whether what was written commands what the program did: then it does what was predicted of that.
+  [[nodiscard]] bool commands_the_same() const {
+    if (way_.moves.size() != moves_.size() || !feed_scale_.empty()) return false;
+    const auto same = [](const gcode::Move& a, const gcode::Move& b) {
+      return a.kind == b.kind && a.plane == b.plane && a.clockwise == b.clockwise && a.start == b.start &&
+             a.end == b.end && a.centre == b.centre && a.sweep == b.sweep && a.axes_start == b.axes_start &&
+             a.axes_end == b.axes_end && a.feed == b.feed && a.spindle_speed == b.spindle_speed &&
+             a.spindle == b.spindle && a.tool == b.tool && a.start_known == b.start_known &&
+             a.known_start == b.known_start && a.known_end == b.known_end;
+    };
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      if (changed_[i] || way_.source[i] != static_cast<int>(i) || !same(way_.moves[i].move, moves_[i])) return false;
+    }
+    return true;
+  }
+
   Status check() {
+    if (!verifies() && commands_the_same()) {
+      rapids_ = no_rapid_cuts(job_, program_, out_.before.pass);
+      after_notes_ = pass_notes(job_, program_, out_.before.pass);
+      take_after(out_.before);
+      return {};
+    }
     PredictOptions options;
     options.step = check_step();
     options.keep_samples = options_.keep_samples;
@@ -485,11 +553,15 @@ class Corrector {
       POLYPOD_TRY(look_finely(named_, way_, after));
       fit_finely_ = fit_finely_ || after.largest_distance > inside();
     }
+    take_after(std::move(after));
+    return {};
+  }
+
+  void take_after(Prediction after) {
     out_.after = std::move(after);
     out_.largest_distance = out_.after.largest_distance;
     after_.assign(moves_.size(), 0);
     for (const MovePrediction& m : out_.after.moves) after_[static_cast<std::size_t>(m.move)] = m.largest_distance;
-    return {};
   }
 
   [[nodiscard]] bool outside(std::size_t i) const { return after_[i] > inside(); }
@@ -506,7 +578,7 @@ class Corrector {
   /// The choice of a round and how good it is: moves outside, then the largest distance.
   struct Choice {
     std::vector<bool> rewritten;
-    std::vector<double> fit;
+    LongVector<double> fit;
     double sample_step = 0;
     bool fit_finely = false;
     std::size_t bad = 0;
@@ -550,7 +622,7 @@ class Corrector {
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (!outside(i)) continue;
       if (!rewritten_[i]) {
-        if (frozen_[i] || !deflections_[i].cuts) continue;
+        if (frozen_[i] || !deflections_.cuts(i)) continue;
         rewritten_[i] = true;
         changed = true;
       } else if (fit_[i] > kNarrowest * job_.tolerance && (last_.empty() || after_[i] < kHelps * last_[i])) {
@@ -569,7 +641,7 @@ class Corrector {
   bool take_neighbours(std::size_t i) {
     bool changed = false;
     for (const std::size_t k : {i - 1, i + 1}) {
-      if (k >= moves_.size() || rewritten_[k] || frozen_[k] || !deflections_[k].cuts) continue;
+      if (k >= moves_.size() || rewritten_[k] || frozen_[k] || !deflections_.cuts(k)) continue;
       rewritten_[k] = changed = true;
     }
     return changed;
@@ -579,16 +651,20 @@ class Corrector {
   Status correct_the_rest() {
     std::vector<bool> extra(moves_.size(), false);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      extra[i] = deflections_[i].cuts && !rewritten_[i] && !frozen_[i];
+      extra[i] = deflections_.cuts(i) && !rewritten_[i] && !frozen_[i];
       if (extra[i]) rewritten_[i] = true;
     }
     for (bool changed = true; changed;) {
       changed = false;
-      const std::vector<Plan> plans = plan_all();
+      Planner planner(*this);
+      std::vector<bool> taken_back(moves_.size(), false);  // when all are planned: they count for their neighbours
       for (std::size_t i = 0; i < moves_.size(); ++i) {
-        if (!extra[i] || plans[i].size() == 1) continue;
-        extra[i] = rewritten_[i] = false;
-        changed = true;
+        const std::size_t blocks = planner.next().size();
+        if (!extra[i] || blocks == 1) continue;
+        taken_back[i] = changed = true;
+      }
+      for (std::size_t i = 0; i < moves_.size(); ++i) {
+        if (taken_back[i]) extra[i] = rewritten_[i] = false;
       }
     }
     return write_and_check();
@@ -686,7 +762,7 @@ class Corrector {
       merged_[first ? i : i + 1] = true;
     }
     if (!any_merged()) return {};
-    const std::vector<double> kept = after_;
+    const LongVector<double> kept = after_;
     const bool stopped = stops_at() >= 0;
     constexpr int kTries = 20;
     for (int tried = 0; tried < kTries; ++tried) {
@@ -719,7 +795,7 @@ class Corrector {
   }
 
   /// Gives back the transitions of moves that come farther than they were, and into what is left to the controller.
-  Status share_what_fits(const std::vector<double>& kept) {
+  Status share_what_fits(const LongVector<double>& kept) {
     constexpr double kSpare = 0.9;
     constexpr int kTries = 6;
     for (int tried = 0;; ++tried) {
@@ -787,7 +863,7 @@ class Corrector {
   }
 
   void outcomes(const Corners& before, const Corners& after) {
-    std::vector<MoveOutcome> of(moves_.size());
+    LongVector<MoveOutcome> of(moves_.size());
     std::vector<bool> cuts(moves_.size(), false);
     for (const MovePrediction& m : out_.before.moves) {
       const auto i = static_cast<std::size_t>(m.move);
@@ -832,11 +908,11 @@ class Corrector {
     POLYPOD_ASSIGN(programmed, gcode::interpret(program_, options));
     POLYPOD_ASSIGN(accepted, accept(job_, program_, programmed, {true, {}}));
     POLYPOD_ASSIGN(written, gcode::interpret(out_.program, options));
-    const std::vector<gcode::Move>& moves = accepted.interpretation().moves;
-    const std::vector<int> move_of_block = moves_by_block(moves);
+    const LongVector<gcode::Move>& moves = accepted.interpretation().moves;
+    const LongVector<int> move_of_block = moves_by_block(moves);
     const Way as_it_was = way_as_programmed(program_, moves);
     Way way{&program_, &moves, {}, {}};
-    const std::vector<int> first_of_block = moves_by_block(moves_);
+    const LongVector<int> first_of_block = moves_by_block(moves_);
     for (const gcode::Move& move : written.moves) {
       const int block = source_block(move.block);
       const int source = move_of_block[static_cast<std::size_t>(block)];
@@ -930,22 +1006,24 @@ class Corrector {
   const gcode::Program& program_;
   const gcode::Interpretation& interpretation_;
   const CorrectOptions& options_;
-  const std::vector<gcode::Move>& moves_;
+  const LongVector<gcode::Move>& moves_;
   std::vector<double> feed_scale_;  // empty: all 1
-  std::vector<Deflections> deflections_;
+  DeflectionsOfMoves deflections_;
   double sample_step_ = job_.step;
-  std::vector<double> fit_;
+  LongVector<double> fit_;
   std::vector<bool> rewritten_;
   std::vector<bool> changed_;  // rewritten, and not to the same digits
   std::vector<bool> merged_;   // by corner, that before the move of this number: shared to save a short block
   std::vector<bool> frozen_;   // their correction was worse than none
-  std::vector<double> before_, after_, last_;
+  LongVector<double> before_, after_, last_;
   std::optional<Job> fine_;                // the job with cells half as large
   cutting::Stock scratch_, fine_scratch_;  // what the passes cut, of either
   bool fit_finely_ = false;                // deflections are found in those
   gcode::Rewritten rewritten_text_;
-  std::vector<std::vector<bool>> transitions_;  // by move: which of its written points end a transition
-  std::vector<bool> transition_blocks_;         // by block of the written program
+  // Which written points end a transition, and where those of each rewritten move begin among them.
+  LongVector<bool> transitions_;
+  LongVector<std::size_t> first_transition_;
+  std::vector<bool> transition_blocks_;  // by block of the written program
   std::size_t header_at_ = 0, header_size_ = 0;
   // The blocks that were written, without their text, with the path and the lines of the original: of those alone
   // errors speak.
@@ -994,14 +1072,15 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
                               units::to_um(wider.tolerance)));
     break;
   }
+  std::unordered_map<int, bool> within;  // by line: of its first move
+  for (const MoveOutcome& m : result.moves) within.emplace(m.line, m.within);
   std::vector<bool> which(result.programmed.size(), false);
   std::string lines;
   std::size_t named = 0;
   for (std::size_t i = 0; i < result.programmed.size(); ++i) {
     const int line = program.blocks[static_cast<std::size_t>(result.programmed[i].block)].line;
-    const auto at =
-        std::find_if(result.moves.begin(), result.moves.end(), [&](const auto& m) { return m.line == line; });
-    if (at == result.moves.end() || at->within) continue;
+    const auto at = within.find(line);
+    if (at == within.end() || at->second) continue;
     which[i] = true;
     if (named++ < 8) lines += fmt::format("{}{}", lines.empty() ? "" : ", ", line);
   }
@@ -1087,6 +1166,7 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {
     out.remedies = remedies_for(job, program, accepted, options, out);
   }
+  out.text = gcode::to_text(out.program);
   std::vector<std::string> notes = std::move(accepted.notes);
   for (std::string& note : condition_notes(job, out.programmed, out.before)) notes.push_back(std::move(note));
   for (std::string& note : pass_notes(job, program, out.before.pass)) notes.push_back(std::move(note));

@@ -2,9 +2,11 @@
 // The fewest blocks that stand for a corrected move: lines for a line, arcs for an arc.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <vector>
 
+#include "polypod/core/long_vector.hpp"
 #include "polypod/gcode/interpreter.hpp"
 
 namespace polypod::machining {
@@ -14,6 +16,47 @@ struct Deflections {
   std::vector<double> s;    ///< arc lengths of the samples, m, rising, both ends included
   std::vector<Vec3> delta;  ///< m, in W
   bool cuts = false;
+};
+
+/// The deflections of all moves of a program, found in their order.
+class DeflectionsOfMoves {
+ public:
+  void clear(std::size_t moves) {
+    of_.assign(moves, Of{});
+    s_.clear();
+    delta_.clear();
+  }
+  /// A sample of a move; those of one move follow each other.
+  void add(std::size_t move, double s, const Vec3& delta, bool cuts) {
+    Of& of = of_[move];
+    if (of.count++ == 0) of.first = s_.size();
+    of.cuts = of.cuts || cuts;
+    s_.push_back(s);
+    delta_.push_back(delta);
+  }
+  [[nodiscard]] bool cuts(std::size_t move) const { return of_[move].cuts; }
+  [[nodiscard]] Vec3 at_start(std::size_t move) const { return delta_[of_[move].first]; }
+  [[nodiscard]] Vec3 at_end(std::size_t move) const { return delta_[of_[move].first + of_[move].count - 1]; }
+  void get(std::size_t move, Deflections& out) const {
+    const Of of = of_[move];
+    out.cuts = of.cuts;
+    out.s.clear();
+    out.delta.clear();
+    for (std::size_t k = of.first; k < of.first + of.count; ++k) {
+      out.s.push_back(s_[k]);
+      out.delta.push_back(delta_[k]);
+    }
+  }
+
+ private:
+  struct Of {
+    std::size_t first = 0;
+    std::uint32_t count = 0;
+    bool cuts = false;
+  };
+  LongVector<Of> of_;
+  LongVector<double> s_;
+  LongVector<Vec3> delta_;
 };
 
 /// A block of the corrected path.

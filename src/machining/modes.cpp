@@ -4,25 +4,17 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <span>
 
 namespace polypod::machining {
 namespace {
 
-/// The commanded moves in a row, in `copy` where they are not kept so.
-std::span<const gcode::Move> moves_of(const Way& way, std::vector<gcode::Move>& copy) {
-  if (way.moves.empty()) return *way.programmed;
-  copy.reserve(way.moves.size());
-  for (const PassMove& m : way.moves) copy.push_back(m.move);
-  return copy;
-}
-
 /// For each block the last block up to it that holds a path control word; -1 where there is none.
-std::vector<int> control_blocks(const gcode::Program& program) {
-  std::vector<int> out(program.blocks.size(), -1);
+LongVector<int> control_blocks(const gcode::Program& program) {
+  LongVector<int> out(program.blocks.size(), -1);
   int last = -1;
   for (std::size_t b = 0; b < program.blocks.size(); ++b) {
-    for (const gcode::Word& w : program.blocks[b].words) {
+    const gcode::Block block = program.blocks[b];
+    for (const gcode::Word& w : block.words) {
       if (w.letter == 'G' && (w.value == 61 || w.value == 61.1 || w.value == 64)) last = static_cast<int>(b);
     }
     out[b] = last;
@@ -34,11 +26,10 @@ std::vector<int> control_blocks(const gcode::Program& program) {
 
 Corners corners_of(const Job& job, const gcode::Program& program, const Way& way, const Prediction& prediction,
                    double inside) {
-  std::vector<gcode::Move> copy;
-  const std::span<const gcode::Move> moves = moves_of(way, copy);
-  const std::vector<Corner> at = corners(moves, job.controller.planner);
-  const std::vector<double>& distance = prediction.commanded_distance;
-  const std::vector<int> control = control_blocks(program);
+  const PassMoves moves = way.commanded();
+  const LongVector<Corner> at = corners(moves, job.controller.planner);
+  const LongVector<double>& distance = prediction.commanded_distance;
+  const LongVector<int> control = control_blocks(program);
   Corners out;
   out.deviation.assign(moves.size(), 0);
   out.with = distance;
@@ -74,12 +65,11 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
 
 PathModeChoice mode_for(const Job& job, const Way& way, const Corners& corners) {
   // No mode brings back a joint that is outside already; its corner shall not add more than a tube to that.
-  std::vector<double> slack = corners.slack;
+  LongVector<double> slack = corners.slack;
   for (double& s : slack) {
     if (!(s > 0)) s = job.tolerance - resolution(job);
   }
-  std::vector<gcode::Move> copy;
-  return choose_path_mode(moves_of(way, copy), slack, job.controller.planner);
+  return choose_path_mode(way.commanded(), slack, job.controller.planner);
 }
 
 }  // namespace polypod::machining

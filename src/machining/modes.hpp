@@ -11,14 +11,14 @@ namespace polypod::machining {
 
 /// The corners of a way with the distances that they add to.
 struct Corners {
-  std::vector<double> deviation;  ///< m, of each commanded move: the larger of its two ends; 0 where it does not cut
-  std::vector<double> with;       ///< m, largest distance of each commanded move with its corners
-  std::vector<double> slack;      ///< m, at the joint after each move: what the tube leaves; infinite in the air
-  std::vector<int> breaking;      ///< blocks whose path control word is in force at a joint that is rounded too much
-  double largest = 0;             ///< m, deviation at a cut
-  double largest_with = 0;        ///< m, distance with corners
-  double time = 0;                ///< s
-  bool kept = true;               ///< no joint is rounded by more than its slack
+  LongVector<double> deviation;  ///< m, of each commanded move: the larger of its two ends; 0 where it does not cut
+  LongVector<double> with;       ///< m, largest distance of each commanded move with its corners
+  LongVector<double> slack;      ///< m, at the joint after each move: what the tube leaves; infinite in the air
+  std::vector<int> breaking;     ///< blocks whose path control word is in force at a joint that is rounded too much
+  double largest = 0;            ///< m, deviation at a cut
+  double largest_with = 0;       ///< m, distance with corners
+  double time = 0;               ///< s
+  bool kept = true;              ///< no joint is rounded by more than its slack
 };
 
 /// Joint deviations of `way` under the modes in force (see corners), on top of the distances of `prediction`, of which

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "polypod/core/units.hpp"
+#include "polypod/machining/simulate.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -176,11 +177,18 @@ double blend_cut(const Corner& c) {
   return c.rounded / (1 / std::cos(half) - 1) * std::tan(half);
 }
 
-std::vector<gcode::Move> with_mode(std::span<const gcode::Move> moves, const gcode::PathControl& control) {
-  std::vector<gcode::Move> all(moves.begin(), moves.end());
-  for (gcode::Move& move : all) move.path = control;
-  return all;
-}
+/// The moves with one path control mode throughout.
+template <class Moves>
+struct WithMode {
+  const Moves& moves;
+  gcode::PathControl control;
+  [[nodiscard]] std::size_t size() const { return moves.size(); }
+  gcode::Move operator[](std::size_t i) const {
+    gcode::Move move = moves[i];
+    move.path = control;
+    return move;
+  }
+};
 
 }  // namespace
 
@@ -234,8 +242,11 @@ Corner corner(const gcode::Move& before, const gcode::Move& after, const Planner
   return result;
 }
 
-std::vector<Corner> corners(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
-  std::vector<Corner> result(moves.size());
+namespace {
+
+template <class Moves>
+LongVector<Corner> corners_in(const Moves& moves, const PlannerLimits& limits) {
+  LongVector<Corner> result(moves.size());
   std::size_t last = moves.size();
   for (std::size_t i = 0; i < moves.size(); ++i) {
     if (!(moves[i].length() > 0)) continue;
@@ -245,9 +256,10 @@ std::vector<Corner> corners(std::span<const gcode::Move> moves, const PlannerLim
   return result;
 }
 
-double program_time(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
-  const std::vector<Corner> joints = corners(moves, limits);
-  std::vector<TimedBlock> blocks;
+template <class Moves>
+double time_of(const Moves& moves, const PlannerLimits& limits) {
+  const LongVector<Corner> joints = corners_in(moves, limits);
+  LongVector<TimedBlock> blocks;
   double time = 0, cut = 0;  // cut: what the last corner's blend takes of the move after it, m
   for (std::size_t i = 0; i < moves.size(); ++i) {
     const gcode::Move& move = moves[i];
@@ -264,7 +276,7 @@ double program_time(std::span<const gcode::Move> moves, const PlannerLimits& lim
   }
   // The speed at the end of each block: what the corner allows, what can be stopped from, what is reached.
   const std::size_t n = blocks.size();
-  std::vector<double> end(n + 1, 0);  // end[i + 1] after block i; at rest before the first and after the last
+  LongVector<double> end(n + 1, 0);  // end[i + 1] after block i; at rest before the first and after the last
   for (std::size_t i = n; i-- > 1;) {
     const double stopped = std::sqrt(end[i + 1] * end[i + 1] + 2 * blocks[i].acceleration * blocks[i].length);
     end[i] = std::min({blocks[i - 1].corner, blocks[i - 1].speed, blocks[i].speed, stopped});
@@ -276,15 +288,11 @@ double program_time(std::span<const gcode::Move> moves, const PlannerLimits& lim
   return time;
 }
 
-double shortest_block(double v, const PlannerLimits& limits) {
-  return 2 * v * limits.servo_period;
-}
-
-PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<const double> slack,
-                                const PlannerLimits& limits) {
+template <class Moves, class Slack>
+PathModeChoice choose_mode(const Moves& moves, const Slack& slack, const PlannerLimits& limits) {
   PathModeChoice choice;
-  choice.time_before = program_time(moves, limits);
-  const std::vector<Corner> unlimited = corners(with_mode(moves, {}), limits);
+  choice.time_before = time_of(moves, limits);
+  const LongVector<Corner> unlimited = corners_in(WithMode<Moves>{moves, {}}, limits);
   double least = kInfinity;
   std::size_t before = 0;
   for (std::size_t i = 0; i < std::min(moves.size(), slack.size()); ++i) {
@@ -304,7 +312,7 @@ PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<co
     choice.control = {gcode::PathMode::continuous, static_cast<float>(p), 0};
     if (p < kLeastBlendTolerance) choice.control = kExactStop;
     // What P does not limit.
-    const std::vector<Corner> kept = corners(with_mode(moves, choice.control), limits);
+    const LongVector<Corner> kept = corners_in(WithMode<Moves>{moves, choice.control}, limits);
     for (std::size_t i = 0; i < std::min(kept.size(), slack.size()); ++i) {
       if (!(kept[i].deviation > std::max(slack[i], 0.0) * kSinglePrecision)) continue;
       choice.control = kExactStop;
@@ -312,8 +320,37 @@ PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<co
       break;
     }
   }
-  choice.time_after = program_time(with_mode(moves, choice.control), limits);
+  choice.time_after = time_of(WithMode<Moves>{moves, choice.control}, limits);
   return choice;
+}
+
+}  // namespace
+
+std::vector<Corner> corners(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
+  const LongVector<Corner> found = corners_in(moves, limits);
+  return {found.begin(), found.end()};
+}
+LongVector<Corner> corners(const PassMoves& moves, const PlannerLimits& limits) {
+  return corners_in(moves, limits);
+}
+
+double program_time(std::span<const gcode::Move> moves, const PlannerLimits& limits) {
+  return time_of(moves, limits);
+}
+double program_time(const PassMoves& moves, const PlannerLimits& limits) {
+  return time_of(moves, limits);
+}
+
+PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<const double> slack,
+                                const PlannerLimits& limits) {
+  return choose_mode(moves, slack, limits);
+}
+PathModeChoice choose_path_mode(const PassMoves& moves, const LongVector<double>& slack, const PlannerLimits& limits) {
+  return choose_mode(moves, slack, limits);
+}
+
+double shortest_block(double v, const PlannerLimits& limits) {
+  return 2 * v * limits.servo_period;
 }
 
 std::string path_mode_words(const gcode::PathControl& control, bool inches) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "modes.hpp"
 #include "polypod/core/units.hpp"
@@ -33,7 +34,8 @@ void HeldBack::see(std::size_t i, const Sample& sample) {
   end.aside = std::max(end.aside, (off - d * d.dot(off)).norm());
 }
 
-std::vector<Plunge> HeldBack::take(Plunge& most_within) const {
+std::vector<Plunge> HeldBack::take(Plunge& most_within) {
+  find_plunges();
   const double tube = job_.tolerance - resolution(job_);
   std::vector<Plunge> out;
   for (const auto& [i, end] : ends_) {
@@ -99,13 +101,43 @@ double HeldBack::dwell_after(std::size_t i) const {
 }
 
 bool HeldBack::goes_deeper(std::size_t i) const {
-  const gcode::Move& move = moves_[i];
-  for (std::size_t j = i + 1; j < moves_.size(); ++j) {
+  const gcode::Move move = moves_[i];
+  const auto deeper = [&](std::size_t j) {
+    if (j <= i) return false;
     const gcode::Move& later = moves_[j];
-    if (!is_plunge(later) || !(later.end.z() < move.end.z())) continue;
-    if ((later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace) return true;
+    return later.end.z() < move.end.z() && (later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace;
+  };
+  const auto near = near_.find(cell_of(move.end.x(), move.end.y()));
+  return (near != near_.end() && std::any_of(near->second.begin(), near->second.end(), deeper)) ||
+         std::any_of(long_.begin(), long_.end(), deeper);
+}
+
+std::uint64_t HeldBack::cell_of(double x, double y) {
+  const auto index = [](double v) {
+    return static_cast<std::uint32_t>(static_cast<std::int64_t>(std::floor(v / kCell)));
+  };
+  return (std::uint64_t{index(x)} << 32) | index(y);
+}
+
+void HeldBack::find_plunges() {
+  constexpr double kMostCells = 64;  // of a plunge that leans
+  for (std::size_t i = 0; !ends_.empty() && i < moves_.size(); ++i) {
+    const gcode::Move& move = moves_[i];
+    if (!is_plunge(move)) continue;
+    const double x0 = std::min(move.start.x(), move.end.x()) - kSamePlace,
+                 x1 = std::max(move.start.x(), move.end.x()) + kSamePlace,
+                 y0 = std::min(move.start.y(), move.end.y()) - kSamePlace,
+                 y1 = std::max(move.start.y(), move.end.y()) + kSamePlace;
+    if (((x1 - x0) / kCell + 2) * ((y1 - y0) / kCell + 2) > kMostCells) {
+      long_.push_back(i);
+      continue;
+    }
+    for (double x = std::floor(x0 / kCell); x <= std::floor(x1 / kCell); ++x) {
+      for (double y = std::floor(y0 / kCell); y <= std::floor(y1 / kCell); ++y) {
+        near_[cell_of((x + 0.5) * kCell, (y + 0.5) * kCell)].push_back(i);
+      }
+    }
   }
-  return false;
 }
 
 }  // namespace polypod::machining

@@ -2,7 +2,9 @@
 // Ends of plunges, where the thrust along the axis may leave material.
 #pragma once
 
+#include <cstdint>
 #include <map>
+#include <unordered_map>
 #include <vector>
 
 #include "polypod/machining/predict.hpp"
@@ -21,7 +23,7 @@ class HeldBack {
   void see(std::size_t i, const Sample& sample);
 
   /// Those that the tube holds go to `most_within`, the others are returned.
-  [[nodiscard]] std::vector<Plunge> take(Plunge& most_within) const;
+  [[nodiscard]] std::vector<Plunge> take(Plunge& most_within);
 
  private:
   struct End {
@@ -38,12 +40,19 @@ class HeldBack {
   /// Whether the tool goes on down from there, or comes back to the same place and goes deeper.
   [[nodiscard]] bool goes_deeper(std::size_t i) const;
 
+  /// The plunges of the program by where they are in the plane.
+  void find_plunges();
+  static std::uint64_t cell_of(double x, double y);
+
   static constexpr double kSamePlace = 1e-6;  // m
+  static constexpr double kCell = 1e-3;       // m
   const Job& job_;
-  const std::vector<gcode::Move>& moves_;
+  const LongVector<gcode::Move>& moves_;
   const gcode::Program& lines_;
   const double step_;
   std::map<std::size_t, End> ends_;
+  std::unordered_map<std::uint64_t, std::vector<std::size_t>> near_;  // plunges by cell, in their order
+  std::vector<std::size_t> long_;                                     // those that lean over many
 };
 
 }  // namespace polypod::machining

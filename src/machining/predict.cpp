@@ -54,7 +54,7 @@ double distance_that_counts(const gcode::Move& programmed, const Vec3& off) {
 /// How near the deflected tip comes to the ends of the programmed moves at which it cuts: their spheres.
 class Ends {
  public:
-  explicit Ends(const std::vector<gcode::Move>& moves) : moves_(moves), start_(moves.size()), end_(moves.size()) {}
+  explicit Ends(const LongVector<gcode::Move>& moves) : moves_(moves), start_(moves.size()), end_(moves.size()) {}
 
   /// The tip on its way along move i, which may pass an end of a neighbour.
   void pass(std::size_t i, const Vec3& bent) {
@@ -70,7 +70,7 @@ class Ends {
 
   template <class F>
   void each_miss(F&& report) const {
-    for (const std::vector<Miss>* ends : {&start_, &end_}) {
+    for (const LongVector<Miss>* ends : {&start_, &end_}) {
       for (std::size_t i = 0; i < ends->size(); ++i) {
         const Miss& miss = (*ends)[i];
         if (miss.commanded >= 0) report(i, static_cast<std::size_t>(miss.commanded), miss.distance);
@@ -83,13 +83,13 @@ class Ends {
     double distance = std::numeric_limits<double>::infinity();  ///< m, smallest
     std::int32_t commanded = -1;                                ///< the commanded move that cuts there; -1: none
   };
-  void near(std::vector<Miss>& ends, std::size_t i, const Vec3& bent) {
+  void near(LongVector<Miss>& ends, std::size_t i, const Vec3& bent) {
     const Vec3& end = &ends == &start_ ? moves_[i].start : moves_[i].end;
     ends[i].distance = std::min(ends[i].distance, distance_that_counts(moves_[i], bent - end));
   }
 
-  const std::vector<gcode::Move>& moves_;
-  std::vector<Miss> start_, end_;
+  const LongVector<gcode::Move>& moves_;
+  LongVector<Miss> start_, end_;
 };
 
 /// On which side of each programmed move the wall stands that most of its points cut. One side a move: where a slot
@@ -101,7 +101,7 @@ class Sides {
   [[nodiscard]] bool wall_left(std::size_t move) const { return left_[move] > 0; }
 
  private:
-  std::vector<std::int64_t> left_;  ///< points with the wall on the left, less the others
+  LongVector<std::int64_t> left_;  ///< points with the wall on the left, less the others
 };
 
 Spread negative(const Spread& s) {
@@ -136,7 +136,8 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
     }
   }
   if (most <= kUpright) return {};
-  const auto& block = program.blocks[static_cast<std::size_t>(way.commanded()[static_cast<std::size_t>(move)].block)];
+  const gcode::Block block =
+      program.blocks[static_cast<std::size_t>(way.commanded()[static_cast<std::size_t>(move)].block)];
   return NotJudged{block.line,
                    fmt::format("the machine tilts its tool by up to {:.1f} deg, and material and forces are computed "
                                "with the tool along z",
@@ -233,7 +234,7 @@ namespace {
 constexpr double kMostlyIdle = 0.5;
 
 /// Where most of the feed path cuts nothing: the stock of the job may not be the one on the table.
-std::optional<std::string> note_on_air(const std::vector<gcode::Move>& programmed, const Prediction& prediction) {
+std::optional<std::string> note_on_air(const LongVector<gcode::Move>& programmed, const Prediction& prediction) {
   std::vector<bool> cuts(programmed.size(), false);
   for (const MovePrediction& m : prediction.moves) cuts[static_cast<std::size_t>(m.move)] = m.points > 0;
   double length = 0, idle = 0;
@@ -258,7 +259,7 @@ std::optional<std::string> note_on_air(const std::vector<gcode::Move>& programme
 
 }  // namespace
 
-std::vector<std::string> condition_notes(const Job& job, const std::vector<gcode::Move>& programmed,
+std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode::Move>& programmed,
                                          const Prediction& prediction) {
   std::vector<std::string> notes;
   if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
@@ -391,16 +392,13 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
 
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options, cutting::Stock& scratch) {
-  const std::vector<gcode::Move>& programmed = *way.programmed;
+  const LongVector<gcode::Move>& programmed = *way.programmed;
   const PassMoves commanded = way.commanded();
   Prediction out;
   out.commanded_distance.assign(commanded.size(), 0);
   out.commanded_ends.assign(commanded.size(), {});
-  // Room for all, of which the system gives what is used: a vector that grows holds its content up to three times.
-  out.moves.reserve(static_cast<std::size_t>(std::count_if(
-      programmed.begin(), programmed.end(), [](const gcode::Move& m) { return m.kind != gcode::MoveKind::rapid; })));
   Few few;
-  std::vector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
+  LongVector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
   const auto entry = [&](std::size_t i) -> MovePrediction& {
     if (index[i] < 0) {
       index[i] = static_cast<int>(out.moves.size());
@@ -499,7 +497,10 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
         {program.blocks[static_cast<std::size_t>(u.block)].line,
          fmt::format("force and deflection do not settle: they still move by {:.1f} um", units::to_um(u.rest))});
   }
-  std::sort(out.moves.begin(), out.moves.end(), [](const auto& a, const auto& b) { return a.move < b.move; });
+  const auto earlier = [](const MovePrediction& a, const MovePrediction& b) { return a.move < b.move; };
+  if (!std::is_sorted(out.moves.begin(), out.moves.end(), earlier)) {
+    std::sort(out.moves.begin(), out.moves.end(), earlier);
+  }
   for (const MovePrediction& m : out.moves) {
     if (m.line == out.steep.line) out.steep.elsewhere = std::max(out.steep.elsewhere, m.largest_distance);
   }
@@ -509,7 +510,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   return out;
 }
 
-Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves) {
+Way way_as_programmed(const gcode::Program& program, const LongVector<gcode::Move>& moves) {
   return {&program, &moves, {}, {}};
 }
 
@@ -574,9 +575,9 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
   if (job.material.spread.empty()) return out;
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
   cutting::Stock scratch;
+  Job varied = job;
   for (const std::array<double, 6>& variation : job.material.spread) {
-    Job varied = job;
-    cutting::Material& m = varied.material;
+    cutting::Material& m = varied.material = job.material;
     m.ktc += variation[0];
     m.krc += variation[1];
     m.kac += variation[2];

@@ -16,7 +16,7 @@ using kinematics::kCoverageFactor;
 using kinematics::largest_deviation;
 
 /// Index into the moves of the program.
-int programmed_of(const Sample& sample, const std::vector<int>* source) {
+int programmed_of(const Sample& sample, const LongVector<int>* source) {
   return source == nullptr ? sample.move : (*source)[static_cast<std::size_t>(sample.move)];
 }
 
@@ -48,7 +48,7 @@ void take_other(Reach& farthest, const std::optional<OtherSwitch>& other, const 
 }  // namespace
 
 ComplianceBand compliance_band(const Job& job, const Prediction& prediction, const Eigen::MatrixXd& covariance,
-                               const std::vector<int>* source) {
+                               const LongVector<int>* source) {
   ComplianceBand out;
   std::vector<double> of_move;  // by index into the moves of the program; below 0: no point on it
   for (const Sample& sample : prediction.few) {
@@ -77,7 +77,7 @@ ComplianceBand compliance_band(const Job& job, const Prediction& prediction, con
 }
 
 PlaceBand place_band(const Job& job, const Prediction& prediction, const Eigen::MatrixXd& covariance,
-                     const std::vector<int>* source) {
+                     const LongVector<int>* source) {
   PlaceBand out;
   int farthest = -1;
   for (const Sample& sample : prediction.few) {

@@ -10,10 +10,10 @@ namespace polypod::machining {
 
 /// What is commanded, and which programmed move each of it stands for.
 struct Way {
-  const gcode::Program* lines = nullptr;                 ///< whose lines the answer names
-  const std::vector<gcode::Move>* programmed = nullptr;  ///< of that program
-  std::vector<PassMove> moves;                           ///< commanded; empty: all moves as they are programmed
-  std::vector<int> source;                               ///< the programmed move of each; empty: its own number
+  const gcode::Program* lines = nullptr;                ///< whose lines the answer names
+  const LongVector<gcode::Move>* programmed = nullptr;  ///< of that program
+  LongVector<PassMove> moves;                           ///< commanded; empty: all moves as they are programmed
+  LongVector<int> source;                               ///< the programmed move of each; empty: its own number
 
   [[nodiscard]] PassMoves commanded() const { return moves.empty() ? PassMoves(*programmed) : PassMoves(moves); }
 };
@@ -24,7 +24,7 @@ struct Way {
 bool is_plunge(const gcode::Move& move);
 
 /// Every move commanded as it is programmed.
-Way way_as_programmed(const gcode::Program& program, const std::vector<gcode::Move>& moves);
+Way way_as_programmed(const gcode::Program& program, const LongVector<gcode::Move>& moves);
 
 /// Sends the deflected cutter along `way.moves`, which are those of `program`, and judges it against the programmed
 /// moves: every point against its move, the first and the last point of a move against its ends. The stock of the job

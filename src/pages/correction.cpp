@@ -652,9 +652,9 @@ class Page {
 
   void new_program() {
     report_.add_section("The corrected program");
-    const std::vector<gcode::Block>& blocks = c_.program.blocks;
+    const gcode::Blocks& blocks = c_.program.blocks;
     std::string text;
-    for (std::size_t i = 0; i < std::min(blocks.size(), kHeaderLines); ++i) text += blocks[i].text + "\n";
+    for (std::size_t i = 0; i < std::min(blocks.size(), kHeaderLines); ++i) text += std::string(blocks[i].text) + "\n";
     if (blocks.size() > kHeaderLines) text += "...\n";
     report_.add_code("Its first lines", text, false);
     if (blocks.size() <= kWholeProgram) {

@@ -109,7 +109,7 @@ class BlockReader {
                     Place{file_, block_.line, w->column}, "write this cut in workpiece coordinates");
       }
       const std::size_t first = block_.text.find_first_not_of(" \t"), last = block_.text.find_last_not_of(" \t\r");
-      out_.left_out.push_back({block_.line, block_.text.substr(first, last + 1 - first)});
+      out_.left_out.push_back({block_.line, std::string(block_.text.substr(first, last + 1 - first))});
     }
     if (!moving || out_.left_out.empty()) return {};
     const LeftOut& retract = out_.left_out.front();
@@ -352,7 +352,7 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
     out.notes.push_back(fmt::format("line {}: {} are {}, as the job says", slash->line, gcode::kBlockDeleteNote,
                                     options.unroll.interpret.block_delete ? "left out" : "carried out"));
   }
-  const std::vector<gcode::Move>& moves = understood.interpretation.moves;
+  const LongVector<gcode::Move>& moves = understood.interpretation.moves;
   std::size_t next = 0;
   std::optional<gcode::PathControl> path;
   bool turned = false, placed = false;

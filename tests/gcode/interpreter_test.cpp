@@ -269,14 +269,16 @@ TEST(Interpret, PlacesOfTheMachineAreNotKnown) {
 }
 
 TEST(Interpret, KnowsWhatPassesThrough) {
-  const auto r = good(
+  const Program program = *parse(
       "O1000 (PART)\nG17 G40 G49 G80 G94\nT3 M6\nG43 H3\nS6000 M3 M8\nG61\nG4 P1.5\nG0 Z5\nG1 Z1 "
-      "F100\nM5\nM30\nrubbish $$\n");
+      "F100\nM5\nM30\nrubbish $$\n",
+      "part.ngc");
+  const Interpretation r = *interpret(program);
   EXPECT_EQ(r.moves[0].tool, 3);
   EXPECT_EQ(r.moves[0].spindle, Spindle::clockwise);
   EXPECT_NEAR(r.moves[0].spindle_speed, 100, kExact);
   std::string all;
-  for (const auto& p : r.passed_through) all += p.what + "|";
+  for (const auto& p : r.passed_through) all += std::string(p.what(program)) + "|";
   EXPECT_EQ(all, "(PART)|O1000|G40|G49|G80|M6|G43|M3|M8|G61|G4|M5|M30|");
   EXPECT_EQ(r.states.size(), 12u);
   EXPECT_FALSE(r.states[11].executed);

@@ -184,7 +184,7 @@ std::vector<std::array<double, 3>> rs274_ends(const std::string& text) {
 TEST_P(Examples, LinuxCncReadsTheSameEndPoints) {
   const auto e = load_example(GetParam());
   const auto c = testing::correct(e);
-  const auto compare = [](const std::vector<gcode::Move>& moves, const std::string& text) {
+  const auto compare = [](const LongVector<gcode::Move>& moves, const std::string& text) {
     const auto ends = rs274_ends(text);
     ASSERT_EQ(ends.size(), moves.size());
     constexpr double kPrinted = 0.51e-4;  // mm: half of rs274's last digit
@@ -195,7 +195,7 @@ TEST_P(Examples, LinuxCncReadsTheSameEndPoints) {
     }
   };
   compare(e.interpretation.moves, gcode::to_text(e.program));
-  std::vector<gcode::Move> commanded;
+  LongVector<gcode::Move> commanded;
   for (const auto& m : c.commanded) commanded.push_back(m.move);
   compare(commanded, c.text);
 }

@@ -25,7 +25,8 @@ constexpr double kTimeShare = 0.01;
 constexpr double kShortBlockShare = 0.05;
 
 std::vector<gcode::Move> moves_of(const std::string& text) {
-  return unwrap(gcode::interpret(unwrap(gcode::parse("G21 G90 G17 G94\n" + text + "\nM2\n", "test.ngc")))).moves;
+  const auto run = unwrap(gcode::interpret(unwrap(gcode::parse("G21 G90 G17 G94\n" + text + "\nM2\n", "test.ngc"))));
+  return {run.moves.begin(), run.moves.end()};
 }
 
 /// The joint after the second move, in um: the first goes to the start.

@@ -135,7 +135,7 @@ TEST(Rules, AChangeOfToolInsideAContourCounts) {
 TEST(Rules, AMoveIsOutsideForItsOwnDistanceNotForItsNeighbours) {
   const auto e =
       testing::with_program("slavkovic_groove", std::string(kBegin) + "G0 X-20 Y0\nG1 X0 F300\nG1 Y15 F300\nM2\n");
-  std::vector<gcode::Move> moves(e.interpretation.moves.end() - 2, e.interpretation.moves.end());
+  LongVector<gcode::Move> moves(e.interpretation.moves.end() - 2, e.interpretation.moves.end());
   const machining::Way way = machining::way_as_programmed(e.program, moves);
   machining::Prediction p;
   p.commanded_distance = {1e-6, 500e-6};

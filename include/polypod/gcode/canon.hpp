@@ -29,5 +29,7 @@ struct CanonOptions {
 /// does not hold, GC152 a malformed tool table or parameter file; FI100. Cost:
 /// linear.
 Result<std::string> canonical_text(const Program& program, const CanonOptions& options = {});
+/// The same where the text may be long: it then lies in a temporary file.
+Result<LongVector<char>> long_canonical_text(const Program& program, const CanonOptions& options = {});
 
 }  // namespace polypod::gcode

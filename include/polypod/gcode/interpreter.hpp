@@ -5,9 +5,11 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/core/long_vector.hpp"
 #include "polypod/gcode/program.hpp"
 #include "polypod/geometry/pose.hpp"
 
@@ -99,7 +101,12 @@ struct Move {
 /// A word or block that Polypod reads but that moves nothing (M8, comments with a meaning, M6, ...): passed through.
 struct PassedThrough {
   int block = 0;
-  std::string what;
+  int column = 0;  ///< 1-based
+  int length = 0;
+  [[nodiscard]] std::string_view what(const Program& program) const {
+    return program.blocks[static_cast<std::size_t>(block)].text.substr(static_cast<std::size_t>(column) - 1,
+                                                                       static_cast<std::size_t>(length));
+  }
 };
 
 struct InterpretOptions {
@@ -109,10 +116,10 @@ struct InterpretOptions {
 };
 
 struct Interpretation {
-  std::vector<Move> moves;
-  std::vector<PassedThrough> passed_through;
+  LongVector<Move> moves;
+  LongVector<PassedThrough> passed_through;
   std::vector<std::string> notes;  ///< what a reader should know, e.g. that the start of the first move is not known
-  std::vector<ModalState> states;  ///< the modal state after each block of the program
+  LongVector<ModalState> states;   ///< the modal state after each block of the program
   bool ended = false;              ///< M2, M30 or the closing % was seen
 };
 
@@ -128,5 +135,8 @@ struct Interpretation {
 /// motion mode, spindle off, no tool, G64 without P, X = Y = Z = 0. Cost: linear; one Move a motion block, one
 /// ModalState a block.
 Result<Interpretation> interpret(const Program& program, const InterpretOptions& options = {});
+
+/// Whether `interpret` takes the program; nothing of what it does is kept. Errors: those of `interpret`.
+Status judge(const Program& program, const InterpretOptions& options = {});
 
 }  // namespace polypod::gcode

@@ -46,7 +46,7 @@ struct Unrolled {
 /// G53, G28 and G30 pass through, and the axes that they move are not known after them. Coordinates are written with 6
 /// decimals in mm and 7 in inches, steps under G91 with 9.
 /// Errors: those of `interpret`, and GC160 to GC169. Cost: linear in the lines that run.
-Result<Unrolled> unroll(const Program& program, const UnrollOptions& options = {});
+Result<Unrolled> unroll(Program program, const UnrollOptions& options = {});
 
 /// A program as the commands take it: read, unrolled where that is needed, and run.
 struct Understood {

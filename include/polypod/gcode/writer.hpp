@@ -2,6 +2,7 @@
 // Changing a program: moves get new paths, everything else keeps its text.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -37,9 +38,9 @@ struct RewriteOptions {
 };
 
 struct Rewritten {
-  Program program;          ///< parsed again from the text that was written
-  std::vector<int> source;  ///< for each of its blocks, the block of the old program that it stands for
-  int blocks_changed = 0;   ///< old blocks whose text is no longer the same
+  Program program;         ///< parsed again from the text that was written
+  LongVector<int> source;  ///< for each of its blocks, the block of the old program that it stands for
+  int blocks_changed = 0;  ///< old blocks whose text is no longer the same
   int blocks_added = 0;
 };
 
@@ -66,6 +67,11 @@ struct Rewritten {
 Result<Rewritten> rewrite(const Program& program, const Interpretation& interpretation,
                           std::span<const Replacement> replacements, const RewriteOptions& options = {});
 
+/// The same; each replacement is asked for when its move comes, false says that there are no more.
+Result<Rewritten> rewrite_each(const Program& program, const Interpretation& interpretation,
+                               const std::function<bool(Replacement&)>& replacements,
+                               const RewriteOptions& options = {});
+
 /// The decimals that written coordinates have in a program (the larger of the options' and the program's own).
 struct Decimals {
   int mm = 4;
@@ -80,9 +86,9 @@ std::string format_number(double value, int decimals);
 /// The same without zeros at the end.
 std::string number(double value, int decimals);
 
-/// The block with the motion word `G<motion>` (0 to 3) before its first axis word if it has no motion word; its
-/// checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
-Block ensure_motion_word(const Block& block, int motion);
+/// The text of the block with the motion word `G<motion>` (0 to 3) before its first axis word if it has no motion word;
+/// its checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
+std::string ensure_motion_word(const Block& block, int motion);
 
 /// The program with comment lines after the leading `%` and O number, in the program's own comment style, and `code`
 /// after them unless it is empty. Each line is made a comment of one line whatever it holds: control characters become
@@ -90,8 +96,8 @@ Block ensure_motion_word(const Block& block, int motion);
 /// longer than 240 bytes is cut off.
 Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code = {});
 
-/// The block with `words` ("G64 P0.05 Q0") in the place of its path control word (G61, G61.1 or G64 with P and Q); its
-/// checksum, if any, renewed. A block without one is returned as it is.
-Block with_path_control(const Block& block, const std::string& words);
+/// The text of the block with `words` ("G64 P0.05 Q0") in the place of its path control word (G61, G61.1 or G64 with P
+/// and Q); its checksum, if any, renewed. A block without one is returned as it is.
+std::string with_path_control(const Block& block, const std::string& words);
 
 }  // namespace polypod::gcode

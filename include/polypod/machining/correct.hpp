@@ -75,11 +75,11 @@ struct Correction {
   Prediction before;          ///< of the original, in equilibrium
   Prediction after;           ///< of what was read back, against the original's moves
   cutting::Stock stock_left;  ///< what the deflected tool leaves of the stock with the new program, in W, if asked for
-  std::vector<MoveOutcome> moves;
-  std::vector<gcode::Move> programmed;  ///< the original's moves
-  std::vector<PassMove> commanded;      ///< those read back; their `followed` points into `programmed`
-  std::vector<int> source;              ///< for each commanded move the programmed move it stands for
-  double tolerance = 0;                 ///< m
+  LongVector<MoveOutcome> moves;
+  LongVector<gcode::Move> programmed;  ///< the original's moves
+  LongVector<PassMove> commanded;      ///< those read back; their `followed` points into `programmed`
+  LongVector<int> source;              ///< for each commanded move the programmed move it stands for
+  double tolerance = 0;                ///< m
   double largest_distance = 0;  ///< m, of a deflected point from its programmed move, ends as spheres, densely checked
   double largest_before = 0, largest_after = 0;  ///< m, the same with the controller's corners
   PathModes modes;                               ///< what the controller does with the blocks

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/core/long_vector.hpp"
 #include "polypod/gcode/interpreter.hpp"
 
 namespace polypod::machining {
@@ -56,11 +57,15 @@ Corner corner(const gcode::Move& before, const gcode::Move& after, const Planner
 /// deviation after the last and after moves of no length. As many as moves. Cost: linear.
 std::vector<Corner> corners(std::span<const gcode::Move> moves, const PlannerLimits& limits = {});
 
+class PassMoves;
+LongVector<Corner> corners(const PassMoves& moves, const PlannerLimits& limits = {});
+
 /// The time that the moves take, s: constant acceleration along each block (half of it on arcs) between the speeds in
 /// the corners; on a block of length L at most the feed, sqrt(a_n r) on arcs, and L / (1.02 T_servo). Without dwells,
 /// tool changes and waiting for the spindle. Within 1 % of recorded runs of the examples, 3 % for a zigzag of short
 /// blocks. Cost: linear.
 double program_time(std::span<const gcode::Move> moves, const PlannerLimits& limits = {});
+double program_time(const PassMoves& moves, const PlannerLimits& limits = {});
 
 /// Below this length, m, a block cannot be run at the speed v (m/s) with certainty: 2 v T_servo.
 double shortest_block(double v, const PlannerLimits& limits = {});
@@ -83,6 +88,8 @@ struct PathModeChoice {
 /// is below 1 um or where P does not keep a joint; G64 without P where no joint asks. With P the promise does not
 /// depend on the limits, but that a joint counts at all does.
 PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<const double> slack,
+                                const PlannerLimits& limits = {});
+PathModeChoice choose_path_mode(const PassMoves& moves, const LongVector<double>& slack,
                                 const PlannerLimits& limits = {});
 
 /// The words that select the mode: "G61", "G61.1", "G64", "G64 P0.0449 Q0"; P and Q in mm, or in inches where G20 is in

@@ -103,11 +103,11 @@ struct OtherSwitch {
 
 struct Prediction {
   Steep steep;                              ///< not judged
-  std::vector<MovePrediction> moves;        ///< those that cut, in order
+  LongVector<MovePrediction> moves;         ///< those that cut, in order
   std::vector<NotJudged> not_judged;        ///< moves that cut but that no model covers; they spoil every "yes"
   std::vector<Plunge> plunges;              ///< not judged: what remains there may be outside the tube
   Plunge plunge_within;                     ///< of the other plunges the one that leaves most; line 0: none
-  std::vector<Sample> samples;              ///< every evaluated point, if they were asked for
+  LongVector<Sample> samples;               ///< every evaluated point, if they were asked for
   std::vector<Sample> few;                  ///< at most 200 of the points that cut, at equal distances in their order
   Spread deflection, normal, vertical;      ///< over all points that cut, m
   double largest_distance = 0;              ///< m
@@ -115,11 +115,11 @@ struct Prediction {
   double largest_with_corners = 0;          ///< m, distance with the corners in the path control modes of the program
   double time = 0;                          ///< s, with the planner's acceleration
   std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
-  std::vector<double> commanded_distance;   ///< m, largest of each commanded move; 0 where it does not cut
+  LongVector<double> commanded_distance;    ///< m, largest of each commanded move; 0 where it does not cut
   struct Ends {
     bool start = false, end = false;
   };
-  std::vector<Ends> commanded_ends;  ///< whether it cuts within a millimetre of its start and of its end
+  LongVector<Ends> commanded_ends;  ///< whether it cuts within a millimetre of its start and of its end
   PassResult pass;
   cutting::Stock stock_left;  ///< what the deflected tool leaves, in W, if it was asked for
   std::vector<std::string> notes;
@@ -154,7 +154,7 @@ double resolution(const Job& job);
 /// How far a prediction is uncertain because the cutting coefficients are: half of 95 % intervals, m.
 struct ForceBand {
   double deflection_mean = 0, deflection_max = 0, normal_mean = 0;
-  std::vector<double> normal_by_move;  ///< of each move's mean normal error
+  LongVector<double> normal_by_move;  ///< of each move's mean normal error
 };
 /// The material's variations one after the other through the whole prediction, their effects as squares. All 0 where
 /// the material says nothing of its spread. Cost: one prediction a variation. Errors as predict.
@@ -180,7 +180,7 @@ MapBand map_band(const Job& job, const Prediction& prediction);
 std::vector<std::string> pass_notes(const Job& job, const gcode::Program& program, const PassResult& pass);
 
 /// Implausible cutting conditions of moves that cut (cutting::plausibility), each once, with its line.
-std::vector<std::string> condition_notes(const Job& job, const std::vector<gcode::Move>& programmed,
+std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode::Move>& programmed,
                                          const Prediction& prediction);
 
 }  // namespace polypod::machining

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/core/long_vector.hpp"
 #include "polypod/cutting/stock.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/machining/job.hpp"
@@ -61,23 +62,33 @@ struct PassMove {
 /// The moves of a pass where they are kept: commanded ones, or those of a program as they stand. Must outlive it.
 class PassMoves {
  public:
-  PassMoves(const std::vector<PassMove>& commanded) : commanded_(&commanded) {}  // NOLINT(google-explicit-constructor)
-  PassMoves(const std::vector<gcode::Move>& plain) : plain_(&plain) {}           // NOLINT(google-explicit-constructor)
+  PassMoves(const LongVector<PassMove>& commanded) : commanded_(&commanded) {}  // NOLINT(google-explicit-constructor)
+  PassMoves(const LongVector<gcode::Move>& plain) : plain_(&plain) {}           // NOLINT(google-explicit-constructor)
+  PassMoves(const std::vector<PassMove>& commanded)                             // NOLINT(google-explicit-constructor)
+      : row_(commanded.data()), size_(commanded.size()) {}
 
-  [[nodiscard]] std::size_t size() const { return plain_ != nullptr ? plain_->size() : commanded_->size(); }
-  [[nodiscard]] const gcode::Move& operator[](std::size_t i) const {
-    return plain_ != nullptr ? (*plain_)[i] : (*commanded_)[i].move;
+  [[nodiscard]] std::size_t size() const {
+    return plain_ != nullptr ? plain_->size() : commanded_ != nullptr ? commanded_->size() : size_;
   }
-  [[nodiscard]] bool transition(std::size_t i) const { return plain_ == nullptr && (*commanded_)[i].transition; }
+  [[nodiscard]] const gcode::Move& operator[](std::size_t i) const {
+    return plain_ != nullptr ? (*plain_)[i] : commanded(i).move;
+  }
+  [[nodiscard]] bool transition(std::size_t i) const { return plain_ == nullptr && commanded(i).transition; }
   /// The move that the deflected tool follows.
   [[nodiscard]] const gcode::Move& followed(std::size_t i) const {
-    const gcode::Move* other = plain_ != nullptr ? nullptr : (*commanded_)[i].followed;
-    return other != nullptr ? *other : (*this)[i];
+    if (plain_ != nullptr) return (*plain_)[i];
+    const PassMove& move = commanded(i);
+    return move.followed != nullptr ? *move.followed : move.move;
   }
 
  private:
-  const std::vector<PassMove>* commanded_ = nullptr;
-  const std::vector<gcode::Move>* plain_ = nullptr;
+  [[nodiscard]] const PassMove& commanded(std::size_t i) const {
+    return commanded_ != nullptr ? (*commanded_)[i] : row_[i];
+  }
+  const LongVector<PassMove>* commanded_ = nullptr;
+  const LongVector<gcode::Move>* plain_ = nullptr;
+  const PassMove* row_ = nullptr;
+  std::size_t size_ = 0;
 };
 
 struct PassOptions {

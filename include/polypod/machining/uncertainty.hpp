@@ -28,7 +28,7 @@ struct ComplianceBand {
 /// moves of the pass to those of the program, as Correction::source; null where they are the same. Cost: 10 us a point
 /// for an arm.
 ComplianceBand compliance_band(const Job& job, const Prediction& prediction, const Eigen::MatrixXd& covariance,
-                               const std::vector<int>* source = nullptr);
+                               const LongVector<int>* source = nullptr);
 
 /// U (k = 2) of the tip's place, in the direction in which it is largest, from the covariance of the machine's
 /// parameters, m. The tube is not compared with it, but with the deflection alone.
@@ -39,7 +39,7 @@ struct PlaceBand {
 /// Over `prediction.few`. `covariance`: SI, in the order of kinematics::parameters. `source` as above. Cost: 50 us a
 /// point.
 PlaceBand place_band(const Job& job, const Prediction& prediction, const Eigen::MatrixXd& covariance,
-                     const std::vector<int>* source = nullptr);
+                     const LongVector<int>* source = nullptr);
 
 /// The move that comes farthest from its programmed path when U is added to what is found of it.
 struct Reach {
