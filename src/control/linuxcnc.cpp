@@ -119,12 +119,12 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
     linear.push_back(slow_linear);
     angular.push_back(slow_angular);
   }
-  constexpr double kShare = 0.1;  // of the stands, those nearest to singular poses, that may need slower drives
+  constexpr double kShare = 0.25;  // of the stands, those nearest to singular poses, that may need slower drives
   const auto low = [&](std::vector<double>& values, double most) {
     if (values.empty()) return most;
     const auto at = values.begin() + static_cast<std::ptrdiff_t>(kShare * static_cast<double>(values.size()));
     std::nth_element(values.begin(), at, values.end());
-    return std::min(0.5 * *at, most);  // half for the place and half for the turn
+    return std::min(task.turns() ? 0.5 * *at : *at, most);  // half for the place and half for the turn
   };
   const double v = low(linear, 1.0), w = low(angular, 3.0);
   for (ControllerAxis& axis : out) {
@@ -213,7 +213,7 @@ HOME = {4} {5} {6} {7} {8} {9}
   speeds("LINEAR", v, a);
   speeds("ANGULAR", w, aw);
   out += fmt::format(
-      "\n# Ranges of the coordinates over {} random poses within all limits, and speeds at which nine in ten of them "
+      "\n# Ranges of the coordinates over {} random poses within all limits, and speeds at which three in four of them "
       "need no\n"
       "# drive faster than its MAX_VELOCITY: LinuxCNC looks at those of the joints only when they are jogged.\n",
       c.stands);
@@ -235,18 +235,39 @@ HOME = {4} {5} {6} {7} {8} {9}
 }
 
 std::string hal_text(const LinuxcncConfiguration& c) {
-  std::string out = fmt::format(R"(# The kinematics module checks the units that the INI file counts in.
+  std::string out =
+      fmt::format(R"(# The kinematics module checks the units that the INI file counts in.
 loadrt [KINS]KINEMATICS linear_units=[TRAJ]LINEAR_UNITS angular_units=[TRAJ]ANGULAR_UNITS
 loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
 loadrt estop_latch
-addf motion-command-handler servo-thread
+{0}addf motion-command-handler servo-thread
 addf motion-controller servo-thread
 addf estop-latch.0 servo-thread
 
 # The machine's figures, mm and deg. After a calibration export anew: homes and limits follow from them.
-)");
+)",
+                  c.module.compliances.empty() ? ""
+                                               : "loadrt limit2 names=force-limit-x,force-limit-y,force-limit-z\n"
+                                                 "addf force-limit-x servo-thread\naddf force-limit-y servo-thread\n"
+                                                 "addf force-limit-z servo-thread\n");
   for (const ModulePin& pin : c.module.pins)
     out += fmt::format("setp {}.{} {:.17g}\n", c.module.name, pin.name, pin.value);
+  if (!c.module.compliances.empty()) {
+    out += "\n# Compliances of what deflects: um/N along a line, rad/Nm about an axis.\n";
+    for (const ModulePin& pin : c.module.compliances)
+      out += fmt::format("setp {}.{} {:.17g}\n", c.module.name, pin.name, pin.value);
+    out += fmt::format(R"(
+# The force on the tool tip in the machine frame, N: link a sensor or a table to force-limit-x.in and so on. The tip deflects by
+# C F, and the joints are commanded so that it is where the program has it. maxv, N/s, is how fast the force may change.
+setp force-limit-x.maxv 50
+setp force-limit-y.maxv 50
+setp force-limit-z.maxv 50
+net force-x force-limit-x.out => {0}.force-x
+net force-y force-limit-y.out => {0}.force-y
+net force-z force-limit-z.out => {0}.force-z
+)",
+                       c.module.name);
+  }
   out += fmt::format(R"(
 # A forward or inverse that fails opens the e-stop; switching on again closes it. A machine that is off may stand anyhow.
 net motion-enabled motion.motion-enabled => {0}.armed

@@ -88,6 +88,14 @@ class Writer {
   std::vector<int> free;
   std::array<double, 6> home{};
   std::size_t at = 0;
+  /// What deflects: the joint, row or leg `number`, with its compliance in m/N or rad/Nm.
+  struct Element {
+    const char* kind;
+    int number;
+    double compliance;
+    bool turns;
+  };
+  std::vector<Element> elements;
 
   void put(const machine::SerialArm& arm) {
     pending(arm.X_MB);
@@ -100,6 +108,10 @@ class Writer {
       }
       const bool slides = row.kind == JointKind::prismatic;
       const auto held = [&](double value) { return slides ? mm(value) : number(value); };
+      if (row.compliance > 0) {
+        elements.push_back(
+            {row.locked ? "BY_ROW" : "BY_JOINT", row.locked ? rows - 1 : joint, row.compliance, !slides});
+      }
       line("{}.joint = {};", to, row.locked ? -1 : joint++);
       line("{}.slides = {};", to, int(slides));
       line("{}.craig = {};", to, int(arm.convention == DhConvention::modified));
@@ -122,6 +134,7 @@ class Writer {
       const Vec3 y =
           machine::home_pose(m) * Vec3(m.platform_joint[i] - m.tool_length * Vec3::UnitZ()) - m.base_joint[i];
       const std::string to = leg("STRUT", y.norm());
+      deflects("BY_LEG", legs - 1, m.leg_compliance[i]);
       line("{}.length = parameter[{}];", to, at);
       vector(to + ".base", at + 1);
       vector(to + ".end", at + 4);
@@ -135,6 +148,7 @@ class Writer {
     begin_closed(Task::pose, machine::home_pose(m));
     const std::size_t tool = at + 60;
     for (int i = 0; i < machine::kLegs; ++i, at += 10) {
+      deflects("BY_JOINT", joint + leg_joints, m.leg_compliance[static_cast<std::size_t>(i)]);
       const std::string to = leg("RAIL", m.length_of_leg(i));
       line("{}.length = parameter[{}];", to, at);
       vector(to + ".base", at + 1);
@@ -153,7 +167,9 @@ class Writer {
     begin_closed(Task::point, machine::home_pose(m));
     const std::size_t tool = at + 10 * static_cast<std::size_t>(m.arms);
     for (int i = 0; i < m.arms; ++i, at += 10) {
+      deflects("BY_JOINT", joint + leg_joints, m.drive_compliance[static_cast<std::size_t>(i)], kRotary);
       const std::string to = leg(kRotary ? "CRANK" : "RAIL", m.rod_length[static_cast<std::size_t>(i)]);
+      deflects("BY_LEG", legs - 1, m.rod_compliance[static_cast<std::size_t>(i)]);
       vector(to + ".base", at);
       if (kRotary) {
         line("{}.zero[2] = -1;", to);
@@ -181,6 +197,7 @@ class Writer {
     for (const machine::ParallelLeg& l : m.legs) {
       static constexpr const char* kDrives[] = {"STRUT", "RAIL", "CRANK", "ROD"};
       const std::string to = leg(kDrives[static_cast<int>(l.drive)], l.reference);
+      deflects("BY_LEG", legs - 1, l.compliance);
       line("{}.length = parameter[{}];", to, at);
       vector(to + ".base", at + 1);
       vector(to + ".end", at + 4);
@@ -301,6 +318,9 @@ class Writer {
     line("  compose(&at, &fixed, &at);");
     line("}}");
     has_pending_ = true;
+  }
+  void deflects(const char* kind, int number, double compliance, bool turns = false) {
+    if (compliance > 0) elements.push_back({kind, number, compliance, turns});
   }
   void drop() {
     line("identity(&at);");
@@ -484,6 +504,18 @@ Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& hom
   for (std::size_t i = 0; i < parameters.size(); ++i)
     if (parameters[i].unit == "mm") scale = std::max(scale, std::abs(out.pins[i].value));
 
+  if (w.legs > 0 && w.equations != 6) w.elements.clear();  // loads share out by stiffnesses that are not modelled here
+  std::string kinds, numbers, compliances;
+  for (std::size_t i = 0; i < w.elements.size(); ++i) {
+    const Writer::Element& e = w.elements[i];
+    const std::string comma = i > 0 ? ", " : "";
+    const double value = e.turns ? e.compliance : units::to_um_per_N(e.compliance);
+    kinds += comma + e.kind;
+    numbers += fmt::format("{}{}", comma, e.number);
+    compliances += comma + number(value);
+    out.compliances.push_back({fmt::format("compliance.{}", i + 1), value});
+  }
+
   std::string& s = out.source;
   s = fmt::format(
       "// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause\n"
@@ -500,6 +532,7 @@ Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& hom
                    w.legs, w.leg_joints, w.first_leg_joint, w.constraints);
   s += fmt::format("#define EQUATIONS {}\n#define LEG_FREE {}\n#define IDLE_TURN {}\n#define LEGS_NAME_AXIS {}\n",
                    w.equations, w.free.size(), flag(w.idle_turn), flag(w.legs_name_axis));
+  s += fmt::format("#define ELEMENTS {}\n", w.elements.size());
   s += fmt::format("#define ROWS {}\n#define ROWS_BEFORE {}\n#define SCALE {}\n\n", w.rows, w.rows_before,
                    number(scale));
   const auto part = [&](std::string_view text) {
@@ -529,9 +562,18 @@ Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& hom
   for (const ModulePin& pin : out.pins) s += fmt::format("    \"{}\",\n", pin.name);
   s += "};\nstatic const double kDefault[PARAMETERS] = {\n";
   for (const ModulePin& pin : out.pins) s += fmt::format("    {},\n", number(pin.value));
-  s += "};\n\n";
-  s += R"(static struct {
-  hal_float_t *parameter[PARAMETERS];
+  s += "};\n";
+  if (!w.elements.empty()) {
+    s += fmt::format(
+        "/* What deflects: a joint, a locked row, a leg; um/N along a line, rad/Nm about an axis. */\n"
+        "enum {{ BY_JOINT, BY_ROW, BY_LEG }};\n"
+        "static const int kElement[ELEMENTS] = {{{}}}, kNumber[ELEMENTS] = {{{}}};\n"
+        "static const double kCompliance[ELEMENTS] = {{{}}};\n",
+        kinds, numbers, compliances);
+  }
+  s += R"(
+static struct {
+  hal_float_t *parameter[PARAMETERS], *force[3], *compliance[ARRAY_SIZE_OR_ONE(ELEMENTS)];
   hal_bit_t *high[JOINTS], *armed, *error;
   hal_s32_t *iterations, *inverse_failures, *forward_failures;
 } *hal;

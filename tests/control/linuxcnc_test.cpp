@@ -18,6 +18,7 @@
 #include "polypod/control/settings.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/statics/compliance.hpp"
 
 namespace polypod::control {
 namespace {
@@ -271,6 +272,65 @@ TEST(LinuxcncModule, KeepsTheWorkingModeOfThePins) {
   std::vector<double> pose = home_of(c);
   ASSERT_EQ(host.forward(q, pose), 0);
   EXPECT_LT(farthest(pose, home_of(c)), kRoundTrip);
+}
+
+/// Under a force the joints are those of the pose that the force deflects to the commanded one, by Polypod's own
+/// compliance of the tip; forward is the inverse of that.
+TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
+  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  // mm: C is that of the commanded pose to rounding; the inverse and forward of both are at 1e-10.
+  constexpr double kShift = 2e-9;
+  for (const std::string name : {"lola50", "hexapod-f100i", "hexapod-slider", "pentapod", "tricept", "tripod-z3",
+                                 "delta-par4", "planar-3rrr", "tricept-wrist", "scissors"}) {
+    SCOPED_TRACE(name);
+    std::vector<machine::Override> sets;
+    if (name == "hexapod-slider") sets.push_back({"leg.compliance_um_per_N", "0.02"});
+    const AnyMachine m = test::load(name, sets);
+    if (!statics::has_compliance(m)) {
+      ADD_FAILURE() << "no compliances";
+      continue;
+    }
+    const LinuxcncConfiguration c = exported(m);
+    ASSERT_FALSE(c.module.compliances.empty());
+    const test::Folder folder;
+    ModuleHost host(test::compiled(written(folder, c.module)).string());
+    const Task task = kinematics::task(m);
+    const Vec3 force(300, -200, 450);
+    int compared = 0;
+    for (const calibration::Stand& stand : calibration::random_stands(m, 20, 11)) {
+      const std::vector<double> asked = world_of(m, stand.X_MT);
+      std::vector<double> stiff = homes(c.joints);
+      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), 0);
+      if (host.inverse(asked, stiff) != 0) continue;
+      JointVector q(static_cast<Eigen::Index>(stiff.size()));
+      for (int i = 0; i < static_cast<int>(stiff.size()); ++i) {
+        const double value = stiff[static_cast<std::size_t>(i)];
+        q[i] = turns(m, i) ? units::from_deg(value) : units::from_mm(value);
+      }
+      const statics::Compliance at = statics::compliance_at_joints(m, q);
+      const Vec3 shift = at.displacement(force) * units::kMmPerMetre;
+      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), force[k]);
+      std::vector<double> shifted = stiff;
+      if (host.inverse(asked, shifted) != 0) continue;
+      std::vector<double> back = asked;
+      ASSERT_EQ(host.forward(shifted, back), 0);
+      EXPECT_LT(farthest(back, asked), kShift);
+      // Without the force these joints are at the shifted pose.
+      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), 0);
+      std::vector<double> where = asked;
+      ASSERT_EQ(host.forward(shifted, where), 0);
+      double largest = 0;
+      for (int i = 0; i < task.size(); ++i) {
+        const auto k = static_cast<std::size_t>(task[i]);
+        const double expected = k < 3 ? -shift[static_cast<Eigen::Index>(k)] : 0;
+        EXPECT_NEAR(where[k] - asked[k], expected, kShift) << k;
+        largest = std::max(largest, std::abs(expected));
+      }
+      EXPECT_GT(largest, 1e-6);
+      ++compared;
+    }
+    EXPECT_GT(compared, 5);
+  }
 }
 
 // ---- against LinuxCNC's genuine modules -----------------------------------------------------------------------------

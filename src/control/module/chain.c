@@ -39,8 +39,11 @@ typedef struct {
   double k[3], o[3];
 } Axis;
 
+/* Columns of a Jacobian: joints, rows (of locked ones alone), legs (of the closed stage, by their length). */
+#define COLUMNS (JOINTS + ROWS + LEGS)
+
 /* X = X A(q); the axis of its joint on the way. */
-static void walk_row(const Row *row, const double *q, Pose *X, Axis *axes) {
+static void walk_row(const Row *row, const double *q, Pose *X, Axis *axis) {
   const double value = row->joint < 0 ? row->held : q[row->joint];
   const double theta = row->theta + (row->slides ? 0 : row->sense * value);
   const double d = row->d + (row->slides ? row->sense * value : 0);
@@ -57,27 +60,29 @@ static void walk_row(const Row *row, const double *q, Pose *X, Axis *axes) {
     const Pose whole = {{{ct, -ca * st, sa * st}, {st, ca * ct, -sa * ct}, {0, sa, ca}}, {row->a * ct, row->a * st, d}};
     A = whole;
   }
-  if (row->joint >= 0)
-    for (k = 0; k < 3; k++) {
-      axes[row->joint].k[k] = row->sense * X->R[k][2];
-      axes[row->joint].o[k] = X->p[k];
-    }
+  for (k = 0; k < 3; k++) {
+    axis->k[k] = row->sense * X->R[k][2];
+    axis->o[k] = X->p[k];
+  }
   compose(X, &A, X);
 }
 
 /* The tip of the joints with its Jacobian, J[joint] = [v; w]. `closed` is the pose of the closed stage: in, where its
  * search begins; out, what it is. */
-static int tip(const double *q, Pose *closed, Pose *X, double J[JOINTS][6]) {
-  Axis axes[JOINTS];
+static int tip(const double *q, Pose *closed, Pose *X, double J[COLUMNS][6]) {
+  Axis axes[ROWS];
   Pose at;
   int i, k;
+#if LEGS > 0
+  double platform[3];
+#endif
   identity(&at);
-  for (i = 0; i < ROWS_BEFORE; i++) walk_row(&chain_rows[i], q, &at, axes);
+  for (i = 0; i < ROWS_BEFORE; i++) walk_row(&chain_rows[i], q, &at, &axes[i]);
 #if LEGS > 0
   {
-    double values[EQUATIONS], rows[EQUATIONS][6], by_drive[LEGS], M[6][6 + LEG_JOINTS];
+    double values[EQUATIONS], rows[EQUATIONS][6], by_drive[LEGS], M[6][6 + LEG_JOINTS + LEGS];
     Pose base, end;
-    int r, c, n;
+    int r, c, n, drives = 0, passive = LEG_JOINTS;
     compose(&at, &front, &base);
     if (legs_forward(q + FIRST_LEG_JOINT, closed) != 0) return -1;
     compose(&base, closed, &end);
@@ -92,42 +97,48 @@ static int tip(const double *q, Pose *closed, Pose *X, double J[JOINTS][6]) {
       }
       for (c = 0; c < LEG_JOINTS; c++)
         M[r][6 + c] = n == 6 ? (r == c ? -by_drive[c] : 0) : -rows[c][r] * by_drive[c];
+      for (c = 0; c < LEGS; c++) M[r][6 + LEG_JOINTS + c] = 0;
     }
-    if (solve(6, LEG_JOINTS, &M[0][0], 6 + LEG_JOINTS) == 0) return -1;
-    for (c = 0; c < LEG_JOINTS; c++) {
+    for (c = 0; c < LEGS && n == 6; c++) {
+      const Leg *leg = &legs[c];
+      const double length = leg->drive == STRUT ? q[FIRST_LEG_JOINT + leg->joint] + leg->length : leg->length;
+      M[leg->drive == ROD ? passive++ : drives++][6 + LEG_JOINTS + c] = length / leg->reference;
+    }
+    if (solve(6, LEG_JOINTS + LEGS, &M[0][0], 6 + LEG_JOINTS + LEGS) == 0) return -1;
+    for (c = 0; c < LEG_JOINTS + LEGS; c++) {
+      double *column = J[c < LEG_JOINTS ? FIRST_LEG_JOINT + c : JOINTS + ROWS + c - LEG_JOINTS];
       double v[3], w[3];
       for (k = 0; k < 3; k++) {
         v[k] = M[k][6 + c];
         w[k] = M[3 + k][6 + c] / size;
       }
-      rotate(base.R, v, J[FIRST_LEG_JOINT + c]);
-      rotate(base.R, w, J[FIRST_LEG_JOINT + c] + 3);
-      for (k = 0; k < 3; k++) axes[FIRST_LEG_JOINT + c].o[k] = end.p[k];
+      rotate(base.R, v, column);
+      rotate(base.R, w, column + 3);
     }
+    for (k = 0; k < 3; k++) platform[k] = end.p[k];
     at = end;
   }
 #else
   (void)closed;
 #endif
-  for (i = ROWS_BEFORE; i < ROWS; i++) walk_row(&chain_rows[i], q, &at, axes);
+  for (i = ROWS_BEFORE; i < ROWS; i++) walk_row(&chain_rows[i], q, &at, &axes[i]);
   compose(&at, &behind, X);
   for (i = 0; i < ROWS; i++) {
     const Row *row = &chain_rows[i];
-    double arm[3];
-    if (row->joint < 0) continue;
+    double arm[3], *column = J[row->joint < 0 ? JOINTS + i : row->joint];
     for (k = 0; k < 3; k++) {
-      arm[k] = X->p[k] - axes[row->joint].o[k];
-      J[row->joint][k] = axes[row->joint].k[k];
-      J[row->joint][3 + k] = row->slides ? 0 : axes[row->joint].k[k];
+      arm[k] = X->p[k] - axes[i].o[k];
+      column[k] = axes[i].k[k];
+      column[3 + k] = row->slides ? 0 : axes[i].k[k];
     }
-    if (!row->slides) cross(axes[row->joint].k, arm, J[row->joint]);
+    if (!row->slides) cross(axes[i].k, arm, column);
   }
 #if LEGS > 0
-  for (i = FIRST_LEG_JOINT; i < FIRST_LEG_JOINT + LEG_JOINTS; i++) { /* from the closed stage's tip to the machine's */
-    double arm[3], more[3];
-    for (k = 0; k < 3; k++) arm[k] = X->p[k] - axes[i].o[k];
-    cross(J[i] + 3, arm, more);
-    for (k = 0; k < 3; k++) J[i][k] += more[k];
+  for (i = 0; i < LEG_JOINTS + LEGS; i++) { /* from the closed stage's tip to the machine's */
+    double arm[3], more[3], *column = J[i < LEG_JOINTS ? FIRST_LEG_JOINT + i : JOINTS + ROWS + i - LEG_JOINTS];
+    for (k = 0; k < 3; k++) arm[k] = X->p[k] - platform[k];
+    cross(column + 3, arm, more);
+    for (k = 0; k < 3; k++) column[k] += more[k];
   }
 #endif
   for (k = 0; k < 3; k++)
@@ -136,7 +147,7 @@ static int tip(const double *q, Pose *closed, Pose *X, double J[JOINTS][6]) {
 }
 
 /* How far the pose misses the coordinates c, and the Jacobian of that; angles count SCALE mm a radian. */
-static double task_rows(const Pose *X, const double c[6], double J[JOINTS][6], double *e, double rows[][JOINTS]) {
+static double task_rows(const Pose *X, const double c[6], double J[COLUMNS][6], double *e, double rows[][JOINTS]) {
   double worst = 0, w[3], E[3][6], is[6];
   Pose want;
   int i, j, k;
@@ -203,7 +214,7 @@ static double unit_of(int joint) {
 /* Newton's method from the joints q, which become those of the coordinates c. Returns the sign of the Jacobian's
  * determinant there: it changes at singular poses alone, between postures; 0 where it does not converge. */
 static int joints_newton(const double c[6], double *q, Pose *closed) {
-  double J[JOINTS][6], e[JOINTS], rows[JOINTS][JOINTS], M[JOINTS][JOINTS + 1];
+  double J[COLUMNS][6], e[JOINTS], rows[JOINTS][JOINTS], M[JOINTS][JOINTS + 1];
   Pose X;
   int iteration, i, j;
   for (iteration = 0; iteration < 25; iteration++) {
@@ -236,7 +247,7 @@ static int joints_newton(const double c[6], double *q, Pose *closed) {
 }
 
 static int side_at(const double *q, Pose *closed, double c[6]) {
-  double J[JOINTS][6], e[JOINTS], rows[JOINTS][JOINTS], M[JOINTS][JOINTS + 1];
+  double J[COLUMNS][6], e[JOINTS], rows[JOINTS][JOINTS], M[JOINTS][JOINTS + 1];
   Pose X;
   int i, j;
   if (tip(q, closed, &X, J) != 0) return 0;
@@ -300,3 +311,25 @@ static int chain_inverse(const double c[6], double *joints) {
   }
   return -1;
 }
+
+#if ELEMENTS > 0
+/* s = C force at the tip of the joints q. */
+static int chain_deflection(const double *q, const double force[3], double s[3]) {
+  double J[COLUMNS][6];
+  Pose X, closed;
+  int i, k;
+#if LEGS > 0
+  closed = legs_home;
+#else
+  identity(&closed);
+#endif
+  if (tip(q, &closed, &X, J) != 0) return -1;
+  for (k = 0; k < 3; k++) s[k] = 0;
+  for (i = 0; i < ELEMENTS; i++) {
+    const double *column = J[kNumber[i] + (kElement[i] == BY_JOINT ? 0 : kElement[i] == BY_ROW ? JOINTS : JOINTS + ROWS)];
+    const double gives = 1e-3 * *hal->compliance[i] * dot(column, force); /* mm/N, rad/Nmm */
+    for (k = 0; k < 3; k++) s[k] += gives * column[k];
+  }
+  return 0;
+}
+#endif

@@ -466,3 +466,41 @@ static void prepare_legs(void) {
   home_side = solve_rows(n, 6, rows, values, step);
   legs_usable = home_side != 0;
 }
+
+#if ELEMENTS > 0 && ROWS == 0
+/* s = C force at the tip: with lambda = A^-T (force, 0) the load of each equation, s = A^-1 of what that deflects. */
+static int deflection(const Pose *X, const double *q, const double force[3], double s[3]) {
+  double values[EQUATIONS], rows[EQUATIONS][6], by_drive[LEGS], M[6][7], gives[6];
+  int row_of[LEGS], i, k, n = 0, passive = LEG_JOINTS;
+  for (i = 0; i < LEGS; i++) row_of[i] = legs[i].drive == ROD ? passive++ : n++;
+  closure_rows(X, q, values, rows, by_drive);
+  for (i = 0; i < 6; i++) {
+    for (k = 0; k < 6; k++) M[i][k] = rows[k][i];
+    M[i][6] = i < 3 ? force[i] : 0;
+    gives[i] = 0;
+  }
+  if (solve(6, 1, &M[0][0], 7) == 0) return -1;
+  for (i = 0; i < ELEMENTS; i++) {
+    int row, leg = kNumber[i];
+    const double c = 1e-3 * *hal->compliance[i]; /* mm/N, rad/Nmm */
+    double per;
+    if (kElement[i] == BY_JOINT) {
+      for (leg = 0; legs[leg].drive == ROD || legs[leg].joint != kNumber[i]; leg++) {
+      }
+      per = -by_drive[row_of[leg]];
+    } else {
+      const Leg *l = &legs[leg];
+      per = (l->drive == STRUT ? q[l->joint] + l->length : l->length) / l->reference;
+    }
+    row = row_of[leg];
+    gives[row] += c * per * per * M[row][6];
+  }
+  for (i = 0; i < 6; i++) {
+    for (k = 0; k < 6; k++) M[i][k] = rows[i][k];
+    M[i][6] = gives[i];
+  }
+  if (solve(6, 1, &M[0][0], 7) == 0) return -1;
+  for (k = 0; k < 3; k++) s[k] = M[k][6];
+  return 0;
+}
+#endif

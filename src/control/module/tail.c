@@ -35,7 +35,7 @@ static int in_assembly_mode(const double *q, const Pose *X) {
 }
 #endif
 
-static int inverse(const double c[6], double *q) {
+static int stiff_inverse(const double c[6], double *q) {
 #if ROWS > 0
   return chain_inverse(c, q);
 #else
@@ -48,10 +48,10 @@ static int inverse(const double c[6], double *q) {
 }
 
 /* c: in, near where to search; out, the coordinates of the joints. */
-static int forward(const double *q, double c[6]) {
+static int stiff_forward(const double *q, double c[6]) {
   Pose X;
 #if ROWS > 0
-  double J[JOINTS][6];
+  double J[COLUMNS][6];
   Pose closed;
 #if LEGS > 0
   closed = legs_home;
@@ -65,6 +65,77 @@ static int forward(const double *q, double c[6]) {
 #endif
   coordinates_of(NAMES_AXIS, &X, c);
   return 0;
+}
+
+#if ELEMENTS > 0
+/* What the force on the tip moves the coordinates by; q: in, joints near; out, those of c. */
+static int shift_of(const double c[6], double *q, const double force[3], double s[3]) {
+  if (stiff_inverse(c, q) != 0) return -1;
+#if ROWS > 0
+  return chain_deflection(q, force, s);
+#else
+  {
+    double whole[6];
+    Pose X;
+    if (settle(c, &X, whole) != 0) return -1;
+    return deflection(&X, q, force, s);
+  }
+#endif
+}
+
+/* Adds share s to those of x, y, z that a pose prescribes. */
+static void add_shift(double c[6], const double s[3], double share) {
+  int k;
+  for (k = 0; k < COORDINATES; k++)
+    if (kCoordinate[k] < 3) c[kCoordinate[k]] += share * s[kCoordinate[k]];
+}
+static int read_force(double force[3]) {
+  int k, any = 0;
+  for (k = 0; k < 3; k++) {
+    force[k] = *hal->force[k];
+    any = any || force[k] != 0;
+  }
+  return any;
+}
+#endif
+
+/* The joints of the pose that the force deflects to c. */
+static int inverse(const double c[6], double *q) {
+#if ELEMENTS > 0
+  double force[3], s[3], at[6];
+  int k;
+  if (read_force(force)) {
+    if (shift_of(c, q, force, s) != 0) return -1;
+    for (k = 0; k < 6; k++) at[k] = c[k];
+    add_shift(at, s, -1);
+    return stiff_inverse(at, q);
+  }
+#endif
+  return stiff_inverse(c, q);
+}
+
+/* The other way round: where the force deflects the tip of the joints to. */
+static int forward(const double *q, double c[6]) {
+#if ELEMENTS > 0
+  double force[3], s[3], stiff[6], near[JOINTS], off[6], before, now = 1e300;
+  int i, k;
+  if (read_force(force)) {
+    if (stiff_forward(q, c) != 0) return -1;
+    for (k = 0; k < 6; k++) stiff[k] = off[k] = c[k];
+    for (i = 0; i < JOINTS; i++) near[i] = q[i];
+    for (i = 0; i < 20; i++) { /* the shift at the deflected pose, as in the inverse, is little else than that here */
+      if (shift_of(off, near, force, s) != 0) return -1;
+      for (k = 0; k < 6; k++) off[k] = stiff[k];
+      add_shift(off, s, 1);
+      before = now;
+      now = s[0] + s[1] + s[2];
+      if (fabs(now - before) < 1e-12) break;
+    }
+    for (k = 0; k < 6; k++) c[k] = off[k];
+    return 0;
+  }
+#endif
+  return stiff_forward(q, c);
 }
 
 static void read_world(const EmcPose *w, double c[6]) {
@@ -183,6 +254,15 @@ int rtapi_app_main(void) {
            hal_pin_s32_newf(HAL_OUT, &hal->iterations, component, MODULE_NAME ".iterations") < 0 ||
            hal_pin_s32_newf(HAL_OUT, &hal->inverse_failures, component, MODULE_NAME ".inverse-failures") < 0 ||
            hal_pin_s32_newf(HAL_OUT, &hal->forward_failures, component, MODULE_NAME ".forward-failures") < 0;
+#if ELEMENTS > 0
+  for (i = 0; i < 3; i++)
+    failed = failed || hal_pin_float_newf(HAL_IN, &hal->force[i], component, MODULE_NAME ".force-%c", 'x' + i) < 0;
+  for (i = 0; i < ELEMENTS; i++) {
+    failed = failed ||
+             hal_pin_float_newf(HAL_IN, &hal->compliance[i], component, MODULE_NAME ".compliance.%d", i + 1) < 0;
+    if (!failed) *hal->compliance[i] = kCompliance[i];
+  }
+#endif
   if (failed) {
     hal_exit(component);
     return -1;
