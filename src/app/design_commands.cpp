@@ -42,7 +42,7 @@ Json values_json(const Study& study, const Row& row) {
 Json row_json(const Study& study, const Row& row) {
   const design::Evaluation& e = row.evaluation;
   Json parameters = Json::object(), bounds = Json::object();
-  for (const auto& [key, value] : study.parameters(row.varied)) parameters[key] = number_json(value);
+  for (const auto& [key, value] : design::parameters_of(study, row)) parameters[key] = number_json(value);
   const std::vector<design::Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i) {
     const design::Value& v = e.figures[i];
@@ -96,28 +96,28 @@ std::string shown(double value) {
 
 /// Objective, parameters and figures of a row, one a line; those of the start beside them.
 void print_row(const Study& study, const Row& row, const Row* start) {
+  const auto line = [&](const std::string& name, const std::string& value, const std::string& of_start,
+                        const std::string& rest = "") {
+    std::string text = fmt::format("{:<28} {:>14} {:>14}{}", name, value, start != nullptr ? of_start : "", rest);
+    text.erase(text.find_last_not_of(' ') + 1);
+    fmt::print("{}\n", text);
+  };
+  const auto number = [&](double value) { return std::isfinite(value) ? shown(value) : std::string(); };
+  line("", fmt::format("row {}", row.row), "start");
   const design::Evaluation& e = row.evaluation;
-  fmt::print("{:<28} {:>14} {:>14}\n", "", fmt::format("row {}", row.row), start != nullptr ? "start" : "");
   if (!study.wants_front()) {
-    fmt::print("{:<28} {:>14} {:>14}\n", "objective", shown(e.objective.value),
-               start != nullptr ? shown(start->evaluation.objective.value) : "");
+    line("objective", shown(e.objective.value), start != nullptr ? number(start->evaluation.objective.value) : "");
   }
-  std::vector<std::pair<std::string, double>> before;
-  if (start != nullptr) before = study.parameters(start->varied);
-  const auto parameters = study.parameters(row.varied);
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    // What the start's ties would be is not what the start has.
-    const bool known = i < study.vary.size() && i < before.size();
-    fmt::print("{:<28} {:>14} {:>14}\n", parameters[i].first, shown(parameters[i].second),
-               known ? shown(before[i].second) : "");
-  }
+  const auto parameters = design::parameters_of(study, row);
+  const auto before = start != nullptr ? design::parameters_of(study, *start) : parameters;
+  for (std::size_t i = 0; i < parameters.size(); ++i)
+    line(parameters[i].first, shown(parameters[i].second), number(before[i].second));
   const std::vector<design::Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i) {
     const design::Value& v = e.figures[i];
-    const std::string bounds =
-        v.lower < v.upper ? fmt::format("   certainly {} to {}", shown(v.lower), shown(v.upper)) : "";
-    fmt::print("{:<28} {:>14} {:>14}{}\n", design::info_of(figures[i]).name, shown(v.value),
-               start != nullptr ? shown(start->evaluation.figures[i].value) : "", bounds);
+    line(design::info_of(figures[i]).name, shown(v.value),
+         start != nullptr ? number(start->evaluation.figures[i].value) : "",
+         v.lower < v.upper ? fmt::format("   certainly {} to {}", shown(v.lower), shown(v.upper)) : "");
   }
   if (start != nullptr && start->evaluation.state != State::done) {
     fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
@@ -143,7 +143,7 @@ void print_table(const Study& study, const std::vector<Row>& rows, const std::ve
     std::vector<std::string> line{std::to_string(row.row), design::name_of(row.evaluation.state)};
     if (!study.wants_front()) line.push_back(shown(row.evaluation.objective.value));
     for (const design::Value& v : row.evaluation.figures) line.push_back(shown(v.value));
-    for (const auto& [key, value] : study.parameters(row.varied)) line.push_back(shown(value));
+    for (const auto& [key, value] : design::parameters_of(study, row)) line.push_back(shown(value));
     cells.push_back(std::move(line));
   }
   std::vector<std::size_t> width(head.size(), 0);

@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "polypod/core/nearest_word.hpp"
+#include "polypod/design/optimize.hpp"
 
 namespace polypod::design {
 namespace {
@@ -46,7 +47,7 @@ double number_of(const Study& study, const Row& row, const std::string& name) {
   const std::vector<Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i)
     if (name == info_of(figures[i]).name) return row.evaluation.figures[i].value;
-  for (const auto& [key, value] : study.parameters(row.varied))
+  for (const auto& [key, value] : parameters_of(study, row))
     if (key == name) return value;
   return kNone;
 }
@@ -160,6 +161,14 @@ bool meets(const Study& study, const Row& row, const Condition& c) {
   return x == c.value;
 }
 
+std::vector<std::pair<std::string, double>> parameters_of(const Study& study, const Row& row) {
+  auto out = study.parameters(row.varied);
+  if (row.phase == Phase::start && !start_is_candidate(study)) {
+    for (std::size_t i = study.vary.size(); i < out.size(); ++i) out[i].second = kNone;
+  }
+  return out;
+}
+
 std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
   const std::vector<Figure> figures = study.figures();
   std::string out = "row,state,phase,objective,objective_lower,objective_upper,violation";
@@ -175,7 +184,7 @@ std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
     const Evaluation& e = row.evaluation;
     out += fmt::format("{},{},{},{},{},{},{}", row.row, name_of(e.state), name_of(row.phase), field(e.objective.value),
                        field(e.objective.lower), field(e.objective.upper), field(e.violation));
-    for (const auto& [key, value] : study.parameters(row.varied)) out += "," + field(value);
+    for (const auto& [key, value] : parameters_of(study, row)) out += "," + field(value);
     for (std::size_t i = 0; i < figures.size(); ++i) {
       const Value& v = e.figures[i];
       out += "," + field(v.value);
@@ -194,8 +203,8 @@ Result<AnyMachine> machine_of_row(const Study& study, const Row& row) {
                 "take another row");
   }
   const Evaluation& e = row.evaluation;
-  std::string text = fmt::format("row {} of the study {} on {} (seed {}, Polypod {}, {})", row.row, study.file,
-                                 study.machine, study.seed, row.version, row.at);
+  std::string text = fmt::format("row {} of the study {} on {} (seed {}, Polypod {})", row.row, study.file,
+                                 study.machine, study.seed, row.version);
   if (!std::isnan(e.objective.value)) text += fmt::format("; objective {:.6g}", e.objective.value);
   const std::vector<Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i)

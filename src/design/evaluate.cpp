@@ -106,7 +106,7 @@ class Judge {
     out_.state = State::done;
     for (const Goal& g : study_.goals) {
       if (g.maximise || study_.wants_front() || get(g.figure).value != 0) continue;
-      refuse(fmt::format("{} is 0, and the objective takes its share of {}", info_of(g.figure).name, g.best));
+      refuse(fmt::format("{} is 0, and {} cannot be divided by it", info_of(g.figure).name, g.best));
       return true;
     }
     if (!last && worse()) {

@@ -70,7 +70,7 @@ class Page {
   explicit Page(const StudyPage& page)
       : page_(page),
         study_(page.study),
-        report_(fmt::format("Study of {}", page.study.machine), subtitle(page.study), facts(page)),
+        report_(fmt::format("Study of {}", machine::name_of(page.study.start)), subtitle(page.study), facts(page)),
         start_(start_of(page)),
         front_(design::front_of(page.study, page.rows)) {
     if (const auto best = design::best_of(page.study, page.rows)) best_ = &page.rows[*best];
@@ -173,7 +173,7 @@ class Page {
 
   void front_table() {
     report::Table t;
-    t.caption = "The front: no other machine that was tried is better in every goal";
+    t.caption = "The front of those that are done: none of them is better than another in every goal";
     t.columns.push_back({"row", "", 0});
     for (const Goal& g : study_.goals) t.columns.push_back({design::info_of(g.figure).name, "", -1});
     for (const design::Vary& v : study_.vary) t.columns.push_back({v.key, "", -1});
@@ -279,9 +279,12 @@ class Page {
     if (const auto figure = front_figure(page_)) {
       report_.add_figure(
           *figure,
-          fmt::format("{} against {}. On the front no other candidate is better in every goal of the "
-                      "study; with more than two goals it is a surface, of which this is one side.",
-                      design::info_of(study_.goals[0].figure).name, design::info_of(study_.goals[1].figure).name));
+          fmt::format("{} against {}. On the front no other machine that is done is better in every goal of the study; "
+                      "with more than two goals it is a surface, of which this is one side.{}",
+                      design::info_of(study_.goals[0].figure).name, design::info_of(study_.goals[1].figure).name,
+                      best_ == nullptr ? ""
+                                       : " Machines that were dropped for their objective are not among them, so the "
+                                         "front of all may hold more."));
       if (best_ != nullptr) front_table();
     }
     if (const auto figure = parallel_figure(page_)) {

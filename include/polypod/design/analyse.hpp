@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "polypod/design/store.hpp"
@@ -35,6 +36,10 @@ struct Condition {
 Result<Condition> condition_of(const Study& study, const std::string& text);
 /// False where the row does not have the number.
 bool meets(const Study& study, const Row& row, const Condition& condition);
+
+/// Study::parameters of a row. What ties would give is NaN of a start that is none of the candidates: it has what its
+/// file says.
+std::vector<std::pair<std::string, double>> parameters_of(const Study& study, const Row& row);
 
 /// A table of all these rows: row, state, phase, objective with its bounds, violation, the parameters, the figures with
 /// the bounds of volumes, seconds, version, at, reason.
