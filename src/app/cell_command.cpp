@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "commands.hpp"
+#include "interrupt.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
@@ -23,7 +25,7 @@ namespace {
 using units::to_mm;
 
 struct Options {
-  std::string file, policy, report, events, drawing, sequence;
+  std::string file, policy, sweep, report, events, drawing, sequence;
   std::vector<std::string> sets;
   double minutes = 10;
   int seed = 1, seeds = 1;
@@ -163,6 +165,71 @@ Json times_json(const pages::CellResult& r) {
   return {{"picks", picks}, {"machines", stands}};
 }
 
+/// `KEY=FROM:TO:STEP` as the key and its values.
+Result<std::pair<std::string, std::vector<double>>> sweep_of(const std::string& text) {
+  constexpr double kMostValues = 200;
+  const auto refused = [&](const std::string& why) {
+    return fail("AP242", fmt::format("--sweep {}: {}", one_line(text), why), {},
+                "as in --sweep conveyor.A.speed_mm_per_s=60:180:20");
+  };
+  const std::size_t equals = text.find('='), first = text.find(':'), second = text.find(':', first + 1);
+  if (equals == std::string::npos || first == std::string::npos || second == std::string::npos || equals > first) {
+    return refused("not KEY=FROM:TO:STEP");
+  }
+  POLYPOD_ASSIGN(from, number_of(text.substr(equals + 1, first - equals - 1), "--sweep", kAnyNumber, ""));
+  POLYPOD_ASSIGN(to, number_of(text.substr(first + 1, second - first - 1), "--sweep", kAnyNumber, ""));
+  POLYPOD_ASSIGN(step, number_of(text.substr(second + 1), "--sweep", kAnyNumber, ""));
+  if (!(step > 0) || !(to >= from)) return refused("the range must rise, and its step be above 0");
+  if (!((to - from) / step < kMostValues)) return refused("more than 200 values");
+  std::vector<double> values;
+  for (int k = 0; from + k * step <= to + 1e-9 * step; ++k) values.push_back(from + k * step);
+  return std::pair{text.substr(0, equals), values};
+}
+
+/// Runs the cell with each value; the best has no problem and the largest throughput.
+Result<int> run_sweep(const Context& context, const std::string& file, const std::vector<cell::Override>& overrides,
+                      const std::string& text, pages::CellQuestion question) {
+  POLYPOD_ASSIGN(sweep, sweep_of(text));
+  Json rows = Json::array();
+  std::optional<std::size_t> best;
+  std::vector<double> rates;
+  const auto progress = progress_line(context, "sweeping");
+  question.settings.progress = [](double) { return !interrupted(); };
+  for (std::size_t k = 0; k < sweep.second.size(); ++k) {
+    std::vector<cell::Override> with = overrides;
+    with.push_back({sweep.first, fmt::format("{:.17g}", sweep.second[k])});
+    POLYPOD_ASSIGN(c, cell::read(file, with));
+    const pages::CellResult r = pages::judge_cell(std::move(c), question);
+    if (!progress(static_cast<double>(k + 1) / static_cast<double>(sweep.second.size()))) return kDone;
+    const double rate = r.simulated() ? r.study.throughput.mean : 0;
+    rates.push_back(rate);
+    if (r.problems.empty() && (!best || rate > rates[*best])) best = k;
+    rows.push_back({{"value", sweep.second[k]},
+                    {"ok", r.problems.empty()},
+                    {"throughput_per_min", r.simulated() ? estimate_json(r.study.throughput) : Json(nullptr)},
+                    {"missed", r.simulated() ? Json(r.outcome().missed) : Json(nullptr)},
+                    {"problem", r.problems.empty() ? Json(nullptr) : Json(r.problems.front().detail)}});
+    if (!context.json) {
+      fmt::print(
+          "{} = {:g}: {}{}\n", one_line(sweep.first), sweep.second[k],
+          r.simulated() ? estimate_text(r.study.throughput, 2) + " items a minute" : std::string("not simulated"),
+          r.problems.empty() ? ""
+                             : fmt::format("; {}: {}", r.problems.front().kind, one_line(r.problems.front().detail)));
+    }
+  }
+  if (context.json) {
+    print_json({{"ok", best.has_value()},
+                {"key", sweep.first},
+                {"sweep", rows},
+                {"best", best ? Json(sweep.second[*best]) : Json(nullptr)}});
+  } else if (best) {
+    fmt::print("best of these: {:g}\n", sweep.second[*best]);
+  } else {
+    fmt::print("none of these is ok\n");
+  }
+  return best ? kDone : kAnswerIsNo;
+}
+
 Json document(const pages::CellResult& r) {
   const cell::Cell& c = r.cell;
   Json problems = Json::array();
@@ -264,7 +331,7 @@ void print_result(const pages::CellResult& r) {
     }
   }
   if (!c.cost.rows.empty()) {
-    fmt::print("cost       {:.0f} {}, with a reserve of {:.0f} {:.0f} {}", c.cost.total(), c.cost.currency,
+    fmt::print("cost       {:.0f} {} and a reserve of {:.0f}: {:.0f} {}", c.cost.total(), c.cost.currency,
                c.cost.reserve(), c.cost.total() + c.cost.reserve(), c.cost.currency);
     if (c.cost.hours > 0) fmt::print("; {:.0f} hours of assembly", c.cost.hours);
     fmt::print("\n");
@@ -284,65 +351,75 @@ void print_result(const pages::CellResult& r) {
 
 Command cell_command() {
   auto o = std::make_shared<Options>();
-  return {"cell", "A robot cell: reach, collisions, cycle, throughput, cost, safety, documentation",
-          "polypod cell cells/kozubik/cell.toml --minutes 10 --report cell.html",
-          [o](Arguments& a) {
-            a.positional("cell", o->file, "A cell file (docs/cell.md)");
-            a.option("--minutes", o->minutes, {0, 1e5, true, false}, "Simulated time, min (default: that of the file)");
-            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of all random numbers (default: that of the file)");
-            a.option("--seeds", o->seeds, {1, 1000},
-                     "So many runs, with seeds that follow each other: means with confidence intervals (default 1)");
-            a.option("--policy", o->policy,
-                     "Which item next: first, nearest or look-ahead (default: that of the file)");
-            a.flag("--compare", o->compare, "Compare the policies, and find what limits the cell");
-            a.option("--set", o->sets,
-                     "KEY=NUMBER: another number of the cell file, as conveyor.A.speed_mm_per_s=150 (repeatable)");
-            a.option("--report", o->report, "An HTML page: the documentation of the cell");
-            a.option("--events", o->events, "A CSV file: each event of the first run");
-            a.option("--drawing", o->drawing, "An SVG file: five views with dimensions");
-            a.option("--sequence", o->sequence, "A file of Structured Text (IEC 61131-3): the sequence for the PLC");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_TRY(check_files({o->file}, {o->report, o->events, o->drawing, o->sequence}, context.json));
-            std::vector<cell::Override> overrides;
-            for (const std::string& set : o->sets) {
-              const std::size_t equals = set.find('=');
-              if (equals == std::string::npos)
-                return fail("AP240", fmt::format("--set {}: not KEY=NUMBER", one_line(set)), {},
-                            "as in --set conveyor.A.speed_mm_per_s=150");
-              overrides.push_back({set.substr(0, equals), set.substr(equals + 1)});
-            }
-            if (!o->policy.empty() && o->policy != "first" && o->policy != "nearest" && o->policy != "look-ahead") {
-              return fail("AP241", fmt::format("--policy {}: not one of them", one_line(o->policy)), {},
-                          "first, nearest or look-ahead");
-            }
-            POLYPOD_ASSIGN(c, cell::read(o->file, overrides));
-            pages::CellQuestion question;
-            question.settings.seconds = 60 * (context.given("--minutes") ? o->minutes : c.minutes);
-            question.settings.seed = static_cast<std::uint64_t>(context.given("--seed") ? o->seed : c.seed);
-            question.settings.policy = o->policy.empty() ? c.policy : o->policy;
-            question.settings.record = !o->events.empty() || !o->report.empty();
-            question.seeds = o->seeds;
-            question.compare = o->compare;
-            question.settings.progress = progress_line(context, "simulating");
-            const pages::CellResult result = pages::judge_cell(std::move(c), question);
-            if (!result.study.complete) return kDone;  // Ctrl-C: the program says so
-            files::Outputs together;
-            if (!o->report.empty())
-              POLYPOD_TRY(together.add(o->report, pages::cell_page(result, POLYPOD_VERSION, command_line())));
-            if (!o->events.empty()) POLYPOD_TRY(together.add(o->events, pages::cell_events_csv(result)));
-            if (!o->drawing.empty()) POLYPOD_TRY(together.add(o->drawing, pages::cell_drawing(result)));
-            if (!o->sequence.empty()) POLYPOD_TRY(together.add(o->sequence, cell::structured_text(result.cell)));
-            POLYPOD_TRY(together.commit());
-            if (context.json) {
-              print_json(document(result));
-            } else {
-              print_result(result);
-              for (const std::string* path : {&o->report, &o->events, &o->drawing, &o->sequence})
-                if (!path->empty()) fmt::print("wrote {}\n", *path);
-            }
-            return result.problems.empty() ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "cell", "A robot cell: reach, collisions, cycle, throughput, cost, safety, documentation",
+      "polypod cell cells/kozubik/cell.toml --minutes 10 --report cell.html",
+      [o](Arguments& a) {
+        a.positional("cell", o->file, "A cell file (docs/cell.md)");
+        a.option("--minutes", o->minutes, {0, 1e5, true, false}, "Simulated time, min (default: that of the file)");
+        a.option("--seed", o->seed, {0, kAnyCount.max}, "Of all random numbers (default: that of the file)");
+        a.option("--seeds", o->seeds, {1, 1000},
+                 "So many runs, with seeds that follow each other: means with confidence intervals (default 1)");
+        a.option("--policy", o->policy, "Which item next: first, nearest or look-ahead (default: that of the file)");
+        a.flag("--compare", o->compare, "Compare the policies, and find what limits the cell");
+        a.option("--set", o->sets,
+                 "KEY=NUMBER: another number of the cell file, as conveyor.A.speed_mm_per_s=150 (repeatable)");
+        a.option("--sweep", o->sweep, "KEY=FROM:TO:STEP: runs the cell with each of these numbers, and names the best");
+        a.option("--report", o->report, "An HTML page: the documentation of the cell");
+        a.option("--events", o->events, "A CSV file: each event of the first run");
+        a.option("--drawing", o->drawing, "An SVG file: five views with dimensions");
+        a.option("--sequence", o->sequence, "A file of Structured Text (IEC 61131-3): the sequence for the PLC");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_TRY(check_files({o->file}, {o->report, o->events, o->drawing, o->sequence}, context.json));
+        std::vector<cell::Override> overrides;
+        for (const std::string& set : o->sets) {
+          const std::size_t equals = set.find('=');
+          if (equals == std::string::npos)
+            return fail("AP240", fmt::format("--set {}: not KEY=NUMBER", one_line(set)), {},
+                        "as in --set conveyor.A.speed_mm_per_s=150");
+          overrides.push_back({set.substr(0, equals), set.substr(equals + 1)});
+        }
+        if (!o->policy.empty() && o->policy != "first" && o->policy != "nearest" && o->policy != "look-ahead") {
+          return fail("AP241", fmt::format("--policy {}: not one of them", one_line(o->policy)), {},
+                      "first, nearest or look-ahead");
+        }
+        if (!o->sweep.empty()) {
+          POLYPOD_TRY(refuse(context, {"--report", "--events", "--drawing", "--sequence", "--compare"},
+                             "it serves one run, without --sweep"));
+          if (files::is_standard_input(o->file)) {
+            return fail("AP243", "--sweep reads the cell several times, and standard input can be read once", {},
+                        "give a file");
+          }
+        }
+        POLYPOD_ASSIGN(c, cell::read(o->file, overrides));
+        pages::CellQuestion question;
+        question.settings.seconds = 60 * (context.given("--minutes") ? o->minutes : c.minutes);
+        question.settings.seed = static_cast<std::uint64_t>(context.given("--seed") ? o->seed : c.seed);
+        question.settings.policy = o->policy.empty() ? c.policy : o->policy;
+        question.settings.record = !o->events.empty() || !o->report.empty();
+        question.seeds = o->seeds;
+        question.compare = o->compare;
+        if (!o->sweep.empty()) return run_sweep(context, o->file, overrides, o->sweep, question);
+        question.settings.progress = progress_line(context, "simulating");
+        const pages::CellResult result = pages::judge_cell(std::move(c), question);
+        if (!result.study.complete) return kDone;  // Ctrl-C: the program says so
+        files::Outputs together;
+        if (!o->report.empty())
+          POLYPOD_TRY(together.add(o->report, pages::cell_page(result, POLYPOD_VERSION, command_line())));
+        if (!o->events.empty()) POLYPOD_TRY(together.add(o->events, pages::cell_events_csv(result)));
+        if (!o->drawing.empty()) POLYPOD_TRY(together.add(o->drawing, pages::cell_drawing(result)));
+        if (!o->sequence.empty()) POLYPOD_TRY(together.add(o->sequence, cell::structured_text(result.cell)));
+        POLYPOD_TRY(together.commit());
+        if (context.json) {
+          print_json(document(result));
+        } else {
+          print_result(result);
+          for (const std::string* path : {&o->report, &o->events, &o->drawing, &o->sequence})
+            if (!path->empty()) fmt::print("wrote {}\n", *path);
+        }
+        return result.problems.empty() ? kDone : kAnswerIsNo;
+      }};
 }
 
 }  // namespace polypod::app

@@ -131,6 +131,15 @@ class Judge {
       add_joints(m, task, s.above + (s.joints - s.above) * (static_cast<double>(k) / kSteps), zone);
   }
 
+  /// Slots that are judged: all of up to 40, else as many evenly, with the first and the last.
+  static std::vector<std::size_t> some(std::size_t count) {
+    constexpr std::size_t kMost = 40;
+    std::vector<std::size_t> out;
+    for (std::size_t k = 0; k < std::min(count, kMost); ++k)
+      out.push_back(count <= kMost ? k : k * (count - 1) / (kMost - 1));
+    return out;
+  }
+
   void collect(std::size_t t) {
     const Task& task = cell_.tasks[t];
     const auto m = static_cast<std::size_t>(task.machine);
@@ -144,7 +153,7 @@ class Judge {
     const auto& from = stands[static_cast<std::size_t>(task.from)];
     const auto& to = stands[static_cast<std::size_t>(task.to)];
     const JointVector& home = motions_.home[m];
-    for (std::size_t k = 0; k < from.size(); ++k) {
+    for (const std::size_t k : some(from.size())) {
       if (!from[k].ok) continue;
       way(m, t, home, from[k].above, zone(task.from));
       down(m, t, from[k], zone(task.from));
@@ -158,7 +167,7 @@ class Judge {
         down(m, t, *via, zone(task.via));
         at = via->above;
       }
-      for (std::size_t j = 0; j < to.size(); ++j) {
+      for (const std::size_t j : some(to.size())) {
         if (!to[j].ok || (task.to == task.from && j != k)) continue;
         way(m, t, at, to[j].above, !target.zone.empty() ? target.zone : task.via < 0 ? held : "");
         if (k > 0) continue;
@@ -187,7 +196,8 @@ class Judge {
       for (const double across : {table.across_low, table.across_high}) {
         Vec3 pick = belt.point(along, across);
         pick.z() += cell_.items[0].height;
-        for (const Vec3& slot : target.slots) {
+        for (const std::size_t k_slot : some(target.slots.size())) {
+          const Vec3& slot = target.slots[k_slot];
           const Vec3 put(slot.x(), slot.y(), task.release);
           if (is_delta(machine)) {
             const motion::Cycle cycle{X_MC * pick, X_MC * put, machine.lift, machine.blend};

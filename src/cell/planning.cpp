@@ -369,6 +369,8 @@ Plan systematic(std::size_t n, const std::vector<Relation>& relations) {
 Planning planning(const Cell& cell, const std::vector<Flow>& flows) {
   Planning out;
   for (const Station& s : cell.stations) out.stations.push_back(s.name);
+  constexpr std::size_t kMostPlanned = 50;
+  if (cell.stations.size() > kMostPlanned) return out;
   out.flows_given = !cell.flows.empty();
   out.flows = flow_matrix(cell.stations.size(), out.flows_given ? cell.flows : flows);
   out.chart_given = !cell.relations.empty();

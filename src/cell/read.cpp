@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -29,7 +30,7 @@ constexpr Range kDerivative{0, 1e12, true, false};
 constexpr Range kSeconds{0, 1e6};
 constexpr Range kMilliseconds{0, 1e6};
 constexpr Range kMoney{0, 1e12};
-constexpr int kMostItems = 1'000'000, kMostSlots = 10'000, kMostParts = 1000;
+constexpr int kMostItems = 1'000'000, kMostSlots = 1000, kMostParts = 1000;
 
 Result<Vec3> point(const Table& table, std::string_view key, double third = 0) {
   POLYPOD_ASSIGN(v, table.numbers(key, 0, kPlace_mm));
@@ -82,7 +83,9 @@ Result<int> index_of(const std::vector<T>& things, const Table& table, std::stri
     known.push_back(things[i].name);
   }
   return fail("CE102", fmt::format("{} \"{}\": there is no {} of that name", key, one_line(name), what),
-              table.place_of(key), known.empty() ? fmt::format("the cell has no {}", what) : did_you_mean(name, known));
+              table.place_of(key),
+              known.empty() ? fmt::format("the cell has no {}", what)
+                            : did_you_mean(name, known) + fmt::format("known here: {}", fmt::join(known, ", ")));
 }
 
 class Reader {
@@ -155,6 +158,19 @@ class Reader {
     return {};
   }
 
+  /// The tables of a kind, not more than a cell can sensibly have.
+  Result<std::vector<Table>> some(std::string_view key) {
+    POLYPOD_ASSIGN(tables, top_.tables(key));
+    const std::size_t most = key == "machine" || key == "conveyor"                ? 20
+                             : key == "task" || key == "spot" || key == "station" ? 50
+                                                                                  : 1000;
+    if (tables.size() > most) {
+      return fail("CE106", fmt::format("{} tables [[{}]] are more than {}", tables.size(), key, most),
+                  tables[most].place());
+    }
+    return tables;
+  }
+
   Status fresh_name(const Table& table, std::string& out) {
     POLYPOD_ASSIGN(name, table.text("name"));
     if (name.empty() || name.size() > 60 || one_line(name) != name) {
@@ -203,7 +219,7 @@ class Reader {
   }
 
   Status conveyors() {
-    POLYPOD_ASSIGN(tables, top_.tables("conveyor"));
+    POLYPOD_ASSIGN(tables, some("conveyor"));
     std::vector<std::string> onto;
     for (const Table& table : tables) {
       Conveyor out;
@@ -332,7 +348,7 @@ class Reader {
   }
 
   Status sources() {
-    POLYPOD_ASSIGN(tables, top_.tables("source"));
+    POLYPOD_ASSIGN(tables, some("source"));
     for (const Table& table : tables) {
       Source out;
       POLYPOD_TRY(fresh_name(table, out.name));
@@ -397,7 +413,7 @@ class Reader {
   }
 
   Status spots() {
-    POLYPOD_ASSIGN(tables, top_.tables("spot"));
+    POLYPOD_ASSIGN(tables, some("spot"));
     for (const Table& table : tables) {
       Spot out;
       out.place = table.place();
@@ -421,6 +437,10 @@ class Reader {
       POLYPOD_ASSIGN(columns, table.optional_integer("columns", 1, 1, 100));
       POLYPOD_ASSIGN(turn, optional_angle(table, "turn_deg", 0));
       double pitch = 0;
+      if (rows * columns > kMostSlots) {
+        return fail("CE106", fmt::format("{} places are more than {}", rows * columns, kMostSlots),
+                    table.place_of("rows"));
+      }
       if (rows * columns > 1) {
         POLYPOD_ASSIGN(p, length(table, "pitch_mm"));
         pitch = p;
@@ -488,7 +508,7 @@ class Reader {
   }
 
   Status machines(const std::string& file) {
-    POLYPOD_ASSIGN(tables, top_.tables("machine"));
+    POLYPOD_ASSIGN(tables, some("machine"));
     for (const Table& table : tables) {
       Machine out;
       out.place = table.place();
@@ -593,7 +613,7 @@ class Reader {
   }
 
   Status tasks() {
-    POLYPOD_ASSIGN(tables, top_.tables("task"));
+    POLYPOD_ASSIGN(tables, some("task"));
     for (const Table& table : tables) {
       Task out;
       out.place = table.place();
@@ -702,7 +722,7 @@ class Reader {
   }
 
   Status commands() {
-    POLYPOD_ASSIGN(tables, top_.tables("command"));
+    POLYPOD_ASSIGN(tables, some("command"));
     for (const Table& table : tables) {
       Command out;
       POLYPOD_ASSIGN(time, table.number("at_s", kSeconds));
@@ -728,7 +748,7 @@ class Reader {
   }
 
   Status bodies() {
-    POLYPOD_ASSIGN(tables, top_.tables("body"));
+    POLYPOD_ASSIGN(tables, some("body"));
     for (const Table& table : tables) {
       Body out;
       POLYPOD_TRY(fresh_name(table, out.name));
@@ -749,7 +769,7 @@ class Reader {
   }
 
   Status guards() {
-    POLYPOD_ASSIGN(tables, top_.tables("guard"));
+    POLYPOD_ASSIGN(tables, some("guard"));
     for (const Table& table : tables) {
       Guard out;
       out.place = table.place();
@@ -832,7 +852,7 @@ class Reader {
   }
 
   Status planning() {
-    POLYPOD_ASSIGN(stations, top_.tables("station"));
+    POLYPOD_ASSIGN(stations, some("station"));
     for (const Table& table : stations) {
       Station out;
       POLYPOD_ASSIGN(name, table.text("name"));
@@ -856,7 +876,7 @@ class Reader {
       }
       for (const Machine& m : cell_.machines) cell_.stations.push_back({m.name, m.X_CM.p, false});
     }
-    POLYPOD_ASSIGN(flows, top_.tables("flow"));
+    POLYPOD_ASSIGN(flows, some("flow"));
     for (const Table& table : flows) {
       Flow out;
       POLYPOD_ASSIGN(from, index_of(cell_.stations, table, "from", "station"));
@@ -869,7 +889,7 @@ class Reader {
       POLYPOD_TRY(table.finish());
       cell_.flows.push_back(out);
     }
-    POLYPOD_ASSIGN(relations, top_.tables("relation"));
+    POLYPOD_ASSIGN(relations, some("relation"));
     for (const Table& table : relations) {
       Relation out;
       POLYPOD_ASSIGN(a, index_of(cell_.stations, table, "a", "station"));

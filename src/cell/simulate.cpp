@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kSamePlace = 1e-9;  // m on a belt
+constexpr std::size_t kMostOnBelt = 5000;
 
 struct OnBelt {
   int id = 0;
@@ -99,6 +100,8 @@ struct Choice {
   std::string reason;
 };
 
+constexpr const char* kOtherState = "another state";
+
 /// Something that is missing for a task, and who could bring it.
 struct Need {
   std::string what;
@@ -152,6 +155,7 @@ class World {
     for (int piece = 1; piece <= kPieces; ++piece) {
       sim_.run(settings_.seconds * piece / kPieces);
       if (settings_.progress && !settings_.progress(static_cast<double>(piece) / kPieces)) break;
+      if (!out_.crowded.empty()) break;
       if (sim_.idle()) {
         sim_.run(settings_.seconds);
         break;
@@ -253,6 +257,10 @@ class World {
   }
 
   void put_on(Belt& b, double at, double across) {
+    if (b.items.size() >= kMostOnBelt) {
+      out_.crowded = b.c->name;
+      return;
+    }
     OnBelt item;
     item.id = next_item_++;
     item.at = at;
@@ -492,20 +500,24 @@ class World {
     return table.time(std::min(row, table.times.size() - 1), at, across);
   }
 
+  /// How far a belt with a sensor still goes: until its first item is there.
+  double room_of(const Belt& b) const {
+    double room = kInfinity;
+    if (b.c->sensor >= 0)
+      for (const OnBelt& other : b.items) room = std::min(room, std::max(0.0, b.c->sensor - along(b, other)));
+    return room;
+  }
+
   struct Meeting {
     double travel = kInfinity, at = 0, wait = 0;
   };
   /// When and where a machine can meet an item that moves with its belt, from `start` seconds from now on.
   Meeting meet(std::size_t t, std::size_t m, const Where& where, const Belt& b, const OnBelt& item, double start,
-               double factor) const {
+               double factor, double room) const {
     const Task& task = cell_.tasks[t];
     const Machine& machine = cell_.machines[m];
     Meeting out;
     const double s0 = along(b, item), v = b.running ? b.speed : 0;
-    // A belt with a sensor goes no farther than its first item.
-    double room = kInfinity;
-    if (b.c->sensor >= 0)
-      for (const OnBelt& other : b.items) room = std::min(room, std::max(0.0, b.c->sensor - along(b, other)));
     const auto at = [&](double time) { return s0 + std::min(v * time, std::max(room, 0.0)); };
     const double last = task.window_high - v * machine.grip * factor;
     if (s0 > task.window_high + kSamePlace) return out;
@@ -533,12 +545,12 @@ class World {
 
   /// How many of the items can still be taken in the order of their leaving, after `start`, and when the last is in.
   std::pair<int, double> greedy(std::size_t t, std::size_t m, const Belt& b, const std::vector<const OnBelt*>& items,
-                                int without, double start, Where where, double factor) const {
+                                int without, double start, Where where, double factor, double room) const {
     const Machine& machine = cell_.machines[m];
     int count = 0;
     for (const OnBelt* item : items) {
       if (item->id == without) continue;
-      const Meeting meeting = meet(t, m, where, b, *item, start, factor);
+      const Meeting meeting = meet(t, m, where, b, *item, start, factor, room);
       if (!std::isfinite(meeting.travel)) continue;
       start += meeting.wait + meeting.travel +
                factor * (machine.grip + motions_.picks[t].time(0, meeting.at, item->across) + machine.release);
@@ -553,7 +565,7 @@ class World {
     const Task& task = cell_.tasks[t];
     Belt& b = *belts_[static_cast<std::size_t>(task.from_conveyor)];
     const Where where = arms_[m].where;
-    const double factor = machine_factor(m);
+    const double factor = machine_factor(m), room = room_of(b);
     struct Candidate {
       const OnBelt* item;
       Meeting meeting;
@@ -563,7 +575,7 @@ class World {
     double again = kInfinity;
     for (const OnBelt& item : b.items) {
       if (!item.known || item.reserved) continue;
-      const Meeting meeting = meet(t, m, where, b, item, 0, factor);
+      const Meeting meeting = meet(t, m, where, b, item, 0, factor, room);
       if (!std::isfinite(meeting.travel)) continue;
       known.push_back(&item);
       if (meeting.wait > 1e-6)
@@ -597,7 +609,7 @@ class World {
         const double after =
             c.meeting.travel +
             factor * (machine.grip + motions_.picks[t].time(0, c.meeting.at, c.item->across) + machine.release);
-        const auto [count, end] = greedy(t, m, b, known, c.item->id, after, {Where::Kind::slot, 0, 0, 0}, factor);
+        const auto [count, end] = greedy(t, m, b, known, c.item->id, after, {Where::Kind::slot, 0, 0, 0}, factor, room);
         if (count > best_value.first || (count == best_value.first && end < best_value.second - 1e-9)) {
           best_value = {count, end};
           best = &c;
@@ -872,7 +884,7 @@ class World {
       if (std::find(need.who.begin(), need.who.end(), who) == need.who.end()) need.who.push_back(who);
     };
     if (task.on_serve && serve_ == 0) out.push_back({"SERVE", {""}});
-    if (state_ == State::working ? !task.working : !task.ending) out.push_back({"another state", {""}});
+    if (state_ == State::working ? !task.working : !task.ending) out.push_back({kOtherState, {""}});
     const auto fillers = [&](int spot, Need& need) {
       for (std::size_t o = 0; o < cell_.tasks.size(); ++o) {
         const Task& other = cell_.tasks[o];
@@ -984,6 +996,8 @@ class World {
       Wait wait{m.name, "", {}};
       for (const std::vector<Need>& task : lacks[m.name]) {
         for (const Need& need : task) {
+          // What only another state of the cell would begin is left out.
+          if (std::any_of(task.begin(), task.end(), [](const Need& n) { return n.what == kOtherState; })) continue;
           if (comes(need) || wait.what.find(need.what) != std::string::npos) continue;
           wait.what += (wait.what.empty() ? "" : " or ") + need.what;
           wait.whom.insert(wait.whom.end(), need.who.begin(), need.who.end());
@@ -1092,7 +1106,6 @@ Study study(const Cell& cell, const Motions& motions, const RunSettings& setting
     return v;
   };
   RunSettings plain = settings;
-  plain.progress = {};
   out.outcomes = runs(plain);
   const std::vector<double> base = throughputs(out.outcomes);
   out.throughput = estimate(base);

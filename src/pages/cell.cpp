@@ -22,6 +22,11 @@ using report::Colour;
 using report::Verdict;
 using units::to_mm;
 
+/// A given number as it was given.
+std::string plain(double value) {
+  return fmt::format("{:.6g}", value);
+}
+
 // Views ---------------------------------------------------------------------------------------------------------------
 
 /// A direction from which the cell is seen: what of C goes to the right, up, and towards the eye.
@@ -163,7 +168,7 @@ struct Gantt {
   double from = 0, to = 60;
 
   std::string operator()(const report::Canvas& canvas) const {
-    const double left = 64, right = canvas.width - 8, bar = 26, row = 46;
+    const double left = 64, right = canvas.width - 24, bar = 26, row = 46;
     const auto x = [&](double t) { return left + (t - from) / (to - from) * (right - left); };
     std::map<std::string, Colour> colours;
     constexpr std::array<Colour, 6> kOrder{Colour::blue,   Colour::orange,     Colour::green,
@@ -187,7 +192,7 @@ struct Gantt {
     for (const double t : report::nice_ticks(from, to, canvas.width < 500 ? 4 : 8)) {
       body += fmt::format(
           "<path d=\"M{0:.1f} {1:.1f}v5\" class=\"axis\"/><text x=\"{0:.1f}\" y=\"{2:.1f}\" class=\"t m\">{3}</text>\n",
-          x(t), top - 12, top + 8, report::number(t, 4));
+          x(t), top - 12, top + 8, plain(t));
     }
     body += fmt::format(
         "<path d=\"M{:.1f} {:.1f}H{:.1f}\" class=\"axis\"/><text x=\"{:.1f}\" y=\"{:.1f}\" class=\"t e\">time, "
@@ -242,7 +247,7 @@ void verdicts(report::Report& page, const CellResult& r) {
     page.add_verdict(Verdict::good,
                      fmt::format("Everything that the tasks ask for is in reach, no collision was found in {} "
                                  "positions, and in {} s of simulated time no item was missed and nothing stood still.",
-                                 r.layout.positions, report::number(r.outcome().seconds, 4)));
+                                 r.layout.positions, plain(r.outcome().seconds)));
   }
   for (const cell::Problem& p : r.problems) page.add_verdict(Verdict::bad, p.kind + ": " + p.detail + ".");
 }
@@ -252,11 +257,11 @@ void task_section(report::Report& page, const CellResult& r) {
   if (!r.cell.description.empty()) page.add_text(r.cell.description + ".");
   std::vector<std::pair<std::string, std::string>> facts;
   for (const cell::Item& i : r.cell.items)
-    facts.emplace_back(i.name, fmt::format("diameter {} mm, height {} mm, {} g", report::number(to_mm(i.diameter)),
-                                           report::number(to_mm(i.height)), report::number(i.mass * 1e3)));
+    facts.emplace_back(i.name, fmt::format("diameter {} mm, height {} mm, {} g", plain(to_mm(i.diameter)),
+                                           plain(to_mm(i.height)), plain(i.mass * 1e3)));
   for (const cell::Container& c : r.cell.containers)
     facts.emplace_back(c.name, fmt::format("holds {}, diameter {} mm, height {} mm", c.capacity,
-                                           report::number(to_mm(c.diameter)), report::number(to_mm(c.height))));
+                                           plain(to_mm(c.diameter)), plain(to_mm(c.height))));
   page.add_definitions(facts);
   report::Table table;
   table.caption = "Tasks in the order of their priority.";
@@ -379,7 +384,7 @@ void cycle_section(report::Report& page, const CellResult& r) {
   page.add_text(fmt::format(
       "Simulated: {} s, policy \"{}\", {} run{}. The figures below are of the first one; means over several runs stand "
       "with their 95 % confidence interval.",
-      report::number(o.seconds, 5), r.policy, r.study.outcomes.size(), r.study.outcomes.size() == 1 ? "" : "s"));
+      plain(o.seconds), r.policy, r.study.outcomes.size(), r.study.outcomes.size() == 1 ? "" : "s"));
   Gantt gantt;
   gantt.title = "What the machines do";
   gantt.to = std::min(o.seconds, 90.0);
@@ -409,7 +414,7 @@ void cycle_section(report::Report& page, const CellResult& r) {
   page.add_figure(bars, "Shares of the simulated time.");
   if (!gantt.rows.empty())
     page.add_figure(gantt, fmt::format("Gantt chart of the first {} s: what each machine does; gaps are waiting.",
-                                       report::number(gantt.to)));
+                                       plain(gantt.to)));
   report::Table belts;
   belts.columns = {{"conveyor", "", -1}, {"speed", "mm/s", 0}, {"runs", "%", 1}, {"most items at once", "", 0}};
   for (std::size_t b = 0; b < o.belts.size(); ++b)
@@ -452,12 +457,11 @@ void cost_section(report::Report& page, const CellResult& r) {
   table.columns = {
       {"part", "", -1}, {"quantity", "", -1}, {"price", cost.currency, -1}, {"sum", cost.currency, -1}, {"", "", -1}};
   for (const cell::CostRow& row : cost.rows) {
-    table.rows.push_back({row.name, fmt::format("{} {}", report::number(row.quantity), row.unit),
-                          row.stock ? std::string("") : report::number(row.price, 6),
-                          row.stock ? std::string("at hand") : report::number(row.sum(), 6), row.note});
+    table.rows.push_back({row.name, fmt::format("{} {}", plain(row.quantity), row.unit),
+                          row.stock ? std::string("") : plain(row.price),
+                          row.stock ? std::string("at hand") : plain(row.sum()), row.note});
   }
-  table.rows.push_back(
-      {std::string("total"), std::string(""), std::string(""), report::number(cost.total(), 8), std::string("")});
+  table.rows.push_back({std::string("total"), std::string(""), std::string(""), plain(cost.total()), std::string("")});
   page.add_table(table);
   if (r.simulated() && cost.running_price > 0 && r.study.throughput.mean > 0) {
     page.add_text(fmt::format("Running costs {} {} an item.",
@@ -498,7 +502,7 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_table(hazards);
   std::vector<std::string> gaps;
   for (const auto& [part, gap] : cell::crushing_gaps())
-    gaps.push_back(fmt::format("{} {} mm", part, report::number(to_mm(gap))));
+    gaps.push_back(fmt::format("{} {} mm", part, plain(to_mm(gap))));
   page.add_text(fmt::format("Gaps that do not crush (ISO 13854): {}.", fmt::join(gaps, ", ")));
   page.add_text(fmt::format("Stop category {} (IEC 60204-1).", r.cell.stop_category));
   page.add_heading("Assumed");
@@ -529,6 +533,13 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
     }
     const std::string in_runs =
         out.study.outcomes.size() == 1 ? "" : fmt::format(" in {} runs", out.study.outcomes.size());
+    for (const cell::Outcome& o : out.study.outcomes) {
+      if (o.crowded.empty()) continue;
+      out.problems.push_back(
+          {"crowded", fmt::format("more than 5000 items gather on conveyor {}; the simulation ended after {:.1f} s",
+                                  o.crowded, o.seconds)});
+      break;
+    }
     if (missed > 0)
       out.problems.push_back(
           {"missed", fmt::format("{} items fall off the end of a belt{}: the cell does not keep up", missed, in_runs)});

@@ -67,7 +67,7 @@ struct Planning {
   double present = 0;  ///< sum of flow times distance as the cell stands, m an hour
   std::vector<Plan> plans;
 };
-/// All methods on the flows of the cell, or on `flows` where the cell gives none.
+/// All methods on the flows of the cell, or on `flows` where the cell gives none. No plans for more than 50 stations.
 Planning planning(const Cell& cell, const std::vector<Flow>& flows);
 
 }  // namespace polypod::cell

@@ -63,6 +63,7 @@ struct Outcome {
   std::string state;                   ///< at the end: "waiting", "working", "ending", "refill", "stopped"
   std::optional<double> stands_since;  ///< s; nothing can ever move again without help
   std::string standstill;              ///< why, with the cycle of waiting where there is one
+  std::string crowded;                  ///< a conveyor on which more than 5000 items gathered: the run ended there
   std::uint64_t calendar = 0;          ///< events of the calendar
   /// Items put into containers a minute of simulated time.
   [[nodiscard]] double throughput_per_min() const { return seconds > 0 ? 60 * placed / seconds : 0; }
