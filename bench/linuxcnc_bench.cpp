@@ -80,7 +80,8 @@ void forward(benchmark::State& state, const std::string& name) {
 }
 void peer(benchmark::State& state, bool is_forward) {
   test::ModuleHost genuine("genhexkins");
-  for (const auto& s : control::settings_for(*machine::load("hexapod-strut"), control::Controller::linuxcnc)->settings)
+  const auto settings = *control::settings_for(*machine::load("hexapod-strut"), control::Controller::linuxcnc);
+  for (const auto& s : settings.settings)
     if (s.section == "HAL") genuine.set(s.key.substr(s.key.find('.') + 1), s.value);
   std::vector<double> pose{1, 2, 76, 1, -1, 2}, q(6);
   genuine.inverse(pose, q);
