@@ -1,3 +1,3 @@
-set(page_sha256 Oq/qCA7ryib2Aj1rlWTsfQe2OjFAMBPh/3hDwO1xqeE=)
-set(live_sha256 XrjOHOF6CEPTvhvumhvEN2a4bCfWwT7L7IKCIWSigGA=)
-set(viewer_sha256 KCO7cSSeai+oVvwFEmSe3F6WcU/MPJ86nJKsc/fAQV4=)
+set(page_sha256 rjWVxugcdBoMwQXphfdDSD4E3sqCD82huiF7+7zxqEw=)
+set(live_sha256 K3c4ku85GOUHN58Qc7GV1E4ttm70D5L63fLKQjdbxGI=)
+set(viewer_sha256 eVB5nWX7gpMA2lUX2bgUK2DGlMdLosVFSSP5CYPWtSo=)

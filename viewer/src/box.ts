@@ -76,7 +76,9 @@ export class Box {
       ++used;
       label.className = classes;
       label.textContent = text;
-      label.style.transform = `translate(${x.toFixed(1)}px,${y.toFixed(1)}px) translate(-50%,-50%)`;
+      const half = 3.4 * text.length + 2; // the name of an axis stays in the picture
+      const inside = classes === 'axis' ? Math.max(half, Math.min(width - half, x)) : x;
+      label.style.transform = `translate(${inside.toFixed(1)}px,${y.toFixed(1)}px) translate(-50%,-50%)`;
       label.hidden = x < -20 || y < -10 || x > width + 20 || y > height + 10;
     };
     for (let axis = 0; axis < 3; ++axis) {

@@ -94,7 +94,6 @@ function start(root: HTMLElement, data: LiveData): void {
     });
     label.append(input, make('span', unit));
     put(value);
-    (slides ? label : label).dataset['key'] = name;
     lastGroup.append(label);
     return { set: put };
   };
@@ -151,7 +150,6 @@ function start(root: HTMLElement, data: LiveData): void {
     told.className = broken.length === 0 ? '' : 'note';
     if (answer.scene && answer.scene.lines.length > 0) picture()?.setLines(answer.scene.lines);
     const rows: [string, string][] = [];
-    (answer.joints ?? []).forEach((q, i) => rows.push([`q${i + 1}`, `${q.toFixed(4)} ${data.joints[i]!.unit}`]));
     const value = (v: number | null | undefined): string => (v === null || v === undefined ? 'infinite' : String(Number(v.toPrecision(5))));
     if (!answer.reason) rows.push(['condition of the Jacobian', value(answer.condition)], ['least singular value', value(answer.sigma_min)]);
     figures.replaceChildren(...rows.map(([name, v]) => {

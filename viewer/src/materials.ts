@@ -28,7 +28,7 @@ void main() {
   vec3 n = normalize(turned);
   vec3 light = normalize(vec3(-0.45, 0.55, 0.75));
   float shine = max(0.0, (gl_FrontFacing ? 1.0 : -1.0) * dot(n, light));
-  float lightness = gl_FrontFacing ? 0.68 + 0.5 * shine : 0.5 + 0.36 * shine;
+  float lightness = gl_FrontFacing ? 0.62 + 0.42 * shine : 0.48 + 0.34 * shine;
   gl_FragColor = vec4(min(fill * lightness, 1.0), opacity);
 }`,
   });

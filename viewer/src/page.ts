@@ -125,7 +125,7 @@ for (const svg of document.querySelectorAll<SVGSVGElement>('svg[data-x]')) {
     for (const mark of marks.splice(0)) mark.remove();
     for (const s of spans) {
       if (s.line !== picked) continue;
-      const mark = document.createElementNS('http://www.w3.org/2000/svg', 'rect');
+      const mark = document.createElementNS(svg.namespaceURI, 'rect') as SVGRectElement;
       mark.setAttribute('x', String(toPx(s.from)));
       mark.setAttribute('width', String(Math.max(1, toPx(s.to) - toPx(s.from))));
       mark.setAttribute('y', String(Y[3]!));
@@ -220,8 +220,7 @@ function saving(text: string, done: () => void, label: string): HTMLButtonElemen
 }
 function svgText(svg: SVGSVGElement): string {
   const copy = svg.cloneNode(true) as SVGSVGElement;
-  copy.setAttribute('xmlns', 'http://www.w3.org/2000/svg');
-  const style = document.createElementNS('http://www.w3.org/2000/svg', 'style');
+  const style = document.createElementNS(svg.namespaceURI, 'style');
   const rules = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]).filter((r): r is CSSStyleRule => r instanceof CSSStyleRule && r.selectorText.includes('svg.pp')).map((r) => r.cssText);
   const own = getComputedStyle(document.documentElement);
   const colours = ['ground', 'panel', 'rule', 'ink', 'muted', 'grid', 'blue', 'vermillion', 'green', 'purple', 'orange', 'sky'].map((c) => `--${c}:${own.getPropertyValue(`--${c}`).trim()}`);
@@ -244,7 +243,7 @@ for (const svg of document.querySelectorAll<SVGSVGElement>('main figure .wide > 
       canvas.getContext('2d')!.drawImage(image, 0, 0, canvas.width, canvas.height);
       canvas.toBlob((blob) => blob && save(blob, `${name}.png`));
     };
-    image.src = `data:image/svg+xml,${encodeURIComponent(svgText(svg))}`;
+    image.setAttribute('src', `data:image/svg+xml,${encodeURIComponent(svgText(svg))}`);
   }, `Save as PNG: ${what}`));
   const curves = curvesOf(svg).filter((c) => c.values !== null);
   if (curves.length > 0) {

@@ -236,7 +236,7 @@ async function theServer() {
   page.on('request', (q) => requests.push(q.url()));
   await page.goto(address);
   check(name, (await page.waitForSelector('figure.scene.live', { timeout: 20000 }).catch(() => null)) !== null, 'its scene does not come alive');
-  const settled = () => page.waitForFunction(() => document.querySelector('#live dl')?.textContent.includes('q1'), null, { timeout: 10000 });
+  const settled = () => page.waitForFunction(() => document.querySelector('#live dl')?.textContent.includes('condition'), null, { timeout: 10000 });
   await settled();
   const x = page.getByLabel('x, mm'), q1 = page.getByLabel('q1, mm');
   check(name, await turned(page, async () => {
