@@ -15,6 +15,7 @@
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/machining/program_path.hpp"
 #include "polypod/motion/machine_motion.hpp"
+#include "polypod/motion/path_choice.hpp"
 #include "polypod/pages/motion.hpp"
 
 namespace polypod::app {
@@ -30,7 +31,10 @@ struct Options {
   double speed = 0, step = 1, clearance = 10, condition = 1000, rapid = 6000, blend = 0;
   bool fastest = false;
   double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
-  std::string drive_speed, drive_acceleration, drive_jerk;
+  std::string drive_speed, drive_acceleration, drive_jerk, resolution, delay, goal;
+  std::string dynamics, drive_force;
+  double interval = 0, weight = 0.5;
+  bool staggered = false, free_rotation = false, insert = false;
   int samples = 1000;
   std::string csv, report;
 };
@@ -41,6 +45,10 @@ struct Asked {
   motion::MoveOptions options;
   bool angles = false;
   std::vector<std::string> notes;
+  std::optional<motion::RotationChoice> rotation;
+  std::optional<motion::Insertion> insertion;
+  std::optional<motion::PathQuality> quality;
+  std::string no_force;  ///< why the forces are not known
 };
 
 /// "c1,c2,...;c1,c2,..." : poses as --pose has them.
@@ -173,6 +181,92 @@ Status limits_of(const machine::AnyMachine& m, const Options& o, const Context& 
   return {};
 }
 
+/// Resolution, delay and interval of the drives, where they are given.
+Status actuators_of(const machine::AnyMachine& m, const Options& o, const Context& context, motion::MoveOptions& out) {
+  if (!context.given("--interval")) {
+    return refuse(context, {"--resolution", "--delay", "--staggered"}, "it serves --interval");
+  }
+  motion::Actuators a;
+  a.interval = 1e-3 * o.interval;
+  a.staggered = o.staggered;
+  POLYPOD_ASSIGN(resolution, of_drives(m, o.resolution, "--resolution", {0, 1e6}, 0));
+  for (double& r : resolution)
+    if (!std::isfinite(r)) r = 0;
+  a.resolution = resolution;
+  a.delay = machine::JointVector::Zero(kinematics::joint_count(m));
+  if (!o.delay.empty()) {
+    POLYPOD_ASSIGN(delays, numbers_of(o.delay, "--delay"));
+    if (delays.size() != 1 && static_cast<int>(delays.size()) != a.delay.size()) {
+      return fail("AP210", fmt::format("--delay {}: the machine has {} drives", o.delay, a.delay.size()), {},
+                  "give one number for all drives, or one a drive");
+    }
+    for (int i = 0; i < a.delay.size(); ++i) {
+      const double ms = delays[delays.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+      POLYPOD_TRY(in_range("AP210", "--delay", ms, {0, 1e6}, "ms"));
+      a.delay[i] = 1e-3 * ms;
+    }
+  }
+  out.actuators = a;
+  return {};
+}
+
+/// The masses of --dynamics or of the machine's own file, and why there are no forces.
+Result<std::string> dynamics_of(const machine::AnyMachine& m, const Options& o, const Context& context,
+                                motion::MoveOptions& out) {
+  std::string why = motion::no_dynamics(m);
+  if (why.empty()) {
+    POLYPOD_ASSIGN(read, motion::read_dynamics(o.dynamics.empty() ? o.machine : o.dynamics, m));
+    out.dynamics = std::move(read);
+    if (!out.dynamics) why = "the machine has no masses (table dynamics, docs/motion.md)";
+  }
+  if (!out.dynamics && !o.dynamics.empty()) {
+    return fail("AP214", fmt::format("--dynamics {}: {}", o.dynamics, why), {}, "docs/motion.md has the table");
+  }
+  if (!out.dynamics) {
+    POLYPOD_TRY(refuse(context, {"--drive-force"}, "it serves machines with masses: " + why));
+    return why;
+  }
+  if (!o.drive_force.empty()) {
+    POLYPOD_ASSIGN(force, numbers_of(o.drive_force, "--drive-force"));
+    const int n = kinematics::joint_count(m);
+    if (force.size() != 1 && static_cast<int>(force.size()) != n) {
+      return fail("AP210", fmt::format("--drive-force {}: the machine has {} drives", o.drive_force, n), {},
+                  "give one number for all drives, or one a drive");
+    }
+    out.force = machine::JointVector::Zero(n);
+    for (int i = 0; i < n; ++i) {
+      const double f = force[force.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+      POLYPOD_TRY(in_range("AP210", "--drive-force", f, {1e-9, 1e12}, "N or Nm"));
+      out.force[i] = f;
+    }
+  }
+  return why;
+}
+
+/// What the path leaves open, chosen.
+Status choose(const machine::AnyMachine& m, const Options& o, Asked& asked) {
+  if (o.free_rotation) {
+    if (!kinematics::task(m).holds(machine::Coordinate::c)) {
+      return fail("AP212", "--free-rotation: no pose of this machine prescribes a rotation about the tool axis", {},
+                  "leave it out");
+    }
+    asked.rotation = motion::choose_rotation(m, asked.path, asked.options);
+    asked.path = asked.rotation->path;
+  }
+  if (o.insert) {
+    asked.insertion = motion::insert_points(m, asked.path, asked.options);
+    asked.path = asked.insertion->path;
+  }
+  return {};
+}
+
+Result<motion::Goal> goal_of(const std::string& name) {
+  if (name == "sigma_min") return motion::Goal::sigma_min;
+  if (name == "determinant") return motion::Goal::determinant;
+  if (name == "inverse_condition") return motion::Goal::inverse_condition;
+  return fail("AP213", fmt::format("--quality {}: not known", name), {}, "sigma_min, determinant or inverse_condition");
+}
+
 /// A number, or null where there is none.
 Json number(double x) {
   return std::isfinite(x) ? Json(x) : Json();
@@ -238,7 +332,14 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
         all;
   all = drives("jerk", options.limits.drive_jerk, &motion::MoveDrive::jerk, "/s³", "--drive-jerk") && all;
   if (!all) out.not_judged.emplace_back("speeds, accelerations and jerks for which no limit is given");
-  out.not_judged.emplace_back("forces of the drives");
+  if (options.force.size() > 0) {
+    for (std::size_t i = 0; i < r.drives.size(); ++i) {
+      out.limits.push_back({fmt::format("force of drive {}", i + 1), options.force[static_cast<Eigen::Index>(i)],
+                            r.drives[i].force.value_or(0), r.drives[i].turns ? "Nm" : "N", true});
+    }
+  } else {
+    out.not_judged.emplace_back("forces of the drives");
+  }
   return out;
 }
 
@@ -280,7 +381,8 @@ Json move_json(const motion::MoveResult& r, const Asked& asked, const pages::Mot
                       {"speed_max", shown(d, d.speed)},
                       {"acceleration_max", shown(d, d.acceleration)},
                       {"jerk_max", shown(d, d.jerk)},
-                      {"force_max", nullptr},
+                      {"force_max", d.force ? Json(*d.force) : Json()},
+                      {"force_unit", d.turns ? "Nm" : "N"},
                       {"speed_" + unit + "_per_s", shown(d, d.speed)},
                       {"acceleration_" + unit + "_per_s2", shown(d, d.acceleration)},
                       {"jerk_" + unit + "_per_s3", shown(d, d.jerk)},
@@ -319,6 +421,46 @@ Json move_json(const motion::MoveResult& r, const Asked& asked, const pages::Mot
     for (const auto& [name, share] : r.binding) binding.push_back({{"limit", name}, {"share_of_time", share}});
     out["stops"] = r.stops;
     out["limited_by"] = binding;
+  }
+  out["forces"] = asked.no_force.empty() ? Json("computed") : Json("not known: " + asked.no_force);
+  if (r.lowest_frequency) {
+    out["natural_frequencies_hz"] = r.frequencies;
+    out["lowest_natural_frequency_hz"] = *r.lowest_frequency;
+  }
+  if (asked.rotation) {
+    Json angles = Json::array();
+    for (const double a : asked.rotation->angles) angles.push_back(units::to_deg(a));
+    out["tool_rotation"] = {{"passes", asked.rotation->passes},
+                            {"constant", asked.rotation->constant},
+                            {"angles_deg", angles},
+                            {"condition_max", number(asked.rotation->condition)}};
+  }
+  if (asked.insertion) {
+    Json points = Json::array();
+    for (const motion::InsertedPoint& p : asked.insertion->points) {
+      points.push_back({{"line", p.line > 0 ? Json(p.line) : Json()},
+                        {"at_mm", vector_json(p.p * units::kMmPerMetre)},
+                        {"angles_deg", vector_json(p.angles * units::to_deg(1))}});
+    }
+    out["inserted_points"] = points;
+  }
+  if (asked.quality) {
+    out["quality"] = {{"f", asked.quality->f},
+                      {"integral_mm", asked.quality->integral},
+                      {"length_mm", asked.quality->length},
+                      {"least", asked.quality->least}};
+  }
+  if (r.contour) {
+    const auto error = [](const motion::PathError& e) {
+      return Json{{"max_um", units::to_um(e.largest)},
+                  {"mean_um", units::to_um(e.mean)},
+                  {"at_its_time_um", units::to_um(e.largest_lag)},
+                  {"orientation_max_deg", units::to_deg(e.largest_turn)}};
+    };
+    out["contour_error"] = {{"compensated", error(r.contour->compensated)},
+                            {"uncompensated", error(r.contour->uncompensated)},
+                            {"resolution_alone", error(r.contour->coarse)},
+                            {"commands", r.contour->commands}};
   }
   out["instants_checked"] = r.checked;
   out["notes"] = r.notes;
@@ -394,6 +536,48 @@ void print_move(const motion::MoveResult& r, const Asked& asked, const pages::Mo
       fmt::print("problem  at {} mm{}: {}\n", coordinates(v.p), line, v.detail);
     }
   }
+  for (std::size_t i = 0; i < r.drives.size(); ++i) {
+    const motion::MoveDrive& d = r.drives[i];
+    if (d.force)
+      fmt::print("drive {:<2} {} at most {} {}\n", i + 1, d.turns ? "torque" : "force", figure(*d.force, 2),
+                 d.turns ? "Nm" : "N");
+  }
+  if (r.lowest_frequency) {
+    fmt::print("lowest natural frequency {} Hz on the path, {} Hz at its start\n", figure(*r.lowest_frequency, 1),
+               figure(r.frequencies.front(), 1));
+  }
+  if (asked.rotation) {
+    if (!asked.rotation->passes) {
+      fmt::print("rotation no rotation about the tool axis was found with which the whole path can be passed\n");
+    } else if (asked.rotation->constant) {
+      fmt::print("rotation {:g} deg about the tool axis\n", units::to_deg(asked.rotation->angles.front()));
+    } else {
+      std::vector<std::string> angles;
+      for (const double a : asked.rotation->angles) angles.push_back(fmt::format("{:g}", units::to_deg(a)));
+      fmt::print("rotation about the tool axis at the points: {} deg\n", fmt::join(angles, ", "));
+    }
+  }
+  if (asked.insertion) {
+    for (const motion::InsertedPoint& p : asked.insertion->points) {
+      fmt::print("inserted at {} mm: A, B, C {:g}, {:g}, {:g} deg\n", coordinates(p.p), units::to_deg(p.angles.x()),
+                 units::to_deg(p.angles.y()), units::to_deg(p.angles.z()));
+    }
+    if (asked.insertion->points.empty()) fmt::print("inserted no point\n");
+  }
+  if (asked.quality) {
+    fmt::print("quality  f = {:.6g} (integral {:.6g} mm over {} mm, least {:.6g})\n", asked.quality->f,
+               asked.quality->integral, figure(asked.quality->length, 1), asked.quality->least);
+  }
+  if (r.contour) {
+    const auto say = [](const char* what, const motion::PathError& e) {
+      fmt::print("contour  {:<34} at most {} um from the path, mean {} um; at most {} um from where it should be\n",
+                 what, figure(units::to_um(e.largest), 2), figure(units::to_um(e.mean), 2),
+                 figure(units::to_um(e.largest_lag), 2));
+    };
+    say("commands earlier by the delay:", r.contour->compensated);
+    say("commands not earlier:", r.contour->uncompensated);
+    say("resolution alone:", r.contour->coarse);
+  }
   for (const std::string& note : r.notes) fmt::print("note     {}\n", note);
   for (const pages::MotionLimit& l : together(question.limits)) {
     fmt::print("limit    {:<36} {:>12.6g} {:<6} {:<7} met {:.6g}\n", l.name, l.limit, l.unit,
@@ -450,6 +634,9 @@ Command move_command() {
         a.option("--drive-acceleration", o->drive_acceleration,
                  "deg/s2 or mm/s2 (default 250 rad/s2, m/s2; 0: no limit)");
         a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3; 0: no limit)");
+        a.option("--dynamics", o->dynamics,
+                 "A file with the table `dynamics`: masses (default: that of the machine file)");
+        a.option("--drive-force", o->drive_force, "Largest force or torque of the drives, N or Nm, one or one a drive");
         a.option("--step", o->step, kStep_mm, "Between judged points of the path, mm (default 1)");
         a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 1000)");
         a.option("--condition-max", o->condition, {0, 1e12},
@@ -457,12 +644,26 @@ Command move_command() {
         a.option("--singularity-distance", o->clearance, kDistance_mm,
                  "Of deltas: least distance from singular poses, mm (default 10; 0: not checked)");
         a.option("--start", o->start, "Solution of the inverse at the first pose: its number, or `best` conditioned");
+        a.option("--interval", o->interval, {1e-3, 1e5},
+                 "Between two commands to a drive, ms: the contour error that remains");
+        a.option("--resolution", o->resolution, "Smallest step of the drives, deg or mm, one number or one a drive");
+        a.option("--delay", o->delay, "Of the drives behind their commands, ms, one number or one a drive");
+        a.flag("--staggered", o->staggered,
+               "The drives get their commands one after the other, spread over the interval");
+        a.flag("--free-rotation", o->free_rotation,
+               "Choose the rotation about the tool axis so that the whole path can be passed, well conditioned");
+        a.flag("--insert-points", o->insert,
+               "Where the path cannot be passed as it turns, turn on the spot at points that are put in");
+        a.option("--quality", o->goal,
+                 "Quality of the path, JEL (7.1), by sigma_min, determinant or inverse_condition");
+        a.option("--weight", o->weight, {0, 1}, "p of JEL (7.1): 1 counts the length alone (default 0.5)");
         a.option("--csv", o->csv, "A row a sample: tool and drives with speed, acceleration and jerk");
         a.option("--report", o->report, "An HTML page with the curves and a picture");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        POLYPOD_TRY(check_files({o->machine, o->file, o->program}, {o->csv, o->report}, context.json));
+        POLYPOD_TRY(check_files({o->machine, o->file, o->program, o->dynamics == o->machine ? "" : o->dynamics},
+                                {o->csv, o->report}, context.json));
         POLYPOD_ASSIGN(asked, path_of(m, *o, context));
         motion::MoveOptions& options = asked.options;
         POLYPOD_TRY(limits_of(m, *o, context, options));
@@ -476,7 +677,16 @@ Command move_command() {
           POLYPOD_ASSIGN(k, count_of(o->start, "--start", {1, 1000}, ""));
           options.start = static_cast<std::size_t>(k - 1);
         }
+        POLYPOD_TRY(actuators_of(m, *o, context, options));
+        POLYPOD_ASSIGN(no_force, dynamics_of(m, *o, context, options));
+        asked.no_force = no_force;
+        if (o->goal.empty()) POLYPOD_TRY(refuse(context, {"--weight"}, "it serves --quality"));
         options.progress = progress_line(context, "moving");
+        POLYPOD_TRY(choose(m, *o, asked));
+        if (!o->goal.empty()) {
+          POLYPOD_ASSIGN(goal, goal_of(o->goal));
+          asked.quality = motion::quality_of(m, asked.path, options, goal, o->weight);
+        }
         POLYPOD_ASSIGN(r, motion::move(m, asked.path, options));
         options.progress(1);
         r.notes.insert(r.notes.begin(), asked.notes.begin(), asked.notes.end());

@@ -314,6 +314,7 @@ Result<AnyMachine> with_single(const AnyMachine& machine, const std::vector<Over
 
 Result<AnyMachine> machine_from(const config::Table& table) {
   POLYPOD_ASSIGN(family, table.text("family"));
+  POLYPOD_TRY(table.optional_table("dynamics"));  // masses: motion/dynamics.hpp reads them
   return read_as(Families{}, family, table);
 }
 

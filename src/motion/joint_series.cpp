@@ -247,4 +247,19 @@ JointSeries joint_series_by_differences(const AnyMachine& machine, const PoseSer
   return std::visit([&](const auto& m) { return series_of(m, target, settled, q, true); }, machine);
 }
 
+Pose pose_near(const AnyMachine& machine, const JointVector& q, const Pose& near) {
+  return std::visit(
+      [&]<class M>(const M& m) -> Pose {
+        if constexpr (std::is_same_v<M, machine::SerialArm>) {
+          return forward(m, q);
+        } else {
+          const kinematics::NewtonResult r = kinematics::forward_by_closure(
+              m, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())), near);
+          // Of a machine with more equations than unknowns the joints need not fit together: least squares then.
+          return r.X_MT.p.allFinite() && r.X_MT.R.allFinite() ? r.X_MT : near;
+        }
+      },
+      machine);
+}
+
 }  // namespace polypod::motion

@@ -280,6 +280,7 @@ std::size_t choose_start(const Follower& follower, const PosePath& path, const M
     const std::vector<MoveViolation> broken = judge.of(track);
     start.completes = broken.empty();
     start.reaches = start.completes ? 1 : track.back().s / path.size;
+    start.stretch = track.back().stretch;
     if (!broken.empty()) start.stopped_by = broken.front().limit;
     for (const Node& node : track) start.condition = std::max(start.condition, node.state.condition);
     const bool better =
@@ -364,6 +365,11 @@ class Mover {
     POLYPOD_TRY(check(out));
     out.time = law_.duration();
     sample(out);
+    frequencies(out);
+    if (options_.actuators && everywhere) {
+      POLYPOD_ASSIGN(contour, commanded(*options_.actuators));
+      out.contour = contour;
+    }
     std::stable_sort(out.violations.begin(), out.violations.end(),
                      [](const MoveViolation& a, const MoveViolation& b) { return a.s < b.s; });
     for (MoveViolation& v : out.violations) v.length = length_at(v.s);
@@ -576,6 +582,9 @@ class Mover {
       out.acceleration = joints.second;
       out.jerk = joints.third;
       if (joints.regular) X = joints.X;
+      if (joints.regular && options_.dynamics) {
+        out.force = drive_forces(follower_.machine(), *options_.dynamics, joints);
+      }
     }
     Mat3 R, dR;
     for (int i = 0; i < 3; ++i) {
@@ -624,15 +633,17 @@ class Mover {
     Peaks3 tool;
     double turn = 0;
     std::vector<Peaks3> drives;
+    std::vector<double> force;
     std::vector<std::array<Nearest, 3>> all;  ///< at each instant
     double factor = 1;
   };
-  Look look_at(std::size_t block, double total, std::set<std::string>& exceeded, MoveResult& out) const {
+  Look look_at(std::size_t block, double total, bool report, std::set<std::string>& exceeded, MoveResult& out) const {
     constexpr int kInstants = 10500, kLeast = 24;
     const double duration = law_.block(block).duration;
     const int count = std::max(kLeast, static_cast<int>(std::ceil(kInstants * duration / total)));
     Look look;
     look.drives.resize(out.drives.size());
+    look.force.resize(out.drives.size());
     for (int i = 0; i <= count; ++i) {
       const MoveSample s = sample_at(block, duration * i / count);
       look.tool.raise(s.v.norm(), s.a.norm(), s.j.norm());
@@ -640,6 +651,7 @@ class Mover {
       for (std::size_t k = 0; s.regular && k < look.drives.size(); ++k) {
         const auto joint = static_cast<Eigen::Index>(k);
         look.drives[k].raise(s.speed[joint], s.acceleration[joint], s.jerk[joint]);
+        if (s.force.size() > 0) look.force[k] = std::max(look.force[k], std::abs(s.force[joint]));
       }
       look.all.push_back(nearest_of(s));
       const std::array<Nearest, 3>& n = look.all.back();
@@ -648,6 +660,7 @@ class Mover {
       } else {
         report_exceeded(s, exceeded, out);
       }
+      if (report) report_force(s, exceeded, out);
     }
     return look;
   }
@@ -660,20 +673,25 @@ class Mover {
     Peaks3 tool;
     double turn = 0;
     std::vector<Peaks3> drives(static_cast<std::size_t>(follower_.joints()));
+    std::vector<double> force(drives.size(), 0);
     for (std::size_t b = 0; b < law_.blocks(); ++b) {
-      Look look = look_at(b, total, exceeded, out);
+      const bool at_once = options_.law != Law::fastest;
+      Look look = look_at(b, total, at_once, exceeded, out);
       // Where the limits are exceeded between nodes, finer nodes are better than a slower block.
       constexpr double kEnough = 1.001;
       constexpr int kFinest = 8;
       for (int finer = 2; look.factor > kEnough && finer <= kFinest && !planned_.empty(); finer *= 2) {
         POLYPOD_ASSIGN(block, planned(b, finer));
         law_.replace(b, std::move(block));
-        look = look_at(b, total, exceeded, out);
+        look = look_at(b, total, at_once, exceeded, out);
       }
       const double factor = look.factor, duration = law_.block(b).duration;
       const int count = static_cast<int>(look.all.size()) - 1;
       out.checked += count + 1;
       if (factor > 1) law_.stretch(b, factor);
+      // Forces have parts that do not go with the speed.
+      if (options_.dynamics && !at_once) look.force = look_at(b, total, true, exceeded, out).force;
+      for (std::size_t k = 0; k < force.size(); ++k) force[k] = std::max(force[k], look.force[k]);
       look.tool.slower(factor);
       tool.raise(look.tool);
       turn = std::max(turn, look.turn / factor);
@@ -699,6 +717,7 @@ class Mover {
       out.drives[k].speed = drives[k].speed;
       out.drives[k].acceleration = drives[k].acceleration;
       out.drives[k].jerk = drives[k].jerk;
+      if (options_.dynamics) out.drives[k].force = force[k];
     }
     for (const auto& [name, time] : binding) out.binding.emplace_back(name, time / law_.duration());
     std::stable_sort(out.binding.begin(), out.binding.end(),
@@ -737,6 +756,143 @@ class Mover {
     }
   }
 
+  /// Tool and drives at any time of the whole motion.
+  [[nodiscard]] MoveSample sample_at_time(double t) const {
+    t = std::clamp(t, 0.0, law_.duration());
+    std::size_t low = 0, high = law_.blocks() - 1;
+    while (low < high) {
+      const std::size_t middle = (low + high + 1) / 2;
+      if (law_.begin(middle) <= t) {
+        low = middle;
+      } else {
+        high = middle - 1;
+      }
+    }
+    return sample_at(low, std::min(t - law_.begin(low), law_.block(low).duration));
+  }
+
+  /// The point of the path next to p, from the parameter s on.
+  [[nodiscard]] double distance_from_path(const Vec3& p, double s) const {
+    double best = kNoLimit;
+    constexpr int kSteps = 12;
+    for (int k = 0; k < kSteps; ++k) {
+      const std::size_t i = follower_.stretch_at(std::clamp(s, 0.0, path_.size));
+      const Stretch& stretch = path_.stretches[i];
+      const double u = std::clamp(s - follower_.begin(i), 0.0, stretch.size);
+      const PoseSeries X = stretch.at(Series(u, 1, 0, 0));
+      Vec3 off, d1, d2;
+      for (int c = 0; c < 3; ++c) {
+        off[c] = X.p[c].value() - p[c];
+        d1[c] = X.p[c].derivative(1);
+        d2[c] = X.p[c].derivative(2);
+      }
+      best = std::min(best, off.norm());
+      const double slope = off.dot(d1), bend = d1.squaredNorm() + std::max(0.0, off.dot(d2));
+      if (!(bend > 0)) break;
+      const double step = -slope / bend;
+      s = std::clamp(s + step, 0.0, path_.size);
+      constexpr double kNear = 1e-12;  // m
+      if (std::abs(step) * std::sqrt(bend) < kNear) break;
+    }
+    return best;
+  }
+
+  /// What the tool does with quantised commands at intervals.
+  [[nodiscard]] Result<ContourError> commanded(const Actuators& a) const {
+    const double total = law_.duration();
+    const int n = follower_.joints();
+    constexpr double kMostCommands = 2e5;
+    const double steps = std::ceil(total / a.interval);
+    if (!(a.interval > 0) || !(steps < kMostCommands)) {
+      return fail("MO118", fmt::format("{:g} commands to a drive are more than 2e5", steps), {},
+                  "take a longer interval");
+    }
+    const auto count = static_cast<std::size_t>(steps);
+    // The motion at the commands' instants; between them cubic polynomials.
+    std::vector<MoveSample> at;
+    for (std::size_t k = 0; k <= count; ++k) at.push_back(sample_at_time(a.interval * static_cast<double>(k)));
+    const auto wanted = [&](int i, double t) {
+      t = std::clamp(t, 0.0, total);
+      const std::size_t k = std::min(static_cast<std::size_t>(t / a.interval), count - 1);
+      const double h = std::min(a.interval, total - a.interval * static_cast<double>(k));
+      const double x = std::clamp((t - a.interval * static_cast<double>(k)) / h, 0.0, 1.0);
+      const double q0 = at[k].q[i], q1 = at[k + 1].q[i], v0 = h * at[k].speed[i], v1 = h * at[k + 1].speed[i];
+      const double c2 = 3 * (q1 - q0) - 2 * v0 - v1, c3 = v0 + v1 - 2 * (q1 - q0);
+      return q0 + x * (v0 + x * (c2 + x * c3));
+    };
+    const auto rounded = [&](int i, double q) {
+      return a.resolution[i] > 0 ? a.resolution[i] * std::round(q / a.resolution[i]) : q;
+    };
+    /// Where drive i is at the time t, with commands carried out late by `late`.
+    const auto actual = [&](int i, double t, double late, bool at_intervals) {
+      t -= late;
+      if (!at_intervals) return rounded(i, wanted(i, t));
+      const double offset = a.staggered ? a.interval * i / n : 0;
+      const double k = std::floor((t - offset) / a.interval), begin = offset + k * a.interval;
+      const double from = rounded(i, wanted(i, begin)), to = rounded(i, wanted(i, begin + a.interval));
+      return from + (t - begin) / a.interval * (to - from);
+    };
+    ContourError out;
+    out.commands = count + 1;
+    constexpr std::size_t kEach = 4;
+    const std::size_t instants = kEach * count;
+    for (std::size_t k = 0; k <= instants; ++k) {
+      const double t = total * static_cast<double>(k) / static_cast<double>(instants);
+      const MoveSample want = sample_at_time(t);
+      const auto judge = [&](PathError& e, bool compensated, bool at_intervals) {
+        JointVector q(n);
+        for (int i = 0; i < n; ++i) q[i] = actual(i, t, compensated ? 0 : a.delay[i], at_intervals);
+        const Pose X = pose_near(follower_.machine(), q, want.X);
+        const double off = distance_from_path(X.p, want.s);
+        e.largest = std::max(e.largest, off);
+        e.mean += off / static_cast<double>(instants + 1);
+        e.largest_lag = std::max(e.largest_lag, (X.p - want.X.p).norm());
+        e.largest_turn = std::max(e.largest_turn, rotation_vector(X.R * want.X.R.transpose()).norm());
+      };
+      judge(out.compensated, true, true);
+      judge(out.coarse, true, false);
+      if (a.delay.maxCoeff() > 0) judge(out.uncompensated, false, true);
+      constexpr std::size_t kSometimes = 256;
+      if (k % kSometimes == 0) POLYPOD_TRY(go_on(0.9 + 0.1 * static_cast<double>(k) / static_cast<double>(instants)));
+    }
+    if (!(a.delay.maxCoeff() > 0)) out.uncompensated = out.compensated;
+    return out;
+  }
+
+  /// A drive that is too weak, likewise. A plan is judged as it is, not slowed down.
+  void report_force(const MoveSample& s, std::set<std::string>& seen, MoveResult& out) const {
+    for (int i = 0; i < s.force.size() && i < options_.force.size(); ++i) {
+      if (!(std::abs(s.force[i]) > options_.force[i])) continue;
+      const std::string name = fmt::format("drive {} force", i + 1);
+      if (!seen.insert(name).second) continue;
+      MoveViolation v;
+      v.t = s.t;
+      v.s = s.s;
+      v.p = s.X.p;
+      v.line = s.line;
+      v.kind = "drive";
+      v.limit = name;
+      const char* unit = out.drives[static_cast<std::size_t>(i)].turns ? "Nm" : "N";
+      v.detail = fmt::format("{} {:.6g} {} is above {:.6g}", name, std::abs(s.force[i]), unit, options_.force[i]);
+      out.violations.push_back(v);
+    }
+  }
+
+  void frequencies(MoveResult& out) const {
+    if (!options_.dynamics) return;
+    double lowest = kNoLimit;
+    const std::size_t every = std::max<std::size_t>(1, out.samples.size() / 200);
+    for (std::size_t k = 0; k < out.samples.size(); k += every) {
+      const MoveSample& s = out.samples[k];
+      if (!s.reached) continue;
+      const std::vector<double> f = natural_frequencies(follower_.machine(), *options_.dynamics, s.X, s.q);
+      if (f.empty()) return;
+      if (out.frequencies.empty()) out.frequencies = f;
+      lowest = std::min(lowest, f.front());
+    }
+    if (std::isfinite(lowest)) out.lowest_frequency = lowest;
+  }
+
   void sample(MoveResult& out) const {
     std::vector<std::pair<std::size_t, double>> at;
     const double total = law_.duration();
@@ -773,6 +929,18 @@ Result<MoveResult> move(const AnyMachine& machine, const PosePath& path, const M
   }
   if (options.samples < 2) return fail("MO104", fmt::format("{} samples must be 2 or more", options.samples));
   return Mover(machine, path, options).run();
+}
+
+PathVerdict follow(const AnyMachine& machine, const PosePath& path, const MoveOptions& options) {
+  const Follower follower(machine, path, options);
+  MoveResult found;
+  choose_start(follower, path, options, found);
+  PathVerdict out;
+  for (const MoveStart& start : found.starts) {
+    if (!start.chosen) continue;
+    out = {start.completes, start.reaches, start.condition, start.stretch, start.stopped_by};
+  }
+  return out;
 }
 
 }  // namespace polypod::motion

@@ -73,6 +73,17 @@ Angles angles_on(const Stretch& s, double at) {
   return out;
 }
 
+/// R R_z(spin).
+void spin(const Stretch& s, const Series& share, Matrix3<Series>& R) {
+  if (s.spin_from == 0 && s.spin_to == 0) return;
+  const Series angle = Series(s.spin_from) + share * Series(s.spin_to - s.spin_from), c = cos(angle), n = sin(angle);
+  for (int i = 0; i < 3; ++i) {
+    const Series x = R(i, 0), y = R(i, 1);
+    R(i, 0) = c * x + n * y;
+    R(i, 1) = c * y - n * x;
+  }
+}
+
 }  // namespace
 
 PoseSeries Stretch::at(const Series& parameter) const {
@@ -99,6 +110,7 @@ PoseSeries Stretch::at(const Series& parameter) const {
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         X.R(i, j) = T(i, 0) * Series(now(0, j)) + T(i, 1) * Series(now(1, j)) + T(i, 2) * Series(now(2, j));
+    spin(*this, share, X.R);
     return X;
   }
   Vector3<Series> angle;
@@ -107,6 +119,7 @@ PoseSeries Stretch::at(const Series& parameter) const {
                                      : Series(angles_from[k]) + share * Series(angles_to[k] - angles_from[k]);
   }
   X.R = left_times(before, rotation_by_angles(angle[0], angle[1], angle[2]));
+  spin(*this, share, X.R);
   return X;
 }
 
@@ -122,6 +135,7 @@ Pose Stretch::pose(double parameter) const {
 
 bool Stretch::turns() const {
   if (curve == Curve::blend) return polynomial.bottomRightCorner<3, 5>().cwiseAbs().maxCoeff() > 0;
+  if (std::abs(spin_to - spin_from) > kSame) return true;
   return turning == Turning::turn ? axis.norm() > kSame : (angles_to - angles_from).norm() > kSame;
 }
 
@@ -202,10 +216,7 @@ Result<PosePath> pose_path_of(std::vector<Stretch> stretches) {
   return out;
 }
 
-namespace {
-
-/// A part of a stretch, from a to b of its parameter.
-Stretch part(const Stretch& s, double a, double b) {
+Stretch part_of(const Stretch& s, double a, double b) {
   Stretch out = s;
   const double from = a / s.size, to = b / s.size;
   out.size = b - a;
@@ -214,6 +225,16 @@ Stretch part(const Stretch& s, double a, double b) {
   out.to = s.pose(b).p;
   out.angles_from = s.angles_from + from * (s.angles_to - s.angles_from);
   out.angles_to = s.angles_from + to * (s.angles_to - s.angles_from);
+  out.spin_from = s.spin_from + from * (s.spin_to - s.spin_from);
+  out.spin_to = s.spin_from + to * (s.spin_to - s.spin_from);
+  if (s.turning == Turning::turn) {
+    // One axis turns the rest of the way: its start is the orientation there, as angles.
+    out.angles_from = angles_abc(s.before.transpose() * rotation_of(from * s.axis) * s.before *
+                                 rotation_abc(s.angles_from.x(), s.angles_from.y(), s.angles_from.z()));
+    out.angles_to = angles_abc(s.before.transpose() * rotation_of(to * s.axis) * s.before *
+                               rotation_abc(s.angles_from.x(), s.angles_from.y(), s.angles_from.z()));
+    out.axis = (to - from) * s.axis;
+  }
   if (s.curve == Stretch::Curve::arc) {
     const double begin = from * s.sweep, c = std::cos(begin), n = std::sin(begin);
     out.u = c * s.u + n * s.v;
@@ -227,6 +248,8 @@ Stretch part(const Stretch& s, double a, double b) {
   if (s.duration > 0) out.duration = s.duration * (to - from);
   return out;
 }
+
+namespace {
 
 /// From `cut` before the end of a to `cut` behind the start of b, with value, first and second derivative of both.
 Stretch blend_of(const Stretch& a, const Stretch& b, double cut) {
@@ -298,6 +321,7 @@ PosePath blended(const PosePath& path, double deviation, bool curvature) {
     const Stretch &a = path.stretches[k], &b = path.stretches[k + 1];
     if (a.stop || !(a.length > 0) || !(b.length > 0) || (a.before - b.before).norm() > 1e-12) continue;
     if ((a.turning == Turning::turn && a.turns()) || (b.turning == Turning::turn && b.turns())) continue;
+    if (a.spin_from != 0 || a.spin_to != 0 || b.spin_from != 0 || b.spin_to != 0) continue;
     const Junction j = path.junction(k);
     if (j.tangent && (j.smooth || !curvature)) continue;
     constexpr double kHalfTurn = 3.0;  // rad: a way back on itself has no blend
@@ -325,7 +349,8 @@ PosePath blended(const PosePath& path, double deviation, bool curvature) {
   for (std::size_t k = 0; k < n; ++k) {
     const Stretch& s = path.stretches[k];
     const double end = s.size - cut_end[k];
-    if (end - cut_start[k] > kSame) out.stretches.push_back(part(s, cut_start[k], end));
+    if (end - cut_start[k] > kSame)
+      out.stretches.push_back(cut_start[k] > 0 || cut_end[k] > 0 ? part_of(s, cut_start[k], end) : s);
     if (blends[k]) out.stretches.push_back(*blends[k]);
   }
   for (const Stretch& s : out.stretches) {

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <bit>
 #include <map>
 
 #include "machine_lines.hpp"
@@ -274,7 +275,7 @@ using motion::MoveResult;
 using motion::MoveSample;
 
 double shown(const MoveDrive& d, double x) {
-  return d.turns ? units::to_deg(x) : to_mm(x);
+  return (d.turns ? units::to_deg(x) : to_mm(x)) + 0.0;  // no -0
 }
 const char* unit_of(const MoveDrive& d) {
   return d.turns ? "deg" : "mm";
@@ -306,6 +307,24 @@ report::LinePlot drives_plot(const MoveResult& run, const char* name, bool turns
       series.x.push_back(s.t);
       series.y.push_back(known ? shown(run.drives[i], (s.*what)[static_cast<Eigen::Index>(i)])
                                : std::numeric_limits<double>::quiet_NaN());
+    }
+    plot.series.push_back(std::move(series));
+  }
+  return plot;
+}
+
+report::LinePlot force_plot(const MoveResult& run, bool turns) {
+  report::LinePlot plot;
+  plot.title = turns ? "Torques of the drives" : "Forces of the drives";
+  plot.x = {"time", "s", {}, {}, false};
+  plot.y = {turns ? "torque" : "force", turns ? "Nm" : "N", {}, {}, true};
+  for (std::size_t i = 0; i < run.drives.size(); ++i) {
+    if (run.drives[i].turns != turns) continue;
+    report::Series series{fmt::format("drive {}", i + 1), {}, {}, colour_of(i), {}, 1.5};
+    for (const MoveSample& s : run.samples) {
+      series.x.push_back(s.t);
+      series.y.push_back(s.force.size() > 0 ? s.force[static_cast<Eigen::Index>(i)]
+                                            : std::numeric_limits<double>::quiet_NaN());
     }
     plot.series.push_back(std::move(series));
   }
@@ -376,9 +395,9 @@ void add_machine(report::Scene& scene, const machine::AnyMachine& machine, const
     report::Line3 line{name, {}, colour, part.thick ? 2.0 : 1.2, part.role == Role::joints};
     if (part.role == Role::fixed) line = {"base", {}, report::Colour::muted, 1.5, false};
     const bool red = part.role == Role::moving && total[part.name] > 1 ? is_broken(number)
-                     : part.role == Role::moving || part.role == Role::platform
-                         ? sample.violations != 0 && (broken.empty() || total[part.name] == 1)
-                         : false;
+                     : part.role == Role::moving                       ? sample.violations != 0
+                     : part.role == Role::platform                     ? sample.violations != 0 && broken.empty()
+                                                                       : false;
     if (red) {
       line.name = "breaks a limit";
       line.colour = report::Colour::vermillion;
@@ -400,11 +419,12 @@ report::Scene scene_of(const machine::AnyMachine& machine, const MoveResult& run
   scene.title = "The path of the tool and the machine on it";
   if (run.samples.empty()) return scene;
   add_machine(scene, machine, run.samples.front(), report::Colour::ink, "machine at the start");
-  const auto worst = std::find_if(run.samples.begin(), run.samples.end(),
-                                  [](const MoveSample& s) { return s.reached && s.violations != 0; });
-  if (worst != run.samples.end()) {
-    if (worst != run.samples.begin())
-      add_machine(scene, machine, *worst, report::Colour::sky, "where a limit is broken first");
+  // The first of those that break the most limits.
+  const auto broken = [](const MoveSample& x) { return x.reached ? std::popcount(x.violations) : 0; };
+  const auto worst = std::max_element(run.samples.begin(), run.samples.end(),
+                                      [&](const auto& a, const auto& b) { return broken(a) < broken(b); });
+  if (broken(*worst) > 0) {
+    add_machine(scene, machine, *worst, report::Colour::sky, "machine where most limits are broken");
   } else {
     add_machine(scene, machine, run.samples.back(), report::Colour::sky, "machine at the end");
   }
@@ -437,6 +457,11 @@ std::string move_csv(const machine::AnyMachine& machine, const MoveResult& run) 
   for (std::size_t i = 0; i < run.drives.size(); ++i)
     for (const char* suffix : of_drive)
       columns.push_back(fmt::format("q{}_{}{}", i + 1, unit_of(run.drives[i]), suffix));
+  const bool forces =
+      std::any_of(run.samples.begin(), run.samples.end(), [](const MoveSample& s) { return s.force.size() > 0; });
+  for (std::size_t i = 0; i < run.drives.size() && forces; ++i) {
+    columns.push_back(fmt::format("f{}_{}", i + 1, run.drives[i].turns ? "Nm" : "N"));
+  }
   for (const char* name : {"condition", "nearest_limit", "share_of_limit", "broken"}) columns.emplace_back(name);
   report::Csv csv(columns);
   for (const MoveSample& s : run.samples) {
@@ -460,6 +485,13 @@ std::string move_csv(const machine::AnyMachine& machine, const MoveResult& run) 
         } else {
           row.emplace_back(std::string());
         }
+      }
+    }
+    for (std::size_t i = 0; i < run.drives.size() && forces; ++i) {
+      if (s.force.size() > 0) {
+        row.emplace_back(s.force[static_cast<Eigen::Index>(i)]);
+      } else {
+        row.emplace_back(std::string());
       }
     }
     if (std::isfinite(s.condition)) {
@@ -531,9 +563,11 @@ std::string move_page(const machine::AnyMachine& machine, const motion::PosePath
   if (!run.violations.empty()) {
     report::Table broken;
     broken.caption = "What is broken, where it begins.";
-    broken.columns = {{"time", "s", 3}, {"way", "mm", 1}, {"line", "", 0}, {"limit", "", -1}, {"", "", -1}};
+    broken.columns = {
+        {"time", "s", 3}, {"path length", "mm", 1}, {"line", "", 0}, {"limit", "", -1}, {"figures", "", -1}};
     for (const motion::MoveViolation& v : run.violations) {
-      broken.rows.push_back({v.t, to_mm(v.length), static_cast<double>(v.line), v.limit, v.detail});
+      broken.rows.push_back(
+          {v.t, to_mm(v.length), static_cast<double>(v.line), v.limit, v.detail == v.limit ? std::string() : v.detail});
     }
     page.add_table(broken);
   }
@@ -549,6 +583,13 @@ std::string move_page(const machine::AnyMachine& machine, const motion::PosePath
       page.add_figure(drives_plot(run, "acceleration", turns, "/s²", &MoveSample::acceleration),
                       "Acceleration of the drives.");
       page.add_figure(drives_plot(run, "jerk", turns, "/s³", &MoveSample::jerk), "Jerk of the drives.");
+    }
+    if (run.drives.front().force) {
+      for (const bool turns : {false, true}) {
+        const bool any =
+            std::any_of(run.drives.begin(), run.drives.end(), [&](const MoveDrive& d) { return d.turns == turns; });
+        if (any) page.add_figure(force_plot(run, turns), turns ? "Torques of the drives." : "Forces of the drives.");
+      }
     }
     page.add_section("Tool");
     page.add_figure(pose_plot(run, false), "Coordinates of the tool.");

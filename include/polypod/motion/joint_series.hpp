@@ -43,4 +43,8 @@ JointSeries joint_series(const AnyMachine& machine, const PoseSeries& target, co
 JointSeries joint_series_by_differences(const AnyMachine& machine, const PoseSeries& target, const Pose& settled,
                                         const JointVector& q);
 
+/// The pose of the joints q next to a pose that it nearly has: Newton's method on the closure from there (chains: their
+/// forward kinematics). `near` itself where that does not converge.
+Pose pose_near(const AnyMachine& machine, const JointVector& q, const Pose& near);
+
 }  // namespace polypod::motion

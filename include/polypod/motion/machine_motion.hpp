@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/motion/dynamics.hpp"
 #include "polypod/motion/pose_path.hpp"
 #include "polypod/motion/time_law.hpp"
 
@@ -16,6 +17,27 @@ enum class Law {
   constant,  ///< the tip at one speed
   timed,     ///< each stretch in its own time
   fastest    ///< in the least time within the limits
+};
+
+/// What the drives can do with their commands (JEL 7.1).
+struct Actuators {
+  JointVector resolution;  ///< rad or m, the smallest step of each drive; 0: any position
+  double interval = 0;     ///< s, between two commands to one drive
+  JointVector delay;       ///< s, between a command and when it is carried out
+  bool staggered = false;  ///< the drives get their commands one after the other, spread over the interval
+};
+
+/// How far the tool is from its path.
+struct PathError {
+  double largest = 0, mean = 0;  ///< m, from the nearest point of the path (the contour error)
+  double largest_lag = 0;        ///< m, from where it should be at that time
+  double largest_turn = 0;       ///< rad, of the orientation at that time
+};
+struct ContourError {
+  PathError compensated;     ///< commands are given earlier by the delay
+  PathError uncompensated;   ///< they are not
+  PathError coarse;          ///< resolution alone
+  std::size_t commands = 0;  ///< to each drive
 };
 
 struct MoveOptions {
@@ -35,6 +57,9 @@ struct MoveOptions {
   std::optional<std::size_t> start;
   /// Of several with which it can be passed, the one whose largest condition number is the smallest.
   bool best_start = false;
+  std::optional<Actuators> actuators;
+  std::optional<Dynamics> dynamics;  ///< none: forces are not known
+  JointVector force;                 ///< N or Nm, the largest of each drive; empty: not judged
   std::function<bool(double)> progress;
 };
 
@@ -49,6 +74,7 @@ struct MoveSample {
   bool reached = false;
   bool regular = false;  ///< the drives' derivatives are known
   JointVector q, speed, acceleration, jerk;
+  JointVector force;  ///< N or Nm; empty where it is not known
   kinematics::LimitBits violations = 0;
   double condition = 0;
   /// The limit that is met the nearest, and how nearly: 1 where it is met.
@@ -72,14 +98,16 @@ struct MoveDrive {
   bool turns = false;
   double low = kNoLimit, high = -kNoLimit, first = 0, last = 0;  ///< rad or m
   double speed = 0, acceleration = 0, jerk = 0;                  ///< largest absolute values
+  std::optional<double> force;                                   ///< N or Nm, likewise
 };
 
 /// A solution of the inverse at the first pose, and how far the path can be passed with it.
 struct MoveStart {
   std::string branch;
   bool completes = false;
-  double reaches = 0;    ///< share of the path up to the first thing that is broken
-  double condition = 0;  ///< the largest on the path
+  double reaches = 0;       ///< share of the path up to the first thing that is broken
+  std::size_t stretch = 0;  ///< where that is
+  double condition = 0;     ///< the largest on the path
   std::string stopped_by;
   bool chosen = false;
 };
@@ -98,13 +126,30 @@ struct MoveResult {
   /// 1 %.
   std::size_t stops = 0;
   std::vector<std::pair<std::string, double>> binding;
+  std::optional<ContourError> contour;
+  /// Hz, the lowest natural frequency on the path and those at its start, of machines with masses and compliances.
+  std::optional<double> lowest_frequency;
+  std::vector<double> frequencies;
   double checked = 0;  ///< number of instants at which limits were checked
   std::vector<std::string> notes;
   [[nodiscard]] bool ok() const { return violations.empty(); }
 };
 
-/// Errors: MO101 (a speed that is not positive), MO104 (more than 1e6 points), MO114 (a turn on the spot at constant
-/// speed), MO115, MO116 (no pose of the path is within reach), MO199 (cancelled).
+/// With actuators, each drive goes linearly from one commanded position, a multiple of its resolution, to the next; the
+/// pose that the tool then has is found by Newton's method on the closure. Contour errors are the largest of 4 instants
+/// a command.
+/// Errors: MO101 (a speed that is not positive), MO104 (more than 1e6 points), MO118 (more than 2e5 commands), MO114 (a
+/// turn on the spot at constant speed), MO115, MO116 (no pose of the path is within reach), MO199 (cancelled).
 Result<MoveResult> move(const AnyMachine& machine, const PosePath& path, const MoveOptions& options);
+
+/// Whether a path can be passed at all, with the solution at its start that comes the farthest.
+struct PathVerdict {
+  bool passes = false;
+  double reaches = 0;       ///< share of the path
+  double condition = 0;     ///< the largest up to there
+  std::size_t stretch = 0;  ///< where it ends
+  std::string stopped_by;
+};
+PathVerdict follow(const AnyMachine& machine, const PosePath& path, const MoveOptions& options);
 
 }  // namespace polypod::motion

@@ -36,6 +36,8 @@ struct Stretch {
   Vec3 angles_from = Vec3::Zero(), angles_to = Vec3::Zero();  ///< A, B, C, rad
   Vec3 axis = Vec3::Zero();  ///< of Turning::turn the whole turn as rotation vector in M
 
+  double spin_from = 0, spin_to = 0;  ///< rad, further turn about the tool axis, linear: R R_z(spin)
+
   double duration = 0;  ///< s, 0 where none is given
   double speed = 0;     ///< m/s, the largest that the tip may take here; 0: no limit of its own
   bool rapid = false;
@@ -86,6 +88,9 @@ Result<PosePath> pose_path_of(std::vector<Stretch> stretches);
 /// turn about one axis are left as they are; a blend takes at most half of either stretch.
 PosePath blended(const PosePath& path, double deviation, bool curvature);
 
+/// A part of a stretch that is no blend, from a to b of its parameter.
+Stretch part_of(const Stretch& stretch, double a, double b);
+
 /// How the drives go along a stretch in the times that a file gives.
 enum class Profile {
   linear,  ///< at a constant rate from point to point (JEL 7.5): the speed jumps at each point
@@ -105,8 +110,8 @@ struct PosePathFile {
 /// ("linear", "smooth"), `segments = [{ to_mm, via_mm, to_deg, time_s, speed_mm_per_s, stop }]`; each of a segment's
 /// keys may be left out: the point or the orientation then stays.
 /// CSV: a row a point with `x_mm,y_mm,z_mm` and, as they are given, `a_deg,b_deg,c_deg` and `time_s` (rising).
-/// Errors: MO100, MO102, MO111 (a duration of some stretches alone), MO112 (an unknown word), MO113 (times that do not rise), FI100
-/// and those of config and csv.
+/// Errors: MO100, MO102, MO111 (a duration of some stretches alone), MO112 (an unknown word), MO113 (times that do not
+/// rise), FI100 and those of config and csv.
 Result<PosePathFile> read_pose_path(const std::string& file);
 
 }  // namespace polypod::motion

@@ -1,0 +1,539 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/motion/dynamics.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/closure.hpp"
+#include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/parts.hpp"
+
+namespace polypod::motion {
+namespace {
+
+using machine::SerialArm;
+using SeriesVec = Vector3<Series>;
+
+struct MassPoint {
+  double mass = 0;
+  SeriesVec p;
+};
+
+SeriesVec scaled(const SeriesVec& v, const Series& by) {
+  return {v[0] * by, v[1] * by, v[2] * by};
+}
+Series length_of(const SeriesVec& v) {
+  return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+SeriesVec at(const PoseSeries& X, const Vec3& local) {
+  SeriesVec out;
+  for (int i = 0; i < 3; ++i) {
+    out[i] = X.p[i] + X.R(i, 0) * Series(local[0]) + X.R(i, 1) * Series(local[1]) + X.R(i, 2) * Series(local[2]);
+  }
+  return out;
+}
+
+/// Seven points that have the mass, the center and the inertia of a body: two at a metre on each principal axis of its
+/// second moments, the rest (which may be negative) in the center.
+template <class Push>
+void add_body(const PoseSeries& X, const Body& body, Push&& push) {
+  const Mat3 second = 0.5 * body.inertia.trace() * Mat3::Identity() - body.inertia;
+  const Eigen::SelfAdjointEigenSolver<Mat3> axes(second);
+  double rest = body.mass;
+  for (int k = 0; k < 3; ++k) {
+    const double mass = 0.5 * axes.eigenvalues()[k];
+    if (mass == 0) continue;
+    for (const double side : {-1.0, 1.0}) push(mass, at(X, body.center + side * axes.eigenvectors().col(k)));
+    rest -= 2 * mass;
+  }
+  if (rest != 0) push(rest, at(X, body.center));
+}
+
+/// Points on a line that goes from `foot` through `head`: mass and inertia across it, at a distance from the foot.
+template <class Push>
+void add_on_line(const SeriesVec& foot, const SeriesVec& head, double mass, double center, double inertia,
+                 Push&& push) {
+  if (mass == 0 && inertia == 0) return;
+  const SeriesVec y = head - foot;
+  const SeriesVec e = scaled(y, Series(1.0) / length_of(y));
+  const auto point = [&](double d) { return SeriesVec(foot + scaled(e, Series(d))); };
+  // Two points at a metre from the center have 2 m 1^2.
+  const double side = 0.5 * inertia;
+  if (side != 0) {
+    push(side, point(center - 1));
+    push(side, point(center + 1));
+  }
+  if (mass - 2 * side != 0) push(mass - 2 * side, point(center));
+}
+
+/// A uniform rod: Simpson's rule has its mass, center and inertia.
+template <class Push>
+void add_rod(const SeriesVec& a, const SeriesVec& b, double mass, Push&& push) {
+  if (mass == 0) return;
+  push(mass / 6, a);
+  push(mass / 6, b);
+  push(2 * mass / 3, SeriesVec(scaled(a + b, Series(0.5))));
+}
+
+/// A leg: what stands still, what the drive moves, and the joint of the platform.
+struct LegLine {
+  SeriesVec fixed, driven, platform;
+  bool strut = false, rail = false, crank = false;
+};
+
+template <class M>
+std::vector<LegLine> legs_of(const M& m, const PoseSeries& X, std::span<const Series> q, std::span<const Series> p) {
+  std::vector<LegLine> out;
+  if constexpr (std::is_same_v<M, machine::StrutHexapod>) {
+    for (int i = 0; i < machine::kLegs; ++i) {
+      const auto leg = machine::hexapod_detail::strut_leg(X, p, i);
+      out.push_back({leg.base, leg.base, leg.end, true, false, false});
+    }
+  } else if constexpr (std::is_same_v<M, machine::SliderHexapod>) {
+    for (int i = 0; i < machine::kLegs; ++i) {
+      const auto leg = machine::hexapod_detail::slider_leg(X, q, p, i);
+      out.push_back({leg.anchor, leg.anchor, leg.end, false, true, false});
+    }
+  } else if constexpr (machine::DeltaFamily<M>) {
+    for (int i = 0; i < m.arms; ++i) {
+      const auto chain = machine::delta_detail::chain(m, X, q, p, i);
+      const bool crank = std::is_same_v<M, machine::RotaryDelta>;
+      out.push_back({chain.base, chain.end, chain.platform, false, !crank, crank});
+    }
+  } else if constexpr (std::is_same_v<M, machine::Parallel>) {
+    std::size_t drive = 0;
+    for (const machine::ParallelLeg& leg : m.legs) {
+      const Series value = leg.driven() ? q[drive++] + Series(leg.two_roots() ? leg.zero_offset : 0.0) : Series(0.0);
+      LegLine line;
+      for (int k = 0; k < 3; ++k) line.fixed[k] = Series(leg.base[k]);
+      line.driven = line.fixed;
+      line.strut = leg.drive == machine::LegDrive::strut;
+      line.rail = leg.drive == machine::LegDrive::rail;
+      line.crank = leg.drive == machine::LegDrive::crank;
+      const Vec3 side = leg.axis.cross(leg.zero);
+      for (int k = 0; k < 3; ++k) {
+        if (line.rail) line.driven[k] += value * Series(leg.rail[k]);
+        if (line.crank) {
+          line.driven[k] += Series(leg.arm) * (cos(value) * Series(leg.zero[k]) + sin(value) * Series(side[k]));
+        }
+      }
+      if (leg.ring) {
+        // The point of the ring in the half plane of the base joint.
+        SeriesVec d;
+        for (int k = 0; k < 3; ++k) {
+          d[k] = Series(-(leg.ring->center[k] - m.tool[k]));
+          for (int c = 0; c < 3; ++c) d[k] += X.R(c, k) * (line.fixed[c] - X.p[c]);
+        }
+        Series along;
+        for (int k = 0; k < 3; ++k) along += d[k] * Series(leg.ring->axis[k]);
+        SeriesVec across;
+        for (int k = 0; k < 3; ++k) across[k] = d[k] - along * Series(leg.ring->axis[k]);
+        const Series scale = Series(leg.ring->radius) / length_of(across);
+        SeriesVec local;
+        for (int k = 0; k < 3; ++k) local[k] = Series(leg.ring->center[k] - m.tool[k]) + scale * across[k];
+        for (int k = 0; k < 3; ++k) {
+          line.platform[k] = X.p[k] + X.R(k, 0) * local[0] + X.R(k, 1) * local[1] + X.R(k, 2) * local[2];
+        }
+      } else {
+        line.platform = at(X, leg.platform - m.tool);
+        for (int k = 0; k < 3; ++k) line.platform[k] += Series(leg.still[k]);
+      }
+      out.push_back(line);
+    }
+  }
+  return out;
+}
+
+/// Every mass point at a pose and joints that move.
+template <class M>
+std::vector<MassPoint> points_of(const M& m, const Dynamics& d, const PoseSeries& X, std::span<const Series> q) {
+  std::vector<MassPoint> out;
+  const auto push = [&](double mass, const SeriesVec& p) { out.push_back({mass, p}); };
+  if (d.platform) add_body(X, *d.platform, push);
+  if (d.payload) add_body(X, *d.payload, push);
+  const std::vector<double> nominal = kinematics::nominal_parameters(m);
+  const std::vector<Series> p(nominal.begin(), nominal.end());
+  if constexpr (std::is_same_v<M, SerialArm>) {
+    if (d.links.empty()) return out;
+    SerialArm partial = m;
+    partial.X_FT = Pose{};
+    std::size_t joints = 0;
+    for (std::size_t row = 0; row < m.dh.size(); ++row) {
+      if (!m.dh[row].locked) ++joints;
+      if (!d.links[row]) continue;
+      partial.dh.assign(m.dh.begin(), m.dh.begin() + static_cast<std::ptrdiff_t>(row + 1));
+      const PoseSeries link = machine::chain(partial, q.subspan(0, joints), std::span<const Series>(p));
+      add_body(link, *d.links[row], push);
+    }
+  } else {
+    for (const LegLine& leg : legs_of(m, X, q, std::span<const Series>(p))) {
+      if (leg.strut) {
+        add_on_line(leg.fixed, leg.platform, d.strut_fixed, d.strut_fixed_center, d.strut_fixed_inertia, push);
+        add_on_line(leg.platform, leg.fixed, d.strut_moving, d.strut_moving_center, d.strut_moving_inertia, push);
+        continue;
+      }
+      add_rod(leg.driven, leg.platform, d.rod, push);
+      if (leg.rail && d.slider != 0) push(d.slider, leg.driven);
+      // About its axis an arm has the inertia of points along it.
+      if (leg.crank) {
+        add_on_line(leg.fixed, leg.driven, d.arm, d.arm_center, d.arm_inertia - d.arm * d.arm_center * d.arm_center,
+                    push);
+      }
+    }
+  }
+  return out;
+}
+
+double of_drive(const std::vector<double>& values, Eigen::Index i) {
+  if (values.empty()) return 0;
+  return values[values.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+}
+
+/// Derivatives of every mass point by each column of J, a twist of the tool at which the joint of that number moves
+/// with it (-1: none does): one matrix 3 x columns a point.
+template <class M>
+std::vector<Eigen::Matrix<double, 3, Eigen::Dynamic>> rates_of(const M& m, const Dynamics& d, const Pose& X,
+                                                               const JointVector& q, const Eigen::MatrixXd& J,
+                                                               const std::vector<int>& joint) {
+  std::vector<Eigen::Matrix<double, 3, Eigen::Dynamic>> out;
+  for (Eigen::Index j = 0; j < J.cols(); ++j) {
+    SeriesVec w;
+    PoseSeries moved;
+    for (int k = 0; k < 3; ++k) w[k][1] = J(3 + k, j);
+    const Matrix3<Series> T = rotation_series(w);
+    for (int i = 0; i < 3; ++i) {
+      moved.p[i] = Series(X.p[i]);
+      moved.p[i][1] = J(i, j);
+      for (int c = 0; c < 3; ++c)
+        moved.R(i, c) = T(i, 0) * Series(X.R(0, c)) + T(i, 1) * Series(X.R(1, c)) + T(i, 2) * Series(X.R(2, c));
+    }
+    std::vector<Series> joints(q.data(), q.data() + q.size());
+    const int moves = joint[static_cast<std::size_t>(j)];
+    if (moves >= 0) joints[static_cast<std::size_t>(moves)][1] = 1;
+    const std::vector<MassPoint> points = points_of(m, d, moved, std::span<const Series>(joints));
+    if (out.empty()) out.assign(points.size(), Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, J.cols()));
+    for (std::size_t k = 0; k < points.size(); ++k)
+      for (int i = 0; i < 3; ++i) out[k](i, j) = points[k].p[i][1];
+  }
+  return out;
+}
+
+std::vector<int> all_joints(Eigen::Index n) {
+  std::vector<int> out;
+  for (int j = 0; j < n; ++j) out.push_back(j);
+  return out;
+}
+
+template <class M>
+std::vector<MassPoint> moving_points(const M& m, const Dynamics& d, const JointSeries& s) {
+  std::vector<Series> q;
+  for (Eigen::Index i = 0; i < s.q.size(); ++i) q.emplace_back(s.q[i], s.first[i], s.second[i], s.third[i]);
+  return points_of(m, d, s.X, std::span<const Series>(q));
+}
+
+Pose value_of(const PoseSeries& X) {
+  Pose out;
+  for (int i = 0; i < 3; ++i) {
+    out.p[i] = X.p[i].value();
+    for (int j = 0; j < 3; ++j) out.R(i, j) = X.R(i, j).value();
+  }
+  return out;
+}
+
+Result<Body> body_of(const config::Table& given) {
+  const config::Table* table = &given;
+  Body out;
+  POLYPOD_ASSIGN(mass, table->number("mass_kg", {0, 1e6}));
+  out.mass = mass;
+  if (table->has("center_mm")) {
+    POLYPOD_ASSIGN(c, table->numbers("center_mm", 3));
+    out.center = units::from_mm(1) * Vec3(c[0], c[1], c[2]);
+  }
+  if (table->has("inertia_kg_m2")) {
+    POLYPOD_ASSIGN(I, table->numbers("inertia_kg_m2"));
+    if (I.size() != 3 && I.size() != 6) {
+      return fail("MO120", "an inertia has the three numbers xx, yy, zz, or six with xy, xz, yz",
+                  table->place_of("inertia_kg_m2"));
+    }
+    I.resize(6, 0);
+    out.inertia << I[0], I[3], I[4], I[3], I[1], I[5], I[4], I[5], I[2];
+    const Vec3 principal = Eigen::SelfAdjointEigenSolver<Mat3>(out.inertia).eigenvalues();
+    constexpr double kRounding = 1e-9;
+    if (principal[0] < 0 || principal[0] + principal[1] < principal[2] * (1 - kRounding)) {
+      return fail(
+          "MO120",
+          fmt::format("no body has the principal moments {:g}, {:g}, {:g} kg m2: none is larger than the sum of "
+                      "the others",
+                      principal[0], principal[1], principal[2]),
+          table->place_of("inertia_kg_m2"), "give it about the center of mass");
+    }
+  }
+  POLYPOD_TRY(table->finish());
+  return out;
+}
+Result<std::optional<Body>> body_from(const config::Table& parent, const char* key) {
+  POLYPOD_ASSIGN(table, parent.optional_table(key));
+  if (!table) return std::optional<Body>{};
+  POLYPOD_ASSIGN(body, body_of(*table));
+  return std::optional<Body>(body);
+}
+
+tl::unexpected<Error> no_part(const config::Table& table, const char* key, const char* part) {
+  return fail("MO121", fmt::format("dynamics.{}: this machine has no {}", key, part), table.place_of(key),
+              "leave it out");
+}
+
+struct Parts {
+  bool struts = false, rods = false, sliders = false, arms = false, links = false;
+};
+Parts parts_of(const AnyMachine& machine) {
+  return std::visit(
+      []<class M>(const M& m) -> Parts {
+        if constexpr (std::is_same_v<M, machine::StrutHexapod>) return {true, false, false, false, false};
+        if constexpr (std::is_same_v<M, machine::SliderHexapod>) return {false, true, true, false, false};
+        if constexpr (std::is_same_v<M, machine::RotaryDelta>) return {false, true, false, true, false};
+        if constexpr (std::is_same_v<M, machine::LinearDelta>) return {false, true, true, false, false};
+        if constexpr (std::is_same_v<M, SerialArm>) return {false, false, false, false, true};
+        if constexpr (std::is_same_v<M, machine::Parallel>) {
+          Parts out;
+          for (const machine::ParallelLeg& leg : m.legs) {
+            out.struts = out.struts || leg.drive == machine::LegDrive::strut;
+            out.rods = out.rods || leg.drive != machine::LegDrive::strut;
+            out.sliders = out.sliders || leg.drive == machine::LegDrive::rail;
+            out.arms = out.arms || leg.drive == machine::LegDrive::crank;
+          }
+          return out;
+        }
+        return {};
+      },
+      machine);
+}
+
+Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& machine) {
+  Dynamics out;
+  const Parts parts = parts_of(machine);
+  const bool hangs = std::visit([]<class M>(const M&) { return machine::DeltaFamily<M>; }, machine);
+  if (hangs) out.gravity = -out.gravity;  // z of a delta grows downwards
+  if (table.has("gravity_m_per_s2")) {
+    POLYPOD_ASSIGN(g, table.numbers("gravity_m_per_s2", 3, {-1000, 1000}));
+    out.gravity = Vec3(g[0], g[1], g[2]);
+  }
+  POLYPOD_ASSIGN(platform, body_from(table, "platform"));
+  out.platform = platform;
+  POLYPOD_ASSIGN(payload, body_from(table, "payload"));
+  out.payload = payload;
+  POLYPOD_ASSIGN(strut, table.optional_table("strut"));
+  if (strut) {
+    if (!parts.struts) return no_part(table, "strut", "struts");
+    const auto take = [&](const char* mass_key, const char* center_key, const char* inertia_key, double& mass,
+                          double& center, double& inertia) -> Status {
+      POLYPOD_ASSIGN(m, strut->optional_number(mass_key, 0, {0, 1e6}));
+      POLYPOD_ASSIGN(c, strut->optional_number(center_key, 0, {-1e5, 1e5}));
+      POLYPOD_ASSIGN(I, strut->optional_number(inertia_key, 0, {0, 1e6}));
+      mass = m;
+      center = units::from_mm(c);
+      inertia = I;
+      return {};
+    };
+    POLYPOD_TRY(take("fixed_mass_kg", "fixed_center_mm", "fixed_inertia_kg_m2", out.strut_fixed, out.strut_fixed_center,
+                     out.strut_fixed_inertia));
+    POLYPOD_TRY(take("moving_mass_kg", "moving_center_mm", "moving_inertia_kg_m2", out.strut_moving,
+                     out.strut_moving_center, out.strut_moving_inertia));
+    POLYPOD_TRY(strut->finish());
+  }
+  POLYPOD_ASSIGN(rod, table.optional_number("rod_kg", 0, {0, 1e6}));
+  if (rod > 0 && !parts.rods) return no_part(table, "rod_kg", "rods");
+  out.rod = rod;
+  POLYPOD_ASSIGN(slider, table.optional_number("slider_kg", 0, {0, 1e6}));
+  if (slider > 0 && !parts.sliders) return no_part(table, "slider_kg", "sliders");
+  out.slider = slider;
+  POLYPOD_ASSIGN(arm, table.optional_table("arm"));
+  if (arm) {
+    if (!parts.arms) return no_part(table, "arm", "arms");
+    POLYPOD_ASSIGN(mass, arm->number("mass_kg", {0, 1e6}));
+    POLYPOD_ASSIGN(center, arm->optional_number("center_mm", 0, {-1e5, 1e5}));
+    POLYPOD_ASSIGN(inertia, arm->optional_number("inertia_kg_m2", mass * square(units::from_mm(center)), {0, 1e6}));
+    POLYPOD_TRY(arm->finish());
+    out.arm = mass;
+    out.arm_center = units::from_mm(center);
+    out.arm_inertia = inertia;
+    constexpr double kRounding = 1e-9;
+    if (inertia < mass * square(out.arm_center) * (1 - kRounding)) {
+      return fail("MO120",
+                  fmt::format("dynamics.arm: {:g} kg at {:g} mm have more than {:g} kg m2 about the drive's axis", mass,
+                              center, inertia),
+                  arm->place_of("inertia_kg_m2"), "give it about the drive's axis");
+    }
+  }
+  POLYPOD_ASSIGN(links, table.tables("link"));
+  if (!links.empty()) {
+    if (!parts.links) return no_part(table, "link", "links");
+    const auto& chain = std::get<SerialArm>(machine);
+    if (links.size() != chain.dh.size()) {
+      return fail("MO122",
+                  fmt::format("dynamics has {} links, the table of the arm {} rows", links.size(), chain.dh.size()),
+                  table.place_of("link"), "give one a row, with mass_kg = 0 for those without mass");
+    }
+    for (const config::Table& link : links) {
+      POLYPOD_ASSIGN(body, body_of(link));
+      out.links.emplace_back(body);
+    }
+  }
+  const int n = kinematics::joint_count(machine);
+  const auto per_drive = [&](const char* key, std::vector<double>& to) -> Status {
+    if (!table.has(key)) return {};
+    if (const auto one = table.number(key, {0, 1e9})) {
+      to = {*one};
+      return {};
+    }
+    POLYPOD_ASSIGN(values, table.numbers(key, 0, {0, 1e9}));
+    if (values.size() != 1 && static_cast<int>(values.size()) != n) {
+      return fail("MO122", fmt::format("dynamics.{} has {} numbers, the machine {} drives", key, values.size(), n),
+                  table.place_of(key), "give one number for all drives, or one a drive");
+    }
+    to = values;
+    return {};
+  };
+  POLYPOD_TRY(per_drive("drive_inertia", out.drive));
+  POLYPOD_TRY(per_drive("friction", out.friction));
+  POLYPOD_TRY(per_drive("viscous", out.viscous));
+  POLYPOD_TRY(table.finish());
+  return out;
+}
+
+}  // namespace
+
+Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine) {
+  std::error_code ec;
+  if (!path.ends_with(".toml") || !std::filesystem::is_regular_file(path, ec)) return std::optional<Dynamics>{};
+  POLYPOD_ASSIGN(file, config::read_file(path));
+  POLYPOD_ASSIGN(table, file.optional_table("dynamics"));
+  if (!table) return std::optional<Dynamics>{};
+  POLYPOD_ASSIGN(out, dynamics_from(*table, machine));
+  return std::optional<Dynamics>(std::move(out));
+}
+
+std::string no_dynamics(const AnyMachine& machine) {
+  if (std::holds_alternative<machine::Own>(machine)) return "the masses of a family of one's own are not known";
+  if (std::holds_alternative<machine::Stages>(machine)) return "masses of machines in series are not taken yet";
+  if (kinematics::joint_count(machine) != kinematics::task(machine).size()) {
+    return "the machine has more drives than its task has coordinates: how they share the load is not determined";
+  }
+  return {};
+}
+
+JointVector drive_forces(const AnyMachine& machine, const Dynamics& d, const JointSeries& motion) {
+  const Pose X = value_of(motion.X);
+  const machine::JacobianMatrix J = kinematics::jacobian(machine, X, motion.q);
+  JointVector tau = JointVector::Zero(motion.q.size());
+  std::visit(
+      [&](const auto& m) {
+        const std::vector<MassPoint> points = moving_points(m, d, motion);
+        const auto rates = rates_of(m, d, X, motion.q, J, all_joints(motion.q.size()));
+        for (std::size_t k = 0; k < points.size(); ++k) {
+          Vec3 a;
+          for (int i = 0; i < 3; ++i) a[i] = points[k].p[i].derivative(2);
+          tau += points[k].mass * rates[k].transpose() * (a - d.gravity);
+        }
+      },
+      machine);
+  for (Eigen::Index j = 0; j < tau.size(); ++j) {
+    const double v = motion.first[j];
+    tau[j] += of_drive(d.drive, j) * motion.second[j] + of_drive(d.viscous, j) * v;
+    if (v != 0) tau[j] += std::copysign(of_drive(d.friction, j), v);
+  }
+  return tau;
+}
+
+namespace {
+/// Sum of m (dP/dx)^T dP/dx over the mass points.
+Eigen::MatrixXd mass_by(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
+                        const Eigen::MatrixXd& J, const std::vector<int>& joint) {
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(J.cols(), J.cols());
+  std::visit(
+      [&](const auto& m) {
+        std::vector<Series> joints(q.data(), q.data() + q.size());
+        const std::vector<MassPoint> points = points_of(m, d, X.cast<Series>(), std::span<const Series>(joints));
+        const auto rates = rates_of(m, d, X, q, J, joint);
+        for (std::size_t k = 0; k < points.size(); ++k) M += points[k].mass * rates[k].transpose() * rates[k];
+      },
+      machine);
+  return M;
+}
+}  // namespace
+
+Eigen::MatrixXd mass_matrix(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q) {
+  Eigen::MatrixXd M = mass_by(machine, d, X, q, kinematics::jacobian(machine, X, q), all_joints(q.size()));
+  for (Eigen::Index j = 0; j < q.size(); ++j) M(j, j) += of_drive(d.drive, j);
+  return M;
+}
+
+Energy energy_of(const AnyMachine& machine, const Dynamics& d, const JointSeries& motion) {
+  Energy out;
+  std::visit(
+      [&](const auto& m) {
+        for (const MassPoint& point : moving_points(m, d, motion)) {
+          Vec3 p, v;
+          for (int i = 0; i < 3; ++i) {
+            p[i] = point.p[i].value();
+            v[i] = point.p[i].derivative(1);
+          }
+          out.kinetic += 0.5 * point.mass * v.squaredNorm();
+          out.potential -= point.mass * d.gravity.dot(p);
+        }
+      },
+      machine);
+  for (Eigen::Index j = 0; j < motion.q.size(); ++j) {
+    out.kinetic += 0.5 * of_drive(d.drive, j) * motion.first[j] * motion.first[j];
+  }
+  return out;
+}
+
+std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamics& d, const Pose& X,
+                                        const JointVector& q) {
+  const std::vector<machine::Element> elements = kinematics::elements(machine);
+  const machine::ElementColumns columns = kinematics::element_columns(machine, q, &X);
+  // Which joint moves as an element deflects: of arms and deltas the drive's own; legs deflect while the drives stand.
+  const bool drives_first =
+      std::visit([]<class M>(const M&) { return std::is_same_v<M, SerialArm> || machine::DeltaFamily<M>; }, machine);
+  const int n = static_cast<int>(q.size());
+  std::vector<int> joint, used;
+  std::vector<double> root;  // of the compliances
+  int next = 0;
+  for (int k = 0; k < static_cast<int>(elements.size()); ++k) {
+    int moves = -1;
+    if (const auto* chain = std::get_if<SerialArm>(&machine)) {
+      if (chain->dh[static_cast<std::size_t>(k)].locked) continue;
+      moves = next++;
+    } else if (drives_first && k < n) {
+      moves = k;
+    }
+    const double c = elements[static_cast<std::size_t>(k)].compliance;
+    if (!(c > 0)) continue;
+    used.push_back(k);
+    joint.push_back(moves);
+    root.push_back(std::sqrt(c));
+  }
+  if (used.empty()) return {};
+  Eigen::MatrixXd J(6, static_cast<Eigen::Index>(used.size()));
+  for (std::size_t k = 0; k < used.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = columns.J.col(used[k]);
+  const Eigen::Map<const Eigen::VectorXd> C(root.data(), static_cast<Eigen::Index>(root.size()));
+  // x = C^(1/2) y: (1 - w^2 C^(1/2) M C^(1/2)) y = 0. What moves no mass has no frequency.
+  const Eigen::MatrixXd S = C.asDiagonal() * mass_by(machine, d, columns.X_MT, q, J, joint) * C.asDiagonal();
+  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(S).eigenvalues();
+  std::vector<double> out;
+  constexpr double kNone = 1e-12;  // of the largest
+  for (Eigen::Index k = values.size(); k-- > 0;) {
+    if (values[k] > kNone * values[values.size() - 1]) out.push_back(1 / (2 * std::numbers::pi * std::sqrt(values[k])));
+  }
+  return out;
+}
+
+}  // namespace polypod::motion

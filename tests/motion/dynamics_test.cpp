@@ -1,0 +1,318 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Forces of the drives against Lagrange's equations by differences, energies, and closed forms of small machines.
+#include "polypod/motion/dynamics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <numbers>
+
+#include "machines.hpp"
+
+#include "polypod/motion/machine_motion.hpp"
+
+namespace polypod::motion {
+namespace {
+
+using test::load;
+
+Body brick(double mass, const Vec3& center, const Vec3& size) {
+  Body out;
+  out.mass = mass;
+  out.center = center;
+  for (int i = 0; i < 3; ++i) out.inertia(i, i) = mass / 12 * (size.squaredNorm() - size[i] * size[i]);
+  out.inertia(0, 1) = out.inertia(1, 0) = 0.05 * out.inertia.trace();
+  return out;
+}
+
+Dynamics masses_of(const AnyMachine& m) {
+  Dynamics out;
+  out.gravity = Vec3(0.3, -0.8, -9.7);
+  out.platform = brick(2.5, Vec3(0.01, -0.02, 0.03), Vec3(0.2, 0.1, 0.05));
+  out.payload = brick(0.7, Vec3(0, 0.01, -0.02), Vec3(0.05, 0.06, 0.07));
+  out.strut_fixed = 1.2;
+  out.strut_fixed_center = 0.02;
+  out.strut_fixed_inertia = 0.01;
+  out.strut_moving = 0.6;
+  out.strut_moving_center = 0.03;
+  out.strut_moving_inertia = 0.002;
+  out.rod = 0.4;
+  out.slider = 0.9;
+  out.arm = 0.8;
+  out.arm_center = 0.07;
+  out.arm_inertia = 0.008;
+  out.drive = {0.05};
+  if (const auto* arm = std::get_if<machine::SerialArm>(&m)) {
+    for (std::size_t k = 0; k < arm->dh.size(); ++k) {
+      out.links.emplace_back(brick(5.0 - 0.5 * static_cast<double>(k), Vec3(-0.1, 0.02, 0.03), Vec3(0.3, 0.1, 0.1)));
+    }
+  }
+  return out;
+}
+
+/// A pose of the machine, away from singular ones.
+std::pair<Pose, JointVector> pose_of(const AnyMachine& m) {
+  if (const auto home = kinematics::home_pose(m)) {
+    Pose X = *home;
+    X.p += Vec3(0.002, -0.003, 0.001);
+    const JointVector q = kinematics::inverse(m, X).solutions.front().joints;
+    return {kinematics::settled(m, X, q), q};
+  }
+  JointVector q(kinematics::joint_count(m));
+  for (int i = 0; i < q.size(); ++i) {
+    const machine::JointRange r = kinematics::joint_range(m, i);
+    q[i] = r.min + (kinematics::is_serial(m) ? 0.42 + 0.05 * i : 0.4 + 0.02 * i) * (r.max - r.min);
+  }
+  return {kinematics::forward(m, q).poses.front(), q};
+}
+
+/// The machine as it moves with given speeds and accelerations of its joints: X by Newton's method at joints on the
+/// way, its derivatives by differences of the Jacobian's twist.
+struct Moving {
+  JointVector q, v, a;
+};
+JointSeries series_of(const AnyMachine& m, const Pose& X, const Moving& s) {
+  // The target moves as the joints say to the second order: X(t) = X exp(t^2/2 ...) from J v and its rate.
+  const double h = 1e-4;
+  const auto twist_at = [&](double t) {
+    const JointVector q = s.q + t * s.v + 0.5 * t * t * s.a, v = s.v + t * s.a;
+    const Pose at = pose_near(m, q, X);
+    return Vec6(kinematics::jacobian(m, at, q) * v);
+  };
+  const Vec6 V = twist_at(0);
+  const Vec6 A = (8 * (twist_at(h) - twist_at(-h)) - (twist_at(2 * h) - twist_at(-2 * h))) / (12 * h);
+  JointSeries out;
+  out.q = s.q;
+  out.first = s.v;
+  out.second = s.a;
+  out.third = JointVector::Zero(s.q.size());
+  out.regular = true;
+  // w(t) with R = exp(w(t)) R_0: w' = omega, w'' = omega' at t = 0.
+  Vector3<polypod::Series> w;
+  for (int k = 0; k < 3; ++k) {
+    out.X.p[k] = polypod::Series(X.p[k], V[k], A[k], 0);
+    w[k] = polypod::Series(0, V[3 + k], A[3 + k], 0);
+  }
+  const Matrix3<polypod::Series> T = rotation_series(w);
+  for (int i = 0; i < 3; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      out.X.R(i, c) = polypod::Series(0.0);
+      for (int k = 0; k < 3; ++k) out.X.R(i, c) += T(i, k) * polypod::Series(X.R(k, c));
+    }
+  }
+  return out;
+}
+
+class Massive : public ::testing::TestWithParam<std::string> {};
+const auto named = [](const auto& which) {
+  std::string name = which.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+};
+INSTANTIATE_TEST_SUITE_P(Machines, Massive,
+                         ::testing::Values("lola50", "ur10e", "puma560", "hexapod-strut", "hexapod-slider",
+                                           "delta-brno", "delta-linear", "hexa", "pentapod", "tripod-z3", "tricept"),
+                         named);
+
+/// d/dt (dT/dq') - dT/dq + dV/dq with T = q'^T M(q) q' / 2, by differences of fourth order: their error is some 1e-7 of
+/// the parts.
+TEST_P(Massive, ForcesAreThoseOfLagrangesEquations) {
+  const AnyMachine m = load(GetParam());
+  const Dynamics d = masses_of(m);
+  const auto [X, q] = pose_of(m);
+  const auto n = static_cast<int>(q.size());
+  Moving s{q, JointVector(n), JointVector(n)};
+  for (int i = 0; i < n; ++i) {
+    s.v[i] = 0.3 * std::sin(1.0 + 2.0 * i);
+    s.a[i] = 1.5 * std::cos(0.5 + 1.7 * i);
+  }
+  const JointVector got = drive_forces(m, d, series_of(m, X, s));
+  const auto M_at = [&](const JointVector& at) { return mass_matrix(m, d, pose_near(m, at, X), at); };
+  const auto V_at = [&](const JointVector& at) {
+    JointSeries still;
+    still.q = at;
+    still.first = still.second = still.third = JointVector::Zero(n);
+    const Pose P = pose_near(m, at, X);
+    still.X = P.cast<polypod::Series>();
+    return energy_of(m, d, still).potential;
+  };
+  const double h = 1e-4;
+  const auto slope = [&](const auto& f) {
+    using T = decltype(f(h));
+    return T((8.0 * (f(h) - f(-h)) - (f(2 * h) - f(-2 * h))) / (12 * h));
+  };
+  const Eigen::MatrixXd M = M_at(q);
+  const Eigen::MatrixXd dM = slope([&](double t) { return Eigen::MatrixXd(M_at(q + t * s.v)); });
+  JointVector want = M * s.a + dM * s.v;
+  for (int j = 0; j < n; ++j) {
+    const auto moved = [&](double t) {
+      JointVector at = q;
+      at[j] += t;
+      return at;
+    };
+    const Eigen::MatrixXd by_j = slope([&](double t) { return Eigen::MatrixXd(M_at(moved(t))); });
+    want[j] += -0.5 * s.v.dot(by_j * s.v) + slope([&](double t) { return V_at(moved(t)); });
+  }
+  EXPECT_LT((got - want).norm(), 2e-6 * (1 + want.norm())) << got.transpose() << "\n" << want.transpose();
+  // And the kinetic energy, from the speeds of the mass points alone.
+  EXPECT_NEAR(energy_of(m, d, series_of(m, X, s)).kinetic, 0.5 * s.v.dot(M * s.v), 1e-9 * (1 + M.norm()));
+}
+
+/// Along a path: the power of the drives is what the energies gain.
+TEST(Dynamics, PowerIsTheRateOfEnergy) {
+  for (const char* name : {"hexapod-strut", "hexapod-slider", "delta-brno", "lola50"}) {
+    const AnyMachine m = load(name);
+    const Dynamics d = masses_of(m);
+    const auto [X, q0] = pose_of(m);
+    const Vec3 p = X.p;
+    const auto at = [&, q0 = q0, X = X](double t) {
+      PoseSeries target = X.cast<polypod::Series>();
+      const polypod::Series w(2 * t, 2, 0, 0);
+      target.p[0] = polypod::Series(p[0]) + polypod::Series(0.003) * sin(w);
+      target.p[1] = polypod::Series(p[1]) + polypod::Series(0.002) * cos(w);
+      target.p[2] = polypod::Series(p[2]) + polypod::Series(0.004) * sin(w * w);
+      Pose now;
+      now.R = X.R;
+      for (int k = 0; k < 3; ++k) now.p[k] = target.p[k].value();
+      const JointVector q = kinematics::inverse_near(m, now, q0).solutions.front().joints;
+      return joint_series(m, target, kinematics::settled(m, now, q), q);
+    };
+    const double h = 1e-3, t = 0.3;
+    const auto energy = [&](double x) {
+      const Energy e = energy_of(m, d, at(x));
+      return e.kinetic + e.potential;
+    };
+    const double rate = (8 * (energy(t + h) - energy(t - h)) - (energy(t + 2 * h) - energy(t - 2 * h))) / (12 * h);
+    const JointSeries now = at(t);
+    const double power = drive_forces(m, d, now).dot(now.first);
+    EXPECT_NEAR(power, rate, 1e-7 * (1 + std::abs(rate))) << name;
+    EXPECT_GT(std::abs(power), 1e-4) << name;
+  }
+}
+
+/// Two links in a plane: the formulas of the textbooks (Craig, Introduction to Robotics, 6.7), with centers and
+/// inertias.
+TEST(Dynamics, TwoLinksInAPlane) {
+  const auto arm = test::arm_of(R"(
+family = "serial"
+task = ["x", "y"]
+dh = [{ a_mm = 500 }, { a_mm = 400 }]
+)");
+  const AnyMachine m(arm);
+  const double l1 = 0.5, c1 = 0.2, c2 = 0.15, m1 = 3, m2 = 2, I1 = 0.07, I2 = 0.03, g = 9.81;
+  Dynamics d;
+  d.gravity = Vec3(0, -g, 0);
+  for (const auto& [mass, inertia, center] : {std::tuple{m1, I1, c1 - 0.5}, std::tuple{m2, I2, c2 - 0.4}}) {
+    Body b;
+    b.mass = mass;
+    b.center = Vec3(center, 0, 0);  // from the end of the link, where the frame of its row is
+    b.inertia = Vec3(inertia, inertia, inertia).asDiagonal();
+    d.links.emplace_back(b);
+  }
+  Moving s;
+  s.q = JointVector(2);
+  s.v = s.a = s.q;
+  s.q << 0.4, 0.9;
+  s.v << 1.3, -0.7;
+  s.a << 2.0, 3.0;
+  const JointVector got = drive_forces(m, d, series_of(m, kinematics::forward(m, s.q).poses.front(), s));
+  const double k = m2 * l1 * c2, cos2 = std::cos(s.q[1]), sin2 = std::sin(s.q[1]);
+  const double M11 = m1 * c1 * c1 + I1 + m2 * (l1 * l1 + c2 * c2) + I2 + 2 * k * cos2,
+               M12 = m2 * c2 * c2 + I2 + k * cos2, M22 = m2 * c2 * c2 + I2;
+  const double G2 = m2 * c2 * g * std::cos(s.q[0] + s.q[1]), G1 = (m1 * c1 + m2 * l1) * g * std::cos(s.q[0]) + G2;
+  const double t1 = M11 * s.a[0] + M12 * s.a[1] - k * sin2 * (2 * s.v[0] * s.v[1] + s.v[1] * s.v[1]) + G1;
+  const double t2 = M12 * s.a[0] + M22 * s.a[1] + k * sin2 * s.v[0] * s.v[0] + G2;
+  EXPECT_NEAR(got[0], t1, 1e-8 * std::abs(t1));
+  EXPECT_NEAR(got[1], t2, 1e-8 * std::abs(t2));
+}
+
+/// A mass on two slides, each with its compliance: the closed frequencies of two masses in a row.
+TEST(Dynamics, TwoMassesInARow) {
+  auto arm = test::arm_of(R"(
+family = "serial"
+task = ["z"]
+dh = [{ joint = "prismatic" }, { joint = "prismatic" }]
+limits = [{ min_mm = -100, max_mm = 100 }, { min_mm = -100, max_mm = 100 }]
+compliance_rad_per_Nm = [1e-5, 2e-5]
+)");
+  const AnyMachine m(arm);
+  Dynamics d;
+  const double m1 = 4, m2 = 3, k1 = 1e5, k2 = 0.5e5;
+  for (const double mass : {m1, m2}) {
+    Body b;
+    b.mass = mass;
+    d.links.emplace_back(b);
+  }
+  const JointVector q = JointVector::Zero(2);
+  const auto f = natural_frequencies(m, d, kinematics::forward(m, q).poses.front(), q);
+  ASSERT_EQ(f.size(), 2U);
+  // m1 m2 w^4 - (m1 k2 + m2 (k1 + k2)) w^2 + k1 k2 = 0
+  const double b = m1 * k2 + m2 * (k1 + k2), root = std::sqrt(b * b - 4 * m1 * m2 * k1 * k2);
+  EXPECT_NEAR(f[0], std::sqrt((b - root) / (2 * m1 * m2)) / (2 * std::numbers::pi), 1e-9 * f[0]);
+  EXPECT_NEAR(f[1], std::sqrt((b + root) / (2 * m1 * m2)) / (2 * std::numbers::pi), 1e-9 * f[1]);
+}
+
+/// Still in the air: the forces of the struts carry the weight of the platform (statics, without the formula above).
+TEST(Dynamics, StandingStillTheStrutsCarryThePlatform) {
+  const AnyMachine any = load("hexapod-strut");
+  const auto& m = std::get<machine::StrutHexapod>(any);
+  Dynamics d;
+  Body b;
+  b.mass = 3;
+  b.center = Vec3(0.004, -0.002, -0.03);
+  d.platform = b;
+  const auto [X, q] = pose_of(any);
+  JointSeries s;
+  s.q = q;
+  s.first = s.second = s.third = JointVector::Zero(6);
+  s.X = X.cast<polypod::Series>();
+  const JointVector f = drive_forces(any, d, s);
+  Vec3 force = 3 * d.gravity, moment = (X.R * b.center).cross(force);
+  for (int i = 0; i < 6; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const Vec3 arm = X.R * (m.platform_joint[k] - Vec3(0, 0, m.tool_length));
+    const Vec3 push = f[i] * (X.p + arm - m.base_joint[k]).normalized();
+    force += push;
+    moment += arm.cross(push);
+  }
+  EXPECT_LT(force.norm(), 1e-9);
+  EXPECT_LT(moment.norm(), 1e-10);
+}
+
+std::string written(const std::string& name, const std::string& text) {
+  const std::string path = ::testing::TempDir() + name;
+  std::ofstream(path) << text;
+  return path;
+}
+
+TEST(Dynamics, Files) {
+  const AnyMachine strut = load("hexapod-strut");
+  const auto read = [&](const AnyMachine& m, const std::string& text) {
+    return read_dynamics(written("masses.toml", "[dynamics]\n" + text), m);
+  };
+  const auto good = read(strut, R"(
+gravity_m_per_s2 = [0, 0, -9.81]
+platform = { mass_kg = 2, center_mm = [0, 0, -10], inertia_kg_m2 = [0.01, 0.01, 0.015] }
+strut = { fixed_mass_kg = 1, fixed_center_mm = 20, moving_mass_kg = 0.5, moving_center_mm = 30 }
+drive_inertia = 0.1
+)");
+  ASSERT_TRUE(good) << good.error().message;
+  ASSERT_TRUE(*good);
+  EXPECT_DOUBLE_EQ((*good)->platform->center.z(), -0.01);
+  EXPECT_DOUBLE_EQ((*good)->strut_moving_center, 0.03);
+  const auto id = [&](const AnyMachine& m, const std::string& text) {
+    const auto r = read(m, text);
+    return r ? std::string("read") : r.error().id;
+  };
+  EXPECT_EQ(id(strut, "platform = { mass_kg = 2, inertia_kg_m2 = [0.01, 0.01, 0.05] }\n"), "MO120");
+  EXPECT_EQ(id(strut, "platform = { mass_kg = -2 }\n"), "CF105");
+  EXPECT_EQ(id(strut, "rod_kg = 1\n"), "MO121");
+  EXPECT_EQ(id(strut, "drive_inertia = [1, 2]\n"), "MO122");
+  EXPECT_EQ(id(strut, "masses = 3\n"), "CF103");
+  EXPECT_EQ(id(load("lola50"), "link = [{ mass_kg = 3 }]\n"), "MO122");
+  EXPECT_EQ(id(load("delta-brno"), "arm = { mass_kg = 1, center_mm = 100, inertia_kg_m2 = 0.001 }\n"), "MO120");
+  EXPECT_FALSE(*read_dynamics(written("none.toml", "family = \"x\"\n"), strut));
+}
+
+}  // namespace
+}  // namespace polypod::motion
