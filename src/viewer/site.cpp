@@ -309,10 +309,11 @@ Response Site::answer(const Request& request, int port) const {
     same = same || request.origin == fmt::format("http://{}:{}", name, port);
   }
   if (!known || !same) return refused(403, "Only pages of this server may ask it.");
-  if (request.method != "GET" && request.method != "POST") return refused(405, "Not a method of this server.");
+  const bool reads = request.method == "GET" || request.method == "HEAD";
+  if (!reads && request.method != "POST") return refused(405, "Not a method of this server.");
   const std::string& path = request.path;
   if (path == "/") {
-    if (request.method != "GET") return refused(405, "Not a method of this page.");
+    if (!reads) return refused(405, "Not a method of this page.");
     return items_.size() == 1 ? page(0) : list();
   }
   // "/3" or "/3/pose"
@@ -321,7 +322,7 @@ Response Site::answer(const Request& request, int port) const {
   const auto [rest, code] = std::from_chars(path.data() + 1, end, number);
   if (code != std::errc{} || number >= items_.size()) return refused(404, "There is no such page.");
   const std::string what(rest, end);
-  if (what.empty() && request.method == "GET") return page(number);
+  if (what.empty() && reads) return page(number);
   if ((what == "/pose" || what == "/workspace") && items_[number].kind == Item::Kind::machine) {
     if (request.method != "POST") return refused(405, "Not a method of this page.");
     const auto found = ask(items_[number], what.substr(1), request.body);
