@@ -326,13 +326,15 @@ void print_result(const pages::CellResult& r) {
     }
     for (const cell::Gain& g : r.study.gains)
       fmt::print("gain       {:<28} {} items a minute\n", g.what, estimate_text(g.change, 2));
-    if (!r.study.next_gains.empty()) {
-      fmt::print("next       with twice the speed of the first: {}\n", r.study.next_gains.front().what);
+    if (!r.study.next_gains.empty() && r.study.next_gains.front().change.mean > 0) {
+      fmt::print("next       {}, where {} is twice as fast\n", r.study.next_gains.front().what,
+                 r.study.gains.front().what.substr(0, r.study.gains.front().what.find(" 10 %")));
     }
   }
   if (!c.cost.rows.empty()) {
-    fmt::print("cost       {:.0f} {} and a reserve of {:.0f}: {:.0f} {}", c.cost.total(), c.cost.currency,
-               c.cost.reserve(), c.cost.total() + c.cost.reserve(), c.cost.currency);
+    fmt::print("cost       {:.0f} {}", c.cost.total(), c.cost.currency);
+    if (c.cost.budget > 0)
+      fmt::print(" and a reserve of {:.0f}: {:.0f} {}", c.cost.reserve(), c.cost.budget, c.cost.currency);
     if (c.cost.hours > 0) fmt::print("; {:.0f} hours of assembly", c.cost.hours);
     fmt::print("\n");
   }

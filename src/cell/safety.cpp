@@ -209,8 +209,7 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
       if (g.measure.empty())
         out.problems.push_back({"guard", text});
       else
-        f.note += fmt::format("{}too near by itself; stated measure, to be judged: {}", f.note.empty() ? "" : "; ",
-                              g.measure);
+        f.note += fmt::format("{}stated measure, to be judged: {}", f.note.empty() ? "" : "; ", g.measure);
     }
     out.guards.push_back(f);
   }

@@ -1160,6 +1160,7 @@ Study study(const Cell& cell, const Motions& motions, const RunSettings& setting
     for (const auto& [what, with] : twice) {
       if (what != out.gains.front().what) continue;
       out.next_gains = gains(with, throughputs(runs(with)));
+      std::erase_if(out.next_gains, [&](const Gain& g) { return g.what == out.gains.front().what; });
     }
   }
   return out;

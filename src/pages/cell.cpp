@@ -354,6 +354,56 @@ void layout_section(report::Report& page, const CellResult& r) {
   }
 }
 
+/// Where the tool of a machine comes to at the height of one of its places, seen from above: a grid of samples.
+report::PathPlot reachable(const CellResult& r, std::size_t m, std::string& caption) {
+  constexpr double kStep = 0.04;  // m
+  constexpr int kSteps = 24;      // either way
+  const cell::Machine& machine = r.cell.machines[m];
+  report::PathPlot out;
+  out.title = fmt::format("Places that {} reaches", machine.name);
+  report::Polyline inside{"in reach", {}, Colour::sky, report::LineStyle::points, 1.6};
+  report::Polyline places{"places of its tasks", {}, Colour::vermillion, report::LineStyle::points, 2.4};
+  double height = machine.home.z();
+  const cell::Spot* like = nullptr;
+  for (const cell::Task& t : r.cell.tasks) {
+    if (t.machine != static_cast<int>(m)) continue;
+    for (const int k : {t.from, t.to}) {
+      if (k < 0) continue;
+      const cell::Spot& s = r.cell.spots[static_cast<std::size_t>(k)];
+      if (like == nullptr && t.from_conveyor < 0) like = &s;
+      for (const Vec3& slot : s.slots) places.points.push_back(seen(plane_views()[1], slot));
+    }
+    if (t.from_conveyor < 0) continue;
+    const cell::Conveyor& belt = r.cell.conveyors[static_cast<std::size_t>(t.from_conveyor)];
+    const auto across = cell::across_range(r.cell, t.from_conveyor);
+    height = belt.at.z() + r.cell.items[0].height;
+    for (const double along : {t.window_low, t.window_high})
+      for (const double side : {across ? across->first : 0.0, across ? across->second : 0.0})
+        places.points.push_back(seen(plane_views()[1], belt.point(along, side)));
+  }
+  if (like != nullptr) height = like->slots[0].z();
+  const bool turns = kinematics::task(machine.model).turns();
+  for (int i = -kSteps; i <= kSteps; ++i) {
+    for (int k = -kSteps; k <= kSteps; ++k) {
+      const Vec3 at(machine.X_CM.p.x() + i * kStep, machine.X_CM.p.y() + k * kStep, height);
+      const double heading = like != nullptr && std::isfinite(like->heading) ? like->heading : std::atan2(k, i);
+      Pose X = cell::in_machine(machine, cell::tool_pose(at, like != nullptr ? like->pitch : 1.5707963267948966,
+                                                         heading, like != nullptr ? like->roll : 0));
+      if (!turns) X.R.setIdentity();
+      if (kinematics::inverse(machine.model, X).reachable() != nullptr)
+        inside.points.push_back(seen(plane_views()[1], at));
+    }
+  }
+  caption = fmt::format(
+      "{}: where the tool comes to at a height of {:.0f} mm{}, in steps of {:.0f} mm (a sample), and the places of its "
+      "tasks from above.",
+      machine.name, to_mm(height), like != nullptr ? fmt::format(", held as at {}", like->name) : std::string(),
+      to_mm(kStep));
+  out.lines = {inside, places};
+  out.markers.push_back({machine.name, seen(plane_views()[1], machine.X_CM.p), Colour::blue});
+  return out;
+}
+
 void machine_section(report::Report& page, const CellResult& r) {
   page.add_section("Machines");
   report::Table table;
@@ -363,6 +413,11 @@ void machine_section(report::Report& page, const CellResult& r) {
     table.rows.push_back({m.name, machine::name_of(m.model), machine::family_of(m.model), to_mm(m.X_CM.p.x()),
                           to_mm(m.X_CM.p.y()), to_mm(m.X_CM.p.z())});
   page.add_table(table);
+  for (std::size_t m = 0; m < r.cell.machines.size(); ++m) {
+    std::string caption;
+    const report::PathPlot plot = reachable(r, m, caption);
+    page.add_figure(plot, caption);
+  }
   page.add_text(fmt::format(
       "{} places were asked for, by the machines' own inverse kinematics and limits; {} are out of reach.",
       r.motions.judged, std::count_if(r.motions.problems.begin(), r.motions.problems.end(), [](const cell::Problem& p) {
@@ -568,6 +623,11 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
           flows.push_back({from, to, 3600 * t.count / o.seconds});
       }
     }
+  }
+  if (out.cell.cost.budget > 0 && out.cell.cost.reserve() < 0) {
+    out.problems.push_back(
+        {"budget", fmt::format("the parts cost {:.2f} {}, {:.2f} more than the budget", out.cell.cost.total(),
+                               out.cell.cost.currency, -out.cell.cost.reserve())});
   }
   out.planning = cell::planning(out.cell, flows);
   return out;

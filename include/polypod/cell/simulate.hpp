@@ -63,7 +63,7 @@ struct Outcome {
   std::string state;                   ///< at the end: "waiting", "working", "ending", "refill", "stopped"
   std::optional<double> stands_since;  ///< s; nothing can ever move again without help
   std::string standstill;              ///< why, with the cycle of waiting where there is one
-  std::string crowded;                  ///< a conveyor on which more than 5000 items gathered: the run ended there
+  std::string crowded;                 ///< a conveyor on which more than 5000 items gathered: the run ended there
   std::uint64_t calendar = 0;          ///< events of the calendar
   /// Items put into containers a minute of simulated time.
   [[nodiscard]] double throughput_per_min() const { return seconds > 0 ? 60 * placed / seconds : 0; }
@@ -102,7 +102,7 @@ struct Study {
   std::vector<std::pair<std::string, Estimate>> policies;  ///< throughput by policy
   std::vector<std::pair<std::string, Estimate>> missed_by_policy;
   std::vector<Gain> gains;       ///< largest first
-  std::vector<Gain> next_gains;  ///< the same where what limits is twice as good
+  std::vector<Gain> next_gains;  ///< those of the others where what limits is twice as fast
   bool complete = true;          ///< it was not interrupted
 };
 /// Runs seeds settings.seed, settings.seed + 1, ... Cost: about 10 to 25 runs a seed with `deep`.
