@@ -335,9 +335,10 @@ Result<Stock> file_from(const config::Table& table, const Cutter& cutter) {
   POLYPOD_ASSIGN(file, table.text("file"));
   POLYPOD_ASSIGN(turned, table.optional_text("turned", ""));
   Vec3 shift = Vec3::Zero();
+  const Result<std::vector<double>> shift_mm = table.numbers("shift_mm", 3);  // asked for, so that it is a known key
   if (table.has("shift_mm")) {
-    POLYPOD_ASSIGN(shift_mm, table.numbers("shift_mm", 3));
-    for (int i = 0; i < 3; ++i) shift[i] = units::from_mm(shift_mm[static_cast<std::size_t>(i)]);
+    if (!shift_mm) return tl::unexpected(shift_mm.error());
+    for (int i = 0; i < 3; ++i) shift[i] = units::from_mm((*shift_mm)[static_cast<std::size_t>(i)]);
   }
   POLYPOD_TRY(table.finish());
   if (table.has("turned") && turned != "x" && turned != "y") {

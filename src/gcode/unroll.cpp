@@ -90,7 +90,7 @@ Result<Unrolled> unroll(Program program, const UnrollOptions& options) {
       "parameters, subprograms, loops, cycles and shifts of the coordinates are carried out: the program counts as the "
       "plain blocks that it comes to, each with the line that it stands on");
   if (std::any_of(program.blocks.begin(), program.blocks.end(), [](const Block& b) { return b.optional; })) {
-    out.notes.push_back(fmt::format("{} are {}", kBlockDeleteNote,
+    out.notes.push_back(fmt::format("{} are {}, and the other position of the switch is not judged", kBlockDeleteNote,
                                     options.interpret.block_delete ? "left out" : "carried out like all others"));
   }
   return out;

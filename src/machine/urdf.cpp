@@ -16,6 +16,7 @@
 
 #include "polypod/core/files.hpp"
 #include "polypod/core/nearest_word.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machine/arm_of_axes.hpp"
 #include "urdf_joint.hpp"
@@ -31,10 +32,16 @@ constexpr std::size_t kNamesShown = 12;
 
 using xml::shown;
 
+/// A name that a person is to write: whole, unless nobody would.
+std::string whole(const std::string& name) {
+  constexpr std::size_t kLongestName = 250;
+  return name.size() <= kLongestName ? one_line(name) : shown(name);
+}
+
 /// "a, b, c", the first few of them.
 std::string list_of(const std::vector<std::string>& names) {
   std::string out;
-  for (std::size_t i = 0; i < std::min(names.size(), kNamesShown); ++i) out += (i > 0 ? ", " : "") + shown(names[i]);
+  for (std::size_t i = 0; i < std::min(names.size(), kNamesShown); ++i) out += (i > 0 ? ", " : "") + whole(names[i]);
   return names.size() > kNamesShown ? fmt::format("{}, ... ({} in all)", out, names.size()) : out;
 }
 
@@ -259,7 +266,7 @@ bool moves(const Edge& joint) {
 Result<int> named_link(const Tree& tree, const std::string& wanted) {
   if (const std::optional<int> found = tree.link(wanted)) return *found;
   const std::vector<std::string> names = tree.link_names();
-  return fail("MA186", fmt::format("there is no link {}", shown(wanted)), tree.place(),
+  return fail("MA186", fmt::format("there is no link {}", whole(wanted)), tree.place(),
               did_you_mean(wanted, names) + "the links are " + list_of(names));
 }
 
@@ -310,7 +317,7 @@ Result<int> tip_of(const Tree& tree, int base, const UrdfName& name) {
   return fail("MA186", fmt::format("the tree has several ends and no link tool0; the tip can be {}", list_of(all)),
               tree.place_of(*tree.links()[static_cast<std::size_t>(fork)].element),
               fmt::format("name the tip: {}#{}", files::is_standard_input(name.file) ? "arm.urdf" : name.file,
-                          shown(all.front())));
+                          whole(all.front())));
 }
 
 /// An angle of the file: rad, as it stands, or the multiple of 15 deg that it is but for its last digit, of four at

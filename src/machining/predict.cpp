@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "modes.hpp"
@@ -165,6 +167,60 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
                    "retract above the stock and give X, Y and Z before, as in G0 Z... and then G0 X... Y..."});
   }
   return out;
+}
+
+/// Whether an end of the move lies over the stock.
+bool meets_plan(const cutting::Stock& stock, const gcode::Move& move) {
+  const Vec3 low = stock.min(), high = stock.max();
+  const auto over = [&](const Vec3& p) {
+    return p.x() > low.x() && p.x() < high.x() && p.y() > low.y() && p.y() < high.y();
+  };
+  return over(move.start) || over(move.end) || over(0.5 * (move.start + move.end));
+}
+
+/// Where most of the way over the stock passes above its top, and later levels of the same paths cut, the stock of the
+/// job stands lower than the one that the program was made for, and what is really cut is not known. Feed moves that
+/// only go from one cut to the next have no level below them.
+std::optional<NotJudged> stock_too_low(const Job& job, const Way& way) {
+  constexpr double kMost = 0.5;  // of the way over the stock
+  constexpr double kSame = 1e-6;
+  const double top = job.stock.top();
+  struct Level {
+    const gcode::Move* move;
+    double length, lowest;
+  };
+  std::map<std::array<long long, 4>, std::vector<Level>> paths;  // by their ends in the plane, whatever the direction
+  double over = 0;
+  for (const gcode::Move& move : *way.programmed) {
+    if (move.kind == gcode::MoveKind::rapid || !move.start_known || !meets_plan(job.stock, move)) continue;
+    if ((move.end - move.start).head<2>().isZero(0)) continue;  // an approach
+    std::array<long long, 4> key{std::llround(move.start.x() / kSame), std::llround(move.start.y() / kSame),
+                                 std::llround(move.end.x() / kSame), std::llround(move.end.y() / kSame)};
+    if (std::pair(key[2], key[3]) < std::pair(key[0], key[1])) {
+      std::swap(key[0], key[2]);
+      std::swap(key[1], key[3]);
+    }
+    paths[key].push_back({&move, move.length(), std::min(move.start.z(), move.end.z())});
+    over += move.length();
+  }
+  double above = 0, highest = 0;
+  const gcode::Move* first = nullptr;
+  for (const auto& [key, levels] : paths) {
+    if (std::none_of(levels.begin(), levels.end(), [&](const Level& l) { return l.lowest < top; })) continue;
+    for (const Level& level : levels) {
+      if (level.lowest < top) continue;
+      above += level.length;
+      highest = std::max(highest, level.lowest - top);
+      if (first == nullptr || level.move->block < first->block) first = level.move;
+    }
+  }
+  if (!(above > kMost * over)) return {};
+  return NotJudged{way.lines->blocks[static_cast<std::size_t>(first->block)].line,
+                   fmt::format("{:.0f} % of the feed path over the stock pass above its top, by up to {:.3f} mm, on "
+                               "paths that cut at a lower level: if the part stands higher than the stock of the job, "
+                               "the tool cuts there",
+                               100 * above / over, units::to_mm(highest)),
+                   "give the height of the stock as it lies on the table, or leave out the levels that cut air"};
 }
 
 }  // namespace
@@ -506,6 +562,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   }
   out.plunges = held_back.take(out.plunge_within);
   if (auto leaning = leaning_tool(job, program, way, out.few)) out.not_judged.push_back(std::move(*leaning));
+  if (auto higher = stock_too_low(job, way)) out.not_judged.push_back(std::move(*higher));
   for (NotJudged& rapid : unknown_rapids(job, program, commanded)) out.not_judged.push_back(std::move(rapid));
   return out;
 }

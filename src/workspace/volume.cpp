@@ -100,7 +100,8 @@ Status ended(const AnyMachine& machine, LimitBits off) {
   const std::vector<std::string> names = kinematics::limit_names(machine, off);
   const machine::LimitTable table = kinematics::limit_table(machine);
   return fail("WS108",
-              fmt::format("nothing ends this workspace: without the limit \"{}\" its size is not finite, or not known",
+              fmt::format("without the limit \"{}\" no drive ends this workspace, and its size is not finite, or not "
+                          "known; limits of the tool tip do not take its place",
                           names.front()),
               {},
               fmt::format("leave `{}` on; a box can still be judged without it: --contains",

@@ -383,6 +383,10 @@ TEST_F(StockFile, IsTurnedAndShiftedByTheJob) {
     EXPECT_EQ(refused.error().place.line, 3);
   }
   EXPECT_FALSE(stock_of("shift_mm = [0, 0]\n"));
+  const auto misspelt = stock_of("shfit_mm = [0, 0, 1]\n");
+  ASSERT_FALSE(misspelt);
+  EXPECT_EQ(misspelt.error().hint.substr(0, 12), "did you mean");
+  EXPECT_NE(misspelt.error().hint.find("shift_mm"), std::string::npos) << misspelt.error().hint;
 }
 
 TEST_F(StockFile, IsFoundBesideTheJob) {

@@ -322,6 +322,9 @@ TEST(Urdf, TheTipIsNamedOrFollowsFromARule) {
   EXPECT_THAT(e.hint, HasSubstr("test.urdf#hand"));
   e = error_of(tree(fixed("hand", "left_tool0") + fixed("hand", "right_tool0")));
   EXPECT_THAT(e.message, HasSubstr("left_tool0, right_tool0"));
+  const std::string long_name = std::string(80, 'a') + "_flange";
+  e = error_of(tree(finger("one") + finger(long_name)));
+  EXPECT_THAT(e.message, HasSubstr(long_name)) << "names that are to be written are whole";
   e = error_of(two, "test.urdf#hnad");
   EXPECT_EQ(e.id, "MA186");
   EXPECT_THAT(e.hint, HasSubstr("did you mean hand?"));

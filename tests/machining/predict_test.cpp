@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/predict.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "machining/examples.hpp"
@@ -157,6 +158,27 @@ TEST(Predict, AProgramThatMostlyCutsAirIsNoted) {
   // 270 mm along the side, 375 mm away from it; the way down counts for nothing.
   EXPECT_THAT(notes(side + "G1 X-500\nM2\n"),
               Contains(HasSubstr("1 of 2 feed moves, 58 % of their length, cut no material")));
+}
+
+TEST(Predict, AStockThatStandsLowerThanItsProgramIsNoYes) {
+  // Three levels of a slot; the stock of the groove lies at Z -20 to 0.
+  const auto levels = [](double top) {
+    std::string text = "G21 G90 S8000 M3\nG0 X-25 Y0 Z20\n";
+    for (int k = 1; k <= 3; ++k)
+      text += fmt::format("G1 Z{:.1f} F400\nG1 X{} F1200\n", top - 0.5 * k, k % 2 == 1 ? 25 : -25);
+    return with_program("slavkovic_groove", text + "G0 Z20\nM2\n");
+  };
+  const auto right = levels(0), low = levels(1.2);  // two of three levels in air
+  EXPECT_TRUE(testing::predict(right).not_judged.empty());
+  const auto p = testing::predict(low);
+  ASSERT_EQ(p.not_judged.size(), 1u);
+  EXPECT_THAT(p.not_judged[0].why, HasSubstr("pass above its top, by up to 0.700 mm"));
+  EXPECT_FALSE(p.within(low.job));
+  // Links as feed moves, as some CAM systems write them, have nothing below them.
+  const auto links = with_program("slavkovic_groove",
+                                  "G21 G90 S8000 M3\nG0 X-20 Y0 Z2\nG1 Z-1 F400\nG1 X-15 F1200\nG1 Z2\nG1 X20\nG1 Z-1 "
+                                  "F400\nG1 X15 F1200\nG1 Z2\nG1 X-20\nM2\n");
+  EXPECT_TRUE(testing::predict(links).not_judged.empty());
 }
 
 TEST(Predict, TheCutterThatStandsInForAToolIsNamed) {
