@@ -246,6 +246,27 @@ TEST(LinuxcncModule, KeepsTheAssemblyModeOfHome) {
   EXPECT_EQ(host.inverse(mirrored, q), -1);
 }
 
+/// A pose of a tripod behind its singular poses, with joints within their ranges: the inverse refuses it, and the
+/// forward does not stay there even if LinuxCNC believes the machine there.
+TEST(LinuxcncModule, StaysOnHomesSideOfSingularPoses) {
+  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  const AnyMachine m = test::load("tripod-z3");
+  const auto& legs = std::get<machine::Parallel>(m);
+  const LinuxcncConfiguration c = exported(m);
+  const test::Folder folder;
+  ModuleHost host(test::compiled(written(folder, c.module)).string());
+  const std::vector<double> beyond{0, 0, 866.8057, 71.8867, -17.6784, 0};
+  const auto found = kinematics::inverse(
+      m, kinematics::pose_of(legs.task,
+                             {units::from_mm(beyond[2]), units::from_deg(beyond[3]), units::from_deg(beyond[4])}));
+  ASSERT_FALSE(found.solutions.empty());
+  std::vector<double> q = homes(c.joints), pose = beyond;
+  EXPECT_EQ(host.inverse(beyond, q), -1);
+  if (host.forward(user(m, found.solutions.front().joints), pose) == 0) {
+    EXPECT_GT(farthest(pose, beyond), 1);
+  }
+}
+
 /// Sliders on their other roots are another working mode: forward says no, since the inverse would jump.
 TEST(LinuxcncModule, KeepsTheWorkingModeOfThePins) {
   if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";

@@ -28,9 +28,12 @@ namespace {
 namespace fs = std::filesystem;
 using machine::JointKind;
 
-// m and rad, as the requirement has it. The record's digits are 1e-12 m; what is left is the curvature of the inverse
-// over one cycle, below 2e-8 m in all of these.
+// m and rad, the requirement.
 constexpr double kAgrees = 1e-6;
+// m and rad. The record's digits are 1e-12 m; what is left is the curvature of the inverse over the travel of one
+// cycle. Axes that are not weighted as the joints are would be off by their acceleration times 1e-6 s^2 / 6, 1e-7 and
+// more.
+constexpr double kAgreesWell = 5e-8;
 
 bool can_run() {
   return test::has_linuxcnc() && ::geteuid() == 0 && std::system("unshare --pid --fork --mount true 2> /dev/null") == 0;
@@ -108,7 +111,7 @@ double off(const AnyMachine& m, const std::vector<Row>& rows, std::size_t step) 
 }
 
 /// Exports, runs a relative program of lines, an arc and turns, and compares.
-void expect_run(const std::string& name, const std::string& program, std::size_t lines) {
+void expect_run(const std::string& name, const std::string& program, std::size_t lines, double agrees = kAgrees) {
   const test::Folder folder;
   const LinuxcncConfiguration c = exported(name, folder.path());
   const fs::path file = folder.path() / "program.ngc";
@@ -129,7 +132,7 @@ void expect_run(const std::string& name, const std::string& program, std::size_t
     EXPECT_NEAR(rows.back().pose[k], axis.home, 1e-6) << axis.letter;
   }
   for (std::size_t i = 0; i < c.joints.size(); ++i) EXPECT_NEAR(rows.front().joints[i], c.joints[i].home, 1e-6);
-  EXPECT_LT(off(m, rows, 1 + rows.size() / 400), kAgrees);
+  EXPECT_LT(off(m, rows, 1 + rows.size() / 400), agrees);
   // The run of LinuxCNC changed nothing in the folder.
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 7);
 }
@@ -138,7 +141,7 @@ const std::string kLines = "G21 G17 G40 G49 G80 G54 G94 G61\nG91\nF1200\n";
 
 TEST(Record, Delta) {
   POLYPOD_NEEDS_RUNS;
-  expect_run("delta-brno", kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n", 3);
+  expect_run("delta-brno", kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n", 3, kAgreesWell);
 }
 
 class Kinds : public testing::TestWithParam<std::pair<const char*, const char*>> {};
