@@ -106,6 +106,14 @@ TEST(Evaluate, HoldsAreKeptOrTheirBreachIsMeasured) {
   EXPECT_NE(e.reason.find("volume_mm3 at least"), std::string::npos) << e.reason;
   EXPECT_EQ(evaluated(study_on_strut(kRadius + wanted + "[[hold]]\nfigure = \"volume_mm3\"\nmin = 1e5\n"), {50}).state,
             State::done);
+  // Coarse bounds that hold the limit between them decide nothing: the fine volume does.
+  const Study plain = study_on_strut(kRadius + goal("volume_mm3", "sense = \"max\""));
+  const double fine = evaluated(plain, {50}).figures[0].value;
+  for (const double share : {0.97, 0.999, 1.001, 1.03}) {
+    const Study near =
+        study_on_strut(kRadius + wanted + fmt::format("[[hold]]\nfigure = \"volume_mm3\"\nmin = {}\n", share * fine));
+    EXPECT_EQ(evaluated(near, {50}).state, share < 1 ? State::done : State::violates) << share;
+  }
   // A box that `workspace --contains` proves, one that reaches out of it, and one far away.
   const auto box = [&](const std::string& corners) {
     return evaluated(study_on_strut(kRadius + wanted + "[[hold]]\nbox_mm = [" + corners + "]\n"), {50});
