@@ -83,7 +83,12 @@ std::string text_of_file(const fs::path& path) {
 class Child {
  public:
   /// Output and errors go to `log`. Nothing in the child but what is safe after a fork.
-  Child(const std::vector<std::string>& words, const fs::path& log) {
+  Child(const std::vector<std::string>& command, const fs::path& log) {
+    // With the folders where found_in_path looks, too.
+    const char* path = std::getenv("PATH");
+    std::vector<std::string> words{"/usr/bin/env",
+                                   fmt::format("PATH={}:/usr/bin:/bin:/usr/sbin:/sbin", path != nullptr ? path : "")};
+    words.insert(words.end(), command.begin(), command.end());
     std::vector<char*> argv;
     for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
     argv.push_back(nullptr);
