@@ -203,8 +203,8 @@ Error what_is_wrong(const CLI::App& app, const CLI::ParseError& e, const std::ve
   return {"AP116", e.what(), {}, {}};
 }
 
-/// An option of the command that was chosen, whose value is nothing, as of a variable of a script that is not set: a file
-/// without a name would be none, in silence (AP116).
+/// An option of the command that was chosen, whose value is nothing, as of a variable of a script that is not set: a
+/// file without a name would be none, in silence (AP116).
 std::optional<Error> without_value(const CLI::App& app) {
   for (const CLI::App* sub : app.get_subcommands()) {
     if (auto wrong = without_value(*sub)) return wrong;
@@ -212,7 +212,8 @@ std::optional<Error> without_value(const CLI::App& app) {
   for (const CLI::Option* option : app.get_options()) {
     const std::vector<std::string>& values = option->results();
     if (option->get_lnames().empty() || std::find(values.begin(), values.end(), "") == values.end()) continue;
-    return Error{"AP116", fmt::format("--{} has no value", option->get_lnames().front()), {}, "give one, or leave it out"};
+    return Error{
+        "AP116", fmt::format("--{} has no value", option->get_lnames().front()), {}, "give one, or leave it out"};
   }
   return std::nullopt;
 }

@@ -31,10 +31,10 @@ struct ModulePin {
 /// - Serial chains, and chains before and behind a stage with closed loops: forward by the chain; inverse by Newton's
 ///   method from the joints that LinuxCNC hands over, in steps where one would be long, never through a singular pose,
 ///   so in the posture of those joints.
-/// With a force the inverse takes the joints of the pose shifted by C F, C the compliance of the tip at the pose, so that
-/// the deflected tip is where it is commanded; the forward takes the same shift away, so that nothing drifts (SLAV 3.4).
-/// What does not converge, is not finite or would change the mode returns -1, counts in `inverse-failures` or
-/// `forward-failures` and sets `kinematics-error` until a call succeeds.
+/// With a force the inverse takes the joints of the pose shifted by C F, C the compliance of the tip at the pose, so
+/// that the deflected tip is where it is commanded; the forward takes the same shift away, so that nothing drifts
+/// (SLAV 3.4). What does not converge, is not finite or would change the mode returns -1, counts in `inverse-failures`
+/// or `forward-failures` and sets `kinematics-error` until a call succeeds.
 struct Module {
   std::string name;    ///< of the module and its component: "hexapod_strut_kins"
   std::string source;  ///< C
