@@ -35,6 +35,7 @@ Command force_command();
 Command predict_command();
 Command correct_command();
 Command check_command();
+Command place_command();
 Command canon_command();
 Command post_command();
 
