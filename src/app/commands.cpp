@@ -18,7 +18,7 @@ std::vector<Command> all_commands() {
       controller_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
-      place_command(),
+      place_command(), compare_command(),
       canon_command(), post_command(),
   };
 }

@@ -36,6 +36,7 @@ Command predict_command();
 Command correct_command();
 Command check_command();
 Command place_command();
+Command compare_command();
 Command canon_command();
 Command post_command();
 
