@@ -356,9 +356,8 @@ Command post_command() {
             "--joint-speeds", o->joint_speeds,
             "Largest speed of each joint that moves, deg/s (mm/s): no cut may need more (default: those of the job, "
             "else not judged)");
-        a.option(
-            "--start-joints", o->start_joints,
-            "Where the joints are before the program, deg (mm): its posture is taken (default: those of the job)");
+        a.option("--start-joints", o->start_joints,
+                 "Where the joints are before the program, deg (mm): its posture is taken (default: those of the job)");
         a.option("--tolerance", o->tolerance, kTolerance_um,
                  "How far chords may be off an arc that is not written as one, um (default 10)");
         a.option("--axis-tolerance", o->axis_tolerance, kAxisTolerance_deg,
