@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "commands.hpp"
@@ -10,6 +11,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
+#include "polypod/machining/place.hpp"
 #include "polypod/machining/unrolling.hpp"
 
 namespace polypod::app {
@@ -62,15 +64,56 @@ void print_answer(const std::string& program, const machining::CheckResult& resu
   }
 }
 
+Json nearest_json(const machining::Job& job, const machining::NearestPlaces& found) {
+  const auto rounded = [](double x) { return std::round(x * 1e6) / 1e6; };
+  Json shift, turn;
+  if (found.by_shift) {
+    const Vec3 by = found.by_shift->origin - job.X_MW.p;
+    shift = {
+        {"shift_mm", Json::array()}, {"distance_mm", rounded(units::to_mm(by.norm()))}, {"origin_mm", Json::array()}};
+    for (int k = 0; k < 3; ++k) {
+      shift["shift_mm"].push_back(rounded(units::to_mm(by[k])));
+      shift["origin_mm"].push_back(rounded(units::to_mm(found.by_shift->origin[k])));
+    }
+  }
+  if (found.by_turn) {
+    turn = {{"turn_by_deg", rounded(units::to_deg(found.by_turn->turn - machining::rotation_of(job.X_MW)))},
+            {"rotation_deg", rounded(units::to_deg(found.by_turn->turn))}};
+  }
+  return {{"by_shift", shift}, {"by_turn", turn}, {"looked_to_mm", units::to_mm(found.looked_to)}};
+}
+
+void print_nearest(const Json& nearest) {
+  const Json &shift = nearest["by_shift"], &turn = nearest["by_turn"];
+  if (shift.is_null()) {
+    fmt::print("no shift of the part up to {:.0f} mm was found that makes it fit\n",
+               nearest["looked_to_mm"].get<double>());
+  } else {
+    const auto mm = [&](const char* key, int k) {
+      return unsigned_zero(fmt::format("{:.1f}", shift[key][static_cast<std::size_t>(k)].get<double>()));
+    };
+    fmt::print("it fits with the part shifted by {:.1f} mm: by {}, {}, {} mm to the origin {}, {}, {} mm\n",
+               shift["distance_mm"].get<double>(), mm("shift_mm", 0), mm("shift_mm", 1), mm("shift_mm", 2),
+               mm("origin_mm", 0), mm("origin_mm", 1), mm("origin_mm", 2));
+  }
+  if (turn.is_null()) {
+    fmt::print("no rotation of the part about z was found that makes it fit\n");
+  } else {
+    fmt::print("it fits with the part turned by {:.1f} deg about its origin, to rotation_deg = {:g}\n",
+               turn["turn_by_deg"].get<double>(), turn["rotation_deg"].get<double>());
+  }
+  fmt::print("the smallest that a search found; both were checked whole\n");
+}
+
 /// A program as the job's controller carries it out, and whether it fits.
 struct Judged {
   gcode::Understood understood;
   machining::CheckResult result;
 };
 
-Result<Judged> judge(const gcode::Program& source, const machining::Job& job, const machining::CheckOptions& options) {
+Result<Judged> judge(gcode::Program source, const machining::Job& job, const machining::CheckOptions& options) {
   const gcode::UnrollOptions unroll = machining::unroll_options(job);
-  POLYPOD_ASSIGN(unrolled, gcode::unroll(source, unroll));
+  POLYPOD_ASSIGN(unrolled, gcode::unroll(std::move(source), unroll));
   POLYPOD_ASSIGN(run, gcode::interpret(unrolled.program, unroll.interpret));
   run.notes.insert(run.notes.begin(), unrolled.notes.begin(), unrolled.notes.end());
   gcode::Understood understood{std::move(unrolled.program), std::move(run), unrolled.unrolled};
@@ -80,17 +123,18 @@ Result<Judged> judge(const gcode::Program& source, const machining::Job& job, co
   return Judged{std::move(understood), std::move(result)};
 }
 
+bool has_optional_blocks(const gcode::Program& program) {
+  return std::any_of(program.blocks.begin(), program.blocks.end(), [](const auto& block) { return block.optional; });
+}
+
 /// Adds what is found with the switch of block delete in its other position, which stands at the controller, not in the
 /// program.
-Status judge_other_switch(const gcode::Program& source, const machining::Job& job,
-                          const machining::CheckOptions& options, machining::CheckResult& result) {
-  if (std::none_of(source.blocks.begin(), source.blocks.end(),
-                   [](const gcode::Block& block) { return block.optional; }))
-    return {};
+Status judge_other_switch(gcode::Program source, const machining::Job& job, const machining::CheckOptions& options,
+                          machining::CheckResult& result) {
   machining::Job other = job;
   other.block_delete = !job.block_delete;
   const char* position = other.block_delete ? "on" : "off";
-  Result<Judged> in_other_position = judge(source, other, options);
+  Result<Judged> in_other_position = judge(std::move(source), other, options);
   if (!in_other_position) {
     Error error = std::move(in_other_position.error());
     error.message += fmt::format(" (with block delete {})", position);
@@ -124,76 +168,93 @@ Command check_command() {
     std::string program, job, machine, origin;
     std::vector<std::string> sets;
     double rapid = 6000;
+    bool nearest = false;
   };
   auto o = std::make_shared<Options>();
-  return {"check", "Does a program fit a machine: reach, limits, branches, time",
-          "polypod check program.ngc --job job.toml",
-          [o](Arguments& a) {
-            a.positional("PROGRAM", o->program, "The G-code program");
-            a.option("--job", o->job,
-                     "The job file: machine, origin and rotation of the workpiece, work offsets, block delete");
-            a.option("--machine", o->machine, "Without a job: a machine file or a name of `polypod machines`");
-            a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
-            a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
-            a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_TRY(in_range("AP123", "--rapid", o->rapid, {0, kAnyNumber.max, true}, "mm/min"));
-            POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
-            const machine::AnyMachine& m = job.machine;
-            machining::CheckOptions options;
-            options.rapid_speed = units::from_mm_per_min(o->rapid);
-            options.progress = progress_line(context, "checking");
-            POLYPOD_ASSIGN(source, gcode::read(o->program));
-            POLYPOD_ASSIGN(judged, judge(source, job, options));
-            const gcode::Program& program = judged.understood.program;
-            const gcode::Interpretation& interpretation = judged.understood.interpretation;
-            machining::CheckResult& result = judged.result;
-            POLYPOD_TRY(judge_other_switch(source, job, options, result));
-            options.progress(1);
-            if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
-              const Error why = machining::cuts_nothing(job, program, interpretation);
-              result.notes.push_back(
-                  fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));
-            }
-            const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
-            Json ranges = Json::array();
-            for (std::size_t i = 0; i < result.joints.size(); ++i) {
-              const int joint = static_cast<int>(i);
-              const bool turns = kinematics::joint_kind(m, joint) == machine::JointKind::revolute;
-              const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
-              const auto limits = kinematics::joint_range(m, joint);
-              ranges.push_back({{"joint", joint + 1},
-                                {"unit", turns ? "deg" : "mm"},
-                                {"min", user(result.joints[i].min)},
-                                {"max", user(result.joints[i].max)},
-                                {"limit_min", user(limits.min)},
-                                {"limit_max", user(limits.max)}});
-            }
-            if (context.json) {
-              print_json({{"ok", result.ok},
-                          {"problems", problems},
-                          {"all_judged", result.not_judged.empty()},
-                          {"not_judged", not_judged},
-                          {"time_s", result.time},
-                          {"length_mm", units::to_mm(result.length)},
-                          {"joint_ranges", ranges},
-                          {"notes", result.notes}});
-            } else {
-              print_answer(o->program, result);
-              fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
-                         o->rapid, units::to_mm(result.length));
-              for (const Json& r : ranges) {
-                const auto shown = [&](const char* key) {
-                  return unsigned_zero(fmt::format("{:.3f}", r[key].get<double>()));
-                };
-                fmt::print("  joint {:>2}  {:>9} .. {:<9} {} of {} .. {}\n", r["joint"].get<int>(), shown("min"),
-                           shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
-              }
-              for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
-            }
-            return result.ok ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "check", "Does a program fit a machine: reach, limits, branches, time",
+      "polypod check program.ngc --job job.toml",
+      [o](Arguments& a) {
+        a.positional("PROGRAM", o->program, "The G-code program");
+        a.option("--job", o->job,
+                 "The job file: machine, origin and rotation of the workpiece, work offsets, block delete");
+        a.option("--machine", o->machine, "Without a job: a machine file or a name of `polypod machines`");
+        a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
+        a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
+        a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
+        a.flag("--nearest", o->nearest,
+               "Where the program does not fit: the smallest shift, and the smallest rotation, of the part with which "
+               "it does");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_TRY(in_range("AP123", "--rapid", o->rapid, {0, kAnyNumber.max, true}, "mm/min"));
+        POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
+        const machine::AnyMachine& m = job.machine;
+        machining::CheckOptions options;
+        options.rapid_speed = units::from_mm_per_min(o->rapid);
+        options.progress = progress_line(context, "checking");
+        POLYPOD_ASSIGN(source, gcode::read(o->program));
+        const bool optional = has_optional_blocks(source);
+        POLYPOD_ASSIGN(judged, optional ? judge(source, job, options) : judge(std::move(source), job, options));
+        const gcode::Program& program = judged.understood.program;
+        const gcode::Interpretation& interpretation = judged.understood.interpretation;
+        machining::CheckResult& result = judged.result;
+        const bool fits_in_this_position = result.ok;
+        if (optional) POLYPOD_TRY(judge_other_switch(std::move(source), job, options, result));
+        options.progress(1);
+        if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
+          const Error why = machining::cuts_nothing(job, program, interpretation);
+          result.notes.push_back(
+              fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));
+        }
+        Json nearest;
+        if (o->nearest && !fits_in_this_position && !interpretation.moves.empty()) {
+          machining::NearestOptions search;
+          search.progress = progress_line(context, "looking for a place");
+          POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
+          search.progress(1);
+          nearest = nearest_json(job, found);
+          if (optional) {
+            result.notes.push_back(fmt::format("the places that were found are those with block delete {}",
+                                               job.block_delete ? "on" : "off"));
+          }
+        }
+        const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
+        Json ranges = Json::array();
+        for (std::size_t i = 0; i < result.joints.size(); ++i) {
+          const int joint = static_cast<int>(i);
+          const bool turns = kinematics::joint_kind(m, joint) == machine::JointKind::revolute;
+          const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+          const auto limits = kinematics::joint_range(m, joint);
+          ranges.push_back({{"joint", joint + 1},
+                            {"unit", turns ? "deg" : "mm"},
+                            {"min", user(result.joints[i].min)},
+                            {"max", user(result.joints[i].max)},
+                            {"limit_min", user(limits.min)},
+                            {"limit_max", user(limits.max)}});
+        }
+        if (context.json) {
+          Json document{{"ok", result.ok},          {"problems", problems},  {"all_judged", result.not_judged.empty()},
+                        {"not_judged", not_judged}, {"time_s", result.time}, {"length_mm", units::to_mm(result.length)},
+                        {"joint_ranges", ranges},   {"notes", result.notes}};
+          if (o->nearest) document["nearest"] = nearest;
+          print_json(document);
+        } else {
+          print_answer(o->program, result);
+          if (!nearest.is_null()) print_nearest(nearest);
+          fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
+                     o->rapid, units::to_mm(result.length));
+          for (const Json& r : ranges) {
+            const auto shown = [&](const char* key) {
+              return unsigned_zero(fmt::format("{:.3f}", r[key].get<double>()));
+            };
+            fmt::print("  joint {:>2}  {:>9} .. {:<9} {} of {} .. {}\n", r["joint"].get<int>(), shown("min"),
+                       shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
+          }
+          for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
+        }
+        return result.ok ? kDone : kAnswerIsNo;
+      }};
 }
 
 }  // namespace polypod::app

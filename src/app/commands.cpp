@@ -21,6 +21,7 @@ std::vector<Command> all_commands() {
       controller_command(), export_linuxcnc_command(), record_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
+      place_command(), compare_command(),
       canon_command(), post_command(),
       cell_command(),                                           // cells
       view_command(),                                           // in a browser

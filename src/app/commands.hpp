@@ -37,6 +37,8 @@ Command force_command();
 Command predict_command();
 Command correct_command();
 Command check_command();
+Command place_command();
+Command compare_command();
 Command canon_command();
 Command post_command();
 Command cell_command();

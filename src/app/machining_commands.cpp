@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "covariance_files.hpp"
+#include "job_input.hpp"
 #include "json_rows.hpp"
 #include "machining_output.hpp"
 #include "measured_problems.hpp"
@@ -17,9 +18,9 @@
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/confidence.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/uncertainty.hpp"
-#include "polypod/machining/unrolling.hpp"
 #include "polypod/pages/correction.hpp"
 
 namespace polypod::app {
@@ -27,30 +28,6 @@ namespace {
 
 using units::to_mm;
 using units::to_um;
-
-struct Input {
-  machining::Job job;
-  gcode::Program program;
-  gcode::Interpretation interpretation;
-};
-
-constexpr const char* kMeasuredHelp =
-    "Measured displacements (the files of identify compliance): the compliance is interpolated from these alone, "
-    "without the joints' (repeatable; default: the job's)";
-
-/// `measured`: files in the place of the job's measured compliance, if there are any.
-Result<Input> read_input(const std::string& program_path, const std::string& job_path,
-                         const std::vector<std::string>& measured, bool source_lines = false) {
-  POLYPOD_ASSIGN(job, machining::read_job(job_path));
-  if (!measured.empty()) {
-    POLYPOD_ASSIGN(compliance, machining::read_measured(measured, {}, &job.machine));
-    job.measured = std::move(compliance);
-  }
-  gcode::UnrollOptions options = machining::unroll_options(job);
-  options.source_lines = source_lines;
-  POLYPOD_ASSIGN(understood, gcode::understand(program_path, options));
-  return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation)};
-}
 
 constexpr const char* kStockLeftHelp =
     "Write the stock that the deflected tool leaves, for the job of the next set-up (kind = \"file\")";
@@ -283,196 +260,213 @@ Command correct_command() {
     int points = 10;
     std::string tolerance;
     double chord_um = 0;
-    bool again = false, allow_outside = false, all = false, verify = false;
+    bool again = false, allow_outside = false, all = false, verify = false, confidence = false;
   };
   auto o = std::make_shared<Options>();
-  return {"correct",
-          "Correct a program so that the deflected tool stays in the tolerance zone, a tube round the programmed path",
-          "polypod correct program.ngc --job job.toml -o corrected.ngc --report report.html",
-          [o](Arguments& a) {
-            a.positional("PROGRAM", o->program, "The G-code program");
-            a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
-            a.option("-o,--output", o->output, "The corrected program", true);
-            a.option("--report", o->report, "An HTML report of what will happen and why");
-            a.option("--stock-left", o->stock_left, kStockLeftHelp);
-            a.options("--measured", o->measured, kMeasuredHelp);
-            a.option("--covariance", o->covariances, kCovarianceHelp);
-            a.option("--tolerance", o->tolerance, "Radius of the tolerance tube, um (default: the job's)");
-            a.option("--chord-tolerance", o->chord_um,
-                     "How far arcs that are kept as arcs may be off the ideal path, um (default: a tenth of the tube)");
-            a.flag("--allow-outside", o->allow_outside,
-                   "Write the program even if moves stay outside of the tube, corrected as far as possible");
-            a.flag(
-                "--verify", o->verify,
-                "Check again with half the cell size and half the step before the answer is yes (five times the time)");
-            a.flag("--correct-all", o->all, "Correct moves inside the tube, too, where it adds no lines");
-            a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
-            a.option("--method", o->method,
-                     "tube, or mirror: one step at --points points a move, for comparison and written in any case");
-            a.option("--points", o->points, "Pieces a move for --method mirror");
-          },
-          [o](const Context& context) -> Result<int> {
-            machining::CorrectOptions options;
-            if (o->method == "mirror") {
-              options.method = machining::CorrectMethod::mirror;
-            } else if (o->method != "tube") {
-              return fail("AP121", fmt::format("--method {}: not tube or mirror", o->method));
-            }
-            if (o->method == "tube") POLYPOD_TRY(refuse(context, {"--points"}, "it serves --method mirror"));
-            POLYPOD_TRY(in_range("AP122", "--points", o->points, {1, 100000}, "pieces a move"));
-            options.mirror_points = o->points;
-            double tolerance_um = 0;
-            if (!o->tolerance.empty()) {
-              POLYPOD_ASSIGN(given, numbers_of(o->tolerance, "--tolerance"));
-              if (given.size() != 1) return fail("AP122", fmt::format("--tolerance {}: not one number", o->tolerance));
-              POLYPOD_TRY(in_range("AP122", "--tolerance", given[0], {0, kMostTolerance, true}, "um"));
-              tolerance_um = given[0];
-            }
-            POLYPOD_TRY(in_range("AP122", "--chord-tolerance", o->chord_um, {0, kMostTolerance}, "um"));
-            options.chord = units::from_um(o->chord_um);
-            options.again = o->again;
-            options.all = o->all;
-            options.verify = o->verify;
-            std::vector<std::string> inputs = o->measured;
-            inputs.insert(inputs.end(), {o->program, o->job});
-            inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
-            POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
-            POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
-            POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
-            if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
-            options.keep_samples = !o->report.empty();
-            options.keep_stock = !o->stock_left.empty();
-            const char* current = "";
-            std::function<bool(double)> line;
-            options.progress = [&](const char* what, double share) {
-              if (what != current) line = progress_line(context, what);
-              current = what;
-              return line(share);
-            };
-            POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
-            if (line) line(1);
-            if (!trusted(in.job)) {
-              c.within_tolerance = c.only_not_judged = false;
-              c.reason = "the measured compliance is doubtful: " + in.job.measured->doubts.front().message;
-              c.remedies = {in.job.measured->doubts.front().hint};
-            }
-            const machining::Uncertainty uncertainty =
-                machining::uncertainty_of(in.job, c, pointer_to(known.compliances), pointer_to(known.parameters));
-            const bool writes =
-                c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
-            files::Outputs together;  // program and report appear together or not at all
-            if (writes) POLYPOD_TRY(together.add(o->output, c.text));
-            if (!o->report.empty()) {
-              pages::CorrectionPageOptions page;
-              page.version = POLYPOD_VERSION;
-              page.output = writes ? o->output : "";
-              page.method = options.method;
-              page.uncertainty = uncertainty;
-              page.command = command_line();
-              POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
-            }
-            if (writes && !o->stock_left.empty())
-              POLYPOD_TRY(together.add(o->stock_left, cutting::stock_bytes(c.stock_left)));
-            POLYPOD_TRY(together.commit());
-            const machining::MapBand map = machining::map_band(in.job, c.before);
-            if (context.json) {
-              const auto move_row = [&](std::size_t i) -> std::optional<Json> {
-                const machining::MoveOutcome& m = c.moves[i];
-                return Json{{"line", m.line},
-                            {"rewritten", m.rewritten},
-                            {"segments", m.pieces},
-                            {"transitions", m.transitions},
-                            {"length_mm", to_mm(m.length)},
-                            {"before_um", spread_json(m.normal_before, units::kUmPerMetre)},
-                            {"after_um", spread_json(m.normal_after, units::kUmPerMetre)},
-                            {"distance_before_um", to_um(m.distance_before)},
-                            {"distance_after_um", to_um(m.distance_after)},
-                            {"corner_before_um", to_um(m.corner_before)},
-                            {"corner_after_um", to_um(m.corner_after)},
-                            {"within_tolerance", m.within}};
-              };
-              const auto outside_row = [&](std::size_t i) { return c.moves[i].within ? std::nullopt : move_row(i); };
-              std::vector<std::string> notes = c.before.notes;
-              for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
-              Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
-                            {"machine", in.job.machine_name},
-                            {"method", o->method},
-                            {"before_um", spread_json(c.before.normal, units::kUmPerMetre)},
-                            {"after_um", spread_json(c.after.normal, units::kUmPerMetre)},
-                            {"distance_before_um", to_um(c.before.largest_distance)},
-                            {"distance_after_um", to_um(c.largest_distance)},
-                            {"lines_in", c.lines_in},
-                            {"lines_out", c.lines_out},
-                            {"moves_rewritten", c.rewritten_moves},
-                            {"segments", c.pieces},
-                            {"transitions", c.transitions},
-                            {"rounds", c.rounds},
-                            {"points_checked", c.after.pass.points},
-                            {"tolerance_um", rounded_um(c.tolerance)},
-                            {"within_tolerance", c.within_tolerance},
-                            {"verified_with_finer_cells", c.verified},
-                            {"reason", c.reason},
-                            {"remedies", c.remedies},
-                            {"corner_before_um", to_um(c.modes.corner_before)},
-                            {"corner_after_um", to_um(c.modes.corner_after)},
-                            {"distance_with_corners_before_um", to_um(c.largest_before)},
-                            {"distance_with_corners_after_um", to_um(c.largest_after)},
-                            {"path_control", c.modes.written},
-                            {"path_control_replaced_in_lines", c.modes.replaced},
-                            {"time_before_s", c.modes.time_before},
-                            {"time_after_s", c.modes.time_after},
-                            {"moves_left_as_they_were", c.left_as_they_were},
-                            {"not_judged", not_judged_json(c.after.not_judged, c.after.plunges)},
-                            {"all_judged", c.all_judged()},
-                            {"answer", answer_in_words(c, uncertainty.reach)},
-                            {"short_blocks", short_blocks_json(c.short_blocks)},
-                            {"steep_not_judged", steep_json(c.after.steep)},
-                            {"written", writes},
-                            {"stock_left", writes ? o->stock_left : ""},
-                            {"outside", Json::array()},
-                            {"moves", Json::array()},
-                            {"notes", notes},
-                            {"report", o->report}};
-              add_other_switch(document, c.other_switch, trusted(in.job));
-              add_map(document, in.job, map);
-              add_uncertainty(document, uncertainty);
-              print_json(document, {{"outside", c.moves.size(), outside_row}, {"moves", c.moves.size(), move_row}});
-            } else {
-              fmt::print("normal error before  {}\n", spread_text(c.before.normal));
-              fmt::print("normal error after   {}\n", spread_text(c.after.normal));
-              fmt::print("largest distance from the programmed path {:.1f} um, after {:.1f} um (tube {:g} um)\n",
-                         to_um(c.before.largest_distance), to_um(c.largest_distance), to_um(c.tolerance));
-              fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
-                         c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
-              fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
-                         c.verified ? ", and again with finer cells" : "");
-              print_modes(c);
-              print_short_blocks(c.short_blocks, writes);
-              print_other_switch(c.other_switch, trusted(in.job));
-              print_map(in.job, map);
-              print_uncertainty(uncertainty, nullptr);  // said with the answer
-              print_outside(c);
-              print_not_judged(c.after.not_judged);
-              print_answer(c, uncertainty.reach);
-              for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
-              for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
-              if (writes) fmt::print("wrote {}\n", o->output);
-              if (writes && !o->stock_left.empty())
-                print_stock_left(o->stock_left, c.stock_left, c.all_judged(), c.other_switch);
-              if (!o->report.empty()) fmt::print("report: {}\n", o->report);
-            }
-            if (!c.within_tolerance) {
-              fmt::print(stderr, "polypod: {}\n", c.answer());
-              for (const std::string& remedy : c.remedies) fmt::print(stderr, "polypod: what would help: {}\n", remedy);
-              if (!writes) {
-                fmt::print(
-                    stderr,
-                    "polypod: no program was written; --allow-outside writes it with these lines as near as they go\n");
-              }
-              return kAnswerIsNo;
-            }
-            return kDone;
-          }};
+  return {
+      "correct",
+      "Correct a program so that the deflected tool stays in the tolerance zone, a tube round the programmed path",
+      "polypod correct program.ngc --job job.toml -o corrected.ngc --report report.html",
+      [o](Arguments& a) {
+        a.positional("PROGRAM", o->program, "The G-code program");
+        a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+        a.option("-o,--output", o->output, "The corrected program", true);
+        a.option("--report", o->report, "An HTML report of what will happen and why");
+        a.option("--stock-left", o->stock_left, kStockLeftHelp);
+        a.options("--measured", o->measured, kMeasuredHelp);
+        a.option("--covariance", o->covariances, kCovarianceHelp);
+        a.option("--tolerance", o->tolerance, "Radius of the tolerance tube, um (default: the job's)");
+        a.option("--chord-tolerance", o->chord_um,
+                 "How far arcs that are kept as arcs may be off the ideal path, um (default: a tenth of the tube)");
+        a.flag("--allow-outside", o->allow_outside,
+               "Write the program even if moves stay outside of the tube, corrected as far as possible");
+        a.flag("--verify", o->verify,
+               "Check again with half the cell size and half the step before the answer is yes (five times the time)");
+        a.flag("--confidence", o->confidence,
+               "How likely each wall is inside the tube, by --covariance of the compliances and spread_95 of the "
+               "material, and which input to know better");
+        a.flag("--correct-all", o->all, "Correct moves inside the tube, too, where it adds no lines");
+        a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
+        a.option("--method", o->method,
+                 "tube, or mirror: one step at --points points a move, for comparison and written in any case");
+        a.option("--points", o->points, "Pieces a move for --method mirror");
+      },
+      [o](const Context& context) -> Result<int> {
+        machining::CorrectOptions options;
+        if (o->method == "mirror") {
+          options.method = machining::CorrectMethod::mirror;
+        } else if (o->method != "tube") {
+          return fail("AP121", fmt::format("--method {}: not tube or mirror", o->method));
+        }
+        if (o->method == "tube") POLYPOD_TRY(refuse(context, {"--points"}, "it serves --method mirror"));
+        POLYPOD_TRY(in_range("AP122", "--points", o->points, {1, 100000}, "pieces a move"));
+        options.mirror_points = o->points;
+        double tolerance_um = 0;
+        if (!o->tolerance.empty()) {
+          POLYPOD_ASSIGN(given, numbers_of(o->tolerance, "--tolerance"));
+          if (given.size() != 1) return fail("AP122", fmt::format("--tolerance {}: not one number", o->tolerance));
+          POLYPOD_TRY(in_range("AP122", "--tolerance", given[0], {0, kMostTolerance, true}, "um"));
+          tolerance_um = given[0];
+        }
+        POLYPOD_TRY(in_range("AP122", "--chord-tolerance", o->chord_um, {0, kMostTolerance}, "um"));
+        options.chord = units::from_um(o->chord_um);
+        options.again = o->again;
+        options.all = o->all;
+        options.verify = o->verify;
+        std::vector<std::string> inputs = o->measured;
+        inputs.insert(inputs.end(), {o->program, o->job});
+        inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
+        POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
+        POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
+        POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
+        if (o->confidence && !known.compliances && in.job.material.spread.empty()) {
+          return fail("AP202", "--confidence, but no input is said to be uncertain", {o->job},
+                      "give --covariance FILE of identified compliances, or a material with spread_95");
+        }
+        if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
+        options.keep_samples = !o->report.empty();
+        options.keep_stock = !o->stock_left.empty();
+        const char* current = "";
+        std::function<bool(double)> line;
+        options.progress = [&](const char* what, double share) {
+          if (what != current) line = progress_line(context, what);
+          current = what;
+          return line(share);
+        };
+        POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
+        if (line) line(1);
+        if (!trusted(in.job)) {
+          c.within_tolerance = c.only_not_judged = false;
+          c.reason = "the measured compliance is doubtful: " + in.job.measured->doubts.front().message;
+          c.remedies = {in.job.measured->doubts.front().hint};
+        }
+        const machining::Uncertainty uncertainty =
+            machining::uncertainty_of(in.job, c, pointer_to(known.compliances), pointer_to(known.parameters));
+        std::optional<machining::Confidence> confidence;
+        if (o->confidence) {
+          const auto progress = progress_line(context, "asking how likely it is");
+          POLYPOD_ASSIGN(found, machining::confidence_of(in.job, in.program, c,
+                                                         known.compliances.value_or(Eigen::MatrixXd(0, 0)), progress));
+          progress(1);
+          confidence = std::move(found);
+        }
+        const bool writes =
+            c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
+        files::Outputs together;  // program and report appear together or not at all
+        if (writes) POLYPOD_TRY(together.add(o->output, c.text));
+        if (!o->report.empty()) {
+          pages::CorrectionPageOptions page;
+          page.version = POLYPOD_VERSION;
+          page.output = writes ? o->output : "";
+          page.method = options.method;
+          page.uncertainty = uncertainty;
+          page.command = command_line();
+          POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
+        }
+        if (writes && !o->stock_left.empty())
+          POLYPOD_TRY(together.add(o->stock_left, cutting::stock_bytes(c.stock_left)));
+        POLYPOD_TRY(together.commit());
+        const machining::MapBand map = machining::map_band(in.job, c.before);
+        if (context.json) {
+          const auto move_row = [&](std::size_t i) -> std::optional<Json> {
+            const machining::MoveOutcome& m = c.moves[i];
+            return Json{{"line", m.line},
+                        {"rewritten", m.rewritten},
+                        {"segments", m.pieces},
+                        {"transitions", m.transitions},
+                        {"length_mm", to_mm(m.length)},
+                        {"before_um", spread_json(m.normal_before, units::kUmPerMetre)},
+                        {"after_um", spread_json(m.normal_after, units::kUmPerMetre)},
+                        {"distance_before_um", to_um(m.distance_before)},
+                        {"distance_after_um", to_um(m.distance_after)},
+                        {"corner_before_um", to_um(m.corner_before)},
+                        {"corner_after_um", to_um(m.corner_after)},
+                        {"within_tolerance", m.within}};
+          };
+          const auto outside_row = [&](std::size_t i) { return c.moves[i].within ? std::nullopt : move_row(i); };
+          std::vector<std::string> notes = c.before.notes;
+          for (const std::string& note : c.after.notes) notes.push_back("corrected: " + note);
+          Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
+                        {"machine", in.job.machine_name},
+                        {"method", o->method},
+                        {"before_um", spread_json(c.before.normal, units::kUmPerMetre)},
+                        {"after_um", spread_json(c.after.normal, units::kUmPerMetre)},
+                        {"distance_before_um", to_um(c.before.largest_distance)},
+                        {"distance_after_um", to_um(c.largest_distance)},
+                        {"lines_in", c.lines_in},
+                        {"lines_out", c.lines_out},
+                        {"moves_rewritten", c.rewritten_moves},
+                        {"segments", c.pieces},
+                        {"transitions", c.transitions},
+                        {"rounds", c.rounds},
+                        {"points_checked", c.after.pass.points},
+                        {"tolerance_um", rounded_um(c.tolerance)},
+                        {"within_tolerance", c.within_tolerance},
+                        {"verified_with_finer_cells", c.verified},
+                        {"reason", c.reason},
+                        {"remedies", c.remedies},
+                        {"corner_before_um", to_um(c.modes.corner_before)},
+                        {"corner_after_um", to_um(c.modes.corner_after)},
+                        {"distance_with_corners_before_um", to_um(c.largest_before)},
+                        {"distance_with_corners_after_um", to_um(c.largest_after)},
+                        {"path_control", c.modes.written},
+                        {"path_control_replaced_in_lines", c.modes.replaced},
+                        {"time_before_s", c.modes.time_before},
+                        {"time_after_s", c.modes.time_after},
+                        {"moves_left_as_they_were", c.left_as_they_were},
+                        {"not_judged", not_judged_json(c.after.not_judged, c.after.plunges)},
+                        {"all_judged", c.all_judged()},
+                        {"answer", answer_in_words(c, uncertainty.reach)},
+                        {"short_blocks", short_blocks_json(c.short_blocks)},
+                        {"steep_not_judged", steep_json(c.after.steep)},
+                        {"written", writes},
+                        {"stock_left", writes ? o->stock_left : ""},
+                        {"outside", Json::array()},
+                        {"moves", Json::array()},
+                        {"notes", notes},
+                        {"report", o->report}};
+          add_other_switch(document, c.other_switch, trusted(in.job));
+          add_map(document, in.job, map);
+          add_uncertainty(document, uncertainty);
+          if (confidence) document["confidence"] = confidence_json(*confidence);
+          print_json(document, {{"outside", c.moves.size(), outside_row}, {"moves", c.moves.size(), move_row}});
+        } else {
+          fmt::print("normal error before  {}\n", spread_text(c.before.normal));
+          fmt::print("normal error after   {}\n", spread_text(c.after.normal));
+          fmt::print("largest distance from the programmed path {:.1f} um, after {:.1f} um (tube {:g} um)\n",
+                     to_um(c.before.largest_distance), to_um(c.largest_distance), to_um(c.tolerance));
+          fmt::print("{} of {} cutting moves rewritten in {} pieces and {} transitions; {} lines became {}\n",
+                     c.rewritten_moves, c.moves.size(), c.pieces, c.transitions, c.lines_in, c.lines_out);
+          fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
+                     c.verified ? ", and again with finer cells" : "");
+          print_modes(c);
+          print_short_blocks(c.short_blocks, writes);
+          print_other_switch(c.other_switch, trusted(in.job));
+          print_map(in.job, map);
+          print_uncertainty(uncertainty, nullptr);  // said with the answer
+          print_outside(c);
+          print_not_judged(c.after.not_judged);
+          print_answer(c, uncertainty.reach);
+          if (confidence) print_confidence(*confidence);
+          for (const std::string& note : c.before.notes) fmt::print("note: {}\n", note);
+          for (const std::string& note : c.after.notes) fmt::print("note, corrected: {}\n", note);
+          if (writes) fmt::print("wrote {}\n", o->output);
+          if (writes && !o->stock_left.empty())
+            print_stock_left(o->stock_left, c.stock_left, c.all_judged(), c.other_switch);
+          if (!o->report.empty()) fmt::print("report: {}\n", o->report);
+        }
+        if (!c.within_tolerance) {
+          fmt::print(stderr, "polypod: {}\n", c.answer());
+          for (const std::string& remedy : c.remedies) fmt::print(stderr, "polypod: what would help: {}\n", remedy);
+          if (!writes) {
+            fmt::print(
+                stderr,
+                "polypod: no program was written; --allow-outside writes it with these lines as near as they go\n");
+          }
+          return kAnswerIsNo;
+        }
+        return kDone;
+      }};
 }
 
 }  // namespace polypod::app

@@ -264,4 +264,45 @@ void print_outside(const machining::Correction& c) {
   if (outside > kMostOutside) fmt::print("outside: {} lines more, see --json\n", outside - kMostOutside);
 }
 
+Json confidence_json(const machining::Confidence& c) {
+  Json walls = Json::array(), inputs = Json::array();
+  for (const machining::WallConfidence& w : c.walls) {
+    walls.push_back({{"line", w.line},
+                     {"band_95_um", Json::array({to_um(w.low), to_um(w.high)})},
+                     {"sd_um", to_um(w.sd)},
+                     {"room_um", to_um(w.room)},
+                     {"probability", w.probability}});
+  }
+  for (const machining::UncertainInput& input : c.inputs) {
+    inputs.push_back({{"name", input.name},
+                      {"share_percent", 100 * input.share},
+                      {"least_probability_if_halved", input.least_if_halved}});
+  }
+  return {{"walls", walls}, {"inputs", inputs}, {"least_probability", c.least}, {"line", c.line}};
+}
+
+void print_confidence(const machining::Confidence& c) {
+  // A probability that rounds to 100 % is not certainty.
+  const auto percent = [](double p) {
+    return p > 0.9995 && p < 1 ? std::string("more than 99.9 %") : fmt::format("{:.1f} %", 100 * p);
+  };
+  fmt::print("how likely the walls are inside, as far as the given inputs are uncertain:\n");
+  constexpr std::size_t kMost = 20;
+  std::vector<machining::WallConfidence> walls = c.walls;
+  std::stable_sort(walls.begin(), walls.end(),
+                   [](const auto& a, const auto& b) { return a.probability < b.probability; });
+  for (std::size_t i = 0; i < std::min(kMost, walls.size()); ++i) {
+    const machining::WallConfidence& w = walls[i];
+    fmt::print("  line {:>4}  normal error {:>7.1f} .. {:<7.1f} um (95 %), room {:.1f} um: {}\n", w.line, to_um(w.low),
+               to_um(w.high), to_um(w.room), percent(w.probability));
+  }
+  if (walls.size() > kMost) fmt::print("  and {} walls more, likelier than these\n", walls.size() - kMost);
+  if (c.inputs.empty() || c.walls.empty()) return;
+  const machining::UncertainInput& first = c.inputs.front();
+  fmt::print(
+      "know better first: {}, {:.0f} % of the variance; known twice as well, the least likely wall would be inside "
+      "with {}\n",
+      first.name, 100 * first.share, percent(first.least_if_halved));
+}
+
 }  // namespace polypod::app

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "command.hpp"
+#include "polypod/machining/confidence.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/uncertainty.hpp"
 
@@ -43,5 +44,8 @@ std::string kept_free(const machining::Job& job, double distance);
 void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust);
 void print_modes(const machining::Correction& c);
 void print_outside(const machining::Correction& c);
+
+Json confidence_json(const machining::Confidence& confidence);
+void print_confidence(const machining::Confidence& confidence);
 
 }  // namespace polypod::app

@@ -35,7 +35,7 @@ constexpr std::size_t kShownProblems = 20;
 
 struct Options {
   std::string file, job, machine, output, origin = "0,0,0", to = "ngc", config = "auto", c = "0", branch,
-                                          feed = "per-minute";
+                                          feed = "per-minute", joint_speeds, start_joints;
   std::vector<std::string> sets;
   double tolerance = 10, axis_tolerance = 0.1, turn_speed = 1800, rapid = 6000, blend = 0.1, rotation = 0;
   int part = 0;
@@ -121,7 +121,26 @@ post::PlanOptions plan_place(const machining::Job& job) {
   return p;
 }
 
-Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& job, post::Dialect dialect,
+/// One number a joint that moves in this configuration, in SI; what the job says where the option does not. A job says
+/// one a joint of its machine; where the configuration locks one, those of the job cannot be told apart from it.
+Result<std::vector<double>> by_joint(const std::string& text, const std::string& option,
+                                     const machine::AnyMachine& machine, const std::vector<double>& of_job) {
+  const auto joints = static_cast<std::size_t>(kinematics::joint_count(machine));
+  if (text.empty()) return of_job.size() == joints ? of_job : std::vector<double>{};
+  POLYPOD_ASSIGN(values, numbers_of(text, option));
+  if (values.size() != joints) {
+    return fail("AP201", fmt::format("{} {}: {} numbers for {} joints", option, text, values.size(), joints), {},
+                "give one for each joint that moves, in the order of `polypod info`");
+  }
+  for (std::size_t i = 0; i < joints; ++i) {
+    const bool turns = kinematics::joint_kind(machine, static_cast<int>(i)) == machine::JointKind::revolute;
+    values[i] = turns ? units::from_deg(values[i]) : units::from_mm(values[i]);
+  }
+  return values;
+}
+
+Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& job,
+                                       const post::Configuration& configuration, post::Dialect dialect,
                                        const Context& context) {
   post::PlanOptions p = plan_place(job);
   p.tolerance = units::from_um(o.tolerance);
@@ -129,6 +148,18 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   p.turn_speed = units::from_deg(o.turn_speed) / 60;
   p.rapid_speed = units::from_mm_per_min(o.rapid);
   p.branch = o.branch;
+  POLYPOD_ASSIGN(speeds, by_joint(o.joint_speeds, "--joint-speeds", configuration.machine, job.joint_speeds));
+  for (const double speed : speeds) {
+    if (speed > 0) continue;
+    return fail("AP201", fmt::format("--joint-speeds {}: not all are above 0", o.joint_speeds), {},
+                "give one number above 0 for each joint that moves");
+  }
+  p.joint_speeds = std::move(speeds);
+  POLYPOD_ASSIGN(start, by_joint(o.start_joints, "--start-joints", configuration.machine, job.start_joints));
+  if (!start.empty()) {
+    p.start_joints.emplace(static_cast<Eigen::Index>(start.size()));
+    for (std::size_t i = 0; i < start.size(); ++i) (*p.start_joints)[static_cast<Eigen::Index>(i)] = start[i];
+  }
   if (o.c == "free") {
     p.c.reset();
   } else {
@@ -237,24 +268,27 @@ Json answer_json(const Options& o, const Answer& answer) {
   for (std::size_t i = 0; i < 3; ++i) {
     rotary[std::string(1, "ABC"[i])] = range_json(units::to_deg(plan.turned_min[i]), units::to_deg(plan.turned_max[i]));
   }
-  return {{"ok", plan.ok()},
-          {"written", answer.writes},
-          {"lines_out", answer.written.lines},
-          {"moves", answer.written.moves},
-          {"branch", plan.branch},
-          {"configuration", answer.configuration.name},
-          {"to", o.to},
-          {"points_inserted", plan.inserted},
-          {"tip_error_um", units::to_um(plan.chord_error)},
-          {"axis_error_deg", units::to_deg(plan.axis_error)},
-          {"problems", problems},
-          {"not_judged", not_judged(answer.path)},
-          {"left_out", left_out},
-          {"time_s", plan.time},
-          {"length_mm", units::to_mm(plan.length)},
-          {"rotary_deg", rotary},
-          {"joint_ranges", joint_ranges_json(answer)},
-          {"notes", answer.notes}};
+  return {
+      {"ok", plan.ok()},
+      {"written", answer.writes},
+      {"lines_out", answer.written.lines},
+      {"moves", answer.written.moves},
+      {"branch", plan.branch},
+      {"configuration", answer.configuration.name},
+      {"to", o.to},
+      {"points_inserted", plan.inserted},
+      {"tip_error_um", units::to_um(plan.chord_error)},
+      {"axis_error_deg", units::to_deg(plan.axis_error)},
+      {"problems", problems},
+      {"not_judged", not_judged(answer.path)},
+      {"left_out", left_out},
+      {"time_s", plan.time},
+      {"length_mm", units::to_mm(plan.length)},
+      {"rotary_deg", rotary},
+      {"joint_speed_percent", plan.speed_joint > 0 ? Json(100 * plan.speed_share) : Json()},
+      {"joint_speed_at", plan.speed_joint > 0 ? Json{{"joint", plan.speed_joint}, {"line", plan.speed_line}} : Json()},
+      {"joint_ranges", joint_ranges_json(answer)},
+      {"notes", answer.notes}};
 }
 
 void print_answer(const Options& o, const Answer& answer) {
@@ -268,6 +302,10 @@ void print_answer(const Options& o, const Answer& answer) {
              units::to_deg(plan.axis_error), o.axis_tolerance);
   fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", plan.time, o.rapid,
              units::to_mm(plan.length));
+  if (plan.speed_joint > 0) {
+    fmt::print("joint speeds   up to {:.0f} % of a limit in a cut (joint {}, line {})\n", 100 * plan.speed_share,
+               plan.speed_joint, plan.speed_line);
+  }
   for (std::size_t i = 0; i < plan.problems.size() && i < kShownProblems; ++i) {
     const post::PlanProblem& p = plan.problems[i];
     fmt::print("  {}:{}: {}: {}\n", o.file, p.line, p.kind, p.detail);
@@ -314,6 +352,12 @@ Command post_command() {
         a.option("--c", o->c,
                  "six: C in deg, the rotation about the tool axis (default 0), or `free`: chosen along the program");
         a.option("--branch", o->branch, "Posture at the first point (default: the first in which the program fits)");
+        a.option(
+            "--joint-speeds", o->joint_speeds,
+            "Largest speed of each joint that moves, deg/s (mm/s): no cut may need more (default: those of the job, "
+            "else not judged)");
+        a.option("--start-joints", o->start_joints,
+                 "Where the joints are before the program, deg (mm): its posture is taken (default: those of the job)");
         a.option("--tolerance", o->tolerance, kTolerance_um,
                  "How far chords may be off an arc that is not written as one, um (default 10)");
         a.option("--axis-tolerance", o->axis_tolerance, kAxisTolerance_deg,
@@ -358,7 +402,7 @@ Command post_command() {
                       fmt::format("--to {}: {} is no arm, so no robot's controller moves it", o->to, job.machine_name),
                       {}, "use --to ngc");
         }
-        POLYPOD_ASSIGN(plan_with, plan_options(*o, job, dialect, context));
+        POLYPOD_ASSIGN(plan_with, plan_options(*o, job, configuration, dialect, context));
         if (ngc && plan_with.rotation != 0 &&
             (configuration.rotary == post::Rotary::ac || configuration.rotary == post::Rotary::abc)) {
           return fail("PO124", "a turned workpiece and G-code with C: controllers do not turn C with the workpiece", {},

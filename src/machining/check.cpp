@@ -52,6 +52,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   std::size_t index = 0;
   double lean = 0;  // of the tool against the direction that the program means, where the machine cannot choose it
   for (const gcode::Move& move : interpretation.moves) {
+    if (options.stop_at_first && !out.problems.empty()) return out;
     if (options.progress && index % 256 == 0 &&
         !options.progress(double(index) / double(interpretation.moves.size()))) {
       return fail("MC299", "cancelled");

@@ -92,6 +92,23 @@ Status read_controller(const config::Table& table, Job& job) {
   return controller->finish();
 }
 
+/// One number a joint that moves, in deg or mm (a second).
+Result<std::vector<double>> by_joint(const config::Table& table, const std::string& key,
+                                     const machine::AnyMachine& machine, bool positive) {
+  std::vector<double> out;
+  if (!table.has(key)) return out;
+  POLYPOD_ASSIGN(values, table.numbers(key, static_cast<std::size_t>(kinematics::joint_count(machine))));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (positive && !(values[i] > 0)) {
+      return fail("MC401", fmt::format("{}: {:g} is no speed limit", key, values[i]), table.place_of(key),
+                  "give a number above 0 for each joint that moves");
+    }
+    const bool turns = kinematics::joint_kind(machine, static_cast<int>(i)) == machine::JointKind::revolute;
+    out.push_back(turns ? units::from_deg(values[i]) : units::from_mm(values[i]));
+  }
+  return out;
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
@@ -182,6 +199,10 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_ASSIGN(rapid_volume, table.optional_number("rapid_volume_mm3", 1, {0, 1e9}));
   job.rapid_volume = units::from_mm3(rapid_volume);
   POLYPOD_TRY(read_controller(table, job));
+  POLYPOD_ASSIGN(speeds, by_joint(table, "joint_speeds", job.machine, true));
+  job.joint_speeds = std::move(speeds);
+  POLYPOD_ASSIGN(start, by_joint(table, "start_joints", job.machine, false));
+  job.start_joints = std::move(start);
   POLYPOD_TRY(read_measured_key(table, job));
   POLYPOD_TRY(table.finish());
   return job;

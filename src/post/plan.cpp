@@ -9,6 +9,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "turns.hpp"
 
@@ -19,11 +20,13 @@ using kinematics::InverseResult;
 using kinematics::Solution;
 using machine::JointVector;
 
-constexpr double kJump = 0.5;       // rad or m, a joint that moves more between two judged poses has changed posture
-constexpr double kSame = 1e-9;      // m and rad, no way
-constexpr double kOpposite = 1e-6;  // rad, axes that are opposite have no shortest way between them
-constexpr int kDeepest = 14;        // halvings of a way
-constexpr double kFlatArc = 0.1;    // an arc whose sagitta is below this share of the tolerance is a line
+constexpr double kJump = 0.5;        // rad or m, a joint that moves more between two judged poses has changed posture
+constexpr double kSame = 1e-9;       // m and rad, no way
+constexpr double kOpposite = 1e-6;   // rad, axes that are opposite have no shortest way between them
+constexpr int kDeepest = 14;         // halvings of a way
+constexpr double kCloserFrom = 0.2;  // of a joint's speed limit, from which speeds are judged at closer poses
+constexpr int kCloser = 10;          // pieces of the way between two judged poses then
+constexpr double kFlatArc = 0.1;     // an arc whose sagitta is below this share of the tolerance is a line
 
 Mat3 rotation_of_angles(const Vec3& a) {
   return rotation_abc(a.x(), a.y(), a.z());
@@ -75,6 +78,8 @@ class Planner {
   bool run(const Start& start, bool all) {
     out_ = {};
     placed_ = lost_ = false;
+    speed_line_ = 0;
+    chooses_c_ = !start.c.empty();
     q_.resize(0);
     angles_.setZero();
     R_.setIdentity();
@@ -110,9 +115,12 @@ class Planner {
   /// The tool's orientation is given along the axes of M, its tip in W.
   [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + R_MW_ * tip}; }
 
+  /// Whether the source gives angles; where C is chosen, those of a program without A, B and C are none.
+  [[nodiscard]] bool says_angles(const Step& step) const { return step.angles && (step.turned || !chooses_c_); }
+
   /// Whether the source's own angles are words of this configuration.
   [[nodiscard]] bool fits(const Step& step) const {
-    if (!step.angles) return false;
+    if (!says_angles(step)) return false;
     const Vec3 a = step.angles->cwiseAbs();
     switch (configuration_.rotary) {
       case Rotary::none:
@@ -170,12 +178,12 @@ class Planner {
     lost_ = false;
     c_ = c;
     k_ = step.axis;
-    source_angles_ = step.angles.value_or(angles_);
+    source_angles_ = says_angles(step) ? *step.angles : angles_;
   }
 
   /// From the place before, which is known.
   void follow(const Step& step, int index, double c) {
-    const Way way{&step, index, tip_, k_, source_angles_, step.angles.has_value(), c_, c, step.kind == StepKind::arc};
+    const Way way{&step, index, tip_, k_, source_angles_, says_angles(step), c_, c, step.kind == StepKind::arc};
     if (!way.by_angles && angle_between(k_, step.axis) > std::numbers::pi - kOpposite) {
       problem(step.line, "axis", "the tool axis turns over, and nothing says which way: give points between");
     }
@@ -308,6 +316,64 @@ class Planner {
     return true;
   }
 
+  [[nodiscard]] double seconds_of(const PlannedMove& m, const Step& step) const {
+    const double speed = m.kind == StepKind::rapid ? options_.rapid_speed : step.feed;
+    return m.length > kSame ? (speed > 0 ? m.length / speed : 0) : m.turn / options_.turn_speed;
+  }
+
+  /// Whether the joints may go from `from` to where they are in this time; `pose(s)` is the way between them.
+  template <class PoseAt>
+  void judge_speeds(const Step& step, const JointVector& from, double seconds, PoseAt&& pose) {
+    if (options_.joint_speeds.empty() || !(seconds > 0) || from.size() == 0 || q_.size() == 0) return;
+    const auto share_of = [&](const JointVector& a, const JointVector& b, double time, int& joint) {
+      double most = 0;
+      for (int i = 0; i < static_cast<int>(b.size()); ++i) {
+        const double share = std::abs(b[i] - a[i]) / (time * options_.joint_speeds[static_cast<std::size_t>(i)]);
+        if (share <= most) continue;
+        most = share;
+        joint = i;
+      }
+      return most;
+    };
+    int joint = 0;
+    double share = share_of(from, q_, seconds, joint);
+    if (share > kCloserFrom) {
+      JointVector last = from;
+      for (int k = 1; k <= kCloser; ++k) {
+        JointVector next = q_;
+        if (k < kCloser) {
+          const InverseResult inverse = kinematics::inverse_near(machine_, pose(double(k) / kCloser), last);
+          const Solution* best = inverse.reachable();
+          if (best == nullptr) continue;
+          next = best->joints;
+        }
+        int which = 0;
+        const double closer = share_of(last, next, seconds / kCloser, which);
+        if (closer > share) {
+          share = closer;
+          joint = which;
+        }
+        last = next;
+      }
+    }
+    if (share > out_.speed_share) {
+      out_.speed_share = share;
+      out_.speed_joint = joint + 1;
+      out_.speed_line = step.line;
+    }
+    if (share <= 1 || speed_line_ == step.line) return;
+    const bool turns = kinematics::joint_kind(machine_, joint) == machine::JointKind::revolute;
+    const double limit = options_.joint_speeds[static_cast<std::size_t>(joint)];
+    const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+    speed_line_ = step.line;
+    problem(step.line, "speed",
+            fmt::format("joint {} would go at {:.1f} {} where its limit is {:.1f}; {}", joint + 1, user(share * limit),
+                        turns ? "deg/s" : "mm/s", user(limit),
+                        step.feed > 0 ? fmt::format("up to F{:.0f} it would keep it",
+                                                    std::floor(units::to_mm_per_min(step.feed / share)))
+                                      : std::string("a slower --turn-speed would keep it")));
+  }
+
   /// A joint that jumps by whole turns has come to the end of its range; any other jump changes the posture.
   void name_jump(const Step& step, const JointVector& change, const std::string& where) {
     int joint = 0;
@@ -352,9 +418,14 @@ class Planner {
       m.turn = std::max((angles - angles_).cwiseAbs().maxCoeff(),
                         angle_between(commanded.col(2), rotation_of_angles(angles_).col(2)));
       const int n = samples(m.length, m.turn);
+      const auto pose = [&](double s) {
+        return in_machine(s >= 1 ? commanded : between(R_1, angles, s), tip_ + s * (tip - tip_));
+      };
+      const double seconds = kind == StepKind::rapid ? 0 : seconds_of(m, step);
       for (int i = 1; i <= n; ++i) {
-        const double s = double(i) / n;
-        solved = solve(step, in_machine(i == n ? commanded : between(R_1, angles, s), tip_ + s * (tip - tip_)));
+        const JointVector from = q_;
+        solved = solve(step, pose(double(i) / n));
+        judge_speeds(step, from, seconds / n, [&](double s) { return pose((i - 1 + s) / n); });
       }
     }
     finish(step, std::move(m), commanded, solved);
@@ -378,9 +449,13 @@ class Planner {
     m.R_via = commanded;
     const int n = 2 * samples(m.length / 2, 0);
     bool solved = false;
+    const double seconds = seconds_of(m, step);
     for (int i = 1; i <= n; ++i) {
       const Vec3 p = way.tip(s_0 + (s_1 - s_0) * i / n);
+      const JointVector from = q_;
       solved = solve(step, in_machine(commanded, p));
+      judge_speeds(step, from, seconds / n,
+                   [&](double s) { return in_machine(commanded, way.tip(s_0 + (s_1 - s_0) * (i - 1 + s) / n)); });
       if (2 * i == n && solved) m.R_via = kinematics::settled(machine_, in_machine(commanded, p), q_).R;
     }
     finish(step, std::move(m), commanded, solved);
@@ -392,8 +467,7 @@ class Planner {
       m.joints = q_;
       m.R = kinematics::settled(machine_, in_machine(commanded, m.tip), q_).R;
     }
-    const double speed = m.kind == StepKind::rapid ? options_.rapid_speed : step.feed;
-    m.seconds = m.length > kSame ? (speed > 0 ? m.length / speed : 0) : m.turn / options_.turn_speed;
+    m.seconds = seconds_of(m, step);
     out_.time += m.seconds;
     out_.length += m.length;
     out_.inserted += m.inserted;
@@ -419,6 +493,8 @@ class Planner {
   Vec3 tip_ = Vec3::Zero(), k_ = Vec3::UnitZ(), angles_ = Vec3::Zero(), source_angles_ = Vec3::Zero();
   Mat3 R_ = Mat3::Identity();
   Mat3 R_MW_ = rotation_z(options_.rotation);
+  int speed_line_ = 0;  // of the last problem with a speed
+  bool chooses_c_ = false;
   bool lost_ = false;  // the last rapid went to a place that is not known whole
   double c_ = 0;
   JointVector q_;
@@ -426,6 +502,63 @@ class Planner {
 
 tl::unexpected<Error> cancelled() {
   return fail("PO199", "cancelled");
+}
+
+/// The name of the posture in which joints stand; empty where the inverse does not give them back.
+std::string posture_of(const machine::AnyMachine& machine, const JointVector& q) {
+  const kinematics::ForwardResult forward = kinematics::forward(machine, q);
+  if (forward.poses.empty()) return {};
+  const InverseResult inverse = kinematics::inverse_near(machine, forward.poses.front(), q);
+  if (inverse.solutions.empty()) return {};
+  const auto nearest =
+      std::min_element(inverse.solutions.begin(), inverse.solutions.end(), [&](const Solution& a, const Solution& b) {
+        return (a.joints - q).cwiseAbs().maxCoeff() < (b.joints - q).cwiseAbs().maxCoeff();
+      });
+  return kinematics::branch_name(machine, nearest->branch);
+}
+
+/// C chosen along the program in each posture, the one that looks best first; after the first in which the plan has no
+/// problem no other is looked at.
+template <class Start, class Planning>
+Result<std::vector<Start>> chosen_starts(const Configuration& configuration, const Path& path,
+                                         const PlanOptions& options, Planning& planner) {
+  struct Posture {
+    unsigned branch;
+    double cost;
+  };
+  std::vector<Posture> postures;
+  for (unsigned branch = 0; branch < 8; ++branch) {
+    if (!options.branch.empty() && kinematics::branch_name(configuration.machine, branch) != options.branch) continue;
+    postures.push_back({branch, first_look(configuration, path, options, branch)});
+  }
+  std::stable_sort(postures.begin(), postures.end(),
+                   [](const Posture& a, const Posture& b) { return a.cost < b.cost; });
+  std::vector<Start> out;
+  std::size_t blocked = 0;
+  for (const Posture& posture : postures) {
+    if (!std::isfinite(posture.cost)) continue;
+    ChosenTurns chosen = choose_c(configuration, path, options, posture.branch, 0);
+    if (!options.progress(0)) return cancelled();
+    if (chosen.c.empty()) {
+      blocked = std::max(blocked, chosen.blocked);
+      continue;
+    }
+    out.push_back({0, posture.branch, std::move(chosen.c)});
+    if (!planner.run(out.back(), false)) return cancelled();
+    if (!planner.result().ok()) continue;
+    std::swap(out.front(), out.back());
+    return out;
+  }
+  if (!out.empty()) return out;
+  const bool speeds = !options.joint_speeds.empty();
+  const bool anywhere =
+      std::any_of(postures.begin(), postures.end(), [](const Posture& p) { return std::isfinite(p.cost); });
+  return fail(
+      "PO123",
+      fmt::format("no C keeps every point of this program within the limits{} in one posture{}",
+                  speeds ? " and the joints' speeds" : "", anywhere ? ": at the latest this line stops it" : ""),
+      {path.file, anywhere ? path.steps[blocked].line : 0, anywhere ? 1 : 0},
+      "see with --c 0 which lines are out of reach, or move the workpiece with --origin");
 }
 
 }  // namespace
@@ -439,35 +572,40 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
                   "program such a part along the axes of M, without a rotation of the workpiece");
     }
   }
-  Planner planner(configuration, path, options);
-  const bool choose = configuration.rotary == Rotary::abc && !options.c;
+  const auto joints = static_cast<std::size_t>(kinematics::joint_count(configuration.machine));
+  if (!options.joint_speeds.empty() && options.joint_speeds.size() != joints) {
+    return fail("PO127", fmt::format("{} joint speeds for {} joints", options.joint_speeds.size(), joints), {},
+                "give one a joint that moves, in the order of `polypod info`");
+  }
+  if (options.start_joints && static_cast<std::size_t>(options.start_joints->size()) != joints) {
+    return fail("PO127", fmt::format("{} start joints for {} joints", options.start_joints->size(), joints), {},
+                "give one a joint that moves, in the order of `polypod info`");
+  }
+  PlanOptions asked = options;
+  if (asked.branch.empty() && asked.start_joints) {
+    asked.branch = posture_of(configuration.machine, *asked.start_joints);
+  }
+  Planner planner(configuration, path, asked);
+  const bool choose = configuration.rotary == Rotary::abc && !asked.c;
   std::vector<Planner::Start> starts;
   const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;
   if (choose) {
     const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
-    if (arm == nullptr || !machine::has_closed_inverse(*arm)) {
+    if (arm == nullptr || !machine::six_joint_inverse(*arm)) {
       return fail("PO123", "C cannot be chosen on this machine: its inverse names no postures", {}, "give --c DEG");
     }
-    for (unsigned branch = 0; branch < 8; ++branch) {
-      if (!options.branch.empty() && kinematics::branch_name(configuration.machine, branch) != options.branch) continue;
-      std::vector<double> c = choose_c(configuration, path, options, branch, 0);
-      if (!options.progress(0)) return cancelled();
-      if (!c.empty()) starts.push_back({0, branch, std::move(c)});
-    }
-    if (starts.empty()) {
-      return fail("PO123", "no C keeps every point of this program within the limits in one posture", {path.file},
-                  "see with --c 0 which lines are out of reach, or move the workpiece with --origin");
-    }
+    POLYPOD_ASSIGN(chosen, chosen_starts<Planner::Start>(configuration, path, asked, planner));
+    starts = std::move(chosen);
   } else {
     for (int turn = 0; turn < turns; ++turn) {
-      for (const unsigned branch : planner.branches(turn, options.c.value_or(0))) {
-        if (options.branch.empty() || kinematics::branch_name(configuration.machine, branch) == options.branch) {
+      for (const unsigned branch : planner.branches(turn, asked.c.value_or(0))) {
+        if (asked.branch.empty() || kinematics::branch_name(configuration.machine, branch) == asked.branch) {
           starts.push_back({turn, branch, {}});
         }
       }
     }
-    if (starts.empty() && !options.branch.empty()) {
-      return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`", options.branch),
+    if (starts.empty() && !asked.branch.empty()) {
+      return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`", asked.branch),
                   {path.file}, "`polypod ik` lists the branches of a pose");
     }
     if (starts.empty()) starts.push_back({});

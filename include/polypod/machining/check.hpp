@@ -33,9 +33,10 @@ struct CheckResult {
 };
 
 struct CheckOptions {
-  double step = 1e-3;         ///< m, between checked points
-  double turn_step = 0.0175;  ///< rad, the same for A, B and C
-  double rapid_speed = 0.1;   ///< m/s, that G0 is counted with
+  double step = 1e-3;          ///< m, between checked points
+  double turn_step = 0.0175;   ///< rad, the same for A, B and C
+  double rapid_speed = 0.1;    ///< m/s, that G0 is counted with
+  bool stop_at_first = false;  ///< only whether there is a problem: no other, no ranges, time or length of the rest
   std::function<bool(double)> progress;
 };
 

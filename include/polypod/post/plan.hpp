@@ -58,6 +58,12 @@ struct PlanOptions {
   double largest_sweep = 0;        ///< rad, arcs are split into pieces of at most this; 0: one piece
   std::optional<double> c = 0.0;   ///< Rotary::abc: C, rad; empty: chosen along the program
   std::string branch;              ///< the posture to begin with; empty: the first in which all is well
+  /// Largest speed of each joint, rad/s or m/s, one a joint of the configuration; empty: not judged. Cuts are judged at
+  /// their feed; rapids go as fast as the joints let them.
+  std::vector<double> joint_speeds;
+  /// Where the joints are before the program: its posture is the one that the program begins in, and `c`, where it is
+  /// chosen, begins near to it.
+  std::optional<machine::JointVector> start_joints;
   std::function<bool(double)> progress = [](double) { return true; };
 };
 
@@ -82,7 +88,8 @@ struct PlannedMove {
 struct PlanProblem {
   int line = 0;
   /// "reach", "limit", "singular", "branch" (as of `check`), "rewind" (a joint at the end of its range that would go on
-  /// a whole turn back), "axis" (an axis that the configuration cannot take)
+  /// a whole turn back), "axis" (an axis that the configuration cannot take), "speed" (a joint is faster than it may
+  /// be)
   std::string kind;
   std::string detail;
 };
@@ -100,6 +107,9 @@ struct Plan {
   double length = 0;                                 ///< m
   std::array<double, 3> turned_min{}, turned_max{};  ///< rad, of A, B, C
   std::vector<machine::JointRange> joints;
+  double speed_share = 0;  ///< the largest share of its speed limit that a joint takes in a cut ...
+  int speed_joint = 0;     ///< ... which joint, from 1; 0: none was judged
+  int speed_line = 0;      ///< ... and in which line
 
   [[nodiscard]] bool ok() const { return problems.empty(); }
 };
@@ -110,9 +120,10 @@ struct Plan {
 /// CL points the axis is meant to turn along the shortest way: points are inserted where it would leave that by more
 /// than the tolerance. Judged are poses `step` and `turn_step` apart. Rapids to places that are not known whole have no
 /// PlannedMove, and of the move behind them the end alone is judged; a note names them.
-/// Errors: PO124 a turned workpiece and a tool that tilts or turns about its axis; PO122 a branch that the first point
-/// does not have, PO123 C cannot be chosen along this program or on this machine, PO199 cancelled. Cost: one inverse a
-/// judged pose.
+/// Joint speeds are judged between judged poses, ten times closer where one comes to a fifth of its limit.
+/// Errors: PO127 as many speeds or start joints as the configuration has joints are needed; PO124 a turned workpiece
+/// and a tool that tilts or turns about its axis; PO122 a branch that the first point does not have, PO123 C cannot be
+/// chosen along this program or on this machine, PO199 cancelled. Cost: one inverse a judged pose.
 Result<Plan> plan(const Configuration& configuration, const Path& path, const PlanOptions& options = {});
 
 }  // namespace polypod::post

@@ -1,0 +1,53 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// How likely the walls of a corrected program are inside the tube, and which input should be known better.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "polypod/machining/correct.hpp"
+
+namespace polypod::machining {
+
+/// Something that is not known exactly.
+struct UncertainInput {
+  std::string name;  ///< "compliance of joint 2", "cutting coefficients, mostly Ktc"
+  double share = 0;  ///< of the variance of the normal error, a mean over the walls
+  /// The least probability of a wall if this one were known twice as well.
+  double least_if_halved = 0;
+};
+
+/// The side of a programmed move that is cut.
+struct WallConfidence {
+  int line = 0;
+  double low = 0, high = 0;      ///< m, ends of the 95 % band: the normal error found, and 1.96 sd of its shift
+  double sd = 0;                 ///< m, the largest of its points
+  double room = 0;               ///< m, what the tube leaves across the path: less corners and the error along the tool
+  double probability = 0;        ///< that all of it is inside
+  std::vector<double> by_input;  ///< m^2, the variance that each input makes; below 0 where inputs cancel
+};
+
+struct Confidence {
+  std::vector<WallConfidence> walls;   ///< of moves that cut and have a side
+  std::vector<UncertainInput> inputs;  ///< those that make the most first
+  double least = 1;                    ///< the smallest probability of a wall
+  int line = 0;                        ///< its line
+};
+
+/// Shifts of the walls of a corrected program by the compliances' covariance S (SI, in the order of
+/// statics::column_names; empty: exact) and by the variations of the cutting coefficients (Material::spread, each half
+/// of a 95 % interval: 1.96 sd), taken as normal and independent of each other.
+///
+/// The error of a point is e + g^T c + sum_v sd_v x_v: e as it was found, g_k = n^T J_k J_k^T F (compliance_band) with
+/// the drawn compliances c, and for each variation the change of the wall's mean normal error when it goes through the
+/// whole program once more. A wall is inside where all of its points are; the probability is the share of 4096 draws,
+/// the same in every call (so one that is given as 1 may be 0.999). Points: those of Prediction::few, and the farthest
+/// errors of the wall, which go as the nearest of those. Left out: that
+/// another deflection changes the force (S a little too wide), the machine's geometry, and everything that the model
+/// leaves out. Cost: one pass a variation, and 10 us a point for an arm. Errors: those of run_pass.
+Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, const Correction& correction,
+                                 const Eigen::MatrixXd& covariance, const std::function<bool(double)>& progress = {});
+
+}  // namespace polypod::machining

@@ -1,0 +1,134 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Where to put the part: the error of a program over the positions and rotations of the workpiece.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "polypod/machining/predict.hpp"
+
+namespace polypod::machining {
+
+/// A place of the workpiece frame W in M: its origin, and its rotation about z of M.
+struct Placing {
+  Vec3 origin = Vec3::Zero();  ///< m
+  double turn = 0;             ///< rad
+
+  [[nodiscard]] Pose pose() const { return {rotation_z(turn), origin}; }
+};
+Placing placing_of(const Job& job);
+/// The job with its workpiece there.
+Job placed_at(const Job& job, const Placing& at);
+
+/// Why a program cannot be followed at a place, or that it can.
+enum class PlaceFit : std::uint8_t {
+  fits,
+  reach,     ///< a point is out of reach
+  limit,     ///< no posture keeps the limits at a point
+  singular,  ///< a point is singular
+  branch,    ///< the machine would have to change its posture on the way
+  measured   ///< a cut lies outside of what the measured compliance covers
+};
+const char* name_of(PlaceFit fit);
+
+/// The figure that places are compared by: the largest |normal error| of a prediction, m.
+double largest_normal_error(const Prediction& prediction);
+
+struct PlaceOptions {
+  /// Of the origin of W in M, m, and of its rotation, rad; empty: as far as the program fits along each axis from where
+  /// the part is, and all rotations.
+  std::array<std::optional<machine::JointRange>, 3> box;
+  std::optional<machine::JointRange> turns;
+  int resolution = 13;           ///< positions along x and y in the first grid; half as many along z
+  int rotations = 12;            ///< rotations in it
+  int judged = 8;                ///< places of the grid that `predict` judges
+  double finest = 0.1e-3;        ///< m, to which the best place is given
+  double finest_turn = 0.00175;  ///< rad, likewise (0.1 deg)
+  int threads = 0;               ///< 0: all; the result is the same
+  bool again = false;            ///< see AcceptOptions
+  std::function<bool(double, const char*)> progress;
+};
+
+/// A place of the maps. The error and the compliance are estimates: the forces are those of the cut at the reference
+/// place, and only some points of the program are looked at.
+struct PlacePoint {
+  Placing at;
+  PlaceFit fit = PlaceFit::reach;
+  double error = 0;       ///< m, largest |normal error|
+  double compliance = 0;  ///< m/N, largest n^T C n of the cut, n the normal of the path
+  /// The smallest distance of a joint from the ends of its range, as a share of the range: 0.5 is the middle.
+  double margin = 0;
+};
+
+/// A place where `predict` was asked.
+struct JudgedPlace {
+  Placing at;
+  double error = 0;     ///< m, largest |normal error| by predict
+  double estimate = 0;  ///< m, by the forces of the reference place
+};
+
+/// Positions over x and y at one height and rotation, x fastest.
+struct PlaceMap {
+  double z = 0, turn = 0;
+  machine::JointRange x, y;
+  int columns = 0, rows = 0;
+  std::vector<PlacePoint> points;
+};
+
+struct PlaceResult {
+  Placing start;
+  PlaceFit start_fit = PlaceFit::fits;
+  std::optional<double> start_error;  ///< m, by predict; none where the program does not fit there
+  std::optional<JudgedPlace> best;    ///< none where no place was found that fits
+  Placing reference;                  ///< where the forces come from
+  std::array<machine::JointRange, 3> box;
+  machine::JointRange turns;
+  std::vector<JudgedPlace> judged;    ///< by predict, the best first
+  std::size_t places = 0;             ///< estimated
+  std::size_t fitting = 0;            ///< of them, places where the points that were looked at can be reached
+  std::size_t looked_at = 0;          ///< points of the program that are looked at for an estimate
+  PlaceMap map;                       ///< round the best place
+  std::vector<PlacePoint> rotations;  ///< at its position, over all rotations
+  bool at_border = false;             ///< the best place lies at an end of the box
+};
+
+/// Looks for the place at which the largest normal error of a program is smallest, over a box of positions and
+/// rotations about z: a grid of estimates, the best of them judged by `check` and `predict`, a search by ever smaller
+/// steps from the best five, and `predict` at the best three of what was found. Only a place where `check` finds no
+/// problem counts. A search over a box has no proof: the place is the best that was found, never worse than the start
+/// where that fits.
+///
+/// An estimate puts the forces F of one prediction to other compliances, delta = R^T C(X p) R F, at its 400 points at
+/// most; what another deflection changes of the force is left out of it (some per cent). The same input gives the same
+/// result with any number of threads.
+/// Errors: those of accept and run_pass but MC210 and MC211, which are places that do not fit; MC400 an empty or
+/// reversed box; MC299 cancelled. Cost: about 0.5 ms an estimate for an arm, and some twenty predictions.
+Result<PlaceResult> best_place(const Job& job, const gcode::Program& program,
+                               const gcode::Interpretation& interpretation, const PlaceOptions& options = {});
+
+/// The nearest places at which a program would fit.
+struct NearestPlaces {
+  std::optional<Placing> by_shift;  ///< the same rotation, the smallest shift that was found
+  std::optional<Placing> by_turn;   ///< the same origin, the smallest rotation that was found
+  double looked_to = 0;             ///< m, the largest shift that was looked at
+};
+
+struct NearestOptions {
+  double finest = 0.1e-3;        ///< m
+  double finest_turn = 0.00175;  ///< rad
+  std::function<bool(double)> progress;
+};
+
+/// Looks in all directions (200 of them, then finer) for the smallest shift, and both ways for the smallest rotation
+/// about z, after which `check` finds no problem in the program. What is returned was checked whole; that nothing
+/// smaller would do is not proven. Both are empty where nothing was found within the reach of the machine. Errors:
+/// MC309, MC299 cancelled.
+Result<NearestPlaces> nearest_places(const machine::AnyMachine& machine, const Pose& X_MW,
+                                     const gcode::Program& program, const gcode::Interpretation& interpretation,
+                                     const NearestOptions& options = {});
+
+}  // namespace polypod::machining

@@ -1,0 +1,111 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "commands.hpp"
+#include "job_input.hpp"
+#include "machining_output.hpp"
+#include "messages.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/machining/compare.hpp"
+
+namespace polypod::app {
+namespace {
+
+using units::to_um;
+
+constexpr config::Range kPoints{1, 10000};
+constexpr config::Range kStep_mm{0.01, 10};
+constexpr config::Range kRounds{1, 50};
+
+Json answer_json(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes) {
+  Json methods = Json::array();
+  for (const machining::MethodOutcome& m : outcomes) {
+    methods.push_back({{"name", machining::name_of(m.method)},
+                       {"after_um", spread_json(m.normal, units::kUmPerMetre)},
+                       {"lines_out", m.lines},
+                       {"seconds", m.seconds},
+                       {"distance_um", to_um(m.distance)},
+                       {"within_tolerance", m.inside},
+                       {"all_judged", m.judged},
+                       {"rounds", m.rounds},
+                       {"what", machining::description_of(m.method)},
+                       {"notes", m.notes}});
+  }
+  return {{"methods", methods}, {"tolerance_um", to_um(job.tolerance)}};
+}
+
+void print_answer(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes) {
+  fmt::print("          normal error um            distance um   lines   seconds\n");
+  fmt::print("             min     mean      max\n");
+  for (const machining::MethodOutcome& m : outcomes) {
+    const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
+    fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}  {:>7}  {:>8.2f}  {}\n", machining::name_of(m.method),
+               um(m.normal.min), um(m.normal.mean), um(m.normal.max), um(m.distance), m.lines, m.seconds,
+               m.inside                                                  ? "within the tolerance"
+               : m.distance > job.tolerance - machining::resolution(job) ? "beyond the tolerance"
+                                                                         : "not all of it is judged");
+  }
+  fmt::print("\ntolerance {:g} um; distances without the corners that the controller rounds\n", to_um(job.tolerance));
+  for (const machining::MethodOutcome& m : outcomes) {
+    fmt::print("{:<8} {}\n", machining::name_of(m.method), machining::description_of(m.method));
+    for (const std::string& note : m.notes) fmt::print("         note: {}\n", note);
+  }
+}
+
+}  // namespace
+
+Command compare_command() {
+  struct Options {
+    std::string program, job;
+    std::vector<std::string> measured;
+    int points = 10, rounds = 6;
+    double step_mm = 0;
+    bool again = false;
+  };
+  auto o = std::make_shared<Options>();
+  return {"compare", "The methods of correction side by side on one program",
+          "polypod compare program.ngc --job job.toml",
+          [o](Arguments& a) {
+            a.positional("PROGRAM", o->program, "The G-code program");
+            a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+            a.options("--measured", o->measured, kMeasuredHelp);
+            a.option("--points", o->points, kPoints, "Points a move of `mirror` (default: 10)");
+            a.option("--point-step", o->step_mm, kStep_mm,
+                     "Distance between the points of `comet` and `abele`, mm (default: the job's step_mm)");
+            a.option("--rounds", o->rounds, kRounds, "At most so many rounds of `abele` (default: 6)");
+            a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
+          },
+          [o](const Context& context) -> Result<int> {
+            std::vector<std::string> inputs = o->measured;
+            inputs.insert(inputs.end(), {o->program, o->job});
+            POLYPOD_TRY(check_files(inputs, {}, context.json));
+            POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+            machining::CompareOptions options;
+            options.mirror_points = o->points;
+            options.abele_rounds = o->rounds;
+            options.point_step = units::from_mm(o->step_mm);
+            options.again = o->again;
+            std::string doing;
+            std::function<bool(double)> line;
+            options.progress = [&](const char* what, double share) {
+              if (doing != what) {
+                if (line) line(1);
+                doing = what;
+                line = progress_line(context, doing);
+              }
+              return line(share);
+            };
+            POLYPOD_ASSIGN(outcomes, machining::compare_methods(in.job, in.program, in.interpretation, options));
+            if (line) line(1);
+            if (context.json) {
+              print_json(answer_json(in.job, outcomes));
+            } else {
+              print_answer(in.job, outcomes);
+            }
+            return kDone;
+          }};
+}
+
+}  // namespace polypod::app

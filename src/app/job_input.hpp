@@ -1,0 +1,27 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// A program and its job, as predict, correct, place and others read them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/gcode/unroll.hpp"
+#include "polypod/machining/job.hpp"
+
+namespace polypod::app {
+
+struct Input {
+  machining::Job job;
+  gcode::Program program;
+  gcode::Interpretation interpretation;
+};
+
+inline constexpr const char* kMeasuredHelp =
+    "Measured displacements (the files of identify compliance): the compliance is interpolated from these alone, "
+    "without the joints' (repeatable; default: the job's)";
+
+/// `measured`: files in the place of the job's measured compliance, if there are any.
+Result<Input> read_input(const std::string& program_path, const std::string& job_path,
+                         const std::vector<std::string>& measured = {}, bool source_lines = false);
+
+}  // namespace polypod::app

@@ -1,0 +1,223 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "commands.hpp"
+#include "job_input.hpp"
+#include "messages.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/machining/accept.hpp"
+#include "polypod/machining/place.hpp"
+#include "polypod/pages/place.hpp"
+
+namespace polypod::app {
+namespace {
+
+using machining::PlaceFit;
+using machining::PlacePoint;
+using machining::PlaceResult;
+using machining::Placing;
+using units::to_deg;
+using units::to_mm;
+using units::to_um;
+
+constexpr double kFarthest_mm = 1e6, kMostTurn_deg = 360;
+
+/// "lo,hi" or one number.
+Result<machine::JointRange> range_of(const std::string& text, const std::string& option, double most) {
+  POLYPOD_ASSIGN(values, numbers_of(text, option));
+  const bool small = std::all_of(values.begin(), values.end(), [&](double v) { return std::abs(v) <= most; });
+  if (values.empty() || values.size() > 2 || !small || values.back() < values.front()) {
+    return fail("AP200", fmt::format("{} {}: not a range", option, text), {},
+                fmt::format("give lo,hi, the smaller one first, or one number; at most {:g}", most));
+  }
+  return machine::JointRange{values.front(), values.back()};
+}
+
+machine::JointRange scaled(const machine::JointRange& r, double factor) {
+  return {r.min * factor, r.max * factor};
+}
+
+Json origin_json(const Vec3& p) {
+  // To what the search gives places to: a job can take them as they stand.
+  Json out = Json::array();
+  for (int k = 0; k < 3; ++k) out.push_back(std::round(to_mm(p[k]) * 1e6) / 1e6);
+  return out;
+}
+double turn_for_user(double turn) {
+  return std::round(to_deg(turn) * 1e6) / 1e6;
+}
+
+Json point_json(const PlacePoint& p) {
+  const bool fits = p.fit == PlaceFit::fits;
+  return {{"origin_mm", origin_json(p.at.origin)},
+          {"turn_deg", turn_for_user(p.at.turn)},
+          {"fits", fits},
+          {"why_not", fits ? Json() : Json(machining::name_of(p.fit))},
+          {"error_um", fits ? Json(to_um(p.error)) : Json()},
+          {"compliance_um_per_N", fits ? Json(units::to_um_per_N(p.compliance)) : Json()},
+          {"margin_percent", fits ? Json(100 * p.margin) : Json()}};
+}
+
+Json range_json(const machine::JointRange& r, double (*user)(double)) {
+  return Json::array({user(r.min), user(r.max)});
+}
+
+constexpr const char* kNotJudged =
+    "collisions of machine, tool and part with table and fixture are not judged, nor how the part can be clamped";
+
+Json answer_json(const PlaceResult& r) {
+  Json judged = Json::array(), map = Json::array(), rotations = Json::array();
+  for (const machining::JudgedPlace& j : r.judged) {
+    judged.push_back({{"origin_mm", origin_json(j.at.origin)},
+                      {"turn_deg", turn_for_user(j.at.turn)},
+                      {"error_um", to_um(j.error)},
+                      {"estimate_um", to_um(j.estimate)}});
+  }
+  for (const PlacePoint& p : r.map.points) map.push_back(point_json(p));
+  for (const PlacePoint& p : r.rotations) rotations.push_back(point_json(p));
+  Json best;
+  if (r.best) {
+    best = {{"origin_mm", origin_json(r.best->at.origin)},
+            {"turn_deg", turn_for_user(r.best->at.turn)},
+            {"error_um", to_um(r.best->error)},
+            {"gain_um", r.start_error ? Json(to_um(*r.start_error - r.best->error)) : Json()},
+            {"at_boundary", r.at_border}};
+  }
+  return {
+      {"start_error_um", r.start_error ? Json(to_um(*r.start_error)) : Json()},
+      {"best", best},
+      {"fits", r.best.has_value()},
+      {"start",
+       {{"origin_mm", origin_json(r.start.origin)},
+        {"turn_deg", turn_for_user(r.start.turn)},
+        {"fits", r.start_fit == PlaceFit::fits},
+        {"why_not", r.start_fit == PlaceFit::fits ? Json() : Json(machining::name_of(r.start_fit))}}},
+      {"box_mm",
+       {{"x", range_json(r.box[0], to_mm)}, {"y", range_json(r.box[1], to_mm)}, {"z", range_json(r.box[2], to_mm)}}},
+      {"turns_deg", range_json(r.turns, to_deg)},
+      {"places", r.places},
+      {"places_that_fit", r.fitting},
+      {"points_looked_at", r.looked_at},
+      {"judged", judged},
+      {"map_columns", r.map.columns},
+      {"map", map},
+      {"rotations", rotations},
+      {"notes", Json::array({kNotJudged})}};
+}
+
+std::string in_words(const Placing& at) {
+  const auto mm = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_mm(x))); };
+  return fmt::format("x {} y {} z {} mm, turned by {} deg", mm(at.origin.x()), mm(at.origin.y()), mm(at.origin.z()),
+                     unsigned_zero(fmt::format("{:.1f}", to_deg(at.turn))));
+}
+
+void print_answer(const PlaceResult& r) {
+  if (r.start_error) {
+    fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_error), in_words(r.start));
+  } else {
+    fmt::print("start  does not fit ({})  {}\n", machining::name_of(r.start_fit), in_words(r.start));
+  }
+  if (!r.best) {
+    fmt::print("no place was found at which the program fits the machine\n");
+    return;
+  }
+  fmt::print("best   {:.1f} um  {}\n", to_um(r.best->error), in_words(r.best->at));
+  fmt::print("       largest normal errors, as predict gives them there{}\n",
+             r.start_error ? fmt::format("; the gain is {:.1f} um", to_um(*r.start_error - r.best->error)) : "");
+  fmt::print(
+      "searched x {:.1f} .. {:.1f}, y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm, rotations {:.1f} .. {:.1f} deg: "
+      "{} of {} places fit\n",
+      to_mm(r.box[0].min), to_mm(r.box[0].max), to_mm(r.box[1].min), to_mm(r.box[1].max), to_mm(r.box[2].min),
+      to_mm(r.box[2].max), to_deg(r.turns.min), to_deg(r.turns.max), r.fitting, r.places);
+  if (r.at_border)
+    fmt::print("note: the best place lies at the boundary of that box; a larger box may hold a better one\n");
+  fmt::print("note: the best that a search found; that there is none better is not proven\n");
+  fmt::print("note: {}\n", kNotJudged);
+}
+
+}  // namespace
+
+Command place_command() {
+  struct Options {
+    std::string program, job, report;
+    std::vector<std::string> measured;
+    std::array<std::string, 3> box;
+    std::string turn;
+    int resolution = 13, rotations = 12, threads = 0;
+    bool again = false;
+  };
+  auto o = std::make_shared<Options>();
+  return {
+      "place", "Where to put the part: the place with the smallest predicted error",
+      "polypod place program.ngc --job job.toml --z 0 --report place.html",
+      [o](Arguments& a) {
+        a.positional("PROGRAM", o->program, "The G-code program");
+        a.option("--job", o->job, "The job file; its workpiece is the start", true);
+        a.options("--measured", o->measured, kMeasuredHelp);
+        a.option(
+            "--x", o->box[0],
+            "lo,hi or one value of x of the workpiece origin in M, mm (default: as far as the program fits from the "
+            "start)");
+        a.option("--y", o->box[1], "The same for y");
+        a.option("--z", o->box[2], "The same for z, the height of the table");
+        a.option("--turn", o->turn, "lo,hi or one value of the rotation about z, deg (default: -180,180)");
+        a.option("--resolution", o->resolution, {2, 101},
+                 "Positions along x and y in the first grid, half as many along z (default: 13)");
+        a.option("--rotations", o->rotations, {2, 360}, "Rotations in the first grid (default: 12)");
+        a.option("--threads", o->threads, {0, 1024}, "How many threads; the result is the same (default: all)");
+        a.option("--report", o->report, "An HTML page with the maps");
+        a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
+      },
+      [o](const Context& context) -> Result<int> {
+        machining::PlaceOptions options;
+        const char* names[3] = {"--x", "--y", "--z"};
+        for (std::size_t k = 0; k < 3; ++k) {
+          if (!context.given(names[k])) continue;
+          POLYPOD_ASSIGN(range, range_of(o->box[k], names[k], kFarthest_mm));
+          options.box[k] = scaled(range, units::from_mm(1));
+        }
+        if (context.given("--turn")) {
+          POLYPOD_ASSIGN(range, range_of(o->turn, "--turn", kMostTurn_deg));
+          options.turns = scaled(range, units::from_deg(1));
+        }
+        std::vector<std::string> inputs = o->measured;
+        inputs.insert(inputs.end(), {o->program, o->job});
+        POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
+        POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        options.resolution = o->resolution;
+        options.rotations = o->rotations;
+        options.threads = o->threads;
+        options.again = o->again;
+        std::string doing;
+        std::function<bool(double)> line;
+        options.progress = [&](double share, const char* what) {
+          if (doing != what) {
+            if (line) line(1);
+            doing = what;
+            line = progress_line(context, doing);
+          }
+          return line(share);
+        };
+        POLYPOD_ASSIGN(result, machining::best_place(in.job, in.program, in.interpretation, options));
+        if (line) line(1);
+        if (!o->report.empty() && result.best) {
+          POLYPOD_TRY(files::write_whole(
+              o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));
+        }
+        if (context.json) {
+          print_json(answer_json(result));
+        } else {
+          print_answer(result);
+          if (!o->report.empty() && result.best) fmt::print("wrote {}\n", one_line(o->report));
+        }
+        return result.best ? kDone : kAnswerIsNo;
+      }};
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,262 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/confidence.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "polypod/statics/compliance.hpp"
+#include "way.hpp"
+
+namespace polypod::machining {
+namespace {
+
+// Half of a 95 % interval in standard deviations.
+constexpr double kHalf95 = 1.96;
+// The step of `correct`'s check, m: what another step changes is no part of a variation.
+constexpr double kCheckStep = 0.1e-3;
+
+/// The coefficient that changes by the largest share of itself, by name.
+std::string name_of(const std::array<double, 6>& variation, const cutting::Material& m) {
+  constexpr std::array<const char*, 6> kNames{"Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"};
+  const std::array<double, 6> values{m.ktc, m.krc, m.kac, m.kte, m.kre, m.kae};
+  std::size_t most = 0;
+  double largest = -1;
+  int changed = 0;
+  for (std::size_t i = 0; i < 6; ++i) {
+    if (variation[i] != 0) ++changed;
+    const double share = std::abs(variation[i]) / std::max(std::abs(values[i]), 1e-9);
+    if (variation[i] == 0 || share <= largest) continue;
+    largest = share;
+    most = i;
+  }
+  return fmt::format("cutting coefficients, {}{}", changed > 1 ? "mostly " : "", kNames[most]);
+}
+
+/// A point of a wall: its error, and what each compliance shifts it by.
+struct Point {
+  double error = 0;
+  Eigen::VectorXd lever;
+};
+
+struct Wall {
+  const MovePrediction* move = nullptr;
+  double room = 0;
+  std::vector<Point> points;
+  std::vector<double> by_variation;  ///< m, sd of the shift of the whole wall by each variation of the coefficients
+};
+
+/// The same draws for every question, so that answers compare.
+constexpr int kDraws = 4096;
+
+/// Draws of the compliances and of the variations, a column each.
+struct Draws {
+  Eigen::MatrixXd compliances, variations;
+};
+
+Draws draws_of(const Eigen::MatrixXd& covariance, std::size_t variations) {
+  std::mt19937_64 random(1);
+  // Box and Muller: the library's own normal distribution differs from system to system.
+  const auto uniform = [&] { return (static_cast<double>(random() >> 11) + 0.5) * 0x1p-53; };
+  const auto normal = [&] { return std::sqrt(-2 * std::log(uniform())) * std::cos(2 * std::numbers::pi * uniform()); };
+  Eigen::MatrixXd z(covariance.rows(), kDraws);
+  Draws out{{}, Eigen::MatrixXd(static_cast<Eigen::Index>(variations), kDraws)};
+  for (int d = 0; d < kDraws; ++d) {
+    for (Eigen::Index k = 0; k < z.rows(); ++k) z(k, d) = normal();
+    for (Eigen::Index v = 0; v < out.variations.rows(); ++v) out.variations(v, d) = normal();
+  }
+  if (covariance.rows() == 0) {
+    out.compliances = z;
+    return out;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
+  const Eigen::VectorXd sd = solver.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  out.compliances = solver.eigenvectors() * sd.asDiagonal() * z;
+  return out;
+}
+
+/// The share of draws with which all points of the wall are inside; `halved`: the input that is known twice as well,
+/// compliances first; -1: none.
+double probability_of(const Wall& wall, const Draws& draws, int halved) {
+  const auto columns = static_cast<int>(draws.compliances.rows());
+  Eigen::MatrixXd compliances = draws.compliances;
+  if (halved >= 0 && halved < columns) compliances.row(halved) *= 0.5;
+  Eigen::RowVectorXd shift = Eigen::RowVectorXd::Zero(kDraws);
+  for (std::size_t v = 0; v < wall.by_variation.size(); ++v) {
+    const double sd = wall.by_variation[v] * (columns + static_cast<int>(v) == halved ? 0.5 : 1.0);
+    shift += sd * draws.variations.row(static_cast<Eigen::Index>(v));
+  }
+  Eigen::RowVectorXd low = Eigen::RowVectorXd::Constant(kDraws, 1e9), high = -low;
+  for (const Point& point : wall.points) {
+    Eigen::RowVectorXd error = shift.array() + point.error;
+    if (columns > 0) error += point.lever.transpose() * compliances;
+    low = low.cwiseMin(error);
+    high = high.cwiseMax(error);
+  }
+  const auto inside = ((low.array() >= -wall.room) && (high.array() <= wall.room)).count();
+  return static_cast<double>(inside) / kDraws;
+}
+
+}  // namespace
+
+Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, const Correction& correction,
+                                 const Eigen::MatrixXd& covariance, const std::function<bool(double)>& progress) {
+  const auto columns = static_cast<std::size_t>(covariance.rows());
+  std::vector<std::string> names;
+  if (columns > 0) {
+    for (const std::string& column : statics::column_names(job.machine)) names.push_back("compliance of " + column);
+  }
+  for (const std::array<double, 6>& variation : job.material.spread) names.push_back(name_of(variation, job.material));
+
+  std::vector<Wall> walls;
+  std::vector<int> wall_of(correction.programmed.size(), -1);
+  for (const MovePrediction& m : correction.after.moves) {
+    if (m.normal.count == 0) continue;
+    const auto outcome = std::find_if(correction.moves.begin(), correction.moves.end(),
+                                      [&](const MoveOutcome& o) { return o.move == m.move; });
+    const double corner = outcome != correction.moves.end() ? outcome->corner_after : 0;
+    const double vertical = std::max(std::abs(m.vertical.min), std::abs(m.vertical.max));
+    const double tube = std::max(0.0, job.tolerance - corner);
+    wall_of[static_cast<std::size_t>(m.move)] = static_cast<int>(walls.size());
+    walls.push_back({&m,
+                     std::sqrt(std::max(0.0, tube * tube - vertical * vertical)),
+                     {},
+                     std::vector<double>(job.material.spread.size(), 0.0)});
+  }
+  std::vector<Eigen::VectorXd> all_levers;
+  std::size_t seen = 0;
+  for (const Sample& sample : correction.after.few) {
+    if (progress && ++seen % 16 == 0 && !progress(0.2 * double(seen) / double(correction.after.few.size()))) {
+      return fail("MC299", "cancelled");
+    }
+    if (sample.away.isZero(0)) continue;
+    const int source = correction.source[static_cast<std::size_t>(sample.move)];
+    const int w = wall_of[static_cast<std::size_t>(source)];
+    if (w < 0) continue;
+    Point point;
+    const gcode::Move& move = correction.programmed[static_cast<std::size_t>(source)];
+    point.error = path_error(move, sample.bent(), sample.away).normal;
+    if (columns > 0) {
+      const Pose X_MT{Mat3::Identity(), job.X_MW * sample.command};
+      const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
+      const kinematics::Solution* solution = inverse.reachable();
+      if (solution == nullptr) continue;
+      const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, solution->joints);
+      const Vec3 F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
+      point.lever.resize(static_cast<Eigen::Index>(columns));
+      for (std::size_t k = 0; k < columns; ++k) point.lever[static_cast<Eigen::Index>(k)] = n.dot(unit[k] * F);
+      all_levers.push_back(point.lever);
+    }
+    walls[static_cast<std::size_t>(w)].points.push_back(std::move(point));
+  }
+  const auto shifts_most = [&](const std::vector<Eigen::VectorXd>& levers) {
+    return *std::max_element(levers.begin(), levers.end(), [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+      return a.dot(covariance * a) < b.dot(covariance * b);
+    });
+  };
+  for (Wall& wall : walls) {
+    // The farthest errors of the wall lie between its points: they go as the points do that are farthest of these. A
+    // short move without a point goes as the one of all that goes most.
+    const auto by_error = [](const Point& a, const Point& b) { return a.error < b.error; };
+    if (wall.points.empty()) {
+      const Eigen::VectorXd lever =
+          all_levers.empty() ? Eigen::VectorXd::Zero(static_cast<Eigen::Index>(columns)) : shifts_most(all_levers);
+      wall.points = {{wall.move->normal.min, lever}, {wall.move->normal.max, lever}};
+      continue;
+    }
+    Point lowest = *std::min_element(wall.points.begin(), wall.points.end(), by_error);
+    Point highest = *std::max_element(wall.points.begin(), wall.points.end(), by_error);
+    lowest.error = wall.move->normal.min;
+    highest.error = wall.move->normal.max;
+    wall.points.push_back(std::move(lowest));
+    wall.points.push_back(std::move(highest));
+  }
+
+  // Every variation of the coefficients once through the corrected program.
+  const Way way{&program, &correction.programmed, correction.commanded, correction.source};
+  cutting::Stock scratch;
+  for (std::size_t v = 0; v < job.material.spread.size(); ++v) {
+    Job varied = job;
+    cutting::Material& m = varied.material;
+    const std::array<double, 6>& by = job.material.spread[v];
+    m.ktc += by[0];
+    m.krc += by[1];
+    m.kac += by[2];
+    m.kte += by[3];
+    m.kre += by[4];
+    m.kae += by[5];
+    PredictOptions options;
+    options.step = std::min(job.step, kCheckStep);
+    const double first = 0.2 + 0.8 * double(v) / double(job.material.spread.size());
+    if (progress) {
+      options.progress = [&, first](double share) {
+        return progress(first + 0.8 * share / double(job.material.spread.size()));
+      };
+    }
+    POLYPOD_ASSIGN(p, predict_way(varied, correction.program, way, options, scratch));
+    for (const MovePrediction& move : p.moves) {
+      const int w = wall_of[static_cast<std::size_t>(move.move)];
+      if (w < 0 || move.normal.count == 0) continue;
+      Wall& wall = walls[static_cast<std::size_t>(w)];
+      wall.by_variation[v] = std::abs(move.normal.mean - wall.move->normal.mean) / kHalf95;
+    }
+  }
+
+  const Draws draws = draws_of(covariance, job.material.spread.size());
+  Confidence out;
+  std::vector<double> sums(names.size(), 0.0);
+  double all = 0;
+  for (const Wall& wall : walls) {
+    WallConfidence w;
+    w.line = wall.move->line;
+    w.room = wall.room;
+    w.by_input.assign(names.size(), 0.0);
+    w.low = w.high = wall.points.front().error;
+    double of_variations = 0;
+    for (const double sd : wall.by_variation) of_variations += sd * sd;
+    double largest = -1;
+    for (const Point& point : wall.points) {
+      double variance = of_variations;
+      Eigen::VectorXd Sg(0);
+      if (columns > 0) {
+        Sg = covariance * point.lever;
+        variance += std::max(0.0, point.lever.dot(Sg));
+      }
+      const double sd = std::sqrt(variance);
+      w.low = std::min(w.low, point.error - kHalf95 * sd);
+      w.high = std::max(w.high, point.error + kHalf95 * sd);
+      if (variance <= largest) continue;
+      largest = variance;
+      w.sd = sd;
+      for (std::size_t k = 0; k < columns; ++k) {
+        w.by_input[k] = point.lever[static_cast<Eigen::Index>(k)] * Sg[static_cast<Eigen::Index>(k)];
+      }
+    }
+    for (std::size_t v = 0; v < wall.by_variation.size(); ++v) {
+      w.by_input[columns + v] = wall.by_variation[v] * wall.by_variation[v];
+    }
+    w.probability = probability_of(wall, draws, -1);
+    if (out.walls.empty() || w.probability < out.least) {
+      out.least = w.probability;
+      out.line = w.line;
+    }
+    for (std::size_t k = 0; k < names.size(); ++k) sums[k] += w.by_input[k];
+    all += w.sd * w.sd;
+    out.walls.push_back(std::move(w));
+  }
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    double least = 1;
+    for (const Wall& wall : walls) least = std::min(least, probability_of(wall, draws, static_cast<int>(k)));
+    out.inputs.push_back({names[k], all > 0 ? sums[k] / all : 0, least});
+  }
+  std::stable_sort(out.inputs.begin(), out.inputs.end(),
+                   [](const UncertainInput& a, const UncertainInput& b) { return a.share > b.share; });
+  return out;
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,183 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/place.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+
+#include "polypod/core/units.hpp"
+#include "polypod/report/html.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machining::PlaceFit;
+using machining::PlacePoint;
+using machining::PlaceResult;
+using machining::Placing;
+using units::to_deg;
+using units::to_mm;
+using units::to_um;
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+std::string in_words(const Placing& at) {
+  return fmt::format("x {}, y {}, z {} mm, turned by {} deg", report::fixed(to_mm(at.origin.x()), 1),
+                     report::fixed(to_mm(at.origin.y()), 1), report::fixed(to_mm(at.origin.z()), 1),
+                     report::fixed(to_deg(at.turn), 1));
+}
+
+report::HeatMap map_of(const PlaceResult& result, const std::string& title, const std::string& label,
+                       const std::string& unit, double (*value)(const PlacePoint&)) {
+  const machining::PlaceMap& map = result.map;
+  report::HeatMap out;
+  out.title = title;
+  out.x = {"x of the origin", "mm", to_mm(map.x.min), to_mm(map.x.max)};
+  out.y = {"y of the origin", "mm", to_mm(map.y.min), to_mm(map.y.max)};
+  out.columns = map.columns;
+  out.rows = map.rows;
+  for (const PlacePoint& p : map.points) out.values.push_back(p.fit == PlaceFit::fits ? value(p) : kNone);
+  out.label = label;
+  out.unit = unit;
+  out.markers.push_back(
+      {"best", {to_mm(result.best->at.origin.x()), to_mm(result.best->at.origin.y())}, report::Colour::ink});
+  out.markers.push_back(
+      {"start", {to_mm(result.start.origin.x()), to_mm(result.start.origin.y())}, report::Colour::ink});
+  return out;
+}
+
+/// Whether a picture over x and y can be drawn.
+bool drawn(const machining::PlaceMap& map) {
+  return map.columns > 1 && map.rows > 1;
+}
+
+report::HeatMap stops_of(const PlaceResult& result) {
+  report::HeatMap out = map_of(result, "What stops the program", "", "", [](const PlacePoint&) { return 0.0; });
+  out.kinds = {"fits", "out of reach", "a joint limit", "singular", "outside of the measured compliance"};
+  out.values.clear();
+  for (const PlacePoint& p : result.map.points) {
+    int kind = 0;
+    if (p.fit == PlaceFit::reach) kind = 1;
+    if (p.fit == PlaceFit::limit || p.fit == PlaceFit::branch) kind = 2;
+    if (p.fit == PlaceFit::singular) kind = 3;
+    if (p.fit == PlaceFit::measured) kind = 4;
+    out.kind.push_back(kind);
+    out.values.push_back(0.5);
+  }
+  out.min = 0;
+  out.max = 1;
+  out.contour_labels = false;
+  return out;
+}
+
+}  // namespace
+
+std::string place_page(const machining::Job& job, const PlaceResult& result, const PlacePageOptions& options) {
+  const machining::JudgedPlace& best = *result.best;
+  std::vector<std::pair<std::string, std::string>> facts{{"machine", job.machine_name}};
+  if (!options.program.empty()) facts.emplace_back("program", options.program);
+  if (!options.version.empty()) facts.emplace_back("Polypod", options.version);
+  report::Report page("Where to put the part", "The largest normal error of a program over places of the workpiece",
+                      facts);
+  page.add_section("Answer");
+  if (result.start_error) {
+    const double gain = *result.start_error - best.error;
+    page.add_verdict(report::Verdict::good,
+                     gain > 0 ? fmt::format("The best place that was found is {}: the largest normal error there is "
+                                            "{:.1f} um, {:.1f} um less than at the start.",
+                                            in_words(best.at), to_um(best.error), to_um(gain))
+                              : std::string("No place that was looked at is better than the start."));
+  } else {
+    page.add_verdict(
+        report::Verdict::bad,
+        fmt::format("Where the part is, the program does not fit the machine ({}). The best place that was "
+                    "found is {}: the largest normal error there is {:.1f} um.",
+                    machining::name_of(result.start_fit), in_words(best.at), to_um(best.error)));
+  }
+  std::vector<report::KeyFigure> figures;
+  if (result.start_error)
+    figures.push_back({report::fixed(to_um(*result.start_error), 1), "um", "largest normal error at the start"});
+  figures.push_back({report::fixed(to_um(best.error), 1), "um", "at the best place", report::Verdict::good});
+  figures.push_back({std::to_string(result.fitting), "", fmt::format("of {} places fit", result.places)});
+  page.add_key_figures(figures);
+  if (result.at_border)
+    page.add_text(
+        "The best place lies at the boundary of the box that was searched: a larger box may hold a better one.");
+  page.add_text(
+      "Both figures are what `polypod predict` gives with the job moved there. The place is the best that a search "
+      "found; that there is none better is not proven.");
+
+  page.add_section("Maps");
+  if (drawn(result.map)) {
+    const std::string where = fmt::format("z = {} mm, turned by {} deg", report::fixed(to_mm(result.map.z), 1),
+                                          report::fixed(to_deg(result.map.turn), 1));
+    page.add_figure(
+        map_of(result, "Largest normal error", "error", "um", [](const PlacePoint& p) { return to_um(p.error); }),
+        "Estimated largest normal error of the program with the origin of the workpiece at each place, " + where +
+            ". Blank: the program does not fit there.");
+    page.add_figure_grid(
+        2,
+        {{"Compliance across the path", map_of(result, "Compliance across the path", "compliance", "um/N",
+                                               [](const PlacePoint& p) { return units::to_um_per_N(p.compliance); })},
+         {"Joints' margin", map_of(result, "Joints' margin", "margin", "% of the range",
+                                   [](const PlacePoint& p) { return 100 * p.margin; })},
+         {"What stops the program", stops_of(result)}},
+        "The largest compliance across the path of the cuts (small is stiff); the smallest distance of a joint from "
+        "the ends of its range on the way, in per cent of the range (50 is the middle); and what stops the program, "
+        "at " +
+            where + ".");
+  } else {
+    page.add_text("No map over x and y: one of them does not change in the box that was searched.");
+  }
+  if (result.rotations.size() > 1) {
+    report::LinePlot plot;
+    plot.title = "Error over the rotation of the part";
+    plot.x.label = "rotation of the workpiece";
+    plot.x.unit = "deg";
+    plot.y.label = "largest normal error";
+    plot.y.unit = "um";
+    plot.y.with_zero = true;
+    report::Series series{"estimated", {}, {}};
+    for (const PlacePoint& p : result.rotations) {
+      series.x.push_back(to_deg(p.at.turn));
+      series.y.push_back(p.fit == PlaceFit::fits ? to_um(p.error) : kNone);
+    }
+    plot.series.push_back(series);
+    plot.x_levels.push_back({"best", to_deg(best.at.turn), report::Colour::muted});
+    page.add_figure(plot, "At the position of the best place. Gaps: the program does not fit.");
+  }
+
+  page.add_section("Places that were judged");
+  report::Table table;
+  table.columns = {
+      {"x", "mm", 1},        {"y", "mm", 1}, {"z", "mm", 1}, {"rotation", "deg", 1}, {"largest normal error", "um", 1},
+      {"estimated", "um", 1}};
+  double off = 0;
+  for (const machining::JudgedPlace& j : result.judged) {
+    table.rows.push_back({to_mm(j.at.origin.x()), to_mm(j.at.origin.y()), to_mm(j.at.origin.z()), to_deg(j.at.turn),
+                          to_um(j.error), to_um(j.estimate)});
+    off = std::max(off, std::abs(j.error - j.estimate));
+  }
+  page.add_table(table);
+  page.add_text(fmt::format(
+      "Maps are estimates: the forces are those of the cut at {}, put to the compliance at each place, at the most "
+      "loaded points of the program. Where `predict` was asked, the estimate was off by up to {:.1f} um.",
+      in_words(result.reference), to_um(off)));
+
+  page.add_section("What this page does not answer");
+  page.add_list({"Whether machine, tool and part collide with a table, a fixture or each other.",
+                 "Whether the part can be clamped there, and how exactly.",
+                 fmt::format("Places outside of the box x {:.1f} .. {:.1f}, y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm, "
+                             "rotations {:.1f} .. {:.1f} deg.",
+                             to_mm(result.box[0].min), to_mm(result.box[0].max), to_mm(result.box[1].min),
+                             to_mm(result.box[1].max), to_mm(result.box[2].min), to_mm(result.box[2].max),
+                             to_deg(result.turns.min), to_deg(result.turns.max)),
+                 fmt::format("Points of the program between the {} that an estimate looks at; the whole program was "
+                             "checked at the places of the table.",
+                             result.looked_at)});
+  if (!options.command.empty()) page.add_code("The command that made this page", options.command, false);
+  return page.to_html();
+}
+
+}  // namespace polypod::pages
