@@ -71,7 +71,7 @@ Status Engine::step() {
       ends_ = finished_ = true;
     }
     percent_ = true;
-    add_plain(std::string(block.text), true);
+    add_plain(block.text, true);
     return {};
   }
   if (block.text.size() >= kLongestLine && options_.checks) {

@@ -345,7 +345,7 @@ class Engine final : private Parameters {
   [[nodiscard]] std::string plain_words(const Axes& end, bool all) const;
   [[nodiscard]] Axes to_plain(const Axes& p) const;
   [[nodiscard]] std::string plain_number(double value, bool step) const;
-  void add_plain(std::string text, bool as_it_is = false);
+  void add_plain(std::string_view text, bool as_it_is = false);
   [[nodiscard]] bool shifted() const;
 
   EngineOptions options_;

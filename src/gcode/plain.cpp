@@ -54,14 +54,14 @@ void Engine::begin_plain() {
   motion_before_ = plain_motion_;
 }
 
-void Engine::add_plain(std::string text, bool as_it_is) {
+void Engine::add_plain(std::string_view text, bool as_it_is) {
   if (!options_.plain) return;
   if (!as_it_is && text.empty()) return;
   Block block;
   block.text = text;
   block.ending = "\n";
   block.line = written_block_ != nullptr ? written_block_->line : 0;
-  plain_.blocks.push_back(std::move(block));
+  plain_.blocks.push_back(block);
   plain_sources_.push_back(static_cast<std::uint32_t>(frames_.back().source));
 }
 
@@ -137,7 +137,7 @@ void Engine::end_plain() {
     }
     if (named && !moves) plain_motion_ = motion_ < 0 ? -1 : motion_ / 10;
     if (block_ == written_block_ && !needs_mode && !block_->optional) {
-      add_plain(std::string(block_->text), true);
+      add_plain(block_->text, true);
       return;
     }
     join(before, remarks);
@@ -161,7 +161,7 @@ void Engine::end_plain() {
   add_plain(before);
   for (Motion& motion : motions_) {
     wait_at(0, motion.late);
-    add_plain(std::move(motion.text), true);
+    add_plain(motion.text, true);
   }
   add_plain(at_end);
 }

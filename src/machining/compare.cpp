@@ -134,7 +134,7 @@ class DensePath {
     return block.length() > 0 && angle_between(block.direction(0), along) > kLeans;
   }
 
-  Status read_back(const std::vector<int>& source, const std::vector<std::vector<Target*>>& kept) {
+  Status read_back(const LongVector<int>& source, const std::vector<std::vector<Target*>>& kept) {
     POLYPOD_ASSIGN(run, gcode::interpret(written_, job_.interpret_options()));
     std::vector<int> move_of_block(program_.blocks.size(), -1);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
@@ -144,9 +144,10 @@ class DensePath {
     target_of_.clear();
     program_named_ = {};
     program_named_.path = program_.path;
-    program_named_.blocks.assign(written_.blocks.size(), {});
     for (std::size_t b = 0; b < written_.blocks.size(); ++b) {
-      program_named_.blocks[b].line = program_.blocks[static_cast<std::size_t>(source[b])].line;
+      gcode::Block named;
+      named.line = program_.blocks[static_cast<std::size_t>(source[b])].line;
+      program_named_.blocks.push_back(named);
     }
     std::vector<std::size_t> next(moves_.size(), 0);
     for (const gcode::Move& move : run.moves) {

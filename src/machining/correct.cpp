@@ -508,7 +508,7 @@ class Corrector {
       move.move.start_known = true;
     }
     if (source < feed_scale_.size()) move.move.feed *= feed_scale_[source];
-    way.moves.push_back(std::move(move));
+    way.moves.push_back(move);
     way.source.push_back(static_cast<int>(source));
   }
 

@@ -169,7 +169,7 @@ class LongVector {
 
   void push_back(const T& value) {
     if ((size_ + 1) * sizeof(T) > bytes_.capacity()) {
-      const T copy = value;  // which may be one of its own
+      const T copy = value;  // NOLINT(performance-unnecessary-copy-initialization): may be one of its own
       bytes_.make_room((size_ + 1) * sizeof(T));
       new (place(size_)) T(copy);
     } else {
