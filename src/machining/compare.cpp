@@ -164,7 +164,7 @@ class DensePath {
         pass.move.start = moves_[i].start;
         pass.move.start_known = true;
       }
-      way_.moves.push_back(std::move(pass));
+      way_.moves.push_back(pass);
       way_.source.push_back(s);
       target_of_.push_back(kept[i].empty() ? nullptr : kept[i][next[i]++]);
     }
