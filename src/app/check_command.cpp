@@ -155,6 +155,7 @@ Status judge_other_switch(gcode::Program source, const machining::Job& job, cons
   add(judged.result.problems, result.problems);
   add(judged.result.not_judged, result.not_judged);
   result.ok = result.ok && judged.result.ok;
+  std::erase_if(result.notes, [](const std::string& note) { return note.starts_with(gcode::kBlockDeleteNote); });
   result.notes.push_back(
       fmt::format("judged with block delete on and off; time, length and joint ranges are those with it {}",
                   job.block_delete ? "on" : "off"));

@@ -105,6 +105,9 @@ class Page {
 
   void answer() {
     report_.add_section("The answer");
+    report_.add_text(
+        "This answers for the machines that the search tried, built as the study says: not for those it did not try, "
+        "and not for what is no figure of the study, such as strength, drives, cost and manufacture.");
     if (best_ == nullptr && front_.empty()) {
       report_.add_verdict(Verdict::bad, "No candidate that was tried keeps all holds.");
       return;
