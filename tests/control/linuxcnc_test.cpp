@@ -147,7 +147,7 @@ void expect_refusals(const AnyMachine& m, const LinuxcncConfiguration& c, Module
 class Catalogue : public testing::TestWithParam<std::string> {};
 
 TEST_P(Catalogue, ModuleAgreesWithPolypodAndWithItself) {
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const AnyMachine m = test::load(GetParam());
   const LinuxcncConfiguration c = exported(m);
   const test::Folder folder;
@@ -219,7 +219,7 @@ INSTANTIATE_TEST_SUITE_P(Machines, Catalogue, testing::ValuesIn(names()), [](con
 });
 
 TEST(LinuxcncModule, RefusesOtherUnits) {
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const LinuxcncConfiguration c = exported(test::load("delta-brno"));
   const test::Folder folder;
   const auto so = test::compiled(written(folder, c.module));
@@ -231,7 +231,7 @@ TEST(LinuxcncModule, RefusesOtherUnits) {
 
 /// The mirrored assembly of a hexapod has the same strut lengths: forward never ends there.
 TEST(LinuxcncModule, KeepsTheAssemblyModeOfHome) {
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const LinuxcncConfiguration c = exported(test::load("hexapod-strut"));
   const test::Folder folder;
   ModuleHost host(test::compiled(written(folder, c.module)).string());
@@ -249,7 +249,7 @@ TEST(LinuxcncModule, KeepsTheAssemblyModeOfHome) {
 /// A pose of a tripod behind its singular poses, with joints within their ranges: the inverse refuses it, and the
 /// forward does not stay there even if LinuxCNC believes the machine there.
 TEST(LinuxcncModule, StaysOnHomesSideOfSingularPoses) {
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const AnyMachine m = test::load("tripod-z3");
   const auto& legs = std::get<machine::Parallel>(m);
   const LinuxcncConfiguration c = exported(m);
@@ -269,7 +269,7 @@ TEST(LinuxcncModule, StaysOnHomesSideOfSingularPoses) {
 
 /// Sliders on their other roots are another working mode: forward says no, since the inverse would jump.
 TEST(LinuxcncModule, KeepsTheWorkingModeOfThePins) {
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const AnyMachine m = test::load("delta-brno");
   const LinuxcncConfiguration c = exported(m);
   const test::Folder folder;
@@ -298,7 +298,7 @@ TEST(LinuxcncModule, KeepsTheWorkingModeOfThePins) {
 /// Under a force the joints are those of the pose that the force deflects to the commanded one, by Polypod's own
 /// compliance of the tip; forward is the inverse of that.
 TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC's headers are not installed";
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   // mm: C is that of the commanded pose to rounding; the inverse and forward of both are at 1e-10.
   constexpr double kShift = 2e-9;
   for (const std::string name : {"lola50", "hexapod-f100i", "hexapod-slider", "pentapod", "tricept", "tripod-z3",
@@ -396,7 +396,7 @@ struct Pair {
 };
 
 #define POLYPOD_NEEDS_LINUXCNC \
-  if (!test::has_linuxcnc()) GTEST_SKIP() << "LinuxCNC is not installed"
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers"
 
 TEST(GenuineModules, Genhexkins) {
   POLYPOD_NEEDS_LINUXCNC;

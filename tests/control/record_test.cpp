@@ -35,14 +35,18 @@ constexpr double kAgrees = 1e-6;
 // more.
 constexpr double kAgreesWell = 5e-8;
 
-bool can_run() {
-  return test::has_linuxcnc() && ::geteuid() == 0 && std::system("unshare --pid --fork --mount true 2> /dev/null") == 0;
+/// What may make namespaces of its own, as `record` does: root, outside of most containers.
+bool may_run() {
+  return ::geteuid() == 0 && std::system("unshare --pid --fork --mount true 2> /dev/null") == 0;
 }
-bool is_long() {
-  return std::getenv("POLYPOD_LONG") != nullptr;
+#define POLYPOD_NEEDS_RUNS                                                                              \
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers"; \
+  if (!may_run()) GTEST_SKIP() << "record needs root and namespaces"
+/// These, where POLYPOD_LONG is set; else none.
+template <class T>
+std::vector<T> where_long(std::vector<T> cases) {
+  return std::getenv("POLYPOD_LONG") != nullptr ? cases : std::vector<T>();
 }
-#define POLYPOD_NEEDS_RUNS \
-  if (!can_run()) GTEST_SKIP() << "needs LinuxCNC, its headers, root and namespaces"
 
 void write(const fs::path& file, const std::string& text) {
   std::ofstream(file) << text;
@@ -144,25 +148,26 @@ TEST(Record, Delta) {
   expect_run("delta-brno", kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n", 3, kAgreesWell);
 }
 
-class Kinds : public testing::TestWithParam<std::pair<const char*, const char*>> {};
+using MachineAndMoves = std::pair<const char*, const char*>;
+class Kinds : public testing::TestWithParam<MachineAndMoves> {};
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(Kinds);
 
 TEST_P(Kinds, JointsAgreeWithTheInverse) {
   POLYPOD_NEEDS_RUNS;
-  if (!is_long()) GTEST_SKIP() << "POLYPOD_LONG=1 runs it";
   expect_run(GetParam().first, kLines + GetParam().second + "G90\nM2\n", 4);
 }
 constexpr const char* kSix = "G1 X4 Y-3 Z2\nG1 A3 B-2 C4\nG3 X-4 Y4 I-4 J0 A-1\nG1 Y-1 Z-2 A-2 B2 C-4\n";
 INSTANTIATE_TEST_SUITE_P(
     Long, Kinds,
-    testing::Values(std::pair("hexapod-strut", kSix), std::pair("hexapod-slider", kSix), std::pair("kuka-kr210", kSix),
-                    std::pair("ur10e", kSix),
-                    std::pair("lola50", "G1 X30 Y-20 Z10\nG1 A3 B-2\nG3 X-8 Y8 I-8 J0 A-1\nG1 X-22 Y12 Z-10 A-2 B2\n"),
-                    std::pair("pentapod",
-                              "G1 X30 Y-20 Z10\nG1 A3 B-2\nG3 X-8 Y8 I-8 J0 A-1\nG1 X-22 Y12 Z-10 A-2 B2\n"),
-                    std::pair("tripod-z3", "G1 Z10\nG1 A3 B-2\nG1 Z-5 A-1\nG1 Z-5 A-2 B2\n"),
-                    std::pair("tricept", "G1 X20\nG1 Y20 Z10\nG2 X-20 Y-20 I-10 J-10\nG1 Z-10\n"),
-                    std::pair("delta-par4", "G1 X20\nG1 Y20 Z-10 C5\nG2 X-20 Y-20 I-10 J-10\nG1 Z10 C-5\n"),
-                    std::pair("tricept-wrist", "G1 X20 Y10 Z5\nG1 A2 B3\nG1 X-10\nG1 X-10 Y-10 Z-5 A-2 B-3\n")),
+    testing::ValuesIn(where_long<MachineAndMoves>(
+        {MachineAndMoves("hexapod-strut", kSix), MachineAndMoves("hexapod-slider", kSix),
+         MachineAndMoves("kuka-kr210", kSix), MachineAndMoves("ur10e", kSix),
+         MachineAndMoves("lola50", "G1 X30 Y-20 Z10\nG1 A3 B-2\nG3 X-8 Y8 I-8 J0 A-1\nG1 X-22 Y12 Z-10 A-2 B2\n"),
+         MachineAndMoves("pentapod", "G1 X30 Y-20 Z10\nG1 A3 B-2\nG3 X-8 Y8 I-8 J0 A-1\nG1 X-22 Y12 Z-10 A-2 B2\n"),
+         MachineAndMoves("tripod-z3", "G1 Z10\nG1 A3 B-2\nG1 Z-5 A-1\nG1 Z-5 A-2 B2\n"),
+         MachineAndMoves("tricept", "G1 X20\nG1 Y20 Z10\nG2 X-20 Y-20 I-10 J-10\nG1 Z-10\n"),
+         MachineAndMoves("delta-par4", "G1 X20\nG1 Y20 Z-10 C5\nG2 X-20 Y-20 I-10 J-10\nG1 Z10 C-5\n"),
+         MachineAndMoves("tricept-wrist", "G1 X20 Y10 Z5\nG1 A2 B3\nG1 X-10\nG1 X-10 Y-10 Z-5 A-2 B-3\n")})),
     [](const auto& machine) {
       std::string out = machine.param.first;
       std::replace(out.begin(), out.end(), '-', '_');
@@ -170,12 +175,12 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 struct Wrong {
-  const char *program, *id, *says;
+  const char *name, *program, *id, *says;
 };
 class WhatGoesWrong : public testing::TestWithParam<Wrong> {};
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(WhatGoesWrong);
 TEST_P(WhatGoesWrong, IsSaidInLinuxcncsWords) {
   POLYPOD_NEEDS_RUNS;
-  if (!is_long()) GTEST_SKIP() << "POLYPOD_LONG=1 runs it";
   const test::Folder folder;
   const LinuxcncConfiguration c = exported("delta-brno", folder.path());
   const fs::path file = folder.path() / "program.ngc";
@@ -198,17 +203,20 @@ TEST_P(WhatGoesWrong, IsSaidInLinuxcncsWords) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Long, WhatGoesWrong,
-                         testing::Values(Wrong{"G21 G91 F1000\nG1 X1000\nM2\n", "LC116", "exceed"},
-                                         Wrong{"G21 G91 F1000\nG1 X1\nG1 X{x} Y{y}\nM2\n", "LC116", "on line 3"},
-                                         Wrong{"G21\nG1 X1 F0\nM2\n", "LC116", "feed"},
-                                         Wrong{"G21\nO100 sub\nM2\n", "LC116", ""},
-                                         Wrong{"G21\nG4 P3000\nM2\n", "LC117", "25 s"}));
+                         testing::ValuesIn(where_long<Wrong>(
+                             {{"beyond_an_axis", "G21 G91 F1000\nG1 X1000\nM2\n", "LC116", "exceed"},
+                              {"out_of_reach", "G21 G91 F1000\nG1 X1\nG1 X{x} Y{y}\nM2\n", "LC116", "on line 3"},
+                              {"no_feed", "G21\nG1 X1 F0\nM2\n", "LC116", "feed"},
+                              {"open_subprogram", "G21\nO100 sub\nM2\n", "LC116", ""},
+                              {"too_long", "G21\nG4 P3000\nM2\n", "LC117", "25 s"}})),
+                         [](const auto& wrong) { return std::string(wrong.param.name); });
 
-TEST(Record, SeveralAtOnceAndAnInterruptLeaveNothing) {
+class ManyRuns : public testing::TestWithParam<const char*> {};
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(ManyRuns);
+TEST_P(ManyRuns, AtOnceAndAnInterruptLeaveNothing) {
   POLYPOD_NEEDS_RUNS;
-  if (!is_long()) GTEST_SKIP() << "POLYPOD_LONG=1 runs it";
   const test::Folder folder;
-  exported("delta-brno", folder.path());
+  exported(GetParam(), folder.path());
   const fs::path file = folder.path() / "program.ngc", wait = folder.path() / "wait.ngc";
   write(file, kLines + "G1 X10\nG1 X-10\nG90\nM2\n");
   write(wait, "G21\nG4 P60\nM2\n");
@@ -231,6 +239,9 @@ TEST(Record, SeveralAtOnceAndAnInterruptLeaveNothing) {
   }
   EXPECT_NE(std::system("pgrep -x milltask > /dev/null"), 0);
 }
+
+INSTANTIATE_TEST_SUITE_P(Long, ManyRuns, testing::ValuesIn(where_long<const char*>({"delta-brno"})),
+                         [](const auto&) { return std::string("delta"); });
 
 TEST(Record, RefusesWhatIsNoConfiguration) {
   const test::Folder folder;
