@@ -2,6 +2,7 @@
 #include "commands.hpp"
 
 #include "linuxcnc_commands.hpp"
+#include "testcut_command.hpp"
 
 namespace polypod::app {
 
@@ -21,7 +22,7 @@ std::vector<Command> all_commands() {
       controller_command(), export_linuxcnc_command(), record_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
-      place_command(), compare_command(),
+      place_command(), compare_command(), testcut_command(),
       canon_command(), post_command(),
       cell_command(),                                           // cells
       view_command(),                                           // in a browser

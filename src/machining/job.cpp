@@ -12,6 +12,7 @@
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/urdf.hpp"
+#include "polypod/statics/compliance.hpp"
 #include "polypod/statics/judge.hpp"
 
 namespace polypod::machining {
@@ -92,6 +93,35 @@ Status read_controller(const config::Table& table, Job& job) {
   return controller->finish();
 }
 
+/// [factors]: what a test cut told.
+Status read_factors(const config::Table& table, Job& job) {
+  constexpr config::Range kFactor{0.01, 100};
+  POLYPOD_ASSIGN(factors, table.optional_table("factors"));
+  if (!factors) return {};
+  POLYPOD_ASSIGN(force, factors->optional_number("force", 1, kFactor));
+  POLYPOD_ASSIGN(uncertainty, factors->optional_number("force_uncertainty", 0, {0, 100}));
+  POLYPOD_ASSIGN(compliance, factors->optional_number("compliance", 1, kFactor));
+  POLYPOD_TRY(factors->finish());
+  job.factors = {force, compliance, uncertainty};
+  job.material = scaled_forces(std::move(job.material), force);
+  if (uncertainty > 0) {
+    const double half_95 = 1.96 * uncertainty / force;
+    const cutting::Material& m = job.material;
+    job.material.spread.push_back(
+        {half_95 * m.ktc, half_95 * m.krc, half_95 * m.kac, half_95 * m.kte, half_95 * m.kre, half_95 * m.kae});
+  }
+  if (compliance == 1) return {};
+  if (job.measured) {
+    return fail("MC413", "a factor of the machine's compliances, and a measured compliance in their place",
+                factors->place_of("compliance"), "leave out one of both");
+  }
+  std::vector<double> compliances = statics::column_compliances(job.machine);
+  for (double& c : compliances) c *= compliance;
+  POLYPOD_ASSIGN(machine, statics::with_compliances(job.machine, compliances));
+  job.machine = std::move(machine);
+  return {};
+}
+
 /// One number a joint that moves, in deg or mm (a second).
 Result<std::vector<double>> by_joint(const config::Table& table, const std::string& key,
                                      const machine::AnyMachine& machine, bool positive) {
@@ -143,6 +173,18 @@ Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vecto
       files, std::move(*map), std::move(judgement.doubts), std::move(read->unused_columns),
       static_cast<std::size_t>(
           std::count_if(points.begin(), points.end(), [](const auto& p) { return !statics::tells_all_entries(p); }))});
+}
+
+cutting::Material scaled_forces(cutting::Material material, double factor) {
+  for (double* k : {&material.ktc, &material.krc, &material.kac, &material.kte, &material.kre, &material.kae})
+    *k *= factor;
+  for (auto& variation : material.spread)
+    for (double& k : variation) k *= factor;
+  if (material.end) {
+    cutting::EndCoefficients& end = *material.end;
+    for (double* k : {&end.ktc, &end.krc, &end.kac, &end.kte, &end.kre, &end.kae}) *k *= factor;
+  }
+  return material;
 }
 
 double rotation_of(const Pose& X_MW) {
@@ -204,6 +246,7 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_ASSIGN(start, by_joint(table, "start_joints", job.machine, false));
   job.start_joints = std::move(start);
   POLYPOD_TRY(read_measured_key(table, job));
+  POLYPOD_TRY(read_factors(table, job));
   POLYPOD_TRY(table.finish());
   return job;
 }

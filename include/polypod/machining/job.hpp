@@ -41,6 +41,13 @@ struct Controller {
   }
 };
 
+/// What a test cut told of this machine with this cutter (table [factors]): by how much the cutting forces of the
+/// material and the compliances of the machine are multiplied.
+struct Factors {
+  double force = 1, compliance = 1;
+  double force_uncertainty = 0;  ///< standard uncertainty of `force`; widens the spread of the cutting coefficients
+};
+
 struct Job {
   std::string path;
   std::string machine_name;
@@ -55,6 +62,7 @@ struct Job {
   cutting::Cutter cutter;                  ///< for every tool number that has none of its own
   std::map<int, cutting::Cutter> cutters;  ///< by T number
   cutting::Material material;
+  Factors factors;  ///< `material` and `machine` are already multiplied by them
   cutting::Stock stock;
   double tolerance = 0;  ///< radius delta_t of the tube, m
   double step = 0;       ///< longest distance between evaluated points, m
@@ -92,6 +100,9 @@ std::string place_in_words(const Pose& X_MW);
 
 /// Error: MC309 for a machine whose task does not hold x, y and z.
 Status follows_programs(const machine::AnyMachine& machine);
+
+/// The material with all forces multiplied.
+cutting::Material scaled_forces(cutting::Material material, double factor);
 
 /// Reads a job file (docs/job-files.md); paths in it are relative to it. Errors: MC1xx and those of the parts.
 Result<Job> read_job(const std::string& path);
