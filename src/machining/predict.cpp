@@ -320,9 +320,10 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
   std::vector<std::string> notes;
   if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
   if (job.factors.force != 1 || job.factors.compliance != 1) {
-    notes.push_back(fmt::format("forces are {:.3g} times those of the material, compliances {:.3g} times those of the "
-                                "machine: [factors] of the job",
-                                job.factors.force, job.factors.compliance));
+    notes.push_back(
+        fmt::format("forces are {:.3g} times those of the material, compliances {:.3g} times those of the "
+                    "machine: [factors] of the job",
+                    job.factors.force, job.factors.compliance));
   }
   if (!job.cutters.empty()) {
     std::set<int> without;
