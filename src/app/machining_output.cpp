@@ -168,8 +168,16 @@ void print_steep(const machining::Steep& s, double shown, const std::string& at)
       s.elsewhere > s.distance ? fmt::format("; elsewhere on it {:.1f} um", to_um(s.elsewhere)) : "");
 }
 
+double to_a_millionth(double x) {
+  return std::round(x * 1e6) / 1e6;
+}
+
 double rounded_um(double m) {
-  return std::round(to_um(m) * 1e6) / 1e6;
+  return to_a_millionth(to_um(m));
+}
+
+Json rounded_mm(const Vec3& p) {
+  return Json::array({to_a_millionth(to_mm(p.x())), to_a_millionth(to_mm(p.y())), to_a_millionth(to_mm(p.z()))});
 }
 
 std::string answer_in_words(const machining::Correction& c, const std::optional<machining::Reach>& reach) {
@@ -215,6 +223,9 @@ void print_not_judged(const std::vector<machining::NotJudged>& moves) {
 void add_other_switch(Json& document, const std::optional<machining::OtherSwitch>& other, bool trust) {
   if (!other) return;
   document["other_block_delete"] = {{"block_delete", other->block_delete},
+                                    {"cuts", other->cuts},
+                                    {"fixed", other->fixed},
+                                    {"collision", other->collision ? Json(to_string(*other->collision)) : Json()},
                                     {"distance_before_um", to_um(other->distance_before)},
                                     {"distance_after_um", to_um(other->distance_after)},
                                     {"within_tolerance", other->within_tolerance && trust},
@@ -228,13 +239,24 @@ std::string kept_free(const machining::Job& job, double distance) {
   return fmt::format(", of which {:.1f} um are kept free for what the cells of the stock leave open", to_um(free));
 }
 
-void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust) {
+void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust, bool correction) {
   if (!other) return;
-  fmt::print("block delete   {}: up to {:.1f} um from the programmed path, {} the tolerance\n",
-             other->block_delete ? "on" : "off", to_um(other->distance_after),
-             !other->within_tolerance ? "beyond"
-             : trust                  ? "within"
-                                      : "by a doubtful measurement, not judged against");
+  const char* position = other->block_delete ? "on" : "off";
+  if (other->collision) {
+    fmt::print("block delete   {}: a rapid move (G0) goes through material\n", position);
+    return;
+  }
+  if (!other->cuts) {
+    fmt::print("block delete   {}: nothing is cut\n", position);
+    return;
+  }
+  const std::string verdict = !other->within_tolerance
+                                  ? other->reason.empty() ? "beyond the tolerance" : "but " + other->reason
+                              : trust ? "within the tolerance"
+                                      : "by a doubtful measurement, not judged against the tolerance";
+  fmt::print("block delete   {}{}: up to {:.1f} um from the programmed path, {}\n", position,
+             other->fixed && correction ? ", with a correction for that position, which is not the one written" : "",
+             to_um(other->distance_after), verdict);
   const std::string at = fmt::format(", with block delete {}", other->block_delete ? "on" : "off");
   print_steep(other->steep, other->distance_after, at);
   print_plunges(other->plunges, {}, other->distance_after, at);
