@@ -364,6 +364,7 @@ Command correct_command() {
           page.output = writes ? o->output : "";
           page.method = options.method;
           page.uncertainty = uncertainty;
+          page.confidence = confidence;
           page.command = command_line();
           POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
         }

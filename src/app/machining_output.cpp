@@ -300,14 +300,11 @@ Json confidence_json(const machining::Confidence& c) {
                       {"share_percent", 100 * input.share},
                       {"least_probability_if_halved", input.least_if_halved}});
   }
-  return {{"walls", walls}, {"inputs", inputs}, {"least_probability", c.least}, {"line", c.line}};
+  return {{"walls", walls}, {"inputs", inputs}, {"least_probability", c.least}, {"line", c.line}, {"draws", c.draws}};
 }
 
 void print_confidence(const machining::Confidence& c) {
-  // A probability that rounds to 100 % is not certainty.
-  const auto percent = [](double p) {
-    return p > 0.9995 && p < 1 ? std::string("more than 99.9 %") : fmt::format("{:.1f} %", 100 * p);
-  };
+  const auto percent = [&](double p) { return c.percent(p); };
   fmt::print("how likely the walls are inside, as far as the given inputs are uncertain:\n");
   constexpr std::size_t kMost = 20;
   std::vector<machining::WallConfidence> walls = c.walls;
@@ -321,10 +318,11 @@ void print_confidence(const machining::Confidence& c) {
   if (walls.size() > kMost) fmt::print("  and {} walls more, likelier than these\n", walls.size() - kMost);
   if (c.inputs.empty() || c.walls.empty()) return;
   const machining::UncertainInput& first = c.inputs.front();
-  fmt::print(
-      "know better first: {}, {:.0f} % of the variance; known twice as well, the least likely wall would be inside "
-      "with {}\n",
-      first.name, 100 * first.share, percent(first.least_if_halved));
+  fmt::print("know better first: {}, {:.0f} % of the variance{}\n", first.name, 100 * first.share,
+             percent(c.least) == percent(first.least_if_halved)
+                 ? ""
+                 : fmt::format("; known twice as well, the least likely wall would be inside with {}",
+                               percent(first.least_if_halved)));
 }
 
 }  // namespace polypod::app
