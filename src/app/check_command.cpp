@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "commands.hpp"
+#include "machining_output.hpp"
 #include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -65,20 +67,16 @@ void print_answer(const std::string& program, const machining::CheckResult& resu
 }
 
 Json nearest_json(const machining::Job& job, const machining::NearestPlaces& found) {
-  const auto rounded = [](double x) { return std::round(x * 1e6) / 1e6; };
   Json shift, turn;
   if (found.by_shift) {
     const Vec3 by = found.by_shift->origin - job.X_MW.p;
-    shift = {
-        {"shift_mm", Json::array()}, {"distance_mm", rounded(units::to_mm(by.norm()))}, {"origin_mm", Json::array()}};
-    for (int k = 0; k < 3; ++k) {
-      shift["shift_mm"].push_back(rounded(units::to_mm(by[k])));
-      shift["origin_mm"].push_back(rounded(units::to_mm(found.by_shift->origin[k])));
-    }
+    shift = {{"shift_mm", rounded_mm(by)},
+             {"distance_mm", to_a_millionth(units::to_mm(by.norm()))},
+             {"origin_mm", rounded_mm(found.by_shift->origin)}};
   }
   if (found.by_turn) {
-    turn = {{"turn_by_deg", rounded(units::to_deg(found.by_turn->turn - machining::rotation_of(job.X_MW)))},
-            {"rotation_deg", rounded(units::to_deg(found.by_turn->turn))}};
+    turn = {{"turn_by_deg", to_a_millionth(units::to_deg(found.by_turn->turn - machining::rotation_of(job.X_MW)))},
+            {"rotation_deg", to_a_millionth(units::to_deg(found.by_turn->turn))}};
   }
   return {{"by_shift", shift}, {"by_turn", turn}, {"looked_to_mm", units::to_mm(found.looked_to)}};
 }
@@ -113,34 +111,25 @@ struct Judged {
 
 Result<Judged> judge(gcode::Program source, const machining::Job& job, const machining::CheckOptions& options) {
   const gcode::UnrollOptions unroll = machining::unroll_options(job);
-  POLYPOD_ASSIGN(unrolled, gcode::unroll(std::move(source), unroll));
-  POLYPOD_ASSIGN(run, gcode::interpret(unrolled.program, unroll.interpret));
-  run.notes.insert(run.notes.begin(), unrolled.notes.begin(), unrolled.notes.end());
-  gcode::Understood understood{std::move(unrolled.program), std::move(run), unrolled.unrolled};
+  POLYPOD_ASSIGN(understood, gcode::understand(std::move(source), unroll));
   POLYPOD_TRY(machining::known_offsets(job, understood.program, understood.interpretation));
   POLYPOD_ASSIGN(result,
                  machining::check(job.machine, job.X_MW, understood.program, understood.interpretation, options));
   return Judged{std::move(understood), std::move(result)};
 }
 
-bool has_optional_blocks(const gcode::Program& program) {
-  return std::any_of(program.blocks.begin(), program.blocks.end(), [](const auto& block) { return block.optional; });
-}
-
 /// Adds what is found with the switch of block delete in its other position, which stands at the controller, not in the
 /// program.
-Status judge_other_switch(gcode::Program source, const machining::Job& job, const machining::CheckOptions& options,
-                          machining::CheckResult& result) {
+Result<gcode::Understood> judge_other_switch(gcode::Program source, const machining::Job& job,
+                                             const machining::CheckOptions& options, machining::CheckResult& result) {
   machining::Job other = job;
   other.block_delete = !job.block_delete;
   const char* position = other.block_delete ? "on" : "off";
   Result<Judged> in_other_position = judge(std::move(source), other, options);
   if (!in_other_position) {
-    Error error = std::move(in_other_position.error());
-    error.message += fmt::format(" (with block delete {})", position);
-    return tl::unexpected(std::move(error));
+    return tl::unexpected(machining::at_switch(std::move(in_other_position.error()), other.block_delete));
   }
-  const Judged& judged = *in_other_position;
+  Judged& judged = *in_other_position;
   const auto add = [&](const std::vector<machining::CheckProblem>& found, std::vector<machining::CheckProblem>& known) {
     const std::vector<machining::CheckProblem> before = known;
     for (machining::CheckProblem one : found) {
@@ -155,11 +144,11 @@ Status judge_other_switch(gcode::Program source, const machining::Job& job, cons
   add(judged.result.problems, result.problems);
   add(judged.result.not_judged, result.not_judged);
   result.ok = result.ok && judged.result.ok;
-  std::erase_if(result.notes, [](const std::string& note) { return note.starts_with(gcode::kBlockDeleteNote); });
+  gcode::drop_block_delete_note(result.notes);
   result.notes.push_back(
       fmt::format("judged with block delete on and off; time, length and joint ranges are those with it {}",
                   job.block_delete ? "on" : "off"));
-  return {};
+  return std::move(judged.understood);
 }
 
 }  // namespace
@@ -195,13 +184,16 @@ Command check_command() {
         options.rapid_speed = units::from_mm_per_min(o->rapid);
         options.progress = progress_line(context, "checking");
         POLYPOD_ASSIGN(source, gcode::read(o->program));
-        const bool optional = has_optional_blocks(source);
+        const bool optional = machining::has_optional_blocks(source);
         POLYPOD_ASSIGN(judged, optional ? judge(source, job, options) : judge(std::move(source), job, options));
         const gcode::Program& program = judged.understood.program;
         const gcode::Interpretation& interpretation = judged.understood.interpretation;
         machining::CheckResult& result = judged.result;
-        const bool fits_in_this_position = result.ok;
-        if (optional) POLYPOD_TRY(judge_other_switch(std::move(source), job, options, result));
+        std::optional<gcode::Understood> other;
+        if (optional) {
+          POLYPOD_ASSIGN(understood, judge_other_switch(std::move(source), job, options, result));
+          other = std::move(understood);
+        }
         options.progress(1);
         if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
           const Error why = machining::cuts_nothing(job, program, interpretation);
@@ -209,16 +201,13 @@ Command check_command() {
               fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));
         }
         Json nearest;
-        if (o->nearest && !fits_in_this_position && !interpretation.moves.empty()) {
+        if (o->nearest && !result.ok && !interpretation.moves.empty()) {
           machining::NearestOptions search;
+          if (other) search.other = &*other;
           search.progress = progress_line(context, "looking for a place");
           POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
           search.progress(1);
           nearest = nearest_json(job, found);
-          if (optional) {
-            result.notes.push_back(fmt::format("the places that were found are those with block delete {}",
-                                               job.block_delete ? "on" : "off"));
-          }
         }
         const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
         Json ranges = Json::array();

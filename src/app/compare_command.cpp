@@ -8,6 +8,7 @@
 #include "machining_output.hpp"
 #include "messages.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machining/accept.hpp"
 #include "polypod/machining/compare.hpp"
 
 namespace polypod::app {
@@ -19,7 +20,15 @@ constexpr config::Range kPoints{1, 10000};
 constexpr config::Range kStep_mm{0.01, 10};
 constexpr config::Range kRounds{1, 50};
 
-Json answer_json(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes) {
+/// What the comparison leaves out of a program with blocks that begin with /; empty: nothing.
+std::string left_out(const Input& in) {
+  if (!in.other && !machining::has_optional_blocks(in.program)) return {};
+  return fmt::format("compared with block delete {} alone; `predict` and `correct` judge both positions",
+                     in.job.block_delete ? "on" : "off");
+}
+
+Json answer_json(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes,
+                 const std::string& open) {
   Json methods = Json::array();
   for (const machining::MethodOutcome& m : outcomes) {
     methods.push_back({{"name", machining::name_of(m.method)},
@@ -28,30 +37,36 @@ Json answer_json(const machining::Job& job, const std::vector<machining::MethodO
                        {"seconds", m.seconds},
                        {"distance_um", to_um(m.distance)},
                        {"within_tolerance", m.inside},
+                       {"worse_than_none", m.worse},
                        {"all_judged", m.judged},
                        {"rounds", m.rounds},
                        {"what", machining::description_of(m.method)},
                        {"notes", m.notes}});
   }
-  return {{"methods", methods}, {"tolerance_um", to_um(job.tolerance)}};
+  Json notes = Json::array();
+  if (!open.empty()) notes.push_back(open);
+  return {{"methods", methods}, {"tolerance_um", rounded_um(job.tolerance)}, {"notes", notes}};
 }
 
-void print_answer(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes) {
+void print_answer(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes,
+                  const std::string& open) {
   fmt::print("          normal error um            distance um   lines   seconds\n");
   fmt::print("             min     mean      max\n");
   for (const machining::MethodOutcome& m : outcomes) {
     const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
-    fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}  {:>7}  {:>8.2f}  {}\n", machining::name_of(m.method),
+    fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}  {:>7}  {:>8.2f}  {}{}\n", machining::name_of(m.method),
                um(m.normal.min), um(m.normal.mean), um(m.normal.max), um(m.distance), m.lines, m.seconds,
                m.inside                                                  ? "within the tolerance"
                : m.distance > job.tolerance - machining::resolution(job) ? "beyond the tolerance"
-                                                                         : "not all of it is judged");
+                                                                         : "not all of it is judged",
+               m.worse ? ", worse than no correction" : "");
   }
   fmt::print("\ntolerance {:g} um; distances without the corners that the controller rounds\n", to_um(job.tolerance));
   for (const machining::MethodOutcome& m : outcomes) {
     fmt::print("{:<8} {}\n", machining::name_of(m.method), machining::description_of(m.method));
     for (const std::string& note : m.notes) fmt::print("         note: {}\n", note);
   }
+  if (!open.empty()) fmt::print("note: {}\n", open);
 }
 
 }  // namespace
@@ -100,9 +115,9 @@ Command compare_command() {
             POLYPOD_ASSIGN(outcomes, machining::compare_methods(in.job, in.program, in.interpretation, options));
             if (line) line(1);
             if (context.json) {
-              print_json(answer_json(in.job, outcomes));
+              print_json(answer_json(in.job, outcomes, left_out(in)));
             } else {
-              print_answer(in.job, outcomes);
+              print_answer(in.job, outcomes, left_out(in));
             }
             return kDone;
           }};

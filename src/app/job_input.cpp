@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "job_input.hpp"
 
+#include "polypod/machining/accept.hpp"
 #include "polypod/machining/unrolling.hpp"
 
 namespace polypod::app {
@@ -14,8 +15,29 @@ Result<Input> read_input(const std::string& program_path, const std::string& job
   }
   gcode::UnrollOptions options = machining::unroll_options(job);
   options.source_lines = source_lines;
-  POLYPOD_ASSIGN(understood, gcode::understand(program_path, options));
-  return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation)};
+  POLYPOD_ASSIGN(source, gcode::read(program_path));
+  std::optional<gcode::Understood> other;
+  if (machining::has_optional_blocks(source) && gcode::needs_unrolling(source)) {
+    gcode::UnrollOptions turned = options;
+    turned.interpret.block_delete = !job.block_delete;
+    Result<gcode::Understood> found = gcode::understand(source, turned);
+    if (!found) return tl::unexpected(machining::at_switch(std::move(found.error()), turned.interpret.block_delete));
+    other = std::move(*found);
+  }
+  POLYPOD_ASSIGN(understood, gcode::understand(std::move(source), options));
+  return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation), std::move(other)};
+}
+
+Status read_other_position(Input& in) {
+  if (in.other || !machining::has_optional_blocks(in.program)) return {};
+  gcode::InterpretOptions options = in.job.interpret_options();
+  options.block_delete = !in.job.block_delete;
+  Result<gcode::Interpretation> run = gcode::interpret(in.program, options);
+  if (!run) return tl::unexpected(machining::at_switch(std::move(run.error()), options.block_delete));
+  if (Status known = machining::known_offsets(in.job, in.program, *run); !known)
+    return tl::unexpected(machining::at_switch(std::move(known.error()), options.block_delete));
+  in.other = gcode::Understood{in.program, std::move(*run), false};
+  return {};
 }
 
 }  // namespace polypod::app

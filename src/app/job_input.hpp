@@ -2,6 +2,7 @@
 // A program and its job, as predict, correct, place and others read them.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,10 @@ struct Input {
   machining::Job job;
   gcode::Program program;
   gcode::Interpretation interpretation;
+  /// With the other position of block delete, where the program was unrolled and has blocks with /.
+  std::optional<gcode::Understood> other;
+
+  [[nodiscard]] const gcode::Understood* other_position() const { return other ? &*other : nullptr; }
 };
 
 inline constexpr const char* kMeasuredHelp =
@@ -23,5 +28,8 @@ inline constexpr const char* kMeasuredHelp =
 /// `measured`: files in the place of the job's measured compliance, if there are any.
 Result<Input> read_input(const std::string& program_path, const std::string& job_path,
                          const std::vector<std::string>& measured = {}, bool source_lines = false);
+
+/// Fills `other` of a program that was not unrolled, too.
+Status read_other_position(Input& in);
 
 }  // namespace polypod::app

@@ -129,6 +129,7 @@ Command predict_command() {
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
         options.step = units::from_mm(o->step_mm);
         options.again = o->again;
+        options.other = in.other_position();
         options.progress = progress_line(context, "predicting");
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
@@ -144,7 +145,9 @@ Command predict_command() {
         }
         const bool spread = !in.job.material.spread.empty();
         const bool trust = trusted(in.job), within = p.within(in.job) && trust;
-        const Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
+        Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
+        const bool other_collides = collision && p.other_switch && p.other_switch->collision;
+        if (other_collides) collision = tl::unexpected(*p.other_switch->collision);
         const bool leaves = !o->stock_left.empty() && collision;  // after a collision nobody knows what is left
         if (leaves) POLYPOD_TRY(cutting::write_stock(p.stock_left, o->stock_left));
         if (context.json) {
@@ -226,7 +229,7 @@ Command predict_command() {
         }
         print_steep(p.steep, p.largest_distance);
         print_plunges(p.plunges, p.plunge_within, p.largest_distance);
-        print_other_switch(p.other_switch, trust);
+        print_other_switch(p.other_switch, trust, false);
         if (spread) {
           fmt::print(
               "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
@@ -326,6 +329,7 @@ Command correct_command() {
         if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
         options.keep_samples = !o->report.empty();
         options.keep_stock = !o->stock_left.empty();
+        options.other = in.other_position();
         const char* current = "";
         std::function<bool(double)> line;
         options.progress = [&](const char* what, double share) {
@@ -360,6 +364,7 @@ Command correct_command() {
           page.output = writes ? o->output : "";
           page.method = options.method;
           page.uncertainty = uncertainty;
+          page.confidence = confidence;
           page.command = command_line();
           POLYPOD_TRY(together.add(o->report, pages::correction_page(in.job, in.program, c, page)));
         }
@@ -441,7 +446,7 @@ Command correct_command() {
                      c.verified ? ", and again with finer cells" : "");
           print_modes(c);
           print_short_blocks(c.short_blocks, writes);
-          print_other_switch(c.other_switch, trusted(in.job));
+          print_other_switch(c.other_switch, trusted(in.job), true);
           print_map(in.job, map);
           print_uncertainty(uncertainty, nullptr);  // said with the answer
           print_outside(c);

@@ -168,8 +168,16 @@ void print_steep(const machining::Steep& s, double shown, const std::string& at)
       s.elsewhere > s.distance ? fmt::format("; elsewhere on it {:.1f} um", to_um(s.elsewhere)) : "");
 }
 
+double to_a_millionth(double x) {
+  return std::round(x * 1e6) / 1e6;
+}
+
 double rounded_um(double m) {
-  return std::round(to_um(m) * 1e6) / 1e6;
+  return to_a_millionth(to_um(m));
+}
+
+Json rounded_mm(const Vec3& p) {
+  return Json::array({to_a_millionth(to_mm(p.x())), to_a_millionth(to_mm(p.y())), to_a_millionth(to_mm(p.z()))});
 }
 
 std::string answer_in_words(const machining::Correction& c, const std::optional<machining::Reach>& reach) {
@@ -215,6 +223,9 @@ void print_not_judged(const std::vector<machining::NotJudged>& moves) {
 void add_other_switch(Json& document, const std::optional<machining::OtherSwitch>& other, bool trust) {
   if (!other) return;
   document["other_block_delete"] = {{"block_delete", other->block_delete},
+                                    {"cuts", other->cuts},
+                                    {"fixed", other->fixed},
+                                    {"collision", other->collision ? Json(to_string(*other->collision)) : Json()},
                                     {"distance_before_um", to_um(other->distance_before)},
                                     {"distance_after_um", to_um(other->distance_after)},
                                     {"within_tolerance", other->within_tolerance && trust},
@@ -228,13 +239,24 @@ std::string kept_free(const machining::Job& job, double distance) {
   return fmt::format(", of which {:.1f} um are kept free for what the cells of the stock leave open", to_um(free));
 }
 
-void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust) {
+void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust, bool correction) {
   if (!other) return;
-  fmt::print("block delete   {}: up to {:.1f} um from the programmed path, {} the tolerance\n",
-             other->block_delete ? "on" : "off", to_um(other->distance_after),
-             !other->within_tolerance ? "beyond"
-             : trust                  ? "within"
-                                      : "by a doubtful measurement, not judged against");
+  const char* position = other->block_delete ? "on" : "off";
+  if (other->collision) {
+    fmt::print("block delete   {}: a rapid move (G0) goes through material\n", position);
+    return;
+  }
+  if (!other->cuts) {
+    fmt::print("block delete   {}: nothing is cut\n", position);
+    return;
+  }
+  const std::string verdict = !other->within_tolerance
+                                  ? other->reason.empty() ? "beyond the tolerance" : "but " + other->reason
+                              : trust ? "within the tolerance"
+                                      : "by a doubtful measurement, not judged against the tolerance";
+  fmt::print("block delete   {}{}: up to {:.1f} um from the programmed path, {}\n", position,
+             other->fixed && correction ? ", with a correction for that position, which is not the one written" : "",
+             to_um(other->distance_after), verdict);
   const std::string at = fmt::format(", with block delete {}", other->block_delete ? "on" : "off");
   print_steep(other->steep, other->distance_after, at);
   print_plunges(other->plunges, {}, other->distance_after, at);
@@ -278,14 +300,11 @@ Json confidence_json(const machining::Confidence& c) {
                       {"share_percent", 100 * input.share},
                       {"least_probability_if_halved", input.least_if_halved}});
   }
-  return {{"walls", walls}, {"inputs", inputs}, {"least_probability", c.least}, {"line", c.line}};
+  return {{"walls", walls}, {"inputs", inputs}, {"least_probability", c.least}, {"line", c.line}, {"draws", c.draws}};
 }
 
 void print_confidence(const machining::Confidence& c) {
-  // A probability that rounds to 100 % is not certainty.
-  const auto percent = [](double p) {
-    return p > 0.9995 && p < 1 ? std::string("more than 99.9 %") : fmt::format("{:.1f} %", 100 * p);
-  };
+  const auto percent = [&](double p) { return c.percent(p); };
   fmt::print("how likely the walls are inside, as far as the given inputs are uncertain:\n");
   constexpr std::size_t kMost = 20;
   std::vector<machining::WallConfidence> walls = c.walls;
@@ -299,10 +318,11 @@ void print_confidence(const machining::Confidence& c) {
   if (walls.size() > kMost) fmt::print("  and {} walls more, likelier than these\n", walls.size() - kMost);
   if (c.inputs.empty() || c.walls.empty()) return;
   const machining::UncertainInput& first = c.inputs.front();
-  fmt::print(
-      "know better first: {}, {:.0f} % of the variance; known twice as well, the least likely wall would be inside "
-      "with {}\n",
-      first.name, 100 * first.share, percent(first.least_if_halved));
+  fmt::print("know better first: {}, {:.0f} % of the variance{}\n", first.name, 100 * first.share,
+             percent(c.least) == percent(first.least_if_halved)
+                 ? ""
+                 : fmt::format("; known twice as well, the least likely wall would be inside with {}",
+                               percent(first.least_if_halved)));
 }
 
 }  // namespace polypod::app

@@ -29,8 +29,10 @@ Json steep_json(const machining::Steep& s);
 /// `at`: "" or ", with block delete on".
 /// `shown`: the distance that is printed already, m.
 void print_steep(const machining::Steep& s, double shown, const std::string& at = "");
-/// In um, without the noise that the conversion leaves.
+/// To a millionth: mm, deg or um without the noise that a conversion leaves, so that a job can take them as they stand.
+double to_a_millionth(double x);
 double rounded_um(double m);
+Json rounded_mm(const Vec3& p);
 /// The answer of `correct` in one sentence.
 std::string answer_in_words(const machining::Correction& c, const std::optional<machining::Reach>& reach);
 /// The answer of `correct` where it is yes, and what it does not hold for.
@@ -41,7 +43,8 @@ void print_not_judged(const std::vector<machining::NotJudged>& moves);
 void add_other_switch(Json& document, const std::optional<machining::OtherSwitch>& other, bool trust);
 /// Why a distance below the tolerance is beyond it.
 std::string kept_free(const machining::Job& job, double distance);
-void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust);
+/// `correction`: of `correct`, where a fixed program has another one for the other position.
+void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool trust, bool correction);
 void print_modes(const machining::Correction& c);
 void print_outside(const machining::Correction& c);
 

@@ -7,11 +7,11 @@
 
 #include "commands.hpp"
 #include "job_input.hpp"
+#include "machining_output.hpp"
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/machining/accept.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/pages/place.hpp"
 
@@ -43,19 +43,13 @@ machine::JointRange scaled(const machine::JointRange& r, double factor) {
   return {r.min * factor, r.max * factor};
 }
 
-Json origin_json(const Vec3& p) {
-  // To what the search gives places to: a job can take them as they stand.
-  Json out = Json::array();
-  for (int k = 0; k < 3; ++k) out.push_back(std::round(to_mm(p[k]) * 1e6) / 1e6);
-  return out;
-}
 double turn_for_user(double turn) {
-  return std::round(to_deg(turn) * 1e6) / 1e6;
+  return to_a_millionth(to_deg(turn));
 }
 
 Json point_json(const PlacePoint& p) {
   const bool fits = p.fit == PlaceFit::fits;
-  return {{"origin_mm", origin_json(p.at.origin)},
+  return {{"origin_mm", rounded_mm(p.at.origin)},
           {"turn_deg", turn_for_user(p.at.turn)},
           {"fits", fits},
           {"why_not", fits ? Json() : Json(machining::name_of(p.fit))},
@@ -71,10 +65,18 @@ Json range_json(const machine::JointRange& r, double (*user)(double)) {
 constexpr const char* kNotJudged =
     "collisions of machine, tool and part with table and fixture are not judged, nor how the part can be clamped";
 
-Json answer_json(const PlaceResult& r) {
-  Json judged = Json::array(), map = Json::array(), rotations = Json::array();
+/// What is said of a program with blocks that begin with /; empty: it has none.
+std::string note_on_switch(const Input& in) {
+  if (!in.other) return {};
+  return fmt::format("places fit with block delete on and off; errors are those with it {}",
+                     in.job.block_delete ? "on" : "off");
+}
+
+Json answer_json(const PlaceResult& r, const std::string& on_switch) {
+  Json judged = Json::array(), map = Json::array(), rotations = Json::array(), notes = Json::array({kNotJudged});
+  if (!on_switch.empty()) notes.push_back(on_switch);
   for (const machining::JudgedPlace& j : r.judged) {
-    judged.push_back({{"origin_mm", origin_json(j.at.origin)},
+    judged.push_back({{"origin_mm", rounded_mm(j.at.origin)},
                       {"turn_deg", turn_for_user(j.at.turn)},
                       {"error_um", to_um(j.error)},
                       {"estimate_um", to_um(j.estimate)}});
@@ -83,7 +85,7 @@ Json answer_json(const PlaceResult& r) {
   for (const PlacePoint& p : r.rotations) rotations.push_back(point_json(p));
   Json best;
   if (r.best) {
-    best = {{"origin_mm", origin_json(r.best->at.origin)},
+    best = {{"origin_mm", rounded_mm(r.best->at.origin)},
             {"turn_deg", turn_for_user(r.best->at.turn)},
             {"error_um", to_um(r.best->error)},
             {"gain_um", r.start_error ? Json(to_um(*r.start_error - r.best->error)) : Json()},
@@ -94,7 +96,7 @@ Json answer_json(const PlaceResult& r) {
       {"best", best},
       {"fits", r.best.has_value()},
       {"start",
-       {{"origin_mm", origin_json(r.start.origin)},
+       {{"origin_mm", rounded_mm(r.start.origin)},
         {"turn_deg", turn_for_user(r.start.turn)},
         {"fits", r.start_fit == PlaceFit::fits},
         {"why_not", r.start_fit == PlaceFit::fits ? Json() : Json(machining::name_of(r.start_fit))}}},
@@ -108,7 +110,7 @@ Json answer_json(const PlaceResult& r) {
       {"map_columns", r.map.columns},
       {"map", map},
       {"rotations", rotations},
-      {"notes", Json::array({kNotJudged})}};
+      {"notes", notes}};
 }
 
 std::string in_words(const Placing& at) {
@@ -117,7 +119,7 @@ std::string in_words(const Placing& at) {
                      unsigned_zero(fmt::format("{:.1f}", to_deg(at.turn))));
 }
 
-void print_answer(const PlaceResult& r) {
+void print_answer(const PlaceResult& r, const std::string& on_switch) {
   if (r.start_error) {
     fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_error), in_words(r.start));
   } else {
@@ -139,6 +141,7 @@ void print_answer(const PlaceResult& r) {
     fmt::print("note: the best place lies at the boundary of that box; a larger box may hold a better one\n");
   fmt::print("note: the best that a search found; that there is none better is not proven\n");
   fmt::print("note: {}\n", kNotJudged);
+  if (!on_switch.empty()) fmt::print("note: {}\n", on_switch);
 }
 
 }  // namespace
@@ -194,6 +197,8 @@ Command place_command() {
         options.rotations = o->rotations;
         options.threads = o->threads;
         options.again = o->again;
+        POLYPOD_TRY(read_other_position(in));
+        if (in.other) options.other = &*in.other;
         std::string doing;
         std::function<bool(double)> line;
         options.progress = [&](double share, const char* what) {
@@ -211,9 +216,9 @@ Command place_command() {
               o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));
         }
         if (context.json) {
-          print_json(answer_json(result));
+          print_json(answer_json(result, note_on_switch(in)));
         } else {
-          print_answer(result);
+          print_answer(result, note_on_switch(in));
           if (!o->report.empty() && result.best) fmt::print("wrote {}\n", one_line(o->report));
         }
         return result.best ? kDone : kAnswerIsNo;

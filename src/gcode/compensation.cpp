@@ -310,7 +310,7 @@ Status Engine::compensated_line(const Axes& end, bool rapid) {
   const Point start = beside(from, heading);
   if (std::abs(turn) < kTangent) {
     POLYPOD_TRY(release());
-  } else if (is_inside(turn, around)) {
+  } else if (is_inside(turn, around && !stopped_)) {  // behind a stop rs274 goes round a turn back, as behind a line
     Point meet{};
     if (!after_arc) {
       const double back = cutter_radius_ * std::tan(turn / 2);

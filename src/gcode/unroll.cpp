@@ -96,8 +96,16 @@ Result<Unrolled> unroll(Program program, const UnrollOptions& options) {
   return out;
 }
 
+void drop_block_delete_note(std::vector<std::string>& notes) {
+  std::erase_if(notes, [](const std::string& note) { return note.starts_with(kBlockDeleteNote); });
+}
+
 Result<Understood> understand(const std::string& path, const UnrollOptions& options) {
   POLYPOD_ASSIGN(source, read(path));
+  return understand(std::move(source), options);
+}
+
+Result<Understood> understand(Program source, const UnrollOptions& options) {
   POLYPOD_ASSIGN(unrolled, unroll(std::move(source), options));
   POLYPOD_ASSIGN(run, interpret(unrolled.program, options.interpret));
   run.notes.insert(run.notes.begin(), unrolled.notes.begin(), unrolled.notes.end());

@@ -218,6 +218,15 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   return out;
 }
 
+bool has_optional_blocks(const gcode::Program& program) {
+  return std::any_of(program.blocks.begin(), program.blocks.end(), [](const gcode::Block& b) { return b.optional; });
+}
+
+Error at_switch(Error error, bool block_delete) {
+  error.message += fmt::format(" (with block delete {})", block_delete ? "on" : "off");
+  return error;
+}
+
 int corrected_line(const gcode::Program& program) {
   for (const gcode::Block& block : program.blocks) {
     for (const std::string_view comment : gcode::comments(block)) {

@@ -18,6 +18,8 @@ namespace {
 
 // The step of the judge is at most this, m, as that of `correct`'s check.
 constexpr double kCheckStep = 0.1e-3;
+// Two distances that differ by less than this are taken as equal, m: the stock's cells move them by as much.
+constexpr double kSameDistance = 1e-6;
 
 /// On a plunge what is held back along the way is not corrected, as in `correct`.
 Vec3 to_correct(const gcode::Move& move, const Vec3& deflection) {
@@ -190,6 +192,13 @@ class Comparison {
     std::vector<MethodOutcome> out;
     for (const Method method : {Method::none, Method::tube, Method::mirror, Method::comet, Method::abele}) {
       POLYPOD_ASSIGN(outcome, of(method));
+      if (!out.empty()) {
+        const auto normal = [](const MethodOutcome& m) {
+          return std::max(std::abs(m.normal.min), std::abs(m.normal.max));
+        };
+        outcome.worse = outcome.distance > out.front().distance + kSameDistance ||
+                        normal(outcome) > normal(out.front()) + kSameDistance;
+      }
       out.push_back(std::move(outcome));
     }
     return out;

@@ -17,6 +17,7 @@
 #include "fit.hpp"
 #include "modes.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/unroll.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/machining/accept.hpp"
 #include "way.hpp"
@@ -66,6 +67,9 @@ class Corrector {
       if (which[i]) feed_scale_[i] = factor;
     }
   }
+
+  /// What was found of the program unrolled for the other position of block delete.
+  void take_other(const std::optional<OtherSwitch>& other) { fixed_other_ = other ? &*other : nullptr; }
 
   Result<Correction> run() {
     out_.tolerance = job_.tolerance;
@@ -453,6 +457,10 @@ class Corrector {
     header.push_back(
         changed > 0 ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                     : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
+    if (fixed_other_ != nullptr) {
+      header.push_back(fmt::format("Polypod: written with block delete {}; the switch does not act on this program",
+                                   fixed_other_->block_delete ? "off" : "on"));
+    }
     if (!warning_.empty()) header.push_back("Polypod: " + warning_);
     if (job_.measured) {
       header.push_back(
@@ -851,7 +859,7 @@ class Corrector {
     out_.largest_before = before.largest_with;
     out_.largest_after = after.largest_with;
     outcomes(before, after);
-    if (options_.method == CorrectMethod::tube) POLYPOD_TRY(judge_other_switch());
+    POLYPOD_TRY(judge_other_switch());
     decide();
     out_.after.notes = after_notes_;
     if (!out_.within_tolerance) {  // whoever finds the file without its report must see it
@@ -898,17 +906,21 @@ class Corrector {
 
   /// The corrected program with the block delete switch in its other position.
   Status judge_other_switch() {
-    const bool optional =
-        std::any_of(program_.blocks.begin(), program_.blocks.end(), [](const gcode::Block& b) { return b.optional; });
-    if (!optional) return {};
+    if (fixed_other_ != nullptr) {
+      out_.other_switch = *fixed_other_;
+      return {};
+    }
+    if (!has_optional_blocks(program_)) return {};
     OtherSwitch& other = out_.other_switch.emplace();
     other.block_delete = !job_.block_delete;
+    const auto here = [&](Error error) { return tl::unexpected(at_switch(std::move(error), other.block_delete)); };
     gcode::InterpretOptions options = job_.interpret_options();
     options.block_delete = other.block_delete;
-    POLYPOD_ASSIGN(programmed, gcode::interpret(program_, options));
-    POLYPOD_ASSIGN(accepted, accept(job_, program_, programmed, {true, {}}));
+    const Result<gcode::Interpretation> programmed = gcode::interpret(program_, options);
+    if (!programmed) return here(programmed.error());
+    POLYPOD_ASSIGN(position, OtherPosition::of(job_, program_, *programmed, {}));
     POLYPOD_ASSIGN(written, gcode::interpret(out_.program, options));
-    const LongVector<gcode::Move>& moves = accepted.interpretation().moves;
+    const LongVector<gcode::Move>& moves = position.moves();
     const LongVector<int> move_of_block = moves_by_block(moves);
     const Way as_it_was = way_as_programmed(program_, moves);
     Way way{&program_, &moves, {}, {}};
@@ -926,10 +938,15 @@ class Corrector {
     predict_options.step = check_step();
     predict_options.progress = progress("checking with the other position of block delete");
     POLYPOD_ASSIGN(before, predict_way(job_, program_, as_it_was, predict_options));
+    if (const Status free = no_rapid_cuts(job_, program_, before.pass); !free) return here(free.error());
     POLYPOD_ASSIGN(after, predict_way(job_, named_, way, predict_options));
+    if (const Status free = no_rapid_cuts(job_, named_, after.pass); !free) return here(free.error());
+    other.cuts = !before.moves.empty();
     other.distance_before = corners_of(job_, program_, as_it_was, before, inside()).largest_with;
     other.distance_after = corners_of(job_, out_.program, way, after, inside()).largest_with;
-    other.within_tolerance = other.distance_after <= inside() && after.not_judged.empty();
+    const std::vector<NotJudged>& open = after.not_judged.empty() ? before.not_judged : after.not_judged;
+    if (!open.empty()) other.reason = fmt::format("line {}: {}", open.front().line, open.front().why);
+    other.within_tolerance = other.distance_after <= inside() && open.empty();
     other.steep = after.steep;
     other.plunges = after.plunges;
     return {};
@@ -966,14 +983,20 @@ class Corrector {
                                 other ? ". Every distance that was computed is inside the tube" : "");
       warning_ = "NOT judged to be within the tube, see line " + std::to_string(first.line) + " of the original";
     } else if (!other) {
-      warning_ =
-          fmt::format("NOT within the tube with block delete {}, up to {:.1f} um from the path",
-                      out_.other_switch->block_delete ? "on" : "off", units::to_um(out_.other_switch->distance_after));
-      out_.reason = fmt::format(
-          "with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the "
-          "tolerance is {:g} um",
-          out_.other_switch->block_delete ? "on" : "off", units::to_um(out_.other_switch->distance_after),
-          units::to_um(job_.tolerance));
+      const OtherSwitch& at = *out_.other_switch;
+      const char* position = at.block_delete ? "on" : "off";
+      const double distance = units::to_um(at.distance_after);
+      if (at.distance_after <= inside() && !at.reason.empty()) {
+        warning_ = fmt::format("NOT judged to be within the tube with block delete {}", position);
+        out_.reason = fmt::format("with block delete {}, {}", position, at.reason);
+      } else {
+        warning_ =
+            fmt::format("NOT within the tube with block delete {}, up to {:.1f} um from the path", position, distance);
+        out_.reason = fmt::format(
+            "with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the tolerance is "
+            "{:g} um",
+            position, distance, units::to_um(job_.tolerance));
+      }
     }
   }
 
@@ -1008,6 +1031,7 @@ class Corrector {
   const CorrectOptions& options_;
   const LongVector<gcode::Move>& moves_;
   std::vector<double> feed_scale_;  // empty: all 1
+  const OtherSwitch* fixed_other_ = nullptr;
   DeflectionsOfMoves deflections_;
   double sample_step_ = job_.step;
   LongVector<double> fit_;
@@ -1037,6 +1061,42 @@ class Corrector {
   Correction out_;
 };
 
+/// The program unrolled for the other position of block delete: as it is, and with a correction of its own.
+Result<std::optional<OtherSwitch>> other_unrolled(const Job& job, const CorrectOptions& options) {
+  if (options.other == nullptr) return std::nullopt;
+  OtherSwitch other;
+  other.block_delete = !job.block_delete;
+  other.fixed = true;
+  const gcode::Understood& at = *options.other;
+  const auto here = [&](Error error) { return tl::unexpected(at_switch(std::move(error), other.block_delete)); };
+  CorrectOptions its = options;
+  its.other = nullptr;
+  its.again = true;
+  its.keep_samples = its.keep_stock = false;
+  if (options.progress) {
+    its.progress = [&](const char*, double share) {
+      return options.progress("correcting with the other position of block delete", share);
+    };
+  }
+  Result<Correction> c = correct(job, at.program, at.interpretation, its);
+  if (!c && !says_that_nothing_is_cut(c.error())) return here(std::move(c.error()));
+  if (!c) {
+    POLYPOD_ASSIGN(position, OtherPosition::of(job, at.program, at.interpretation, {}));
+    POLYPOD_ASSIGN(p, predict_way(job, at.program, way_as_programmed(at.program, position.moves()), {}));
+    if (const Status free = no_rapid_cuts(job, at.program, p.pass); !free) return here(free.error());
+    other.cuts = false;
+    other.within_tolerance = true;
+    return other;
+  }
+  other.distance_before = c->largest_before;
+  other.distance_after = c->largest_after;
+  other.within_tolerance = c->within_tolerance;
+  other.reason = c->reason;
+  other.steep = c->after.steep;
+  other.plunges = c->after.plunges;
+  return other;
+}
+
 /// What would help, tried out.
 std::vector<std::string> remedies_for(const Job& job, const gcode::Program& program, const Accepted& accepted,
                                       const CorrectOptions& options, const Correction& result) {
@@ -1057,6 +1117,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
     if (c) tried += static_cast<std::size_t>(c->rounds + 1) * c->after.pass.points;
     return c && c->within_tolerance;
   };
+  const bool fixed = result.other_switch && result.other_switch->fixed;
   Job wider = job;
   // The smallest of these that does: how far the failed try was off says little of what would do.
   constexpr double kWidest = 10, kWide = 500;  // times the tolerance, or um: nobody asked for more
@@ -1068,6 +1129,10 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
     um = std::ceil(um * 1.25);
     wider.tolerance = units::from_um(um);
     if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
+    if (fixed) {
+      const Result<std::optional<OtherSwitch>> other = other_unrolled(wider, quiet);
+      if (!other || !(*other)->within_tolerance) continue;
+    }
     out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}", units::to_um(wider.tolerance),
                               units::to_um(wider.tolerance)));
     break;
@@ -1085,6 +1150,12 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
     if (named++ < 8) lines += fmt::format("{}{}", lines.empty() ? "" : ", ", line);
   }
   if (named == 0) return out;
+  if (fixed && !result.other_switch->within_tolerance) {
+    out.push_back(
+        fmt::format("`polypod correct` with block_delete = {} in the job says what would help in that position",
+                    result.other_switch->block_delete));
+    return out;
+  }
   if (named > 8) lines += fmt::format(" and {} more", named - 8);
   lines = (named == 1 ? "line " : "lines ") + lines;
   // What bends in a corner comes from the move before it, too.
@@ -1139,11 +1210,12 @@ bool closer(const Correction& a, const Correction& b) {
 std::string Correction::answer(const std::string& proviso) const {
   if (!within_tolerance)
     return (only_not_judged ? "no, not all of the cut is judged: " : "not within the tolerance: ") + reason;
-  return fmt::format("yes{}{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)",
-                     proviso, all_judged() ? "" : ", apart from what was not judged",
-                     units::to_um(std::max(largest_after, after.plunge_within.distance)),
-                     modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "",
-                     units::to_um(tolerance));
+  return fmt::format(
+      "yes{}{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)", proviso,
+      all_judged() ? "" : ", apart from what was not judged",
+      units::to_um(std::max({largest_after, after.plunge_within.distance,
+                             other_switch && !other_switch->fixed ? other_switch->distance_after : 0.0})),
+      modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", units::to_um(tolerance));
 }
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
@@ -1151,7 +1223,13 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
-  POLYPOD_ASSIGN(out, Corrector(job, program, accepted, options).run());
+  POLYPOD_ASSIGN(fixed_other, other_unrolled(job, options));
+  const auto corrected = [&](const CorrectOptions& how) {
+    Corrector corrector(job, program, accepted, how);
+    corrector.take_other(fixed_other);
+    return corrector.run();
+  };
+  POLYPOD_ASSIGN(out, corrected(options));
   // Where the pieces end decides what the cells make of a corner: other pieces may do. The best of them stays.
   // What is not judged of the program as it is no correction answers.
   const bool small = out.after.pass.points <= kTryRemediesBelow && options.method == CorrectMethod::tube &&
@@ -1160,7 +1238,7 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
     if (out.within_tolerance || !small) break;
     CorrectOptions other = options;
     other.fit_share = share;
-    POLYPOD_ASSIGN(again, Corrector(job, program, accepted, other).run());
+    POLYPOD_ASSIGN(again, corrected(other));
     if (closer(again, out)) out = std::move(again);
   }
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {
@@ -1168,6 +1246,14 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   }
   out.text = gcode::to_text(out.program);
   std::vector<std::string> notes = std::move(accepted.notes);
+  if (out.other_switch) gcode::drop_block_delete_note(notes);
+  if (fixed_other) {
+    notes.push_back(
+        fmt::format("blocks that begin with / are {} in what is written, whatever the switch says; a program for the "
+                    "other position "
+                    "comes from a job with block_delete = {}",
+                    job.block_delete ? "left out" : "carried out like all others", !job.block_delete));
+  }
   for (std::string& note : condition_notes(job, out.programmed, out.before)) notes.push_back(std::move(note));
   for (std::string& note : pass_notes(job, program, out.before.pass)) notes.push_back(std::move(note));
   out.before.notes = std::move(notes);

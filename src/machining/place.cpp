@@ -13,6 +13,7 @@
 
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/machining/accept.hpp"
@@ -117,12 +118,30 @@ PlaceFit look(const machine::AnyMachine& machine, const Poses& poses, const Pose
   return PlaceFit::fits;
 }
 
+/// A program, and what it is with the other position of block delete if that differs.
+struct Both {
+  const gcode::Program& program;
+  const gcode::Interpretation& interpretation;
+  const gcode::Understood* other = nullptr;
+
+  [[nodiscard]] Poses poses() const {
+    Poses out = poses_of(interpretation, kMostPoints);
+    if (other == nullptr) return out;
+    const Poses more = poses_of(other->interpretation, kMostPoints);
+    out.poses.insert(out.poses.end(), more.poses.begin(), more.poses.end());
+    return out;
+  }
+};
+
 /// What `check` says of the whole program at a place.
-Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
-                             const gcode::Interpretation& interpretation) {
+Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_MW, const Both& both) {
   CheckOptions options;
   options.stop_at_first = true;
-  POLYPOD_ASSIGN(checked, check(machine, X_MW, program, interpretation, options));
+  POLYPOD_ASSIGN(checked, check(machine, X_MW, both.program, both.interpretation, options));
+  if (checked.problems.empty() && both.other != nullptr) {
+    POLYPOD_ASSIGN(other, check(machine, X_MW, both.other->program, both.other->interpretation, options));
+    checked = std::move(other);
+  }
   if (checked.problems.empty()) return PlaceFit::fits;
   return fit_of_kind(checked.problems.front().kind);
 }
@@ -140,7 +159,8 @@ class Search {
         program_(program),
         interpretation_(interpretation),
         options_(options),
-        poses_(poses_of(interpretation, kMostPoints)) {}
+        both_{program, interpretation, options.other},
+        poses_(both_.poses()) {}
 
   Result<PlaceResult> run() {
     out_.start = placing_of(job_);
@@ -165,7 +185,7 @@ class Search {
 
   Result<PlaceFit> check_at(const Placing& at) const {
     if (const PlaceFit coarse = look(job_.machine, poses_, at.pose()); coarse != PlaceFit::fits) return coarse;
-    return check_whole(job_.machine, at.pose(), program_, interpretation_);
+    return check_whole(job_.machine, at.pose(), both_);
   }
 
   /// The prediction at a place; none where the machine cannot follow the program, or no compliance is known.
@@ -173,6 +193,7 @@ class Search {
     PredictOptions options;
     options.keep_samples = keep_samples;
     options.again = options_.again;
+    options.one_position = true;
     options.progress = [this](double) { return !stop_; };
     const Job moved = placed_at(job_, at);
     auto prediction = predict(moved, program_, interpretation_, options);
@@ -192,6 +213,7 @@ class Search {
       at = out_.start;
     } else {
       NearestOptions options;
+      options.other = options_.other;
       options.progress = [this](double share) {
         return !options_.progress || options_.progress(share, "looking for a place that fits");
       };
@@ -204,6 +226,7 @@ class Search {
       if (out_.start_fit == PlaceFit::fits) out_.start_fit = PlaceFit::measured;
       return {};
     }
+    POLYPOD_TRY(no_rapid_cuts(job_, program_, prediction->pass));
     take_cuts(*prediction);
     reference_ = at;
     out_.reference = *at;
@@ -382,7 +405,7 @@ class Search {
       if (near) continue;
       ++checks;
       POLYPOD_TRY(report(double(out.size()) / options_.judged, "checking the best places"));
-      POLYPOD_ASSIGN(fit, check_whole(job_.machine, grid_[i].at.pose(), program_, interpretation_));
+      POLYPOD_ASSIGN(fit, check_whole(job_.machine, grid_[i].at.pose(), both_));
       if (fit == PlaceFit::fits) out.push_back(grid_[i]);
     }
     return out;
@@ -507,7 +530,7 @@ class Search {
       for (const double share : {1.0, 0.9, 0.75, 0.5, 0.25}) {
         const PlacePoint at = estimate(placing_of_coordinates(rounded(a + share * (b - a))));
         if (at.fit != PlaceFit::fits) continue;
-        POLYPOD_ASSIGN(fit, check_whole(job_.machine, at.at.pose(), program_, interpretation_));
+        POLYPOD_ASSIGN(fit, check_whole(job_.machine, at.at.pose(), both_));
         if (fit != PlaceFit::fits) continue;
         const auto same = [&](const auto& other) { return coordinates_of(other.at) == coordinates_of(at.at); };
         const bool known =
@@ -577,6 +600,7 @@ class Search {
   const gcode::Program& program_;
   const gcode::Interpretation& interpretation_;
   const PlaceOptions& options_;
+  Both both_;
   const Poses poses_;
   std::vector<Cut> cuts_;
   std::optional<Placing> reference_;
@@ -607,7 +631,8 @@ class Nearest {
         program_(program),
         interpretation_(interpretation),
         options_(options),
-        poses_(poses_of(interpretation, kMostPoints)) {}
+        both_{program, interpretation, options.other},
+        poses_(both_.poses()) {}
 
   Result<NearestPlaces> run() {
     const machine::Reach reach = kinematics::reach(machine_);
@@ -623,7 +648,7 @@ class Nearest {
   }
   Result<bool> fits(const Placing& at) const {
     if (!seems_to_fit(at)) return false;
-    POLYPOD_ASSIGN(fit, check_whole(machine_, at.pose(), program_, interpretation_));
+    POLYPOD_ASSIGN(fit, check_whole(machine_, at.pose(), both_));
     return fit == PlaceFit::fits;
   }
   Status report(double share) const {
@@ -737,6 +762,7 @@ class Nearest {
   const gcode::Program& program_;
   const gcode::Interpretation& interpretation_;
   const NearestOptions& options_;
+  Both both_;
   const Poses poses_;
   NearestPlaces out_;
 };

@@ -14,6 +14,7 @@
 #include "plunges.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/plausibility.hpp"
+#include "polypod/gcode/unroll.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "way.hpp"
@@ -585,28 +586,70 @@ Result<Prediction> predict_accepted(const Job& job, const gcode::Program& progra
   return out;
 }
 
-Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::Program& program,
-                                                   const PredictOptions& options) {
-  const bool optional =
-      std::any_of(program.blocks.begin(), program.blocks.end(), [](const gcode::Block& b) { return b.optional; });
-  if (!optional) return std::nullopt;
+bool says_that_nothing_is_cut(const Error& error) {
+  return error.id == "MC301" || error.id == "MC302";
+}
+
+Result<OtherPosition> OtherPosition::of(const Job& job, const gcode::Program& program,
+                                        const gcode::Interpretation& interpretation,
+                                        const std::function<bool(double)>& progress) {
+  OtherPosition out;
+  out.given_ = &interpretation;
+  const auto here = [&](Error error) { return tl::unexpected(at_switch(std::move(error), !job.block_delete)); };
+  Result<Accepted> accepted = accept(job, program, interpretation, {true, progress});
+  if (accepted) {
+    out.accepted_ = std::move(*accepted);
+    return out;
+  }
+  if (!says_that_nothing_is_cut(accepted.error())) return here(std::move(accepted.error()));
+  if (Status reach = accept_reach(job, program, interpretation, progress); !reach) return here(reach.error());
+  return out;
+}
+
+namespace {
+
+Result<OtherSwitch> other_switch_of(const Job& job, const gcode::Program& program,
+                                    const gcode::Interpretation& interpretation, const PredictOptions& options) {
   OtherSwitch other;
   other.block_delete = !job.block_delete;
-  gcode::InterpretOptions interpret_options = job.interpret_options();
-  interpret_options.block_delete = other.block_delete;
-  POLYPOD_ASSIGN(run, gcode::interpret(program, interpret_options));
-  POLYPOD_ASSIGN(accepted, accept(job, program, run, {true, options.progress}));
+  POLYPOD_ASSIGN(position, OtherPosition::of(job, program, interpretation, options.progress));
   PredictOptions quiet = options;
-  quiet.keep_samples = false;
-  const Way way = way_as_programmed(program, accepted.interpretation().moves);
+  quiet.keep_samples = quiet.keep_stock = false;
+  const Way way = way_as_programmed(program, position.moves());
   POLYPOD_ASSIGN(p, predict_way(job, program, way, quiet));
+  other.cuts = !p.moves.empty();
   other.distance_before = other.distance_after =
       corners_of(job, program, way, p, job.tolerance - resolution(job)).largest_with;
-  other.within_tolerance = other.distance_after <= job.tolerance - resolution(job) && p.not_judged.empty();
+  if (Status free = no_rapid_cuts(job, program, p.pass); !free)
+    other.collision = at_switch(free.error(), other.block_delete);
+  if (!p.not_judged.empty())
+    other.reason = fmt::format("line {}: {}", p.not_judged.front().line, p.not_judged.front().why);
+  other.within_tolerance =
+      other.distance_after <= job.tolerance - resolution(job) && p.not_judged.empty() && !other.collision;
   other.steep = p.steep;
   other.plunges = p.plunges;
   return other;
 }
+
+/// With the program's own blocks, or, where these were unrolled for one position, with those for the other.
+Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::Program& program,
+                                                   const PredictOptions& options) {
+  if (options.one_position) return std::nullopt;
+  if (options.other != nullptr) {
+    POLYPOD_ASSIGN(out, other_switch_of(job, options.other->program, options.other->interpretation, options));
+    out.fixed = true;
+    return out;
+  }
+  if (!has_optional_blocks(program)) return std::nullopt;
+  gcode::InterpretOptions interpret_options = job.interpret_options();
+  interpret_options.block_delete = !job.block_delete;
+  Result<gcode::Interpretation> run = gcode::interpret(program, interpret_options);
+  if (!run) return tl::unexpected(at_switch(std::move(run.error()), interpret_options.block_delete));
+  POLYPOD_ASSIGN(out, other_switch_of(job, program, *run, options));
+  return out;
+}
+
+}  // namespace
 
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
@@ -622,6 +665,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   POLYPOD_ASSIGN(other, other_switch_of(job, program, options));
   out.other_switch = other;
   out.notes = std::move(accepted.notes);
+  if (other) gcode::drop_block_delete_note(out.notes);
   for (std::string& note : condition_notes(job, accepted.interpretation().moves, out)) {
     out.notes.push_back(std::move(note));
   }

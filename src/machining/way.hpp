@@ -2,8 +2,11 @@
 // Judging what was commanded against what was programmed: the same for the program as it is and for the corrected one.
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <vector>
 
+#include "polypod/machining/accept.hpp"
 #include "polypod/machining/predict.hpp"
 
 namespace polypod::machining {
@@ -37,5 +40,25 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
 /// `predict` for a program that `accept` has taken.
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
                                     const gcode::Interpretation& interpretation, const PredictOptions& options);
+
+/// A program in a position of block delete that is not the job's, as `accept` takes it; one that cuts nothing in this
+/// position is taken as it is where the machine can follow it. Errors: those of accept but MC301 and MC302, each with
+/// the position.
+class OtherPosition {
+ public:
+  static Result<OtherPosition> of(const Job& job, const gcode::Program& program,
+                                  const gcode::Interpretation& interpretation,
+                                  const std::function<bool(double)>& progress);
+  [[nodiscard]] const LongVector<gcode::Move>& moves() const {
+    return accepted_ ? accepted_->interpretation().moves : given_->moves;
+  }
+
+ private:
+  const gcode::Interpretation* given_ = nullptr;
+  std::optional<Accepted> accepted_;
+};
+
+/// Whether an error says that nothing is cut.
+bool says_that_nothing_is_cut(const Error& error);
 
 }  // namespace polypod::machining

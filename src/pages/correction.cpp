@@ -96,6 +96,7 @@ class Page {
       machine_round_the_part();
     }
     moves();
+    confidence();
     limits();
     inputs();
     new_program();
@@ -186,6 +187,26 @@ class Page {
                        fixed(to_um(plunge.distance), 0), kUm, plunge.line);
   }
 
+  void other_position(const machining::OtherSwitch& other) {
+    const char* position = other.block_delete ? "on" : "off";
+    if (!other.cuts) {
+      report_.add_verdict(Verdict::neutral, fmt::format("With block delete {} nothing is cut.", position));
+    } else if (other.within_tolerance || other.reason.empty()) {
+      report_.add_verdict(
+          other.within_tolerance ? Verdict::good : Verdict::bad,
+          fmt::format("With block delete {} the largest distance is {}{}.", position, um(other.distance_after),
+                      other.fixed ? ", with a correction for that position" : ""));
+    } else {
+      report_.add_verdict(Verdict::bad, fmt::format("With block delete {}: {}.", position, other.reason));
+    }
+    if (other.fixed) {
+      report_.add_verdict(Verdict::neutral,
+                          fmt::format("The program that was written is for block delete {}; the switch does not act on "
+                                      "it. A job with block_delete = {} gives the one for the other position.",
+                                      job_.block_delete ? "on" : "off", !job_.block_delete));
+    }
+  }
+
   void short_blocks() {
     const machining::ShortBlocks& s = c_.short_blocks;
     if (s.count == 0) return;
@@ -231,6 +252,7 @@ class Page {
     not_judged(c_.after.steep, "");
     not_judged(c_.after.plunges, "");
     if (c_.other_switch) {
+      other_position(*c_.other_switch);
       const std::string at = fmt::format(" with block delete {}", c_.other_switch->block_delete ? "on" : "off");
       not_judged(c_.other_switch->steep, at);
       not_judged(c_.other_switch->plunges, at);
@@ -442,6 +464,52 @@ class Page {
     }
     for (const MoveOutcome* m : chosen) table.rows.push_back(row_of(*m));
     report_.add_table(table);
+  }
+
+  /// How likely the walls are inside, and which input to know better.
+  void confidence() {
+    if (!options_.confidence) return;
+    const machining::Confidence& c = *options_.confidence;
+    report_.add_section("How likely are the walls inside?");
+    if (c.walls.empty()) {
+      report_.add_text("No move that cuts has a wall on one side.");
+      return;
+    }
+    report_.add_text(fmt::format(
+        "As far as the given inputs are uncertain, the wall of line {} is the least likely one: it is inside with a "
+        "probability of {}. The share of {} draws of the inputs is given, each of which shifts all points of a wall. "
+        "The geometry of the machine and what the model leaves out are not in it{}.",
+        c.line, c.percent(c.least), count(static_cast<std::size_t>(c.draws)),
+        c_.other_switch ? fmt::format("; it holds with block delete {}", job_.block_delete ? "on" : "off") : ""));
+    std::vector<const machining::WallConfidence*> walls;
+    for (const machining::WallConfidence& w : c.walls) walls.push_back(&w);
+    std::stable_sort(walls.begin(), walls.end(),
+                     [](const auto* a, const auto* b) { return a->probability < b->probability; });
+    constexpr std::size_t kWalls = 20;
+    Table table;
+    table.caption = walls.size() > kWalls
+                        ? fmt::format("The {} of {} walls that are least likely inside", kWalls, count(walls.size()))
+                        : "The walls, the least likely one first";
+    table.columns = {{"line", ""},
+                     {"normal error", "95 % from, µm", 1},
+                     {"", "to, µm", 1},
+                     {"room", "± µm", 1},
+                     {"probability", "that all of it is inside"}};
+    for (std::size_t i = 0; i < std::min(kWalls, walls.size()); ++i) {
+      const machining::WallConfidence& w = *walls[i];
+      table.rows.push_back(
+          {std::to_string(w.line), to_um(w.low), to_um(w.high), to_um(w.room), c.percent(w.probability)});
+    }
+    report_.add_table(table);
+    Table inputs;
+    inputs.caption =
+        "Which input to know better: what it contributes to the variance, a mean over the walls (below 0 where it "
+        "cancels another), and the least likely wall if it were known twice as well";
+    inputs.columns = {{"input", ""}, {"of the variance", "%", 0}, {"least likely wall", "if known twice as well"}};
+    for (const machining::UncertainInput& input : c.inputs) {
+      inputs.rows.push_back({input.name, 100 * input.share, c.percent(input.least_if_halved)});
+    }
+    report_.add_table(inputs);
   }
 
   void summary_of_moves() {

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Cutter radius compensation against LinuxCNC's interpreter: random contours, and the unrolled program.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
@@ -247,6 +248,42 @@ TEST(Compensation, SeveralContoursAsLinuxCncPrintsThem) {
   const Scratch scratch;
   const Count count = compare(scratch, {}, "two contours", 2);
   EXPECT_GT(count.same, 5);
+}
+
+/// A line, or an arc, that turns back behind an arc which the tool meets from outside, with and without a stop between
+/// them: behind the stop LinuxCNC no longer knows of the arc.
+TEST(Compensation, TurnsBackBehindAStopAsLinuxCncPrintsThem) {
+  const Scratch scratch;
+  int same = 0;
+  for (const auto& [side, g] : {std::pair{41, 2}, std::pair{42, 3}, std::pair{41, 3}}) {
+    for (const double off : {-0.06, -0.04, -0.003, 0.003, 0.04, 0.06}) {
+      for (const char* stop : {"", "M0\n", "M60\n"}) {
+        const int turns = g == 3 ? 1 : -1;
+        const double first = 0.3, last = first + turns * 1.2, along = turns * std::numbers::pi / 2;
+        const auto at = [](double angle, double r) { return std::pair{r * std::cos(angle), r * std::sin(angle)}; };
+        const auto [x0, y0] = at(first, 5);
+        const auto [x1, y1] = at(last, 5);
+        const auto [ux, uy] = at(first + along, 3);
+        const auto [vx, vy] = at(last + along + std::numbers::pi + off, 8);
+        const std::string text = fmt::format(
+            "G21 G17 G90 G94 F100\nG0 X{:.6f} Y{:.6f} Z0\nG{}.1 D2\nG1 X{:.6f} Y{:.6f}\nG{} X{:.6f} Y{:.6f} I{:.6f} "
+            "J{:.6f}\n{}G1 X{:.6f} Y{:.6f} Z3\nG40\nG1 X30 Y30\nM2\n",
+            x0 - ux, y0 - uy, side, x0, y0, g, x1, y1, -x0, -y0, stop, x1 + vx, y1 + vy);
+        const std::string path = scratch / "back.ngc";
+        std::ofstream(path) << text;
+        const auto program = parse(text, path);
+        ASSERT_TRUE(program.has_value());
+        const Reference theirs = rs274(scratch, path, {});
+        const auto ours = canonical_text(*program);
+        ASSERT_EQ(ours.has_value(), theirs.accepted) << text;
+        if (!ours) continue;
+        const auto found = difference(*ours, theirs.text);
+        EXPECT_FALSE(found) << *found << "\n" << text;
+        ++same;
+      }
+    }
+  }
+  EXPECT_GT(same, 20);
 }
 
 /// Corners and arcs on a grid, where inside corners are as wide as the tool, and radii as large.

@@ -16,6 +16,9 @@ namespace polypod::gcode {
 /// How the note begins that says what became of such blocks.
 inline constexpr const char* kBlockDeleteNote = "blocks that begin with /";
 
+/// Takes that note away, where both positions were judged.
+void drop_block_delete_note(std::vector<std::string>& notes);
+
 /// Whether a program holds what `interpret` does not take itself: expressions, parameters, O words, M70 to M73, M98 and
 /// M99, polar coordinates, canned cycles, G4 beside axis words, G5 to G5.3, G10, G28, G30, G38.2 to G38.5, G41 and G42,
 /// G52, G53, G59.1 to G59.3, G92. Cost: linear.
@@ -57,5 +60,7 @@ struct Understood {
 
 /// Errors: those of `read`, `unroll` and `interpret`.
 Result<Understood> understand(const std::string& path, const UnrollOptions& options);
+/// The same of a program that was read.
+Result<Understood> understand(Program source, const UnrollOptions& options);
 
 }  // namespace polypod::gcode

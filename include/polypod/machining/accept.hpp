@@ -55,6 +55,11 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
 /// MC307 where G55 to G59 is in force and the job says nothing of its origin.
 Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
 
+/// Whether the program has blocks that begin with /.
+bool has_optional_blocks(const gcode::Program& program);
+/// An error that holds in this position of block delete.
+Error at_switch(Error error, bool block_delete);
+
 /// The comment by which a corrected program is known.
 using gcode::kCorrectedMark;
 /// The line that says that Polypod corrected this program; 0: none does.

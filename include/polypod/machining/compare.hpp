@@ -37,6 +37,7 @@ struct MethodOutcome {
   Spread normal;          ///< m, normal error of the cutting points
   double distance = 0;    ///< m, the largest of a deflected point from its programmed move, without corners
   bool judged = true;     ///< every cut could be judged: no plunge without a dwell, no unsettled point, ...
+  bool worse = false;     ///< `distance`, or the largest normal error, is larger than without a correction
   bool inside = false;    ///< `judged`, and `distance` keeps within the tolerance
   std::size_t lines = 0;  ///< of the program that is written
   int rounds = 0;         ///< passes through the stock that found the correction

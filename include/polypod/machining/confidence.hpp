@@ -22,9 +22,10 @@ struct UncertainInput {
 /// The side of a programmed move that is cut.
 struct WallConfidence {
   int line = 0;
-  double low = 0, high = 0;      ///< m, ends of the 95 % band: the normal error found, and 1.96 sd of its shift
-  double sd = 0;                 ///< m, the largest of its points
-  double room = 0;               ///< m, what the tube leaves across the path: less corners and the error along the tool
+  double low = 0, high = 0;  ///< m, ends of the 95 % band: the normal error found, and 1.96 sd of its shift
+  double sd = 0;             ///< m, the largest of its points
+  double room = 0;  ///< m, what the tube leaves across the path where the wall is nearest to its end: less the error
+                    ///< along the tool, and at a corner less what the controller rounds
   double probability = 0;        ///< that all of it is inside
   std::vector<double> by_input;  ///< m^2, the variance that each input makes; below 0 where inputs cancel
 };
@@ -34,6 +35,10 @@ struct Confidence {
   std::vector<UncertainInput> inputs;  ///< those that make the most first
   double least = 1;                    ///< the smallest probability of a wall
   int line = 0;                        ///< its line
+  int draws = 0;                       ///< that the probabilities are shares of
+
+  /// A share of the draws with no more digits than they hold: "more than 99.9 %" where all of them are inside.
+  [[nodiscard]] std::string percent(double probability) const;
 };
 
 /// Shifts of the walls of a corrected program by the compliances' covariance S (SI, in the order of
@@ -43,7 +48,8 @@ struct Confidence {
 /// The error of a point is e + g^T c + sum_v sd_v x_v: e as it was found, g_k = n^T J_k J_k^T F (compliance_band) with
 /// the drawn compliances c, and for each variation the change of the wall's mean normal error when it goes through the
 /// whole program once more. A wall is inside where all of its points are; the probability is the share of 4096 draws,
-/// the same in every call (so one that is given as 1 may be 0.999). Points: those of Prediction::few, and the farthest
+/// the same in every call: its standard error is sqrt(p (1 - p) / 4096), and of 1 or 0 it says no more than that all or
+/// none were inside (95 %: beyond 0.9993). Points: those of Prediction::few, and the farthest
 /// errors of the wall, which go as the nearest of those. Left out: that
 /// another deflection changes the force (S a little too wide), the machine's geometry, and everything that the model
 /// leaves out. Cost: one pass a variation, and 10 us a point for an arm. Errors: those of run_pass.

@@ -41,6 +41,7 @@ struct CorrectOptions {
   bool verify = false;  ///< look again in cells half as large, at half the step, before it is called within the tube
   bool keep_samples = false;
   bool keep_stock = false;
+  const gcode::Understood* other = nullptr;  ///< see PredictOptions
   std::function<bool(const char* what, double share)> progress;
 };
 

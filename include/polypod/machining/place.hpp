@@ -50,6 +50,9 @@ struct PlaceOptions {
   double finest_turn = 0.00175;  ///< rad, likewise (0.1 deg)
   int threads = 0;               ///< 0: all; the result is the same
   bool again = false;            ///< see AcceptOptions
+  /// The program with the other position of block delete: a place must fit both. Errors are those of the job's
+  /// position.
+  const gcode::Understood* other = nullptr;
   std::function<bool(double, const char*)> progress;
 };
 
@@ -105,7 +108,8 @@ struct PlaceResult {
 /// An estimate puts the forces F of one prediction to other compliances, delta = R^T C(X p) R F, at its 400 points at
 /// most; what another deflection changes of the force is left out of it (some per cent). The same input gives the same
 /// result with any number of threads.
-/// Errors: those of accept and run_pass but MC210 and MC211, which are places that do not fit; MC400 an empty or
+/// Errors: those of accept and run_pass but MC210 and MC211, which are places that do not fit; MC304 a rapid goes
+/// through material; MC400 an empty or
 /// reversed box; MC299 cancelled. Cost: about 0.5 ms an estimate for an arm, and some twenty predictions.
 Result<PlaceResult> best_place(const Job& job, const gcode::Program& program,
                                const gcode::Interpretation& interpretation, const PlaceOptions& options = {});
@@ -118,8 +122,9 @@ struct NearestPlaces {
 };
 
 struct NearestOptions {
-  double finest = 0.1e-3;        ///< m
-  double finest_turn = 0.00175;  ///< rad
+  double finest = 0.1e-3;                    ///< m
+  double finest_turn = 0.00175;              ///< rad
+  const gcode::Understood* other = nullptr;  ///< see PlaceOptions
   std::function<bool(double)> progress;
 };
 

@@ -9,6 +9,10 @@
 
 #include "polypod/machining/simulate.hpp"
 
+namespace polypod::gcode {
+struct Understood;
+}
+
 namespace polypod::machining {
 
 /// Smallest, mean and largest of a number; `count` 0 means that there was none.
@@ -93,12 +97,17 @@ struct Steep {
 
 /// A program with the other position of the block delete switch.
 struct OtherSwitch {
-  bool block_delete = false;   ///< the position that was judged
+  bool block_delete = false;  ///< the position that was judged
+  bool cuts = true;           ///< false: in this position no move cuts
+  bool fixed = false;  ///< the program was unrolled for the job's position, so that the switch does not act on what
+                       ///< is written: `distance_after` is of a correction for this position, which is not
   double distance_before = 0;  ///< m, largest distance of the program as it is, corners counted
   double distance_after = 0;   ///< m, the same of the corrected program
   bool within_tolerance = false;
-  Steep steep;                  ///< not judged
-  std::vector<Plunge> plunges;  ///< not judged
+  Steep steep;                     ///< not judged
+  std::vector<Plunge> plunges;     ///< not judged
+  std::optional<Error> collision;  ///< MC304: of `predict` only; `correct` ends there
+  std::string reason;              ///< why not within, where it is not the distance
 };
 
 struct Prediction {
@@ -136,6 +145,10 @@ struct PredictOptions {
   bool keep_samples = false;
   bool keep_stock = false;
   bool again = false;  ///< see AcceptOptions
+  /// The program unrolled for the other position of block delete; null where it needs no unrolling, or has no blocks
+  /// with /.
+  const gcode::Understood* other = nullptr;
+  bool one_position = false;  ///< only that of the job: the other one is judged elsewhere
   std::function<bool(double)> progress;
 };
 

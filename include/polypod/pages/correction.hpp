@@ -2,8 +2,10 @@
 // The page that a process engineer reads before she runs a corrected program.
 #pragma once
 
+#include <optional>
 #include <string>
 
+#include "polypod/machining/confidence.hpp"
 #include "polypod/machining/uncertainty.hpp"
 
 namespace polypod::pages {
@@ -13,7 +15,8 @@ struct CorrectionPageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
   std::string output;   ///< where the corrected program was written; empty: it was not
   machining::CorrectMethod method = machining::CorrectMethod::tube;
-  machining::Uncertainty uncertainty;  ///< of compliances and machine, where their covariances are known
+  machining::Uncertainty uncertainty;               ///< of compliances and machine, where their covariances are known
+  std::optional<machining::Confidence> confidence;  ///< how likely the walls are inside; default: left out
 };
 
 /// One self-contained HTML file about a correction: verdict, key figures, paths from above with the deflection
