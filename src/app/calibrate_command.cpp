@@ -13,6 +13,7 @@
 #include "calibration_options.hpp"
 #include "certificate_output.hpp"
 #include "commands.hpp"
+#include "machine_file.hpp"
 #include "messages.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/core/csv.hpp"
@@ -292,7 +293,7 @@ Command calibrate_command() {
         const pages::HashedFile covariance_hash = hashed_bytes("covariance", o->covariance, covariance);
         machine::note(c.machine, "uncertainty",
                       uncertainty_note(c, o->covariance.empty() ? nullptr : &covariance_hash));
-        const std::string calibrated = machine::to_toml(c.machine);
+        const std::string calibrated = machine_file(c.machine, o->machine);
         std::optional<pages::Certificate> certificate;
         if (!o->certificate.empty() || !o->certificate_report.empty()) {
           POLYPOD_ASSIGN(hashes, hashes_of(*o, m));

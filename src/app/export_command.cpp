@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "linuxcnc_commands.hpp"
+#include "machine_file.hpp"
 #include "polypod/control/linuxcnc.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
@@ -114,6 +115,8 @@ Command export_linuxcnc_command() {
         }
         POLYPOD_ASSIGN(made, control::linuxcnc_configuration(m, options));
         POLYPOD_ASSIGN(folder, Folder::at(o->out, made.files.front().name));
+        for (auto& file : made.files)
+          if (file.name == "machine.toml") file.text = machine_file(m, o->machine);
         std::vector<std::string> names;
         for (const auto& file : made.files) names.push_back((fs::path(o->out) / file.name).string());
         POLYPOD_TRY(check_files({o->machine}, names, context.json));

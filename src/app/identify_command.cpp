@@ -11,6 +11,7 @@
 #include "certificate_output.hpp"
 #include "commands.hpp"
 #include "covariance_files.hpp"
+#include "machine_file.hpp"
 #include "measured_problems.hpp"
 #include "messages.hpp"
 #include "polypod/calibration/certificate.hpp"
@@ -217,7 +218,7 @@ Command identify_compliance_command() {
           machine::note(found, compliance_key(r), note_of(r, points));
           machine::note(found, kComplianceUncertainty,
                         uncertainty_note(keyed, r, relative > 0, o->covariance.empty() ? nullptr : &hashed));
-          POLYPOD_TRY(together.add(o->out, machine::to_toml(found)));
+          POLYPOD_TRY(together.add(o->out, machine_file(found, o->machine)));
           if (!o->covariance.empty()) POLYPOD_TRY(together.add(o->covariance, covariance));
         }
         pages::ComplianceChecks checks{given_rms, {}, in_words(verdict), verdict.answer};

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "machine_file.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
@@ -181,7 +182,7 @@ Command info_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_TRY(check_files({o->machine}, {o->output}, context.json));
             if (!o->output.empty()) {
-              const std::string text = machine::to_toml(m);
+              const std::string text = machine_file(m, o->machine);
               POLYPOD_TRY(machine::from_text(text, o->output));  // what could not be read again is not written
               POLYPOD_TRY(files::write_whole(o->output, text));
             }

@@ -131,6 +131,8 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Ru
   } else {
     out.not_judged.emplace_back("distance from singular poses");
   }
+  out.not_judged.emplace_back("forces of the drives");
+  out.not_judged.emplace_back("deflection, vibration, collisions with workpiece and surroundings");
   return out;
 }
 

@@ -187,7 +187,7 @@ Status actuators_of(const machine::AnyMachine& m, const Options& o, const Contex
     return refuse(context, {"--resolution", "--delay", "--staggered"}, "it serves --interval");
   }
   motion::Actuators a;
-  a.interval = 1e-3 * o.interval;
+  a.interval = units::from_ms(o.interval);
   a.staggered = o.staggered;
   POLYPOD_ASSIGN(resolution, of_drives(m, o.resolution, "--resolution", {0, 1e6}, 0));
   for (double& r : resolution)
@@ -203,7 +203,7 @@ Status actuators_of(const machine::AnyMachine& m, const Options& o, const Contex
     for (int i = 0; i < a.delay.size(); ++i) {
       const double ms = delays[delays.size() == 1 ? 0 : static_cast<std::size_t>(i)];
       POLYPOD_TRY(in_range("AP210", "--delay", ms, {0, 1e6}, "ms"));
-      a.delay[i] = 1e-3 * ms;
+      a.delay[i] = units::from_ms(ms);
     }
   }
   out.actuators = a;
@@ -332,6 +332,15 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
         all;
   all = drives("jerk", options.limits.drive_jerk, &motion::MoveDrive::jerk, "/s³", "--drive-jerk") && all;
   if (!all) out.not_judged.emplace_back("speeds, accelerations and jerks for which no limit is given");
+  if (r.moves_at_once)
+    out.not_judged.emplace_back("how the tool starts and stops (it has its speed from the first instant to the last)");
+  const bool accelerations =
+      std::isfinite(options.limits.tool_acceleration) || options.limits.drive_acceleration.array().isFinite().any();
+  if (r.jumps.count > 0 && !accelerations) {
+    out.not_judged.push_back(
+        fmt::format("{} jump{} of speed between stretches, by {:.4g} mm/s and {:.4g} deg/s at most", r.jumps.count,
+                    r.jumps.count == 1 ? "" : "s", units::to_mm(r.jumps.speed), units::to_deg(r.jumps.turn)));
+  }
   if (options.force.size() > 0) {
     for (std::size_t i = 0; i < r.drives.size(); ++i) {
       out.limits.push_back({fmt::format("force of drive {}", i + 1), options.force[static_cast<Eigen::Index>(i)],
@@ -340,6 +349,7 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
   } else {
     out.not_judged.emplace_back("forces of the drives");
   }
+  out.not_judged.emplace_back("deflection, vibration, collisions with workpiece and surroundings");
   return out;
 }
 

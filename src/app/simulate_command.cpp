@@ -7,6 +7,7 @@
 
 #include "calibration_options.hpp"
 #include "commands.hpp"
+#include "machine_file.hpp"
 #include "polypod/calibration/simulate.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
@@ -108,7 +109,7 @@ Command simulate_measurement_command() {
         files::Outputs together;
         POLYPOD_TRY(together.add(o->out, csv));
         if (!o->truth.empty()) {
-          const std::string text = machine::to_toml(truth);
+          const std::string text = machine_file(truth, o->machine);
           POLYPOD_TRY(machine::from_text(text, o->truth));  // what could not be read again is not written
           POLYPOD_TRY(together.add(o->truth, text));
         }

@@ -246,10 +246,7 @@ addf estop-latch.0 servo-thread
 
 # The machine's figures, mm and deg. After a calibration export anew: homes and limits follow from them.
 )",
-                  c.module.compliances.empty() ? ""
-                                               : "loadrt limit2 names=force-limit-x,force-limit-y,force-limit-z\n"
-                                                 "addf force-limit-x servo-thread\naddf force-limit-y servo-thread\n"
-                                                 "addf force-limit-z servo-thread\n");
+                  c.module.compliances.empty() ? "" : fmt::format("addf {}.force servo-thread\n", c.module.name));
   for (const ModulePin& pin : c.module.pins)
     out += fmt::format("setp {}.{} {:.17g}\n", c.module.name, pin.name, pin.value);
   if (!c.module.compliances.empty()) {
@@ -257,14 +254,12 @@ addf estop-latch.0 servo-thread
     for (const ModulePin& pin : c.module.compliances)
       out += fmt::format("setp {}.{} {:.17g}\n", c.module.name, pin.name, pin.value);
     out += fmt::format(R"(
-# The force on the tool tip in the machine frame, N: link a sensor or a table to force-limit-x.in and so on. The tip deflects by
-# C F, and the joints are commanded so that it is where the program has it. maxv, N/s, is how fast the force may change.
-setp force-limit-x.maxv 50
-setp force-limit-y.maxv 50
-setp force-limit-z.maxv 50
-net force-x force-limit-x.out => {0}.force-x
-net force-y force-limit-y.out => {0}.force-y
-net force-z force-limit-z.out => {0}.force-z
+# The force on the tool tip in the machine frame, N: link a sensor or a table to {0}.force-x and so on. The tip deflects by
+# C F, and the joints are commanded so that it is where the program has it. force-rate, N/s, is how fast the force may change.
+# A force that is no number stays as it was for force-hold, s, then fades at that rate, and the feed is held until it is one again.
+setp {0}.force-rate 50
+setp {0}.force-hold 0.1
+net force-error {0}.force-error => motion.feed-hold
 )",
                        c.module.name);
   }

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <set>
+#include <sstream>
 #define TOML_EXCEPTIONS 0   // a syntax error is a value here
 #define TOML_HEADER_ONLY 1  // the packaged library was built with exceptions
 // toml++ 3.3 marks a place as unreachable that a character beyond ASCII outside quotes does reach (is it a white
@@ -26,6 +27,7 @@
 #include "polypod/core/named_files.hpp"
 #include "polypod/core/nearest_word.hpp"
 #include "polypod/core/range_text.hpp"
+#include "polypod/core/table_text.hpp"
 
 namespace polypod::config {
 namespace {
@@ -534,6 +536,57 @@ std::vector<std::string> files_named_by(const std::string& path) {
   std::set<std::string> found;
   add_files_named_by(path, found);
   return {found.begin(), found.end()};
+}
+
+namespace {
+
+/// Text in quotes, as TOML escapes it.
+std::string quoted(std::string_view text) {
+  std::ostringstream out;
+  out << toml::value<std::string>(text);
+  return out.str();
+}
+
+std::string key_text(std::string_view name) {
+  const bool bare = !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-';
+  });
+  return bare ? std::string(name) : quoted(name);
+}
+
+/// In one line, numbers with the fewest digits that say them.
+std::string value_text(const toml::node& node) {
+  std::string inside;
+  if (const auto* number = node.as_floating_point()) return fmt::format("{}", number->get());
+  if (const auto* array = node.as_array()) {
+    for (const auto& element : *array) inside += (inside.empty() ? "" : ", ") + value_text(element);
+    return "[" + inside + "]";
+  }
+  if (const auto* table = node.as_table()) {
+    for (const auto& [key, value] : *table)
+      inside += fmt::format("{}{} = {}", inside.empty() ? "" : ", ", key_text(key.str()), value_text(value));
+    return "{ " + inside + " }";
+  }
+  std::ostringstream out;
+  node.visit([&out](const auto& value) {
+    if constexpr (toml::is_value<decltype(value)>) out << value;
+  });
+  return out.str();
+}
+
+}  // namespace
+
+std::string table_text(const std::string& path, const std::string& key) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(path, none)) return {};
+  const auto text = files::read(path);
+  if (!text || !Nesting(*text, path).check()) return {};
+  const toml::parse_result parsed = toml::parse(*text, path);
+  const toml::table* table = parsed ? parsed.table()[key].as_table() : nullptr;
+  if (table == nullptr) return {};
+  std::string out = fmt::format("[{}]\n", key_text(key));
+  for (const auto& [name, value] : *table) out += fmt::format("{} = {}\n", key_text(name.str()), value_text(value));
+  return out;
 }
 
 std::string beside(const std::string& of, const std::string& part) {

@@ -412,8 +412,10 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
 
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine) {
   std::error_code ec;
-  if (!path.ends_with(".toml") || !std::filesystem::is_regular_file(path, ec)) return std::optional<Dynamics>{};
-  POLYPOD_ASSIGN(file, config::read_file(path));
+  if (!std::filesystem::is_regular_file(path, ec)) return std::optional<Dynamics>{};
+  Result<config::Table> read = config::read_file(path);
+  if (!read && !path.ends_with(".toml")) return std::optional<Dynamics>{};  // a URDF file
+  POLYPOD_ASSIGN(file, std::move(read));
   POLYPOD_ASSIGN(table, file.optional_table("dynamics"));
   if (!table) return std::optional<Dynamics>{};
   POLYPOD_ASSIGN(out, dynamics_from(*table, machine));

@@ -361,6 +361,8 @@ class Mover {
       return out;
     }
     POLYPOD_TRY(make_law(out));
+    judge_jumps(out);
+    out.moves_at_once = options_.law != Law::fastest && !comes_to_rest();
     for (MoveViolation& v : out.violations) v.t = law_.time_of(v.s);
     POLYPOD_TRY(check(out));
     out.time = law_.duration();
@@ -471,7 +473,7 @@ class Mover {
         const double speed = s.speed > 0 ? s.speed : options_.speed;
         law_.add(uniform_block(follower_.begin(k), s.size, s.length / speed));
       }
-      if (k + 1 == stretches.size() || options_.profile == Profile::smooth) continue;
+      if (k + 1 == stretches.size() || comes_to_rest()) continue;
       const Junction j = path_.junction(k);
       if (j.tangent) continue;
       MoveViolation v;
@@ -488,6 +490,63 @@ class Mover {
       out.violations.push_back(v);
     }
     return {};
+  }
+
+  /// In given times with a profile that is at rest at each point.
+  [[nodiscard]] bool comes_to_rest() const { return options_.law == Law::timed && options_.profile == Profile::smooth; }
+
+  /// Where two stretches that go on in one direction meet, their rates may differ (and where a line meets an arc, their
+  /// accelerations): no instant within a stretch shows it. Breaks every limit of acceleration (jerk) of what jumps.
+  void judge_jumps(MoveResult& out) const {
+    if (options_.law == Law::fastest || comes_to_rest()) return;
+    std::set<std::string> seen;
+    RateJumps& jumps = out.jumps;
+    for (std::size_t k = 0; k + 1 < law_.blocks(); ++k) {
+      if (!path_.junction(k).tangent) continue;  // a corner is a violation already
+      const MoveSample a = sample_at(k, law_.block(k).duration), b = sample_at(k + 1, 0);
+      if (!a.reached || !b.reached) continue;
+      const double speed = differs(a.v, b.v), turn = differs(a.turn, b.turn);
+      if (speed > 0 || turn > 0) ++jumps.count;
+      jumps.speed = std::max(jumps.speed, speed);
+      jumps.turn = std::max(jumps.turn, turn);
+      const auto report = [&](int who, int order, double by) {
+        const std::string name = name_of({0, who}, order);
+        if (!seen.insert(name + " jump").second) return;
+        const bool turns = who >= 0 && out.drives[static_cast<std::size_t>(who)].turns;
+        MoveViolation v;
+        v.s = follower_.begin(k + 1);
+        v.p = b.X.p;
+        v.line = path_.stretches[k + 1].line;
+        v.kind = who < 0 ? "tool" : "drive";
+        v.limit = name;
+        v.detail =
+            fmt::format("the {} of {} jumps by {:.4g} {}/{}: no {} allows it", order == 1 ? "speed" : "acceleration",
+                        who < 0 ? std::string("the tool") : fmt::format("drive {}", who + 1),
+                        turns ? units::to_deg(by) : units::to_mm(by), turns ? "deg" : "mm", order == 1 ? "s" : "s2",
+                        order == 1 ? "acceleration" : "jerk");
+        out.violations.push_back(v);
+      };
+      const auto limited = [](double limit) { return std::isfinite(limit); };
+      if (speed > 0 && limited(limits_.tool_acceleration)) report(-1, 1, speed);
+      const double bend = differs(a.a, b.a);
+      if (bend > 0 && limited(limits_.tool_jerk)) report(-1, 2, bend);
+      if (!a.regular || !b.regular) continue;
+      for (int i = 0; i < follower_.joints(); ++i) {
+        const double rate = differs_in(a.speed, b.speed, i), rate_2 = differs_in(a.acceleration, b.acceleration, i);
+        if (rate > 0 && limited(limits_.drive_acceleration[i])) report(i, 1, rate);
+        if (rate_2 > 0 && limited(limits_.drive_jerk[i])) report(i, 2, rate_2);
+      }
+    }
+  }
+  static constexpr double kSameRate = 1e-3;  ///< of the larger, as Junction's corners
+  /// By how much, 0 where that is rounding (of times in a file, as of directions in corners).
+  static double differs(const Vec3& a, const Vec3& b) {
+    const double by = (a - b).norm();
+    return by > kSameRate * std::max(a.norm(), b.norm()) + 1e-12 ? by : 0;
+  }
+  static double differs_in(const JointVector& a, const JointVector& b, int i) {
+    const double by = std::abs(a[i] - b[i]);
+    return by > kSameRate * std::max(a.cwiseAbs().maxCoeff(), b.cwiseAbs().maxCoeff()) + 1e-12 ? by : 0;
   }
 
   Status plan(MoveResult& out) {
@@ -660,6 +719,7 @@ class Mover {
       } else {
         report_exceeded(s, exceeded, out);
       }
+      if (s.reached && !s.regular) report_unknown(s, exceeded, out);
       if (report) report_force(s, exceeded, out);
     }
     return look;
@@ -754,6 +814,20 @@ class Mover {
       look(s.acceleration[i], limits_.drive_acceleration[i], i, 1);
       look(s.jerk[i], limits_.drive_jerk[i], i, 2);
     }
+  }
+
+  /// A pose at which no speeds of the drives give the motion of the tool: nothing that they do can be judged.
+  void report_unknown(const MoveSample& s, std::set<std::string>& seen, MoveResult& out) const {
+    if (!seen.insert("singular").second) return;
+    MoveViolation v;
+    v.t = s.t;
+    v.s = s.s;
+    v.p = s.X.p;
+    v.line = s.line;
+    v.kind = "singular";
+    v.limit = "singular";
+    v.detail = "a singular pose: speeds and forces of the drives do not exist here";
+    out.violations.push_back(v);
   }
 
   /// Tool and drives at any time of the whole motion.

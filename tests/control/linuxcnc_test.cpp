@@ -317,11 +317,16 @@ TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
     ModuleHost host(test::compiled(written(folder, c.module)).string());
     const Task task = kinematics::task(m);
     const Vec3 force(300, -200, 450);
+    const auto push = [&host](const Vec3& f) {
+      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), f[k]);
+      host.run("force", 1000000);
+    };
+    host.set("force-rate", 1e12);
     int compared = 0;
     for (const calibration::Stand& stand : calibration::random_stands(m, 20, 11)) {
       const std::vector<double> asked = world_of(m, stand.X_MT);
       std::vector<double> stiff = homes(c.joints);
-      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), 0);
+      push(Vec3::Zero());
       if (host.inverse(asked, stiff) != 0) continue;
       JointVector q(static_cast<Eigen::Index>(stiff.size()));
       for (int i = 0; i < static_cast<int>(stiff.size()); ++i) {
@@ -330,14 +335,14 @@ TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
       }
       const statics::Compliance at = statics::compliance_at_joints(m, q);
       const Vec3 shift = at.displacement(force) * units::kMmPerMetre;
-      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), force[k]);
+      push(force);
       std::vector<double> shifted = stiff;
       if (host.inverse(asked, shifted) != 0) continue;
       std::vector<double> back = asked;
       ASSERT_EQ(host.forward(shifted, back), 0);
       EXPECT_LT(farthest(back, asked), kShift);
       // Without the force these joints are at the shifted pose.
-      for (int k = 0; k < 3; ++k) host.set(fmt::format("force-{}", "xyz"[k]), 0);
+      push(Vec3::Zero());
       std::vector<double> where = asked;
       ASSERT_EQ(host.forward(shifted, where), 0);
       double largest = 0;
@@ -352,6 +357,47 @@ TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
     }
     EXPECT_GT(compared, 5);
   }
+}
+
+/// A sensor that fails: what the kinematics use stays, fades at the rate, and comes back at it; never a jump, never no
+/// number.
+TEST(LinuxcncModule, AForceThatIsNoNumberFades) {
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
+  const LinuxcncConfiguration c = exported(test::load("lola50"));
+  const test::Folder folder;
+  ModuleHost host(test::compiled(written(folder, c.module)).string());
+  constexpr long kPeriod = 1000000;  // ns
+  constexpr double kRounding = 1e-9;
+  host.set("force-rate", 1000);  // 1 N a cycle
+  host.set("force-hold", 0.02);
+  host.set("force-x", 30);
+  host.set("force-z", -10.5);
+  const auto after = [&](int cycles) {
+    for (int i = 0; i < cycles; ++i) host.run("force", kPeriod);
+    return Vec3(host.pin("force-used-x"), host.pin("force-used-y"), host.pin("force-used-z"));
+  };
+  EXPECT_LT((after(7) - Vec3(7, 0, -7)).norm(), kRounding);
+  EXPECT_LT((after(40) - Vec3(30, 0, -10.5)).norm(), kRounding);
+  EXPECT_EQ(host.pin("force-error"), 0);
+  for (const double broken : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    SCOPED_TRACE(broken);
+    host.set("force-y", broken);
+    EXPECT_LT((after(20) - Vec3(30, 0, -10.5)).norm(), kRounding);  // held
+    EXPECT_EQ(host.pin("force-error"), 1);
+    EXPECT_LT((after(5) - Vec3(25, 0, -5.5)).norm(), kRounding);
+    std::vector<double> q = homes(c.joints);
+    EXPECT_EQ(host.inverse(home_of(c), q), 0);
+    EXPECT_LT(after(30).norm(), kRounding);
+    EXPECT_EQ(host.pin("force-error"), 1);
+    host.set("force-y", 0);
+    EXPECT_LT((after(3) - Vec3(3, 0, -3)).norm(), kRounding);
+    EXPECT_EQ(host.pin("force-error"), 0);
+    after(40);
+  }
+  // A rate that is no rate changes nothing.
+  host.set("force-rate", std::nan(""));
+  host.set("force-x", 100);
+  EXPECT_LT((after(10) - Vec3(30, 0, -10.5)).norm(), kRounding);
 }
 
 // ---- against LinuxCNC's genuine modules -----------------------------------------------------------------------------

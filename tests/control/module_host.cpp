@@ -20,8 +20,11 @@ using Pin = polypod::test::ModuleHost::Pin;
 
 constexpr std::size_t kJoints = 16;
 
+using Function = polypod::test::ModuleHost::Function;
+
 /// What the module that is being loaded has made.
 std::map<std::string, Pin>* pins_now = nullptr;
+std::map<std::string, Function>* functions_now = nullptr;
 
 std::string text(const char* form, va_list rest) {
   char out[256];
@@ -92,6 +95,10 @@ POLYPOD_PARAMETER(hal_param_float_newf, number)
 POLYPOD_PARAMETER(hal_param_bit_newf, bit)
 POLYPOD_PARAMETER(hal_param_s32_newf, whole)
 POLYPOD_PARAMETER(hal_param_u32_newf, whole)
+int hal_export_funct(const char* name, void (*function)(void*, long), void* argument, int, int, int) {
+  (*functions_now)[name] = [function, argument](long period) { function(argument, period); };
+  return 0;
+}
 void rtapi_print(const char*, ...) {}
 void rtapi_print_msg(int, const char*, ...) {}
 }
@@ -139,12 +146,19 @@ ModuleHost::ModuleHost(const std::string& name, const std::map<std::string, std:
   inverse_ = ::dlsym(handle_, "kinematicsInverse");
   if (start == nullptr || forward_ == nullptr || inverse_ == nullptr) throw std::runtime_error("no kinematics module");
   std::map<std::string, Pin> made;
+  std::map<std::string, Function> functions;
   pins_now = &made;
+  functions_now = &functions;
   loaded = start();
+  for (const auto& [full, function] : functions) functions_[full.substr(full.find('.') + 1)] = function;
   for (const auto& [full, pin] : made) pins_[full.substr(full.find('.') + 1)] = pin;
 }
 ModuleHost::~ModuleHost() {
   if (handle_ != nullptr) ::dlclose(handle_);
+}
+
+void ModuleHost::run(const std::string& function, long period_ns) {
+  functions_.at(function)(period_ns);
 }
 
 int ModuleHost::inverse(const std::vector<double>& pose, std::vector<double>& joints) const {

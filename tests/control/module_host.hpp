@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -48,6 +49,10 @@ class ModuleHost {
   void set(const std::string& name, double value);
   [[nodiscard]] bool has(const std::string& name) const;
 
+  /// Lets a function that the module exported run, as a thread of this period does.
+  void run(const std::string& function, long period_ns);
+  using Function = std::function<void(long)>;
+
   struct Pin {
     enum Kind { number, bit, whole } kind;
     void* at;
@@ -58,6 +63,7 @@ class ModuleHost {
   void* forward_ = nullptr;
   void* inverse_ = nullptr;
   std::map<std::string, Pin> pins_;
+  std::map<std::string, Function> functions_;
 };
 
 }  // namespace polypod::test

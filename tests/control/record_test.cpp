@@ -148,6 +148,80 @@ TEST(Record, Delta) {
   expect_run("delta-brno", kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n", 3, kAgreesWell);
 }
 
+// In LinuxCNC itself: a force of 200 N deflects the tip, the program moves, and the sensor fails for 0.8 s. The shift
+// stays for 0.1 s, fades at the rate of 400 N/s, the tool waits, and then all goes on. The force is that of a
+// multiplexer whose second input is no number; the program starts it.
+TEST(Record, AForceThatIsNoNumberHoldsFadesAndHoldsTheFeed) {
+  POLYPOD_NEEDS_RUNS;
+  const test::Folder folder;
+  const LinuxcncConfiguration c = exported("lola50", folder.path());
+  const std::string hal = c.files[1].name;
+  std::ofstream(folder.path() / hal, std::ios::app) << fmt::format(R"(
+loadrt oneshot names=lost-for
+loadrt mux2 names=sensor
+addf lost-for servo-thread
+addf sensor servo-thread
+setp lost-for.width 0.8
+setp sensor.in0 200
+setp sensor.in1 nan
+net lost motion.digital-out-00 => lost-for.in
+net no-number lost-for.out => sensor.sel
+net force sensor.out => {0}.force-z
+setp {0}.force-rate 400
+)",
+                                                                   c.module.name);
+  const fs::path file = folder.path() / "program.ngc";
+  write(file, kLines + "G4 P1\nG1 X10\nM62 P0\nG1 X20\nG1 X-30\nG90\nM2\n");
+  // The operator is told, and a record ends with that.
+  auto found = record(folder.path().string(), file.string());
+  ASSERT_FALSE(found);
+  EXPECT_EQ(found.error().id, "LC116");
+  EXPECT_NE(to_string(found.error()).find("the force is no number"), std::string::npos);
+  // What the machine does meanwhile: the same without the message.
+  std::string module = c.module.source;
+  const std::string told = "rtapi_print_msg(RTAPI_MSG_ERR, MODULE_NAME \": the force";
+  ASSERT_NE(module.find(told), std::string::npos);
+  module.replace(module.find(told), told.size(), "rtapi_print_msg(RTAPI_MSG_DBG, MODULE_NAME \": the force");
+  write(folder.path() / (c.module.name + ".c"), module);
+  found = record(folder.path().string(), file.string());
+  ASSERT_TRUE(found) << to_string(found.error());
+  const std::vector<Row> rows = rows_of(found->csv);
+  const AnyMachine m = test::load("lola50");
+  std::vector<double> shift, speed;  // um along z, mm/s
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    JointVector q(static_cast<Eigen::Index>(rows[k].joints.size()));
+    for (Eigen::Index i = 0; i < q.size(); ++i) q[i] = units::from_deg(rows[k].joints[static_cast<std::size_t>(i)]);
+    const double z = kinematics::forward(m, q).poses.front().p.z();
+    shift.push_back(units::to_um(z) - 1000 * rows[k].pose[2]);
+    speed.push_back(k == 0 ? 0 : 1000 * std::abs(rows[k].pose[0] - rows[k - 1].pose[0]));
+  }
+  const double whole = shift.front();
+  EXPECT_LT(whole, -10);  // against the force
+  const double a_cycle = std::abs(whole) * 400 / 200 * 0.001;
+  std::size_t faded = 0, nine = 0, one = 0;
+  double largest_step = 0, while_faded = 0;
+  for (std::size_t k = 1; k < shift.size(); ++k) {
+    largest_step = std::max(largest_step, std::abs(shift[k] - shift[k - 1]));
+    if (nine == 0 && shift[k] > 0.9 * whole) nine = k;
+    if (one == 0 && shift[k] > 0.1 * whole) one = k;
+    if (shift[k] < 0.001 * whole) continue;
+    ++faded;
+    // But for the cycles in which the machine moves on and the shift begins to come back.
+    constexpr std::size_t kMovesOn = 5;
+    if (k + kMovesOn < shift.size() && shift[k + kMovesOn] > 0.001 * whole) {
+      while_faded = std::max(while_faded, speed[k]);
+    }
+  }
+  EXPECT_LT(largest_step, 1.2 * a_cycle);  // C changes on the way by some per cent
+  EXPECT_NEAR(static_cast<double>(one - nine), 400, 20);
+  // 0.8 s less 0.1 s of hold and 0.5 s of fading.
+  EXPECT_NEAR(static_cast<double>(faded), 200, 10);
+  EXPECT_LT(while_faded, 1e-6);
+  // Afterwards the shift comes back, and the program comes to its end.
+  EXPECT_NEAR(shift.back(), whole, 0.02 * std::abs(whole));
+  EXPECT_NEAR(rows.back().pose[0], rows.front().pose[0], 1e-6);
+}
+
 using MachineAndMoves = std::pair<const char*, const char*>;
 class Kinds : public testing::TestWithParam<MachineAndMoves> {};
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(Kinds);

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/core/config.hpp"
+#include "polypod/core/table_text.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -341,6 +342,29 @@ TEST(Config, FilesThatAFileNames) {
               ::testing::UnorderedElementsAre("job.toml", "m.toml", "a.csv", "sub/cutter.toml", "sub/steel.toml"));
   EXPECT_TRUE(files_named_by((folder / "none.toml").string()).empty());
   fs::remove_all(folder);
+}
+
+TEST(Config, ATableAsTextHasTheSameValues) {
+  const std::string file =
+      (std::filesystem::temp_directory_path() / ("polypod-table-" + std::to_string(::getpid()))).string();
+  ASSERT_TRUE(
+      files::write_whole(file,
+                         "a = 1\n[masses] # of parts\nx = 0.1\nlist = [1, 2.5e-9, { y = true }]\n'odd \"key' = "
+                         "'a\\b\"'\n[masses.inner]\nz = 30.0\n[[masses.row]]\nday = 2024-02-03\n[next]\nx = 3\n"));
+  const std::string text = table_text(file, "masses");
+  EXPECT_THAT(text, ::testing::HasSubstr("\nx = 0.1\n"));
+  EXPECT_THAT(text, ::testing::Not(::testing::HasSubstr("next")));
+  // Written once more it is the same text: nothing was lost.
+  ASSERT_TRUE(files::write_whole(file, text));
+  EXPECT_EQ(table_text(file, "masses"), text);
+  EXPECT_THAT(text, ::testing::HasSubstr("list = [1, 2.5e-09, { y = true }]\n"));
+  EXPECT_THAT(text, ::testing::HasSubstr(R"(inner = { z = 30 })"));
+  EXPECT_THAT(text, ::testing::HasSubstr("row = [{ day = 2024-02-03 }]"));
+  EXPECT_EQ(table_text(file, "none"), "");
+  ASSERT_TRUE(files::write_whole(file, "[masses\n"));
+  EXPECT_EQ(table_text(file, "masses"), "");
+  std::filesystem::remove(file);
+  EXPECT_EQ(table_text(file, "masses"), "");
 }
 
 }  // namespace

@@ -401,6 +401,100 @@ TEST(Move, GivenTimesAreKept) {
   EXPECT_NEAR(r->violations[0].t, 1 - x, 2.5 / 10000 * 2);
 }
 
+// Between two points in one line the rate jumps: no acceleration allows that, though none is seen within a stretch.
+TEST(Move, ASpeedThatJumpsBreaksEveryLimitOfAcceleration) {
+  const AnyMachine m = load("delta-brno");
+  const auto at = [](double x) { return TargetPose{Vec3(x, 0, 0.55), Vec3::Zero()}; };
+  std::vector<Stretch> stretches{*straight(at(0), at(0.05)), *straight(at(0.05), at(0.1))};
+  stretches[0].duration = 1;
+  stretches[1].duration = 0.1;
+  const PosePath path = *pose_path_of(stretches);
+  MoveOptions options;
+  options.law = Law::timed;
+  auto r = move(m, path, options);
+  ASSERT_TRUE(r);
+  EXPECT_TRUE(r->ok());  // no acceleration is limited, and the result says that it jumps
+  EXPECT_EQ(r->jumps.count, 1U);
+  EXPECT_NEAR(r->jumps.speed, 0.45, 1e-12);
+  EXPECT_TRUE(r->moves_at_once);
+  options.limits.tool_acceleration = 1e6;
+  options.limits.drive_acceleration = machine::JointVector::Constant(3, 1e9);
+  r = move(m, path, options);
+  ASSERT_TRUE(r);
+  std::vector<std::string> broken;
+  for (const MoveViolation& v : r->violations) {
+    broken.push_back(v.limit);
+    EXPECT_NEAR(v.t, 1, 1e-9);
+    EXPECT_NEAR(v.length, 0.05, 1e-12);
+  }
+  EXPECT_EQ(broken, (std::vector<std::string>{"tool acceleration", "drive 1 acceleration", "drive 2 acceleration",
+                                              "drive 3 acceleration"}));
+  // At one speed nothing jumps; where the path is at rest at its points neither.
+  options.law = Law::constant;
+  options.speed = 0.1;
+  r = move(m, path, options);
+  EXPECT_TRUE(r->ok());
+  EXPECT_EQ(r->jumps.count, 0U);
+  options.law = Law::timed;
+  options.profile = Profile::smooth;
+  r = move(m, path, options);
+  EXPECT_TRUE(r->ok());
+  EXPECT_FALSE(r->moves_at_once);
+}
+
+// A line that runs into an arc: the acceleration jumps by v^2 / r.
+TEST(Move, AnAccelerationThatJumpsBreaksEveryLimitOfJerk) {
+  const AnyMachine m = load("delta-brno");
+  const double r = 0.03;
+  const TargetPose a{Vec3(-0.05, 0, 0.55), Vec3::Zero()}, b{Vec3(0, 0, 0.55), Vec3::Zero()},
+      c{Vec3(r, r, 0.55), Vec3::Zero()};
+  const Vec3 via(r * std::sin(0.5), r * (1 - std::cos(0.5)), 0.55);
+  MoveOptions options;
+  options.speed = 0.2;
+  options.limits.tool_acceleration = 2;  // v^2 / r = 1.333
+  const PosePath path = *pose_path_of({*straight(a, b), *curved(b, via, c)});
+  EXPECT_TRUE(move(m, path, options)->ok());
+  options.limits.tool_jerk = 1e6;
+  const auto found = move(m, path, options);
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->violations.size(), 1U);
+  EXPECT_EQ(found->violations[0].limit, "tool jerk");
+  EXPECT_NE(found->violations[0].detail.find("jumps by 1333 mm/s2"), std::string::npos) << found->violations[0].detail;
+  EXPECT_NEAR(found->violations[0].t, 0.25, 1e-9);
+}
+
+// A profile of given times does not hold where the path is passed at one speed.
+TEST(Move, CornersAtConstantSpeedAreFoundWhateverTheProfileOfTheFile) {
+  const AnyMachine m = load("delta-brno");
+  const auto at = [](double x) { return TargetPose{Vec3(x, 0, 0.55), Vec3::Zero()}; };
+  MoveOptions options;
+  options.speed = 0.1;
+  options.profile = Profile::smooth;
+  const auto r = move(m, *pose_path_of({*straight(at(0), at(0.05)), *straight(at(0.05), at(0))}), options);
+  ASSERT_TRUE(r);
+  ASSERT_EQ(r->violations.size(), 1U);
+  EXPECT_EQ(r->violations[0].kind, "corner");
+}
+
+// A straight wrist at the start of the path, where axes 4 and 6 are one: no speeds of the drives give the motion.
+TEST(Move, ASingularPoseIsNamedEvenWhereClosenessIsNotJudged) {
+  const AnyMachine m = load("kuka-kr210");
+  JointVector q(6);
+  q << 0, -1.4, 1.75, 0, 0, 0;
+  const TargetPose from = target_of(m, kinematics::forward(m, q).poses.front());
+  TargetPose to = from;
+  to.p.y() += 0.05;
+  MoveOptions options;
+  options.condition = 0;
+  options.speed = 0.1;
+  options.start = 0;
+  const auto r = move(m, *pose_path_of({*straight(from, to)}), options);
+  ASSERT_TRUE(r);
+  const auto found = std::count_if(r->violations.begin(), r->violations.end(),
+                                   [](const MoveViolation& v) { return v.kind == "singular" && v.t == 0; });
+  EXPECT_EQ(found, 1);
+}
+
 TEST(Move, LimitsAreFoundWhereTheyAreBroken) {
   const AnyMachine any = load("hexapod-strut");
   const auto& m = std::get<machine::StrutHexapod>(any);

@@ -36,7 +36,7 @@ struct Dynamics {
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
 };
 
-/// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is no TOML file). Errors:
+/// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Errors:
 /// those of config, MO120 (an inertia that no body has), MO121 (a key that the machine has no part for), MO122 (as
 /// many numbers as drives, or links as rows).
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine);

@@ -112,12 +112,20 @@ struct MoveStart {
   bool chosen = false;
 };
 
+/// Where the path goes on in one direction, but at another rate.
+struct RateJumps {
+  std::size_t count = 0;
+  double speed = 0, turn = 0;  ///< the largest, of the tip m/s and of its orientation rad/s
+};
+
 struct MoveResult {
   double time = 0, length = 0;
   std::vector<MoveSample> samples;
   std::vector<MoveDrive> drives;
   double tool_speed = 0, tool_acceleration = 0, tool_jerk = 0, turn_speed = 0;
   double worst_condition = 0;
+  RateJumps jumps;             ///< of Law::constant and Law::timed; where an acceleration is limited also violations
+  bool moves_at_once = false;  ///< at its first instant it has its speed already, and at its last still
   std::optional<double> clearance;        ///< m, of deltas
   std::vector<MoveViolation> violations;  ///< in the order of the path; each limit once, where it is first broken
   std::vector<MoveStart> starts;

@@ -92,10 +92,31 @@ static void add_shift(double c[6], const double s[3], double share) {
 static int read_force(double force[3]) {
   int k, any = 0;
   for (k = 0; k < 3; k++) {
-    force[k] = *hal->force[k];
+    force[k] = *hal->force_used[k];
     any = any || force[k] != 0;
   }
   return any;
+}
+
+/* Once a cycle, before the kinematics: the force that they use follows the pins no faster than force-rate. Where one of the
+ * pins is no number, it stays for force-hold, then fades, and force-error is on until all are numbers again. */
+static void follow_force(void *unused, long period) {
+  static double lost = 0; /* s since the last force that was one */
+  const double dt = 1e-9 * (double)period, rate = *hal->force_rate, hold = *hal->force_hold;
+  const double most = isfinite(rate) && rate > 0 ? rate * dt : 0;
+  int k, bad = 0;
+  (void)unused;
+  for (k = 0; k < 3; k++) bad = bad || !isfinite(*hal->force[k]);
+  if (bad && !*hal->force_error) {
+    rtapi_print_msg(RTAPI_MSG_ERR, MODULE_NAME ": the force is no number; its shift stays for a moment, then fades\n");
+  }
+  lost = bad ? lost + dt : 0;
+  *hal->force_error = bad;
+  if (bad && isfinite(hold) && lost < hold + 0.5 * dt) return;
+  for (k = 0; k < 3; k++) {
+    const double to = bad ? 0 : *hal->force[k], by = to - *hal->force_used[k];
+    *hal->force_used[k] += by > most ? most : by < -most ? -most : by;
+  }
 }
 #endif
 
@@ -256,7 +277,16 @@ int rtapi_app_main(void) {
            hal_pin_s32_newf(HAL_OUT, &hal->forward_failures, component, MODULE_NAME ".forward-failures") < 0;
 #if ELEMENTS > 0
   for (i = 0; i < 3; i++)
-    failed = failed || hal_pin_float_newf(HAL_IN, &hal->force[i], component, MODULE_NAME ".force-%c", 'x' + i) < 0;
+    failed = failed || hal_pin_float_newf(HAL_IN, &hal->force[i], component, MODULE_NAME ".force-%c", 'x' + i) < 0 ||
+             hal_pin_float_newf(HAL_OUT, &hal->force_used[i], component, MODULE_NAME ".force-used-%c", 'x' + i) < 0;
+  failed = failed || hal_pin_float_newf(HAL_IN, &hal->force_rate, component, MODULE_NAME ".force-rate") < 0 ||
+           hal_pin_float_newf(HAL_IN, &hal->force_hold, component, MODULE_NAME ".force-hold") < 0 ||
+           hal_pin_bit_newf(HAL_OUT, &hal->force_error, component, MODULE_NAME ".force-error") < 0 ||
+           hal_export_funct(MODULE_NAME ".force", follow_force, 0, 1, 0, component) < 0;
+  if (!failed) {
+    *hal->force_rate = 50;
+    *hal->force_hold = 0.1;
+  }
   for (i = 0; i < ELEMENTS; i++) {
     failed = failed ||
              hal_pin_float_newf(HAL_IN, &hal->compliance[i], component, MODULE_NAME ".compliance.%d", i + 1) < 0;
