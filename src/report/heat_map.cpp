@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "polypod/core/units.hpp"
 #include "polypod/report/plot.hpp"
 #include "svg.hpp"
 
@@ -35,7 +35,7 @@ bool on_screen(const std::array<double, 3>& rgb) {
 
 /// `#rrggbb` of lightness, chroma and hue (deg); the chroma is lowered as far as a screen needs.
 std::string hex_of(double L, double chroma, double hue_deg) {
-  const double hue = hue_deg * std::numbers::pi / 180;
+  const double hue = units::from_deg(hue_deg);
   const auto at = [&](double c) { return linear_rgb(L, c * std::cos(hue), c * std::sin(hue)); };
   if (!on_screen(at(chroma))) {
     double inside = 0, outside = chroma;

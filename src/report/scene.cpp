@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <set>
 
+#include "polypod/core/units.hpp"
 #include "svg.hpp"
 
 namespace polypod::report {
@@ -143,7 +143,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
   const auto colour_of = [&](int kind, double lightness) {
     return levels.empty() || kind < 0 ? kind_colour(kind, lightness) : step_colour(kind, kinds.size(), lightness);
   };
-  const double az = azimuth_deg * std::numbers::pi / 180, el = elevation_deg * std::numbers::pi / 180;
+  const double az = units::from_deg(azimuth_deg), el = units::from_deg(elevation_deg);
   const Point3 to_eye{std::cos(el) * std::cos(az), std::cos(el) * std::sin(az), std::sin(el)};
   const Point3 right{-std::sin(az), std::cos(az), 0}, up = cross(to_eye, right);
   // Light from the upper left, a little behind the eye.

@@ -104,7 +104,12 @@ TEST(Site, PosesAreThoseOfTheLibraryForEveryMachineOfTheCatalogue) {
     EXPECT_FALSE(answer["scene"]["lines"].empty()) << name;
     // And back: the joints give the pose.
     const json back = json::parse(site.answer(post("/0/pose", {{"joints", answer["joints"]}}), kPort).body);
-    EXPECT_FALSE(back.contains("error")) << name << back;
+    ASSERT_TRUE(back.contains("pose")) << name << back;
+    ASSERT_EQ(back["pose"].size(), pose.size()) << name;
+    for (std::size_t i = 0; i < pose.size(); ++i) {
+      EXPECT_NEAR(back["pose"][i].get<double>(), answer["pose"][i].get<double>(), 1e-6) << name << i;
+      EXPECT_NEAR(answer["pose"][i].get<double>(), pose[i].get<double>(), 1e-6) << name << i;
+    }
   }
   EXPECT_GT(asked, 20);
 }
