@@ -83,5 +83,49 @@ TEST(Safety, ACurtainTooNearIsAProblemUnlessAMeasureIsStated) {
   EXPECT_FALSE(measured.guards[0].enough);
 }
 
+// ISO 13855: T is the response of the device, of the control and the stopping time together. 1.6 m/s (0.3 + 0.02 +
+// 0.05) s
+// + 8 (30 - 14) mm = 720 mm.
+TEST(Safety, TimesOfDeviceAndControlCount) {
+  Cell cell;
+  Machine m;
+  m.name = "arm";
+  m.stopping = 0.3;
+  cell.machines.push_back(m);
+  Guard g;
+  g.name = "front";
+  g.kind = Guard::Kind::curtain;
+  g.to = {2, 0, 0};
+  g.response = 0.02;
+  cell.guards.push_back(g);
+  cell.control_response = 0.05;
+  const Safety out = safety(cell, {{{1, 1, 1}, 0.1, "arm"}});
+  EXPECT_NEAR(out.guards.at(0).stopping, 0.37, kRounding);
+  EXPECT_NEAR(out.guards.at(0).needed, 0.720, kRounding);
+}
+
+// A fence of 2 m with round openings of 30 mm: 120 mm (ISO 13857, Table 4) from the surface of what is moved.
+TEST(Safety, OpeningsCountFromTheSurfaceOfWhatIsMoved) {
+  Cell cell;
+  Machine m;
+  m.name = "arm";
+  m.stopping = 0.3;
+  cell.machines.push_back(m);
+  Guard g;
+  g.name = "fence";
+  g.to = {2, 0, 0};
+  g.height = 2;
+  g.opening = 0.030;
+  g.opening_height = 1;
+  cell.guards.push_back(g);
+  EXPECT_TRUE(safety(cell, {{{1, 0.15, 1}, 0.01, "arm"}}).problems.empty());
+  const Safety near = safety(cell, {{{1, 0.15, 1}, 0.10, "arm"}});
+  ASSERT_EQ(near.guards.size(), 1U);
+  EXPECT_FALSE(near.guards[0].enough);
+  EXPECT_NE(near.guards[0].note.find("50 mm away, 120 mm is needed"), std::string::npos) << near.guards[0].note;
+  // Out of an arm's reach up or down through the opening.
+  EXPECT_TRUE(safety(cell, {{{1, 0.15, 0.1}, 0.10, "arm"}}).guards[0].enough);
+}
+
 }  // namespace
 }  // namespace polypod::cell

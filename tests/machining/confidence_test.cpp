@@ -125,6 +125,25 @@ TEST(Confidence, SdIsThatOfTheLinearModel) {
   EXPECT_NEAR(largest, band.normal.max / 2, 1e-9);
 }
 
+// A point across the path by the room and off in height by the largest vertical error lies on the surface of the tube.
+TEST(Confidence, RoomOfAWallIsWhatTheVerticalErrorLeavesOfTheTube) {
+  const Example e = load_example("slavkovic_square");
+  const machining::Correction c = testing::correct(e);
+  const Confidence found = confidence(e, c, covariance(1));
+  ASSERT_FALSE(found.walls.empty());
+  for (const auto& wall : found.walls) {
+    const auto m = std::find_if(c.after.moves.begin(), c.after.moves.end(),
+                                [&](const machining::MovePrediction& move) { return move.line == wall.line; });
+    ASSERT_NE(m, c.after.moves.end());
+    const auto corner = std::find_if(c.moves.begin(), c.moves.end(),
+                                     [&](const machining::MoveOutcome& o) { return o.move == m->move; });
+    const double blended = corner == c.moves.end() ? 0 : corner->corner_after;
+    const double vertical = std::max(std::abs(m->vertical.min), std::abs(m->vertical.max));
+    EXPECT_NEAR(std::hypot(wall.room, vertical), e.job.tolerance - blended, 1e-12);
+    EXPECT_GT(vertical, 1e-6) << "the test says something only where the tool is off in height";
+  }
+}
+
 TEST(Confidence, SharesAndWhatToMeasure) {
   Example e = load_example("slavkovic_square");
   const machining::Correction c = testing::correct(e);

@@ -87,6 +87,32 @@ TEST(Place, EstimatesAreNearToPredict) {
   for (const machining::JudgedPlace& j : r.judged) EXPECT_NEAR(j.estimate, j.error, 0.08 * j.error);
 }
 
+// The margin of a place against the ranges that `check` finds there, which looks at the program every millimetre.
+TEST(Place, MarginsAreThoseOfTheRangesThatCheckFinds) {
+  const Example e = load_example("slavkovic_square");
+  const PlaceResult r = best(e, small_box());
+  constexpr double kBetweenPoints = 2e-3;  // of a range: the margin looks at some 200 points, 5 mm apart
+  int compared = 0;
+  double least = 1, most = 0;
+  for (const machining::PlacePoint& p : r.map.points) {
+    if (p.fit != PlaceFit::fits) continue;
+    const auto checked = testing::unwrap(machining::check(e.job.machine, p.at.pose(), e.program, e.interpretation));
+    if (!checked.problems.empty()) continue;
+    double want = 0.5;
+    for (int i = 0; i < kinematics::joint_count(e.job.machine); ++i) {
+      const machine::JointRange has = checked.joints[static_cast<std::size_t>(i)];
+      const machine::JointRange may = kinematics::joint_range(e.job.machine, i);
+      want = std::min({want, (has.min - may.min) / (may.max - may.min), (may.max - has.max) / (may.max - may.min)});
+    }
+    EXPECT_NEAR(p.margin, want, kBetweenPoints);
+    least = std::min(least, want);
+    most = std::max(most, want);
+    ++compared;
+  }
+  EXPECT_GT(compared, 4);
+  EXPECT_GT(most - least, 0.02);
+}
+
 TEST(Place, SameWithOneThread) {
   const Example e = load_example("slavkovic_square");
   PlaceOptions options = small_box();

@@ -171,6 +171,19 @@ TEST(TestCut, ProductIsExactWithoutNoise) {
   const TestCutFit fit = unwrap(machining::fit_test_cut(job, cut, exact));
   EXPECT_NEAR(fit.product.value, 1.2, 2e-3);
   EXPECT_LT(fit.rms_after, from_um(0.5));
+  ASSERT_EQ(fit.freedom, 4);
+  // Uncertainties: the inverse of the normal matrix of both unknowns, with slopes by wide differences.
+  const std::vector<double> less = unwrap(machining::predicted_sizes(job, cut, 1.1));
+  const std::vector<double> more = unwrap(machining::predicted_sizes(job, cut, 1.3));
+  Eigen::MatrixXd A(static_cast<Eigen::Index>(sizes.size()), 2);
+  for (Eigen::Index i = 0; i < A.rows(); ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    A.row(i) << (more[k] - less[k]) / 0.2 / from_um(3), -1 / from_um(3);
+  }
+  const Eigen::Matrix2d covariance = (A.transpose() * A).inverse();
+  EXPECT_NEAR(fit.product.uncertainty, std::sqrt(covariance(0, 0)), 0.05 * fit.product.uncertainty);
+  EXPECT_NEAR(fit.diameter.uncertainty, std::sqrt(covariance(1, 1)), 0.05 * fit.diameter.uncertainty);
+  EXPECT_NEAR(fit.chi_squared_99, 13.277, 0.01 * 13.277);  // tables of chi-squared
 }
 
 TEST(TestCut, SaysNoWhereOneFactorDoesNotExplainTheSizes) {

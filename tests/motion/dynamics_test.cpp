@@ -279,6 +279,139 @@ TEST(Dynamics, StandingStillTheStrutsCarryThePlatform) {
   EXPECT_LT(moment.norm(), 1e-10);
 }
 
+/// A pose and joints that stand still.
+JointSeries still_at(const Pose& X, const JointVector& q) {
+  JointSeries s;
+  s.q = q;
+  s.first = s.second = s.third = JointVector::Zero(q.size());
+  s.X = X.cast<polypod::Series>();
+  return s;
+}
+/// Speeds of the joints that differ, without accelerations.
+Moving moving_at(const JointVector& q) {
+  Moving s{q, JointVector(q.size()), JointVector::Zero(q.size())};
+  for (int i = 0; i < q.size(); ++i) s.v[i] = 0.2 * std::sin(1.0 + 2.0 * i);
+  return s;
+}
+constexpr double kRounding = 1e-9;  // of the energies, which are some J
+
+// Lagrange's equations hold for masses that lie anywhere; the tests below say where they lie.
+
+/// A uniform rod whose ends move with a and b has m (a.a + a.b + b.b) / 6; an arm has I q'^2 / 2.
+TEST(Dynamics, RodsAndArmsOfADeltaLieWhereTheyShould) {
+  const AnyMachine any = load("delta-brno");
+  const auto& m = std::get<machine::RotaryDelta>(any);
+  const auto [X, q] = pose_of(any);
+  const JointSeries s = series_of(any, X, moving_at(q));
+  const Vec3 v(s.X.p[0].derivative(1), s.X.p[1].derivative(1), s.X.p[2].derivative(1));
+  Dynamics rods, arms;
+  rods.gravity = arms.gravity = Vec3(0.3, -0.8, 9.7);
+  rods.rod = 0.4;
+  arms.arm = 0.8;
+  arms.arm_center = 0.07;
+  arms.arm_inertia = 0.008;
+  double rods_T = 0, rods_V = 0, arms_T = 0, arms_V = 0;
+  for (int i = 0; i < m.arms; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const double angle = q[i] + m.zero[k];
+    const Vec3 along = std::sin(angle) * m.outward[k] - std::cos(angle) * Vec3::UnitZ();
+    const Vec3 across = std::cos(angle) * m.outward[k] + std::sin(angle) * Vec3::UnitZ();
+    const Vec3 elbow = m.base_joint[k] + m.arm_length[k] * along, wrist = X.p + m.platform_joint[k] - m.tool;
+    ASSERT_NEAR((wrist - elbow).norm(), m.rod_length[k], 1e-9);
+    const Vec3 a = m.arm_length[k] * s.first[i] * across;
+    rods_T += 0.4 / 6 * (a.dot(a) + a.dot(v) + v.dot(v));
+    rods_V -= 0.4 * rods.gravity.dot(0.5 * (elbow + wrist));
+    arms_T += 0.5 * 0.008 * s.first[i] * s.first[i];
+    arms_V -= 0.8 * arms.gravity.dot(m.base_joint[k] + 0.07 * along);
+  }
+  const Energy of_rods = energy_of(any, rods, s), of_arms = energy_of(any, arms, s);
+  EXPECT_NEAR(of_rods.kinetic, rods_T, kRounding);
+  EXPECT_NEAR(of_rods.potential, rods_V, kRounding);
+  EXPECT_NEAR(of_arms.kinetic, arms_T, kRounding);
+  EXPECT_NEAR(of_arms.potential, arms_V, kRounding);
+}
+
+/// The two halves of a strut: a body that moves with its center and turns with the strut's direction.
+TEST(Dynamics, HalvesOfStrutsLieWhereTheyShould) {
+  const AnyMachine any = load("hexapod-strut");
+  const auto& m = std::get<machine::StrutHexapod>(any);
+  const auto [X, q] = pose_of(any);
+  const Moving moving = moving_at(q);
+  const JointSeries s = series_of(any, X, moving);
+  const Vec6 twist = kinematics::jacobian(any, X, q) * moving.v;
+  Dynamics fixed, driven;
+  fixed.strut_fixed = 1.2;
+  fixed.strut_fixed_center = 0.02;
+  fixed.strut_fixed_inertia = 0.01;
+  driven.strut_moving = 0.6;
+  driven.strut_moving_center = 0.03;
+  driven.strut_moving_inertia = 0.002;
+  double fixed_T = 0, fixed_V = 0, driven_T = 0, driven_V = 0;
+  for (int i = 0; i < 6; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const Vec3 arm = X.R * (m.platform_joint[k] - Vec3(0, 0, m.tool_length)), end = X.p + arm;
+    const Vec3 speed = twist.head<3>() + twist.tail<3>().cross(arm), leg = end - m.base_joint[k];
+    const Vec3 u = leg.normalized(), turns = (speed - u * u.dot(speed)) / leg.norm();
+    fixed_T += 0.5 * (0.01 + 1.2 * 0.02 * 0.02) * turns.squaredNorm();
+    fixed_V -= 1.2 * fixed.gravity.dot(m.base_joint[k] + 0.02 * u);
+    driven_T += 0.5 * (0.6 * (speed - 0.03 * turns).squaredNorm() + 0.002 * turns.squaredNorm());
+    driven_V -= 0.6 * driven.gravity.dot(end - 0.03 * u);
+  }
+  const Energy of_fixed = energy_of(any, fixed, s), of_driven = energy_of(any, driven, s);
+  EXPECT_NEAR(of_fixed.kinetic, fixed_T, kRounding);
+  EXPECT_NEAR(of_fixed.potential, fixed_V, kRounding);
+  EXPECT_NEAR(of_driven.kinetic, driven_T, kRounding);
+  EXPECT_NEAR(of_driven.potential, driven_V, kRounding);
+}
+
+/// Struts that end on a ring: its point on the side of the base joint, at which the strut has its length.
+TEST(Dynamics, StrutsEndOnTheirRings) {
+  AnyMachine any = load("pentapod");
+  auto& m = std::get<machine::Parallel>(any);
+  m.tool += Vec3(0.02, -0.01, 0.05);
+  const auto [X, q] = pose_of(any);
+  Dynamics d;
+  d.gravity = Vec3(0.3, -0.8, -9.7);
+  d.strut_moving = 0.6;
+  double want = 0;
+  int drive = 0;
+  for (const machine::ParallelLeg& leg : m.legs) {
+    ASSERT_TRUE(leg.ring);
+    const Vec3 center = X * (leg.ring->center - m.tool), axis = X.R * leg.ring->axis, to = leg.base - center;
+    const Vec3 end = center + leg.ring->radius * (to - to.dot(axis) * axis).normalized();
+    ASSERT_NEAR((end - leg.base).norm(), q[drive++], 1e-9);
+    want -= 0.6 * d.gravity.dot(end);
+  }
+  EXPECT_NEAR(energy_of(any, d, still_at(X, q)).potential, want, kRounding);
+}
+
+/// Cranks count from their zero and its error; rods end at the bars, which do not turn with the platform.
+TEST(Dynamics, CranksAndRodsOfLegsLieWhereTheyShould) {
+  AnyMachine any = load("delta-par4");
+  auto& m = std::get<machine::Parallel>(any);
+  for (machine::ParallelLeg& leg : m.legs) leg.zero_offset = 0.02;
+  m.legs[0].still += Vec3(0.01, 0.02, 0.005);  // the bars of the catalogue add up to nothing
+  const auto [X, q] = pose_of(any);
+  Dynamics rods, arms;
+  rods.rod = 0.4;
+  arms.arm = 0.8;
+  arms.arm_center = 0.07;
+  arms.arm_inertia = 0.008;
+  double rods_V = 0, arms_V = 0;
+  int drive = 0;
+  for (const machine::ParallelLeg& leg : m.legs) {
+    ASSERT_EQ(leg.drive, machine::LegDrive::crank);
+    const double angle = q[drive++] + 0.02;
+    const Vec3 along = std::cos(angle) * leg.zero + std::sin(angle) * leg.axis.cross(leg.zero);
+    const Vec3 elbow = leg.base + leg.arm * along, end = X * (leg.platform - m.tool) + leg.still;
+    ASSERT_NEAR((end - elbow).norm(), leg.rod, 1e-9);
+    rods_V -= 0.4 * rods.gravity.dot(0.5 * (elbow + end));
+    arms_V -= 0.8 * arms.gravity.dot(leg.base + 0.07 * along);
+  }
+  EXPECT_NEAR(energy_of(any, rods, still_at(X, q)).potential, rods_V, kRounding);
+  EXPECT_NEAR(energy_of(any, arms, still_at(X, q)).potential, arms_V, kRounding);
+}
+
 std::string written(const std::string& name, const std::string& text) {
   const std::string path = ::testing::TempDir() + name;
   std::ofstream(path) << text;
