@@ -209,15 +209,8 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
   // Every variation of the coefficients once through the corrected program.
   cutting::Stock scratch;
   for (std::size_t v = 0; v < job.material.spread.size(); ++v) {
-    Job varied = job;
-    cutting::Material& m = varied.material;
-    const std::array<double, 6>& by = job.material.spread[v];
-    m.ktc += by[0];
-    m.krc += by[1];
-    m.kac += by[2];
-    m.kte += by[3];
-    m.kre += by[4];
-    m.kae += by[5];
+    Job changed = job;
+    changed.material = varied(job.material, job.material.spread[v]);
     PredictOptions options;
     options.step = std::min(job.step, kCheckStep);
     const double first = 0.2 + 0.8 * double(v) / double(job.material.spread.size());
@@ -226,7 +219,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
         return progress(first + 0.8 * share / double(job.material.spread.size()));
       };
     }
-    POLYPOD_ASSIGN(p, predict_way(varied, correction.program, way, options, scratch));
+    POLYPOD_ASSIGN(p, predict_way(changed, correction.program, way, options, scratch));
     for (const MovePrediction& move : p.moves) {
       const int w = wall_of[static_cast<std::size_t>(move.move)];
       if (w < 0 || move.normal.count == 0) continue;
