@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 
 #include "commands.hpp"
@@ -322,7 +323,10 @@ Command correct_command() {
         POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
-        if (o->confidence && !known.compliances && in.job.material.spread.empty()) {
+        const auto& spread = in.job.material.spread;
+        const bool exact = std::all_of(spread.begin(), spread.end(),
+                                       [](const std::array<double, 6>& row) { return row == std::array<double, 6>{}; });
+        if (o->confidence && !known.compliances && exact) {
           return fail("AP202", "--confidence, but no input is said to be uncertain", {o->job},
                       "give --covariance FILE of identified compliances, or a material with spread_95");
         }

@@ -145,7 +145,7 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   post::PlanOptions p = plan_place(job);
   p.tolerance = units::from_um(o.tolerance);
   p.axis_tolerance = units::from_deg(o.axis_tolerance);
-  p.turn_speed = units::from_deg(o.turn_speed) / 60;
+  p.turn_speed = units::from_per_min(units::from_deg(o.turn_speed));
   p.rapid_speed = units::from_mm_per_min(o.rapid);
   p.branch = o.branch;
   POLYPOD_ASSIGN(speeds, by_joint(o.joint_speeds, "--joint-speeds", configuration.machine, job.joint_speeds));

@@ -1,6 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/cutting/cutter.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -63,6 +65,13 @@ Result<Material> material_from(const config::Table& table) {
   if (table.has("spread_95")) {
     POLYPOD_ASSIGN(rows, table.points("spread_95", 6));
     for (const std::vector<double>& row : rows) {
+      for (const double change : row) {
+        if (change >= kEitherSign.min && change <= kEitherSign.max) continue;
+        return fail(
+            "CF105",
+            fmt::format("spread_95 holds {:g}, but a coefficient changes by at most {:g}", change, kEitherSign.max),
+            table.place_of("spread_95"), "give half of 95 % intervals of the six coefficients, N/mm^2 and N/mm");
+      }
       material.spread.emplace_back();
       std::copy(row.begin(), row.end(), material.spread.back().begin());
     }

@@ -312,6 +312,20 @@ struct Blocks::Head {
   Construct construct = Construct::none;
 };
 
+namespace {
+
+/// What a block and its head both hold.
+void copy_facts(const auto& from, auto& to) {
+  to.line = from.line;
+  to.optional = from.optional;
+  to.percent = from.percent;
+  to.after_end = from.after_end;
+  to.construct = from.construct;
+  to.construct_column = from.construct_column;
+}
+
+}  // namespace
+
 Block Blocks::operator[](std::size_t i) const {
   static_assert(sizeof(Head) == 24 && sizeof(Word) == 24 && std::is_trivially_copyable_v<Word>);
   const char* const at = bytes_.run(at_[i]);
@@ -321,12 +335,7 @@ Block Blocks::operator[](std::size_t i) const {
   Block block;
   block.text = {text, head.text};
   block.ending = {text + head.text, head.ending};
-  block.line = head.line;
-  block.optional = head.optional;
-  block.percent = head.percent;
-  block.after_end = head.after_end;
-  block.construct = head.construct;
-  block.construct_column = head.construct_column;
+  copy_facts(head, block);
   block.words = {words, head.words};
   return block;
 }
@@ -336,12 +345,7 @@ void Blocks::push_back(const Block& block) {
   head.text = static_cast<std::uint32_t>(block.text.size());
   head.ending = static_cast<std::uint32_t>(block.ending.size());
   head.words = static_cast<std::uint32_t>(block.words.size());
-  head.line = block.line;
-  head.construct_column = block.construct_column;
-  head.optional = block.optional;
-  head.percent = block.percent;
-  head.after_end = block.after_end;
-  head.construct = block.construct;
+  copy_facts(block, head);
   at_.push_back(bytes_.size());
   bytes_.append(reinterpret_cast<const char*>(&head), sizeof head);
   bytes_.append(reinterpret_cast<const char*>(block.words.data()), block.words.size() * sizeof(Word));

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -75,12 +76,13 @@ bool feeds(const gcode::Move& move) {
 /// stock's size in both units.
 std::string other_unit(const Job& job, const gcode::Interpretation& interpretation) {
   const Vec3 origin = Vec3::Zero();  // counted in, as a short program may be far from it
-  Box path(origin), stock = box_of(job.stock);
+  Box path(origin), stock = box_of(job.stock), path_alone;
   stock.extend(origin);
   bool inches = false, millimetres = false;
   for (const gcode::Move& move : interpretation.moves) {
     if (!feeds(move) || !move.start_known) continue;
     path.extend(swept_box(move, 0));
+    path_alone.extend(swept_box(move, 0));
     (move.inches ? inches : millimetres) = true;
   }
   if (inches == millimetres) return {};
@@ -89,6 +91,11 @@ std::string other_unit(const Job& job, const gcode::Interpretation& interpretati
   const double in_other_unit = inches ? larger / inch : larger * inch;
   const double same_size = std::sqrt(inch);
   if (!(in_other_unit > 1 / same_size && in_other_unit < same_size)) return {};
+  // A program that lies beside the stock in the other unit, too, is not helped by it.
+  const double factor = inches ? 1 / inch : inch;
+  const Vec3 beside(job.cutter.radius(), job.cutter.radius(), std::numeric_limits<double>::infinity());
+  if (!may_touch({factor * path_alone.min() - beside, factor * path_alone.max() + beside}, box_of(job.stock)))
+    return {};
   return fmt::format(
       "the program is in {}; in {} it would be of the size of the stock: check G20 and G21, and the unit of the CAM "
       "system",

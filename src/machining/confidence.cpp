@@ -209,15 +209,8 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
   // Every variation of the coefficients once through the corrected program.
   cutting::Stock scratch;
   for (std::size_t v = 0; v < job.material.spread.size(); ++v) {
-    Job varied = job;
-    cutting::Material& m = varied.material;
-    const std::array<double, 6>& by = job.material.spread[v];
-    m.ktc += by[0];
-    m.krc += by[1];
-    m.kac += by[2];
-    m.kte += by[3];
-    m.kre += by[4];
-    m.kae += by[5];
+    Job changed = job;
+    changed.material = varied(job.material, job.material.spread[v]);
     PredictOptions options;
     options.step = std::min(job.step, kCheckStep);
     const double first = 0.2 + 0.8 * double(v) / double(job.material.spread.size());
@@ -226,12 +219,23 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
         return progress(first + 0.8 * share / double(job.material.spread.size()));
       };
     }
-    POLYPOD_ASSIGN(p, predict_way(varied, correction.program, way, options, scratch));
+    POLYPOD_ASSIGN(p, predict_way(changed, correction.program, way, options, scratch));
+    std::vector<bool> found(walls.size(), false);
     for (const MovePrediction& move : p.moves) {
       const int w = wall_of[static_cast<std::size_t>(move.move)];
       if (w < 0 || move.normal.count == 0) continue;
       Wall& wall = walls[static_cast<std::size_t>(w)];
       wall.by_variation[v] = std::abs(move.normal.mean - wall.move->normal.mean) / kHalf95;
+      found[static_cast<std::size_t>(w)] = std::isfinite(wall.by_variation[v]);
+    }
+    if (const auto lost = std::find(found.begin(), found.end(), false); lost != found.end()) {
+      const Wall& wall = walls[static_cast<std::size_t>(lost - found.begin())];
+      return fail(
+          "MC310",
+          fmt::format("with the {} changed by its spread_95, the prediction does not find this wall, so nothing can "
+                      "be said of how likely it is inside",
+                      name_of(job.material.spread[v], job.material)),
+          {program.path, wall.move->line, 1}, "check spread_95 of the material: half of a 95 % interval");
     }
   }
 

@@ -805,6 +805,9 @@ Result<PlaceResult> best_place(const Job& job, const gcode::Program& program,
                                const gcode::Interpretation& interpretation, const PlaceOptions& options) {
   POLYPOD_TRY(follows_programs(job.machine));
   if (!job.measured) POLYPOD_TRY(statics::needs_compliance(job.machine));
+  const auto feeds = [](const gcode::Move& move) { return move.kind != gcode::MoveKind::rapid; };
+  if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), feeds))
+    return tl::unexpected(cuts_nothing(job, program, interpretation));
   POLYPOD_TRY(known_offsets(job, program, interpretation));
   return Search(job, program, interpretation, options).run();
 }

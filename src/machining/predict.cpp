@@ -586,6 +586,17 @@ Result<Prediction> predict_accepted(const Job& job, const gcode::Program& progra
   return out;
 }
 
+cutting::Material varied(const cutting::Material& material, const std::array<double, 6>& by) {
+  cutting::Material m = material;
+  m.ktc += by[0];
+  m.krc += by[1];
+  m.kac += by[2];
+  m.kte += by[3];
+  m.kre += by[4];
+  m.kae += by[5];
+  return m;
+}
+
 bool says_that_nothing_is_cut(const Error& error) {
   return error.id == "MC301" || error.id == "MC302";
 }
@@ -682,16 +693,10 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
   if (job.material.spread.empty()) return out;
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
   cutting::Stock scratch;
-  Job varied = job;
+  Job changed = job;
   for (const std::array<double, 6>& variation : job.material.spread) {
-    cutting::Material& m = varied.material = job.material;
-    m.ktc += variation[0];
-    m.krc += variation[1];
-    m.kac += variation[2];
-    m.kte += variation[3];
-    m.kre += variation[4];
-    m.kae += variation[5];
-    POLYPOD_ASSIGN(p, predict_accepted(varied, program, accepted.interpretation(), quiet, scratch));
+    changed.material = varied(job.material, variation);
+    POLYPOD_ASSIGN(p, predict_accepted(changed, program, accepted.interpretation(), quiet, scratch));
     const auto add = [](double& sum, double change) { sum = std::hypot(sum, change); };
     add(out.deflection_mean, p.deflection.mean - prediction.deflection.mean);
     add(out.deflection_max, p.deflection.max - prediction.deflection.max);

@@ -2,6 +2,7 @@
 // Judging what was commanded against what was programmed: the same for the program as it is and for the corrected one.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -40,6 +41,9 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
 /// `predict` for a program that `accept` has taken.
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
                                     const gcode::Interpretation& interpretation, const PredictOptions& options);
+
+/// The material with its coefficients changed by one of its variations (Material::spread).
+cutting::Material varied(const cutting::Material& material, const std::array<double, 6>& by);
 
 /// A program in a position of block delete that is not the job's, as `accept` takes it; one that cuts nothing in this
 /// position is taken as it is where the machine can follow it. Errors: those of accept but MC301 and MC302, each with

@@ -52,7 +52,8 @@ struct Confidence {
 /// none were inside (95 %: beyond 0.9993). Points: those of Prediction::few, and the farthest
 /// errors of the wall, which go as the nearest of those. Left out: that
 /// another deflection changes the force (S a little too wide), the machine's geometry, and everything that the model
-/// leaves out. Cost: one pass a variation, and 10 us a point for an arm. Errors: those of run_pass.
+/// leaves out. Cost: one pass a variation, and 10 us a point for an arm. Errors: those of run_pass; MC310 a
+/// variation with which a wall is not found.
 Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, const Correction& correction,
                                  const Eigen::MatrixXd& covariance, const std::function<bool(double)>& progress = {});
 
