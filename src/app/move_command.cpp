@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "masses_options.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
@@ -38,7 +39,7 @@ struct Options {
   bool fastest = false;
   double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
   std::string drive_speed, drive_acceleration, drive_jerk, resolution, delay, goal;
-  std::string dynamics, drive_force;
+  MassesOptions masses;
   double interval = 0, weight = 0.5;
   bool staggered = false, free_rotation = false, insert = false;
   int samples = 1000;
@@ -262,40 +263,6 @@ Status actuators_of(const machine::AnyMachine& m, const Options& o, const Contex
   }
   out.actuators = a;
   return {};
-}
-
-/// The masses of --dynamics or of the machine's own file, and why there are no forces.
-Result<std::string> dynamics_of(const Placed& placed, const Options& o, const Context& context,
-                                motion::MoveOptions& out) {
-  const machine::AnyMachine& m = placed.machine();
-  std::string why = motion::no_dynamics(m);
-  if (why.empty()) {
-    POLYPOD_ASSIGN(read, motion::read_dynamics(o.dynamics.empty() ? placed.file : o.dynamics, m));
-    out.dynamics = std::move(read);
-    if (!out.dynamics) why = "the machine has no masses (table dynamics, docs/motion.md)";
-  }
-  if (!out.dynamics && !o.dynamics.empty()) {
-    return fail("AP214", fmt::format("--dynamics {}: {}", o.dynamics, why), {}, "docs/motion.md has the table");
-  }
-  if (!out.dynamics) {
-    POLYPOD_TRY(refuse(context, {"--drive-force"}, "it serves machines with masses: " + why));
-    return why;
-  }
-  if (!o.drive_force.empty()) {
-    POLYPOD_ASSIGN(force, numbers_of(o.drive_force, "--drive-force"));
-    const int n = kinematics::joint_count(m);
-    if (force.size() != 1 && static_cast<int>(force.size()) != n) {
-      return fail("AP210", fmt::format("--drive-force {}: the machine has {} drives", o.drive_force, n), {},
-                  "give one number for all drives, or one a drive");
-    }
-    out.force = machine::JointVector::Zero(n);
-    for (int i = 0; i < n; ++i) {
-      const double f = force[force.size() == 1 ? 0 : static_cast<std::size_t>(i)];
-      POLYPOD_TRY(in_range("AP210", "--drive-force", f, {1e-9, 1e12}, "N or Nm"));
-      out.force[i] = f;
-    }
-  }
-  return why;
 }
 
 /// What the path leaves open, chosen.
@@ -704,9 +671,7 @@ Command move_command() {
         a.option("--drive-acceleration", o->drive_acceleration,
                  "deg/s2 or mm/s2 (default 250 rad/s2, m/s2; 0: no limit)");
         a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3; 0: no limit)");
-        a.option("--dynamics", o->dynamics,
-                 "A file with the table `dynamics`: masses (default: that of the machine file)");
-        a.option("--drive-force", o->drive_force, "Largest force or torque of the drives, N or Nm, one or one a drive");
+        o->masses.declare(a);
         a.option("--step", o->step, kStep_mm, "Between judged points of the path, mm (default 1)");
         a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 1000)");
         a.option("--condition-max", o->condition, {0, 1e12},
@@ -734,7 +699,7 @@ Command move_command() {
         POLYPOD_ASSIGN(placed, placed_of(*o, context));
         const machine::AnyMachine& m = placed.machine();
         std::vector<std::string> inputs{o->machine, o->file, o->program, o->job,
-                                        o->dynamics == o->machine ? "" : o->dynamics};
+                                        o->masses.dynamics == o->machine ? "" : o->masses.dynamics};
         if (!o->job.empty()) {
           for (const std::string& named : config::files_named_by(o->job)) inputs.push_back(named);
         }
@@ -754,8 +719,10 @@ Command move_command() {
         }
         POLYPOD_TRY(actuators_of(m, *o, context, options));
         asked.job_speeds = !placed.job.joint_speeds.empty();
-        POLYPOD_ASSIGN(no_force, dynamics_of(placed, *o, context, options));
-        asked.no_force = no_force;
+        POLYPOD_ASSIGN(masses, o->masses.read(m, placed.file, context));
+        options.dynamics = masses.dynamics;
+        options.force = masses.force;
+        asked.no_force = masses.why_not;
         if (o->goal.empty()) POLYPOD_TRY(refuse(context, {"--weight"}, "it serves --quality"));
         options.progress = progress_line(context, "moving");
         POLYPOD_TRY(choose(m, *o, asked));
