@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "masses_options.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
@@ -52,6 +53,10 @@ struct DriveUnit {
 DriveUnit drive_unit(const machine::AnyMachine& m) {
   if (kinematics::joint_kind(m, 0) == machine::JointKind::revolute) return {"deg", units::to_deg, units::from_deg};
   return {"mm", units::to_mm, units::from_mm};
+}
+
+const char* force_unit(const machine::AnyMachine& m) {
+  return kinematics::joint_kind(m, 0) == machine::JointKind::revolute ? "Nm" : "N";
 }
 
 Json peaks_json(const motion::Peaks& p, double (*to)(double), const std::string& unit) {
@@ -120,7 +125,9 @@ void print_run(const machine::AnyMachine& m, const motion::Run& r) {
 
 /// What a motion of this machine is judged by, whatever its speed.
 pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Run& r, std::string what,
-                                  const Context& context, double clearance_mm) {
+                                  const Context& context, double clearance_mm,
+                                  const std::vector<motion::PeakForce>& forces,
+                                  const machine::JointVector& force_limits) {
   pages::MotionQuestion out;
   out.what = std::move(what);
   out.judged = pages::limits_of_poses(m);
@@ -131,7 +138,11 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Ru
   } else {
     out.not_judged.emplace_back("distance from singular poses");
   }
-  out.not_judged.emplace_back("forces of the drives");
+  if (force_limits.size() == 0) out.not_judged.emplace_back("forces of the drives");
+  for (std::size_t i = 0; i < forces.size() && force_limits.size() > 0; ++i) {
+    const double limit = force_limits[static_cast<Eigen::Index>(i)];
+    out.limits.push_back({fmt::format("force of drive {}", i + 1), limit, forces[i].force, force_unit(m), true});
+  }
   out.not_judged.emplace_back("deflection, vibration, collisions with workpiece and surroundings");
   return out;
 }
@@ -232,6 +243,7 @@ Command pick_command() {
     double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
     double drive_speed = 0, drive_acceleration = 0, drive_jerk = 0;
     int samples = 400;
+    MassesOptions masses;
     Outputs outputs;
   };
   auto o = std::make_shared<Options>();
@@ -252,6 +264,7 @@ Command pick_command() {
             a.option("--drive-acceleration", o->drive_acceleration, kAcceleration,
                      "deg/s2 or mm/s2 (default 250 rad/s2, m/s2)");
             a.option("--drive-jerk", o->drive_jerk, kJerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3)");
+            o->masses.declare(a);
             a.option("--singularity-distance", o->clearance, kClearance_mm,
                      "Least distance from singular poses, mm (default 10; 0: not checked)");
             a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 400)");
@@ -261,7 +274,9 @@ Command pick_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(from, point_of(o->from, "--from"));
             POLYPOD_ASSIGN(to, point_of(o->to, "--to"));
-            POLYPOD_TRY(o->outputs.check({o->machine}, context.json));
+            POLYPOD_TRY(o->outputs.check({o->machine, o->masses.dynamics == o->machine ? "" : o->masses.dynamics},
+                                         context.json));
+            POLYPOD_ASSIGN(masses, o->masses.read(m, o->machine, context));
             const motion::Cycle cycle{from, to, units::from_mm(o->lift), units::from_mm(o->rounding)};
             motion::MotionLimits limits;
             limits.tool = {units::from_mm(o->tool_speed), units::from_mm(o->tool_acceleration),
@@ -274,12 +289,28 @@ Command pick_command() {
             options.singular = units::from_mm(o->clearance);
             POLYPOD_ASSIGN(plan, motion::plan(m, cycle, limits, options));
             POLYPOD_ASSIGN(r, motion::run(m, cycle, plan, o->samples, options));
-            pages::MotionQuestion question = question_of(m, r, "A pick-and-place cycle", context, o->clearance);
+            std::vector<motion::PeakForce> forces;
+            if (masses.dynamics) forces = motion::largest_forces(m, *masses.dynamics, cycle, plan);
+            for (std::size_t i = 0; i < forces.size() && masses.force.size() > 0; ++i) {
+              const double limit = masses.force[static_cast<Eigen::Index>(i)];
+              if (!(forces[i].force > limit)) continue;
+              const double t = forces[i].t;
+              r.problems.push_back({t, t / plan.time, plan.tool(cycle, t).p, "drive",
+                                    fmt::format("drive {} force {:.6g} {} is above {:.6g}", i + 1, forces[i].force,
+                                                force_unit(m), limit)});
+            }
+            pages::MotionQuestion question =
+                question_of(m, r, "A pick-and-place cycle", context, o->clearance, forces, masses.force);
             add_limits(question, context, "tool", "--tool", limits.tool, r.tool, units::to_mm, "mm");
             add_limits(question, context, "drives", "--drive", limits.drive, largest_of_drives(r), unit.to, unit.name);
             if (context.json) {
               Json document = run_json(m, r);
               document["limits"] = question_json(question);
+              document["forces"] = masses.dynamics ? Json("computed") : Json("not known: " + masses.why_not);
+              for (std::size_t i = 0; i < forces.size(); ++i) {
+                document["drives"][i]["force_max"] = forces[i].force;
+                document["drives"][i]["force_unit"] = force_unit(m);
+              }
               document["limited_by"] = plan.limited_by;
               document["up_s"] = plan.up;
               document["over_s"] = plan.over;
@@ -290,11 +321,16 @@ Command pick_command() {
               print_json(document);
             } else {
               print_run(m, r);
+              for (std::size_t i = 0; i < forces.size(); ++i) {
+                const bool turns = unit.name == std::string_view("deg");
+                fmt::print("drive {:<2} {} at most {} {}\n", i + 1, turns ? "torque" : "force",
+                           figure(forces[i].force, 2), force_unit(m));
+              }
               print_question(question);
               fmt::print("limited by {}; there and back {:.0f} times a minute\n", plan.limited_by, 30 / plan.time);
             }
             POLYPOD_TRY(o->outputs.write(m, r, question, context.json));
-            return kDone;
+            return r.ok() ? kDone : kAnswerIsNo;
           }};
 }
 

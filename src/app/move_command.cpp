@@ -4,16 +4,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 
 #include "commands.hpp"
+#include "masses_options.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/unroll.hpp"
+#include "polypod/machine/urdf.hpp"
+#include "polypod/machining/accept.hpp"
+#include "polypod/machining/job.hpp"
 #include "polypod/machining/program_path.hpp"
+#include "polypod/machining/unrolling.hpp"
 #include "polypod/motion/machine_motion.hpp"
 #include "polypod/motion/path_choice.hpp"
 #include "polypod/pages/motion.hpp"
@@ -26,13 +33,13 @@ constexpr config::Range kSpeed{0, 1e9}, kAcceleration{0, 1e12}, kJerk{0, 1e15};
 constexpr config::Range kStep_mm{1e-4, 1e6}, kDistance_mm{0, 1e6};
 
 struct Options {
-  std::string machine, file, points, program, origin, start;
+  std::string machine, file, points, program, job, origin, start;
   std::vector<std::string> sets;
   double speed = 0, step = 1, clearance = 10, condition = 1000, rapid = 6000, blend = 0;
   bool fastest = false;
   double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
   std::string drive_speed, drive_acceleration, drive_jerk, resolution, delay, goal;
-  std::string dynamics, drive_force;
+  MassesOptions masses;
   double interval = 0, weight = 0.5;
   bool staggered = false, free_rotation = false, insert = false;
   int samples = 1000;
@@ -48,7 +55,8 @@ struct Asked {
   std::optional<motion::RotationChoice> rotation;
   std::optional<motion::Insertion> insertion;
   std::optional<motion::PathQuality> quality;
-  std::string no_force;  ///< why the forces are not known
+  std::string no_force;     ///< why the forces are not known
+  bool job_speeds = false;  ///< the limits of the drives' speeds are the job's
 };
 
 /// "c1,c2,...;c1,c2,..." : poses as --pose has them.
@@ -103,8 +111,69 @@ Result<machine::JointVector> of_drives(const machine::AnyMachine& m, const std::
   return out;
 }
 
+/// What moves, and where the work is on it: of a job, or MACHINE and --origin.
+struct Placed {
+  machining::Job job;
+  std::string file;  ///< of the machine
+  [[nodiscard]] const machine::AnyMachine& machine() const { return job.machine; }
+};
+Result<Placed> placed_of(const Options& o, const Context& context) {
+  Placed out;
+  if (o.job.empty()) {
+    if (o.machine.empty()) {
+      return fail("AP215", "which machine?", {}, "give MACHINE, or --program with the --job that names one");
+    }
+    POLYPOD_ASSIGN(m, machine_of(o.machine, o.sets));
+    out.job.machine = std::move(m);
+    out.file = o.machine;
+    return out;
+  }
+  POLYPOD_TRY(refuse(context, {"--origin", "--set"}, "the job says it; give --job alone"));
+  if (!o.machine.empty()) {
+    return fail("AP215", fmt::format("{} and --job {}: which machine?", o.machine, o.job), {},
+                "the job names its machine; leave MACHINE out");
+  }
+  if (o.program.empty()) return fail("AP107", "--job does nothing here", {}, "it serves --program");
+  POLYPOD_ASSIGN(job, machining::read_job(o.job));
+  out.job = std::move(job);
+  const std::string beside = machine::file_of_machine(config::beside(o.job, out.job.machine_name));
+  std::error_code none;
+  out.file = std::filesystem::exists(beside, none) ? beside : out.job.machine_name;
+  return out;
+}
+
+/// The moves of the program, in M.
+Status path_of_program(const machining::Job& job, const Options& o, const Context& context, Asked& out) {
+  POLYPOD_TRY(refuse(context, {"--speed"}, "the program has its feeds"));
+  Pose X_MW = job.X_MW;
+  if (o.job.empty()) {
+    if (o.origin.empty()) {
+      return fail("AP211", "where is the work on the machine?", {},
+                  "give --origin x,y,z: the workpiece origin in M, mm; or --job JOB");
+    }
+    POLYPOD_ASSIGN(p, numbers_of(o.origin, "--origin"));
+    if (p.size() != 3) return fail("AP211", fmt::format("--origin {}: not three numbers", o.origin));
+    X_MW.p = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
+  }
+  POLYPOD_ASSIGN(understood,
+                 gcode::understand(o.program, o.job.empty() ? gcode::UnrollOptions{} : machining::unroll_options(job)));
+  POLYPOD_TRY(machining::known_offsets(job, understood.program, understood.interpretation));
+  POLYPOD_ASSIGN(program, machining::path_of_program(job.machine, X_MW, understood.program, understood.interpretation,
+                                                     units::from_mm_per_min(o.rapid)));
+  out.path = std::move(program.path);
+  out.notes = std::move(program.notes);
+  if (!program.left_out.empty()) {
+    out.notes.push_back(fmt::format("{} moves are left out, the first in line {}: where they begin or end is not known",
+                                    program.left_out.size(), program.left_out.front()));
+  }
+  out.options.law = motion::Law::fastest;
+  out.angles = true;
+  return {};
+}
+
 /// What the path file, the points or the program say.
-Result<Asked> path_of(const machine::AnyMachine& m, const Options& o, const Context& context) {
+Result<Asked> path_of(const machining::Job& job, const Options& o, const Context& context) {
+  const machine::AnyMachine& m = job.machine;
   Asked out;
   const machine::Task task = kinematics::task(m);
   const int given = int(!o.file.empty()) + int(!o.points.empty()) + int(!o.program.empty());
@@ -114,27 +183,7 @@ Result<Asked> path_of(const machine::AnyMachine& m, const Options& o, const Cont
   if (o.program.empty()) POLYPOD_TRY(refuse(context, {"--origin", "--rapid"}, "it serves --program"));
   double speed = 0;
   if (!o.program.empty()) {
-    POLYPOD_TRY(refuse(context, {"--speed"}, "the program has its feeds"));
-    if (o.origin.empty()) {
-      return fail("AP211", "where is the work on the machine?", {},
-                  "give --origin x,y,z: the workpiece origin in M, mm");
-    }
-    POLYPOD_ASSIGN(p, numbers_of(o.origin, "--origin"));
-    if (p.size() != 3) return fail("AP211", fmt::format("--origin {}: not three numbers", o.origin));
-    Pose X_MW;
-    X_MW.p = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
-    POLYPOD_ASSIGN(understood, gcode::understand(o.program, {}));
-    POLYPOD_ASSIGN(program, machining::path_of_program(m, X_MW, understood.program, understood.interpretation,
-                                                       units::from_mm_per_min(o.rapid)));
-    out.path = std::move(program.path);
-    out.notes = std::move(program.notes);
-    if (!program.left_out.empty()) {
-      out.notes.push_back(
-          fmt::format("{} moves are left out, the first in line {}: where they begin or end is not known",
-                      program.left_out.size(), program.left_out.front()));
-    }
-    out.options.law = motion::Law::fastest;
-    out.angles = true;
+    POLYPOD_TRY(path_of_program(job, o, context, out));
   } else if (!o.file.empty()) {
     POLYPOD_ASSIGN(read, motion::read_pose_path(o.file));
     out.path = std::move(read.path);
@@ -161,7 +210,8 @@ Result<Asked> path_of(const machine::AnyMachine& m, const Options& o, const Cont
   return out;
 }
 
-Status limits_of(const machine::AnyMachine& m, const Options& o, const Context& context, motion::MoveOptions& out) {
+Status limits_of(const machining::Job& job, const Options& o, const Context& context, motion::MoveOptions& out) {
+  const machine::AnyMachine& m = job.machine;
   const bool assumed = out.law == motion::Law::fastest;
   const auto tool = [&](double value, const char* option) {
     return value == 0 || (!assumed && !context.given(option)) ? motion::kNoLimit : units::from_mm(value);
@@ -176,6 +226,11 @@ Status limits_of(const machine::AnyMachine& m, const Options& o, const Context& 
                  of_drives(m, o.drive_acceleration, "--drive-acceleration", kAcceleration, usual(kAccelerationOf)));
   POLYPOD_ASSIGN(jerk, of_drives(m, o.drive_jerk, "--drive-jerk", kJerk, usual(kJerkOf)));
   out.limits.drive_speed = speed;
+  if (!job.joint_speeds.empty() && !context.given("--drive-speed")) {
+    for (Eigen::Index i = 0; i < speed.size(); ++i) {
+      out.limits.drive_speed[i] = job.joint_speeds[static_cast<std::size_t>(i)];
+    }
+  }
   out.limits.drive_acceleration = acceleration;
   out.limits.drive_jerk = jerk;
   return {};
@@ -208,39 +263,6 @@ Status actuators_of(const machine::AnyMachine& m, const Options& o, const Contex
   }
   out.actuators = a;
   return {};
-}
-
-/// The masses of --dynamics or of the machine's own file, and why there are no forces.
-Result<std::string> dynamics_of(const machine::AnyMachine& m, const Options& o, const Context& context,
-                                motion::MoveOptions& out) {
-  std::string why = motion::no_dynamics(m);
-  if (why.empty()) {
-    POLYPOD_ASSIGN(read, motion::read_dynamics(o.dynamics.empty() ? o.machine : o.dynamics, m));
-    out.dynamics = std::move(read);
-    if (!out.dynamics) why = "the machine has no masses (table dynamics, docs/motion.md)";
-  }
-  if (!out.dynamics && !o.dynamics.empty()) {
-    return fail("AP214", fmt::format("--dynamics {}: {}", o.dynamics, why), {}, "docs/motion.md has the table");
-  }
-  if (!out.dynamics) {
-    POLYPOD_TRY(refuse(context, {"--drive-force"}, "it serves machines with masses: " + why));
-    return why;
-  }
-  if (!o.drive_force.empty()) {
-    POLYPOD_ASSIGN(force, numbers_of(o.drive_force, "--drive-force"));
-    const int n = kinematics::joint_count(m);
-    if (force.size() != 1 && static_cast<int>(force.size()) != n) {
-      return fail("AP210", fmt::format("--drive-force {}: the machine has {} drives", o.drive_force, n), {},
-                  "give one number for all drives, or one a drive");
-    }
-    out.force = machine::JointVector::Zero(n);
-    for (int i = 0; i < n; ++i) {
-      const double f = force[force.size() == 1 ? 0 : static_cast<std::size_t>(i)];
-      POLYPOD_TRY(in_range("AP210", "--drive-force", f, {1e-9, 1e12}, "N or Nm"));
-      out.force[i] = f;
-    }
-  }
-  return why;
 }
 
 /// What the path leaves open, chosen.
@@ -304,7 +326,8 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
     out.not_judged.emplace_back("near-singular poses");
   }
   const auto add = [&](const std::string& name, double limit, double met, const std::string& unit, const char* option) {
-    if (std::isfinite(limit)) out.limits.push_back({name, limit, met, unit, context.given(option)});
+    const bool given = context.given(option) || (asked.job_speeds && option == std::string_view("--drive-speed"));
+    if (std::isfinite(limit)) out.limits.push_back({name, limit, met, unit, given});
     return std::isfinite(limit);
   };
   bool all = add("speed of the tool", units::to_mm(options.limits.tool_speed), units::to_mm(r.tool_speed), "mm/s",
@@ -626,10 +649,14 @@ Command move_command() {
       "move", "The tool of any machine along a path or a program: how tool and drives move, and whether they can",
       "polypod move delta-brno --points \"200,-200,450;-200,200,550\" --speed 500",
       [o](Arguments& a) {
-        declare_machine(a, o->machine, o->sets);
+        a.positional("MACHINE", o->machine, "A machine file or a name of `polypod machines`; not with --job", false);
+        a.option("--set", o->sets, "key=value: override a parameter of the machine (repeatable)");
         a.option("--path", o->file, "A path file (docs/motion.md): points with orientations and times, lines and arcs");
         a.option("--points", o->points, "x,y,z;x,y,z;...: lines, mm; with angles as --pose has them");
         a.option("--program", o->program, "A G-code program, in the least time within its feeds and the limits");
+        a.option(
+            "--job", o->job,
+            "The job file of --program: machine, origin and rotation of the workpiece, work offsets, joint speeds");
         a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm, of --program");
         a.option("--rapid", o->rapid, {1e-3, 1e9}, "Largest speed of G0, mm/min (default 6000)");
         a.option("--speed", o->speed, {1e-6, 1e9}, "The tip at this constant speed, mm/s (default: the path file's)");
@@ -644,9 +671,7 @@ Command move_command() {
         a.option("--drive-acceleration", o->drive_acceleration,
                  "deg/s2 or mm/s2 (default 250 rad/s2, m/s2; 0: no limit)");
         a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3; 0: no limit)");
-        a.option("--dynamics", o->dynamics,
-                 "A file with the table `dynamics`: masses (default: that of the machine file)");
-        a.option("--drive-force", o->drive_force, "Largest force or torque of the drives, N or Nm, one or one a drive");
+        o->masses.declare(a);
         a.option("--step", o->step, kStep_mm, "Between judged points of the path, mm (default 1)");
         a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 1000)");
         a.option("--condition-max", o->condition, {0, 1e12},
@@ -671,12 +696,17 @@ Command move_command() {
         a.option("--report", o->report, "An HTML page with the curves and a picture");
       },
       [o](const Context& context) -> Result<int> {
-        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-        POLYPOD_TRY(check_files({o->machine, o->file, o->program, o->dynamics == o->machine ? "" : o->dynamics},
-                                {o->csv, o->report}, context.json));
-        POLYPOD_ASSIGN(asked, path_of(m, *o, context));
+        POLYPOD_ASSIGN(placed, placed_of(*o, context));
+        const machine::AnyMachine& m = placed.machine();
+        std::vector<std::string> inputs{o->machine, o->file, o->program, o->job,
+                                        o->masses.dynamics == o->machine ? "" : o->masses.dynamics};
+        if (!o->job.empty()) {
+          for (const std::string& named : config::files_named_by(o->job)) inputs.push_back(named);
+        }
+        POLYPOD_TRY(check_files(inputs, {o->csv, o->report}, context.json));
+        POLYPOD_ASSIGN(asked, path_of(placed.job, *o, context));
         motion::MoveOptions& options = asked.options;
-        POLYPOD_TRY(limits_of(m, *o, context, options));
+        POLYPOD_TRY(limits_of(placed.job, *o, context, options));
         options.step = units::from_mm(o->step);
         options.samples = o->samples;
         options.condition = o->condition;
@@ -688,8 +718,11 @@ Command move_command() {
           options.start = static_cast<std::size_t>(k - 1);
         }
         POLYPOD_TRY(actuators_of(m, *o, context, options));
-        POLYPOD_ASSIGN(no_force, dynamics_of(m, *o, context, options));
-        asked.no_force = no_force;
+        asked.job_speeds = !placed.job.joint_speeds.empty();
+        POLYPOD_ASSIGN(masses, o->masses.read(m, placed.file, context));
+        options.dynamics = masses.dynamics;
+        options.force = masses.force;
+        asked.no_force = masses.why_not;
         if (o->goal.empty()) POLYPOD_TRY(refuse(context, {"--weight"}, "it serves --quality"));
         options.progress = progress_line(context, "moving");
         POLYPOD_TRY(choose(m, *o, asked));

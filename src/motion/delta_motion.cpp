@@ -499,4 +499,36 @@ Result<Run> run(const AnyMachine& machine, const Cycle& cycle, const Plan& plan,
       machine);
 }
 
+std::vector<PeakForce> largest_forces(const AnyMachine& machine, const Dynamics& dynamics, const Cycle& cycle,
+                                      const Plan& plan) {
+  constexpr int kInstants = 2000;
+  std::vector<PeakForce> out(static_cast<std::size_t>(kinematics::joint_count(machine)));
+  JointVector near;
+  for (int k = 0; k <= kInstants; ++k) {
+    const double t = plan.time * k / kInstants;
+    const Motion tool = plan.tool(cycle, t);
+    PoseSeries target;
+    for (int i = 0; i < 3; ++i) {
+      target.p[i] = Series(tool.p[i], tool.v[i], tool.a[i], tool.j[i]);
+      for (int c = 0; c < 3; ++c) target.R(i, c) = Series(i == c ? 1.0 : 0.0);
+    }
+    Pose X;
+    X.p = tool.p;
+    const kinematics::InverseResult found =
+        near.size() > 0 ? kinematics::inverse_near(machine, X, near) : kinematics::inverse(machine, X);
+    const kinematics::Solution* at = near.size() > 0 || found.solutions.empty() ? nullptr : found.reachable();
+    if (at == nullptr && !found.solutions.empty()) at = &found.solutions.front();
+    if (at == nullptr) continue;
+    near = at->joints;
+    const JointSeries motion = joint_series(machine, target, kinematics::settled(machine, X, near), near);
+    if (!motion.regular) continue;
+    const JointVector force = drive_forces(machine, dynamics, motion);
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const double f = std::abs(force[static_cast<Eigen::Index>(i)]);
+      if (f > out[i].force) out[i] = {f, t};
+    }
+  }
+  return out;
+}
+
 }  // namespace polypod::motion

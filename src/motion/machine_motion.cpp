@@ -362,6 +362,9 @@ class Mover {
     }
     POLYPOD_TRY(make_law(out));
     judge_jumps(out);
+    if (options_.law == Law::fastest && !limits_.limits_jerk()) {
+      out.notes.emplace_back("accelerations jump, because no jerk is limited: jerks are those between the jumps");
+    }
     out.moves_at_once = options_.law != Law::fastest && !comes_to_rest();
     for (MoveViolation& v : out.violations) v.t = law_.time_of(v.s);
     POLYPOD_TRY(check(out));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/motion/dynamics.hpp"
 #include "polypod/motion/path.hpp"
 
 namespace polypod::motion {
@@ -113,5 +114,14 @@ Result<Plan> plan(const AnyMachine& machine, const Cycle& cycle, const MotionLim
 /// The samples and peaks of a planned cycle, `count` of equal time.
 Result<Run> run(const AnyMachine& machine, const Cycle& cycle, const Plan& plan, int count,
                 const RunOptions& options = {});
+
+struct PeakForce {
+  double force = 0;  ///< N or Nm, absolute
+  double t = 0;      ///< s, when
+};
+/// The largest absolute force (N) or torque (Nm) of each drive over a planned cycle, at 2000 instants of equal time,
+/// with what `drive_forces` counts. Of machines whose forces are computed (no_dynamics).
+std::vector<PeakForce> largest_forces(const AnyMachine& machine, const Dynamics& dynamics, const Cycle& cycle,
+                                      const Plan& plan);
 
 }  // namespace polypod::motion

@@ -1,0 +1,47 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "masses_options.hpp"
+
+#include <fmt/format.h>
+
+#include "messages.hpp"
+
+namespace polypod::app {
+
+void MassesOptions::declare(Arguments& a) {
+  a.option("--dynamics", dynamics, "A file with the table `dynamics`: masses (default: that of the machine file)");
+  a.option("--drive-force", drive_force, "Largest force or torque of the drives, N or Nm, one or one a drive");
+}
+
+Result<Masses> MassesOptions::read(const machine::AnyMachine& m, const std::string& machine_file,
+                                   const Context& context) const {
+  Masses out;
+  out.why_not = motion::no_dynamics(m);
+  if (out.why_not.empty()) {
+    POLYPOD_ASSIGN(read, motion::read_dynamics(dynamics.empty() ? machine_file : dynamics, m));
+    out.dynamics = std::move(read);
+    if (!out.dynamics) out.why_not = "the machine has no masses (table dynamics, docs/motion.md)";
+  }
+  if (!out.dynamics && !dynamics.empty()) {
+    return fail("AP214", fmt::format("--dynamics {}: {}", dynamics, out.why_not), {}, "docs/motion.md has the table");
+  }
+  if (!out.dynamics) {
+    POLYPOD_TRY(refuse(context, {"--drive-force"}, "it serves machines with masses: " + out.why_not));
+    return out;
+  }
+  if (drive_force.empty()) return out;
+  POLYPOD_ASSIGN(force, numbers_of(drive_force, "--drive-force"));
+  const int n = kinematics::joint_count(m);
+  if (force.size() != 1 && static_cast<int>(force.size()) != n) {
+    return fail("AP210", fmt::format("--drive-force {}: the machine has {} drives", drive_force, n), {},
+                "give one number for all drives, or one a drive");
+  }
+  out.force = machine::JointVector::Zero(n);
+  for (int i = 0; i < n; ++i) {
+    const double f = force[force.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+    POLYPOD_TRY(in_range("AP210", "--drive-force", f, {1e-9, 1e12}, "N or Nm"));
+    out.force[i] = f;
+  }
+  return out;
+}
+
+}  // namespace polypod::app

@@ -1,0 +1,27 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "commands.hpp"
+#include "polypod/motion/dynamics.hpp"
+
+namespace polypod::app {
+
+/// The masses of a machine, and what its drives can give.
+struct Masses {
+  std::optional<motion::Dynamics> dynamics;
+  machine::JointVector force;  ///< N or Nm; empty: not limited
+  std::string why_not;         ///< why there are no forces
+};
+
+struct MassesOptions {
+  std::string dynamics, drive_force;
+  void declare(Arguments& a);
+  /// Of --dynamics, else of the machine's own file. Errors: AP107, AP210, AP214, and those of the table.
+  [[nodiscard]] Result<Masses> read(const machine::AnyMachine& m, const std::string& machine_file,
+                                    const Context& context) const;
+};
+
+}  // namespace polypod::app
