@@ -5,6 +5,7 @@
 #include <set>
 
 #include "polypod/bodies/bodies.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -78,7 +79,7 @@ Result<Body> body_from(const config::Table& table, const std::string& path, cons
   Body body;
   POLYPOD_ASSIGN(name, table.text("name"));
   POLYPOD_ASSIGN(frame, table.text("frame"));
-  body.name = name;
+  body.name = one_line(name);
   if (frame == "machine") {
     body.frame = Body::Frame::machine;
   } else if (frame == "work") {
@@ -181,7 +182,7 @@ Result<Bodies> read(const std::string& path, const machine::AnyMachine& machine)
       return fail("BO102", fmt::format("{}: from_mm must be below to_mm", one.name()), one.place_of("from_mm"),
                   "both are above the tool tip, towards the spindle");
     }
-    body.name = name;
+    body.name = one_line(name);
     body.frame = Body::Frame::tool;
     body.tool_number = tool;
     body.shape =
