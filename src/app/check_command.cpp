@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "check_bodies.hpp"
 #include "commands.hpp"
 #include "machining_output.hpp"
 #include "messages.hpp"
@@ -49,9 +50,10 @@ Json problems_json(const std::vector<machining::CheckProblem>& problems) {
 }
 
 /// The answer, and the lines behind it.
-void print_answer(const std::string& program, const machining::CheckResult& result) {
+void print_answer(const std::string& program, const machining::CheckResult& result, bool with_bodies) {
   constexpr std::size_t kShown = 3;  // of the moves that were not judged
-  fmt::print("the program {} the machine{}\n", result.ok ? "fits" : "does not fit",
+  fmt::print("the program {} the machine{}{}\n", result.ok ? "fits" : "does not fit",
+             result.ok && with_bodies ? ", and the bodies that are given do not touch" : "",
              result.ok && !result.not_judged.empty() ? ", apart from what was not judged" : "");
   for (const machining::CheckProblem& p : result.problems) {
     fmt::print("  {}:{}: {}: {}\n", program, p.line, p.kind, p.detail);
@@ -155,14 +157,14 @@ Result<gcode::Understood> judge_other_switch(gcode::Program source, const machin
 
 Command check_command() {
   struct Options {
-    std::string program, job, machine, origin;
+    std::string program, job, machine, origin, bodies;
     std::vector<std::string> sets;
     double rapid = 6000;
     bool nearest = false;
   };
   auto o = std::make_shared<Options>();
   return {
-      "check", "Does a program fit a machine: reach, limits, branches, time",
+      "check", "Does a program fit a machine: reach, limits, branches, collisions, time",
       "polypod check program.ngc --job job.toml",
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");
@@ -171,6 +173,8 @@ Command check_command() {
         a.option("--machine", o->machine, "Without a job: a machine file or a name of `polypod machines`");
         a.option("--set", o->sets, "key=value: override a parameter of --machine (repeatable)");
         a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
+        a.option("--bodies", o->bodies,
+                 "A file of bodies (links, holder, fixtures, table): whether they touch on the way");
         a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
         a.flag("--nearest", o->nearest,
                "Where the program does not fit: the smallest shift, and the smallest rotation, of the part with which "
@@ -183,6 +187,13 @@ Command check_command() {
         machining::CheckOptions options;
         options.rapid_speed = units::from_mm_per_min(o->rapid);
         options.progress = progress_line(context, "checking");
+        BodyNotes body_notes;
+        if (!o->bodies.empty()) {
+          POLYPOD_TRY(
+              refuse(context, {"--nearest"}, "it does not look for places free of collisions; leave out --bodies"));
+          POLYPOD_ASSIGN(told, watch_bodies(o->bodies, job, !o->job.empty(), options));
+          body_notes = std::move(told);
+        }
         POLYPOD_ASSIGN(source, gcode::read(o->program));
         const bool optional = machining::has_optional_blocks(source);
         POLYPOD_ASSIGN(judged, optional ? judge(source, job, options) : judge(std::move(source), job, options));
@@ -195,6 +206,7 @@ Command check_command() {
           other = std::move(understood);
         }
         options.progress(1);
+        result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
         if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
           const Error why = machining::cuts_nothing(job, program, interpretation);
           result.notes.push_back(
@@ -227,10 +239,11 @@ Command check_command() {
           Json document{{"ok", result.ok},          {"problems", problems},  {"all_judged", result.not_judged.empty()},
                         {"not_judged", not_judged}, {"time_s", result.time}, {"length_mm", units::to_mm(result.length)},
                         {"joint_ranges", ranges},   {"notes", result.notes}};
+          if (!o->bodies.empty()) document["bodies"] = {{"file", o->bodies}, {"notes", body_notes}};
           if (o->nearest) document["nearest"] = nearest;
           print_json(document);
         } else {
-          print_answer(o->program, result);
+          print_answer(o->program, result, !o->bodies.empty());
           if (!nearest.is_null()) print_nearest(nearest);
           fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
                      o->rapid, units::to_mm(result.length));

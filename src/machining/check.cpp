@@ -59,7 +59,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     }
     ++index;
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
-    bool reach = false, limit = false, singular = false, branch = false, axis = false;
+    bool reach = false, limit = false, singular = false, branch = false, axis = false, touching = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {
       if (!seen) out.problems.push_back({line, kind, std::move(detail)});
       seen = true;
@@ -116,7 +116,12 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       if (nearest > kJump && k > 0) {
         problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
       }
+      const bool follows = last.size() > 0;
       last = best->joints;
+      if (options.touches) {
+        const std::string what = options.touches(kinematics::settled(machine, X, last), last, follows, move.tool);
+        if (!what.empty()) problem(touching, "collision", fmt::format("{}: {}", where(), what));
+      }
       if (out.joints.empty()) {
         for (int i = 0; i < n; ++i) out.joints.push_back({last[i], last[i]});
       }

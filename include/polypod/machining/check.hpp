@@ -14,7 +14,8 @@ namespace polypod::machining {
 
 struct CheckProblem {
   int line = 0;
-  /// "reach", "limit", "singular", "branch", "axis" (a turn that the machine does not have), "empty"
+  /// "reach", "limit", "singular", "branch", "axis" (a turn that the machine does not have), "collision" (`touches`),
+  /// "empty"
   std::string kind;
   std::string detail;
 };
@@ -37,6 +38,9 @@ struct CheckOptions {
   double turn_step = 0.0175;   ///< rad, the same for A, B and C
   double rapid_speed = 0.1;    ///< m/s, that G0 is counted with
   bool stop_at_first = false;  ///< only whether there is a problem: no other, no ranges, time or length of the rest
+  /// Asked at every point that is reached, with the pose that the machine has there, its joints, whether the way leads
+  /// there from the point before, and the T number: which bodies touch, empty where none do. Not asked: no "collision".
+  std::function<std::string(const Pose&, const machine::JointVector&, bool, int)> touches;
   std::function<bool(double)> progress;
 };
 
