@@ -267,7 +267,7 @@ Json document(const pages::CellResult& r) {
                     {"unseen", o.unseen},
                     {"failed_grips", o.failed},
                     {"on_belts", o.remaining},
-                    {"held_back", std::accumulate(o.lost.begin(), o.lost.end(), 0)}};
+                    {"not_brought", std::accumulate(o.lost.begin(), o.lost.end(), 0)}};
     out["containers"] = {{"filled", o.filled}, {"emptied", o.emptied}, {"served", o.served}};
     out["tasks"] = tasks;
     out["belts"] = belts;
