@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <optional>
 
 #include "commands.hpp"
@@ -81,8 +82,9 @@ Json cost_json(const cell::Cell& c, double per_min) {
           {"with_reserve", c.cost.total() + c.cost.reserve()},
           {"assembly_hours", c.cost.hours},
           {"assembly", c.cost.hours * c.cost.hour_price},
-          {"running_per_item",
-           c.cost.running_price > 0 && per_min > 0 ? Json(c.cost.running_price / 60 / per_min) : Json(nullptr)},
+          {"running_per_item", c.cost.running_price > 0 && per_min > 0
+                                   ? Json(units::from_per_min(c.cost.running_price) / per_min)
+                                   : Json(nullptr)},
           {"parts", rows}};
 }
 
@@ -104,7 +106,7 @@ Json safety_json(const cell::Safety& s) {
                        {"measure", h.measure},
                        {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))}});
   }
-  return {{"stopping_ms", s.stopping * 1e3},
+  return {{"stopping_ms", s.stopping / units::from_ms(1)},
           {"guards", guards},
           {"hazards", hazards},
           {"assumed", s.assumed},
@@ -234,7 +236,7 @@ Json document(const pages::CellResult& r) {
   const cell::Cell& c = r.cell;
   Json problems = Json::array();
   for (const cell::Problem& p : r.problems) problems.push_back({{"kind", p.kind}, {"detail", p.detail}});
-  Json out{{"ok", r.problems.empty()}, {"problems", problems}};
+  Json out{{"ok", r.problems.empty()}, {"problems", problems}, {"not_judged", r.not_judged}};
   if (!r.simulated()) {
     out["seconds"] = nullptr;
     out["throughput_per_min"] = nullptr;
@@ -259,8 +261,13 @@ Json document(const pages::CellResult& r) {
     out["policy"] = r.policy;
     out["working_s"] = o.working;
     out["waiting_s"] = waiting;
-    out["items"] = {{"fed", o.fed},       {"placed", o.placed},       {"missed", o.missed},
-                    {"unseen", o.unseen}, {"failed_grips", o.failed}, {"on_belts", o.remaining}};
+    out["items"] = {{"fed", o.fed},
+                    {"placed", o.placed},
+                    {"missed", o.missed},
+                    {"unseen", o.unseen},
+                    {"failed_grips", o.failed},
+                    {"on_belts", o.remaining},
+                    {"not_brought", std::accumulate(o.lost.begin(), o.lost.end(), 0)}};
     out["containers"] = {{"filled", o.filled}, {"emptied", o.emptied}, {"served", o.served}};
     out["tasks"] = tasks;
     out["belts"] = belts;
@@ -309,8 +316,9 @@ void print_result(const pages::CellResult& r) {
     const cell::Outcome& o = r.outcome();
     fmt::print("cycle      {:.0f} s simulated, policy {}, {} seed{}\n", o.seconds, r.policy, r.study.outcomes.size(),
                r.study.outcomes.size() == 1 ? "" : "s");
-    fmt::print("throughput {} items a minute: {} placed, {} missed, {} unseen, {} grips failed\n",
-               estimate_text(r.study.throughput, 2), o.placed, o.missed, o.unseen, o.failed);
+    fmt::print("throughput {} items a minute{}: {} placed, {} missed, {} unseen, {} grips failed\n",
+               estimate_text(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1),
+               r.study.outcomes.size() > 1 ? "; in the first run" : "", o.placed, o.missed, o.unseen, o.failed);
     if (!c.containers.empty())
       fmt::print("containers {} filled, {} emptied, {} served\n", o.filled, o.emptied, o.served);
     for (std::size_t m = 0; m < c.machines.size(); ++m) {
@@ -339,12 +347,13 @@ void print_result(const pages::CellResult& r) {
     fmt::print("\n");
   }
   fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
-             to_mm(r.safety.guard_distance), r.safety.stopping * 1e3);
+             to_mm(r.safety.guard_distance), r.safety.stopping / units::from_ms(1));
   for (const std::string& text : r.safety.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const cell::Plan& p : r.planning.plans) {
     fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score,
                p.best ? fmt::format(", best {:.4g} of {}", *p.best, p.best_is) : "");
   }
+  for (const std::string& text : r.not_judged) fmt::print("not judged {}\n", one_line(text));
   for (const cell::Problem& p : r.problems) fmt::print("problem    {}: {}\n", p.kind, one_line(p.detail));
   fmt::print("{}\n", r.problems.empty() ? "ok" : "not ok");
 }
@@ -396,7 +405,7 @@ Command cell_command() {
         }
         POLYPOD_ASSIGN(c, cell::read(o->file, overrides));
         pages::CellQuestion question;
-        question.settings.seconds = 60 * (context.given("--minutes") ? o->minutes : c.minutes);
+        question.settings.seconds = units::to_per_min(context.given("--minutes") ? o->minutes : c.minutes);
         question.settings.seed = static_cast<std::uint64_t>(context.given("--seed") ? o->seed : c.seed);
         question.settings.policy = o->policy.empty() ? c.policy : o->policy;
         question.settings.record = !o->events.empty() || !o->report.empty();

@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "common.hpp"
 #include "polypod/core/golden_section.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/geometry/segments.hpp"
@@ -18,12 +19,6 @@ namespace polypod::cell {
 namespace {
 
 using machine::JointVector;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::string place_text(const Vec3& p) {
-  return fmt::format("{:.0f}, {:.0f}, {:.0f} mm", units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z()));
-}
 
 Vec3 into(const Solid& s, const Vec3& p) {
   const Vec3 d = p - s.middle;

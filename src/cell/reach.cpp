@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 
+#include "common.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/delta/kinematics.hpp"
 
@@ -16,12 +17,6 @@ namespace polypod::cell {
 namespace {
 
 using machine::JointVector;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::string place_text(const Vec3& p) {
-  return fmt::format("{:.0f}, {:.0f}, {:.0f} mm", units::to_mm(p.x()), units::to_mm(p.y()), units::to_mm(p.z()));
-}
 
 double heading_to(const Machine& m, const Vec3& at, double given) {
   if (std::isfinite(given)) return given;

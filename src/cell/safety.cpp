@@ -22,6 +22,32 @@ double from_line(const Vec3& p, const Vec3& a, const Vec3& b) {
   return (r - t * d).norm();
 }
 
+template <std::size_t N>
+struct TableRow {
+  double height;
+  std::array<double, N> distance;
+};
+
+/// The entry of a table of distances by the height of the hazard (rows, falling) and that of the guard (columns,
+/// rising): the larger of the two rows about the height, the lower of the columns; all in mm. None below the first
+/// column.
+template <std::size_t N, std::size_t Rows>
+std::optional<double> of_table(const std::array<TableRow<N>, Rows>& rows, const std::array<double, N>& columns,
+                               double hazard, double guard) {
+  if (guard < columns.front() - 1e-9) return std::nullopt;
+  std::size_t column = 0;
+  while (column + 1 < N && columns[column + 1] <= guard + 1e-9) ++column;
+  double out = 0;
+  for (std::size_t k = 0; k < Rows; ++k) {
+    const double row = rows[k].height;
+    const bool here = std::abs(row - hazard) < 1e-9;
+    const bool above = row > hazard && (k + 1 == Rows || rows[k + 1].height < hazard);
+    const bool below = row < hazard && k > 0 && rows[k - 1].height > hazard;
+    if (here || above || below) out = std::max(out, rows[k].distance[column]);
+  }
+  return out;
+}
+
 }  // namespace
 
 std::optional<double> curtain_distance(double stopping, double resolution) {
@@ -33,6 +59,31 @@ std::optional<double> curtain_distance(double stopping, double resolution) {
   return std::max(1.6 * stopping + c, 500 * mm);
 }
 
+std::optional<double> curtain_over_distance(double stopping, double hazard_height, double curtain_height) {
+  static constexpr std::array<double, 12> kEdge{900, 1000, 1100, 1200, 1300, 1400, 1600, 1800, 2000, 2200, 2400, 2600};
+  static constexpr std::array<TableRow<12>, 15> kRows{
+      {{2600, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+       {2500, {400, 400, 350, 300, 300, 300, 300, 300, 250, 150, 100, 0}},
+       {2400, {550, 550, 550, 500, 450, 450, 400, 400, 300, 250, 100, 0}},
+       {2200, {800, 750, 750, 700, 650, 650, 600, 550, 400, 250, 0, 0}},
+       {2000, {950, 950, 850, 850, 800, 750, 700, 550, 400, 0, 0, 0}},
+       {1800, {1100, 1100, 950, 950, 850, 800, 750, 550, 0, 0, 0, 0}},
+       {1600, {1150, 1150, 1100, 1000, 900, 850, 750, 450, 0, 0, 0, 0}},
+       {1400, {1200, 1200, 1100, 1000, 900, 850, 650, 0, 0, 0, 0, 0}},
+       {1200, {1200, 1200, 1100, 1000, 850, 800, 0, 0, 0, 0, 0, 0}},
+       {1000, {1200, 1150, 1050, 950, 750, 700, 0, 0, 0, 0, 0, 0}},
+       {800, {1150, 1050, 950, 800, 500, 450, 0, 0, 0, 0, 0, 0}},
+       {600, {1050, 950, 750, 550, 0, 0, 0, 0, 0, 0, 0, 0}},
+       {400, {900, 700, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+       {200, {600, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+       {0, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}}}};
+  const std::optional<double> over = of_table(kRows, kEdge, hazard_height / mm, curtain_height / mm);
+  if (!over) return std::nullopt;
+  if (!(*over > 0)) return 0;
+  const double c = *over * mm, near = 2.0 * stopping + c;
+  return near <= 500 * mm ? near : std::max(1.6 * stopping + c, 500 * mm);
+}
+
 std::optional<double> scanner_distance(double stopping, double height, double resolution) {
   if (height > 1.0 || height < 15 * (resolution - 50 * mm) - 1e-12) return std::nullopt;
   return 1.6 * stopping + std::max(1200 * mm - 0.4 * height, 850 * mm);
@@ -40,38 +91,23 @@ std::optional<double> scanner_distance(double stopping, double height, double re
 
 std::optional<double> reach_over_distance(double hazard_height, double fence_height) {
   static constexpr std::array<double, 10> kFence{1000, 1200, 1400, 1600, 1800, 2000, 2200, 2400, 2500, 2700};
-  struct Row {
-    double height;
-    std::array<double, 10> distance;
-  };
-  static constexpr std::array<Row, 15> kRows{{{2700, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
-                                              {2600, {900, 800, 700, 600, 600, 500, 400, 300, 100, 0}},
-                                              {2400, {1100, 1000, 900, 800, 700, 600, 400, 300, 100, 0}},
-                                              {2200, {1300, 1200, 1000, 900, 800, 600, 400, 300, 0, 0}},
-                                              {2000, {1400, 1300, 1100, 900, 800, 600, 400, 0, 0, 0}},
-                                              {1800, {1500, 1400, 1100, 900, 800, 600, 0, 0, 0, 0}},
-                                              {1600, {1500, 1400, 1100, 900, 800, 500, 0, 0, 0, 0}},
-                                              {1400, {1500, 1400, 1100, 900, 800, 0, 0, 0, 0, 0}},
-                                              {1200, {1500, 1400, 1100, 900, 700, 0, 0, 0, 0, 0}},
-                                              {1000, {1500, 1400, 1000, 800, 0, 0, 0, 0, 0, 0}},
-                                              {800, {1500, 1300, 900, 600, 0, 0, 0, 0, 0, 0}},
-                                              {600, {1400, 1300, 800, 0, 0, 0, 0, 0, 0, 0}},
-                                              {400, {1400, 1200, 400, 0, 0, 0, 0, 0, 0, 0}},
-                                              {200, {1200, 900, 0, 0, 0, 0, 0, 0, 0, 0}},
-                                              {0, {1100, 500, 0, 0, 0, 0, 0, 0, 0, 0}}}};
-  const double a = hazard_height / mm, b = fence_height / mm;
-  if (b < kFence.front() - 1e-9) return std::nullopt;
-  std::size_t column = 0;
-  while (column + 1 < kFence.size() && kFence[column + 1] <= b + 1e-9) ++column;
-  double out = 0;
-  for (std::size_t k = 0; k < kRows.size(); ++k) {
-    // The two rows about the height; one where it is in the table.
-    const bool here = std::abs(kRows[k].height - a) < 1e-9;
-    const bool above = kRows[k].height > a && (k + 1 == kRows.size() || kRows[k + 1].height < a);
-    const bool below = kRows[k].height < a && k > 0 && kRows[k - 1].height > a;
-    if (here || above || below) out = std::max(out, kRows[k].distance[column]);
-  }
-  return out * mm;
+  static constexpr std::array<TableRow<10>, 15> kRows{{{2700, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+                                                       {2600, {900, 800, 700, 600, 600, 500, 400, 300, 100, 0}},
+                                                       {2400, {1100, 1000, 900, 800, 700, 600, 400, 300, 100, 0}},
+                                                       {2200, {1300, 1200, 1000, 900, 800, 600, 400, 300, 0, 0}},
+                                                       {2000, {1400, 1300, 1100, 900, 800, 600, 400, 0, 0, 0}},
+                                                       {1800, {1500, 1400, 1100, 900, 800, 600, 0, 0, 0, 0}},
+                                                       {1600, {1500, 1400, 1100, 900, 800, 500, 0, 0, 0, 0}},
+                                                       {1400, {1500, 1400, 1100, 900, 800, 0, 0, 0, 0, 0}},
+                                                       {1200, {1500, 1400, 1100, 900, 700, 0, 0, 0, 0, 0}},
+                                                       {1000, {1500, 1400, 1000, 800, 0, 0, 0, 0, 0, 0}},
+                                                       {800, {1500, 1300, 900, 600, 0, 0, 0, 0, 0, 0}},
+                                                       {600, {1400, 1300, 800, 0, 0, 0, 0, 0, 0, 0}},
+                                                       {400, {1400, 1200, 400, 0, 0, 0, 0, 0, 0, 0}},
+                                                       {200, {1200, 900, 0, 0, 0, 0, 0, 0, 0, 0}},
+                                                       {0, {1100, 500, 0, 0, 0, 0, 0, 0, 0, 0}}}};
+  const std::optional<double> out = of_table(kRows, kFence, hazard_height / mm, fence_height / mm);
+  return out ? std::optional(*out * mm) : std::nullopt;
 }
 
 std::optional<double> reach_through_distance(const std::string& shape, double e) {
@@ -127,7 +163,7 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
       out.assumed.push_back(
           fmt::format("{} stops within {:.0f} ms: its largest speed over a deceleration as large as its acceleration; "
                       "measure it",
-                      m.name, s.time * 1e3));
+                      m.name, s.time / units::from_ms(1)));
     }
   }
   constexpr double kWalk = 1.6;
@@ -137,39 +173,34 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
     f.name = g.name;
     f.kind = name_of(g.kind);
     f.actual = std::numeric_limits<double>::infinity();
-    double highest = 0;
-    std::string nearest;
-    for (const Swept& s : space) {
-      const double d = from_line(s.at, g.from, g.to) - s.radius;
-      if (d < f.actual) {
-        f.actual = d;
-        nearest = s.machine;
+    std::string lacking;
+    // What each place of a machine needs, with its own height: that which lacks most counts.
+    const auto against = [&](const auto& needs) {
+      std::optional<double> needed = 0;
+      double most = -std::numeric_limits<double>::infinity();
+      for (const Swept& s : space) {
+        const std::optional<double> here = needs(std::max(0.0, s.at.z()));
+        if (!here) return here;
+        const double is = from_line(s.at, g.from, g.to) - s.radius;
+        if (*here - is <= most) continue;
+        most = *here - is;
+        needed = here;
+        f.actual = is;
+        lacking = s.machine;
       }
-      highest = std::max(highest, s.at.z() + s.radius);
-    }
+      f.enough = most <= 0;
+      return needed;
+    };
     std::optional<double> needed;
     if (g.kind == Guard::Kind::fence) {
-      // Over the fence: each place that a machine comes to, with its own height.
-      double worst = 0, worst_short = -std::numeric_limits<double>::infinity();
-      bool known = true;
-      for (const Swept& s : space) {
-        const auto over = reach_over_distance(std::max(0.0, s.at.z()), g.height);
-        if (!over) {
-          known = false;
-          break;
-        }
-        const double lacks = *over - (from_line(s.at, g.from, g.to) - s.radius);
-        if (lacks > worst_short) {
-          worst_short = lacks;
-          worst = *over;
-        }
-      }
+      needed = against([&](double height) { return reach_over_distance(height, g.height); });
       f.rule = "ISO 13857, Table 2 (reaching over, high risk)";
-      if (known) {
-        needed = worst;
-        f.enough = worst_short <= 0;
-      } else {
+      if (!needed) {
+        f.enough = false;
         f.note = "fences below 1 m do not hold anybody back";
+      } else if (g.height < 1.4 - 1e-12) {
+        f.enough = false;
+        f.note = "fences below 1.4 m need another measure (ISO 13857, Table 2)";
       }
       if (g.opening > 0) {
         const auto through = reach_through_distance(g.opening_shape, g.opening);
@@ -190,28 +221,45 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
     } else {
       device = true;
       f.stopping = g.response + cell.control_response + out.stopping;
-      needed = g.kind == Guard::Kind::curtain ? curtain_distance(f.stopping, g.resolution)
-                                              : scanner_distance(f.stopping, g.height, g.resolution);
-      f.rule = g.kind == Guard::Kind::curtain ? "ISO 13855, S = K T + C, approach across the curtain"
-                                              : "ISO 13855, S = K T + C, approach along the field";
-      if (needed) {
-        f.enough = f.actual >= *needed;
-        out.guard_distance = std::max(out.guard_distance, *needed);
-      } else {
+      const bool curtain = g.kind == Guard::Kind::curtain;
+      const std::optional<double> first =
+          curtain ? curtain_distance(f.stopping, g.resolution) : scanner_distance(f.stopping, g.height, g.resolution);
+      f.rule = curtain ? "ISO 13855, S = K T + C, approach across the curtain"
+                       : "ISO 13855, S = K T + C, approach along the field";
+      needed = against([&](double height) -> std::optional<double> {
+        if (!first || !curtain) return first;
+        const std::optional<double> over = curtain_over_distance(f.stopping, height, g.height);
+        return over ? std::optional(std::max(*first, *over)) : std::nullopt;
+      });
+      if (first) out.guard_distance = std::max(out.guard_distance, *first);
+      if (!first) {
+        f.enough = false;
         f.note = "no value: its resolution or height is out of the standard's range";
+      } else if (!needed) {
+        f.enough = false;
+        f.note = "its upper edge is below 900 mm: people reach and step over it (ISO 13855, 6.5)";
+      } else if (*needed > *first) {
+        f.rule = "ISO 13855, S = K T + C, reaching over the curtain (Table 1)";
       }
     }
     f.needed = needed.value_or(std::numeric_limits<double>::quiet_NaN());
     if (!f.enough) {
-      const std::string text = needed ? fmt::format("guard {}: {:.0f} mm from {}, {:.0f} mm are needed ({})", g.name,
-                                                    f.actual / mm, nearest, *needed / mm, f.rule)
-                                      : fmt::format("guard {}: {}", g.name, f.note);
+      const std::string text = f.note.empty() ? fmt::format("guard {}: {:.0f} mm from {}, {:.0f} mm are needed ({})",
+                                                            g.name, f.actual / mm, lacking, *needed / mm, f.rule)
+                                              : fmt::format("guard {}: {}", g.name, f.note);
       if (g.measure.empty())
         out.problems.push_back({"guard", text});
       else
         f.note += fmt::format("{}stated measure, to be judged: {}", f.note.empty() ? "" : "; ", g.measure);
     }
     out.guards.push_back(f);
+  }
+  const std::string open = way_in(cell, space);
+  if (!open.empty() && cell.open_sides.empty()) {
+    out.problems.push_back(
+        {"guard", fmt::format("people can walk to the machines {}: no guard stands there; add a [[guard]], or say in "
+                              "open_sides what else protects",
+                              open)});
   }
   if (!device) {
     constexpr double kResponse = 0.020, kResolution = 0.030;

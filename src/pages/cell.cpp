@@ -22,6 +22,8 @@ using report::Colour;
 using report::Verdict;
 using units::to_mm;
 
+constexpr double kGram = 1e-3;  // kg
+
 /// A given number as it was given.
 std::string plain(double value) {
   return fmt::format("{:.6g}", value);
@@ -258,7 +260,7 @@ void task_section(report::Report& page, const CellResult& r) {
   std::vector<std::pair<std::string, std::string>> facts;
   for (const cell::Item& i : r.cell.items)
     facts.emplace_back(i.name, fmt::format("diameter {} mm, height {} mm, {} g", plain(to_mm(i.diameter)),
-                                           plain(to_mm(i.height)), plain(i.mass * 1e3)));
+                                           plain(to_mm(i.height)), plain(i.mass / kGram)));
   for (const cell::Container& c : r.cell.containers)
     facts.emplace_back(c.name, fmt::format("holds {}, diameter {} mm, height {} mm", c.capacity,
                                            plain(to_mm(c.diameter)), plain(to_mm(c.height))));
@@ -520,7 +522,8 @@ void cost_section(report::Report& page, const CellResult& r) {
   page.add_table(table);
   if (r.simulated() && cost.running_price > 0 && r.study.throughput.mean > 0) {
     page.add_text(fmt::format("Running costs {} {} an item.",
-                              report::number(cost.running_price / 60 / r.study.throughput.mean), cost.currency));
+                              report::number(units::from_per_min(cost.running_price) / r.study.throughput.mean),
+                              cost.currency));
   }
 }
 
@@ -529,10 +532,10 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_verdict(Verdict::neutral,
                    "This is an aid for whoever assesses the risk of the cell (ISO 12100). It is no assessment and no "
                    "proof of conformity. Check each figure against your copy of the standard.");
-  page.add_key_figures(
-      {{report::fixed(to_mm(r.safety.guard_distance), 0), "mm", "least distance of light curtain or scanner",
-        Verdict::neutral},
-       {report::fixed(r.safety.stopping * 1e3, 0), "ms", "until the slowest machine stands", Verdict::neutral}});
+  page.add_key_figures({{report::fixed(to_mm(r.safety.guard_distance), 0), "mm",
+                         "least distance of light curtain or scanner", Verdict::neutral},
+                        {report::fixed(r.safety.stopping / units::from_ms(1), 0), "ms",
+                         "until the slowest machine stands", Verdict::neutral}});
   page.add_text(
       "ISO 13855: S = K T + C, with the speed of approach K, the time T from the interruption to the standstill, and C "
       "for what reaches through before it is seen.");
@@ -562,6 +565,31 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_text(fmt::format("Stop category {} (IEC 60204-1).", r.cell.stop_category));
   page.add_heading("Assumed");
   page.add_list(r.safety.assumed);
+}
+
+/// What of this cell no part of the answer looks at.
+std::vector<std::string> not_judged(const CellResult& r) {
+  std::vector<std::string> out;
+  if (!r.simulated()) {
+    out.emplace_back("the cycle: something is out of reach");
+  } else {
+    for (std::size_t t = 0; t < r.cell.tasks.size(); ++t) {
+      const bool never = std::all_of(r.study.outcomes.begin(), r.study.outcomes.end(),
+                                     [&](const cell::Outcome& o) { return o.done[t] == 0; });
+      if (never)
+        out.push_back(
+            fmt::format("task {} in the cycle: it was not done within the simulated time", r.cell.tasks[t].name));
+    }
+  }
+  for (const cell::Machine& m : r.cell.machines)
+    if (!(m.payload > 0)) out.push_back(fmt::format("the load of {}: it has no payload_kg", m.name));
+  for (const cell::GuardFigure& g : r.safety.guards)
+    if (!g.enough && !g.note.empty() && r.safety.problems.empty())
+      out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
+  if (!r.cell.open_sides.empty() && !cell::way_in(r.cell, r.layout.swept).empty())
+    out.push_back(fmt::format("what protects where no guard stands: {}", r.cell.open_sides));
+  out.emplace_back("collisions of what machines carry and of what stands in places and lies on belts");
+  return out;
 }
 
 }  // namespace
@@ -608,8 +636,35 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
                                                       question.settings.seed + k, o.standstill)});
       break;
     }
-    if (out.simulated() && out.cell.commands.empty())
-      out.problems.push_back({"command", "nobody presses START: add a [[command]]"});
+    for (std::size_t k = 0; k < out.cell.sources.size() && out.simulated(); ++k) {
+      int lost = 0;
+      double held = 0;
+      for (const cell::Outcome& o : out.study.outcomes) {
+        lost += o.lost[k];
+        held += o.held[k];
+      }
+      if (lost == 0) continue;
+      const cell::Source& source = out.cell.sources[k];
+      out.problems.push_back(
+          {"held back",
+           fmt::format(
+               "source {} waits {:.0f} s because conveyor {} stands, and {} of its items do not come in time{}: the "
+               "cell does not keep up",
+               source.name, held, out.cell.conveyors[static_cast<std::size_t>(source.conveyor)].name, lost, in_runs)});
+    }
+    if (out.simulated()) {
+      const cell::Outcome& o = out.outcome();
+      if (out.cell.commands.empty())
+        out.problems.push_back({"command", "nobody presses START: add a [[command]]"});
+      else if (!(o.working > 0))
+        out.problems.push_back(
+            {"command", fmt::format("nobody presses START within the simulated {:.0f} s", o.seconds)});
+      else if (!o.stands_since && std::all_of(o.done.begin(), o.done.end(), [](int n) { return n == 0; }))
+        out.problems.push_back(
+            {"nothing done", fmt::format("no task was done within {:.0f} s: the cycle is not judged; simulate longer "
+                                         "(--minutes), or see why nothing comes",
+                                         o.seconds)});
+    }
     if (out.simulated()) {
       const cell::Outcome& o = out.outcome();
       const auto index = [&](const std::string& name) {
@@ -620,7 +675,7 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
       for (const cell::Traffic& t : o.traffic) {
         const int from = index(t.from), to = index(t.to);
         if (from >= 0 && to >= 0 && from != to && o.seconds > 0)
-          flows.push_back({from, to, 3600 * t.count / o.seconds});
+          flows.push_back({from, to, units::to_per_min(units::to_per_min(t.count / o.seconds))});
       }
     }
   }
@@ -630,6 +685,7 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
                                out.cell.cost.currency, -out.cell.cost.reserve())});
   }
   out.planning = cell::planning(out.cell, flows);
+  out.not_judged = not_judged(out);
   return out;
 }
 
@@ -669,8 +725,11 @@ std::string cell_page(const CellResult& r, const std::string& version, const std
   page.add_text(
       "Judged: reach and limits of the machines at each place, bodies and links at sampled positions, the load of arms "
       "where it is given, widths of modules, the cycle in the simulation, distances of guards. "
-      "Not judged: forces and torques of drives, vibration, what a vacuum holds, items that overlap, electrics, noise, "
+      "Not judged of any cell: forces and torques of drives, vibration, what a vacuum holds, items that overlap, "
+      "electrics, noise, "
       "hygiene.");
+  page.add_heading("Not judged of this cell");
+  page.add_list(r.not_judged);
   task_section(page, r);
   layout_section(page, r);
   machine_section(page, r);

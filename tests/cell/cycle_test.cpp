@@ -152,6 +152,29 @@ TEST(CellCycle, ASensorStopsTheBeltInsteadOfMissing) {
   EXPECT_EQ(o.missed, 0);
   EXPECT_LT(o.belts[0].running, 299);
   EXPECT_GT(o.placed, 250);
+  // Ten a second are offered: what does not come while the belt stands is counted, to one.
+  EXPECT_GT(o.held[0], 100);
+  EXPECT_NEAR(o.held[0] * 10, o.lost[0], 1);
+  EXPECT_NEAR(o.fed + o.lost[0], 3000, 15);
+  EXPECT_EQ(run(cell_of(test::kPicking), m, for_seconds(300)).lost[0], 0);
+}
+
+TEST(CellCycle, AListThatComesLateIsCounted) {
+  Cell cell = cell_of(test::kPicking, "speed_mm_per_s = 100", "speed_mm_per_s = 100\nsensor_mm = 890");
+  cell.sources[0].arrival = Source::Arrival::list;
+  for (int k = 0; k < 1000; ++k) cell.sources[0].times.push_back(0.1 * k);
+  const Outcome o = run(cell, motions(cell), for_seconds(100));
+  EXPECT_GT(o.lost[0], 400);
+  // The sensor lies 8.9 s after the source: what was due before that came in time.
+  EXPECT_LE(o.lost[0], 1000 - 80);
+}
+
+TEST(CellCycle, AStopHoldsNoSourceBack) {
+  Cell cell = cell_of(test::kPicking);
+  cell.commands = {{0, Order::start}, {50, Order::stop}, {150, Order::start}};
+  const Outcome o = run(cell, motions(cell), for_seconds(300));
+  EXPECT_NEAR(o.held[0], 0, 1e-9);
+  EXPECT_EQ(o.lost[0], 0);
 }
 
 TEST(CellCycle, ACameraThatIsTooSlowDoesNotSee) {

@@ -24,6 +24,73 @@ TEST(Safety, LightCurtainsByIso13855) {
   EXPECT_FALSE(curtain_distance(0.2, 0.080));
 }
 
+TEST(Safety, ReachingOverLightCurtains) {
+  // Table 1 as it stands in the manual of Schmersal's SLC 420: a = 1400, b = 900: 1200 mm; 1600 x 0.334 + 1200.
+  EXPECT_NEAR(*curtain_over_distance(0.334, 1.4, 0.9), 0.5344 + 1.2, kRounding);
+  // Between rows the larger (1600: 450, 1400: 0), between columns the lower edge (1900 as 1800).
+  EXPECT_NEAR(*curtain_over_distance(0.334, 1.45, 1.9), 0.5344 + 0.45, kRounding);
+  // K = 2000 mm/s where that gives up to 500 mm: 2000 x 0.02 + 250 = 290 mm (a = 2500, b = 2000).
+  EXPECT_NEAR(*curtain_over_distance(0.02, 2.5, 2.0), 0.290, kRounding);
+  // 2000 x 0.1 + 400 = 600 > 500: 1600 x 0.1 + 400 = 560 mm (a = 2200, b = 2000).
+  EXPECT_NEAR(*curtain_over_distance(0.1, 2.2, 2.0), 0.560, kRounding);
+  EXPECT_EQ(*curtain_over_distance(0.334, 1.4, 2.0), 0) << "nobody reaches over it";
+  EXPECT_FALSE(curtain_over_distance(0.334, 1.0, 0.89));
+}
+
+Guard fence(const std::string& name, const Vec3& from, const Vec3& to) {
+  Guard g;
+  g.name = name;
+  g.from = from;
+  g.to = to;
+  g.height = 2.2;
+  return g;
+}
+
+TEST(Safety, PeopleWalkInWhereNoGuardStands) {
+  const std::vector<Swept> space{{{1, 1, 1}, 0.1, "arm"}, {{1.2, 1, 1}, 0.1, "arm"}};
+  Cell cell;
+  EXPECT_EQ(way_in(cell, space), "from the front, the right, the back, the left");
+  cell.guards = {fence("front", {0, 0, 0}, {3, 0, 0}), fence("right", {3, 0, 0}, {3, 3, 0}),
+                 fence("back", {3, 3, 0}, {0, 3, 0})};
+  EXPECT_EQ(way_in(cell, space), "from the left");
+  cell.guards.push_back(fence("left", {0, 3, 0}, {0, 0, 0}));
+  EXPECT_EQ(way_in(cell, space), "");
+  // A gap of 100 mm lets nobody through, one of 300 mm in a corner does.
+  cell.guards[3].to.y() = 0.1;
+  EXPECT_EQ(way_in(cell, space), "");
+  cell.guards[3].to.y() = 0.3;
+  EXPECT_TRUE(way_in(cell, space).starts_with("near ")) << way_in(cell, space);
+  // What is higher than people reach needs no guard (ISO 13857, 4.2.1).
+  EXPECT_EQ(way_in(cell, {{{1, 1, 3}, 0.1, "arm"}}), "");
+  // Far apart, the squares are larger, and guards stay tight.
+  cell.guards[3].to.y() = 0;
+  for (Guard& g : cell.guards) {
+    g.from *= 30;
+    g.to *= 30;
+  }
+  EXPECT_EQ(way_in(cell, space), "");
+}
+
+TEST(Safety, ALowCurtainIsNoGuard) {
+  Cell cell;
+  cell.open_sides = "walls";
+  Guard g = fence("front", {0, 0, 0}, {2, 0, 0});
+  g.kind = Guard::Kind::curtain;
+  g.height = 0.1;
+  cell.guards.push_back(g);
+  const Safety low = safety(cell, {{{1, 5, 1}, 0.1, "arm"}});
+  ASSERT_EQ(low.problems.size(), 1U);
+  EXPECT_NE(low.problems[0].detail.find("below 900 mm"), std::string::npos) << low.problems[0].detail;
+  // At 1800 mm a hazard at 1.4 m is not reached over it, one at 1.6 m is: 450 mm more than K T.
+  cell.guards[0].height = 1.8;
+  EXPECT_TRUE(safety(cell, {{{1, 0.5, 1.4}, 0.1, "arm"}}).problems.empty());
+  EXPECT_EQ(safety(cell, {{{1, 0.5, 1.6}, 0.1, "arm"}}).problems.size(), 1U);
+  // A fence of 1.2 m needs another measure, however far it stands.
+  cell.guards[0] = fence("front", {0, 0, 0}, {2, 0, 0});
+  cell.guards[0].height = 1.2;
+  EXPECT_EQ(safety(cell, {{{1, 5, 1}, 0.1, "arm"}}).problems.size(), 1U);
+}
+
 TEST(Safety, ScannersByIso13855) {
   // H = 300 mm: 1600 x 0.5 + 1200 - 120 = 1880 mm; H = 1000 mm: C is not below 850 mm.
   EXPECT_NEAR(*scanner_distance(0.5, 0.300, 0.070), 1.880, kRounding);
@@ -59,6 +126,7 @@ TEST(Safety, StoppingTimeIsStatedOrFromTheDrives) {
 
 TEST(Safety, ACurtainTooNearIsAProblemUnlessAMeasureIsStated) {
   Cell cell;
+  cell.open_sides = "walls";
   Machine m;
   m.name = "arm";
   m.stopping = 0.3;

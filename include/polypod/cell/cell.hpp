@@ -226,6 +226,7 @@ struct Cell {
   double control_response = 0;  ///< s, of safety controller and relays
   double clearance = 0.01;      ///< m, least distance of bodies that is no collision
   std::string stop_category = "1";
+  std::string open_sides;  ///< what protects where no guard stands, in words
 };
 
 struct Override {

@@ -18,6 +18,12 @@ namespace polypod::cell {
 /// (d - 14 mm), not below 500 mm. 40 mm < d <= 70 mm: S = 1600 mm/s T + 850 mm. m. No value above 70 mm.
 std::optional<double> curtain_distance(double stopping, double resolution);
 
+/// ISO 13855:2010, 6.5 and Table 1: reaching over a light curtain whose upper edge is at `curtain_height`, to a hazard
+/// at `hazard_height`: S = K T + C_RO, K as above; the larger value of the neighbouring rows and the lower of the
+/// columns counts. The table is that of the manual of Schmersal's SLC 420. 0: nothing is reached over it. No value for
+/// upper edges below 900 mm.
+std::optional<double> curtain_over_distance(double stopping, double hazard_height, double curtain_height);
+
 /// ISO 13855:2010, 6.3: scanner with a horizontal field at the height H (m, at most 1 m): S = 1600 mm/s T + C with C =
 /// 1200 mm - 0.4 H, not below 850 mm. No value where H is above 1 m or below 15 (d - 50 mm): one could crawl beneath.
 std::optional<double> scanner_distance(double stopping, double height, double resolution);
@@ -46,7 +52,7 @@ struct GuardFigure {
   std::string name, kind;
   double stopping = 0;  ///< s, T of ISO 13855: device, control and the slowest machine
   double needed = 0;    ///< m
-  double actual = 0;    ///< m, from the guard to the nearest place that a machine comes to
+  double actual = 0;    ///< m, from the guard to the place of a machine that lacks most
   bool enough = false;
   std::string rule, note;
 };
@@ -60,7 +66,7 @@ struct Safety {
   double stopping = 0;        ///< s, of the slowest machine
   std::vector<GuardFigure> guards;
   std::vector<Hazard> hazards;
-  std::vector<Problem> problems;  ///< guards too near, without another measure
+  std::vector<Problem> problems;  ///< guards too near, without another measure; ways past all guards
   std::vector<std::string> assumed;
 };
 
@@ -72,6 +78,12 @@ struct Swept {
   double radius = 0;
   std::string machine;
 };
+/// Where a person can walk to a place that a machine comes to (up to 2.7 m above the floor) and passes no guard: "from
+/// the left", or "near 100, 200, 0 mm" for a gap; empty where guards surround everything. Gaps of up to about 120 mm
+/// count as closed (ISO 13857, Table 4: whole bodies do not pass). Seen from above, on a grid of 30 mm or 1/400 of the
+/// cell.
+std::string way_in(const Cell& cell, const std::vector<Swept>& space);
+
 Safety safety(const Cell& cell, const std::vector<Swept>& space);
 
 }  // namespace polypod::cell

@@ -56,6 +56,8 @@ struct Outcome {
   int filled = 0, emptied = 0, served = 0;  ///< containers
   int remaining = 0;                        ///< items on belts at the end
   std::vector<int> done;                    ///< a task
+  std::vector<double> held;                 ///< s, a source: it had an item, the cell worked, and its belt stood
+  std::vector<int> lost;                    ///< items that did not come for that; of a list: that came late, too
   std::vector<MachineUse> machines;
   std::vector<BeltUse> belts;
   std::vector<Traffic> traffic;

@@ -31,6 +31,7 @@ struct CellResult {
   cell::Planning planning;
   std::string policy;
   std::vector<cell::Problem> problems;  ///< of all parts; empty: the answer is yes
+  std::vector<std::string> not_judged;  ///< what of this cell the answer does not answer for
   [[nodiscard]] bool simulated() const { return !study.outcomes.empty(); }
   [[nodiscard]] const cell::Outcome& outcome() const { return study.outcomes.front(); }
 };
