@@ -135,8 +135,12 @@ Json binding_json(const Study& study, const Row& row) {
 void print_binding(const Study& study, const Row& row) {
   const std::vector<std::string> what = design::binding(study, row);
   if (study.holds.empty() && what.empty()) return;
-  fmt::print("{}limited by: {}\n", study.holds.empty() ? "" : "all holds are kept; ",
-             what.empty() ? "none of them, nor by the ranges" : fmt::format("{}", fmt::join(what, "; ")));
+  const bool boxes =
+      std::any_of(study.holds.begin(), study.holds.end(), [](const design::Hold& h) { return h.box.has_value(); });
+  std::string text =
+      what.empty() ? "no bound on a figure and no end of a range" : fmt::format("{}", fmt::join(what, "; "));
+  if (boxes) text += "; whether a box just fits is not known";
+  fmt::print("{}limited by: {}\n", study.holds.empty() ? "" : "all holds are kept; ", text);
 }
 
 Json no_json(const Study& study, const std::vector<Row>& rows) {
