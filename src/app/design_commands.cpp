@@ -17,6 +17,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/design/analyse.hpp"
 #include "polypod/design/optimize.hpp"
+#include "polypod/design/ranks.hpp"
 #include "polypod/pages/study.hpp"
 #include "survey_options.hpp"
 
@@ -124,6 +125,51 @@ void print_row(const Study& study, const Row& row, const Row* start) {
   }
 }
 
+Json binding_json(const Study& study, const Row& row) {
+  Json out = Json::array();
+  for (const std::string& what : design::binding(study, row)) out.push_back(what);
+  return out;
+}
+
+/// What limits the best machine.
+void print_binding(const Study& study, const Row& row) {
+  const std::vector<std::string> what = design::binding(study, row);
+  if (study.holds.empty() && what.empty()) return;
+  const bool boxes =
+      std::any_of(study.holds.begin(), study.holds.end(), [](const design::Hold& h) { return h.box.has_value(); });
+  std::string text =
+      what.empty() ? "no bound on a figure and no end of a range" : fmt::format("{}", fmt::join(what, "; "));
+  if (boxes) text += "; whether a box just fits is not known";
+  fmt::print("{}limited by: {}\n", study.holds.empty() ? "" : "all holds are kept; ", text);
+}
+
+Json no_json(const Study& study, const std::vector<Row>& rows) {
+  Json holds = Json::array(), refused = Json::array();
+  for (const design::HoldSummary& h : design::hold_summaries(study, rows)) {
+    holds.push_back(
+        {{"hold", h.hold}, {"judged", h.judged}, {"broken", h.broken}, {"nearest", number_json(h.nearest)}});
+  }
+  for (const auto& [reason, count] : design::refusals(rows)) refused.push_back({{"reason", reason}, {"count", count}});
+  return {{"holds", holds}, {"refused", refused}};
+}
+
+/// Why there is no best machine and no front.
+void print_why_none(const Study& study, const std::vector<Row>& rows) {
+  const bool broken = std::any_of(rows.begin(), rows.end(), [](const Row& row) {
+    return row.evaluation.state == State::violates && row.phase != design::Phase::start;
+  });
+  fmt::print("{}\n", broken ? "no candidate keeps all holds" : "no candidate could be judged");
+  for (const design::HoldSummary& h : design::hold_summaries(study, rows)) {
+    if (h.broken == 0) continue;
+    fmt::print("{} of the {} whose figure is known break: {}{}\n", h.broken, h.judged, h.hold,
+               std::isfinite(h.nearest) ? fmt::format("; the nearest has {}", shown(h.nearest)) : "");
+  }
+  constexpr std::size_t kReasons = 3;
+  const auto reasons = design::refusals(rows);
+  for (std::size_t i = 0; i < std::min(reasons.size(), kReasons); ++i)
+    fmt::print("{} refused: {}\n", reasons[i].second, one_line(reasons[i].first));
+}
+
 const Row* start_of(const std::vector<Row>& rows) {
   for (const Row& row : rows)
     if (row.phase == design::Phase::start) return &row;
@@ -192,74 +238,91 @@ Command optimize_command() {
     int seed = 1, threads = 0;
   };
   auto o = std::make_shared<Options>();
-  return {"optimize", "The best machine of a study, or the front of several goals; every evaluation is kept",
-          "polypod optimize examples/jel_optimum/strut_equal.toml -o strut_equal",
-          [o](Arguments& a) {
-            a.positional("STUDY", o->study, "A study file: what may change, what is wanted, what must hold");
-            a.option("-o,--output", o->folder,
-                     "A folder for the database and the best machine; one of the same study is gone on with", true);
-            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the search, instead of that of the study");
-            a.option("--threads", o->threads, {0, 1024}, "How many threads (default: all; the result is the same)");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_TRY(check_files({o->study}, {}, context.json));
-            POLYPOD_ASSIGN(text, files::read(o->study));
-            POLYPOD_ASSIGN(study, design::study_from_text(text, o->study));
-            if (context.given("--seed")) study.seed = static_cast<std::uint64_t>(o->seed);
-            POLYPOD_TRY(winner_may_appear(o->folder));
-            if (std::filesystem::is_directory(o->folder)) {
-              POLYPOD_TRY(check_files({o->study}, {beside(o->folder, kWinner)}, context.json));
-            }
-            POLYPOD_ASSIGN(store, design::Store::open(o->folder, study, text, POLYPOD_VERSION));
-            design::OptimizeOptions options;
-            options.threads = o->threads;
-            options.version = POLYPOD_VERSION;
-            options.cancelled = [] { return interrupted(); };
-            options.progress = search_line(context);
-            options.better = [&](const Row& row) { return write_winner(study, o->folder, row); };
-            POLYPOD_ASSIGN(found, design::optimize(study, store, options));
-            if (context.progress) fmt::print(stderr, "\r\x1b[K");
-            if (interrupted()) return kBadInput;  // the database keeps what was done
-            POLYPOD_TRY(store.close());
-            const bool any = found.best || !found.front.empty();
-            const Row* start = start_of(found.rows);
-            if (context.json) {
-              print_json({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
-                          {"start", start_json(study, found.rows)},
-                          {"evaluations", found.rows.size()},
-                          {"computed", found.computed},
-                          {"states", states_json(found.rows)},
-                          {"front", front_json(study, found.rows, found.front)},
-                          {"complete", found.complete},
-                          {"seed", study.seed},
-                          {"database", design::database_of(o->folder)},
-                          {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
-              return any ? kDone : kAnswerIsNo;
-            }
-            fmt::print("{} evaluations of at most {}: {}\n", found.rows.size(), study.evaluations,
-                       states_text(found.rows));
-            if (found.computed < static_cast<std::int64_t>(found.rows.size())) {
-              fmt::print("{} of them were kept from before\n",
-                         static_cast<std::int64_t>(found.rows.size()) - found.computed);
-            }
-            if (found.best) {
-              print_row(study, found.rows[*found.best], start);
-              fmt::print("wrote {}\n", beside(o->folder, kWinner));
-            } else if (any) {
-              fmt::print("the front has {} points\n", found.front.size());
-              print_table(study, found.rows, found.front);
-            } else {
-              fmt::print("no candidate keeps all holds\n");
-              for (const Row& row : found.rows) {
-                if (row.evaluation.reason.empty()) continue;
-                fmt::print("row {}: {}\n", row.row, one_line(row.evaluation.reason));
-                break;
-              }
-            }
-            fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
-                       for_shell(o->folder));
-            return any ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "optimize", "The best machine of a study, or the front of several goals; every evaluation is kept",
+      "polypod optimize examples/jel_optimum/strut_equal.toml -o strut_equal",
+      [o](Arguments& a) {
+        a.positional("STUDY", o->study, "A study file: what may change, what is wanted, what must hold");
+        a.option("-o,--output", o->folder,
+                 "A folder for the database and the best machine; one of the same study is gone on with", true);
+        a.option("--seed", o->seed, {0, kAnyCount.max}, "Of the search, instead of that of the study");
+        a.option("--threads", o->threads, {0, 1024}, "How many threads (default: all; the result is the same)");
+      },
+      [o](const Context& context) -> Result<int> {
+        std::unique_ptr<design::Ranks> ranks;
+        if (design::Ranks::started()) {
+          POLYPOD_ASSIGN(joined, design::Ranks::join());
+          ranks = std::move(joined);
+          if (ranks->rank() > 0) {
+            POLYPOD_TRY(ranks->serve(std::max(1, o->threads), [] { return interrupted(); }));
+            return kDone;
+          }
+        }
+        POLYPOD_TRY(check_files({o->study}, {}, context.json));
+        POLYPOD_ASSIGN(text, files::read(o->study));
+        POLYPOD_ASSIGN(study, design::study_from_text(text, o->study));
+        if (context.given("--seed")) study.seed = static_cast<std::uint64_t>(o->seed);
+        POLYPOD_TRY(winner_may_appear(o->folder));
+        if (std::filesystem::is_directory(o->folder)) {
+          POLYPOD_TRY(check_files({o->study}, {beside(o->folder, kWinner)}, context.json));
+        }
+        POLYPOD_ASSIGN(store, design::Store::open(o->folder, study, text, POLYPOD_VERSION));
+        design::OptimizeOptions options;
+        options.threads = o->threads;
+        options.version = POLYPOD_VERSION;
+        options.cancelled = [] { return interrupted(); };
+        options.progress = search_line(context);
+        options.better = [&](const Row& row) { return write_winner(study, o->folder, row); };
+        std::unique_ptr<design::Crew> crew;
+        if (ranks != nullptr) crew = ranks->crew(study, text, std::max(1, o->threads), options.cancelled);
+        options.crew = crew.get();
+        POLYPOD_ASSIGN(found, design::optimize(study, store, options));
+        if (context.progress) fmt::print(stderr, "\r\x1b[K");
+        if (interrupted()) return kBadInput;  // the database keeps what was done
+        POLYPOD_TRY(store.close());
+        if (found.best) POLYPOD_TRY(write_winner(study, o->folder, found.rows[*found.best]));
+        const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
+        const bool any = found.best || !found.front.empty();
+        const Row* start = start_of(found.rows);
+        if (context.json) {
+          Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
+                    {"start", start_json(study, found.rows)},
+                    {"evaluations", asked.size()},
+                    {"others", found.rows.size() - asked.size()},
+                    {"computed", found.computed},
+                    {"states", states_json(asked)},
+                    {"front", front_json(study, found.rows, found.front)},
+                    {"complete", found.complete},
+                    {"seed", study.seed},
+                    {"database", design::database_of(o->folder)},
+                    {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
+          if (found.best) out["binding"] = binding_json(study, found.rows[*found.best]);
+          if (!any) out["why_none"] = no_json(study, asked);
+          print_json(out);
+          return any ? kDone : kAnswerIsNo;
+        }
+        fmt::print("{} evaluations of at most {}: {}\n", asked.size(), study.evaluations, states_text(asked));
+        if (found.computed < static_cast<std::int64_t>(asked.size())) {
+          fmt::print("{} of them were kept from before\n", static_cast<std::int64_t>(asked.size()) - found.computed);
+        }
+        if (found.rows.size() > asked.size()) {
+          fmt::print("{} more are there of a search with another number of evaluations, and count\n",
+                     found.rows.size() - asked.size());
+        }
+        if (found.best) {
+          print_row(study, found.rows[*found.best], start);
+          print_binding(study, found.rows[*found.best]);
+          fmt::print("wrote {}\n", beside(o->folder, kWinner));
+        } else if (any) {
+          fmt::print("the front has {} points\n", found.front.size());
+          print_table(study, found.rows, found.front);
+        } else {
+          print_why_none(study, asked);
+        }
+        fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
+                   for_shell(o->folder));
+        return any ? kDone : kAnswerIsNo;
+      }};
 }
 
 namespace {
@@ -460,6 +523,9 @@ Command study_command() {
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));
+              print_binding(study, rows[*best]);
+            } else if (front.empty() && !rows.empty()) {
+              print_why_none(study, rows);
             }
             if (study.wants_front()) fmt::print("the front has {} points\n", front.size());
             if (!listed.empty()) {

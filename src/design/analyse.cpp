@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <optional>
 
@@ -159,6 +160,69 @@ bool meets(const Study& study, const Row& row, const Condition& c) {
       break;
   }
   return x == c.value;
+}
+
+std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows) {
+  const bool start_counts = start_is_candidate(study);
+  std::vector<HoldSummary> out;
+  for (const Hold& h : study.holds) {
+    HoldSummary s;
+    s.hold = h.in_words();
+    double least = std::numeric_limits<double>::infinity();
+    for (const Row& row : rows) {
+      if (row.phase == Phase::start && !start_counts) continue;
+      if (h.box) {
+        const bool broken = row.evaluation.reason.find(s.hold) != std::string::npos;
+        s.judged += broken || row.evaluation.state == State::done ? 1 : 0;
+        s.broken += broken ? 1 : 0;
+        continue;
+      }
+      const double x = number_of(study, row, info_of(h.figure).name);
+      if (std::isnan(x)) continue;
+      ++s.judged;
+      const double by = std::max(h.min ? *h.min - x : 0, h.max ? x - *h.max : 0);
+      if (!(by > 0)) continue;
+      ++s.broken;
+      if (by >= least) continue;
+      least = by;
+      s.nearest = x;
+    }
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows) {
+  std::map<std::string, int> count;
+  for (const Row& row : rows)
+    if (row.evaluation.state == State::refused && row.phase != Phase::start) ++count[row.evaluation.reason];
+  std::vector<std::pair<std::string, int>> out(count.begin(), count.end());
+  std::stable_sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  return out;
+}
+
+std::vector<std::string> binding(const Study& study, const Row& row) {
+  std::vector<std::string> out;
+  constexpr double kNear = 0.01;
+  for (const Hold& h : study.holds) {
+    if (h.box) continue;
+    const double x = number_of(study, row, info_of(h.figure).name);
+    const auto near = [&](const std::optional<double>& bound) {
+      return bound && std::abs(x - *bound) <= kNear * std::abs(*bound);
+    };
+    if (near(h.min) || near(h.max)) out.push_back(h.in_words());
+  }
+  for (std::size_t i = 0; i < study.vary.size(); ++i) {
+    const Vary& v = study.vary[i];
+    const double u = v.share_of(row.varied[i]);
+    const auto count = v.count();
+    const double end = !v.values.empty() ? 0.5 / static_cast<double>(*count) : 0;
+    constexpr double kRounding = 1e-9;
+    if (count && *count < 2) continue;
+    if (u <= end + kRounding || u >= 1 - end - kRounding)
+      out.push_back(fmt::format("{} at an end of its {}", v.key, v.values.empty() ? "range" : "list"));
+  }
+  return out;
 }
 
 std::vector<std::pair<std::string, double>> parameters_of(const Study& study, const Row& row) {

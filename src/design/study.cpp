@@ -18,6 +18,7 @@
 #include "polypod/machine/urdf.hpp"
 #include "polypod/quality/elements.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "rounded.hpp"
 
 namespace polypod::design {
 namespace {
@@ -28,11 +29,6 @@ constexpr double kMostSteps = 1e9;
 
 std::string number(double value) {
   return fmt::format("{}", value);
-}
-
-/// Twelve digits, as a search rounds what it tries.
-double rounded(double value) {
-  return std::strtod(fmt::format("{:.12g}", value).c_str(), nullptr);
 }
 
 tl::unexpected<Error> with_place(Error error, const Place& place) {
@@ -149,16 +145,60 @@ Result<Hold> read_hold(const config::Table& t) {
   return t.finish().map([&] { return out; });
 }
 
-/// Holds of one figure must leave something.
+/// A figure and one that is never smaller, whatever the machine: a mean and its most, a box and what holds it.
+struct Ordered {
+  Figure smaller, larger;
+};
+constexpr std::array<Ordered, 5> kOrdered{{{Figure::largest_box, Figure::volume},
+                                           {Figure::condition, Figure::condition_max},
+                                           {Figure::sigma_min_least, Figure::sigma_min},
+                                           {Figure::tolerance, Figure::tolerance_max},
+                                           {Figure::known_error, Figure::known_error_max}}};
+
+bool never_larger(Figure a, Figure b) {
+  return a == b || std::any_of(kOrdered.begin(), kOrdered.end(),
+                               [&](const Ordered& o) { return o.smaller == a && o.larger == b; });
+}
+
+/// What no machine is below.
+double least_of(Figure figure) {
+  return figure == Figure::condition || figure == Figure::condition_max ? 1 : 0;
+}
+
+constexpr double kRounding = 1e-9;
+
+double volume_mm3(const std::array<Vec3, 2>& box) {
+  return units::to_mm3((box[1] - box[0]).prod());
+}
+
+/// Holds must leave something: of one figure, and of figures of which one is never above the other.
 Status agree(const std::vector<Hold>& holds) {
-  for (const Hold& lower : holds) {
-    for (const Hold& upper : holds) {
-      if (lower.box || upper.box || lower.figure != upper.figure || !lower.min || !upper.max) continue;
-      if (*lower.min <= *upper.max) continue;
+  for (const Hold& upper : holds) {
+    if (upper.box || !upper.max) continue;
+    const char* name = info_of(upper.figure).name;
+    if (*upper.max < least_of(upper.figure)) {
       return fail("OP106",
-                  fmt::format("{0} must be at least {1} (line {2}) and at most {3} (line {4}): nothing is both",
-                              info_of(lower.figure).name, number(*lower.min), lower.place.line, number(*upper.max),
-                              upper.place.line),
+                  fmt::format("{} must be at most {}, and no machine has less than {}", name, number(*upper.max),
+                              number(least_of(upper.figure))),
+                  upper.place, "loosen this hold");
+    }
+    for (const Hold& lower : holds) {
+      if (lower.box && never_larger(Figure::largest_box, upper.figure) &&
+          volume_mm3(*lower.box) > *upper.max * (1 + kRounding)) {
+        return fail("OP106",
+                    fmt::format("{} must be at most {} (line {}), and the box of line {} has {:g} mm3 by itself", name,
+                                number(*upper.max), upper.place.line, lower.place.line, volume_mm3(*lower.box)),
+                    upper.place, "loosen one of the two holds");
+      }
+      if (lower.box || !lower.min || !never_larger(lower.figure, upper.figure) || *lower.min <= *upper.max) continue;
+      const std::string why = lower.figure == upper.figure
+                                  ? std::string("nothing is both")
+                                  : fmt::format("{} is never above {}", info_of(lower.figure).name, name);
+      return fail("OP106",
+                  fmt::format("{} must be at least {} (line {}) and{} at most {} (line {}): {}",
+                              info_of(lower.figure).name, number(*lower.min), lower.place.line,
+                              lower.figure == upper.figure ? std::string() : fmt::format(" {}", name),
+                              number(*upper.max), upper.place.line, why),
                   upper.place, "loosen one of the two holds");
     }
   }

@@ -109,7 +109,7 @@ class Page {
         "This answers for the machines that the search tried, built as the study says: not for those it did not try, "
         "and not for what is no figure of the study, such as strength, drives, cost and manufacture.");
     if (best_ == nullptr && front_.empty()) {
-      report_.add_verdict(Verdict::bad, "No candidate that was tried keeps all holds.");
+      why_none();
       return;
     }
     if (!page_.complete) {
@@ -142,6 +142,23 @@ class Page {
     compare();
   }
 
+  void why_none() {
+    const bool judged = std::any_of(page_.rows.begin(), page_.rows.end(),
+                                    [](const Row& row) { return row.evaluation.state == State::violates; });
+    report_.add_verdict(Verdict::bad, judged ? "No candidate that was tried keeps all holds."
+                                             : "No candidate that was tried could be judged.");
+    std::vector<std::string> list;
+    for (const design::HoldSummary& h : design::hold_summaries(study_, page_.rows)) {
+      if (h.broken == 0) continue;
+      list.push_back(
+          fmt::format("{} of the {} whose figure is known break: {}{}", h.broken, h.judged, h.hold,
+                      std::isfinite(h.nearest) ? fmt::format("; the nearest has {}", number(h.nearest, kDigits)) : ""));
+    }
+    for (const auto& [reason, count] : design::refusals(page_.rows))
+      list.push_back(fmt::format("{} refused: {}", count, reason));
+    report_.add_list(list);
+  }
+
   /// The best against the start.
   void compare() {
     report::Table t;
@@ -169,6 +186,11 @@ class Page {
           best_->evaluation.figures[i].value, &best_->evaluation.figures[i]);
     }
     report_.add_table(t);
+    const std::vector<std::string> limits = design::binding(study_, *best_);
+    if (!limits.empty()) {
+      report_.add_text("What limits it: a hold whose figure is within 1 % of its bound, or the end of a range.");
+      report_.add_list(limits);
+    }
     if (start_ != nullptr && start_->evaluation.state != State::done) {
       report_.add_text("The start is no solution itself: " + start_->evaluation.reason + ".");
     }

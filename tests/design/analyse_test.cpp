@@ -91,6 +91,37 @@ TEST(Sensitivities, NeedRowsAndMovement) {
   EXPECT_TRUE(std::isnan(found[0].coefficients[1]));
 }
 
+TEST(Holds, SayWhatBindsAndWhatNothingKeeps) {
+  const Study s = study_on_strut(
+      "[[vary]]\nkey = \"base.radius_mm\"\nmin = 5\nmax = 60\n[[vary]]\nkey = \"tool.length_mm\"\nvalues = [0, 5, 30]\n"
+      "[[goal]]\nfigure = \"volume_mm3\"\nsense = \"max\"\n[[hold]]\nfigure = \"condition\"\nmax = 4\n"
+      "[[hold]]\nfigure = \"sigma_min\"\nmin = 0.5\n");
+  const auto texts = [&](const std::vector<double>& at, const std::vector<double>& figures) {
+    return binding(s, row_with(1, at, figures));
+  };
+  using Texts = std::vector<std::string>;
+  EXPECT_EQ(texts({30, 5}, {100, 3, 0.7}), Texts{});
+  EXPECT_EQ(texts({30, 5}, {100, 3.97, 0.7}), Texts{"condition at most 4"});
+  EXPECT_EQ(texts({30, 5}, {100, 3.95, 0.504}), Texts{"sigma_min at least 0.5"});
+  EXPECT_EQ(texts({60, 5}, {100, 3, 0.7}), Texts{"base.radius_mm at an end of its range"});
+  EXPECT_EQ(texts({5, 30}, {100, 3, 0.7}),
+            (Texts{"base.radius_mm at an end of its range", "tool.length_mm at an end of its list"}));
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  std::vector<Row> rows{row_with(1, {10, 0}, {none, 6, none}), row_with(2, {20, 0}, {none, 4.5, 0.4}),
+                        row_with(3, {30, 0}, {none, none, none})};
+  for (Row& row : rows) row.evaluation.state = State::violates;
+  rows[2].evaluation.state = State::refused;
+  rows[2].evaluation.reason = "no workspace";
+  const auto found = hold_summaries(s, rows);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].judged, 2);
+  EXPECT_EQ(found[0].broken, 2);
+  EXPECT_EQ(found[0].nearest, 4.5);
+  EXPECT_EQ(found[1].judged, 1);
+  EXPECT_EQ(found[1].nearest, 0.4);
+  EXPECT_EQ(refusals(rows), (std::vector<std::pair<std::string, int>>{{"no workspace", 1}}));
+}
+
 TEST(Conditions, AreReadAndMet) {
   const Study s = three_goals();
   const Row row = row_with(7, {12.5, 3}, {100, 2, 0.5});

@@ -12,6 +12,7 @@ constexpr double kRad = 3.14159265358979323846 / 180;
 
 struct Run {
   Outcome outcome;
+  int better = 0;  ///< how often it told of a better row
   Status status;
 };
 
@@ -26,6 +27,10 @@ Run run(const Study& study, const std::string& folder, int threads = 0, int most
   options.threads = threads;
   options.version = "1.0";
   options.progress = [&](const SearchProgress&) { ++computed; };
+  options.better = [&](const Row&) {
+    ++out.better;
+    return Status();
+  };
   if (most >= 0) options.cancelled = [&] { return computed >= most; };
   auto found = optimize(study, *store, options);
   EXPECT_TRUE(found) << to_string(found.error());
@@ -107,6 +112,27 @@ TEST(Optimize, ALargerBudgetTakesWhatThereIs) {
   EXPECT_LE(second.rows[*second.best].evaluation.figures[0].value, 2500 * 1.001);
 }
 
+TEST(Optimize, AnotherBudgetDoesNotForgetTheBestOfTheStore) {
+  const Folder folder;
+  const Outcome first = run(study_on_strut(kQuick), folder / "a").outcome;
+  std::string less = kQuick;
+  less.replace(less.find("120"), 3, "12");
+  const auto again = run(study_on_strut(less), folder / "a");
+  const Outcome& second = again.outcome;
+  EXPECT_EQ(second.asked, 12U);
+  EXPECT_GT(second.rows.size(), 120U);
+  ASSERT_TRUE(first.best && second.best);
+  EXPECT_EQ(second.rows[*second.best].row, first.rows[*first.best].row);
+  EXPECT_EQ(again.better, 0);  // what it found itself is worse
+}
+
+/// Footprint and height of the strut hexapod of studies.hpp with these radii, in mm2 and mm.
+std::array<double, 2> size_of_strut(double r1, double r2) {
+  const double c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
+  const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
+  return {area, std::sqrt(4900 - (r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad)))};
+}
+
 TEST(Optimize, StepsAndListsAreTriedWholeWhereTheyFit) {
   const Folder folder;
   const Study s = study_on_strut(R"(evaluations = 60
@@ -130,11 +156,8 @@ min = 3000
   double best = 0;
   for (int i = 0; i < 11; ++i) {
     for (const double r2 : {25.0, 12.0, 40.0}) {
-      const double r1 = 10 + 5 * i;
-      const double c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
-      const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
-      const double across2 = r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad);
-      if (area >= 3000) best = std::max(best, std::sqrt(4900 - across2));
+      const auto [area, height] = size_of_strut(10 + 5 * i, r2);
+      if (area >= 3000) best = std::max(best, height);
     }
   }
   ASSERT_TRUE(o.best);
@@ -171,10 +194,8 @@ min = 3000
   double best = 0;
   for (double r1 = 10; r1 <= 60; r1 += 0.01) {
     for (double r2 = 10; r2 <= 40; r2 += 0.5) {
-      const double c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
-      const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
-      if (area < 3000) continue;
-      best = std::max(best, std::sqrt(4900 - (r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad))));
+      const auto [area, height] = size_of_strut(r1, r2);
+      if (area >= 3000) best = std::max(best, height);
     }
   }
   EXPECT_GT(o.rows[*o.best].evaluation.figures[0].value, best * (1 - 1e-3));
@@ -225,11 +246,7 @@ sense = "min"
     }
   }
   for (int i = 0; i <= 250; ++i) {
-    for (int k = 0; k <= 175; ++k) {
-      const double r1 = 10 + 0.2 * i, r2 = 5 + 0.2 * k, c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);
-      const double area = (std::max(r1 * c15, r2 * c45) + std::max(r1 * c45, r2 * c15)) * 2 * c15 * std::max(r1, r2);
-      scan.push_back({area, std::sqrt(4900 - (r1 * r1 + r2 * r2 - 2 * r1 * r2 * std::cos(30 * kRad)))});
-    }
+    for (int k = 0; k <= 175; ++k) scan.push_back(size_of_strut(10 + 0.2 * i, 5 + 0.2 * k));
   }
   const double corner_x = 13000, corner_y = 71;
   constexpr double kShare = 0.97;  // 600 points against 44 000

@@ -52,6 +52,16 @@ max = 50
   EXPECT_NE(machine::to_toml(*m).find("pair_angle_deg = 61"), std::string::npos) << machine::to_toml(*m);
 }
 
+TEST(Study, HoldsThatLeaveSomethingAreNoContradiction) {
+  for (const char* holds :
+       {"[[hold]]\nfigure = \"condition\"\nmax = 4\n[[hold]]\nfigure = \"condition_max\"\nmin = 5\n",
+        "[[hold]]\nfigure = \"condition\"\nmin = 4\nmax = 4\n",
+        "[[hold]]\nbox_mm = [0, 0, 0, 10, 10, 10]\n[[hold]]\nfigure = \"volume_mm3\"\nmax = 1000\n"}) {
+    const auto s = study_from_text(kHead + kVary + kGoal + holds, "s.toml");
+    EXPECT_TRUE(s) << to_string(s.error());
+  }
+}
+
 struct Bad {
   const char* what;
   std::string text, id;
@@ -93,6 +103,16 @@ TEST(Study, RefusesWithPlaceAndReason) {
       {"contradiction",
        kHead + kVary + kGoal + "[[hold]]\nfigure = \"condition\"\nmin = 5\n[[hold]]\nfigure = \"condition\"\nmax = 4\n",
        "OP106", 12, "at least 5 (line 9) and at most 4 (line 12)"},
+      {"a mean above its most",
+       kHead + kVary + kGoal +
+           "[[hold]]\nfigure = \"condition\"\nmin = 5\n[[hold]]\nfigure = \"condition_max\"\nmax = 4\n",
+       "OP106", 12, "condition is never above condition_max"},
+      {"below what any machine has", kHead + kVary + kGoal + "[[hold]]\nfigure = \"condition\"\nmax = 0.5\n", "OP106",
+       9, "no machine has less than 1"},
+      {"a box larger than the volume",
+       kHead + kVary + kGoal +
+           "[[hold]]\nbox_mm = [0, 0, 0, 10, 10, 10]\n[[hold]]\nfigure = \"volume_mm3\"\nmax = 999\n",
+       "OP106", 11, "the box of line 9 has 1000 mm3"},
       {"hold of nothing", kHead + kVary + kGoal + "[[hold]]\nfigure = \"condition\"\n", "OP106", 9, "says nothing"},
       {"a box inside out", kHead + kVary + kGoal + "[[hold]]\nbox_mm = [1, 0, 0, 1, 2, 2]\n", "OP106", 10, "corner"},
       {"no compliances", kHead + kVary + "[[goal]]\nfigure = \"compliance_um_per_N\"\nsense = \"min\"\n", "OP107", 6,

@@ -2,6 +2,7 @@
 // What the evaluations of a study say of its parameters.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,6 +37,22 @@ struct Condition {
 Result<Condition> condition_of(const Study& study, const std::string& text);
 /// False where the row does not have the number.
 bool meets(const Study& study, const Row& row, const Condition& condition);
+
+/// How the rows stand to one hold of the study.
+struct HoldSummary {
+  std::string hold;  ///< in words
+  int judged = 0;    ///< rows whose figure is known (of a box: that came as far as the box)
+  int broken = 0;    ///< of them
+  double nearest = std::numeric_limits<double>::quiet_NaN();  ///< the figure that breaks it least, where all break it
+};
+/// In the order of the study. The start counts where it is a candidate.
+std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows);
+/// Why rows were refused, and how many for each reason, the most frequent first.
+std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows);
+
+/// The holds that bind a row, in words: its figure is within 1 % of the bound. A box is not among them: whether it just
+/// fits is not known. Then the parameters that stand at an end of their range, which bind as well.
+std::vector<std::string> binding(const Study& study, const Row& row);
 
 /// Study::parameters of a row. What ties would give is NaN of a start that is none of the candidates: it has what its
 /// file says.

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/design/crew.hpp"
 #include "polypod/design/store.hpp"
 
 namespace polypod::design {
@@ -21,30 +22,34 @@ struct SearchProgress {
 };
 
 struct OptimizeOptions {
-  int threads = 0;  ///< 0: as many as the machine has. The result does not depend on it.
+  int threads = 0;       ///< 0: as many as the machine has. The result does not depend on it.
+  Crew* crew = nullptr;  ///< that computes; none: `threads` threads of this process
   std::string version;
   std::function<bool()> cancelled;
   std::function<void(const SearchProgress&)> progress;
-  /// After each batch in which the best row changed.
+  /// After each batch in which a row became the best of all that the store has.
   std::function<Status(const Row&)> better;
 };
 
 struct Outcome {
-  std::vector<Row> rows;  ///< of this search, in its order
-  std::optional<std::size_t> best;
-  std::vector<std::size_t> front;
-  std::int64_t computed = 0;  ///< by this run; the others were in the store
-  bool complete = false;      ///< the search ended by itself
+  /// Those of this search in its order; behind them what the store has besides, of a search with another budget.
+  std::vector<Row> rows;
+  std::size_t asked = 0;            ///< rows of this search
+  std::optional<std::size_t> best;  ///< of all rows
+  std::vector<std::size_t> front;   ///< of all rows
+  std::int64_t computed = 0;        ///< by this run; the others were in the store
+  bool complete = false;            ///< the search ended by itself
 };
 
 /// Looks for the machine with the largest objective that keeps all holds, or for the front of the goals.
 ///
 /// One objective: a Latin hypercube, then differential evolution (current-to-pbest/1 with success-history adaptation
-/// and a shrinking population: Tanabe and Fukunaga 2014), a parameter beyond its range set to its end, then the subplex
-/// method (Rowan 1990, of NLopt) from the best; repeated with new samples while evaluations are left. A candidate that
-/// keeps all holds is better than one that does not, of two that do not the one that breaks them less (Deb 2000). Where
-/// all parameters have steps or lists and all combinations fit into the evaluations, all are tried instead. A front:
-/// NSGA-II (Deb 2002). The first member of the first sample is the start, moved into the ranges.
+/// and a shrinking population: Tanabe and Fukunaga 2014), a parameter beyond its range set to its end. Then from the
+/// best: neighbouring steps, the ends of each range, and the subplex method (Rowan 1990, of NLopt). All that is
+/// repeated with new samples while evaluations are left. A candidate that keeps all holds is better than one that does
+/// not, of two that do not the one that breaks them less (Deb 2000). Where all parameters have steps or lists and all
+/// combinations fit into the evaluations, all are tried instead. A front: NSGA-II (Deb 2002). The first member of the
+/// first sample is the start, moved into the ranges.
 ///
 /// No claim is made that no better machine exists. The search asks in batches whose size does not depend on the number
 /// of threads, and what is compared within a batch are the incumbents from before it; so the same study gives the same

@@ -1,0 +1,461 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+#include <mpi.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "polypod/design/ranks.hpp"
+
+namespace polypod::design {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::microseconds kPause(200);
+constexpr std::chrono::seconds kBeat(1), kSilence(20);
+constexpr const char* kCancelled = "WS110";
+
+enum Tag { kStudy = 1, kTask, kCancel, kStop, kResult, kAlive };
+
+/// A message: numbers and texts one after the other.
+class Message {
+ public:
+  Message() = default;
+  explicit Message(std::vector<char> bytes) : bytes_(std::move(bytes)) {}
+  [[nodiscard]] const std::vector<char>& bytes() const { return bytes_; }
+
+  void put(double x) { raw(&x, sizeof x); }
+  void put(std::int64_t x) { raw(&x, sizeof x); }
+  void put(const std::string& x) {
+    put(static_cast<std::int64_t>(x.size()));
+    raw(x.data(), x.size());
+  }
+  void put(const std::vector<double>& x) {
+    put(static_cast<std::int64_t>(x.size()));
+    for (const double v : x) put(v);
+  }
+  void put(const Value& v) {
+    for (const double x : {v.value, v.lower, v.upper}) put(x);
+  }
+  double number() {
+    double x = 0;
+    take(&x, sizeof x);
+    return x;
+  }
+  std::int64_t integer() {
+    std::int64_t x = 0;
+    take(&x, sizeof x);
+    return x;
+  }
+  std::string text() {
+    std::string x(static_cast<std::size_t>(integer()), '\0');
+    take(x.data(), x.size());
+    return x;
+  }
+  std::vector<double> numbers() {
+    std::vector<double> x(static_cast<std::size_t>(integer()));
+    for (double& v : x) v = number();
+    return x;
+  }
+  Value value() {
+    Value v;
+    for (double* x : {&v.value, &v.lower, &v.upper}) *x = number();
+    return v;
+  }
+
+ private:
+  void raw(const void* from, std::size_t n) {
+    const auto* begin = static_cast<const char*>(from);
+    bytes_.insert(bytes_.end(), begin, begin + n);
+  }
+  void take(void* to, std::size_t n) {
+    std::memcpy(to, bytes_.data() + at_, n);
+    at_ += n;
+  }
+  std::vector<char> bytes_;
+  std::size_t at_ = 0;
+};
+
+void send(int to, int tag, const Message& m = {}) {
+  MPI_Send(m.bytes().data(), static_cast<int>(m.bytes().size()), MPI_CHAR, to, tag, MPI_COMM_WORLD);
+}
+
+struct Received {
+  int from = 0, tag = 0;
+  Message message;
+};
+
+/// What has arrived, if anything.
+std::optional<Received> receive() {
+  MPI_Status status;
+  int there = 0, size = 0;
+  MPI_Iprobe(MPI_ANY_SOURCE, MPI_ANY_TAG, MPI_COMM_WORLD, &there, &status);
+  if (there == 0) return {};
+  MPI_Get_count(&status, MPI_CHAR, &size);
+  std::vector<char> bytes(static_cast<std::size_t>(size));
+  MPI_Recv(bytes.data(), size, MPI_CHAR, status.MPI_SOURCE, status.MPI_TAG, MPI_COMM_WORLD, MPI_STATUS_IGNORE);
+  return Received{status.MPI_SOURCE, status.MPI_TAG, Message(std::move(bytes))};
+}
+
+/// One row to evaluate; `batch` tells late answers of an earlier batch.
+struct Task {
+  std::int64_t batch = 0, index = 0;
+  Row row;
+  Incumbents incumbents;
+};
+
+Message message_of(const Task& t) {
+  Message m;
+  m.put(t.batch);
+  m.put(t.index);
+  m.put(static_cast<std::int64_t>(t.row.phase == Phase::start));
+  m.put(t.row.varied);
+  m.put(t.incumbents.objective);
+  m.put(static_cast<std::int64_t>(t.incumbents.front.size()));
+  for (const auto& point : t.incumbents.front) m.put(point);
+  return m;
+}
+
+Task task_of(Message& m) {
+  Task t;
+  t.batch = m.integer();
+  t.index = m.integer();
+  t.row.phase = m.integer() != 0 ? Phase::start : Phase::search;
+  t.row.varied = m.numbers();
+  t.incumbents.objective = m.number();
+  t.incumbents.front.resize(static_cast<std::size_t>(m.integer()));
+  for (auto& point : t.incumbents.front) point = m.numbers();
+  return t;
+}
+
+struct Answer {
+  std::int64_t batch = 0, index = 0;
+  Result<Evaluation> evaluation;
+};
+
+Message message_of(const Answer& a) {
+  Message m;
+  m.put(a.batch);
+  m.put(a.index);
+  m.put(static_cast<std::int64_t>(a.evaluation.has_value()));
+  if (!a.evaluation) {
+    m.put(a.evaluation.error().id);
+    m.put(a.evaluation.error().message);
+    return m;
+  }
+  const Evaluation& e = *a.evaluation;
+  m.put(static_cast<std::int64_t>(e.state));
+  m.put(e.reason);
+  m.put(static_cast<std::int64_t>(e.figures.size()));
+  for (const Value& v : e.figures) m.put(v);
+  m.put(e.objective);
+  m.put(e.violation);
+  m.put(e.seconds);
+  return m;
+}
+
+Answer answer_of(Message& m) {
+  Answer a;
+  a.batch = m.integer();
+  a.index = m.integer();
+  if (m.integer() == 0) {
+    const std::string id = m.text();
+    a.evaluation = fail(id, m.text());
+    return a;
+  }
+  Evaluation e;
+  e.state = static_cast<State>(m.integer());
+  e.reason = m.text();
+  e.figures.resize(static_cast<std::size_t>(m.integer()));
+  for (Value& v : e.figures) v = m.value();
+  e.objective = m.value();
+  e.violation = m.number();
+  e.seconds = m.number();
+  a.evaluation = std::move(e);
+  return a;
+}
+
+/// Threads that compute tasks while the thread that speaks MPI goes on.
+class Pool {
+ public:
+  Pool(const Study& study, int threads, std::function<bool()> cancelled)
+      : study_(study), cancelled_(std::move(cancelled)) {
+    for (int i = 0; i < std::max(1, threads); ++i) threads_.emplace_back([this] { help(); });
+  }
+  Pool(const Pool&) = delete;
+  Pool& operator=(const Pool&) = delete;
+  ~Pool() {
+    over_ = stop_ = true;
+    for (std::thread& t : threads_) t.join();
+  }
+
+  [[nodiscard]] std::size_t size() const { return threads_.size(); }
+  /// Tasks that wait or are being computed.
+  [[nodiscard]] std::size_t busy() const { return busy_; }
+  void add(Task task) {
+    ++busy_;
+    const std::lock_guard guard(mutex_);
+    tasks_.push_back(std::move(task));
+  }
+  std::optional<Answer> next() {
+    const std::lock_guard guard(mutex_);
+    if (done_.empty()) return {};
+    Answer out = std::move(done_.front());
+    done_.pop_front();
+    return out;
+  }
+  /// Ends what is being computed, and forgets what waits and what is done.
+  void drop() {
+    stop_ = true;
+    while (true) {
+      {
+        const std::lock_guard guard(mutex_);
+        busy_ -= tasks_.size();
+        tasks_.clear();
+      }
+      if (busy_ == 0) break;
+      std::this_thread::sleep_for(kPause);
+    }
+    const std::lock_guard guard(mutex_);
+    done_.clear();
+    stop_ = false;
+  }
+
+ private:
+  void help() {
+    while (!over_) {
+      std::optional<Task> task;
+      {
+        const std::lock_guard guard(mutex_);
+        if (!tasks_.empty()) {
+          task = std::move(tasks_.front());
+          tasks_.pop_front();
+        }
+      }
+      if (!task) {
+        std::this_thread::sleep_for(kPause);
+        continue;
+      }
+      Answer a{task->batch, task->index, {}};
+      try {
+        a.evaluation =
+            judge(study_, task->row, task->incumbents, {1, [this] { return stop_ || (cancelled_ && cancelled_()); }});
+      } catch (const std::exception& e) {
+        a.evaluation = fail("OP131", fmt::format("an evaluation ended by an exception: {}", e.what()), {},
+                            "this is a fault of the program: please report it with the study");
+      }
+      const std::lock_guard guard(mutex_);
+      done_.push_back(std::move(a));
+      --busy_;
+    }
+  }
+
+  const Study& study_;
+  std::function<bool()> cancelled_;
+  std::atomic<bool> stop_{false}, over_{false};
+  std::atomic<std::size_t> busy_{0};
+  std::mutex mutex_;
+  std::deque<Task> tasks_;
+  std::deque<Answer> done_;
+  std::vector<std::thread> threads_;
+};
+
+struct Worker {
+  Clock::time_point heard = Clock::now();
+  std::vector<std::int64_t> has;  ///< tasks of this batch
+  bool lost = false;
+};
+
+class MpiCrew final : public Crew {
+ public:
+  MpiCrew(const Study& study, std::map<int, Worker>& workers, int threads, std::function<bool()> cancelled)
+      : study_(study),
+        workers_(workers),
+        each_(static_cast<std::size_t>(std::max(1, threads))),
+        cancelled_(cancelled),
+        pool_(study, threads, std::move(cancelled)) {}
+
+  Result<bool> work(const std::vector<Row>& rows, const Incumbents& incumbents, const Taken& taken) override {
+    if (rows.size() == 1) return alone(rows, incumbents, taken);
+    ++batch_;
+    waiting_.clear();
+    for (std::size_t i = 0; i < rows.size(); ++i) waiting_.push_back(static_cast<std::int64_t>(i));
+    std::vector<bool> done(rows.size(), false);
+    std::size_t left = rows.size();
+    std::optional<Error> failed;
+    const auto task = [&](std::int64_t i) { return Task{batch_, i, rows[static_cast<std::size_t>(i)], incumbents}; };
+    const auto take = [&](Answer a) {
+      const auto i = static_cast<std::size_t>(a.index);
+      if (a.batch != batch_ || done[i]) return;  // late
+      done[i] = true;
+      --left;
+      if (!a.evaluation) {
+        failed = a.evaluation.error();
+      } else if (const Status status = taken(i, std::move(*a.evaluation)); !status) {
+        failed = status.error();
+      }
+    };
+    while (left > 0 && !failed) {
+      bool idle = true;
+      while (!waiting_.empty() && pool_.busy() < pool_.size()) pool_.add(task(next()));
+      for (auto& [rank, worker] : workers_) {
+        while (!waiting_.empty() && !worker.lost && worker.has.size() < each_) {
+          worker.has.push_back(next());
+          send(rank, kTask, message_of(task(worker.has.back())));
+        }
+      }
+      while (auto a = pool_.next()) {
+        idle = false;
+        take(std::move(*a));
+      }
+      while (auto r = receive()) {
+        idle = false;
+        Worker& worker = workers_[r->from];
+        worker.heard = Clock::now();
+        worker.lost = false;
+        if (r->tag != kResult) continue;
+        Answer a = answer_of(r->message);
+        if (a.batch == batch_) std::erase(worker.has, a.index);
+        take(std::move(a));
+      }
+      look_for_lost();
+      if (cancelled_ && cancelled_() && !failed) failed = Error{kCancelled, "cancelled", {}, {}};
+      if (idle) std::this_thread::sleep_for(kPause);
+    }
+    for (auto& [rank, worker] : workers_) {
+      worker.has.clear();
+      if (failed && !worker.lost) send(rank, kCancel);
+    }
+    if (!failed) return true;
+    pool_.drop();
+    if (failed->id == kCancelled) return false;
+    return tl::unexpected(*failed);
+  }
+
+ private:
+  /// What comes one after the other needs no messages.
+  Result<bool> alone(const std::vector<Row>& rows, const Incumbents& incumbents, const Taken& taken) const {
+    auto done = judge(study_, rows[0], incumbents, {static_cast<int>(each_), cancelled_});
+    if (!done && done.error().id == kCancelled) return false;
+    if (!done) return tl::unexpected(done.error());
+    POLYPOD_TRY(taken(0, std::move(*done)));
+    return true;
+  }
+
+  std::int64_t next() {
+    const std::int64_t out = waiting_.front();
+    waiting_.pop_front();
+    return out;
+  }
+
+  void look_for_lost() {
+    for (auto& [rank, worker] : workers_) {
+      if (worker.lost || Clock::now() - worker.heard < kSilence) continue;
+      worker.lost = true;
+      for (const std::int64_t i : worker.has) waiting_.push_front(i);
+      worker.has.clear();
+    }
+  }
+
+  const Study& study_;
+  std::map<int, Worker>& workers_;
+  std::size_t each_;
+  std::function<bool()> cancelled_;
+  Pool pool_;
+  std::int64_t batch_ = 0;
+  std::deque<std::int64_t> waiting_;
+};
+
+class MpiRanks final : public Ranks {
+ public:
+  MpiRanks() {
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
+    MPI_Comm_size(MPI_COMM_WORLD, &size_);
+    MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
+    for (int i = 1; rank_ == 0 && i < size_; ++i) workers_[i];
+  }
+  MpiRanks(const MpiRanks&) = delete;
+  MpiRanks& operator=(const MpiRanks&) = delete;
+  ~MpiRanks() override {
+    for (const auto& [rank, worker] : workers_)
+      if (!worker.lost) send(rank, kStop);
+    if (lost() == 0) MPI_Finalize();  // else it would wait for those that are gone
+  }
+
+  [[nodiscard]] int rank() const override { return rank_; }
+  [[nodiscard]] int size() const override { return size_; }
+  [[nodiscard]] int lost() const override {
+    return static_cast<int>(
+        std::count_if(workers_.begin(), workers_.end(), [](const auto& w) { return w.second.lost; }));
+  }
+
+  std::unique_ptr<Crew> crew(const Study& study, const std::string& text, int threads,
+                             std::function<bool()> cancelled) override {
+    Message m;
+    m.put(text);
+    m.put(study.file);
+    m.put(study.machine_toml);
+    m.put(static_cast<std::int64_t>(study.seed));
+    for (auto& [rank, worker] : workers_) {
+      send(rank, kStudy, m);
+      worker.heard = Clock::now();
+    }
+    return std::make_unique<MpiCrew>(study, workers_, threads, std::move(cancelled));
+  }
+
+  Status serve(int threads, const std::function<bool()>& cancelled) override {
+    Study study;
+    std::unique_ptr<Pool> pool;
+    auto spoke = Clock::now();
+    while (!cancelled || !cancelled()) {
+      bool idle = true;
+      if (auto r = receive()) {
+        idle = false;
+        if (r->tag == kStop) return {};
+        if (r->tag == kCancel && pool) pool->drop();
+        if (r->tag == kTask && pool) pool->add(task_of(r->message));
+        if (r->tag == kStudy) {
+          const std::string text = r->message.text(), file = r->message.text(), machine = r->message.text();
+          POLYPOD_ASSIGN(read, study_from_text(text, file, machine));
+          pool.reset();
+          study = std::move(read);
+          study.seed = static_cast<std::uint64_t>(r->message.integer());
+          pool = std::make_unique<Pool>(study, threads, cancelled);
+        }
+      }
+      while (auto a = pool ? pool->next() : std::nullopt) {
+        idle = false;
+        send(0, kResult, message_of(*a));
+        spoke = Clock::now();
+      }
+      if (Clock::now() - spoke > kBeat) {
+        send(0, kAlive);
+        spoke = Clock::now();
+      }
+      if (idle) std::this_thread::sleep_for(kPause);
+    }
+    return {};
+  }
+
+ private:
+  int rank_ = 0, size_ = 1;
+  std::map<int, Worker> workers_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Ranks>> Ranks::join() {
+  int given = MPI_THREAD_SINGLE;
+  if (MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &given) != MPI_SUCCESS || given < MPI_THREAD_FUNNELED) {
+    return fail("OP130", "MPI does not start", {}, "try `mpirun -n 2 hostname` first");
+  }
+  return std::make_unique<MpiRanks>();
+}
+
+}  // namespace polypod::design
