@@ -341,11 +341,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
         continue;
       }
       const std::vector<Point> part = at_least(tiles[k], level, nullptr);
-      if (part.size() < 3) continue;
-      for (std::size_t i = 0; i < part.size(); ++i) {
-        d += fmt::format("{}{} {}", i == 0 ? 'M' : 'L', px(part[i].x), px(part[i].y));
-      }
-      d += 'Z';
+      d += svg::outline(part);
     }
     if (!d.empty()) picture.body += fmt::format("<path d=\"{}\" fill=\"{}\"/>\n", d, colour(mid, of));
   };
@@ -376,7 +372,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
 
   // Contour lines and their numbers: each number where it is farthest from those before it.
-  std::string contours;
+  std::string contours, pen;  // pen: where the last piece ended
   std::vector<Point> placed;
   struct LabelAt {
     Point at;
@@ -390,7 +386,9 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     Point best_at{};
     bool found = false;
     for (const auto& [a, b] : cut) {
-      contours += fmt::format("M{} {}L{} {}", px(a.x), px(a.y), px(b.x), px(b.y));
+      const std::string start = fmt::format("{} {}", px(a.x), px(a.y)), end = fmt::format("{} {}", px(b.x), px(b.y));
+      contours += (start == pen ? "" : "M" + start) + "L" + end;
+      pen = end;
       const Point middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
       if (!outlines.empty() && !encloses(outlines, middle)) continue;
       double distance = std::min({middle.x - left, right - middle.x}) * 2;
