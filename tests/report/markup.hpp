@@ -15,7 +15,7 @@ namespace polypod::report {
 /// Walks the tags of a page: every tag that opens is closed in order, ids are unique, references within the page lead
 /// somewhere. Empty if so, else what is wrong.
 inline std::string what_is_wrong(const std::string& html) {
-  static const std::set<std::string> kVoid{"meta", "br", "hr", "link", "input", "wbr", "!DOCTYPE"};
+  static const std::set<std::string> kVoid{"meta", "br", "hr", "link", "input", "wbr", "img", "!DOCTYPE"};
   std::vector<std::string> open;
   std::set<std::string> ids, references;
   std::size_t i = 0;

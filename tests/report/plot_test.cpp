@@ -331,6 +331,32 @@ TEST(HeatMap, ACellWithOneCornerMissingIsHalfACell) {
   EXPECT_FALSE(std::regex_search(half, part)) << "half the cell is not known";
 }
 
+TEST(HeatMap, WholeCellsOfABandAreJoinedAndCoverTheSame) {
+  HeatMap map = ramp();
+  map.columns = 6;
+  map.rows = 5;
+  map.values.assign(30, 5.5);
+  map.min = 0;
+  map.max = 10;
+  const auto rectangles = [](const std::string& svg) {
+    static const std::regex kRectangle("M([0-9.]+) ([0-9.]+)H([0-9.]+)V([0-9.]+)H[0-9.]+z");
+    std::vector<double> areas;
+    for (std::sregex_iterator it(svg.begin(), svg.end(), kRectangle); it != std::sregex_iterator(); ++it) {
+      const auto at = [&](std::size_t k) { return std::stod((*it)[k]); };
+      areas.push_back(std::abs((at(3) - at(1)) * (at(4) - at(2))));
+    }
+    return areas;
+  };
+  // The bands are painted one over the other: six of them are wholly below 5.5.
+  const std::vector<double> whole = rectangles(map(kCanvas));
+  ASSERT_EQ(whole.size(), 6U);
+  map.values[2 * 6 + 3] = kNaN;  // leaves four of the twenty cells, as triangles
+  const std::vector<double> rest = rectangles(map(kCanvas));
+  double sum = 0;
+  for (const double area : rest) sum += area;
+  EXPECT_NEAR(sum / 6, whole[0] * 16 / 20, 0.01 * whole[0]) << "sixteen of twenty cells";
+}
+
 TEST(HeatMap, DotsHaveTheColourOfTheirBand) {
   HeatMap map = ramp();
   map.dots = {{{50, 25}, 5.4}, {{20, 10}, kNaN}, {{0, 0}, 99}};
