@@ -2,6 +2,7 @@
 #include "commands.hpp"
 
 #include "linuxcnc_commands.hpp"
+#include "report_command.hpp"
 #include "testcut_command.hpp"
 
 namespace polypod::app {
@@ -25,7 +26,7 @@ std::vector<Command> all_commands() {
       place_command(), compare_command(), testcut_command(),
       canon_command(), post_command(),
       cell_command(),                                           // cells
-      view_command(),                                           // in a browser
+      report_command(), view_command(),                         // in a browser
   };
 }
 // clang-format on

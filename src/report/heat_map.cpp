@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <map>
+#include <utility>
 
 #include "polypod/core/units.hpp"
 #include "polypod/report/plot.hpp"
@@ -62,6 +65,41 @@ struct Quad {
   bool triangle = false;
   int kind = -1;
 };
+
+struct Rectangle {
+  double left, right, top, bottom;  // px
+};
+/// Rectangles that meet at a whole side as one: first those of a row, then rows of the same width. They cover the same.
+std::vector<Rectangle> joined(std::vector<Rectangle> cells) {
+  constexpr double kSame = 1e-6;  // px: the corners of neighbours are the same numbers but for rounding
+  const auto same = [](double a, double b) { return std::abs(a - b) < kSame; };
+  std::sort(cells.begin(), cells.end(), [&](const Rectangle& a, const Rectangle& b) {
+    const auto row_a = std::llround(a.top / kSame), row_b = std::llround(b.top / kSame);
+    return row_a != row_b ? row_a < row_b : a.left < b.left;
+  });
+  std::vector<Rectangle> rows;
+  for (const Rectangle& c : cells) {
+    if (!rows.empty() && same(rows.back().top, c.top) && same(rows.back().bottom, c.bottom) &&
+        same(rows.back().right, c.left)) {
+      rows.back().right = c.right;
+    } else {
+      rows.push_back(c);
+    }
+  }
+  std::vector<Rectangle> out;
+  std::map<std::pair<std::int64_t, std::int64_t>, std::size_t> above;  // by its sides: the one that ends lowest
+  for (const Rectangle& r : rows) {
+    const auto sides = std::pair{std::llround(r.left / kSame), std::llround(r.right / kSame)};
+    const auto at = above.find(sides);
+    if (at != above.end() && same(out[at->second].bottom, r.top)) {
+      out[at->second].bottom = r.bottom;
+    } else {
+      above[sides] = out.size();
+      out.push_back(r);
+    }
+  }
+  return out;
+}
 
 /// The part of the cell where the value, linear along each side, is at least `level`; `cut` receives the sides of that
 /// part that run through the cell (pieces of the contour line).
@@ -322,30 +360,20 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   const std::vector<Quad> tiles = with_kinds ? by_kind(quads, quad_kinds, shown) : quads;
   const auto fill = [&](double level, double mid, int of) {
     std::string d;
-    // Whole cells in a row are one rectangle.
-    for (std::size_t k = 0; k < tiles.size(); ++k) {
-      if (tiles[k].kind != of) continue;
-      const auto whole = [&](const Quad& q) {
-        return q.kind == of && !q.triangle &&
-               std::all_of(q.value.begin(), q.value.end(), [&](double v) { return v >= level; });
-      };
-      if (whole(tiles[k])) {
-        std::size_t last = k;
-        while (last + 1 < tiles.size() && tiles[last + 1].corner[0].y == tiles[k].corner[0].y &&
-               tiles[last + 1].corner[0].x == tiles[last].corner[1].x && whole(tiles[last + 1])) {
-          ++last;
-        }
-        d += fmt::format("M{} {}H{}V{}H{}Z", px(tiles[k].corner[0].x), px(tiles[k].corner[0].y),
-                         px(tiles[last].corner[1].x), px(tiles[k].corner[2].y), px(tiles[k].corner[0].x));
-        k = last;
+    std::vector<Rectangle> whole;
+    for (const Quad& tile : tiles) {
+      if (tile.kind != of) continue;
+      if (!tile.triangle && std::all_of(tile.value.begin(), tile.value.end(), [&](double v) { return v >= level; })) {
+        const auto [left_x, right_x] = std::minmax(tile.corner[0].x, tile.corner[1].x);
+        const auto [top_y, bottom_y] = std::minmax(tile.corner[0].y, tile.corner[2].y);
+        whole.push_back({left_x, right_x, top_y, bottom_y});
         continue;
       }
-      const std::vector<Point> part = at_least(tiles[k], level, nullptr);
-      if (part.size() < 3) continue;
-      for (std::size_t i = 0; i < part.size(); ++i) {
-        d += fmt::format("{}{} {}", i == 0 ? 'M' : 'L', px(part[i].x), px(part[i].y));
-      }
-      d += 'Z';
+      const std::vector<Point> part = at_least(tile, level, nullptr);
+      d += svg::outline(part);
+    }
+    for (const Rectangle& r : joined(std::move(whole))) {
+      d += fmt::format("M{} {}H{}V{}H{}z", px(r.left), px(r.top), px(r.right), px(r.bottom), px(r.left));
     }
     if (!d.empty()) picture.body += fmt::format("<path d=\"{}\" fill=\"{}\"/>\n", d, colour(mid, of));
   };
@@ -376,7 +404,7 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
 
   // Contour lines and their numbers: each number where it is farthest from those before it.
-  std::string contours;
+  std::string contours, pen;  // pen: where the last piece ended
   std::vector<Point> placed;
   struct LabelAt {
     Point at;
@@ -390,7 +418,9 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     Point best_at{};
     bool found = false;
     for (const auto& [a, b] : cut) {
-      contours += fmt::format("M{} {}L{} {}", px(a.x), px(a.y), px(b.x), px(b.y));
+      const std::string start = fmt::format("{} {}", px(a.x), px(a.y)), end = fmt::format("{} {}", px(b.x), px(b.y));
+      contours += (start == pen ? "" : "M" + start) + "L" + end;
+      pen = end;
       const Point middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
       if (!outlines.empty() && !encloses(outlines, middle)) continue;
       double distance = std::min({middle.x - left, right - middle.x}) * 2;

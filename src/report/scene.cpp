@@ -77,6 +77,22 @@ std::array<std::vector<Valued>, 2> cut(const std::vector<Valued>& polygon, doubl
   return out;
 }
 
+/// Whether each side of each triangle is the side of one other triangle, the other way round: such a mesh hides what is
+/// behind it, its own far side too.
+bool is_closed(const Mesh& mesh) {
+  std::set<std::array<int, 2>> open;
+  for (const auto& t : mesh.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int a = t[k], b = t[(k + 1) % 3];
+      if (a < 0 || static_cast<std::size_t>(a) >= mesh.points.size() ||
+          !finite(mesh.points[static_cast<std::size_t>(a)]))
+        return false;
+      if (open.erase({b, a}) == 0 && !open.insert({a, b}).second) return false;
+    }
+  }
+  return open.empty();
+}
+
 /// Something to draw, and how near it is.
 struct Piece {
   double depth = 0;
@@ -299,6 +315,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
       for (const int v : t) normal[static_cast<std::size_t>(v)] = normal[static_cast<std::size_t>(v)] + n;
     }
     for (Point3& n : normal) n = unit_of(n);
+    const bool hides_its_back = m.opacity >= 1 && is_closed(m);
     for (const auto& t : m.triangles) {
       if (!known(t)) continue;
       std::array<Point3, 3> p;
@@ -309,6 +326,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
       }
       const Point3 flat = cross(p[1] - p[0], p[2] - p[0]);
       const bool behind = dot(flat, to_eye) < 0;
+      if (behind && hides_its_back) continue;
       n = unit_of(unit_of(n) + 0.25 * unit_of(flat));
       const double shine = std::max(0.0, (behind ? -1 : 1) * dot(n, light));
       const double lightness = std::round(40 * ((behind ? 0.30 : 0.42) + (behind ? 0.3 : 0.44) * shine)) / 40;
@@ -318,15 +336,14 @@ std::string Scene::operator()(const Canvas& canvas) const {
       // The outline closes the gaps between neighbours.
       const auto draw = [&](const std::vector<Point3>& outline, int kind) {
         const std::string fill = colour_of(kind, lightness);
-        Piece piece;
-        piece.depth = dot(p[0] + p[1] + p[2], to_eye) / 3;
-        for (const Point3& corner_at : outline) {
-          const Point at = project(corner_at);
-          piece.svg += fmt::format("{}{} {}", piece.svg.empty() ? "<path d=\"M" : "L", px(at.x), px(at.y));
-        }
-        piece.svg += fmt::format("Z\" fill=\"{0}\" stroke=\"{1}\"{2}/>\n", fill, m.opacity < 1 ? "none" : fill,
-                                 m.opacity < 1 ? fmt::format(" opacity=\"{:.2f}\"", m.opacity) : "");
-        pieces.push_back(std::move(piece));
+        std::vector<Point> corners;
+        for (const Point3& corner_at : outline) corners.push_back(project(corner_at));
+        const std::string d = svg::outline(corners);
+        if (d.empty()) return;  // less than a tenth of a pixel wide
+        pieces.push_back(
+            {dot(p[0] + p[1] + p[2], to_eye) / 3,
+             fmt::format("<path d=\"{}\" fill=\"{}\" stroke=\"{}\"{}/>\n", d, fill, m.opacity < 1 ? "none" : fill,
+                         m.opacity < 1 ? fmt::format(" opacity=\"{:.2f}\"", m.opacity) : "")});
       };
       if (!levels.empty() && m.value.size() == m.points.size()) {
         std::vector<Valued> rest;

@@ -363,6 +363,49 @@ void simplify(const std::vector<Point>& points, std::size_t first, std::size_t l
 
 }  // namespace
 
+std::string outline(const std::vector<Point>& corners) {
+  constexpr double kFar = 1e6;  // px, as in px()
+  struct Tenths {
+    std::int64_t x, y;
+  };
+  std::vector<Tenths> at;
+  for (const Point& p : corners) {
+    if (!std::isfinite(p.x) || !std::isfinite(p.y)) return {};
+    const Tenths t{std::llround(10 * std::clamp(p.x, -kFar, kFar)), std::llround(10 * std::clamp(p.y, -kFar, kFar))};
+    if (at.empty() || t.x != at.back().x || t.y != at.back().y) at.push_back(t);
+  }
+  while (at.size() > 1 && at.front().x == at.back().x && at.front().y == at.back().y) at.pop_back();
+  if (at.size() < 3) return {};
+  const auto text = [](std::int64_t tenths) {  // "-.3", "12", "4.5"
+    const std::int64_t size = std::abs(tenths), whole = size / 10, rest = size % 10;
+    std::string out = tenths < 0 ? "-" : "";
+    if (whole != 0 || rest == 0) out += fmt::format("{}", whole);
+    if (rest != 0) out += fmt::format(".{}", rest);
+    return out;
+  };
+  std::string d = fmt::format("M{} {}", text(at[0].x), text(at[0].y));
+  char last = 'M';
+  for (std::size_t k = 1; k < at.size(); ++k) {
+    const std::int64_t dx = at[k].x - at[k - 1].x, dy = at[k].y - at[k - 1].y;
+    const char command = dy == 0 ? 'h' : dx == 0 ? 'v' : 'l';
+    const std::string first = text(dy == 0 ? dx : dx == 0 ? dy : dx);
+    // A command stands for the ones like it that follow; a sign divides two numbers.
+    if (command != last) {
+      d += command;
+    } else if (first[0] != '-') {
+      d += ' ';
+    }
+    d += first;
+    if (command == 'l') {
+      const std::string second = text(dy);
+      if (second[0] != '-') d += ' ';
+      d += second;
+    }
+    last = command;
+  }
+  return d + 'z';
+}
+
 std::string path(const std::vector<Point>& points, bool closed) {
   constexpr double kTolerance = 0.25;  // px: a quarter of a pixel cannot be seen
   std::string d;

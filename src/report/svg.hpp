@@ -84,6 +84,10 @@ std::string with_unit(const std::string& label, const std::string& unit);
 /// interrupts it.
 std::string path(const std::vector<Point>& points, bool closed = false);
 
+/// The `d` of a closed outline, to a tenth of a pixel, as short as it can be written: corners that fall together are
+/// one, and each is relative to the one before. Empty for less than three corners.
+std::string outline(const std::vector<Point>& corners);
+
 /// Round values in lo..hi, about `count` and at least two if any step gives two.
 std::vector<double> ticks_in(double lo, double hi, int count);
 

@@ -2,16 +2,20 @@
 // A look at the tags of a page or a picture, for tests.
 #pragma once
 
+#include <cctype>
+#include <cmath>
 #include <set>
 #include <string>
 #include <vector>
+
+#include "polypod/report/plot.hpp"
 
 namespace polypod::report {
 
 /// Walks the tags of a page: every tag that opens is closed in order, ids are unique, references within the page lead
 /// somewhere. Empty if so, else what is wrong.
 inline std::string what_is_wrong(const std::string& html) {
-  static const std::set<std::string> kVoid{"meta", "br", "hr", "link", "input", "wbr", "!DOCTYPE"};
+  static const std::set<std::string> kVoid{"meta", "br", "hr", "link", "input", "wbr", "img", "!DOCTYPE"};
   std::vector<std::string> open;
   std::set<std::string> ids, references;
   std::size_t i = 0;
@@ -52,6 +56,44 @@ inline std::string what_is_wrong(const std::string& html) {
     if (!ids.contains(reference)) return "leads nowhere: #" + reference;
   }
   return "";
+}
+
+inline int count_of(const std::string& text, const std::string& part) {
+  int n = 0;
+  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++n;
+  return n;
+}
+
+/// The corners of an outline: one M, then l, h and v (relative), then z. No corners where it is written otherwise.
+inline std::vector<Point> corners_of(const std::string& d) {
+  std::vector<Point> out;
+  char command = 0;
+  const char* at = d.c_str();
+  const auto number = [&] {
+    while (*at == ' ') ++at;
+    std::size_t length = 0;  // "-.4-3" are two numbers
+    while (at[length] == '.' || std::isdigit(static_cast<unsigned char>(at[length])) || (length == 0 && *at == '-'))
+      ++length;
+    const double value = length > 0 ? std::stod(std::string(at, length)) : std::nan("");
+    at += length;
+    return value;
+  };
+  while (*at != 0 && *at != 'z') {
+    if (std::isalpha(static_cast<unsigned char>(*at))) command = *at++;
+    const Point last = out.empty() ? Point{} : out.back();
+    if (command == 'h') {
+      out.push_back({last.x + number(), last.y});
+    } else if (command == 'v') {
+      out.push_back({last.x, last.y + number()});
+    } else if (command == 'M' || command == 'l') {
+      const double x = number(), y = number();
+      out.push_back({last.x + x, last.y + y});
+    } else {
+      return {};
+    }
+    if (!std::isfinite(out.back().x + out.back().y)) return {};
+  }
+  return out;
 }
 
 }  // namespace polypod::report

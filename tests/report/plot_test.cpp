@@ -10,6 +10,8 @@
 #include <regex>
 #include <set>
 
+#include "report/markup.hpp"
+
 namespace polypod::report {
 namespace {
 
@@ -21,12 +23,6 @@ using ::testing::Not;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 const Canvas kCanvas{960, "t"};
-
-int count_of(const std::string& text, const std::string& part) {
-  int n = 0;
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
-  return n;
-}
 
 /// The points of the first curve of this name, in the units of the axes: what a reader of the picture reads off.
 std::vector<Point> read_off(const std::string& svg, const std::string& name) {
@@ -326,10 +322,39 @@ TEST(HeatMap, ACellWithOneCornerMissingIsHalfACell) {
   map.values = {1, 1, 1, kNaN};
   const std::string svg = map(kCanvas);
   // One part of three corners, in the middle of the scale.
-  const std::regex triangle("<path d=\"M[0-9. ]+L[0-9. ]+L[0-9. ]+(L[0-9. ]+)?Z\" fill=");
-  EXPECT_TRUE(std::regex_search(svg, triangle)) << svg;
+  const std::regex part("<path d=\"(M[^\"]*z)\" fill=");
+  std::smatch found;
+  ASSERT_TRUE(std::regex_search(svg, found, part)) << svg;
+  EXPECT_EQ(corners_of(found[1]).size(), 3U) << found[1];
   map.values = {1, kNaN, 1, kNaN};
-  EXPECT_FALSE(std::regex_search(map(kCanvas), triangle)) << "half the cell is not known";
+  const std::string half = map(kCanvas);
+  EXPECT_FALSE(std::regex_search(half, part)) << "half the cell is not known";
+}
+
+TEST(HeatMap, WholeCellsOfABandAreJoinedAndCoverTheSame) {
+  HeatMap map = ramp();
+  map.columns = 6;
+  map.rows = 5;
+  map.values.assign(30, 5.5);
+  map.min = 0;
+  map.max = 10;
+  const auto rectangles = [](const std::string& svg) {
+    static const std::regex kRectangle("M([0-9.]+) ([0-9.]+)H([0-9.]+)V([0-9.]+)H[0-9.]+z");
+    std::vector<double> areas;
+    for (std::sregex_iterator it(svg.begin(), svg.end(), kRectangle); it != std::sregex_iterator(); ++it) {
+      const auto at = [&](std::size_t k) { return std::stod((*it)[k]); };
+      areas.push_back(std::abs((at(3) - at(1)) * (at(4) - at(2))));
+    }
+    return areas;
+  };
+  // The bands are painted one over the other: six of them are wholly below 5.5.
+  const std::vector<double> whole = rectangles(map(kCanvas));
+  ASSERT_EQ(whole.size(), 6U);
+  map.values[2 * 6 + 3] = kNaN;  // leaves four of the twenty cells, as triangles
+  const std::vector<double> rest = rectangles(map(kCanvas));
+  double sum = 0;
+  for (const double area : rest) sum += area;
+  EXPECT_NEAR(sum / 6, whole[0] * 16 / 20, 0.01 * whole[0]) << "sixteen of twenty cells";
 }
 
 TEST(HeatMap, DotsHaveTheColourOfTheirBand) {

@@ -10,13 +10,14 @@
 #include <limits>
 #include <map>
 #include <regex>
-#include <sstream>
 
 #include "polypod/report/stl.hpp"
+#include "report/markup.hpp"
 
 namespace polypod::report {
 namespace {
 
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -75,16 +76,13 @@ TEST(Scene, BandsAreCutWhereTheValuePassesALevel) {
   const std::string svg = scene({});
   // The two triangles are cut at a quarter of the width: four pieces, in two colours.
   std::map<std::string, std::pair<double, double>> range;  // of x, by colour
-  const std::regex piece("<path d=\"M([^\"]*)Z\" fill=\"(#[0-9a-f]+)\" stroke");
+  const std::regex piece("<path d=\"(M[^\"]*z)\" fill=\"(#[0-9a-f]+)\" stroke");
   int pieces = 0;
   for (std::sregex_iterator it(svg.begin(), svg.end(), piece); it != std::sregex_iterator(); ++it, ++pieces) {
     auto& [low, high] = range.try_emplace((*it)[2], 1e9, -1e9).first->second;
-    std::string points = (*it)[1];
-    std::replace(points.begin(), points.end(), 'L', ' ');
-    std::istringstream numbers(points);
-    for (double x = 0, y = 0; numbers >> x >> y;) {
-      low = std::min(low, x);
-      high = std::max(high, x);
+    for (const Point& p : corners_of((*it)[1])) {
+      low = std::min(low, p.x);
+      high = std::max(high, p.x);
     }
   }
   EXPECT_EQ(pieces, 4);
@@ -112,7 +110,7 @@ TEST(Scene, NearerIsDrawnLater) {
     // Hue by hue: every shade of a kind is tried.
     std::size_t at = std::string::npos;
     for (int k = 0; k <= 40; ++k) {
-      const std::string fill = "Z\" fill=\"" + kind_colour(kind, k / 40.0) + "\"";
+      const std::string fill = "z\" fill=\"" + kind_colour(kind, k / 40.0) + "\"";
       at = std::min(at, svg.find(fill));
     }
     return at;
@@ -122,6 +120,24 @@ TEST(Scene, NearerIsDrawnLater) {
   scene.elevation_deg = -60;
   const std::string below = scene(Canvas{});
   EXPECT_GT(first_of(below, 0), first_of(below, 1));
+}
+
+TEST(Scene, AClosedBodyIsDrawnFromTheSideThatIsSeen) {
+  // A cube of two triangles a face: three faces are seen from anywhere in general.
+  Mesh cube;
+  for (int k = 0; k < 8; ++k) cube.points.push_back({double(k & 1), double(k >> 1 & 1), double(k >> 2 & 1)});
+  cube.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  Scene scene;
+  scene.kinds = {"body"};
+  scene.meshes = {cube};
+  const auto faces = [](const Scene& s) { return count_of(s(Canvas{}), "z\" fill=\"#"); };
+  EXPECT_EQ(faces(scene), 6);
+  scene.meshes[0].opacity = 0.5;
+  EXPECT_EQ(faces(scene), 12) << "what lets light through shows its far side";
+  scene.meshes[0].opacity = 1;
+  scene.meshes[0].triangles.pop_back();
+  EXPECT_EQ(faces(scene), 11) << "an open one shows its inner side";
 }
 
 TEST(Scene, BearsAnything) {
@@ -194,7 +210,7 @@ TEST(HeatMap, KindsColourAndBlankIsBlank) {
   empty.values.assign(6, -1);
   const std::string blank = empty(Canvas{});
   EXPECT_THAT(blank, Not(HasSubstr(">first<")));
-  EXPECT_THAT(blank, Not(HasSubstr("Z\" fill=\"#"))) << "nothing is filled";
+  EXPECT_THAT(blank, Not(AnyOf(HasSubstr("Z\" fill=\"#"), HasSubstr("z\" fill=\"#")))) << "nothing is filled";
 }
 
 }  // namespace
