@@ -646,7 +646,7 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
       if (lost == 0) continue;
       const cell::Source& source = out.cell.sources[k];
       out.problems.push_back(
-          {"held back",
+          {"source",
            fmt::format(
                "source {} waits {:.0f} s because conveyor {} stands, and {} of its items do not come in time{}: the "
                "cell does not keep up",
