@@ -105,6 +105,7 @@ Process World::go_home(std::size_t m) {
     const PickTable& table = motions_.picks[last_pick_.at(m)];
     time = table.time(table.times.size() - 1, arm.where.along, arm.where.across);
   }
+  leg(m, time, motions_.home[m]);
   co_await work(m, time);
   arm.where = {};
   arm.joints = motions_.home[m];
@@ -126,6 +127,7 @@ Process World::pick(std::size_t m, std::size_t t, Choice choice) {
   spots_[static_cast<std::size_t>(task.to)][*slot].tin->pending++;
   const double across = item->across;
   double expected = along(b, *item) + (b.running ? b.speed * choice.travel : 0);
+  leg(m, choice.travel / machine_factor(m), on_top(b, expected, across), machine.lift);
   co_await work(m, choice.travel / machine_factor(m));
   leave_zone(m);
   item = find(b, choice.item);
@@ -140,6 +142,7 @@ Process World::pick(std::size_t m, std::size_t t, Choice choice) {
   // The belt may have stopped on the way: the tool goes on to where the item is.
   const double off = std::abs(along(b, *item) - expected);
   if (off > 1e-4) co_await work(m, trapezoid_time(off, machine.tool_speed, machine.tool_acceleration));
+  leg(m, machine.grip, on_top(b, along(b, *item) + (b.running ? b.speed * machine.grip : 0), across), 0);
   co_await work(m, machine.grip);
   item = find(b, choice.item);
   if (item == nullptr) {
@@ -160,8 +163,12 @@ Process World::pick(std::size_t m, std::size_t t, Choice choice) {
   update_running(b);
   b.changed.notify();
   arm.where = {Where::Kind::belt, at, across, 0};
+  arm.hand = Picture::Hand::item;
   co_await take_zone(m, spot.zone);
+  const Vec3& there = spot.slots[*slot];
+  leg(m, motions_.picks[t].time(*slot, at, across), {there.x(), there.y(), task.release}, machine.lift);
   co_await work(m, motions_.picks[t].time(*slot, at, across) + machine.release);
+  arm.hand = Picture::Hand::empty;
   Tin& tin = *spots_[static_cast<std::size_t>(task.to)][*slot].tin;
   tin.pending--;
   tin.count++;
@@ -182,11 +189,13 @@ Process World::go(std::size_t m, std::string zone, machine::JointVector to, bool
   Arm& arm = arms_[m];
   const Machine& machine = cell_.machines[m];
   if (!zone.empty() && !arm.zone.empty() && zone != arm.zone && !keeps_zone) {
+    leg(m, joint_time(machine, arm.joints, motions_.home[m]), motions_.home[m]);
     co_await work(m, joint_time(machine, arm.joints, motions_.home[m]));
     arm.joints = motions_.home[m];
     leave_zone(m);
   }
   if (!zone.empty()) co_await take_zone(m, zone);
+  leg(m, joint_time(machine, arm.joints, to), to);
   co_await work(m, joint_time(machine, arm.joints, to));
   arm.joints = to;
   if (zone.empty()) leave_zone(m);
@@ -198,6 +207,7 @@ const Stand& World::stand(std::size_t m, int spot, std::size_t slot) const {
 }
 
 Process World::carry(std::size_t m, std::size_t t, Choice choice) {
+  Arm& arm = arms_[m];
   const Task& task = cell_.tasks[t];
   const Machine& machine = cell_.machines[m];
   const Spot &source = cell_.spots[static_cast<std::size_t>(task.from)],
@@ -211,10 +221,13 @@ Process World::carry(std::size_t m, std::size_t t, Choice choice) {
   had_containers_ = true;
   const Stand& take = stand(m, task.from, choice.from_slot);
   co_await go(m, source.zone, take.above, task.keeps_zone);
+  leg(m, take.straight, take.joints);
   co_await work(m, take.straight + machine.grip);
+  arm.hand = Picture::Hand::container;
   Tin tin = *from[choice.from_slot].tin;
   from[choice.from_slot].tin.reset();
   if (task.to == task.from) from[choice.from_slot].reserved = true;
+  leg(m, take.straight, take.above);
   co_await work(m, take.straight);
   changed_.notify();
   went(source.name, machine.name);
@@ -222,6 +235,7 @@ Process World::carry(std::size_t m, std::size_t t, Choice choice) {
     const Spot& pour = cell_.spots[static_cast<std::size_t>(task.via)];
     const Stand& there = stand(m, task.via, 0);
     co_await go(m, pour.zone, there.above, task.keeps_zone);
+    leg(m, there.straight, there.joints);
     co_await work(m, there.straight);
     Belt& belt = *belts_[static_cast<std::size_t>(pour.conveyor)];
     const int count = tin.count;
@@ -235,14 +249,18 @@ Process World::carry(std::size_t m, std::size_t t, Choice choice) {
     went(machine.name, pour.name);
     went(pour.name, belt.c->name, count);
     note(task.step, machine.name, "a container is emptied", fmt::format("{} items on {}", count, belt.c->name));
+    leg(m, there.straight, there.above);
     co_await work(m, there.straight);
   }
   const Stand& put = stand(m, task.to, choice.to_slot);
   co_await go(m, target.zone, put.above, task.keeps_zone);
+  leg(m, put.straight, put.joints);
   co_await work(m, put.straight + machine.release);
+  arm.hand = Picture::Hand::empty;
   tin.reserved = false;
   to[choice.to_slot].tin = tin;
   to[choice.to_slot].reserved = false;
+  leg(m, put.straight, put.above);
   co_await work(m, put.straight);
   went(machine.name, target.name);
   ++out_.done[t];

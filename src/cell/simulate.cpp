@@ -68,9 +68,11 @@ Outcome World::run() {
   for (std::size_t k = 0; k < cell_.sources.size(); ++k) sim_.start(feed(k));
   for (std::size_t m = 0; m < arms_.size(); ++m) sim_.start(run_machine(m));
   sim_.start(operate());
+  if (settings_.record) film();
   // In pieces, so that a run can be stopped; time passes the same way in one piece.
   constexpr int kPieces = 50;
   for (int piece = 1; piece <= kPieces; ++piece) {
+    if (settings_.seconds * piece / kPieces < sim_.now()) continue;
     sim_.run(settings_.seconds * piece / kPieces);
     if (settings_.progress && !settings_.progress(static_cast<double>(piece) / kPieces)) break;
     if (!out_.crowded.empty()) break;
@@ -179,6 +181,40 @@ void World::maybe_end() {
   }
 }
 
+Picture World::picture() const {
+  Picture out;
+  out.time = sim_.now();
+  for (const auto& belt : belts_)
+    for (const OnBelt& item : belt->items) out.items.push_back(on_top(*belt, along(*belt, item), item.across));
+  for (std::size_t k = 0; k < spots_.size(); ++k)
+    for (std::size_t i = 0; i < spots_[k].size(); ++i)
+      if (spots_[k][i].tin) out.containers.push_back(cell_.spots[k].slots[i]);
+  for (const Arm& arm : arms_) out.hands.push_back(arm.hand);
+  out.placed = out_.placed;
+  out.missed = out_.missed;
+  out.filled = out_.filled;
+  out.emptied = out_.emptied;
+  out.served = out_.served;
+  return out;
+}
+
+void World::film() {
+  double start = kInfinity, end = kInfinity;
+  for (const Command& c : cell_.commands) {
+    if (c.order == Order::start && !std::isfinite(start)) start = c.time;
+    if (c.order == Order::stop && std::isfinite(start)) end = std::min(end, c.time);
+  }
+  end = std::min({end, start + kFilm, settings_.seconds});
+  if (!(start < end)) return;
+  filming_ = true;
+  for (int k = 0; start + k * kFilmStep <= end; ++k) {
+    sim_.run(start + k * kFilmStep);
+    out_.pictures.push_back(picture());
+    if (!out_.crowded.empty()) break;
+  }
+  filming_ = false;
+}
+
 Outcome World::finish() {
   out_.seconds = sim_.now();
   const double worked = working_time();
@@ -200,6 +236,7 @@ Outcome World::finish() {
     use.busy = arm.busy_time;
     use.waiting.assign(arm.waiting.begin(), arm.waiting.end());
     use.intervals = std::move(arm.intervals);
+    use.legs = std::move(arm.legs);
     out_.machines.push_back(std::move(use));
   }
   for (auto& belt : belts_) {

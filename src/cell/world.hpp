@@ -74,6 +74,8 @@ struct Arm {
   double busy_time = 0;
   std::map<std::string, double> waiting;
   std::vector<Interval> intervals;
+  std::vector<Leg> legs;
+  Picture::Hand hand = Picture::Hand::empty;
   bool waits_for_zone = false;
   std::string wanted_zone;
 };
@@ -111,6 +113,20 @@ class World {
 
   void act(std::size_t m, const std::string& what, bool busy);
   void close(Arm& arm);
+
+  /// Takes pictures of a recorded run.
+  void film();
+  [[nodiscard]] Picture picture() const;
+  /// The tool begins a way of `dt` seconds, for the film.
+  void leg(std::size_t m, double dt, const machine::JointVector& joints) {
+    if (filming_) arms_[m].legs.push_back({sim_.now(), sim_.now() + dt * machine_factor(m), joints, Vec3::Zero(), 0});
+  }
+  void leg(std::size_t m, double dt, const Vec3& point, double lift) {
+    if (filming_) arms_[m].legs.push_back({sim_.now(), sim_.now() + dt * machine_factor(m), {}, point, lift});
+  }
+  [[nodiscard]] Vec3 on_top(const Belt& b, double at, double across) const {
+    return b.c->point(at, across) + Vec3(0, 0, cell_.items[0].height);
+  }
 
   /// Work of `dt` seconds that stands still while the cell is stopped.
   Process work(std::size_t m, double dt);
@@ -225,7 +241,7 @@ class World {
   std::map<std::pair<std::string, std::string>, int> traffic_;
   State state_ = State::stopped;
   double state_since_ = 0, last_progress_ = 0;
-  bool halted_ = false, had_containers_ = false;
+  bool halted_ = false, had_containers_ = false, filming_ = false;
   int serve_ = 0, next_item_ = 0;
   std::vector<std::optional<double>> held_since_;  // of each source that waits: the working time when it began
   std::vector<int> fed_;                           // items of each source

@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "cell_film.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -434,7 +435,8 @@ void cycle_section(report::Report& page, const CellResult& r) {
     return;
   }
   const cell::Outcome& o = r.outcome();
-  page.add_key_figures({{with_interval(r.study.throughput, 2), "/min", "items into containers", Verdict::neutral},
+  page.add_key_figures({{with_interval(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1), "/min",
+                         "items into containers", Verdict::neutral},
                         {fmt::format("{}", o.missed), "", "items missed", o.missed > 0 ? Verdict::bad : Verdict::good},
                         {fmt::format("{}", o.filled), "", "containers filled", Verdict::neutral},
                         {fmt::format("{}", o.served), "", "containers served", Verdict::neutral}});
@@ -442,6 +444,11 @@ void cycle_section(report::Report& page, const CellResult& r) {
       "Simulated: {} s, policy \"{}\", {} run{}. The figures below are of the first one; means over several runs stand "
       "with their 95 % confidence interval.",
       plain(o.seconds), r.policy, r.study.outcomes.size(), r.study.outcomes.size() == 1 ? "" : "s"));
+  if (const std::optional<report::Scene> film = cell_film(r)) {
+    page.add_scene(*film, fmt::format("The first run from {} to {} s of its time. When a tool is where is that of the "
+                                      "simulation; its way between is a picture.",
+                                      plain(o.pictures.front().time), plain(o.pictures.back().time)));
+  }
   Gantt gantt;
   gantt.title = "What the machines do";
   gantt.to = std::min(o.seconds, 90.0);
@@ -646,7 +653,7 @@ CellResult judge_cell(cell::Cell given, const CellQuestion& question) {
       if (lost == 0) continue;
       const cell::Source& source = out.cell.sources[k];
       out.problems.push_back(
-          {"held back",
+          {"source",
            fmt::format(
                "source {} waits {:.0f} s because conveyor {} stands, and {} of its items do not come in time{}: the "
                "cell does not keep up",
@@ -718,7 +725,8 @@ std::string cell_page(const CellResult& r, const std::string& version, const std
   verdicts(page, r);
   if (r.simulated()) {
     page.add_key_figures(
-        {{with_interval(r.study.throughput, 2), "/min", "items into containers", Verdict::neutral},
+        {{with_interval(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1), "/min", "items into containers",
+          Verdict::neutral},
          {report::fixed(r.cell.cost.total(), 0), r.cell.cost.currency, "parts", Verdict::neutral},
          {report::fixed(to_mm(r.safety.guard_distance), 0), "mm", "guard distance (ISO 13855)", Verdict::neutral}});
   }

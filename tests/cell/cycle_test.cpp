@@ -221,6 +221,38 @@ TEST(CellCycle, TheSeedsFourteenSteps) {
   EXPECT_FALSE(o.stands_since);
 }
 
+TEST(CellCycle, TheFilmShowsTheRunAndDoesNotChangeIt) {
+  RunSettings s = for_seconds(200);
+  const Outcome plain = run(kozubik(), kozubik_motions(), s);
+  s.record = true;
+  const Outcome o = run(kozubik(), kozubik_motions(), s);
+  EXPECT_EQ(o.placed, plain.placed);
+  EXPECT_EQ(o.calendar, plain.calendar);
+  EXPECT_EQ(o.machines[1].busy, plain.machines[1].busy);
+  EXPECT_TRUE(plain.pictures.empty());
+  // From START at 1 s on, 60 s in steps of 0.15 s.
+  ASSERT_EQ(o.pictures.size(), 401U);
+  EXPECT_DOUBLE_EQ(o.pictures.front().time, 1);
+  for (std::size_t m = 0; m < 2; ++m) {
+    const std::vector<Leg>& legs = o.machines[m].legs;
+    ASSERT_GT(legs.size(), 10U);
+    for (std::size_t k = 0; k + 1 < legs.size(); ++k) EXPECT_LE(legs[k].to, legs[k + 1].from + 1e-9) << m << " " << k;
+  }
+  // What is placed was carried; tins are in places or in the hand: 18 until one is served.
+  bool carried = false;
+  for (const Picture& p : o.pictures) {
+    carried |= p.hands[0] == Picture::Hand::item;
+    EXPECT_EQ(p.containers.size() + (p.hands[1] == Picture::Hand::container ? 1 : 0), 18U) << p.time;
+    for (const Vec3& item : p.items) EXPECT_TRUE(item.z() > 0.9 && item.z() < 0.96) << item.transpose();
+  }
+  EXPECT_TRUE(carried);
+  EXPECT_GT(o.pictures.back().placed, 10);
+  // A STOP ends the film.
+  Cell stopped = kozubik();
+  stopped.commands = {{1, Order::start}, {31, Order::stop}};
+  EXPECT_EQ(run(stopped, kozubik_motions(), s).pictures.size(), 201U);
+}
+
 TEST(CellCycle, WhenAllIsServedTheOperatorRefills) {
   Cell cell = kozubik();
   cell.spots[0].containers = 3;

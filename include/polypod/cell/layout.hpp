@@ -59,8 +59,9 @@ struct Layout {
 
 /// Judges bodies at rest, machines at home, and positions along the ways of all tasks: arms on joint motions between
 /// the stands of their tasks, deltas on the planned cycles between the corners of their window and each slot. A sample,
-/// not a proof: positions are at most about 40 mm apart. The tool and what it holds may come near to what the task
-/// takes from and puts to. Two machines are judged wherever they do not hold one zone together.
+/// not a proof: 12 positions a joint motion, 15 a cycle of a delta; a long joint motion has some 80 mm between them.
+/// The tool and what it holds may come near to what the task takes from and puts to. Two machines are judged wherever
+/// they do not hold one zone together.
 Layout layout(const Cell& cell, const Motions& motions);
 
 }  // namespace polypod::cell

@@ -28,10 +28,29 @@ struct Interval {
   bool busy = false;
 };
 
+/// A way of a machine's tool in a recorded run: to joints, or (where these are empty) to a point, past `lift` above
+/// both ends.
+struct Leg {
+  double from = 0, to = 0;      ///< s
+  machine::JointVector joints;  ///< rad or m
+  Vec3 point = Vec3::Zero();    ///< m, in C
+  double lift = 0;              ///< m
+};
+
+/// What lies and stands where at an instant of a recorded run.
+struct Picture {
+  double time = 0;                      ///< s
+  std::vector<Vec3> items, containers;  ///< m, in C: on belts, and in places
+  enum class Hand { empty, item, container };
+  std::vector<Hand> hands;  ///< of each machine
+  int placed = 0, missed = 0, filled = 0, emptied = 0, served = 0;
+};
+
 struct MachineUse {
   double busy = 0;                                      ///< s, moving or gripping
   std::vector<std::pair<std::string, double>> waiting;  ///< for what, s; in the order of their names
   std::vector<Interval> intervals;                      ///< of a recorded run
+  std::vector<Leg> legs;                                ///< of a recorded run, while pictures are taken
 };
 
 struct BeltUse {
@@ -62,6 +81,7 @@ struct Outcome {
   std::vector<BeltUse> belts;
   std::vector<Traffic> traffic;
   std::vector<Event> events;           ///< of a recorded run
+  std::vector<Picture> pictures;       ///< of a recorded run: kFilm seconds from the first START, or until a STOP
   std::string state;                   ///< at the end: "waiting", "working", "ending", "refill", "stopped"
   std::optional<double> stands_since;  ///< s; nothing can ever move again without help
   std::string standstill;              ///< why, with the cycle of waiting where there is one
@@ -70,6 +90,8 @@ struct Outcome {
   /// Items put into containers a minute of simulated time.
   [[nodiscard]] double throughput_per_min() const { return seconds > 0 ? 60 * placed / seconds : 0; }
 };
+
+inline constexpr double kFilm = 60, kFilmStep = 0.15;  // s
 
 struct RunSettings {
   double seconds = 600;
