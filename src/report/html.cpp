@@ -325,7 +325,7 @@ std::string Report::to_html() const {
   page += fmt::format("@media screen and (prefers-color-scheme:dark){{:root{{{}}}}}\n", svg::dark_colours());
   page += svg::css();
   page += kPageCss;
-  if (scenes_ > 0) page += kSceneCss;
+  if (scenes_ > 0 || live_) page += kSceneCss;
   page += "</style>\n</head>\n<body>\n";
   page += fmt::format("<header class=\"top\">\n<h1>{}</h1>\n", escape(title_));
   if (!subtitle_.empty()) page += fmt::format("<p class=\"subtitle\">{}</p>\n", escape(subtitle_));
