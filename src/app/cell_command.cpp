@@ -355,7 +355,9 @@ void print_result(const pages::CellResult& r) {
   }
   for (const std::string& text : r.not_judged) fmt::print("not judged {}\n", one_line(text));
   for (const cell::Problem& p : r.problems) fmt::print("problem    {}: {}\n", p.kind, one_line(p.detail));
-  fmt::print("{}\n", r.problems.empty() ? "ok" : "not ok");
+  fmt::print("{}\n", !r.problems.empty()    ? "not ok"
+                     : r.not_judged.empty() ? "ok"
+                                            : "ok, apart from what was not judged");
 }
 
 }  // namespace

@@ -248,8 +248,9 @@ std::string with_interval(const cell::Estimate& e, int decimals) {
 void verdicts(report::Report& page, const CellResult& r) {
   if (r.problems.empty()) {
     page.add_verdict(Verdict::good,
-                     fmt::format("Everything that the tasks ask for is in reach, no collision was found in {} "
+                     fmt::format("{} that the tasks ask for is in reach, no collision was found in {} "
                                  "positions, and in {} s of simulated time no item was missed and nothing stood still.",
+                                 r.not_judged.empty() ? "Everything" : "Apart from what was not judged: everything",
                                  r.layout.positions, plain(r.outcome().seconds)));
   }
   for (const cell::Problem& p : r.problems) page.add_verdict(Verdict::bad, p.kind + ": " + p.detail + ".");
