@@ -13,8 +13,9 @@
 namespace polypod::bodies {
 namespace {
 
-// A body of more than this many times the machine's reach, or less than this part of it, has the wrong unit.
-constexpr double kLargest = 20, kSmallest = 1e-4;
+// A body that reaches farther from the origin of its frame than this many times the machine's reach, or that is smaller
+// than this part of it, has the wrong unit.
+constexpr double kLargest = 10, kSmallest = 1e-4;
 constexpr config::Range kSize_mm{0, 1e6, true, false};
 
 Vec3 mm(const std::vector<double>& v) {
@@ -124,10 +125,11 @@ Status size_of(const Body& body, double reach, const Place& place) {
                             units::to_mm(from_origin), units::to_mm(reach)),
                 place, "z is 0 at the tip and counts towards the spindle, in mm");
   }
-  if (size <= kLargest * reach && size >= kSmallest * reach) return {};
+  if (from_origin <= kLargest * reach && size >= kSmallest * reach) return {};
   return fail("BO105",
-              fmt::format("{} is {:.3g} mm large beside a machine that reaches {:.0f} mm: its unit cannot be right",
-                          body.name, units::to_mm(size), units::to_mm(reach)),
+              fmt::format("{} is {:.3g} mm large and reaches {:.3g} mm from the origin of its frame, beside a machine "
+                          "that reaches {:.0f} mm: its unit cannot be right",
+                          body.name, units::to_mm(size), units::to_mm(from_origin), units::to_mm(reach)),
               place, "lengths are in mm; for a mesh, say the unit of its file");
 }
 

@@ -157,6 +157,8 @@ TEST(BodiesFile, IsRefusedWithItsPlace) {
   EXPECT_EQ(id("ignore = [\"holder + desk\"]\n" + holder), "BO107");
   const std::string body = "[[body]]\nname = \"a\"\nframe = \"machine\"\n";
   EXPECT_EQ(id(body + "shape = \"sphere\"\ncenter_mm = [0, 0, 0]\ndiameter_mm = 900000\n"), "BO105");
+  EXPECT_EQ(id(body + "shape = \"sphere\"\ncenter_mm = [100000, 270, 0]\ndiameter_mm = 400\n"), "BO105");
+  EXPECT_EQ(id(body + "shape = \"sphere\"\ncenter_mm = [0, 0, 0]\ndiameter_mm = 0.04\n"), "BO105");
   EXPECT_EQ(id(body + "shape = \"cone\"\n"), "BO103");
   EXPECT_EQ(id(body + "shape = \"box\"\nmin_mm = [0, 0, 0]\nmax_mm = [1, 1, 0]\n"), "BO102");
   EXPECT_EQ(id(body + "shape = \"mesh\"\nfile = \"none.stl\"\nunit = \"mm\"\n"), "FI100");
