@@ -135,13 +135,13 @@ Status size_of(const Body& body, double reach, const Place& place) {
 
 }  // namespace
 
-Body cutter_body(double diameter, double length, int tool_number) {
+Body cutter_body(double diameter, double length, int tool_number, double towards_spindle) {
   Body body;
   body.name = "cutter";
   body.frame = Body::Frame::tool;
   body.cuts = true;
   body.tool_number = tool_number;
-  body.shape = cylinder(Vec3::Zero(), Vec3(0, 0, length), 0.5 * diameter);
+  body.shape = cylinder(Vec3::Zero(), Vec3(0, 0, towards_spindle * length), 0.5 * diameter);
   return body;
 }
 
@@ -159,6 +159,18 @@ Result<Bodies> read(const std::string& path, const machine::AnyMachine& machine)
   const machine::Reach r = kinematics::reach(machine);
   const double reach = 0.5 * (r.high - r.low).maxCoeff();
   Bodies out;
+  // z_T of a serial arm points to the spindle. That of a parallel machine points away from its platform, and where
+  // the spindle is, its file does not say.
+  POLYPOD_ASSIGN(spindle, table.optional_text("spindle", kinematics::is_serial(machine) ? "+z" : ""));
+  if (spindle != "+z" && spindle != "-z") {
+    return fail("BO108",
+                fmt::format("spindle = \"{}\" must be \"+z\" or \"-z\": on which side of the tool tip, along z of the "
+                            "tool, are cutter and holder?",
+                            spindle),
+                table.has("spindle") ? table.place_of("spindle") : table.place(),
+                kinematics::is_serial(machine) ? "" : "a machine that is no serial arm needs it");
+  }
+  out.towards_spindle = spindle == "+z" ? 1 : -1;
   std::set<std::string> names{"cutter", "stock"};
   const auto add = [&](Body body, const Place& place) -> Status {
     POLYPOD_TRY(size_of(body, reach, place));
@@ -187,8 +199,8 @@ Result<Bodies> read(const std::string& path, const machine::AnyMachine& machine)
     body.name = one_line(name);
     body.frame = Body::Frame::tool;
     body.tool_number = tool;
-    body.shape =
-        cylinder(Vec3(0, 0, units::from_mm(from)), Vec3(0, 0, units::from_mm(to)), 0.5 * units::from_mm(diameter));
+    const Vec3 up(0, 0, out.towards_spindle);
+    body.shape = cylinder(units::from_mm(from) * up, units::from_mm(to) * up, 0.5 * units::from_mm(diameter));
     POLYPOD_TRY(add(std::move(body), one.place()));
   }
   if (out.all.empty()) {
