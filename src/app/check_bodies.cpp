@@ -21,7 +21,7 @@ Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& jo
       largest.diameter = std::max(largest.diameter, cutter.diameter);
       largest.length = std::max(largest.length, cutter.length);
     }
-    bodies.all.push_back(bodies::cutter_body(largest.diameter, largest.length, -1));
+    bodies.all.push_back(bodies::cutter_body(largest.diameter, largest.length, -1, bodies.towards_spindle));
     if (!job.cutters.empty()) {
       notes.emplace_back("bodies: the cutter of every tool is taken as wide and as long as the largest of the job");
     }

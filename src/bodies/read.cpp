@@ -13,8 +13,9 @@
 namespace polypod::bodies {
 namespace {
 
-// A body of more than this many times the machine's reach, or less than this part of it, has the wrong unit.
-constexpr double kLargest = 20, kSmallest = 1e-4;
+// A body that reaches farther from the origin of its frame than this many times the machine's reach, or that is smaller
+// than this part of it, has the wrong unit.
+constexpr double kLargest = 10, kSmallest = 1e-4;
 constexpr config::Range kSize_mm{0, 1e6, true, false};
 
 Vec3 mm(const std::vector<double>& v) {
@@ -124,22 +125,23 @@ Status size_of(const Body& body, double reach, const Place& place) {
                             units::to_mm(from_origin), units::to_mm(reach)),
                 place, "z is 0 at the tip and counts towards the spindle, in mm");
   }
-  if (size <= kLargest * reach && size >= kSmallest * reach) return {};
+  if (from_origin <= kLargest * reach && size >= kSmallest * reach) return {};
   return fail("BO105",
-              fmt::format("{} is {:.3g} mm large beside a machine that reaches {:.0f} mm: its unit cannot be right",
-                          body.name, units::to_mm(size), units::to_mm(reach)),
+              fmt::format("{} is {:.3g} mm large and reaches {:.3g} mm from the origin of its frame, beside a machine "
+                          "that reaches {:.0f} mm: its unit cannot be right",
+                          body.name, units::to_mm(size), units::to_mm(from_origin), units::to_mm(reach)),
               place, "lengths are in mm; for a mesh, say the unit of its file");
 }
 
 }  // namespace
 
-Body cutter_body(double diameter, double length, int tool_number) {
+Body cutter_body(double diameter, double length, int tool_number, double towards_spindle) {
   Body body;
   body.name = "cutter";
   body.frame = Body::Frame::tool;
   body.cuts = true;
   body.tool_number = tool_number;
-  body.shape = cylinder(Vec3::Zero(), Vec3(0, 0, length), 0.5 * diameter);
+  body.shape = cylinder(Vec3::Zero(), Vec3(0, 0, towards_spindle * length), 0.5 * diameter);
   return body;
 }
 
@@ -157,6 +159,18 @@ Result<Bodies> read(const std::string& path, const machine::AnyMachine& machine)
   const machine::Reach r = kinematics::reach(machine);
   const double reach = 0.5 * (r.high - r.low).maxCoeff();
   Bodies out;
+  // z_T of a serial arm points to the spindle. That of a parallel machine points away from its platform, and where
+  // the spindle is, its file does not say.
+  POLYPOD_ASSIGN(spindle, table.optional_text("spindle", kinematics::is_serial(machine) ? "+z" : ""));
+  if (spindle != "+z" && spindle != "-z") {
+    return fail("BO108",
+                fmt::format("spindle = \"{}\" must be \"+z\" or \"-z\": on which side of the tool tip, along z of the "
+                            "tool, are cutter and holder?",
+                            spindle),
+                table.has("spindle") ? table.place_of("spindle") : table.place(),
+                kinematics::is_serial(machine) ? "" : "a machine that is no serial arm needs it");
+  }
+  out.towards_spindle = spindle == "+z" ? 1 : -1;
   std::set<std::string> names{"cutter", "stock"};
   const auto add = [&](Body body, const Place& place) -> Status {
     POLYPOD_TRY(size_of(body, reach, place));
@@ -185,8 +199,8 @@ Result<Bodies> read(const std::string& path, const machine::AnyMachine& machine)
     body.name = one_line(name);
     body.frame = Body::Frame::tool;
     body.tool_number = tool;
-    body.shape =
-        cylinder(Vec3(0, 0, units::from_mm(from)), Vec3(0, 0, units::from_mm(to)), 0.5 * units::from_mm(diameter));
+    const Vec3 up(0, 0, out.towards_spindle);
+    body.shape = cylinder(units::from_mm(from) * up, units::from_mm(to) * up, 0.5 * units::from_mm(diameter));
     POLYPOD_TRY(add(std::move(body), one.place()));
   }
   if (out.all.empty()) {

@@ -141,6 +141,30 @@ TEST(Watch, LeavesOutNeighboursAndWhatTheFileSays) {
   EXPECT_NE(watch.notes().back().find("1 and 3"), std::string::npos);
 }
 
+TEST(BodiesFile, OfAParallelMachineSaysWhereTheSpindleIs) {
+  // z of the tool of a delta points away from its platform: the holder of one that hangs is at -z.
+  const machine::AnyMachine delta = arm("delta-picker");
+  const std::string path = testing::TempDir() + "/bodies_of_delta.toml";
+  const std::string rest =
+      "[[holder]]\ndiameter_mm = 60\nfrom_mm = 30\nto_mm = 90\n"
+      "[[body]]\nname = \"shelf\"\nframe = \"machine\"\nshape = \"sphere\"\ncenter_mm = [60, 0, 600]\ndiameter_mm = "
+      "20\n";
+  const auto read_with = [&](const std::string& head) {
+    std::ofstream(path) << head << rest;
+    return bodies::read(path, delta);
+  };
+  ASSERT_FALSE(read_with(""));
+  EXPECT_EQ(read_with("").error().id, "BO108");
+  EXPECT_EQ(read_with("spindle = \"up\"\n").error().id, "BO108");
+  for (const bool hits : {true, false}) {
+    const auto file = read_with(hits ? "spindle = \"-z\"\n" : "spindle = \"+z\"\n");
+    ASSERT_TRUE(file) << to_string(file.error());
+    Watch watch(delta, Pose{}, *file);
+    EXPECT_FALSE(watch.to(Pose{Mat3::Identity(), Vec3(0, 0, 0.66)}, {}, false, 0));
+    EXPECT_EQ(watch.to(Pose{Mat3::Identity(), Vec3(0.06, 0, 0.66)}, {}, true, 0).has_value(), hits);
+  }
+}
+
 TEST(BodiesFile, IsRefusedWithItsPlace) {
   const machine::AnyMachine kuka = arm("kuka-kr210");
   const std::string path = testing::TempDir() + "/bodies.toml";
@@ -157,6 +181,8 @@ TEST(BodiesFile, IsRefusedWithItsPlace) {
   EXPECT_EQ(id("ignore = [\"holder + desk\"]\n" + holder), "BO107");
   const std::string body = "[[body]]\nname = \"a\"\nframe = \"machine\"\n";
   EXPECT_EQ(id(body + "shape = \"sphere\"\ncenter_mm = [0, 0, 0]\ndiameter_mm = 900000\n"), "BO105");
+  EXPECT_EQ(id(body + "shape = \"sphere\"\ncenter_mm = [100000, 270, 0]\ndiameter_mm = 400\n"), "BO105");
+  EXPECT_EQ(id(body + "shape = \"sphere\"\ncenter_mm = [0, 0, 0]\ndiameter_mm = 0.04\n"), "BO105");
   EXPECT_EQ(id(body + "shape = \"cone\"\n"), "BO103");
   EXPECT_EQ(id(body + "shape = \"box\"\nmin_mm = [0, 0, 0]\nmax_mm = [1, 1, 0]\n"), "BO102");
   EXPECT_EQ(id(body + "shape = \"mesh\"\nfile = \"none.stl\"\nunit = \"mm\"\n"), "FI100");

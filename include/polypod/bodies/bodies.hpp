@@ -27,14 +27,15 @@ struct Body {
 
 struct Bodies {
   std::vector<Body> all;
+  double towards_spindle = 1;  ///< +1 or -1: on which side of the tip, along z_T, cutter and holder are
   std::vector<std::pair<std::string, std::string>> ignored;  ///< pairs that may touch, by name
 };
 
-/// Reads a file of bodies (docs/bodies.md) for a machine. Errors: those of config::Table and read_stl; BO100 to BO106.
+/// Reads a file of bodies (docs/bodies.md) for a machine. Errors: those of config::Table and read_stl; BO100 to BO108.
 Result<Bodies> read(const std::string& path, const machine::AnyMachine& machine);
 
 /// The cutters and the box of the stock before it is cut, as bodies: what a job says besides the file.
-Body cutter_body(double diameter, double length, int tool_number);
+Body cutter_body(double diameter, double length, int tool_number, double towards_spindle = 1);
 Body stock_body(const Vec3& min, const Vec3& max);
 
 /// Follows a way from pose to pose and says where bodies touch.
