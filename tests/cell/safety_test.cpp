@@ -165,6 +165,7 @@ TEST(Safety, TimesOfDeviceAndControlCount) {
   g.kind = Guard::Kind::curtain;
   g.to = {2, 0, 0};
   g.response = 0.02;
+  g.height = 2.6;  // nobody reaches over it
   cell.guards.push_back(g);
   cell.control_response = 0.05;
   const Safety out = safety(cell, {{{1, 1, 1}, 0.1, "arm"}});
@@ -186,6 +187,7 @@ TEST(Safety, OpeningsCountFromTheSurfaceOfWhatIsMoved) {
   g.opening = 0.030;
   g.opening_height = 1;
   cell.guards.push_back(g);
+  cell.open_sides = "walls";
   EXPECT_TRUE(safety(cell, {{{1, 0.15, 1}, 0.01, "arm"}}).problems.empty());
   const Safety near = safety(cell, {{{1, 0.15, 1}, 0.10, "arm"}});
   ASSERT_EQ(near.guards.size(), 1U);
