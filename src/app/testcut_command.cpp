@@ -90,7 +90,8 @@ Result<int> write_program(const Context& context, const Options& o) {
   POLYPOD_ASSIGN(job, machining::read_job(o.job));
   POLYPOD_ASSIGN(plan, plan_of(o));
   POLYPOD_ASSIGN(cut, machining::test_cut(job, plan));
-  POLYPOD_ASSIGN(predicted, machining::predicted_sizes(job, cut, 1));
+  std::vector<std::string> notes;
+  POLYPOD_ASSIGN(predicted, machining::predicted_sizes(job, cut, 1, &notes));
   files::Outputs together;
   POLYPOD_TRY(together.add(o.output, cut.text));
   if (!o.sheet.empty()) POLYPOD_TRY(together.add(o.sheet, sheet_of(cut, predicted)));
@@ -110,7 +111,8 @@ Result<int> write_program(const Context& context, const Options& o) {
                  {{"min", {to_mm(low.x()), to_mm(low.y()), to_mm(low.z())}},
                   {"max", {to_mm(high.x()), to_mm(high.y()), to_mm(high.z())}}}},
                 {"depth_mm", to_mm(cut.plan.depth)},
-                {"steps", steps}});
+                {"steps", steps},
+                {"notes", notes}});
     return kDone;
   }
   fmt::print("clamp   a block from X{:g} Y{:g} Z{:g} to X{:g} Y{:g} Z0 mm (in W, top at Z0)\n", to_mm(low.x()),

@@ -19,6 +19,7 @@ using units::to_mm;
 constexpr double kClear = 2e-3;       // m, above the stock and beside it
 constexpr double kStretch = 3;        // diameters long is a stretch ...
 constexpr double kMeasured = 1;       // ... and so much of it, in its middle, is measured
+constexpr double kMostOff = 0.25;     // of the diameter, a wall
 constexpr double kFloor = 10e-3;      // m of the block below the boss
 constexpr double kDerivative = 0.02;  // of the product, for the derivative of predicted sizes
 constexpr int kIterations = 12;
@@ -197,7 +198,8 @@ Result<TestCut> test_cut(const Job& job, const TestCutPlan& wanted) {
   return Writer(plan, cutter).write();
 }
 
-Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, double force) {
+Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, double force,
+                                            std::vector<std::string>* notes) {
   Job test = job;
   test.material = scaled_forces(test.material, force);
   POLYPOD_ASSIGN(stock, cutting::Stock::block(cut.block_min, cut.block_max,
@@ -209,7 +211,18 @@ Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, 
   std::map<int, double> normal;  // by line
   for (const MovePrediction& m : prediction.moves) normal[m.line] = m.normal.mean;
   std::vector<double> out;
-  for (const TestCutStep& step : cut.steps) out.push_back(step.nominal + normal[step.lines[0]] + normal[step.lines[1]]);
+  const double most = kMostOff * job.cutter_of(cut.plan.tool).diameter;
+  for (const TestCutStep& step : cut.steps) {
+    for (const int line : step.lines) {
+      if (std::abs(normal[line]) <= most) continue;
+      return fail("MC414",
+                  fmt::format("the tool would be off by {:.1f} mm at the width of {:g} mm: no test cut",
+                              to_mm(std::abs(normal[line])), to_mm(step.width)),
+                  {}, "take a smaller feed per tooth or depth; check the unit of feed and speed and the compliances");
+    }
+    out.push_back(step.nominal + normal[step.lines[0]] + normal[step.lines[1]]);
+  }
+  if (notes != nullptr) *notes = condition_notes(test, moves.moves, prediction);
   return out;
 }
 

@@ -216,7 +216,17 @@ TEST(TestCut, RefusesWhatTellsNothing) {
   plan = usual();
   plan.feed = 0;
   EXPECT_EQ(machining::test_cut(job, plan).error().id, "MC411");
+  plan.feed = units::from_mm_per_min(1e5);
+  plan.spindle_speed = units::from_per_min(100);
+  EXPECT_EQ(machining::predicted_sizes(job, unwrap(machining::test_cut(job, plan)), 1).error().id, "MC414");
   const TestCut cut = unwrap(machining::test_cut(job, usual()));
+  std::vector<std::string> notes;
+  unwrap(machining::predicted_sizes(job, cut, 1, &notes));
+  EXPECT_TRUE(notes.empty());
+  plan.feed = units::from_mm_per_min(200);
+  plan.spindle_speed = units::from_per_min(4e5);
+  unwrap(machining::predicted_sizes(job, unwrap(machining::test_cut(job, plan)), 1, &notes));
+  EXPECT_FALSE(notes.empty());  // 10 km/min at the edge
   EXPECT_EQ(machining::fit_test_cut(job, cut, {{0, 0.072, 1e-6}, {1, 0.072, 1e-6}}).error().id, "MC412");
   ASSERT_EQ(cut.steps[0].width, cut.steps[5].width);
   EXPECT_EQ(machining::fit_test_cut(job, cut, {{0, 0.072, 1e-6}, {5, 0.072, 1e-6}, {0, 0.072, 1e-6}}).error().id,

@@ -44,8 +44,11 @@ struct TestCut {
 Result<TestCut> test_cut(const Job& job, const TestCutPlan& plan);
 
 /// The sizes of the steps as the job foretells them, with its cutting forces multiplied by `force`, m: nominal plus the
-/// mean normal errors of both walls along the middle diameter of each stretch. Errors: those of predict.
-Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, double force);
+/// mean normal errors of both walls along the middle diameter of each stretch. `notes`: where to put what a reader
+/// should know of the cut (condition_notes). Errors: those of predict; MC414 a wall that is off by more than a quarter
+/// of the cutter's diameter.
+Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, double force,
+                                            std::vector<std::string>* notes = nullptr);
 
 /// A factor and its standard uncertainty.
 struct Factor {
