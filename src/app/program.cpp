@@ -288,7 +288,7 @@ void declare_help(CLI::App& app, std::vector<std::string>& command) {
 
 int run_command(int argc, char** argv) {
   CLI::App app{
-      "Polypod: machines that cut and handle with arms and legs.\n"
+      "Polypod: kinematics, calibration and machining of parallel and serial machines.\n"
       "Lengths are mm, angles deg, forces N, deflections um, unless a name says otherwise.",
       "polypod"};
   app.set_version_flag("--version", POLYPOD_VERSION);

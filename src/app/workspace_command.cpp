@@ -301,7 +301,9 @@ Command workspace_command() {
     WorkspaceFiles files;
   };
   auto o = std::make_shared<Options>();
-  return {"workspace", "Volume of the points that are reachable from every required direction, between proven bounds",
+  return {"workspace",
+          "Volume of the points that are reachable from every required direction, between proven bounds where they are "
+          "known",
           "polypod workspace hexapod-strut --tilt 20",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);

@@ -224,8 +224,8 @@ std::string in_words(const Pose& X, const Singularity& s) {
   std::string out;
   if (s.kind == 0) {
     const bool by_mobility = s.mobility < s.control;
-    return fmt::format("regular: smallest singular values {:.3g} (B) and {:.3g} (A); the {} is that it {}", s.mobility,
-                       s.control, by_mobility ? "motion nearest to lost" : "least constrained motion",
+    return fmt::format("regular: smallest singular values {:.3g} (B) and {:.3g} (A); in the {} the tool {}", s.mobility,
+                       s.control, by_mobility ? "motion that is nearest to lost" : "least constrained motion",
                        motion_in_words(X, by_mobility ? s.lost_motion : s.free_motion, s.length));
   }
   if (s.kind & 1)

@@ -610,6 +610,7 @@ segments = [
   ASSERT_TRUE(table) << table.error().message;
   EXPECT_TRUE(table->timed);
   EXPECT_NEAR(table->path.stretches[1].duration, 0.5, 1e-12);
+  EXPECT_NEAR(table->path.stretches[0].angles_to.x(), 2 * std::numbers::pi / 180, 1e-15);
   const auto id = [](const std::string& name, const std::string& text) {
     const auto r = read_pose_path(written(name, text));
     return r ? std::string("read") : r.error().id;

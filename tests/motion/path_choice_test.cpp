@@ -55,6 +55,32 @@ TEST(Quality, OfAPathOnWhichEveryPoseIsIsotropic) {
       quality_of(load("lola50"), line({Vec3(0, -5, 0), kLevel}, {Vec3(0, -6, 0), kLevel}), {}, Goal::sigma_min, 1));
 }
 
+/// A planar arm of two links along a radius: det J = l1 l2 sin q2, whose integral is that of Simpson's rule here.
+/// Points lie 1 mm apart, so that the trapezoids of quality_of are off by less than 1e-5; sums without halves by 1e-3.
+TEST(Quality, IntegralOfADeterminantThatChanges) {
+  const AnyMachine arm(test::arm_of(R"(
+family = "serial"
+task = ["x", "y"]
+dh = [{ a_mm = 500 }, { a_mm = 400 }]
+)"));
+  const double from = 0.4, to = 0.7;
+  const auto q = quality_of(arm, line({Vec3(from, 0, 0), kLevel}, {Vec3(to, 0, 0), kLevel}), {}, Goal::determinant, 0);
+  ASSERT_TRUE(q);
+  const auto determinant = [](double r) {
+    const double cosine = (r * r - 0.25 - 0.16) / (2 * 0.5 * 0.4);
+    return 0.5 * 0.4 * std::sqrt(1 - cosine * cosine);
+  };
+  constexpr int kPieces = 1000;
+  double sum = 0;
+  for (int i = 0; i <= kPieces; ++i) {
+    const int weight = i == 0 || i == kPieces ? 1 : i % 2 == 1 ? 4 : 2;
+    sum += weight * determinant(from + (to - from) * i / kPieces);
+  }
+  const double want = sum * (to - from) / kPieces / 3 * 1e3;  // mm
+  EXPECT_NEAR(q->integral, want, 1e-5 * want);
+  EXPECT_NEAR(q->least, std::min(determinant(from), determinant(to)), 1e-12);
+}
+
 /// On a gantry the tool's error is that of the drives: half a step of each at most, and what it is behind by the delay.
 TEST(Actuators, ResolutionDelayAndIntervalOfAGantry) {
   const PosePath path = line({Vec3(0.1, 0, 0), kLevel}, {Vec3(-0.1, 0.05, 0.023), kLevel});
@@ -173,6 +199,15 @@ TEST(Insertion, TurnsOnTheSpotWhereTheWayCannotBePassed) {
         EXPECT_NE(kinematics::inverse(m, s.pose(s.size * i / 40)).reachable(), nullptr);
       }
     }
+    // In a given time: turns and way together take it.
+    PosePath timed = path;
+    timed.stretches[0].duration = 2;
+    double all = 0;
+    for (const Stretch& s : insert_points(m, timed, options).path.stretches) {
+      EXPECT_GT(s.duration, 0);
+      all += s.duration;
+    }
+    EXPECT_NEAR(all, 2, 1e-12);
     for (const InsertedPoint& point : put_in.points) {
       EXPECT_TRUE((point.p - a.p).norm() < 1e-12 || (point.p - b.p).norm() < 1e-12);
     }

@@ -89,6 +89,9 @@ TEST(WorkspaceOfLegs, TripodHoldsItsSamplesInItsOwnCoordinates) {
 TEST(WorkspaceOfLegs, HexaHoldsItsSamples) {
   expect_bounds_hold("hexa", {}, 20'000);
 }
+TEST(WorkspaceOfLegs, FourArmsHoldTheirSamples) {
+  expect_bounds_hold("delta-par4", {}, 20'000);
+}
 TEST(WorkspaceOfLegs, PlanarMachineHoldsItsSamplesInItsOwnCoordinates) {
   expect_bounds_hold("planar-3rrr", {}, 20'000);
 }
