@@ -628,8 +628,6 @@ class Nearest {
           const gcode::Interpretation& interpretation, const NearestOptions& options)
       : machine_(machine),
         start_{X_MW.p, rotation_of(X_MW)},
-        program_(program),
-        interpretation_(interpretation),
         options_(options),
         both_{program, interpretation, options.other},
         poses_(both_.poses()) {}
@@ -759,8 +757,6 @@ class Nearest {
 
   const machine::AnyMachine& machine_;
   const Placing start_;
-  const gcode::Program& program_;
-  const gcode::Interpretation& interpretation_;
   const NearestOptions& options_;
   Both both_;
   const Poses poses_;

@@ -211,6 +211,7 @@ Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, 
   std::map<int, double> normal;  // by line
   for (const MovePrediction& m : prediction.moves) normal[m.line] = m.normal.mean;
   std::vector<double> out;
+  out.reserve(cut.steps.size());
   const double most = kMostOff * job.cutter_of(cut.plan.tool).diameter;
   for (const TestCutStep& step : cut.steps) {
     for (const int line : step.lines) {
