@@ -290,7 +290,14 @@ Command pick_command() {
             POLYPOD_ASSIGN(plan, motion::plan(m, cycle, limits, options));
             POLYPOD_ASSIGN(r, motion::run(m, cycle, plan, o->samples, options));
             std::vector<motion::PeakForce> forces;
-            if (masses.dynamics) forces = motion::largest_forces(m, *masses.dynamics, cycle, plan);
+            if (masses.dynamics) {
+              motion::LargestForces largest = motion::largest_forces(m, *masses.dynamics, cycle, plan);
+              forces = std::move(largest.drives);
+              if (const auto t = largest.unknown) {
+                r.problems.push_back({*t, *t / plan.time, plan.tool(cycle, *t).p, "drive",
+                                      "the forces of the drives are not known here, out of reach or singular"});
+              }
+            }
             for (std::size_t i = 0; i < forces.size() && masses.force.size() > 0; ++i) {
               const double limit = masses.force[static_cast<Eigen::Index>(i)];
               if (!(forces[i].force > limit)) continue;

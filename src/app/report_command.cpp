@@ -1,5 +1,4 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// report
 #include "report_command.hpp"
 
 #include <fmt/format.h>

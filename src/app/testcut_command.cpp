@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -224,27 +225,21 @@ Result<Told> tell(const Context& context, const Options& o, const Job& job, cons
   POLYPOD_ASSIGN(fit, machining::fit_test_cut(job, sheet.cut, sheet.readings, progress));
   progress(1);
   out.fit = std::move(fit);
-  const Factor& product = out.fit.product;
-  Factor force = product;
   if (!o.displacements.empty()) {
     POLYPOD_ASSIGN(read, statics::read_displacements(o.displacements));
     POLYPOD_ASSIGN(compliance, machining::compliance_factor(job, read.points));
     if (!out.fit.no && !(compliance.value > 2 * compliance.uncertainty)) {
       out.fit.no = fmt::format(
-          "the displacements under known forces are {:.2g} times those of the job's machine, with "
-          "a standard uncertainty of {:.2g}: its compliance is not identifiable from them",
+          "the displacements under known forces are {:.2g} times those of the job's machine, with a standard "
+          "uncertainty of {:.2g}: its compliance is not identifiable from them",
           compliance.value, compliance.uncertainty);
       return out;
     }
-    force.value = product.value / compliance.value;
-    force.uncertainty =
-        force.value * std::hypot(product.uncertainty / product.value, compliance.uncertainty / compliance.value);
     out.compliance = compliance;
-    out.force = force;
   }
-  const machining::Factors& old = job.factors;
-  out.factors = {old.force * force.value, old.compliance * (out.compliance ? out.compliance->value : 1),
-                 old.force * force.uncertainty};
+  const machining::Separated parts = machining::separated(out.fit.product, out.compliance, job.factors);
+  if (out.compliance) out.force = parts.force;
+  out.factors = parts.factors;
   return out;
 }
 

@@ -27,7 +27,7 @@ Result<Shape> mesh_from(const config::Table& table, const std::string& path) {
   POLYPOD_ASSIGN(unit, table.text("unit"));
   const double metres = unit == "mm"     ? units::from_mm(1)
                         : unit == "m"    ? 1.0
-                        : unit == "inch" ? units::from_mm(25.4)
+                        : unit == "inch" ? units::from_inch(1)
                                          : 0.0;
   if (metres == 0) {
     return fail("BO101", fmt::format("unit = \"{}\" must be \"mm\", \"m\" or \"inch\"", unit), table.place_of("unit"),

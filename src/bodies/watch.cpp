@@ -7,6 +7,7 @@
 
 #include "polypod/bodies/bodies.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/serial/frames.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::bodies {
@@ -16,14 +17,6 @@ using Frame = Body::Frame;
 
 // A distance is asked for up to this much more than the next step needs, so that it serves many steps, m.
 constexpr double kAhead = 0.5;
-
-/// The matrix A_i of one row of the table, for the value q of its joint.
-Pose row_pose(const machine::SerialArm& arm, const machine::DhRow& row, double q) {
-  const bool turns = row.kind == machine::JointKind::revolute;
-  const double theta = row.theta_offset + (turns ? row.sign * q : 0.0), d = row.d + (turns ? 0.0 : row.sign * q);
-  const Pose about_z{rotation_z(theta), Vec3(0, 0, d)}, about_x{rotation_x(row.alpha), Vec3(row.a, 0, 0)};
-  return arm.convention == machine::DhConvention::standard ? about_z * about_x : about_x * about_z;
-}
 
 bool still(const Body& b) {
   return b.frame == Frame::machine || b.frame == Frame::work || (b.frame == Frame::link && b.link == 0);
@@ -88,12 +81,7 @@ Watch::Watch(const machine::AnyMachine& machine, const Pose& X_MW, Bodies bodies
 
 std::vector<Pose> Watch::frames(const Config& c) const {
   if (arm_ == nullptr) return {Pose{}, c.X_MT};
-  std::vector<Pose> out{arm_->X_MB};
-  int next = 0;
-  for (const machine::DhRow& row : arm_->dh) {
-    const double q = row.locked ? *row.locked : c.q[next++];
-    out.push_back(out.back() * row_pose(*arm_, row, q));
-  }
+  std::vector<Pose> out = machine::frames_of_table(*arm_, c.q);
   out.push_back(out.back() * arm_->X_FT);
   return out;
 }

@@ -28,6 +28,7 @@
 #include "polypod/core/nearest_word.hpp"
 #include "polypod/core/range_text.hpp"
 #include "polypod/core/table_text.hpp"
+#include "polypod/core/toml.hpp"
 
 namespace polypod::config {
 namespace {
@@ -540,24 +541,18 @@ std::vector<std::string> files_named_by(const std::string& path) {
 
 namespace {
 
-/// Text in quotes, as TOML escapes it.
-std::string quoted(std::string_view text) {
-  std::ostringstream out;
-  out << toml::value<std::string>(text);
-  return out.str();
-}
-
 std::string key_text(std::string_view name) {
   const bool bare = !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '_' || c == '-';
   });
-  return bare ? std::string(name) : quoted(name);
+  return bare ? std::string(name) : quoted_toml(name);
 }
 
 /// In one line, numbers with the fewest digits that say them.
 std::string value_text(const toml::node& node) {
   std::string inside;
   if (const auto* number = node.as_floating_point()) return fmt::format("{}", number->get());
+  if (const auto* text = node.as_string()) return quoted_toml(text->get());
   if (const auto* array = node.as_array()) {
     for (const auto& element : *array) inside += (inside.empty() ? "" : ", ") + value_text(element);
     return "[" + inside + "]";

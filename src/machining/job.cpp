@@ -105,7 +105,8 @@ Status read_factors(const config::Table& table, Job& job) {
   job.factors = {force, compliance, uncertainty};
   job.material = scaled_forces(std::move(job.material), force);
   if (uncertainty > 0) {
-    const double half_95 = 1.96 * uncertainty / force;
+    constexpr double kHalf95 = 1.96;  // half of a 95 % interval in standard deviations
+    const double half_95 = kHalf95 * uncertainty / force;
     const cutting::Material& m = job.material;
     job.material.spread.push_back(
         {half_95 * m.ktc, half_95 * m.krc, half_95 * m.kac, half_95 * m.kte, half_95 * m.kre, half_95 * m.kae});

@@ -314,6 +314,19 @@ Result<Factor> compliance_factor(const Job& job, const std::vector<statics::Meas
   return Factor{c, count > 1 ? std::sqrt(rest / (count - 1) / square) : std::abs(c)};
 }
 
+Separated separated(const Factor& product, const std::optional<Factor>& compliance, const Factors& old) {
+  Separated out;
+  out.force = product;
+  if (compliance) {
+    out.force.value = product.value / compliance->value;
+    out.force.uncertainty =
+        out.force.value * std::hypot(product.uncertainty / product.value, compliance->uncertainty / compliance->value);
+  }
+  out.factors = {old.force * out.force.value, old.compliance * (compliance ? compliance->value : 1),
+                 old.force * out.force.uncertainty};
+  return out;
+}
+
 std::string with_factors(const std::string& job_text, const Factors& factors, const std::string& remark) {
   std::istringstream in(job_text);
   std::string out, row;

@@ -499,13 +499,13 @@ Result<Run> run(const AnyMachine& machine, const Cycle& cycle, const Plan& plan,
       machine);
 }
 
-std::vector<PeakForce> largest_forces(const AnyMachine& machine, const Dynamics& dynamics, const Cycle& cycle,
-                                      const Plan& plan) {
+LargestForces largest_forces(const AnyMachine& machine, const Dynamics& dynamics, const Cycle& cycle,
+                             const Plan& plan) {
   constexpr int kInstants = 2000;
-  std::vector<PeakForce> out(static_cast<std::size_t>(kinematics::joint_count(machine)));
+  LargestForces out;
+  out.drives.resize(static_cast<std::size_t>(kinematics::joint_count(machine)));
   JointVector near;
-  for (int k = 0; k <= kInstants; ++k) {
-    const double t = plan.time * k / kInstants;
+  const auto forces_at = [&](double t) -> std::optional<JointVector> {
     const Motion tool = plan.tool(cycle, t);
     PoseSeries target;
     for (int i = 0; i < 3; ++i) {
@@ -518,14 +518,19 @@ std::vector<PeakForce> largest_forces(const AnyMachine& machine, const Dynamics&
         near.size() > 0 ? kinematics::inverse_near(machine, X, near) : kinematics::inverse(machine, X);
     const kinematics::Solution* at = near.size() > 0 || found.solutions.empty() ? nullptr : found.reachable();
     if (at == nullptr && !found.solutions.empty()) at = &found.solutions.front();
-    if (at == nullptr) continue;
+    if (at == nullptr) return std::nullopt;
     near = at->joints;
     const JointSeries motion = joint_series(machine, target, kinematics::settled(machine, X, near), near);
-    if (!motion.regular) continue;
-    const JointVector force = drive_forces(machine, dynamics, motion);
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      const double f = std::abs(force[static_cast<Eigen::Index>(i)]);
-      if (f > out[i].force) out[i] = {f, t};
+    if (!motion.regular) return std::nullopt;
+    return drive_forces(machine, dynamics, motion);
+  };
+  for (int k = 0; k <= kInstants; ++k) {
+    const double t = plan.time * k / kInstants;
+    const std::optional<JointVector> forces = forces_at(t);
+    if (!forces && !out.unknown) out.unknown = t;
+    for (std::size_t i = 0; forces && i < out.drives.size(); ++i) {
+      const double f = std::abs((*forces)[static_cast<Eigen::Index>(i)]);
+      if (f > out.drives[i].force) out.drives[i] = {f, t};
     }
   }
   return out;

@@ -2,6 +2,7 @@
 #include "cell_film.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -45,7 +46,7 @@ class Track {
       : machine_(machine), legs_(legs), joints_(home), from_(home) {
     const kinematics::ForwardResult f = kinematics::forward(machine.model, home);
     if (!f.poses.empty()) pose_ = f.poses[0];
-    start_ = end_ = machine.X_CM * pose_.p;
+    start_ = machine.X_CM * pose_.p;
   }
   void go_to(double time) {
     while (next_ < legs_.size() && legs_[next_].from <= time) {
@@ -88,7 +89,7 @@ class Track {
   const std::vector<cell::Leg>& legs_;
   JointVector joints_, from_;
   Pose pose_;
-  Vec3 start_, end_;
+  Vec3 start_;
   std::size_t next_ = 0;
 };
 

@@ -10,6 +10,8 @@
 #include <fstream>
 #include <random>
 
+#include "meshes.hpp"
+
 namespace polypod::bodies {
 namespace {
 
@@ -32,24 +34,6 @@ double to_cylinder(const Vec3& p, double height, double radius) {  // from 0 to 
   const double aside = std::max(0.0, std::hypot(p.x(), p.y()) - radius);
   const double along = std::max({0.0, -p.z(), p.z() - height});
   return std::hypot(aside, along);
-}
-
-std::shared_ptr<const Mesh> cube(const Vec3& min, const Vec3& max) {
-  std::vector<Vec3> points = box(min, max).points;
-  return *mesh_of(points,
-                  {{0, 2, 1},
-                   {1, 2, 3},
-                   {4, 5, 6},
-                   {5, 7, 6},
-                   {0, 1, 4},
-                   {1, 5, 4},
-                   {2, 6, 3},
-                   {3, 6, 7},
-                   {0, 4, 2},
-                   {2, 4, 6},
-                   {1, 3, 5},
-                   {3, 7, 5}},
-                  "cube");
 }
 
 TEST(Distance, OfASphereFromABoxACylinderAndAMeshIsThatOfTheClosedForm) {

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <random>
 
+#include "meshes.hpp"
 #include "polypod/bodies/bodies.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 
@@ -105,25 +106,11 @@ TEST(Watch, SeesAThinWallThatBothEndsOfTheWayAreClearOf) {
 
 TEST(Watch, SeesABodyThatBeginsInsideAMesh) {
   const machine::AnyMachine delta = arm("delta-picker");
-  const std::vector<Vec3> corners = box({-0.2, -0.2, -0.6}, {0.2, 0.2, -0.1}).points;
-  Shape cube;
-  cube.mesh = *mesh_of(corners,
-                       {{0, 2, 1},
-                        {1, 2, 3},
-                        {4, 5, 6},
-                        {5, 7, 6},
-                        {0, 1, 4},
-                        {1, 5, 4},
-                        {2, 6, 3},
-                        {3, 6, 7},
-                        {0, 4, 2},
-                        {2, 4, 6},
-                        {1, 3, 5},
-                        {3, 7, 5}},
-                       "cube");
+  Shape inside;
+  inside.mesh = cube({-0.2, -0.2, -0.6}, {0.2, 0.2, -0.1});
   Bodies bodies;
   bodies.all = {on(Body::Frame::tool, 0, Shape{{Vec3::Zero()}, 0.01, 0, nullptr}, "tip"),
-                on(Body::Frame::machine, 0, cube, "cube")};
+                on(Body::Frame::machine, 0, inside, "cube")};
   Watch watch(delta, Pose{}, bodies);
   EXPECT_TRUE(watch.to(Pose{Mat3::Identity(), Vec3(0, 0, -0.3)}, {}, false, 0));
   EXPECT_TRUE(watch.to(Pose{Mat3::Identity(), Vec3(0.01, 0, -0.3)}, {}, true, 0));

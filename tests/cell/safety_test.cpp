@@ -124,20 +124,25 @@ TEST(Safety, StoppingTimeIsStatedOrFromTheDrives) {
   EXPECT_NEAR(stopping_of(m).time, 0.2, kRounding);
 }
 
-TEST(Safety, ACurtainTooNearIsAProblemUnlessAMeasureIsStated) {
+/// An arm that stops within 0.3 s behind one guard along x, walls beside it.
+Cell behind(Guard g) {
   Cell cell;
   cell.open_sides = "walls";
   Machine m;
   m.name = "arm";
   m.stopping = 0.3;
   cell.machines.push_back(m);
-  Guard g;
   g.name = "front";
-  g.kind = Guard::Kind::curtain;
-  g.from = {0, 0, 0};
   g.to = {2, 0, 0};
-  g.height = 1.8;
   cell.guards.push_back(g);
+  return cell;
+}
+
+TEST(Safety, ACurtainTooNearIsAProblemUnlessAMeasureIsStated) {
+  Guard g;
+  g.kind = Guard::Kind::curtain;
+  g.height = 1.8;
+  Cell cell = behind(g);
   // 608 mm are needed: the nearest place is 1 m away, or 0.5 m with what is moved.
   EXPECT_TRUE(safety(cell, {{{1, 1, 1}, 0.1, "arm"}}).problems.empty());
   const Safety near = safety(cell, {{{1, 0.7, 1}, 0.1, "arm"}});
@@ -151,22 +156,14 @@ TEST(Safety, ACurtainTooNearIsAProblemUnlessAMeasureIsStated) {
   EXPECT_FALSE(measured.guards[0].enough);
 }
 
-// ISO 13855: T is the response of the device, of the control and the stopping time together. 1.6 m/s (0.3 + 0.02 +
-// 0.05) s
-// + 8 (30 - 14) mm = 720 mm.
+// ISO 13855: T is the response of the device, of the control and the stopping time together:
+// 1.6 m/s (0.3 + 0.02 + 0.05) s + 8 (30 - 14) mm = 720 mm.
 TEST(Safety, TimesOfDeviceAndControlCount) {
-  Cell cell;
-  Machine m;
-  m.name = "arm";
-  m.stopping = 0.3;
-  cell.machines.push_back(m);
   Guard g;
-  g.name = "front";
   g.kind = Guard::Kind::curtain;
-  g.to = {2, 0, 0};
   g.response = 0.02;
   g.height = 2.6;  // nobody reaches over it
-  cell.guards.push_back(g);
+  Cell cell = behind(g);
   cell.control_response = 0.05;
   const Safety out = safety(cell, {{{1, 1, 1}, 0.1, "arm"}});
   EXPECT_NEAR(out.guards.at(0).stopping, 0.37, kRounding);
@@ -175,19 +172,11 @@ TEST(Safety, TimesOfDeviceAndControlCount) {
 
 // A fence of 2 m with round openings of 30 mm: 120 mm (ISO 13857, Table 4) from the surface of what is moved.
 TEST(Safety, OpeningsCountFromTheSurfaceOfWhatIsMoved) {
-  Cell cell;
-  Machine m;
-  m.name = "arm";
-  m.stopping = 0.3;
-  cell.machines.push_back(m);
   Guard g;
-  g.name = "fence";
-  g.to = {2, 0, 0};
   g.height = 2;
   g.opening = 0.030;
   g.opening_height = 1;
-  cell.guards.push_back(g);
-  cell.open_sides = "walls";
+  const Cell cell = behind(g);
   EXPECT_TRUE(safety(cell, {{{1, 0.15, 1}, 0.01, "arm"}}).problems.empty());
   const Safety near = safety(cell, {{{1, 0.15, 1}, 0.10, "arm"}});
   ASSERT_EQ(near.guards.size(), 1U);

@@ -125,25 +125,31 @@ TEST(Confidence, SdIsThatOfTheLinearModel) {
   EXPECT_NEAR(largest, band.normal.max / 2, 1e-9);
 }
 
-// The room is that of one point of the wall: no more than the tube, and no less than what the largest vertical error of
-// the move and the rounding of its corner would leave together.
+// The room of a wall is that of one point of it, across the path: with that point's error along the tool it lies on the
+// surface of the tube. In exact path mode (G61) nothing is rounded at corners.
 TEST(Confidence, RoomOfAWallIsWhatTheVerticalErrorLeavesOfTheTube) {
-  const Example e = load_example("slavkovic_square");
+  std::string text = testing::unwrap(files::read(testing::example_path("slavkovic_square", "program.ngc")));
+  text.replace(text.find("G90 G94"), 3, "G90 G61");
+  const Example e = testing::with_program("slavkovic_square", text);
   const machining::Correction c = testing::correct(e);
   const Confidence found = confidence(e, c, covariance(1));
-  ASSERT_FALSE(found.walls.empty());
+  ASSERT_EQ(found.walls.size(), 4U);
+  double highest = 0;
   for (const auto& wall : found.walls) {
     const auto m = std::find_if(c.after.moves.begin(), c.after.moves.end(),
                                 [&](const machining::MovePrediction& move) { return move.line == wall.line; });
     ASSERT_NE(m, c.after.moves.end());
-    const auto corner = std::find_if(c.moves.begin(), c.moves.end(),
-                                     [&](const machining::MoveOutcome& o) { return o.move == m->move; });
-    const double blended = corner == c.moves.end() ? 0 : corner->corner_after;
-    const double vertical = std::max(std::abs(m->vertical.min), std::abs(m->vertical.max));
-    EXPECT_LT(wall.room, e.job.tolerance);
-    EXPECT_GE(std::hypot(wall.room, vertical), e.job.tolerance - blended - 1e-9);
-    EXPECT_GT(vertical, 1e-6) << "the test says something only where the tool is off in height";
+    const gcode::Move& move = e.interpretation.moves[static_cast<std::size_t>(m->move)];
+    double nearest = 1;
+    for (const machining::Sample& s : c.after.few) {
+      if (c.source[static_cast<std::size_t>(s.move)] != m->move || s.away.isZero(0)) continue;
+      const double vertical = machining::path_error(move, s.bent(), s.away).vertical;
+      nearest = std::min(nearest, std::abs(std::hypot(wall.room, vertical) - e.job.tolerance));
+      highest = std::max(highest, std::abs(vertical));
+    }
+    EXPECT_LT(nearest, 1e-12) << "line " << wall.line;
   }
+  EXPECT_GT(highest, 1e-6) << "the test says something only where the tool is off in height";
 }
 
 TEST(Confidence, SharesAndWhatToMeasure) {

@@ -250,6 +250,19 @@ TEST(TestCut, KnownForcesTellTheCompliance) {
   EXPECT_GT(unwrap(machining::compliance_factor(job, points)).uncertainty, 1e-3);
 }
 
+TEST(TestCut, ForceIsTheProductOverTheCompliance) {
+  // 1.2 +- 5 % over 0.8 +- 12 %: 1.5 +- 13 %.
+  const machining::Separated both = machining::separated({1.2, 0.06}, machining::Factor{0.8, 0.096}, {2, 3, 0});
+  EXPECT_NEAR(both.force.value, 1.5, 1e-12);
+  EXPECT_NEAR(both.force.uncertainty, 0.13 * 1.5, 1e-12);
+  EXPECT_NEAR(both.factors.force, 3, 1e-12);
+  EXPECT_NEAR(both.factors.compliance, 2.4, 1e-12);
+  EXPECT_NEAR(both.factors.force_uncertainty, 0.39, 1e-12);
+  const machining::Separated product = machining::separated({1.2, 0.06}, {}, {});
+  EXPECT_EQ(product.factors.force, 1.2);
+  EXPECT_EQ(product.factors.compliance, 1);
+}
+
 TEST(TestCut, AJobWithFactorsForetellsWhatWasFound) {
   const Job job = square_job(), truth = in_truth(job, 1.25, 0.9);
   const std::string text = unwrap(files::read(testing::example_path("slavkovic_square", "job.toml")));

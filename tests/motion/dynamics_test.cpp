@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "machines.hpp"
+#include "motion/masses.hpp"
 
 #include "polypod/motion/machine_motion.hpp"
 
@@ -26,21 +27,9 @@ Body brick(double mass, const Vec3& center, const Vec3& size) {
 }
 
 Dynamics masses_of(const AnyMachine& m) {
-  Dynamics out;
-  out.gravity = Vec3(0.3, -0.8, -9.7);
+  Dynamics out = legs_with_masses();
   out.platform = brick(2.5, Vec3(0.01, -0.02, 0.03), Vec3(0.2, 0.1, 0.05));
   out.payload = brick(0.7, Vec3(0, 0.01, -0.02), Vec3(0.05, 0.06, 0.07));
-  out.strut_fixed = 1.2;
-  out.strut_fixed_center = 0.02;
-  out.strut_fixed_inertia = 0.01;
-  out.strut_moving = 0.6;
-  out.strut_moving_center = 0.03;
-  out.strut_moving_inertia = 0.002;
-  out.rod = 0.4;
-  out.slider = 0.9;
-  out.arm = 0.8;
-  out.arm_center = 0.07;
-  out.arm_inertia = 0.008;
   out.drive = {0.05};
   if (const auto* arm = std::get_if<machine::SerialArm>(&m)) {
     for (std::size_t k = 0; k < arm->dh.size(); ++k) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "machines.hpp"
+#include "motion/masses.hpp"
 #include "motion/multibody_host.hpp"
 
 #include "polypod/families/serial/kinematics.hpp"
@@ -60,21 +61,9 @@ Body brick(double mass, const Vec3& center, const Vec3& moments) {
 }
 
 Dynamics masses() {
-  Dynamics out;
-  out.gravity = Vec3(0.4, -0.9, -9.6);
+  Dynamics out = legs_with_masses();
   out.platform = brick(2.5, Vec3(0.01, -0.02, 0.03), Vec3(0.02, 0.03, 0.04));
   out.payload = brick(0.7, Vec3(0, 0.01, -0.02), Vec3(0.003, 0.002, 0.004));
-  out.strut_fixed = 1.2;
-  out.strut_fixed_center = 0.02;
-  out.strut_fixed_inertia = 0.01;
-  out.strut_moving = 0.6;
-  out.strut_moving_center = 0.03;
-  out.strut_moving_inertia = 0.002;
-  out.rod = 0.4;
-  out.slider = 0.9;
-  out.arm = 0.8;
-  out.arm_center = 0.07;
-  out.arm_inertia = 0.008;
   return out;
 }
 

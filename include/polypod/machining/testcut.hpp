@@ -91,6 +91,15 @@ Result<TestCutFit> fit_test_cut(const Job& job, const TestCut& cut, const std::v
 /// displacements. Errors: those of statics::computed_compliance; MA105 a machine without compliances.
 Result<Factor> compliance_factor(const Job& job, const std::vector<statics::MeasuredPoint>& points);
 
+/// What goes into the table [factors] of a job that has `old`, under which everything was foretold: the product over
+/// the compliance is the factor of the forces, their relative uncertainties add as squares; without a compliance the
+/// whole product is taken for the forces.
+struct Separated {
+  Factor force;
+  Factors factors;
+};
+Separated separated(const Factor& product, const std::optional<Factor>& compliance, const Factors& old);
+
 /// The text of a job file with a table [factors] at its end, in the place of the one that it may have; lines of
 /// `remark` stand before it as remarks.
 std::string with_factors(const std::string& job_text, const Factors& factors, const std::string& remark);

@@ -121,7 +121,10 @@ struct PeakForce {
 };
 /// The largest absolute force (N) or torque (Nm) of each drive over a planned cycle, at 2000 instants of equal time,
 /// with what `drive_forces` counts. Of machines whose forces are computed (no_dynamics).
-std::vector<PeakForce> largest_forces(const AnyMachine& machine, const Dynamics& dynamics, const Cycle& cycle,
-                                      const Plan& plan);
+struct LargestForces {
+  std::vector<PeakForce> drives;
+  std::optional<double> unknown;  ///< s, the first instant at which they are not known: out of reach, or singular
+};
+LargestForces largest_forces(const AnyMachine& machine, const Dynamics& dynamics, const Cycle& cycle, const Plan& plan);
 
 }  // namespace polypod::motion

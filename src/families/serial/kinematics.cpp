@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "polypod/families/serial/frames.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/closure.hpp"
 
@@ -123,6 +124,16 @@ std::string limit_name(const SerialArm& arm, int limit) {
     if (!row.locked && ++seen == joint) break;
   }
   return fmt::format("joint {} {}", number, limit % 2 == 0 ? "below its minimum" : "above its maximum");
+}
+
+std::vector<Pose> frames_of_table(const SerialArm& arm, const JointVector& q) {
+  std::vector<Pose> out{arm.X_MB};
+  int next = 0;
+  for (const DhRow& row : arm.dh) {
+    out.push_back(out.back());
+    pass_row(out.back(), row, arm.convention, row.locked ? *row.locked : q[next++]);
+  }
+  return out;
 }
 
 Pose forward(const SerialArm& arm, const JointVector& q) {

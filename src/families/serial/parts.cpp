@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "polypod/families/serial/frames.hpp"
+
 namespace polypod::machine {
 
 using Role = OutlinePart::Role;
@@ -42,13 +44,10 @@ Vec3 middle_of_work(const SerialArm&) {
 Outline outline_at(const SerialArm& arm, const Pose& X_MT, const JointVector& q) {
   Outline out;
   OutlinePart links{Role::moving, "links", {arm.X_MB.p}}, joints{Role::joints, "", {arm.X_MB.p}};
-  SerialArm partial = arm;
-  partial.X_FT = Pose{};
-  for (std::size_t rows = 1; rows <= arm.dh.size(); ++rows) {
-    partial.dh.assign(arm.dh.begin(), arm.dh.begin() + static_cast<std::ptrdiff_t>(rows));
-    const Vec3 p = forward(partial, JointVector(q.head(partial.free_joints()))).p;
-    links.points.push_back(p);
-    joints.points.push_back(p);
+  const std::vector<Pose> frames = frames_of_table(arm, q);
+  for (auto frame = frames.begin() + 1; frame != frames.end(); ++frame) {
+    links.points.push_back(frame->p);
+    joints.points.push_back(frame->p);
   }
   const Vec3 last = links.points.back();
   out.push_back(std::move(links));
