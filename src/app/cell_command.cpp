@@ -129,7 +129,7 @@ Json layout_json(const cell::Layout& l) {
 }
 
 /// How long the ways take: tables of picks, and where arms stand.
-Json times_json(const pages::CellResult& r) {
+Json times_json(const cell::CellResult& r) {
   Json picks = Json::object(), stands = Json::object();
   for (std::size_t t = 0; t < r.motions.picks.size(); ++t) {
     const cell::PickTable& table = r.motions.picks[t];
@@ -190,7 +190,7 @@ Result<std::pair<std::string, std::vector<double>>> sweep_of(const std::string& 
 
 /// Runs the cell with each value; the best has no problem and the largest throughput.
 Result<int> run_sweep(const Context& context, const std::string& file, const std::vector<cell::Override>& overrides,
-                      const std::string& text, pages::CellQuestion question) {
+                      const std::string& text, cell::CellQuestion question) {
   POLYPOD_ASSIGN(sweep, sweep_of(text));
   Json rows = Json::array();
   std::optional<std::size_t> best;
@@ -201,7 +201,7 @@ Result<int> run_sweep(const Context& context, const std::string& file, const std
     std::vector<cell::Override> with = overrides;
     with.push_back({sweep.first, fmt::format("{:.17g}", sweep.second[k])});
     POLYPOD_ASSIGN(c, cell::read(file, with));
-    const pages::CellResult r = pages::judge_cell(std::move(c), question);
+    const cell::CellResult r = cell::judge_cell(std::move(c), question);
     if (!progress(static_cast<double>(k + 1) / static_cast<double>(sweep.second.size()))) return kDone;
     const double rate = r.simulated() ? r.study.throughput.mean : 0;
     rates.push_back(rate);
@@ -232,7 +232,7 @@ Result<int> run_sweep(const Context& context, const std::string& file, const std
   return best ? kDone : kAnswerIsNo;
 }
 
-Json document(const pages::CellResult& r) {
+Json document(const cell::CellResult& r) {
   const cell::Cell& c = r.cell;
   Json problems = Json::array();
   for (const cell::Problem& p : r.problems) problems.push_back({{"kind", p.kind}, {"detail", p.detail}});
@@ -300,7 +300,7 @@ Json document(const pages::CellResult& r) {
   return out;
 }
 
-void print_result(const pages::CellResult& r) {
+void print_result(const cell::CellResult& r) {
   const cell::Cell& c = r.cell;
   fmt::print("{}\n", one_line(c.description.empty() ? c.name : c.description));
   fmt::print("reach      {} of {} places judged are in reach\n",
@@ -406,7 +406,7 @@ Command cell_command() {
           }
         }
         POLYPOD_ASSIGN(c, cell::read(o->file, overrides));
-        pages::CellQuestion question;
+        cell::CellQuestion question;
         question.settings.seconds = units::to_per_min(context.given("--minutes") ? o->minutes : c.minutes);
         question.settings.seed = static_cast<std::uint64_t>(context.given("--seed") ? o->seed : c.seed);
         question.settings.policy = o->policy.empty() ? c.policy : o->policy;
@@ -415,7 +415,7 @@ Command cell_command() {
         question.compare = o->compare;
         if (!o->sweep.empty()) return run_sweep(context, o->file, overrides, o->sweep, question);
         question.settings.progress = progress_line(context, "simulating");
-        const pages::CellResult result = pages::judge_cell(std::move(c), question);
+        const cell::CellResult result = cell::judge_cell(std::move(c), question);
         if (!result.study.complete) return kDone;  // Ctrl-C: the program says so
         files::Outputs together;
         if (!o->report.empty())
