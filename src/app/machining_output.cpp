@@ -318,7 +318,8 @@ void print_confidence(const machining::Confidence& c) {
   if (walls.size() > kMost) fmt::print("  and {} walls more, likelier than these\n", walls.size() - kMost);
   if (c.inputs.empty() || c.walls.empty()) return;
   const machining::UncertainInput& first = c.inputs.front();
-  fmt::print("know better first: {}, {:.0f} % of the variance{}\n", first.name, 100 * first.share,
+  fmt::print("know better first: {}, {:.0f} % of the variance{}{}\n", first.name, 100 * first.share,
+             first.share > 1 ? " (others cancel a part of it)" : "",
              percent(c.least) == percent(first.least_if_halved)
                  ? ""
                  : fmt::format("; known twice as well, the least likely wall would be inside with {}",

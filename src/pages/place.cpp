@@ -28,6 +28,10 @@ std::string in_words(const Placing& at) {
                      report::fixed(to_deg(at.turn), 1));
 }
 
+std::string range(const machine::JointRange& r, double (*user)(double)) {
+  return fmt::format("{} .. {}", report::fixed(user(r.min), 1), report::fixed(user(r.max), 1));
+}
+
 report::HeatMap map_of(const PlaceResult& result, const std::string& title, const std::string& label,
                        const std::string& unit, double (*value)(const PlacePoint&)) {
   const machining::PlaceMap& map = result.map;
@@ -85,27 +89,27 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
     const double gain = *result.start_error - best.error;
     page.add_verdict(report::Verdict::good,
                      gain > 0 ? fmt::format("The best place that was found is {}: the largest normal error there is "
-                                            "{:.1f} um, {:.1f} um less than at the start.",
+                                            "{:.1f} µm, {:.1f} µm less than at the start.",
                                             in_words(best.at), to_um(best.error), to_um(gain))
                               : std::string("No place that was looked at is better than the start."));
   } else {
     page.add_verdict(
         report::Verdict::bad,
         fmt::format("Where the part is, the program does not fit the machine ({}). The best place that was "
-                    "found is {}: the largest normal error there is {:.1f} um.",
+                    "found is {}: the largest normal error there is {:.1f} µm.",
                     machining::name_of(result.start_fit), in_words(best.at), to_um(best.error)));
   }
   std::vector<report::KeyFigure> figures;
   if (result.start_error)
-    figures.push_back({report::fixed(to_um(*result.start_error), 1), "um", "largest normal error at the start"});
-  figures.push_back({report::fixed(to_um(best.error), 1), "um", "at the best place", report::Verdict::good});
+    figures.push_back({report::fixed(to_um(*result.start_error), 1), "µm", "largest normal error at the start"});
+  figures.push_back({report::fixed(to_um(best.error), 1), "µm", "at the best place", report::Verdict::good});
   figures.push_back({std::to_string(result.fitting), "", fmt::format("of {} places fit", result.places)});
   page.add_key_figures(figures);
   if (result.at_border)
     page.add_text(
         "The best place lies at the boundary of the box that was searched: a larger box may hold a better one.");
   page.add_text(
-      "Both figures are what `polypod predict` gives with the job moved there. The place is the best that a search "
+      "Both figures are what polypod predict gives with the job moved there. The place is the best that a search "
       "found; that there is none better is not proven.");
 
   page.add_section("Maps");
@@ -113,12 +117,12 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
     const std::string where = fmt::format("z = {} mm, turned by {} deg", report::fixed(to_mm(result.map.z), 1),
                                           report::fixed(to_deg(result.map.turn), 1));
     page.add_figure(
-        map_of(result, "Largest normal error", "error", "um", [](const PlacePoint& p) { return to_um(p.error); }),
+        map_of(result, "Largest normal error", "error", "µm", [](const PlacePoint& p) { return to_um(p.error); }),
         "Estimated largest normal error of the program with the origin of the workpiece at each place, " + where +
             ". Blank: the program does not fit there.");
     page.add_figure_grid(
         2,
-        {{"Compliance across the path", map_of(result, "Compliance across the path", "compliance", "um/N",
+        {{"Compliance across the path", map_of(result, "Compliance across the path", "compliance", "µm/N",
                                                [](const PlacePoint& p) { return units::to_um_per_N(p.compliance); })},
          {"Joints' margin", map_of(result, "Joints' margin", "margin", "% of the range",
                                    [](const PlacePoint& p) { return 100 * p.margin; })},
@@ -136,7 +140,7 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
     plot.x.label = "rotation of the workpiece";
     plot.x.unit = "deg";
     plot.y.label = "largest normal error";
-    plot.y.unit = "um";
+    plot.y.unit = "µm";
     plot.y.with_zero = true;
     report::Series series{"estimated", {}, {}};
     for (const PlacePoint& p : result.rotations) {
@@ -151,8 +155,8 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   page.add_section("Places that were judged");
   report::Table table;
   table.columns = {
-      {"x", "mm", 1},        {"y", "mm", 1}, {"z", "mm", 1}, {"rotation", "deg", 1}, {"largest normal error", "um", 1},
-      {"estimated", "um", 1}};
+      {"x", "mm", 1},        {"y", "mm", 1}, {"z", "mm", 1}, {"rotation", "deg", 1}, {"largest normal error", "µm", 1},
+      {"estimated", "µm", 1}};
   double off = 0;
   for (const machining::JudgedPlace& j : result.judged) {
     table.rows.push_back({to_mm(j.at.origin.x()), to_mm(j.at.origin.y()), to_mm(j.at.origin.z()), to_deg(j.at.turn),
@@ -162,20 +166,18 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   page.add_table(table);
   page.add_text(fmt::format(
       "Maps are estimates: the forces are those of the cut at {}, put to the compliance at each place, at the most "
-      "loaded points of the program. Where `predict` was asked, the estimate was off by up to {:.1f} um.",
+      "loaded points of the program. Where polypod predict was asked, the estimate was off by up to {:.1f} µm.",
       in_words(result.reference), to_um(off)));
 
   page.add_section("What this page does not answer");
-  page.add_list({"Whether machine, tool and part collide with a table, a fixture or each other.",
-                 "Whether the part can be clamped there, and how exactly.",
-                 fmt::format("Places outside of the box x {:.1f} .. {:.1f}, y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm, "
-                             "rotations {:.1f} .. {:.1f} deg.",
-                             to_mm(result.box[0].min), to_mm(result.box[0].max), to_mm(result.box[1].min),
-                             to_mm(result.box[1].max), to_mm(result.box[2].min), to_mm(result.box[2].max),
-                             to_deg(result.turns.min), to_deg(result.turns.max)),
-                 fmt::format("Points of the program between the {} that an estimate looks at; the whole program was "
-                             "checked at the places of the table.",
-                             result.looked_at)});
+  page.add_list(
+      {"Whether machine, tool and part collide with a table, a fixture or each other.",
+       "Whether the part can be clamped there, and how exactly.",
+       fmt::format("Places outside of the box x {}, y {}, z {} mm, rotations {} deg.", range(result.box[0], to_mm),
+                   range(result.box[1], to_mm), range(result.box[2], to_mm), range(result.turns, to_deg)),
+       fmt::format("Points of the program between the {} that an estimate looks at; the whole program was "
+                   "checked at the places of the table.",
+                   result.looked_at)});
   if (!options.command.empty()) page.add_code("The command that made this page", options.command, false);
   return page.to_html();
 }

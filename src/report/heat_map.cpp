@@ -479,20 +479,23 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   picture.body += fmt::format("<path d=\"M{} {}H{}V{}H{}Z\" fill=\"none\" class=\"axis\"/>\n", px(left), px(top),
                               px(right), px(bottom), px(left));
 
-  const Scale V{lo, hi, bottom, top};
-  const double bar = right + bar_gap;
-  for (const BandOf& band : bands) {
-    picture.body +=
-        fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\"/>\n", px(bar), px(V(band.to)),
-                    px(bar_width), px(V(band.from) - V(band.to)), colour((band.from + band.to) / 2, -1));
-  }
-  double last_y = std::numeric_limits<double>::infinity();
-  for (const double e : edges) {
-    const double at = V(e);
-    picture.line(bar, at, bar + bar_width + 3, at, "axis");
-    if (last_y - at < 13) continue;
-    picture.text(bar + bar_width + 6, at + 4, label_of(e, decimals), "n", svg::kSmallFont);
-    last_y = at;
+  // Kinds without a value, as what stops a motion, have their colours in the legend alone.
+  if (!with_kinds || !label.empty()) {
+    const Scale V{lo, hi, bottom, top};
+    const double bar = right + bar_gap;
+    for (const BandOf& band : bands) {
+      picture.body +=
+          fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\"/>\n", px(bar), px(V(band.to)),
+                      px(bar_width), px(V(band.from) - V(band.to)), colour((band.from + band.to) / 2, -1));
+    }
+    double last_y = std::numeric_limits<double>::infinity();
+    for (const double e : edges) {
+      const double at = V(e);
+      picture.line(bar, at, bar + bar_width + 3, at, "axis");
+      if (last_y - at < 13) continue;
+      picture.text(bar + bar_width + 6, at + 4, label_of(e, decimals), "n", svg::kSmallFont);
+      last_y = at;
+    }
   }
   const bool has_label = !(x.label.empty() && x.unit.empty());
   return picture.finish(bottom + (has_label ? 42 : 24));
