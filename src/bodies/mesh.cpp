@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <numeric>
+#include <set>
 #include <sstream>
 
 #include "polypod/bodies/shape.hpp"
@@ -61,6 +62,27 @@ int build(Mesh& mesh, int first, int count) {
   return index;
 }
 
+/// A point of each part of the surface whose triangles hang together.
+std::vector<int> parts_of(const Mesh& mesh) {
+  std::vector<int> root(mesh.points.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](int i) {
+    while (root[static_cast<std::size_t>(i)] != i) {
+      int& up = root[static_cast<std::size_t>(i)];
+      up = root[static_cast<std::size_t>(up)];
+      i = up;
+    }
+    return i;
+  };
+  for (const auto& t : mesh.triangles) {
+    root[static_cast<std::size_t>(find(t[1]))] = find(t[0]);
+    root[static_cast<std::size_t>(find(t[2]))] = find(t[0]);
+  }
+  std::set<int> out;
+  for (const auto& t : mesh.triangles) out.insert(find(t[0]));
+  return {out.begin(), out.end()};
+}
+
 /// Corners three by three, joined where they are equal.
 struct Corners {
   std::vector<Vec3> points;
@@ -106,6 +128,7 @@ Result<std::shared_ptr<const Mesh>> mesh_of(std::vector<Vec3> points, std::vecto
   mesh.order.resize(mesh.triangles.size());
   std::iota(mesh.order.begin(), mesh.order.end(), 0);
   build(mesh, 0, static_cast<int>(mesh.order.size()));
+  mesh.parts = parts_of(mesh);
   return std::make_shared<const Mesh>(std::move(mesh));
 }
 

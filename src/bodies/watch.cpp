@@ -140,8 +140,11 @@ bool Watch::one_inside(const Pair& pair, const std::vector<Pose>& frames) const 
   const auto holds = [&](std::size_t outer, std::size_t inner) {
     const Body &o = bodies_[outer], &i = bodies_[inner];
     if (!o.shape.mesh) return false;
-    const Vec3 p = frame_of(i, frames) * (i.shape.mesh ? i.shape.mesh->points.front() : i.shape.points.front());
-    return o.shape.mesh->holds(frame_of(o, frames).inverse() * p);
+    const Pose X_OI = frame_of(o, frames).inverse() * frame_of(i, frames);
+    if (!i.shape.mesh) return o.shape.mesh->holds(X_OI * i.shape.points.front());
+    const Mesh& parts = *i.shape.mesh;
+    return std::any_of(parts.parts.begin(), parts.parts.end(),
+                       [&](int k) { return o.shape.mesh->holds(X_OI * parts.points[static_cast<std::size_t>(k)]); });
   };
   return holds(pair.a, pair.b) || holds(pair.b, pair.a);
 }

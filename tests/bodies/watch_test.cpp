@@ -104,6 +104,27 @@ TEST(Watch, SeesAThinWallThatBothEndsOfTheWayAreClearOf) {
   }
 }
 
+TEST(Watch, SeesAPartOfAMeshThatBeginsInsideAnother) {
+  const machine::AnyMachine delta = arm("delta-picker");
+  // Two cubes that are one mesh: the first far away, the second inside of the other body.
+  std::vector<Vec3> points = cube({-0.01, -0.01, 0.5}, {0.01, 0.01, 0.52})->points;
+  std::vector<std::array<int, 3>> triangles = cube({0, 0, 0}, {1, 1, 1})->triangles;
+  const std::vector<Vec3> second = cube({-0.01, -0.01, -0.01}, {0.01, 0.01, 0.01})->points;
+  points.insert(points.end(), second.begin(), second.end());
+  for (std::size_t k = 0; k < 12; ++k) {
+    triangles.push_back({triangles[k][0] + 8, triangles[k][1] + 8, triangles[k][2] + 8});
+  }
+  Shape two, around;
+  two.mesh = *mesh_of(points, triangles, "two");
+  EXPECT_EQ(two.mesh->parts.size(), 2U);
+  around.mesh = cube({-0.2, -0.2, -0.6}, {0.2, 0.2, -0.1});
+  Bodies bodies;
+  bodies.all = {on(Body::Frame::tool, 0, two, "two"), on(Body::Frame::machine, 0, around, "cube")};
+  Watch watch(delta, Pose{}, bodies);
+  EXPECT_TRUE(watch.to(Pose{Mat3::Identity(), Vec3(0, 0, -0.3)}, {}, false, 0));
+  EXPECT_FALSE(watch.to(Pose{Mat3::Identity(), Vec3(0, 0, 0.3)}, {}, false, 0));
+}
+
 TEST(Watch, SeesABodyThatBeginsInsideAMesh) {
   const machine::AnyMachine delta = arm("delta-picker");
   Shape inside;

@@ -24,6 +24,7 @@ struct Mesh {
   std::vector<std::array<int, 3>> triangles;  ///< corners counterclockwise seen from outside, or all the other way
   std::vector<Node> nodes;                    ///< the first is the root
   std::vector<int> order;
+  std::vector<int> parts;  ///< a point of each connected part of the surface: what is wholly inside shows by these
 
   /// Whether the point p (m, frame of the body) is inside: the solid angle of the surface seen from it, 4 pi inside and
   /// 0 outside. Cost: 30 ns a triangle.
