@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dilatation.hpp"
 #include "extent.hpp"
 #include "losses.hpp"
 #include "polypod/core/statistics.hpp"
@@ -228,6 +229,19 @@ Status Fit::choose_rows() {
     out_.residuals.push_back(std::move(r));
   }
   return {};
+}
+
+void Fit::see_dilatation() {
+  problem_.dilatation = Eigen::VectorXd::Zero(problem_.layout.count);
+  std::map<std::string, double> touched;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (rows_[i].kind == Kind::contact && !problem_.not_fitted[i]) touched[rows_[i].contact] += problem_.share[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (rows_[i].kind != Kind::contact || problem_.not_fitted[i]) continue;
+    const double worth = problem_.share[i] * (1 - 1 / std::max(1.0, touched[rows_[i].contact]));
+    problem_.dilatation.tail(std::ssize(problem_.nominal)) +=
+        worth * dilatation_by_parameters(any_, problem_.seed[i], rows_[i].q, out_.X_TR.p);
+  }
 }
 
 Status Fit::tell_unknowns() {
@@ -517,6 +531,7 @@ Status Fit::solve(std::vector<double>& block) {
 
 Status Fit::search_without_lost() {
   do {
+    see_dilatation();
     POLYPOD_TRY(tell_unknowns());
     POLYPOD_TRY(search());
   } while (leave_out_lost());

@@ -64,6 +64,8 @@ class Fit {
   void set_priors();
   /// Rows to hold back where enough are left, and the residuals before.
   Status choose_rows();
+  /// What the fitted contacts add to Problem::dilatation: each place that k rows touch takes one of them for itself.
+  void see_dilatation();
   /// Which unknowns the fitted rows tell.
   Status tell_unknowns();
   /// All equations of the fitted rows at x, one under another, rows weighted by `weights` if given; then the rules,
@@ -86,9 +88,8 @@ class Fit {
   /// Bayesian Interpolation, 1992) times what is thought of t beforehand is greatest:
   ///   sum (change / prior)^2 - sum (1 - variance / prior^2) + rules = pull_of(ln t).
   /// What a rule tells (of a unit vector its length) is nothing that was measured.
-  /// Changes follow a new prior in first order. t stays below 30: contacts at unknown places are missed the less the
-  /// smaller the machine is, so that with priors of any size it would shrink to nothing. Whose drawing is farther off
-  /// gives --prior-mm and --prior-deg. Without `sizes` of the noise alone.
+  /// Changes follow a new prior in first order. t stays below 30: what is off by more is no usual error of a machine,
+  /// and who expects it gives --prior-mm and --prior-deg. Without `sizes` of the noise alone.
   void learn_noise_and_priors(bool sizes);
   /// By how much the priors fall short where their sizes are learnt: what is known of a size from k parameters is off
   /// by 1 / sqrt(2 k) of itself, and the largest likelihood takes it as known. The root of the mean of t^2 over what is

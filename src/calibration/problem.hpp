@@ -25,11 +25,12 @@ struct Problem {
   std::vector<bool> not_fitted{};  ///< held back, or lost
   std::vector<double> share{};     ///< for how many independent rows each counts
   Eigen::VectorXd start{}, scale{};
-  std::vector<bool> chosen{};   ///< of the parameters
-  std::vector<int> unfitted{};  ///< columns of the parameters that are neither searched for nor held: uncertain still
-  std::vector<int> wanted{};    ///< columns of the unknowns that are searched for
-  Eigen::VectorXd prior{};      ///< standard deviation of each unknown round its start
-  double noise_scale = 1;       ///< what the residuals show of the noise, over the one that was given
+  std::vector<bool> chosen{};    ///< of the parameters
+  std::vector<int> unfitted{};   ///< columns of the parameters that are neither searched for nor held: uncertain still
+  std::vector<int> wanted{};     ///< columns of the unknowns that are searched for
+  Eigen::VectorXd prior{};       ///< standard deviation of each unknown round its start
+  Eigen::VectorXd dilatation{};  ///< ln of what contacts' joints are denser by, derived by each unknown
+  double noise_scale = 1;        ///< what the residuals show of the noise, over the one that was given
 
   [[nodiscard]] int column(std::size_t parameter) const { return layout.parameters + static_cast<int>(parameter); }
   [[nodiscard]] bool is_length(std::size_t parameter) const { return nominal[parameter].unit == "mm"; }
@@ -46,7 +47,9 @@ struct Problem {
     J /= kRuleNoise;
   }
 
-  /// Rules and priors. A prior counts as much as the noise that the residuals show, not the one that was given.
+  /// Rules and priors. A prior counts as much as the noise that the residuals show, not the one that was given. With
+  /// contacts, the determinant that belongs to their likelihood moves it: |d|^2 / (2 P^2) - g^T d has its least value
+  /// at d = P^2 g (dilatation.hpp, in first order).
   void extra(const Eigen::VectorXd& x, Eigen::VectorXd& r, Eigen::MatrixXd& J) const {
     rules(x, r, J);
     Eigen::Index row = r.size();
@@ -56,7 +59,7 @@ struct Problem {
     J.bottomRows(priors).setZero();
     for (const int j : wanted) {
       J(row, j) = noise_scale / prior[j];
-      r[row++] = (x[j] - start[j]) * noise_scale / prior[j];
+      r[row++] = ((x[j] - start[j]) / prior[j] - prior[j] * dilatation[j]) * noise_scale;
     }
   }
 };

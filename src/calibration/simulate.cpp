@@ -182,12 +182,12 @@ Result<std::vector<Measurement>> simulate(const AnyMachine& nominal, const AnyMa
         Pose target = stands[place].X_MT;
         if (task.turns()) target.R = rotation_of(turn) * target.R;
         target.p = (stands[place].X_MT * o.X_TR).p - target.R * o.X_TR.p + o.noise_position * normal_vector(noise);
-        const kinematics::InverseResult inverse = kinematics::inverse(real, target);
-        const kinematics::Solution* s = inverse.reachable();
-        if (s == nullptr) continue;
+        // As at stands: not nearly singular, and with joints that both machines can take.
+        std::vector<Stand> touch;
+        if (!add_stand_at(real, target, touch) || kinematics::forward(nominal, touch[0].q).poses.empty()) continue;
         Measurement row;
         row.kind = o.kind;
-        row.q = s->joints;
+        row.q = touch[0].q;
         row.contact = fmt::format("{}", place + 1);
         touches.push_back(std::move(row));
       }
