@@ -24,5 +24,9 @@ extern template Result<bool> subdivided_holds(const DeltaBounds<machine::RotaryD
 extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&);
 extern template Result<bool> subdivided_holds(const DeltaBounds<machine::LinearDelta>&, const Options&, const Shape&,
                                               std::int64_t);
+extern template Result<Volume> subdivided_volume(const ArmLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const ArmLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

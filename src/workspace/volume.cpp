@@ -66,7 +66,11 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) {
     auto limits = bounds_of(m, options);
     using Answer = decltype(ask(*limits));
     if (!limits) return Answer(tl::unexpected(limits.error()));
-    return ask(*limits);
+    if constexpr (requires { std::visit(ask, *limits); }) {  // different ones for the inverses of one family
+      return std::visit(ask, *limits);
+    } else {
+      return ask(*limits);
+    }
   } else if constexpr (kByClosure<M>) {
     auto limits = ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), options);
     using Answer = decltype(ask(**limits));
@@ -78,20 +82,30 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) {
   }
 }
 
-/// What the closure proves, or a sample where that does not come within the tolerance by so many boxes: a loose bound
+/// What the bounds prove, or a sample where that does not come within the tolerance by so many boxes: a loose bound
 /// takes too long to be of use. Who asks for the boxes themselves gets those that there are.
-Result<Volume> volume_by_closure(const AnyMachine& machine, const ClosureLimits& limits, const Options& options) {
-  constexpr std::int64_t kMostBoxes = 150'000;
+template <class Limits>
+Result<Volume> proven_or_sampled(const AnyMachine& machine, const Limits& limits, const Options& options,
+                                 std::int64_t most_boxes) {
   Options some = options;
   // The sides are as loose as the volume: finer ones would take longer than it.
   constexpr double kSides = 1e-3;
   if (options.bounds_tolerance > 0) some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
   // A sample needs places; without, what is proven is the only answer.
-  if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, kMostBoxes);
+  if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, most_boxes);
   POLYPOD_ASSIGN(proven, subdivided_volume(limits, some));
   const bool as_asked = some.max_cells == options.max_cells || proven.stopped == Stopped::memory;
   if (proven.converged || options.keep_cells || as_asked) return proven;
   return sampled_volume(machine, options);
+}
+constexpr std::int64_t kFewBoxes = 150'000;
+/// Of one direction a box of an arm takes 8 us, of a cone up to a hundred times as long.
+std::int64_t boxes_of_an_arm(const Directions& directions) {
+  const auto one = [](const std::optional<std::array<double, 2>>& range) {
+    return !range || (*range)[0] == (*range)[1];
+  };
+  constexpr std::int64_t kOfOneDirection = 1'200'000;
+  return directions.tilt == 0 && one(directions.a_range) && one(directions.b_range) ? kOfOneDirection : kFewBoxes;
 }
 
 /// Refuses what has no end where these limits are off.
@@ -148,7 +162,7 @@ Result<LimitBits> limit_bits(const AnyMachine& machine, const std::string& names
 bool has_bounds(const AnyMachine& machine) {
   return std::visit(
       []<class M>(const M& m) {
-        if constexpr (requires { machine::WristInverse::of(m); }) return machine::WristInverse::of(m).has_value();
+        if constexpr (requires { bounded(m); }) return bounded(m);
         if constexpr (kByClosure<M>) {
           const auto limits = ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), Options{});
           return limits && limits->has_value();
@@ -166,12 +180,16 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
       [&]<class M>(const M& m) -> Result<Volume> {
         if constexpr (kByClosure<M>) {  // with the limits that are heeded here
           POLYPOD_ASSIGN(limits, ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), options));
-          return limits ? volume_by_closure(machine, *limits, options) : sampled_volume(machine, options);
+          return limits ? proven_or_sampled(machine, *limits, options, kFewBoxes) : sampled_volume(machine, options);
         }
         if (!has_bounds(machine)) return sampled_volume(machine, options);
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
           POLYPOD_TRY(ended(machine, limits.ends() & ~options.limits));
-          return subdivided_volume(limits, options);
+          if constexpr (requires { limits.slow(); }) {
+            return proven_or_sampled(machine, limits, options, boxes_of_an_arm(options.directions));
+          } else {
+            return subdivided_volume(limits, options);
+          }
         });
       },
       machine);

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "../../workspace/first_order.hpp"
+#include "limit_terms.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 
 namespace polypod::workspace {
@@ -25,18 +25,10 @@ struct ArmFrame {
     const FirstOrder over_r = inverse_of_positive(r, d), level2 = square(k[0], d) + square(k[1], d);
     const double level = std::sqrt(std::max(0.0, level2.value + level2.radius(d)));
     radial = times(c[0], k[0], d) + times(c[1], k[1], d);
-    k_out = at_most(times(radial, over_r, d), level, d);
-    k_across = at_most(times(times(c[1], k[0], d) - times(c[0], k[1], d), over_r, d), level, d);
+    k_out = arm::at_most(times(radial, over_r, d), level, d);
+    k_across = arm::at_most(times(times(c[1], k[0], d) - times(c[0], k[1], d), over_r, d), level, d);
     k_up = k[2];
     k_height = times(k_up, height, d);
-  }
-
-  /// f, of which it is known that |f| <= most.
-  static FirstOrder at_most(const FirstOrder& f, double most, const Domain& d) {
-    if (f.radius(d) <= most) return f;
-    FirstOrder out;
-    out.rest = most;
-    return out;
   }
 };
 

@@ -4,12 +4,13 @@
 #pragma once
 
 #include <algorithm>
+#include <variant>
 
-#include "../../workspace/first_order.hpp"
-#include "../../workspace/linear.hpp"
 #include "../../workspace/no_bounds.hpp"
 #include "arm_plane.hpp"
+#include "limit_terms.hpp"
 #include "polypod/families/serial/kinematics.hpp"
+#include "six_joint_bounds.hpp"
 
 namespace polypod::workspace {
 
@@ -25,7 +26,7 @@ class ArmLimits {
   ArmLimits(const machine::WristInverse::Form& form, LimitBits mask) : f_(form), mask_(mask) {
     for (std::size_t i = 0; i < 5; ++i) {
       const auto [low, high] = range(i);
-      turn_[i] = {free_turn(i), high - low <= kHalfTurn, std::cos(low), std::sin(low), std::cos(high), std::sin(high)};
+      turn_[i] = arm::Turn(low, high, free_turn(i));
     }
     for (const bool right : {true, false}) {
       elbow_[right ? 0 : 1] = half_circle_of(2, 0, right, true);
@@ -113,13 +114,7 @@ class ArmLimits {
             out.clear();
             return Verdict::inside;
           }
-          if (possible.verdict == Verdict::dead) {  // the only possible branch so far
-            possible = all;
-          } else {
-            Terms some;
-            either(possible, all, 0, some);
-            possible = some;
-          }
+          arm::or_else(all, possible);
         }
       }
     }
@@ -134,16 +129,9 @@ class ArmLimits {
   }
 
  private:
-  struct Terms {
-    Verdict verdict = Verdict::inside;
-    BoundList bounds;
-    void append(const Terms& other) {
-      verdict = both(verdict, other.verdict);
-      bounds.append(other.bounds);
-    }
-  };
-  static constexpr double kHalfTurn = std::numbers::pi;
-  static constexpr double kTurn = 2 * std::numbers::pi;
+  using Terms = arm::Terms;
+  static constexpr double kHalfTurn = arm::kHalfTurn, kTurn = arm::kTurn, kScale = arm::kScale;
+  static constexpr double kSlack = arm::kSlack, kInfinity = arm::kInfinity;
 
   /// Any angle is some turn within the range, or one of its ends may be passed.
   [[nodiscard]] bool free_turn(std::size_t joint) const {
@@ -155,46 +143,16 @@ class ArmLimits {
     return {std::min(at_min, at_max), std::max(at_min, at_max)};
   }
 
-  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
-  static constexpr double kSlack = kRounding * kScale;
-  static Linear linear_of(const FirstOrder& f) {
-    return {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest};
-  }
-  static Verdict judged(const FirstOrder& f, int limit, const Domain& d, BoundList& bounds) {
-    if (!std::isfinite(f.radius(d))) return Verdict::open;
-    return weigh(linear_of(f), limit, kScale, d.half, *d.patch, bounds);
-  }
-  static void add(const FirstOrder& f, int limit, const Domain& d, Terms& terms) {
-    terms.verdict = both(terms.verdict, judged(f, limit, d, terms.bounds));
-  }
-
-  /// The angle of the vector (x, y) within the range of joint i. A range of up to half a turn is the common part of two
-  /// half planes, a longer one their union.
-  struct Turn {
-    bool free, common;
-    double cos_low, sin_low, cos_high, sin_high;
-  };
+  static void add(const FirstOrder& f, int limit, const Domain& d, Terms& terms) { arm::add(f, limit, d, terms); }
+  static void below_only(const Terms& enough, int limit, Terms& terms) { arm::below_only(enough, limit, terms); }
+  static void either(const Terms& a, const Terms& b, int limit, Terms& terms) { arm::either(a, b, limit, terms); }
   void turn(std::size_t i, const FirstOrder& x, const FirstOrder& y, const Domain& d, Terms& terms) const {
-    const Turn& range = turn_[i];
-    if (range.free) return;
-    const int limit = static_cast<int>(2 * i);
-    const FirstOrder from_low = range.cos_low * y - range.sin_low * x,
-                     to_high = range.sin_high * x - range.cos_high * y;
-    if (range.common) {
-      add(from_low, limit, d, terms);
-      add(to_high, limit + 1, d, terms);
-      return;
-    }
-    Terms above, below;
-    add(from_low, limit, d, above);
-    add(to_high, limit + 1, d, below);
-    either(above, below, limit, terms);
+    arm::keep_turn(turn_[i], static_cast<int>(2 * i), x, y, d, terms);
   }
 
   /// Joint 2's range, as `turn`, of the upper arm's direction.
   void turn_upper_arm(const ArmPlane& plane, double sigma, const Domain& d, Terms& terms) const {
-    const Turn& range = turn_[1];
+    const arm::Turn& range = turn_[1];
     if (range.free) return;
     const auto from = [&](double c, double s, bool left, int limit, Terms& kept) {
       half_plane(c * plane.rho + s * plane.height, c * plane.height - s * plane.rho, plane.along_upper,
@@ -240,36 +198,6 @@ class ArmLimits {
       same.append(opposite);
       below_only(same, limit, terms);
     }
-  }
-
-  /// Both of two conditions are enough, but it is not known which of them counts: their bounds from below.
-  static void below_only(const Terms& enough, int limit, Terms& terms) {
-    terms.verdict = both(terms.verdict, Verdict::undecided);
-    if (enough.verdict == Verdict::inside) return;
-    if (enough.verdict != Verdict::undecided) {
-      terms.bounds.push_back({limit, -kInfinity, kInfinity, Vec3::Zero()});
-      return;
-    }
-    for (Bound bound : enough.bounds) {
-      bound.M = kInfinity;
-      terms.bounds.push_back(bound);
-    }
-  }
-
-  /// One of two conditions: where both are possible, the one that keeps more is a bound from below.
-  static void either(const Terms& a, const Terms& b, int limit, Terms& terms) {
-    if (a.verdict == Verdict::inside || b.verdict == Verdict::inside) return;
-    if (a.verdict == Verdict::dead) return terms.append(b);
-    if (b.verdict == Verdict::dead) return terms.append(a);
-    const bool first =
-        a.verdict == Verdict::undecided && (b.verdict != Verdict::undecided || least_of(a.bounds) > least_of(b.bounds));
-    below_only(first ? a : b, limit, terms);
-  }
-  /// How much is certainly kept at the middle of the cell, for a choice.
-  static double least_of(const BoundList& bounds) {
-    double least = kInfinity;
-    for (const Bound& b : bounds) least = std::min(least, b.m / b.G.norm());
-    return least;
   }
 
   /// The angles t in the right half circle (-90 to 90 deg) or the left one (90 to 270) with t - shift in the range of
@@ -467,15 +395,21 @@ class ArmLimits {
 
   machine::WristInverse::Form f_;
   LimitBits mask_;
-  std::array<Turn, 5> turn_{};
+  std::array<arm::Turn, 5> turn_{};
   std::array<HalfCircle, 2> elbow_, wrist_;
 };
 
-/// What volume() asks over boxes. Errors: WS102 (the arm does not have the wrist of WristInverse).
-inline Result<ArmLimits> bounds_of(const machine::SerialArm& arm, const Options& options) {
-  const auto closed = machine::WristInverse::of(arm);
-  if (!closed) return no_bounds(arm.name);
-  return ArmLimits(closed->form(), options.limits);
+/// What volume() asks over boxes. Errors: WS102 (neither the wrist of WristInverse nor a right-angled one of
+/// SphericalWristInverse).
+inline Result<std::variant<ArmLimits, SixJointLimits>> bounds_of(const machine::SerialArm& arm,
+                                                                 const Options& options) {
+  if (const auto closed = machine::WristInverse::of(arm)) return ArmLimits(closed->form(), options.limits);
+  if (const auto closed = machine::SphericalWristInverse::of(arm))
+    if (const auto form = closed->form()) return SixJointLimits(*form, options.limits);
+  return no_bounds(arm.name);
+}
+inline bool bounded(const machine::SerialArm& arm) {
+  return bounds_of(arm, Options{}).has_value();
 }
 
 }  // namespace polypod::workspace

@@ -200,6 +200,25 @@ void SphericalWristInverse::solve(const Pose& X_MT, Branches& out, const double*
   }
 }
 
+std::optional<SphericalWristInverse::Form> SphericalWristInverse::form() const {
+  if (!right_angled_) return std::nullopt;
+  return Form{range_,
+              sense_,
+              R_AM_,
+              p_AM_,
+              wrist_T_,
+              tool_,
+              lead_,
+              a1_,
+              b_,
+              upper_,
+              fore_,
+              {upper_c_, upper_s_},
+              {fore_c_, fore_s_},
+              bend_,
+              middle_};
+}
+
 kinematics::LimitBits SphericalWristInverse::violations(const double* joints) const {
   return six::violations(range_, joints);
 }

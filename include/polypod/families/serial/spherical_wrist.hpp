@@ -63,6 +63,20 @@ class SphericalWristInverse {
   /// Two bits a joint, in the order of `limits`.
   [[nodiscard]] kinematics::LimitBits violations(const double* joints) const;
 
+  /// The figures that `solve` works with, for bounds over boxes of poses. Lengths in m, angles in rad.
+  struct Form {
+    std::array<JointRange, 6> range;
+    std::array<double, 6> sense;            ///< of joints 1 to 3 against z, and against the turn from x to z
+    Mat3 R_AM;                              ///< the arm's frame A: x to the front, z up along axis 1
+    Vec3 p_AM, wrist_T;                     ///< W in the tool frame
+    Mat3 tool, lead;                        ///< M = lead^T (R_1 R_2 R_3)^T R_AM R tool
+    double a1, b, upper, fore;              ///< links in the arm's plane
+    std::array<double, 2> upper_0, fore_0;  ///< their directions (x, z) at joints 0
+    double bend, middle;                    ///< the angle from upper to fore there; joint 5 where axes 4 and 6 align
+  };
+  /// Nothing where the wrist is not right-angled.
+  [[nodiscard]] std::optional<Form> form() const;
+
  private:
   std::array<JointRange, 6> range_;
   std::array<double, 6> sense_{};  ///< +1 or -1: of joints 1 to 3 against z, and against the turn from x to z

@@ -1,0 +1,13 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "../../workspace/subdivide.hpp"
+#include "bounds.hpp"
+#include "polypod/workspace/shape.hpp"
+
+namespace polypod::workspace {
+
+template Result<Volume> subdivided_volume(const ArmLimits&, const Options&);
+template Result<bool> subdivided_holds(const ArmLimits&, const Options&, const Shape&, std::int64_t);
+template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&);
+template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
+
+}  // namespace polypod::workspace

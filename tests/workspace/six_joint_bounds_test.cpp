@@ -1,0 +1,223 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The proven workspaces of industrial robots with six joints. The oracle is the closed inverse, pose by pose.
+#include <gtest/gtest.h>
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "../families/serial/bounds.hpp"
+#include "polypod/core/parallel.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/workspace/shape.hpp"
+
+namespace polypod::workspace {
+namespace {
+
+struct Random {
+  std::mt19937_64 engine;
+  double operator()(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine); }
+};
+
+struct SixCase {
+  std::string name, machine;
+  std::vector<std::array<double, 2>> ranges;  ///< deg, of joints 1 to 6; empty: those of the catalogue
+};
+
+/// What the bounds treat apart: an arm's plane that stands off axis 1 (puma560), ranges beyond and below half a turn,
+/// one elbow or both, a wrist that goes through its straight position or not, a joint 6 that stops.
+const std::vector<SixCase>& cases() {
+  static const std::vector<SixCase> all{
+      {"KR 210", "kuka-kr210", {}},
+      {"IRB 6700", "abb-irb6700", {}},
+      {"TX200", "staubli-tx200", {}},
+      {"RV-6SDL", "mitsubishi-rv6sdl", {}},
+      {"Puma 560", "puma560", {}},
+      {"narrow", "kuka-kr210", {{-60, 80}, {-110, -40}, {20, 130}, {-100, 60}, {10, 100}, {-90, 120}}},
+      {"long", "puma560", {{-150, 200}, {-200, 100}, {-220, 60}, {-100, 150}, {-100, 100}, {-170, 160}}},
+      {"flipped", "abb-irb6700", {{-170, 170}, {-65, 85}, {-180, 70}, {-80, 80}, {-130, -5}, {-60, 60}}},
+  };
+  return all;
+}
+
+machine::SerialArm arm_of(const SixCase& c) {
+  auto arm = std::get<machine::SerialArm>(*machine::load(c.machine));
+  std::size_t next = 0;
+  for (machine::DhRow& row : arm.dh) {
+    if (row.locked || c.ranges.empty()) continue;
+    row.range = {units::from_deg(c.ranges[next][0]), units::from_deg(c.ranges[next][1])};
+    ++next;
+  }
+  return arm;
+}
+
+SixJointLimits limits_of(const machine::SerialArm& arm) {
+  return std::get<SixJointLimits>(*bounds_of(arm, Options{}));
+}
+
+/// By how much the best branch keeps the joint limits, rad; -1 where there is none.
+double margin_of(const machine::SerialArm& arm, const Pose& X) {
+  double best = -1;
+  for (const kinematics::Solution& s : machine::inverse(arm, X).solutions) {
+    double least = 1;
+    Eigen::Index next = 0;
+    for (const machine::DhRow& row : arm.dh) {
+      if (row.locked) continue;
+      const double q = s.joints[next++];
+      if (row.range.max - row.range.min >= 2 * std::numbers::pi - 1e-9) continue;
+      least = std::min({least, q - row.range.min, row.range.max - q});
+    }
+    best = std::max(best, least);
+  }
+  return best;
+}
+
+Mat3 orientation_in(const Patch& patch, double s, double t) {
+  const double u = patch.low[0] + s * (patch.high[0] - patch.low[0]),
+               v = patch.low[1] + t * (patch.high[1] - patch.low[1]);
+  if (patch.sector) return rotation_of(u * Vec3(-std::sin(v), std::cos(v), 0));
+  return rotation_y(v) * rotation_x(u);
+}
+
+/// The least margin over the patch, from a grid and a descent from its best place.
+double least_margin(const machine::SerialArm& arm, const Patch& patch, const Vec3& p, int steps = 4) {
+  double best = std::numeric_limits<double>::infinity(), s = 0, t = 0;
+  const auto look = [&](double u, double v) {
+    const double m = margin_of(arm, {orientation_in(patch, u, v), p});
+    if (!(m < best)) return false;
+    best = m;
+    s = u;
+    t = v;
+    return true;
+  };
+  for (int i = 0; i <= steps; ++i)
+    for (int j = 0; j <= steps; ++j) look(double(i) / steps, double(j) / steps);
+  for (double step = 1.0 / steps; step > 1e-6 && best >= 0;) {
+    bool better = false;
+    for (const auto& [u, v] : {std::pair{1, 0}, std::pair{-1, 0}, std::pair{0, 1}, std::pair{0, -1}})
+      better = look(std::clamp(s + u * step, 0.0, 1.0), std::clamp(t + v * step, 0.0, 1.0)) || better;
+    if (!better) step *= 0.5;
+  }
+  return best;
+}
+
+class EachSixJointArm : public ::testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(SixJointBounds, EachSixJointArm, ::testing::Range<std::size_t>(0, cases().size()));
+
+TEST_P(EachSixJointArm, PlanesHoldOnBothSides) {
+  const SixCase& one = cases()[GetParam()];
+  SCOPED_TRACE(one.name);
+  const machine::SerialArm arm = arm_of(one);
+  const SixJointLimits limits = limits_of(arm);
+  Vec3 low, high;
+  limits.box(low, high, {});
+  // Limits are widened by 1e-12 of their terms, and the inverse counts a joint at its limit as within.
+  constexpr double kNearZero = 1e-8;
+  Random random{std::mt19937_64(11 + GetParam())};
+  std::array<int, 5> seen{};
+  int kept = 0, lost = 0;
+  for (int cell = 0; cell < 1500; ++cell) {
+    const double size = std::pow(10.0, random(-3.5, -1.2));
+    const Vec3 half(size, size * random(0.3, 1), size * random(0.3, 1));
+    const double width = size * random(0, 2);
+    Patch patch;
+    if (cell % 2 == 0) {
+      const double a = random(-3, 3), b = random(-1.5, 1.5);
+      patch = make_rectangle({a, b}, {a + width, b + width * random(0, 1)});
+    } else {
+      const double radius = random(0, 1.2), azimuth = random(0, 6);
+      patch = make_sector({radius, azimuth}, {radius + width, azimuth + std::min(1.5, width / (radius + width))});
+    }
+    // Near the border, where the planes are: a pose with a joint at a limit.
+    Vec3 center;
+    double best = 10;
+    for (int t = 0; t < 40; ++t) {
+      const Vec3 p(random(low.x(), high.x()), random(low.y(), high.y()), random(low.z(), high.z()));
+      const double margin = std::abs(margin_of(arm, {orientation_in(patch, 0.5, 0.5), p}));
+      if (margin < best) {
+        best = margin;
+        center = p;
+      }
+    }
+    BoundList bounds;
+    const Verdict verdict = limits.judge(0, center, half, half.norm(), patch, limits.prepare(patch), bounds);
+    ++seen[static_cast<std::size_t>(verdict)];
+    if (verdict == Verdict::open) continue;
+    for (int sample = 0; sample < 6; ++sample) {
+      Vec3 x(random(-1, 1), random(-1, 1), random(-1, 1));
+      if (sample < 3) x = Vec3(random(-1, 1) > 0 ? 1 : -1, random(-1, 1) > 0 ? 1 : -1, random(-1, 1) > 0 ? 1 : -1);
+      x = x.cwiseProduct(half);
+      bool in = verdict == Verdict::inside, out = verdict == Verdict::outside || verdict == Verdict::dead;
+      if (verdict == Verdict::undecided) {
+        in = true;
+        for (const Bound& bound : bounds) {
+          in = in && bound.m + bound.G.dot(x) >= 0;
+          out = out || bound.M + bound.G.dot(x) < 0;
+        }
+      }
+      EXPECT_FALSE(in && out) << "cell " << cell;
+      if (!in && !out) continue;
+      const double margin = least_margin(arm, patch, center + x);
+      if (in) {
+        ++kept;
+        EXPECT_GE(margin, -kNearZero) << "cell " << cell;
+      } else {
+        ++lost;
+        EXPECT_LE(margin, kNearZero) << "cell " << cell;
+      }
+      if (verdict == Verdict::dead) {
+        EXPECT_LE(margin_of(arm, {orientation_in(patch, random(0, 1), random(0, 1)), center + x}), kNearZero);
+      }
+    }
+  }
+  EXPECT_GT(seen[static_cast<std::size_t>(Verdict::undecided)], 25);
+  EXPECT_GT(kept, 25);
+  EXPECT_GT(lost, 25);
+}
+
+// The share of random points that the inverse reaches lies between the bounds, with four standard deviations of it.
+TEST_P(EachSixJointArm, BoundsHoldAMonteCarlo) {
+  const SixCase& one = cases()[GetParam()];
+  SCOPED_TRACE(one.name);
+  const machine::SerialArm arm = arm_of(one);
+  Options options;
+  options.relative_tolerance = 0.05;
+  options.directions.a_range = options.directions.b_range = {0.3, 0.3};
+  const auto v = volume(AnyMachine(arm), options);
+  ASSERT_TRUE(v) << to_string(v.error());
+  ASSERT_TRUE(v->proven);
+  EXPECT_TRUE(v->converged);
+  ASSERT_GT(v->lower, 0);
+  const bool whole = std::getenv("POLYPOD_LONG") != nullptr;
+  const std::size_t count = whole ? 10'000'000 : 200'000, at_once = count / 100;
+  std::vector<std::size_t> reached(100, 0);
+  const Mat3 R = rotation_y(0.3) * rotation_x(0.3);
+  for_each_in_rounds(reached.size(), {}, [&](std::size_t part) {
+    Random random{std::mt19937_64(1000 * GetParam() + part)};
+    for (std::size_t k = 0; k < at_once; ++k) {
+      Vec3 p;
+      for (int i = 0; i < 3; ++i) p[i] = random(v->min[i], v->max[i]);
+      reached[part] += machine::inverse(arm, Pose{R, p}).reachable() != nullptr ? 1 : 0;
+    }
+  });
+  double sum = 0;
+  for (const std::size_t r : reached) sum += static_cast<double>(r);
+  const double box = (v->max - v->min).prod(), share = sum / static_cast<double>(count);
+  const double spread = 4 * box * std::sqrt(share * (1 - share) / static_cast<double>(count));
+  EXPECT_GE(box * share, v->lower - spread);
+  EXPECT_LE(box * share, v->upper + spread);
+}
+
+// A wrist that is not right-angled has no bounds, and says so.
+TEST(SixJointBounds, OtherArmsAreSampled) {
+  EXPECT_FALSE(has_bounds(*machine::load("ur10e")));
+  EXPECT_TRUE(has_bounds(*machine::load("kuka-kr210")));
+}
+
+}  // namespace
+}  // namespace polypod::workspace
