@@ -2,6 +2,7 @@
 #include "commands.hpp"
 
 #include "linuxcnc_commands.hpp"
+#include "release_command.hpp"
 #include "report_command.hpp"
 #include "testcut_command.hpp"
 
@@ -16,6 +17,7 @@ std::vector<Command> all_commands() {
       dexterity_command(), singularities_command(),             // quality
       errors_command(), tolerances_command(), budget_command(),
       delta_command(), move_command(), pick_command(), fit_command(),  // deltas
+      release_command(),                                        // forward dynamics
       optimize_command(), study_command(),                      // studies
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(), identify_cutting_command(),

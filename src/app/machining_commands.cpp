@@ -23,6 +23,7 @@
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/uncertainty.hpp"
 #include "polypod/pages/correction.hpp"
+#include "vibration_output.hpp"
 
 namespace polypod::app {
 namespace {
@@ -49,6 +50,9 @@ Result<Covariances> read_covariances(const machining::Job& job, const std::vecto
 const Eigen::MatrixXd* pointer_to(const std::optional<Eigen::MatrixXd>& matrix) {
   return matrix ? &*matrix : nullptr;
 }
+
+constexpr const char* kVibrationOfCorrect =
+    "not judged, and not in the answer; polypod predict judges it where the machine has masses";
 
 /// Whether the measured compliance is beyond doubt, so that a yes can rest on it.
 bool trusted(const machining::Job& job) {
@@ -95,6 +99,7 @@ Command predict_command() {
     std::vector<std::string> measured, covariances;
     double step_mm = 0;
     bool at_rest = false, again = false;
+    VibrationQuestion vibration;
   };
   auto o = std::make_shared<Options>();
   return {
@@ -109,12 +114,13 @@ Command predict_command() {
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest,
                "Force at the commanded point, without the feedback of the deflection on the cut");
+        o->vibration.declare(a);
       },
       [o](const Context& context) -> Result<int> {
         if (context.given("--step"))
           POLYPOD_TRY(in_range("AP120", "--step", o->step_mm, {kLeastStep, kMostStep}, "mm"));
         std::vector<std::string> inputs = o->measured;
-        inputs.insert(inputs.end(), {o->program, o->job});
+        inputs.insert(inputs.end(), {o->program, o->job, o->vibration.dynamics});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
@@ -132,12 +138,14 @@ Command predict_command() {
         options.again = o->again;
         options.other = in.other_position();
         options.progress = progress_line(context, "predicting");
+        POLYPOD_TRY(o->vibration.prepare(in.job, context));
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
         const machining::MapBand map = machining::map_band(in.job, p);
         const machining::Uncertainty uncertainty =
             machining::uncertainty_of(in.job, p, pointer_to(known.compliances), pointer_to(known.parameters));
         options.progress(1);
+        POLYPOD_TRY(o->vibration.answer(in.job, in.program, in.interpretation, p, options, context));
         if (corrected) {
           p.notes.insert(
               p.notes.begin(),
@@ -145,7 +153,7 @@ Command predict_command() {
               "part on purpose; what `polypod correct` said of that path stands in its report");
         }
         const bool spread = !in.job.material.spread.empty();
-        const bool trust = trusted(in.job), within = p.within(in.job) && trust;
+        const bool trust = trusted(in.job), within = o->vibration.within(in.job, p) && trust;
         Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
         const bool other_collides = collision && p.other_switch && p.other_switch->collision;
         if (other_collides) collision = tl::unexpected(*p.other_switch->collision);
@@ -194,6 +202,7 @@ Command predict_command() {
                                       {"normal_mean", to_um(band.normal_mean)}};
           }
           add_other_switch(document, p.other_switch, trust);
+          o->vibration.add_to(document, p);
           if (!collision) document["collision"] = to_string(collision.error());
           if (leaves) {
             document["stock_left"] = o->stock_left;
@@ -231,6 +240,7 @@ Command predict_command() {
         print_steep(p.steep, p.largest_distance);
         print_plunges(p.plunges, p.plunge_within, p.largest_distance);
         print_other_switch(p.other_switch, trust, false);
+        o->vibration.print(in.job, p);
         if (spread) {
           fmt::print(
               "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
@@ -425,6 +435,7 @@ Command correct_command() {
                         {"moves_left_as_they_were", c.left_as_they_were},
                         {"not_judged", not_judged_json(c.after.not_judged, c.after.plunges)},
                         {"all_judged", c.all_judged()},
+                        {"vibration", {{"judged", false}, {"counted", false}, {"why_not", kVibrationOfCorrect}}},
                         {"answer", answer_in_words(c, uncertainty.reach)},
                         {"short_blocks", short_blocks_json(c.short_blocks)},
                         {"steep_not_judged", steep_json(c.after.steep)},
@@ -449,6 +460,7 @@ Command correct_command() {
           fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
                      c.verified ? ", and again with finer cells" : "");
           print_modes(c);
+          fmt::print("vibration      {}\n", kVibrationOfCorrect);
           print_short_blocks(c.short_blocks, writes);
           print_other_switch(c.other_switch, trusted(in.job), true);
           print_map(in.job, map);

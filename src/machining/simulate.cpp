@@ -10,6 +10,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/end_force.hpp"
+#include "polypod/machining/vibration.hpp"
 #include "polypod/machining/yielding.hpp"
 #include "polypod/statics/compliance.hpp"
 
@@ -55,13 +56,15 @@ constexpr double kThinChip = 20e-6;
 class Pass {
  public:
   Pass(const Job& job, const gcode::Program& program, const PassMoves& moves, cutting::Stock& stock,
-       const PassOptions& options, const std::function<void(const Sample&)>& visit)
+       const PassOptions& options, const std::function<void(const Sample&)>& visit,
+       const std::function<void(const Sample&, const TeethView&)>& teeth = {})
       : job_(job),
         program_(program),
         moves_(moves),
         stock_(stock),
         options_(options),
         visit_(visit),
+        teeth_(teeth),
         probe_(job.machine, Mat3::Identity()) {}
 
   Result<PassResult> run() {
@@ -396,6 +399,7 @@ class Pass {
     }
     POLYPOD_TRY(flutes_reach(move, p.z(), *tool.cutter));
     describe(sample);
+    if (teeth_ && sample.cutting) teeth_(sample, {move, profile_, feed, feed_per_tooth, footprint_.any});
     return {};
   }
 
@@ -525,6 +529,7 @@ class Pass {
   cutting::Stock& stock_;
   const PassOptions& options_;
   const std::function<void(const Sample&)>& visit_;
+  const std::function<void(const Sample&, const TeethView&)> teeth_;
   statics::Probe probe_;
   std::map<int, ToolModel> models_;
   cutting::EngagementProfile profile_;
@@ -547,6 +552,13 @@ Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const
                             cutting::Stock& stock, const PassOptions& options,
                             const std::function<void(const Sample&)>& visit) {
   return Pass(job, program, moves, stock, options, visit).run();
+}
+
+Result<PassResult> run_pass_of_teeth(const Job& job, const gcode::Program& program, const PassMoves& moves,
+                                     cutting::Stock& stock, const PassOptions& options,
+                                     const std::function<void(const Sample&, const TeethView&)>& teeth) {
+  const std::function<void(const Sample&)> nothing = [](const Sample&) {};
+  return Pass(job, program, moves, stock, options, nothing, teeth).run();
 }
 
 }  // namespace polypod::machining

@@ -9,16 +9,16 @@
 #include <filesystem>
 #include <numbers>
 
+#include "family_masses.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
-#include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/motion/vibration.hpp"
 
 namespace polypod::motion {
 namespace {
 
-using machine::SerialArm;
 using SeriesVec = Vector3<Series>;
 
 struct MassPoint {
@@ -32,14 +32,6 @@ SeriesVec scaled(const SeriesVec& v, const Series& by) {
 Series length_of(const SeriesVec& v) {
   return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
-SeriesVec at(const PoseSeries& X, const Vec3& local) {
-  SeriesVec out;
-  for (int i = 0; i < 3; ++i) {
-    out[i] = X.p[i] + X.R(i, 0) * Series(local[0]) + X.R(i, 1) * Series(local[1]) + X.R(i, 2) * Series(local[2]);
-  }
-  return out;
-}
-
 /// Seven points that have the mass, the center and the inertia of a body: two at a metre on each principal axis of its
 /// second moments, the rest (which may be negative) in the center.
 template <class Push>
@@ -50,10 +42,11 @@ void add_body(const PoseSeries& X, const Body& body, Push&& push) {
   for (int k = 0; k < 3; ++k) {
     const double mass = 0.5 * axes.eigenvalues()[k];
     if (mass == 0) continue;
-    for (const double side : {-1.0, 1.0}) push(mass, at(X, body.center + side * axes.eigenvectors().col(k)));
+    for (const double side : {-1.0, 1.0})
+      push(mass, machine::moved_point(X, body.center + side * axes.eigenvectors().col(k)));
     rest -= 2 * mass;
   }
-  if (rest != 0) push(rest, at(X, body.center));
+  if (rest != 0) push(rest, machine::moved_point(X, body.center));
 }
 
 /// Points on a line that goes from `foot` through `head`: mass and inertia across it, at a distance from the foot.
@@ -82,75 +75,6 @@ void add_rod(const SeriesVec& a, const SeriesVec& b, double mass, Push&& push) {
   push(2 * mass / 3, SeriesVec(scaled(a + b, Series(0.5))));
 }
 
-/// A leg: what stands still, what the drive moves, and the joint of the platform.
-struct LegLine {
-  SeriesVec fixed, driven, platform;
-  bool strut = false, rail = false, crank = false;
-};
-
-template <class M>
-std::vector<LegLine> legs_of(const M& m, const PoseSeries& X, std::span<const Series> q, std::span<const Series> p) {
-  std::vector<LegLine> out;
-  if constexpr (std::is_same_v<M, machine::StrutHexapod>) {
-    for (int i = 0; i < machine::kLegs; ++i) {
-      const auto leg = machine::hexapod_detail::strut_leg(X, p, i);
-      out.push_back({leg.base, leg.base, leg.end, true, false, false});
-    }
-  } else if constexpr (std::is_same_v<M, machine::SliderHexapod>) {
-    for (int i = 0; i < machine::kLegs; ++i) {
-      const auto leg = machine::hexapod_detail::slider_leg(X, q, p, i);
-      out.push_back({leg.anchor, leg.anchor, leg.end, false, true, false});
-    }
-  } else if constexpr (machine::DeltaFamily<M>) {
-    for (int i = 0; i < m.arms; ++i) {
-      const auto chain = machine::delta_detail::chain(m, X, q, p, i);
-      const bool crank = std::is_same_v<M, machine::RotaryDelta>;
-      out.push_back({chain.base, chain.end, chain.platform, false, !crank, crank});
-    }
-  } else if constexpr (std::is_same_v<M, machine::Parallel>) {
-    std::size_t drive = 0;
-    for (const machine::ParallelLeg& leg : m.legs) {
-      const Series value = leg.driven() ? q[drive++] + Series(leg.two_roots() ? leg.zero_offset : 0.0) : Series(0.0);
-      LegLine line;
-      for (int k = 0; k < 3; ++k) line.fixed[k] = Series(leg.base[k]);
-      line.driven = line.fixed;
-      line.strut = leg.drive == machine::LegDrive::strut;
-      line.rail = leg.drive == machine::LegDrive::rail;
-      line.crank = leg.drive == machine::LegDrive::crank;
-      const Vec3 side = leg.axis.cross(leg.zero);
-      for (int k = 0; k < 3; ++k) {
-        if (line.rail) line.driven[k] += value * Series(leg.rail[k]);
-        if (line.crank) {
-          line.driven[k] += Series(leg.arm) * (cos(value) * Series(leg.zero[k]) + sin(value) * Series(side[k]));
-        }
-      }
-      if (leg.ring) {
-        // The point of the ring in the half plane of the base joint.
-        SeriesVec d;
-        for (int k = 0; k < 3; ++k) {
-          d[k] = Series(-(leg.ring->center[k] - m.tool[k]));
-          for (int c = 0; c < 3; ++c) d[k] += X.R(c, k) * (line.fixed[c] - X.p[c]);
-        }
-        Series along;
-        for (int k = 0; k < 3; ++k) along += d[k] * Series(leg.ring->axis[k]);
-        SeriesVec across;
-        for (int k = 0; k < 3; ++k) across[k] = d[k] - along * Series(leg.ring->axis[k]);
-        const Series scale = Series(leg.ring->radius) / length_of(across);
-        SeriesVec local;
-        for (int k = 0; k < 3; ++k) local[k] = Series(leg.ring->center[k] - m.tool[k]) + scale * across[k];
-        for (int k = 0; k < 3; ++k) {
-          line.platform[k] = X.p[k] + X.R(k, 0) * local[0] + X.R(k, 1) * local[1] + X.R(k, 2) * local[2];
-        }
-      } else {
-        line.platform = at(X, leg.platform - m.tool);
-        for (int k = 0; k < 3; ++k) line.platform[k] += Series(leg.still[k]);
-      }
-      out.push_back(line);
-    }
-  }
-  return out;
-}
-
 /// Every mass point at a pose and joints that move.
 template <class M>
 std::vector<MassPoint> points_of(const M& m, const Dynamics& d, const PoseSeries& X, std::span<const Series> q) {
@@ -160,32 +84,23 @@ std::vector<MassPoint> points_of(const M& m, const Dynamics& d, const PoseSeries
   if (d.payload) add_body(X, *d.payload, push);
   const std::vector<double> nominal = kinematics::nominal_parameters(m);
   const std::vector<Series> p(nominal.begin(), nominal.end());
-  if constexpr (std::is_same_v<M, SerialArm>) {
-    if (d.links.empty()) return out;
-    SerialArm partial = m;
-    partial.X_FT = Pose{};
-    std::size_t joints = 0;
-    for (std::size_t row = 0; row < m.dh.size(); ++row) {
-      if (!m.dh[row].locked) ++joints;
-      if (!d.links[row]) continue;
-      partial.dh.assign(m.dh.begin(), m.dh.begin() + static_cast<std::ptrdiff_t>(row + 1));
-      const PoseSeries link = machine::chain(partial, q.subspan(0, joints), std::span<const Series>(p));
-      add_body(link, *d.links[row], push);
+  if constexpr (requires { mass_link(m, std::size_t{}, q, std::span<const Series>(p)); }) {
+    for (std::size_t row = 0; row < d.links.size(); ++row) {
+      if (d.links[row]) add_body(mass_link(m, row, q, std::span<const Series>(p)), *d.links[row], push);
     }
-  } else {
-    for (const LegLine& leg : legs_of(m, X, q, std::span<const Series>(p))) {
-      if (leg.strut) {
-        add_on_line(leg.fixed, leg.platform, d.strut_fixed, d.strut_fixed_center, d.strut_fixed_inertia, push);
-        add_on_line(leg.platform, leg.fixed, d.strut_moving, d.strut_moving_center, d.strut_moving_inertia, push);
-        continue;
-      }
-      add_rod(leg.driven, leg.platform, d.rod, push);
-      if (leg.rail && d.slider != 0) push(d.slider, leg.driven);
-      // About its axis an arm has the inertia of points along it.
-      if (leg.crank) {
-        add_on_line(leg.fixed, leg.driven, d.arm, d.arm_center, d.arm_inertia - d.arm * d.arm_center * d.arm_center,
-                    push);
-      }
+  }
+  for (const machine::MassLeg& leg : legs_with_mass(m, X, q, std::span<const Series>(p))) {
+    if (leg.strut) {
+      add_on_line(leg.fixed, leg.platform, d.strut_fixed, d.strut_fixed_center, d.strut_fixed_inertia, push);
+      add_on_line(leg.platform, leg.fixed, d.strut_moving, d.strut_moving_center, d.strut_moving_inertia, push);
+      continue;
+    }
+    add_rod(leg.driven, leg.platform, d.rod, push);
+    if (leg.rail && d.slider != 0) push(d.slider, leg.driven);
+    // About its axis an arm has the inertia of points along it.
+    if (leg.crank) {
+      add_on_line(leg.fixed, leg.driven, d.arm, d.arm_center, d.arm_inertia - d.arm * d.arm_center * d.arm_center,
+                  push);
     }
   }
   return out;
@@ -290,37 +205,16 @@ tl::unexpected<Error> no_part(const config::Table& table, const char* key, const
               "leave it out");
 }
 
-struct Parts {
-  bool struts = false, rods = false, sliders = false, arms = false, links = false;
-};
-Parts parts_of(const AnyMachine& machine) {
-  return std::visit(
-      []<class M>(const M& m) -> Parts {
-        if constexpr (std::is_same_v<M, machine::StrutHexapod>) return {true, false, false, false, false};
-        if constexpr (std::is_same_v<M, machine::SliderHexapod>) return {false, true, true, false, false};
-        if constexpr (std::is_same_v<M, machine::RotaryDelta>) return {false, true, false, true, false};
-        if constexpr (std::is_same_v<M, machine::LinearDelta>) return {false, true, true, false, false};
-        if constexpr (std::is_same_v<M, SerialArm>) return {false, false, false, false, true};
-        if constexpr (std::is_same_v<M, machine::Parallel>) {
-          Parts out;
-          for (const machine::ParallelLeg& leg : m.legs) {
-            out.struts = out.struts || leg.drive == machine::LegDrive::strut;
-            out.rods = out.rods || leg.drive != machine::LegDrive::strut;
-            out.sliders = out.sliders || leg.drive == machine::LegDrive::rail;
-            out.arms = out.arms || leg.drive == machine::LegDrive::crank;
-          }
-          return out;
-        }
-        return {};
-      },
-      machine);
+Result<std::optional<double>> damping_of(const config::Table& table) {
+  if (!table.has("damping_ratio")) return std::optional<double>{};
+  POLYPOD_ASSIGN(ratio, table.number("damping_ratio", {0, 1}));
+  return std::optional<double>(ratio);
 }
 
 Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& machine) {
   Dynamics out;
-  const Parts parts = parts_of(machine);
-  const bool hangs = std::visit([]<class M>(const M&) { return machine::DeltaFamily<M>; }, machine);
-  if (hangs) out.gravity = -out.gravity;  // z of a delta grows downwards
+  const machine::MassParts parts = std::visit([](const auto& m) { return parts_with_mass(m); }, machine);
+  if (std::visit([](const auto& m) { return gravity_along_z(m); }, machine)) out.gravity = -out.gravity;
   if (table.has("gravity_m_per_s2")) {
     POLYPOD_ASSIGN(g, table.numbers("gravity_m_per_s2", 3, {-1000, 1000}));
     out.gravity = Vec3(g[0], g[1], g[2]);
@@ -374,11 +268,10 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
   }
   POLYPOD_ASSIGN(links, table.tables("link"));
   if (!links.empty()) {
-    if (!parts.links) return no_part(table, "link", "links");
-    const auto& chain = std::get<SerialArm>(machine);
-    if (links.size() != chain.dh.size()) {
+    if (parts.links == 0) return no_part(table, "link", "links");
+    if (static_cast<int>(links.size()) != parts.links) {
       return fail("MO122",
-                  fmt::format("dynamics has {} links, the table of the arm {} rows", links.size(), chain.dh.size()),
+                  fmt::format("dynamics has {} links, the table of the arm {} rows", links.size(), parts.links),
                   table.place_of("link"), "give one a row, with mass_kg = 0 for those without mass");
     }
     for (const config::Table& link : links) {
@@ -404,27 +297,47 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
   POLYPOD_TRY(per_drive("drive_inertia", out.drive));
   POLYPOD_TRY(per_drive("friction", out.friction));
   POLYPOD_TRY(per_drive("viscous", out.viscous));
+  POLYPOD_TRY(damping_of(table));  // of vibration alone: read_damping
   POLYPOD_TRY(table.finish());
   return out;
 }
 
 }  // namespace
 
-Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine) {
+namespace {
+/// The table `dynamics` of the TOML file at this path, and what it lies in; nothing where there is none.
+struct OpenTable {
+  config::Table file;
+  config::Table table;
+};
+Result<std::optional<OpenTable>> dynamics_table(const std::string& path) {
   std::error_code ec;
-  if (!std::filesystem::is_regular_file(path, ec)) return std::optional<Dynamics>{};
+  if (!std::filesystem::is_regular_file(path, ec)) return std::optional<OpenTable>{};
   Result<config::Table> read = config::read_file(path);
-  if (!read && !path.ends_with(".toml")) return std::optional<Dynamics>{};  // a URDF file
+  if (!read && !path.ends_with(".toml")) return std::optional<OpenTable>{};  // a URDF file
   POLYPOD_ASSIGN(file, std::move(read));
   POLYPOD_ASSIGN(table, file.optional_table("dynamics"));
-  if (!table) return std::optional<Dynamics>{};
-  POLYPOD_ASSIGN(out, dynamics_from(*table, machine));
+  if (!table) return std::optional<OpenTable>{};
+  return std::optional<OpenTable>(OpenTable{std::move(file), std::move(*table)});
+}
+}  // namespace
+
+Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine) {
+  POLYPOD_ASSIGN(open, dynamics_table(path));
+  if (!open) return std::optional<Dynamics>{};
+  POLYPOD_ASSIGN(out, dynamics_from(open->table, machine));
   return std::optional<Dynamics>(std::move(out));
 }
 
+Result<std::optional<double>> read_damping(const std::string& path) {
+  POLYPOD_ASSIGN(open, dynamics_table(path));
+  if (!open) return std::optional<double>{};
+  return damping_of(open->table);
+}
+
 std::string no_dynamics(const AnyMachine& machine) {
-  if (std::holds_alternative<machine::Own>(machine)) return "the masses of a family of one's own are not known";
-  if (std::holds_alternative<machine::Stages>(machine)) return "masses of machines in series are not taken yet";
+  std::string why = std::visit([](const auto& m) { return why_no_masses(m); }, machine);
+  if (!why.empty()) return why;
   if (kinematics::joint_count(machine) != kinematics::task(machine).size()) {
     return "the machine has more drives than its task has coordinates: how they share the load is not determined";
   }
@@ -498,42 +411,77 @@ Energy energy_of(const AnyMachine& machine, const Dynamics& d, const JointSeries
   return out;
 }
 
-std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamics& d, const Pose& X,
-                                        const JointVector& q) {
+namespace {
+/// The machine on the compliances of its elements, its drives locked: x = C^(1/2) y, (1 - w^2 S) y = 0 with
+/// S = C^(1/2) M C^(1/2).
+struct Yielding {
+  Pose X_MT;
+  Eigen::MatrixXd J;     ///< twist of the tool by x, [m; rad] in M
+  Eigen::VectorXd root;  ///< of the compliances
+  Eigen::MatrixXd S;
+  Mat6 held = Mat6::Zero();  ///< compliance of the tool by locked joints, which move no mass here
+};
+Yielding yielding_of(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q) {
   const std::vector<machine::Element> elements = kinematics::elements(machine);
   const machine::ElementColumns columns = kinematics::element_columns(machine, q, &X);
-  // Which joint moves as an element deflects: of arms and deltas the drive's own; legs deflect while the drives stand.
-  const bool drives_first =
-      std::visit([]<class M>(const M&) { return std::is_same_v<M, SerialArm> || machine::DeltaFamily<M>; }, machine);
-  const int n = static_cast<int>(q.size());
   std::vector<int> joint, used;
   std::vector<double> root;  // of the compliances
-  int next = 0;
+  Yielding out;
+  out.X_MT = columns.X_MT;
   for (int k = 0; k < static_cast<int>(elements.size()); ++k) {
-    int moves = -1;
-    if (const auto* chain = std::get_if<SerialArm>(&machine)) {
-      if (chain->dh[static_cast<std::size_t>(k)].locked) continue;
-      moves = next++;
-    } else if (drives_first && k < n) {
-      moves = k;
-    }
     const double c = elements[static_cast<std::size_t>(k)].compliance;
+    const int moves = std::visit([k](const auto& m) { return joint_moved_by(m, k); }, machine);
+    if (moves == machine::kHeldJoint) {
+      out.held += c * columns.J.col(k) * columns.J.col(k).transpose();
+      continue;
+    }
     if (!(c > 0)) continue;
     used.push_back(k);
     joint.push_back(moves);
     root.push_back(std::sqrt(c));
   }
-  if (used.empty()) return {};
-  Eigen::MatrixXd J(6, static_cast<Eigen::Index>(used.size()));
-  for (std::size_t k = 0; k < used.size(); ++k) J.col(static_cast<Eigen::Index>(k)) = columns.J.col(used[k]);
-  const Eigen::Map<const Eigen::VectorXd> C(root.data(), static_cast<Eigen::Index>(root.size()));
-  // x = C^(1/2) y: (1 - w^2 C^(1/2) M C^(1/2)) y = 0. What moves no mass has no frequency.
-  const Eigen::MatrixXd S = C.asDiagonal() * mass_by(machine, d, columns.X_MT, q, J, joint) * C.asDiagonal();
-  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(S).eigenvalues();
+  if (used.empty()) return out;
+  out.J.resize(6, static_cast<Eigen::Index>(used.size()));
+  for (std::size_t k = 0; k < used.size(); ++k) out.J.col(static_cast<Eigen::Index>(k)) = columns.J.col(used[k]);
+  out.root = Eigen::Map<const Eigen::VectorXd>(root.data(), static_cast<Eigen::Index>(root.size()));
+  out.S = out.root.asDiagonal() * mass_by(machine, d, columns.X_MT, q, out.J, joint) * out.root.asDiagonal();
+  return out;
+}
+// Of the largest 1 / w^2: what moves less mass than that moves none, and has no frequency.
+constexpr double kNone = 1e-12;
+}  // namespace
+
+std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamics& d, const Pose& X,
+                                        const JointVector& q) {
+  const Yielding soft = yielding_of(machine, d, X, q);
   std::vector<double> out;
-  constexpr double kNone = 1e-12;  // of the largest
+  if (soft.root.size() == 0) return out;
+  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(soft.S).eigenvalues();
   for (Eigen::Index k = values.size(); k-- > 0;) {
     if (values[k] > kNone * values[values.size() - 1]) out.push_back(1 / (2 * std::numbers::pi * std::sqrt(values[k])));
+  }
+  return out;
+}
+
+ModalModel modal_model(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q) {
+  const Yielding soft = yielding_of(machine, d, X, q);
+  ModalModel out;
+  out.X_MT = soft.X_MT;
+  out.rest = soft.held;
+  if (soft.root.size() == 0) return out;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(soft.S);
+  const Eigen::VectorXd& values = solver.eigenvalues();
+  const Eigen::MatrixXd shapes = soft.J * soft.root.asDiagonal() * solver.eigenvectors();  // of unit y
+  const double largest = values[values.size() - 1];
+  for (Eigen::Index k = values.size(); k-- > 0;) {
+    const Vec6 shape = shapes.col(k);
+    if (largest > 0 && values[k] > kNone * largest) {
+      // y^T S y = 1 / w^2, so w y has the modal mass 1.
+      const double own = 1 / std::sqrt(values[k]);
+      out.modes.push_back({own / (2 * std::numbers::pi), own * shape});
+    } else {
+      out.rest += shape * shape.transpose();
+    }
   }
   return out;
 }

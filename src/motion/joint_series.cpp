@@ -10,6 +10,7 @@
 
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/motion/driven_series.hpp"
 
 namespace polypod::motion {
 namespace {
@@ -226,7 +227,58 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
   return out;
 }
 
+template <class M>
+JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, const JointVector& speed,
+                             const JointVector& acceleration) {
+  const std::vector<double> p = kinematics::nominal_parameters(m);
+  const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
+  ClosureMatrix A = kinematics::closure_by_pose(m, at, joints, p);
+  Unknowns scale(A.rows());
+  for (int i = 0; i < A.rows(); ++i) {
+    const double largest = A.row(i).cwiseAbs().maxCoeff();
+    scale[i] = largest > 0 ? 1 / largest : 1;
+    A.row(i) *= scale[i];
+  }
+  JointSeries out;
+  out.q = q;
+  out.first = speed;
+  out.second = acceleration;
+  out.third = JointVector::Zero(q.size());
+  const Eigen::ColPivHouseholderQR<System> solver{System(A)};
+  const auto pivots = solver.matrixR().diagonal().cwiseAbs();
+  out.pivot = pivots.minCoeff() / pivots.maxCoeff();
+  constexpr double kSingular = 1e-12;
+  out.regular = A.rows() >= 6 && out.pivot > kSingular;
+  Vector3<Series> v = Vector3<Series>::Zero(), w = v;
+  std::vector<Series> q_series;
+  for (int i = 0; i < q.size(); ++i) q_series.emplace_back(q[i], speed[i], acceleration[i], 0);
+  const std::vector<Series> p_series(p.begin(), p.end());
+  const std::vector<Dual> p_dual(p.begin(), p.end());
+  for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
+    const PoseSeries X = moved(at, v, w);
+    Unknowns r;
+    if constexpr (kOnSeries<M>) {
+      r = coefficients_by_series(m, X, q_series, p_series, order);
+    } else {
+      r = coefficients_by_differences(m, X, q_series, p_dual, order);
+    }
+    const Vec6 y = solver.solve(-scale.cwiseProduct(r));
+    out.regular = y.allFinite();
+    for (int k = 0; k < 3; ++k) {
+      v[k][order] = y[k];
+      w[k][order] = y[3 + k];
+    }
+  }
+  out.X = moved(at, v, w);
+  return out;
+}
+
 }  // namespace
+
+JointSeries driven_series(const AnyMachine& machine, const Pose& at, const JointVector& q, const JointVector& v,
+                          const JointVector& a) {
+  return std::visit([&](const auto& m) { return driven_series_of(m, at, q, v, a); }, machine);
+}
 
 Matrix3<Series> rotation_series(const Vector3<Series>& w) {
   const Matrix3<Series> W = skew(w), W2 = times(W, W), W3 = times(W2, W);

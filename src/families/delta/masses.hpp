@@ -1,0 +1,40 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <type_traits>
+
+#include "../masses.hpp"
+#include "polypod/families/delta/kinematics.hpp"
+
+namespace polypod::machine {
+
+inline MassParts mass_parts(const RotaryDelta&) {
+  return {.rods = true, .arms = true};
+}
+inline MassParts mass_parts(const LinearDelta&) {
+  return {.rods = true, .sliders = true};
+}
+template <DeltaFamily M>
+std::vector<MassLeg> mass_legs(const M& m, const PoseT<Series>& X, std::span<const Series> q,
+                               std::span<const Series> p) {
+  std::vector<MassLeg> out;
+  constexpr bool kCrank = std::is_same_v<M, RotaryDelta>;
+  for (int i = 0; i < m.arms; ++i) {
+    const auto chain = delta_detail::chain(m, X, q, p, i);
+    out.push_back({chain.base, chain.end, chain.platform, false, !kCrank, kCrank});
+  }
+  return out;
+}
+/// z of a delta grows downwards.
+template <DeltaFamily M>
+bool hangs_down(const M&) {
+  return true;
+}
+/// The first elements are the drives; the rods deflect while these stand.
+template <DeltaFamily M>
+int joint_of_element(const M& m, int element) {
+  return element < m.arms ? element : kNoJoint;
+}
+
+}  // namespace polypod::machine
