@@ -18,6 +18,7 @@
 #include "polypod/design/analyse.hpp"
 #include "polypod/design/optimize.hpp"
 #include "polypod/design/ranks.hpp"
+#include "polypod/design/sensitivity.hpp"
 #include "polypod/pages/study.hpp"
 #include "survey_options.hpp"
 
@@ -95,6 +96,10 @@ std::string shown(double value) {
   return std::isfinite(value) ? fmt::format("{:.6g}", value) : std::string("-");
 }
 
+std::string shown3(double value) {
+  return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string("-");
+}
+
 /// Objective, parameters and figures of a row, one a line; those of the start beside them.
 void print_row(const Study& study, const Row& row, const Row* start) {
   const auto line = [&](const std::string& name, const std::string& value, const std::string& of_start,
@@ -119,6 +124,13 @@ void print_row(const Study& study, const Row& row, const Row* start) {
     line(design::info_of(figures[i]).name, shown(v.value),
          start != nullptr ? number(start->evaluation.figures[i].value) : "",
          v.lower < v.upper ? fmt::format("   certainly {} to {}", shown(v.lower), shown(v.upper)) : "");
+  }
+  if (!study.robust.empty()) {
+    std::string box;
+    for (const auto& [key, size] : study.robust) box += fmt::format("{}{} ± {:g}", box.empty() ? "" : ", ", key, size);
+    fmt::print(
+        "each figure is the worst of {} machines: the middle and the corners of {}; between them it may be worse\n",
+        (1U << study.robust.size()) + 1, box);
   }
   if (start != nullptr && start->evaluation.state != State::done) {
     fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
@@ -328,9 +340,9 @@ Command optimize_command() {
 namespace {
 
 struct StudyOptions {
-  std::string folder, csv, machine, output, report, front_svg, parallel_svg, state;
+  std::string folder, csv, machine, output, report, front_svg, parallel_svg, state, sensitivity;
   std::vector<std::string> where;
-  int top = 10;
+  int top = 10, evaluations = 0, seed = 1, threads = 0;
 };
 
 Result<std::vector<std::size_t>> chosen_rows(const StudyOptions& o, const Study& study, const std::vector<Row>& rows) {
@@ -426,9 +438,107 @@ void print_sensitivities(const Study& study, const std::vector<design::Sensitivi
   fmt::print("\n");
 }
 
+Json estimate_json(const design::Estimate& e) {
+  return {{"value", number_json(e.value)}, {"lower", number_json(e.lower)}, {"upper", number_json(e.upper)}};
+}
+
+Json global_json(const Study& study, const design::StudySensitivity& s) {
+  const bool morris = s.design.method == design::SensitivityMethod::morris;
+  Json list = Json::array();
+  for (const design::GlobalSensitivity& of : s.of) {
+    Json parameters = Json::object();
+    for (std::size_t i = 0; i < study.vary.size(); ++i) {
+      Json one{{morris ? "mu_star" : "total", estimate_json(of.total[i])},
+               {morris ? "mu" : "first", estimate_json(of.first[i])}};
+      if (morris) one["sigma"] = number_json(of.spread[i]);
+      parameters[study.vary[i].key] = one;
+    }
+    list.push_back({{"of", of.of}, {"groups_used", of.used}, {"parameters", parameters}});
+  }
+  return {{"method", design::name_of(s.design.method)},
+          {"evaluations", s.design.points.size()},
+          {"groups", s.design.groups},
+          {"seed", s.design.seed},
+          {"computed", s.computed},
+          {"without_figures", s.without},
+          {"interval", "95 % by bootstrap over the groups"},
+          {"of", list}};
+}
+
+/// What the analysis over the whole ranges says.
+void print_global(const Study& study, const design::StudySensitivity& s) {
+  const bool morris = s.design.method == design::SensitivityMethod::morris;
+  fmt::print(
+      "\nsensitivities over the whole ranges: {}, {} evaluations in {} {}, seed {}; 95 % intervals by bootstrap\n",
+      morris ? "elementary effects (Morris)" : "shares of the variance (Sobol)", s.design.points.size(),
+      s.design.groups, morris ? "trajectories" : "samples", s.design.seed);
+  std::size_t width = 9;
+  for (const design::Vary& v : study.vary) width = std::max(width, v.key.size());
+  const auto interval = [](const design::Estimate& e) {
+    return std::isnan(e.value) ? std::string("-") : fmt::format("{:.3g} ({:.3g} to {:.3g})", e.value, e.lower, e.upper);
+  };
+  for (const design::GlobalSensitivity& of : s.of) {
+    fmt::print("{}\n", of.of);
+    fmt::print("  {:<{}}  {:>32}  {:>32}{}\n", "", width, morris ? "mean size of the effect (mu*)" : "total share",
+               morris ? "mean effect (mu)" : "share by itself", morris ? "     sigma" : "");
+    for (std::size_t i = 0; i < study.vary.size(); ++i) {
+      fmt::print("  {:<{}}  {:>32}  {:>32}{}\n", study.vary[i].key, width, interval(of.total[i]), interval(of.first[i]),
+                 morris ? fmt::format("  {:>8}", shown3(of.spread[i])) : "");
+    }
+    if (of.used < s.design.groups) {
+      fmt::print("  from {} of the {} {}: the others hold a candidate without this figure\n", of.used, s.design.groups,
+                 morris ? "trajectories" : "samples");
+    }
+  }
+  if (s.without > 0) {
+    fmt::print("{} candidates have no figures, the first: {}\n", s.without, one_line(s.reason));
+    fmt::print("what is said holds for the part of the ranges in which there are machines that have them\n");
+  }
+  fmt::print(
+      "{}\n",
+      morris ? "mu*: what the parameter changes over its range, in the unit of the figure; sigma beside it large: not "
+               "linear, or it depends on others"
+             : "a share by itself: of the variance over the ranges; in all: with what it does together with others");
+}
+
+/// New evaluations over the ranges, kept beside the rows of the search.
+Result<std::optional<design::StudySensitivity>> sensitivity_of(const StudyOptions& o, const Context& context) {
+  if (o.sensitivity.empty()) {
+    POLYPOD_TRY(refuse(context, {"--evaluations", "--seed", "--threads"}, "it serves --sensitivity"));
+    return std::optional<design::StudySensitivity>();
+  }
+  if (o.sensitivity != "morris" && o.sensitivity != "sobol") {
+    return fail("AP234", fmt::format("--sensitivity {}: unknown", o.sensitivity), {}, "known: morris, sobol");
+  }
+  const auto method = o.sensitivity == "sobol" ? design::SensitivityMethod::sobol : design::SensitivityMethod::morris;
+  Study study;
+  {
+    POLYPOD_ASSIGN(read, design::Store::read(o.folder));
+    study = read.study();
+  }
+  const int n = static_cast<int>(study.vary.size());
+  const int usual = method == design::SensitivityMethod::morris ? 10 * (n + 1) : 64 * (n + 2);
+  POLYPOD_ASSIGN(store, design::Store::open(o.folder, study, "", POLYPOD_VERSION));
+  design::SensitivityOptions options;
+  options.threads = o.threads;
+  options.version = POLYPOD_VERSION;
+  options.cancelled = [] { return interrupted(); };
+  if (context.progress) {
+    options.progress = [](int done, int all) {
+      fmt::print(stderr, "\rsensitivity {} of {}\x1b[K", done, all);
+      std::fflush(stderr);
+    };
+  }
+  POLYPOD_ASSIGN(out, design::study_sensitivity(study, store, method, o.evaluations > 0 ? o.evaluations : usual,
+                                                static_cast<std::uint64_t>(o.seed), options));
+  if (context.progress) fmt::print(stderr, "\r\x1b[K");
+  POLYPOD_TRY(store.close());
+  return std::optional(std::move(out));
+}
+
 Status write_study_files(const StudyOptions& o, const Study& study, const std::vector<Row>& rows,
                          const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
-                         bool complete, const Row* machine_row) {
+                         const design::StudySensitivity& global, bool complete, const Row* machine_row) {
   files::Outputs out;
   if (!o.csv.empty()) {
     std::vector<Row> chosen;
@@ -440,7 +550,7 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
     POLYPOD_ASSIGN(m, design::machine_of_row(study, *machine_row));
     POLYPOD_TRY(out.add(o.output, machine::to_toml(m)));
   }
-  const pages::StudyPage page{study, rows, sensitivities, complete, POLYPOD_VERSION, command_line()};
+  const pages::StudyPage page{study, rows, sensitivities, global, complete, POLYPOD_VERSION, command_line()};
   constexpr double kWidth = 960;
   if (!o.front_svg.empty()) {
     POLYPOD_ASSIGN(figure, pages::front_figure(page));
@@ -476,6 +586,12 @@ Command study_command() {
             a.option("--front-svg", o->front_svg, "The front of the first two goals as a picture");
             a.option("--parallel-svg", o->parallel_svg, "Parallel coordinates of the best rows as a picture");
             a.option("--report", o->report, "An HTML report: what was asked and tried, the best against the start");
+            a.option("--sensitivity", o->sensitivity,
+                     "morris or sobol: evaluate anew over the whole ranges, and say how much each parameter matters");
+            a.option("--evaluations", o->evaluations, {1, 1e7},
+                     "Of --sensitivity, at most (default 10 trajectories, or 64 samples)");
+            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of --sensitivity (default 1)");
+            a.option("--threads", o->threads, {0, 1024}, "Of --sensitivity (default: all; the result is the same)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_TRY(check_files({design::database_of(o->folder)},
@@ -483,8 +599,12 @@ Command study_command() {
             if (o->machine.empty() != o->output.empty()) {
               return fail("AP233", "--machine and --output go together", {}, "write --machine best -o best.toml");
             }
+            POLYPOD_ASSIGN(asked, sensitivity_of(*o, context));
+            if (interrupted()) return kBadInput;  // the database keeps what was done
             POLYPOD_ASSIGN(store, design::Store::read(o->folder));
             const Study& study = store.study();
+            POLYPOD_ASSIGN(kept, design::kept_sensitivity(study, store));
+            const design::StudySensitivity& global = asked ? *asked : kept;
             POLYPOD_ASSIGN(rows, store.rows());
             POLYPOD_ASSIGN(complete, store.complete());
             POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
@@ -497,23 +617,25 @@ Command study_command() {
             const std::vector<std::size_t> front = design::front_of(study, rows);
             const auto sensitivities = design::sensitivities(study, rows);
             sort_rows(study, rows, front, which);
-            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, complete, machine_row));
+            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row));
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
               Json list = Json::array();
               for (const std::size_t i : listed) list.push_back(row_json(study, rows[i]));
-              print_json({{"rows", rows.size()},
-                          {"selected", which.size()},
-                          {"states", states_json(rows)},
-                          {"complete", complete},
-                          {"version", store.version()},
-                          {"seed", study.seed},
-                          {"best", best ? row_json(study, rows[*best]) : Json()},
-                          {"start", start_json(study, rows)},
-                          {"front", front_json(study, rows, front)},
-                          {"sensitivities", sensitivities_json(study, sensitivities)},
-                          {"listed", list}});
+              Json out({{"rows", rows.size()},
+                        {"selected", which.size()},
+                        {"states", states_json(rows)},
+                        {"complete", complete},
+                        {"version", store.version()},
+                        {"seed", study.seed},
+                        {"best", best ? row_json(study, rows[*best]) : Json()},
+                        {"start", start_json(study, rows)},
+                        {"front", front_json(study, rows, front)},
+                        {"sensitivities", sensitivities_json(study, sensitivities)},
+                        {"listed", list}});
+              if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
+              print_json(out);
               return kDone;
             }
             fmt::print("study {} on {}, seed {}, Polypod {}\n", one_line(study.file), one_line(study.machine),
@@ -533,6 +655,7 @@ Command study_command() {
               print_table(study, rows, listed);
             }
             print_sensitivities(study, sensitivities);
+            if (global.design.groups > 0) print_global(study, global);
             for (const std::string* path : {&o->csv, &o->output, &o->front_svg, &o->parallel_svg, &o->report})
               if (!path->empty()) fmt::print("wrote {}\n", *path);
             return kDone;

@@ -189,6 +189,39 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
     }
     out.push_back(std::move(s));
   }
+  for (const char* duty : {kAllPoses, kMotion}) {
+    HoldSummary s;
+    s.hold = duty;
+    for (const Row& row : rows) {
+      if (row.phase == Phase::start && !start_counts) continue;
+      const bool broken = row.evaluation.reason.find(duty) != std::string::npos;
+      s.judged += broken || row.evaluation.state == State::done ? 1 : 0;
+      s.broken += broken ? 1 : 0;
+    }
+    if (s.broken > 0) out.push_back(std::move(s));
+  }
+  return out;
+}
+
+double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner) {
+  std::erase_if(points, [&](const auto& p) {
+    for (std::size_t i = 0; i < corner.size(); ++i)
+      if (!(p[i] > corner[i])) return true;
+    return false;
+  });
+  if (points.empty()) return 0;
+  const std::size_t last = corner.size() - 1;
+  std::sort(points.begin(), points.end(), [&](const auto& a, const auto& b) { return a[last] > b[last]; });
+  if (last == 0) return points.front()[0] - corner[0];
+  // Slices between the heights of the last goal: in each those points count that reach above it.
+  double out = 0;
+  std::vector<std::vector<double>> above;
+  const std::vector<double> base(corner.begin(), corner.end() - 1);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    above.emplace_back(points[i].begin(), points[i].end() - 1);
+    const double next = i + 1 < points.size() ? points[i + 1][last] : corner[last];
+    if (points[i][last] > next) out += (points[i][last] - next) * hypervolume(above, base);
+  }
   return out;
 }
 

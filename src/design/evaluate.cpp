@@ -15,6 +15,7 @@
 #include "polypod/quality/survey.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "rounded.hpp"
 
 namespace polypod::design {
 namespace {
@@ -78,8 +79,8 @@ class Judge {
 
   /// Whether what is known decides already. `last`: nothing else will be computed.
   bool decided(bool last) {
-    double certain = box_violation_, likely = box_violation_;
-    std::string broken = box_violation_ > 0 ? box_reason_ : "";
+    double certain = box_violation_ + duty_violation_, likely = certain;
+    std::string broken = duty_violation_ > 0 ? duty_reason_ : box_violation_ > 0 ? box_reason_ : "";
     for (const Hold& h : study_.holds) {
       if (h.box) continue;
       const Value v = get(h.figure);
@@ -151,8 +152,12 @@ class Judge {
     out_.state = State::done;
     at_home(m);
     if (out_.state == State::refused || decided(false)) return {};
+    if (!study_.duty.poses.empty() && at_poses_wanted()) {
+      judge_poses(m, study_.duty.poses, true);
+      if (out_.state == State::refused || decided(false)) return {};
+    }
     const bool volumes = std::any_of(wanted_.begin(), wanted_.end(), is_volume);
-    const bool survey = std::any_of(wanted_.begin(), wanted_.end(), [](Figure f) { return info_of(f).of_survey; });
+    const bool survey = std::any_of(wanted_.begin(), wanted_.end(), [&](Figure f) { return study_.surveys(f); });
     const bool boxes = std::any_of(study_.holds.begin(), study_.holds.end(), [](const Hold& h) { return h.box; });
     if (volumes || survey || boxes) {
       bool go_on = false;
@@ -161,6 +166,10 @@ class Judge {
     }
     if (boxes) {
       POLYPOD_TRY(boxes_inside(m));
+      if (out_.state == State::refused || decided(false)) return {};
+    }
+    if (wants(Figure::cycle_time)) {
+      POLYPOD_TRY(timed(m));
       if (out_.state == State::refused || decided(false)) return {};
     }
     if (survey) {
@@ -208,6 +217,65 @@ class Judge {
       set(Figure::footprint, exactly(product({sides.x(), sides.y()})));
       set(Figure::height, exactly(sides.z()));
     }
+  }
+
+  [[nodiscard]] bool at_poses_wanted() const {
+    return std::any_of(wanted_.begin(), wanted_.end(), [](Figure f) { return info_of(f).of_poses; });
+  }
+
+  /// The worst at all these poses. `must`: each pose that the machine does not reach breaks the study; else it is left
+  /// out.
+  void judge_poses(const AnyMachine& m, const std::vector<Pose>& poses, bool must) {
+    const AtPoseWanted wanted{wants(Figure::natural_frequency),
+                              wants(Figure::drive_force) || wants(Figure::drive_torque), wants(Figure::stiffness),
+                              wants(Figure::deflection), wants(Figure::longest_leg)};
+    AtPose worst;
+    std::size_t reached = 0;
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      const auto at = at_pose(m, study_.duty, wanted, poses[i]);
+      if (!at) {
+        if (!must) continue;
+        constexpr double kNotReached = 0.01;
+        duty_violation_ += (duty_violation_ > 0 ? 0 : kNotReached) + 1.0 / static_cast<double>(poses.size());
+        if (duty_reason_.empty()) duty_reason_ = fmt::format("{} (pose {}: {})", kAllPoses, i + 1, at.error().message);
+        continue;
+      }
+      ++reached;
+      worst.frequency = std::min(worst.frequency, at->frequency);
+      worst.stiffness = std::min(worst.stiffness, at->stiffness);
+      worst.force = std::max(worst.force, at->force);
+      worst.torque = std::max(worst.torque, at->torque);
+      worst.deflection = std::max(worst.deflection, at->deflection);
+      worst.leg = std::max(worst.leg, at->leg);
+    }
+    if (reached == 0 || duty_violation_ > 0) return;
+    for (const auto& [figure, value] :
+         {std::pair{Figure::natural_frequency, worst.frequency}, std::pair{Figure::drive_force, worst.force},
+          std::pair{Figure::drive_torque, worst.torque},
+          std::pair{Figure::stiffness, worst.stiffness / units::kUmPerMetre},
+          std::pair{Figure::deflection, units::to_um(worst.deflection)},
+          std::pair{Figure::longest_leg, units::to_mm(worst.leg)}}) {
+      if (!wants(figure)) continue;
+      if (!std::isfinite(value)) {
+        refuse(fmt::format("{} has no bound: the machine is singular, or nothing deflects, at one of the poses",
+                           info_of(figure).name));
+        return;
+      }
+      set(figure, exactly(value));
+    }
+  }
+
+  Status timed(const AnyMachine& m) {
+    const auto time = cycle_time(m, study_.duty);
+    if (!time) return candidate(time.error());
+    if (time->broken.empty()) {
+      set(Figure::cycle_time, exactly(time->seconds));
+      return {};
+    }
+    constexpr double kBroken = 0.01;
+    duty_violation_ += kBroken + 1 - time->passed;
+    duty_reason_ = fmt::format("{} ({})", kMotion, time->broken);
+    return {};
   }
 
   void set_volume(const workspace::Volume& v) {
@@ -319,8 +387,17 @@ class Judge {
         set(Figure::known_error_max, exactly(units::to_mm(worst(f->position, f->anywhere, 0, 1))));
       }
     }
+    if (study_.duty.poses.empty() && at_poses_wanted()) {
+      std::vector<Pose> poses;
+      for (std::size_t i = 0; i < survey->inside.size(); ++i) {
+        for (std::size_t k = 0; k < survey->orientations.size(); ++k)
+          poses.push_back(quality::pose_at(*survey, i, static_cast<int>(k)));
+      }
+      judge_poses(m, poses, false);
+      if (out_.state == State::refused) return false;
+    }
     for (std::size_t i = 0; i < wanted_.size(); ++i) {
-      if (!info_of(wanted_[i]).of_survey || !std::isnan(out_.figures[i].value)) continue;
+      if (!study_.surveys(wanted_[i]) || !std::isnan(out_.figures[i].value)) continue;
       refuse(fmt::format("{} has no value: the machine is singular at every point that was looked at",
                          info_of(wanted_[i]).name));
       return false;
@@ -334,8 +411,8 @@ class Judge {
   std::vector<Figure> wanted_;
   workspace::Options workspace_;
   Evaluation out_;
-  double box_violation_ = 0;
-  std::string box_reason_;
+  double box_violation_ = 0, duty_violation_ = 0;
+  std::string box_reason_, duty_reason_;
 };
 
 /// A goal as a share of its normalising value, so that more is better.
@@ -406,22 +483,113 @@ bool dominates(const std::vector<double>& a, const std::vector<double>& b) {
   return better;
 }
 
-Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,
-                                    const EvaluateOptions& options) {
+namespace {
+
+Evaluation no_machine(const Study& study, const Error& error) {
+  Evaluation out;
+  out.figures.resize(study.figures().size());
+  out.reason = error.message;
+  return out;
+}
+
+/// -1 where the worst of a figure is its smallest, 1 where it is its largest: by the goal, else by the bound that a
+/// hold gives it; 0 where a hold bounds it on both sides.
+int worst_side(const Study& study, Figure figure) {
+  for (const Goal& g : study.goals)
+    if (g.figure == figure) return g.maximise ? -1 : 1;
+  int out = 0;
+  for (const Hold& h : study.holds) {
+    if (h.box || h.figure != figure) continue;
+    out += (h.min ? -1 : 0) + (h.max ? 1 : 0);
+  }
+  return std::clamp(out, -1, 1);
+}
+
+Value worst(const Value& a, const Value& b, int side) {
+  if (std::isnan(a.value) || side == 0) return a;
+  if (std::isnan(b.value)) return b;
+  const auto of = [side](double x, double y) { return side < 0 ? std::min(x, y) : std::max(x, y); };
+  Value out;
+  out.value = of(a.value, b.value);
+  out.lower = of(a.lower, b.lower);
+  out.upper = of(a.upper, b.upper);
+  return out;
+}
+
+/// The machine with these parameters, in the units of their keys.
+using Parameters = std::vector<std::pair<std::string, double>>;
+Result<AnyMachine> machine_with(const Study& study, const Parameters& parameters) {
+  std::vector<machine::Override> overrides;
+  for (const auto& [key, value] : parameters) overrides.push_back({key, fmt::format("{}", value)});
+  return machine::from_text(study.machine_toml, study.machine, overrides);
+}
+
+/// The middle of the box of tolerances, judged already, and its corners: what is worst of each. A corner that breaks a
+/// hold, or is proven worse than what there is, decides.
+Result<Evaluation> worst_case(const Study& study, const Parameters& parameters, const AnyMachine& middle,
+                              Evaluation out, const Incumbents& incumbents, const EvaluateOptions& options) {
+  const std::vector<Figure> order = study.figures();
+  for (unsigned corner = 0; corner < 1U << study.robust.size() && out.state != State::refused; ++corner) {
+    if (out.state == State::dropped) return out;
+    Parameters at = parameters;
+    std::string where;
+    for (std::size_t i = 0; i < study.robust.size(); ++i) {
+      const auto& [key, size] = study.robust[i];
+      const double offset = (corner >> i & 1U) != 0 ? size : -size;
+      auto found = std::find_if(at.begin(), at.end(), [&key = key](const auto& p) { return p.first == key; });
+      if (found == at.end()) {
+        double value = std::numeric_limits<double>::quiet_NaN();
+        for (const auto& list : {machine::settings(middle), kinematics::parameters(middle)})
+          for (const machine::Parameter& p : list)
+            if (machine::key_of(p) == key) value = units::to_user(p.value, p.unit);
+        if (std::isnan(value)) return no_machine(study, Error{"", key + " has no value to be off from", {}, {}});
+        found = at.insert(at.end(), {key, value});
+      }
+      found->second = rounded(found->second + offset);
+      where += fmt::format("{}{} = {}", where.empty() ? "" : ", ", key, found->second);
+    }
+    const auto m = machine_with(study, at);
+    Evaluation e = no_machine(study, m ? Error{} : m.error());
+    if (m) {
+      POLYPOD_ASSIGN(judged, Judge(study, incumbents, options)(*m));
+      e = std::move(judged);
+    }
+    if (e.state != State::done && (out.state == State::done || e.state == State::refused)) {
+      out.state = e.state;
+      out.reason = fmt::format("at a corner of the tolerances ({}): {}", where, e.reason);
+    }
+    out.violation = std::max(out.violation, e.violation);
+    for (std::size_t i = 0; i < order.size(); ++i)
+      out.figures[i] = worst(out.figures[i], e.figures[i], worst_side(study, order[i]));
+    out.objective = worst(out.objective, e.objective, -1);
+  }
+  return out;
+}
+
+Result<Evaluation> judged(const Study& study, const AnyMachine& machine, const Parameters& parameters,
+                          const Incumbents& incumbents, const EvaluateOptions& options) {
   const auto begin = std::chrono::steady_clock::now();
   POLYPOD_ASSIGN(out, Judge(study, incumbents, options)(machine));
+  if (!study.robust.empty()) {
+    POLYPOD_ASSIGN(worst, worst_case(study, parameters, machine, std::move(out), incumbents, options));
+    out = std::move(worst);
+  }
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return out;
+}
+
+}  // namespace
+
+Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,
+                                    const EvaluateOptions& options) {
+  return judged(study, machine, {}, incumbents, options);
 }
 
 Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varied, const Incumbents& incumbents,
                             const EvaluateOptions& options) {
   const auto m = study.machine_at(varied);
-  if (m) return evaluate_machine(study, *m, incumbents, options);
-  Evaluation out;
-  out.figures.resize(study.figures().size());
-  out.reason = m.error().message;
-  return out;
+  if (!m) return no_machine(study, m.error());
+  return judged(study, *m, study.parameters(varied), incumbents, options);
 }
 
 }  // namespace polypod::design

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstring>
 #include <deque>
+#include <list>
 #include <map>
 #include <mutex>
 #include <thread>
@@ -85,6 +86,34 @@ class Message {
 void send(int to, int tag, const Message& m = {}) {
   MPI_Send(m.bytes().data(), static_cast<int>(m.bytes().size()), MPI_CHAR, to, tag, MPI_COMM_WORLD);
 }
+
+/// What rank 0 sends, without waiting until it has arrived: a rank that is gone takes nothing any more, and a message
+/// that does not fit into the buffers of MPI would wait for it for ever.
+class Outbox {
+ public:
+  void send(int to, int tag, const Message& m = {}) {
+    erase_sent();
+    Letter& letter = letters_.emplace_back();
+    letter.bytes = m.bytes();
+    MPI_Isend(letter.bytes.data(), static_cast<int>(letter.bytes.size()), MPI_CHAR, to, tag, MPI_COMM_WORLD,
+              &letter.request);
+  }
+  void erase_sent() {
+    std::erase_if(letters_, [](Letter& letter) {
+      int sent = 0;
+      MPI_Test(&letter.request, &sent, MPI_STATUS_IGNORE);
+      return sent != 0;
+    });
+  }
+  [[nodiscard]] bool empty() const { return letters_.empty(); }
+
+ private:
+  struct Letter {
+    std::vector<char> bytes;
+    MPI_Request request = MPI_REQUEST_NULL;
+  };
+  std::list<Letter> letters_;  // MPI keeps the addresses until they are sent
+};
 
 struct Received {
   int from = 0, tag = 0;
@@ -274,9 +303,11 @@ struct Worker {
 
 class MpiCrew final : public Crew {
  public:
-  MpiCrew(const Study& study, std::map<int, Worker>& workers, int threads, std::function<bool()> cancelled)
+  MpiCrew(const Study& study, std::map<int, Worker>& workers, Outbox& outbox, int threads,
+          std::function<bool()> cancelled)
       : study_(study),
         workers_(workers),
+        outbox_(outbox),
         each_(static_cast<std::size_t>(std::max(1, threads))),
         cancelled_(cancelled),
         pool_(study, threads, std::move(cancelled)) {}
@@ -307,7 +338,7 @@ class MpiCrew final : public Crew {
       for (auto& [rank, worker] : workers_) {
         while (!waiting_.empty() && !worker.lost && worker.has.size() < each_) {
           worker.has.push_back(next());
-          send(rank, kTask, message_of(task(worker.has.back())));
+          outbox_.send(rank, kTask, message_of(task(worker.has.back())));
         }
       }
       while (auto a = pool_.next()) {
@@ -330,7 +361,7 @@ class MpiCrew final : public Crew {
     }
     for (auto& [rank, worker] : workers_) {
       worker.has.clear();
-      if (failed && !worker.lost) send(rank, kCancel);
+      if (failed && !worker.lost) outbox_.send(rank, kCancel);
     }
     if (!failed) return true;
     pool_.drop();
@@ -365,6 +396,7 @@ class MpiCrew final : public Crew {
 
   const Study& study_;
   std::map<int, Worker>& workers_;
+  Outbox& outbox_;
   std::size_t each_;
   std::function<bool()> cancelled_;
   Pool pool_;
@@ -383,9 +415,17 @@ class MpiRanks final : public Ranks {
   MpiRanks(const MpiRanks&) = delete;
   MpiRanks& operator=(const MpiRanks&) = delete;
   ~MpiRanks() override {
+    Message stop;
+    stop.put(static_cast<std::int64_t>(lost()));
     for (const auto& [rank, worker] : workers_)
-      if (!worker.lost) send(rank, kStop);
-    if (lost() == 0) MPI_Finalize();  // else it would wait for those that are gone
+      if (!worker.lost) outbox_.send(rank, kStop, stop);
+    // Until it has left, or nobody takes it any more.
+    const auto until = Clock::now() + kSilence;
+    while (!outbox_.empty() && lost() == 0 && Clock::now() < until) {
+      outbox_.erase_sent();
+      std::this_thread::sleep_for(kPause);
+    }
+    if (lost() == 0 && !without_) MPI_Finalize();  // else it would wait for those that are gone
   }
 
   [[nodiscard]] int rank() const override { return rank_; }
@@ -403,10 +443,10 @@ class MpiRanks final : public Ranks {
     m.put(study.machine_toml);
     m.put(static_cast<std::int64_t>(study.seed));
     for (auto& [rank, worker] : workers_) {
-      send(rank, kStudy, m);
+      outbox_.send(rank, kStudy, m);
       worker.heard = Clock::now();
     }
-    return std::make_unique<MpiCrew>(study, workers_, threads, std::move(cancelled));
+    return std::make_unique<MpiCrew>(study, workers_, outbox_, threads, std::move(cancelled));
   }
 
   Status serve(int threads, const std::function<bool()>& cancelled) override {
@@ -417,7 +457,10 @@ class MpiRanks final : public Ranks {
       bool idle = true;
       if (auto r = receive()) {
         idle = false;
-        if (r->tag == kStop) return {};
+        if (r->tag == kStop) {
+          without_ = r->message.integer() > 0;
+          return {};
+        }
         if (r->tag == kCancel && pool) pool->drop();
         if (r->tag == kTask && pool) pool->add(task_of(r->message));
         if (r->tag == kStudy) {
@@ -446,6 +489,8 @@ class MpiRanks final : public Ranks {
  private:
   int rank_ = 0, size_ = 1;
   std::map<int, Worker> workers_;
+  Outbox outbox_;
+  bool without_ = false;  ///< of the other ranks: one of them is gone
 };
 
 }  // namespace

@@ -24,6 +24,7 @@ constexpr const char* kFormat = "1";
 constexpr int kPatience_ms = 10'000;
 constexpr int kKindOfError = 0xff;  // of SQLite's extended codes
 constexpr const char* kLock = "lock";
+constexpr const char* kSamples = "sensitivity";
 
 /// An identifier of SQL in its quotes.
 std::string quoted(const std::string& name) {
@@ -105,7 +106,7 @@ struct Store::Impl {
   std::string path, seen_version;
   Lock lock;
   Database db;
-  Statement insert;
+  Statement insert, insert_sample;
   Study study;
 
   [[nodiscard]] std::string why() const { return sqlite3_errmsg(db.get()); }
@@ -180,13 +181,31 @@ struct Store::Impl {
     return sqlite3_column_int(s.get(), 0) > 0;
   }
 
-  Status create(const Study& of, const std::string& text, const std::string& version) const {
+  /// The columns of a table of evaluations with their types.
+  static std::string typed_columns(const Study& of) {
     std::string columns;
     for (const std::string& c : columns_of(of)) {
       const bool is_text = c == "state" || c == "reason" || c == "phase" || c == "version" || c == "at";
       const char* type = c == "row" ? "INTEGER PRIMARY KEY" : c == "seed" ? "INTEGER" : is_text ? "TEXT" : "REAL";
       columns += fmt::format("{}{} {}", columns.empty() ? "" : ", ", quoted(c), type);
     }
+    return columns;
+  }
+
+  [[nodiscard]] Result<Statement> prepare_insert(const char* table) const {
+    std::string names, marks;
+    for (const std::string& c : columns_of(study)) {
+      names += (names.empty() ? "" : ", ") + quoted(c);
+      marks += marks.empty() ? "?" : ", ?";
+    }
+    return prepare(fmt::format("INSERT INTO {} ({}) VALUES ({})", table, names, marks));
+  }
+
+  Status add(sqlite3_stmt* s, const Row& row) const;
+  [[nodiscard]] Result<std::vector<Row>> rows_of(const char* table) const;
+
+  Status create(const Study& of, const std::string& text, const std::string& version) const {
+    const std::string columns = typed_columns(of);
     POLYPOD_TRY(run("BEGIN IMMEDIATE"));
     POLYPOD_TRY(run("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT)"));
     POLYPOD_TRY(run("CREATE TABLE evaluation (" + columns + ")"));
@@ -300,12 +319,7 @@ Result<Store> Store::open(const std::string& folder, const Study& study, const s
   if (!there) POLYPOD_TRY(impl->create(study, text, version));
   impl->seen_version = version;
   impl->study = study;
-  std::string names, marks;
-  for (const std::string& c : columns_of(study)) {
-    names += (names.empty() ? "" : ", ") + quoted(c);
-    marks += marks.empty() ? "?" : ", ?";
-  }
-  POLYPOD_ASSIGN(insert, impl->prepare(fmt::format("INSERT INTO evaluation ({}) VALUES ({})", names, marks)));
+  POLYPOD_ASSIGN(insert, impl->prepare_insert("evaluation"));
   impl->insert = std::move(insert);
   return Store(std::move(impl));
 }
@@ -341,7 +355,20 @@ const std::string& Store::version() const {
 }
 
 Status Store::add(const Row& row) {
-  sqlite3_stmt* s = impl_->insert.get();
+  return impl_->add(impl_->insert.get(), row);
+}
+
+Status Store::add_sample(const Row& row) {
+  if (!impl_->insert_sample) {
+    POLYPOD_TRY(
+        impl_->run(fmt::format("CREATE TABLE IF NOT EXISTS {} ({})", kSamples, Impl::typed_columns(impl_->study))));
+    POLYPOD_ASSIGN(insert, impl_->prepare_insert(kSamples));
+    impl_->insert_sample = std::move(insert);
+  }
+  return impl_->add(impl_->insert_sample.get(), row);
+}
+
+Status Store::Impl::add(sqlite3_stmt* s, const Row& row) const {
   const Evaluation& e = row.evaluation;
   int at = 0;
   const auto number = [&](double x) {
@@ -361,7 +388,7 @@ Status Store::add(const Row& row) {
   number(e.objective.upper);
   number(e.violation);
   number(e.seconds);
-  sqlite3_bind_int64(s, ++at, static_cast<std::int64_t>(impl_->study.seed));
+  sqlite3_bind_int64(s, ++at, static_cast<std::int64_t>(study.seed));
   text(row.version);
   text(now());
   for (const double x : row.varied) number(x);
@@ -372,16 +399,34 @@ Status Store::add(const Row& row) {
   }
   const int code = sqlite3_step(s);
   sqlite3_reset(s);
-  if (code != SQLITE_DONE) return impl_->failed(code);
+  if (code != SQLITE_DONE) return failed(code);
   return {};
 }
 
 Result<std::vector<Row>> Store::rows() const {
+  return impl_->rows_of("evaluation");
+}
+
+Result<std::vector<Row>> Store::samples() const {
+  POLYPOD_ASSIGN(s, impl_->prepare(fmt::format("SELECT count(*) FROM sqlite_master WHERE name = '{}'", kSamples)));
+  if (sqlite3_step(s.get()) != SQLITE_ROW || sqlite3_column_int(s.get(), 0) == 0) return std::vector<Row>();
+  return impl_->rows_of(kSamples);
+}
+
+Result<std::string> Store::note(const std::string& key) const {
+  return impl_->meta(key);
+}
+
+Status Store::set_note(const std::string& key, const std::string& text) {
+  return impl_->set_meta(key, text);
+}
+
+Result<std::vector<Row>> Store::Impl::rows_of(const char* table) const {
   std::string names;
-  for (const std::string& c : columns_of(impl_->study)) names += (names.empty() ? "" : ", ") + quoted(c);
-  POLYPOD_ASSIGN(s, impl_->prepare(fmt::format("SELECT {} FROM evaluation ORDER BY row", names)));
+  for (const std::string& c : columns_of(study)) names += (names.empty() ? "" : ", ") + quoted(c);
+  POLYPOD_ASSIGN(s, prepare(fmt::format("SELECT {} FROM {} ORDER BY row", names, table)));
   std::vector<Row> out;
-  const std::size_t varied = impl_->study.vary.size(), figures = impl_->study.figures().size();
+  const std::size_t varied = study.vary.size(), figures = study.figures().size();
   int code = 0;
   while ((code = sqlite3_step(s.get())) == SQLITE_ROW) {
     int at = 0;
@@ -419,7 +464,7 @@ Result<std::vector<Row>> Store::rows() const {
     }
     out.push_back(std::move(row));
   }
-  if (code != SQLITE_DONE) return impl_->failed(code);
+  if (code != SQLITE_DONE) return failed(code);
   return out;
 }
 
@@ -434,6 +479,7 @@ Result<bool> Store::complete() const {
 
 Status Store::close() {
   impl_->insert.reset();
+  impl_->insert_sample.reset();
   return impl_->run("PRAGMA journal_mode = DELETE");
 }
 

@@ -285,6 +285,25 @@ Status has_figure(const Study& s, Figure figure, const Place& place) {
     return fail("OP107", fmt::format("{} needs compliances, and {} has none", name, s.machine), place,
                 "give the machine file its compliances, as docs/machine-files.md says");
   }
+  const bool on_compliance = figure == Figure::stiffness || figure == Figure::deflection;
+  if (on_compliance && !statics::has_compliance(s.start)) {
+    return fail("OP107", fmt::format("{} needs compliances, and {} has none", name, s.machine), place,
+                "give the machine file its compliances, as docs/machine-files.md says");
+  }
+  if (figure == Figure::deflection && !s.duty.load) {
+    return fail("OP107", fmt::format("{} needs a load", name), place,
+                "write load_N = [0, 0, -100] at the head of the study");
+  }
+  const std::string why_not =
+      figure == Figure::natural_frequency ? no_frequency(s.start, s.duty)
+      : figure == Figure::drive_force     ? no_drive_force(s.start, s.duty, machine::JointKind::prismatic)
+      : figure == Figure::drive_torque    ? no_drive_force(s.start, s.duty, machine::JointKind::revolute)
+      : figure == Figure::longest_leg     ? no_leg(s.start)
+      : figure == Figure::cycle_time      ? no_cycle_time(s.start, s.duty)
+                                          : std::string();
+  if (!why_not.empty()) {
+    return fail("OP107", fmt::format("{}: {}", name, why_not), place, "docs/optimize.md says what each figure needs");
+  }
   const bool known = figure == Figure::known_error || figure == Figure::known_error_max;
   if (known && s.errors.empty()) {
     return fail("OP107", fmt::format("{} needs the known errors", name), place,
@@ -359,6 +378,33 @@ Status read_machine(const config::Table& table, const std::string& name, const s
   return {};
 }
 
+/// [robust]: the box round a candidate.
+Status read_robust(const config::Table& table, Study& s) {
+  POLYPOD_ASSIGN(t, table.optional_table("robust"));
+  if (!t) return {};
+  POLYPOD_ASSIGN(sizes, read_sizes(*t, "tolerances"));
+  POLYPOD_TRY(t->finish());
+  constexpr std::size_t kMostKeys = 6;  // 64 corners
+  if (sizes.empty() || sizes.size() > kMostKeys) {
+    return fail(
+        "OP141", fmt::format("[robust] has tolerances of {} parameters", sizes.size()), t->place(),
+        fmt::format("write tolerances = [\"base.radius_mm=0.5\"], for 1 to {} parameters: a candidate is judged at "
+                    "every corner of their box",
+                    kMostKeys));
+  }
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const auto& [key, size] = sizes[i];
+    POLYPOD_TRY(knows(s, key, 1, t->place_of("tolerances")));
+    const bool twice = std::any_of(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(i),
+                                   [&key = key](const auto& other) { return other.first == key; });
+    if (size > 0 && !twice) continue;
+    return fail("OP141", fmt::format("{}={}: {}", key, size, twice ? "its tolerance is given twice" : "no tolerance"),
+                t->place_of("tolerances"), "give each parameter once, with half the width of its range, above 0");
+  }
+  s.robust = std::move(sizes);
+  return {};
+}
+
 template <class T, class Read>
 Status read_all(const config::Table& table, const char* key, std::vector<T>& out, const Read& read) {
   POLYPOD_ASSIGN(tables, table.tables(key));
@@ -401,6 +447,9 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
     const auto known = quality::sized(s.start, *sizes, tolerance);
     if (!known) return with_place(known.error(), table.place_of(key));
   }
+  POLYPOD_ASSIGN(duty, read_duty(table, s.start));
+  s.duty = std::move(duty);
+  POLYPOD_TRY(read_robust(table, s));
   POLYPOD_TRY(read_all(table, "vary", s.vary, read_vary));
   POLYPOD_TRY(read_all(table, "tie", s.ties, read_tie));
   POLYPOD_TRY(read_all(table, "goal", s.goals, read_goal));
@@ -444,12 +493,27 @@ const std::array<FigureInfo, kFigures>& figure_infos() {
       {Figure::compliance, "compliance_um_per_N", "largest displacement per force at the middle of the work", false},
       {Figure::footprint, "footprint_mm2", "rectangle along x and y round the machine at home", false},
       {Figure::height, "height_mm", "height of the machine at home, tool included", false},
+      {Figure::natural_frequency, "natural_frequency_hz", "lowest natural frequency at any of the poses", false, true},
+      {Figure::drive_force, "drive_force_N", "largest force of a drive at rest under the load, at any of the poses",
+       false, true},
+      {Figure::drive_torque, "drive_torque_Nm", "largest torque of a drive at rest under the load, at any of the poses",
+       false, true},
+      {Figure::stiffness, "stiffness_N_per_um", "smallest stiffness of the tool tip at any of the poses", false, true},
+      {Figure::deflection, "deflection_um", "largest deflection of the tool tip under the load, at any of the poses",
+       false, true},
+      {Figure::longest_leg, "longest_leg_mm", "longest leg between its joints at any of the poses", false, true},
+      {Figure::cycle_time, "cycle_time_s", "least time of the study's motion", false},
   }};
   return kInfos;
 }
 
 const FigureInfo& info_of(Figure figure) {
   return figure_infos()[static_cast<std::size_t>(figure)];
+}
+
+bool Study::surveys(Figure figure) const {
+  const FigureInfo& info = info_of(figure);
+  return info.of_survey || (info.of_poses && duty.poses.empty());
 }
 
 std::optional<std::int64_t> Vary::count() const {
@@ -548,6 +612,8 @@ std::string Study::identity() const {
   }
   for (const auto& [key, size] : tolerances) out += fmt::format("tolerance {} {}\n", key, size);
   for (const auto& [key, size] : errors) out += fmt::format("error {} {}\n", key, size);
+  out += duty.identity;
+  for (const auto& [key, size] : robust) out += fmt::format("robust {} {}\n", key, size);
   for (const Vary& v : vary) {
     out += fmt::format("vary {} {} {} {}", v.key, v.min, v.max, v.step);
     for (const double x : v.values) out += fmt::format(" {}", x);

@@ -14,6 +14,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/motion/tables.hpp"
 #include "polypod/motion/vibration.hpp"
 
 namespace polypod::motion {
@@ -211,6 +212,8 @@ Result<std::optional<double>> damping_of(const config::Table& table) {
   return std::optional<double>(ratio);
 }
 
+}  // namespace
+
 Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& machine) {
   Dynamics out;
   const machine::MassParts parts = std::visit([](const auto& m) { return parts_with_mass(m); }, machine);
@@ -301,8 +304,6 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
   POLYPOD_TRY(table.finish());
   return out;
 }
-
-}  // namespace
 
 namespace {
 /// The table `dynamics` of the TOML file at this path, and what it lies in; nothing where there is none.

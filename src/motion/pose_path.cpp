@@ -10,6 +10,7 @@
 #include "polypod/core/config.hpp"
 #include "polypod/core/csv.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/motion/tables.hpp"
 
 namespace polypod::motion {
 namespace {
@@ -376,8 +377,9 @@ Result<bool> timed(const std::vector<Stretch>& stretches, const Place& place) {
   return with != 0;
 }
 
-Result<PosePathFile> read_toml(const std::string& file) {
-  POLYPOD_ASSIGN(table, config::read_file(file));
+}  // namespace
+
+Result<PosePathFile> pose_path_from(const config::Table& table) {
   const auto point = [](const config::Table& in, const char* key) -> Result<Vec3> {
     POLYPOD_ASSIGN(n, in.numbers(key, 3));
     return Vec3(units::from_mm(n[0]), units::from_mm(n[1]), units::from_mm(n[2]));
@@ -448,6 +450,8 @@ Result<PosePathFile> read_toml(const std::string& file) {
   return out;
 }
 
+namespace {
+
 Result<PosePathFile> read_csv(const std::string& file) {
   POLYPOD_ASSIGN(table, csv::read(file));
   POLYPOD_TRY(table.needs({"x_mm", "y_mm", "z_mm"}));
@@ -497,7 +501,9 @@ Result<PosePathFile> read_csv(const std::string& file) {
 }  // namespace
 
 Result<PosePathFile> read_pose_path(const std::string& file) {
-  return file.ends_with(".csv") ? read_csv(file) : read_toml(file);
+  if (file.ends_with(".csv")) return read_csv(file);
+  POLYPOD_ASSIGN(table, config::read_file(file));
+  return pose_path_from(table);
 }
 
 }  // namespace polypod::motion

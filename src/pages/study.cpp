@@ -248,11 +248,44 @@ class Page {
           "The objective is the sum of weight times value over best where the figure shall be large, and of weight "
           "times best over value where it shall be small.");
     }
+    duty();
+    if (!study_.robust.empty()) {
+      std::string box;
+      for (const auto& [key, size] : study_.robust)
+        box += fmt::format("{}{} ± {:g}", box.empty() ? "" : ", ", key, size);
+      report_.add_text(
+          fmt::format("Parameters have tolerances: {}. Every figure is the worst of {} machines, at the middle and at "
+                      "the corners of "
+                      "their box. Between the corners it may be worse: that is a sample, and no bound.",
+                      box, (1U << study_.robust.size()) + 1));
+    }
     if (study_.holds.empty()) return;
     std::vector<std::string> holds;
     for (const design::Hold& h : study_.holds) holds.push_back(h.in_words());
     report_.add_heading("What must hold");
     report_.add_list(holds);
+  }
+
+  /// Poses, load and motion.
+  void duty() {
+    const design::Duty& d = study_.duty;
+    std::vector<std::string> list;
+    if (!d.poses.empty()) list.push_back(fmt::format("{} poses, all of which must be reached", d.poses.size()));
+    if (d.load) {
+      const Vec6& w = *d.load;
+      list.push_back(fmt::format("a load on the tool tip of {:g}, {:g}, {:g} N and {:g}, {:g}, {:g} Nm", w[0], w[1],
+                                 w[2], w[3], w[4], w[5]));
+    }
+    if (d.direction) {
+      list.push_back(
+          fmt::format("stiffness along {:g}, {:g}, {:g}", (*d.direction)[0], (*d.direction)[1], (*d.direction)[2]));
+    }
+    if (d.masses) list.push_back("masses as the study gives them, the same for every candidate");
+    if (d.path) list.push_back(fmt::format("a path of {:g} mm in the least time", units::to_mm(d.path->length)));
+    if (d.pick) list.push_back("a pick-and-place cycle, one way");
+    if (list.empty()) return;
+    report_.add_heading("What the machine shall do");
+    report_.add_list(list);
   }
 
   void tried() {
@@ -321,10 +354,12 @@ class Page {
 
   void sensitivities() {
     report_.add_section("Which parameters matter");
+    global();
     if (page_.sensitivities.empty()) {
-      report_.add_text("Too few candidates have figures to say it.");
+      report_.add_text("Too few candidates of the search have figures to say it of them.");
       return;
     }
+    if (page_.global.design.groups > 0) report_.add_heading("Among the candidates of the search");
     report::Table t;
     t.caption = "Standardised rank regression coefficients";
     t.columns.push_back({"parameter", "", -1});
@@ -343,6 +378,83 @@ class Page {
         "depends on it or that it has its best inside the range. They are taken over the candidates that were tried, "
         "most of which lie near the best, and not evenly over the ranges. Where R² is below about 0.7 the dependence "
         "is not monotonic, and the coefficients say little.");
+    if (page_.global.design.groups == 0) {
+      report_.add_text(
+          "How much each parameter matters over its whole range, `polypod study FOLDER --sensitivity morris` says by "
+          "new evaluations; this page then shows it.");
+    }
+  }
+
+  /// The analysis over the whole ranges, where there was one.
+  void global() {
+    const design::StudySensitivity& s = page_.global;
+    if (s.design.groups == 0) return;
+    const bool morris = s.design.method == design::SensitivityMethod::morris;
+    report_.add_heading("Over the whole ranges");
+    report_.add_text(
+        fmt::format("{} from {} new evaluations in {} {} (seed {}), evenly over the ranges and without the holds. "
+                    "Intervals are those "
+                    "of 95 % by bootstrap.",
+                    morris ? "Elementary effects (Morris)" : "Shares of the variance (Sobol)", s.design.points.size(),
+                    s.design.groups, morris ? "trajectories" : "samples", s.design.seed));
+    for (const design::GlobalSensitivity& of : s.of) {
+      report::BarChart bars;
+      bars.title = of.of;
+      bars.unit = morris ? "" : "of the variance";
+      bars.parts = morris ? std::vector<std::string>{"mean size of the effect"}
+                          : std::vector<std::string>{"by itself", "together with others"};
+      report::Table t;
+      t.caption = morris ? fmt::format("Effects on {}: what it changes by over the range of the parameter", of.of)
+                         : fmt::format("Shares of the variance of {}", of.of);
+      t.columns = {{"parameter", "", -1},
+                   {morris ? "mean size (mu*)" : "total share", "", -1},
+                   {"95 % interval", "", -1},
+                   {morris ? "mean (mu)" : "share by itself", "", -1},
+                   {"95 % interval", "", -1}};
+      if (morris) t.columns.push_back({"sigma", "", -1});
+      bool any = false;
+      for (std::size_t i = 0; i < study_.vary.size(); ++i) {
+        const design::Estimate &total = of.total[i], &first = of.first[i];
+        if (std::isnan(total.value)) continue;
+        any = true;
+        const double own = std::clamp(first.value, 0.0, std::max(0.0, total.value));
+        bars.rows.push_back({study_.vary[i].key, morris ? std::vector<double>{total.value}
+                                                        : std::vector<double>{own, std::max(0.0, total.value) - own}});
+        const auto interval = [](const design::Estimate& e) {
+          return fmt::format("{} to {}", number(e.lower, 3), number(e.upper, 3));
+        };
+        std::vector<report::Cell> cells{study_.vary[i].key, number(total.value, 3), interval(total),
+                                        number(first.value, 3), interval(first)};
+        if (morris) cells.emplace_back(number(of.spread[i], 3));
+        t.rows.push_back(std::move(cells));
+      }
+      if (!any) {
+        report_.add_text(
+            fmt::format("Of {} nothing can be said: too few groups have it, or it does not change.", of.of));
+        continue;
+      }
+      report_.add_figure(bars, fmt::format("How much {} depends on each parameter{}.", of.of,
+                                           of.used < s.design.groups
+                                               ? fmt::format(", from {} of the {} groups: the others hold a candidate "
+                                                             "without this figure",
+                                                             of.used, s.design.groups)
+                                               : ""));
+      report_.add_table(t);
+    }
+    report_.add_text(
+        morris
+            ? "A sigma that is large beside mu* says that the effect is not linear, or that it depends on the other "
+              "parameters. An interval that holds 0, or intervals that overlap, leave open which parameter matters "
+              "more."
+            : "The share by itself is what the parameter makes of the variance alone, the total share what it makes "
+              "together with the others. Intervals that overlap leave open which parameter matters more; estimates may "
+              "lie a little outside of 0 to 1.");
+    if (s.without > 0) {
+      report_.add_text(
+          fmt::format("{} candidates have no figures, and what is said holds for the rest. The first of "
+                      "them: {}.",
+                      s.without, s.reason));
+    }
   }
 
   /// The machine and its workspace in space.

@@ -45,8 +45,13 @@ struct HoldSummary {
   int broken = 0;    ///< of them
   double nearest = std::numeric_limits<double>::quiet_NaN();  ///< the figure that breaks it least, where all break it
 };
-/// In the order of the study. The start counts where it is a candidate.
+/// In the order of the study, then the poses and the motion of the study where any row breaks them. The start counts
+/// where it is a candidate.
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows);
+/// The volume of all that is dominated by these points and dominates the corner, where more is better in every goal
+/// (goals_of); points that are not above the corner in every goal count nothing. Exact, by slices. Cost: n log n for
+/// two goals, n^2 log n for three, n more for each further one.
+double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner);
 /// Why rows were refused, and how many for each reason, the most frequent first.
 std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows);
 

@@ -60,7 +60,10 @@ struct EvaluateOptions {
 /// and bound every goal on volumes), figures at home, figures over the points of the survey, boxes that must be inside,
 /// the fine volume, the largest box. It ends early where a hold is certainly broken, or where the goals' better bounds
 /// are proven to be worse than an incumbent: below its objective, or dominated by a point of the front. So nothing is
-/// dropped that could have been better. The figures are those of the commands `workspace`, `dexterity` and `errors` for
+/// dropped that could have been better. Poses and a motion of the study (Duty) are holds: a pose that is not reached
+/// counts as a share of all. Where the study has tolerances of parameters (Study::robust), the machine itself and all
+/// corners of their box are judged, and each figure and the objective are the worst of them, which is no bound on what
+/// lies between the corners. The figures are those of the commands `workspace`, `dexterity` and `errors` for
 /// the same machine and options. Errors: WS110 (cancelled); everything that is wrong with a candidate is part of the
 /// result.
 Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varied, const Incumbents& incumbents,

@@ -56,6 +56,13 @@ class Store {
   [[nodiscard]] Result<std::vector<Row>> rows() const;
   /// Errors: OP115.
   Status add(const Row& row);
+  /// The evaluations of sensitivity analyses (study_sensitivity), in a table `sensitivity` of the same columns. They
+  /// are no rows of the search. Empty where there are none. Errors: OP115.
+  [[nodiscard]] Result<std::vector<Row>> samples() const;
+  Status add_sample(const Row& row);
+  /// A text under a key of `meta`; empty where the key is not there.
+  [[nodiscard]] Result<std::string> note(const std::string& key) const;
+  Status set_note(const std::string& key, const std::string& text);
   /// Remembers that the search ended by itself, or that it did not.
   Status set_complete(bool complete);
   [[nodiscard]] Result<bool> complete() const;

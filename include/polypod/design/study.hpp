@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/design/duty.hpp"
 #include "polypod/geometry/pose.hpp"
 #include "polypod/machine/any_machine.hpp"
 
@@ -36,15 +37,24 @@ enum class Figure : std::uint8_t {
   compliance,       ///< compliance_um_per_N: largest displacement per force at the middle of the work
   footprint,        ///< footprint_mm2: the rectangle along x and y round the machine at home
   height,           ///< height_mm: of the machine at home
+  // At the poses of the study (Duty), or where it names none at the points of the workspace:
+  natural_frequency,  ///< natural_frequency_hz: the lowest at any pose
+  drive_force,        ///< drive_force_N: the largest of a drive that slides, at rest under load and weight
+  drive_torque,       ///< drive_torque_Nm: the same of drives that turn
+  stiffness,          ///< stiffness_N_per_um: the smallest, along the study's direction or the softest one
+  deflection,         ///< deflection_um: the largest of the tip under the load
+  longest_leg,        ///< longest_leg_mm: of a leg between its joints
+  cycle_time,         ///< cycle_time_s: of the study's motion in the least time
 };
-inline constexpr int kFigures = 15;
+inline constexpr int kFigures = 22;
 
 /// What a figure is called, what it means, and what it takes.
 struct FigureInfo {
   Figure figure;
   const char* name;
   const char* meaning;
-  bool of_survey;  ///< a sample over the points of the workspace
+  bool of_survey;         ///< a sample over the points of the workspace
+  bool of_poses = false;  ///< at the poses of the study; a sample over the workspace where there are none
 };
 const std::array<FigureInfo, kFigures>& figure_infos();
 const FigureInfo& info_of(Figure figure);
@@ -105,6 +115,10 @@ struct Study {
   double relative_tolerance = 0.01;
   bool interference = false;
   std::vector<std::pair<std::string, double>> tolerances{{"all", 0.01}}, errors;  ///< mm and deg
+  /// [robust]: parameters with half the width of their box, in the units of their keys. Every figure is then the worst
+  /// at the middle and the corners of the box.
+  std::vector<std::pair<std::string, double>> robust;
+  Duty duty;
   std::vector<Vary> vary;
   std::vector<Tie> ties;
   std::vector<Goal> goals;
@@ -118,6 +132,8 @@ struct Study {
   [[nodiscard]] std::vector<std::pair<std::string, double>> parameters(const std::vector<double>& varied) const;
   /// The machine with these values of the varied keys. Errors: those of the family's reader.
   [[nodiscard]] Result<AnyMachine> machine_at(const std::vector<double>& varied) const;
+  /// Whether the figure is one over the points of the workspace in this study.
+  [[nodiscard]] bool surveys(Figure figure) const;
   /// The values of the varied keys of a machine; empty where it does not have one of them.
   [[nodiscard]] std::vector<double> values_of(const AnyMachine& of) const;
   /// Everything that decides a result, but for the number of evaluations: two studies with the same text are one.
@@ -128,7 +144,8 @@ struct Study {
 /// (an empty range, step or list), OP102 (a key that the machine does not have), OP103 (a key that is varied, tied or
 /// set twice, or a tie that leads nowhere), OP104 (nothing to vary, no goal), OP105 (weights and best values), OP106
 /// (holds that contradict each other or say nothing), OP107 (a figure that this machine does not have), OP108 (sense),
-/// OP109 (a range of directions, or a cone as well).
+/// OP109 (a range of directions, or a cone as well), OP140 (poses, a load or a motion that say nothing), OP141 (a box
+/// of [robust] that is none).
 Result<Study> read_study(const std::string& path);
 /// The same from text; `name` stands for the file, and a machine is looked for beside it. `machine_toml`: the machine's
 /// file with what the study sets, as Study::machine_toml keeps it; where it is given no other file is read.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "polypod/design/analyse.hpp"
+#include "polypod/design/sensitivity.hpp"
 #include "polypod/report/plot.hpp"
 
 namespace polypod::pages {
@@ -15,6 +16,7 @@ struct StudyPage {
   const design::Study& study;
   const std::vector<design::Row>& rows;
   const std::vector<design::Sensitivity>& sensitivities;
+  const design::StudySensitivity& global;  ///< over the whole ranges; without groups: none
   bool complete = false;
   std::string version;  ///< of Polypod
   std::string command;  ///< how the page was made
@@ -29,8 +31,9 @@ Result<report::Figure> front_figure(const StudyPage& page);
 Result<report::Figure> parallel_figure(const StudyPage& page);
 
 /// One self-contained HTML file: what was asked, what was tried, the best against the start with how sure its figures
-/// are, the front, parallel coordinates, sensitivities, the machine and its workspace, all inputs. The same rows give
-/// the same bytes. Errors: those of the workspace. Cost: a few seconds for the workspace.
+/// are, the front, parallel coordinates, sensitivities (over the rows, and over the ranges where they were analysed),
+/// the machine and its workspace, all inputs. The same rows give the same bytes. Errors: those of the workspace. Cost:
+/// a few seconds for the workspace.
 Result<std::string> study_page(const StudyPage& page);
 
 }  // namespace polypod::pages
