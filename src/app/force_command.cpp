@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -8,6 +9,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/force.hpp"
 #include "polypod/cutting/plausibility.hpp"
+#include "polypod/cutting/rounded.hpp"
 
 namespace polypod::app {
 namespace {
@@ -16,7 +18,7 @@ constexpr double kLongestEdges = 50;  // diameters: no cutter without a file has
 constexpr config::Range kCut_mm{0, 1000, true}, kFeed_mm{0, 100, true};
 
 struct Options {
-  double diameter = 0, helix = 0, ae = 0, ap = 0, feed_per_tooth = 0, exponent = 1;
+  double diameter = 0, helix = 0, corner_radius = 0, ae = 0, ap = 0, feed_per_tooth = 0, exponent = 1;
   int teeth = 0;
   std::string coefficients, direction, cutter, material;
 };
@@ -31,6 +33,12 @@ Result<cutting::Cutter> cutter_of(const Options& o) {
   cutter.teeth = o.teeth;
   cutter.helix = units::from_deg(o.helix);
   cutter.length = units::from_mm(kLongestEdges * o.diameter);
+  cutter.corner_radius = units::from_mm(o.corner_radius);
+  if (cutter.corner_radius > cutter.radius() * (1 + 1e-12)) {
+    return fail("AP113", fmt::format("--corner-radius {:g}: at most half of the diameter, {:g} mm, which is a ball",
+                                     o.corner_radius, 0.5 * o.diameter));
+  }
+  cutter.corner_radius = std::min(cutter.corner_radius, cutter.radius());
   return cutter;
 }
 
@@ -67,6 +75,8 @@ Command force_command() {
         a.option("--diameter", o->diameter, cutting::kCutterSize_mm, "Cutter diameter, mm");
         a.option("--teeth", o->teeth, {1, 100}, "Number of teeth");
         a.option("--helix", o->helix, {0, 90, false, true}, "Helix angle, deg");
+        a.option("--corner-radius", o->corner_radius, {0, 500},
+                 "Corner radius, mm: of a bull nose, or half of the diameter for a ball (default 0, flat)");
         a.option("--coefficients", o->coefficients, "Ktc,Krc,Kac (N/mm^2), Kte,Kre,Kae (N/mm)");
         a.option("--cutter", o->cutter, "Cutter file instead of --diameter, --teeth, --helix");
         a.option("--material", o->material, "Material file instead of --coefficients");
@@ -77,7 +87,8 @@ Command force_command() {
       },
       [o](const Context& context) -> Result<int> {
         if (!o->cutter.empty()) {
-          POLYPOD_TRY(refuse(context, {"--diameter", "--teeth", "--helix"}, "the cutter's file says it"));
+          POLYPOD_TRY(
+              refuse(context, {"--diameter", "--teeth", "--helix", "--corner-radius"}, "the cutter's file says it"));
         }
         if (!o->material.empty()) POLYPOD_TRY(refuse(context, {"--coefficients"}, "the material's file says them"));
         POLYPOD_ASSIGN(cutter, cutter_of(*o));
@@ -109,11 +120,28 @@ Command force_command() {
               o->cutter.empty() ? fmt::format("without --cutter they count as {:g} diameters", kLongestEdges)
                                 : "length_mm of the cutter's file says it");
         }
-        const cutting::Engagement e =
-            cutting::straight_engagement(cutter, side, units::from_mm(ae), units::from_mm(o->ap));
+        cutting::Engagement e = cutting::straight_engagement(cutter, side, units::from_mm(ae), units::from_mm(o->ap));
         const double feed = units::from_mm(o->feed_per_tooth);
-        const Vec3 mean = cutting::mean_force(cutter, material, e, feed);
-        const cutting::ForceHistory history = cutting::force_history(cutter, material, {e}, feed);
+        Vec3 mean;
+        cutting::ForceHistory history;
+        if (cutter.corner_radius > 0) {
+          const auto slices = cutting::straight_slices(cutter, side, units::from_mm(ae), units::from_mm(o->ap));
+          const cutting::EdgeSlice& widest = slices.back();  // where the material ends above
+          if (!(widest.exit > widest.entry)) {
+            return fail("AP113",
+                        fmt::format("--ae {:g}: below the depth of {:g} mm the cutter is only {:.4g} mm wide, and does "
+                                    "not meet a wall that stands {:g} mm inside of its full diameter",
+                                    ae, o->ap, units::to_mm(2 * cutting::radius_at(cutter, units::from_mm(o->ap))), ae),
+                        {}, "give a larger --ae, which counts from the side of the cutter at its full diameter");
+          }
+          e.entry = widest.entry;
+          e.exit = widest.exit;
+          mean = cutting::mean_force(cutter, material, slices, feed);
+          history = cutting::force_history(cutter, material, slices, feed);
+        } else {
+          mean = cutting::mean_force(cutter, material, e, feed);
+          history = cutting::force_history(cutter, material, {e}, feed);
+        }
         const std::vector<std::string> notes = cutting::plausibility(cutter, material, feed, 0);
         if (context.json) {
           print_json({{"mean_N", vector_json(mean)},

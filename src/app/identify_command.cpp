@@ -389,6 +389,8 @@ Command identify_cutting_command() {
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(cutter, cutting::read_cutter(o->cutter));
+            POLYPOD_TRY(cutting::is_flat(cutter, {o->cutter},
+                                         "identify the coefficients with a flat cutter of the same edges"));
             std::vector<std::string> inputs = o->files;
             inputs.push_back(o->cutter);
             POLYPOD_TRY(check_files(inputs, {o->out}, context.json));

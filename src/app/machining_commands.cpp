@@ -21,6 +21,7 @@
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/confidence.hpp"
 #include "polypod/machining/correct.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/machining/uncertainty.hpp"
 #include "polypod/pages/correction.hpp"
 #include "vibration_output.hpp"
@@ -82,13 +83,34 @@ void print_stock_left(const std::string& file, const cutting::Stock& stock, bool
              all_judged ? "" : ", by the deflections found, of which not all are judged");
 }
 
+/// Error: AP127. What a tilted tool leaves is known along that tool alone, and a stock file is along z of W.
+Status no_stock_of_a_tilted_tool(const machining::Job& job, const std::string& file) {
+  if (file.empty() || !job.tool_frame.tilted) return {};
+  return fail("AP127",
+              fmt::format("--stock-left, but the tool cuts at {}: what is left is known as heights along the tool, not "
+                          "along z of W",
+                          machining::orientation_in_words(job.tool_frame.axes)),
+              {file}, "leave --stock-left out");
+}
+
+/// `tool_axes_deg`, where the tool is tilted.
+void add_tool(Json& document, const machining::Job& job) {
+  if (job.tool_frame.tilted) document["tool_axes_deg"] = vector_json(job.tool_frame.axes * units::to_deg(1));
+}
+
+/// The box of the stock in W, m.
+Eigen::AlignedBox3d stock_box(const machining::Job& job) {
+  return job.tool_frame.tilted ? job.tool_frame.stock_in_W : Eigen::AlignedBox3d(job.stock.min(), job.stock.max());
+}
+
 /// "X -1 .. 101, Y -1 .. 71, Z -21 .. 1 mm", and that it is hollow.
-std::string box_in_words(const cutting::Stock& stock) {
-  const Vec3 low = stock.min() * units::kMmPerMetre, high = stock.max() * units::kMmPerMetre;
+std::string box_in_words(const machining::Job& job) {
+  const cutting::Stock& stock = job.stock;
+  const Vec3 low = stock_box(job).min() * units::kMmPerMetre, high = stock_box(job).max() * units::kMmPerMetre;
   const auto mm = [](double x) { return gcode::number(x, 3); };
   return fmt::format("X {} .. {}, Y {} .. {}, Z {} .. {} mm{}", mm(low.x()), mm(high.x()), mm(low.y()), mm(high.y()),
                      mm(low.z()), mm(high.z()),
-                     stock.hollow() == nullptr ? "" : ", hollow where the other side was cut");
+                     stock.hollow() == nullptr || job.tool_frame.tilted ? "" : ", hollow where the other side was cut");
 }
 
 }  // namespace
@@ -124,6 +146,8 @@ Command predict_command() {
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
+        POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
         const bool corrected = machining::corrected_line(in.program) > 0;
         if (corrected && !o->stock_left.empty()) {
           return fail("AP126",
@@ -175,7 +199,8 @@ Command predict_command() {
             if (spread) row["normal_mean_band_95_um"] = to_um(band.normal_by_move[i]);
             return row;
           };
-          const Vec3 low = in.job.stock.min() * units::kMmPerMetre, high = in.job.stock.max() * units::kMmPerMetre;
+          const Vec3 low = stock_box(in.job).min() * units::kMmPerMetre,
+                     high = stock_box(in.job).max() * units::kMmPerMetre;
           Json document{{"origin_mm", vector_json(in.job.X_MW.p * units::kMmPerMetre)},
                         {"stock_mm", {{"min", vector_json(low)}, {"max", vector_json(high)}}},
                         {"machine", in.job.machine_name},
@@ -210,13 +235,16 @@ Command predict_command() {
           }
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
+          add_tool(document, in.job);
           print_json(document, {{"moves", p.moves.size(), move_row}});
           return end(context, collision);
         }
         const Vec3 origin = in.job.X_MW.p * units::kMmPerMetre;
         fmt::print("{} on {}, origin of W at x {:g} y {:g} z {:g} mm\n", one_line(o->program),
                    one_line(in.job.machine_name), origin.x(), origin.y(), origin.z());
-        fmt::print("stock          {}\n", box_in_words(in.job.stock));
+        fmt::print("stock          {}\n", box_in_words(in.job));
+        if (in.job.tool_frame.tilted)
+          fmt::print("tool           {} in every cut\n", machining::orientation_in_words(in.job.tool_frame.axes));
         fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
                    units::to_mm3(p.pass.removed));
         fmt::print("deflection     up to {:.1f} um, mean {:.1f} um\n", to_um(p.deflection.max),
@@ -332,6 +360,8 @@ Command correct_command() {
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
+        POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
+        POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
         const auto& spread = in.job.material.spread;
         const bool exact = std::all_of(spread.begin(), spread.end(),
@@ -448,6 +478,7 @@ Command correct_command() {
           add_other_switch(document, c.other_switch, trusted(in.job));
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
+          add_tool(document, in.job);
           if (confidence) document["confidence"] = confidence_json(*confidence);
           print_json(document, {{"outside", c.moves.size(), outside_row}, {"moves", c.moves.size(), move_row}});
         } else {

@@ -45,8 +45,18 @@ Result<Cutter> cutter_from(const config::Table& table) {
   POLYPOD_ASSIGN(teeth, table.integer("teeth", 1, kMaxTeeth));
   POLYPOD_ASSIGN(helix, table.number("helix_deg", kHelixRange));
   POLYPOD_ASSIGN(length, table.number("length_mm", kCutterSize_mm));
+  POLYPOD_ASSIGN(corner, table.optional_number("corner_radius_mm", 0, {0, 0.5 * diameter}));
   POLYPOD_TRY(table.finish());
-  return Cutter{std::move(name), units::from_mm(diameter), teeth, units::from_deg(helix), units::from_mm(length)};
+  return Cutter{std::move(name),        units::from_mm(diameter), teeth,
+                units::from_deg(helix), units::from_mm(length),   units::from_mm(corner)};
+}
+
+Status is_flat(const Cutter& cutter, const Place& place, const std::string& hint) {
+  if (!(cutter.corner_radius > 0)) return {};
+  return fail("CT130",
+              fmt::format("a cutter with a corner radius of {:g} mm, where only flat ones are known",
+                          units::to_mm(cutter.corner_radius)),
+              place, hint);
 }
 
 Result<Material> material_from(const config::Table& table) {

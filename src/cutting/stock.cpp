@@ -297,6 +297,20 @@ void Stock::set_height(int column, int row, float h) {
   if (h > top_) top_ = h;
 }
 
+double Stock::lower(int column, int row, double level) {
+  const double kept = std::max(level, bottom_);
+  const float height = level <= bottom_ + 1e-12 ? empty() : static_cast<float>(level);
+  double removed = 0;
+  float* layers = layers_.data() + index(column, row);
+  for (int k = 0; k < kLayers; ++k) {
+    removed += std::max(0.0, layers[k] - kept);
+    layers[k] = std::min(layers[k], height);
+  }
+  removed *= cell_ * cell_ / kLayers;
+  for (Stock& hollow : hollow_) removed -= hollow.lower(column, row, level);
+  return removed;
+}
+
 void Stock::keep_share(int column, int row, double share) {
   const auto first = layers_.begin() + index(column, row);
   const int kept = static_cast<int>(std::lround(std::clamp(share, 0.0, 1.0) * kLayers));

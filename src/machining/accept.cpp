@@ -13,6 +13,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/machining/check.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {
@@ -61,6 +62,20 @@ Box swept_box(const gcode::Move& move, double radius) {
   return {box.min() - Vec3(radius, radius, 0), box.max() + Vec3(radius, radius, 0)};
 }
 
+/// The same in the frame of the stock.
+Box swept_box_in_S(const Job& job, const gcode::Move& move, double radius) {
+  if (!job.tool_frame.tilted) return swept_box(move, radius);
+  Box box;
+  const Box in_W = swept_box(move, 0);
+  if (move.kind == gcode::MoveKind::arc) {
+    for (int i = 0; i < 8; ++i) box.extend(job.tool_frame.to_S(in_W.corner(static_cast<Box::CornerType>(i))));
+  } else {
+    box.extend(job.tool_frame.to_S(move.end));
+    if (move.start_known) box.extend(job.tool_frame.to_S(move.start));
+  }
+  return {box.min() - Vec3(radius, radius, 0), box.max() + Vec3(radius, radius, 0)};
+}
+
 /// Whether the cutter may meet the stock: it is as long as the stock is high above its tip.
 bool may_touch(const Box& swept, const Box& stock) {
   return swept.min().z() < stock.max().z() && swept.min().x() < stock.max().x() && swept.max().x() > stock.min().x() &&
@@ -76,7 +91,8 @@ bool feeds(const gcode::Move& move) {
 /// stock's size in both units.
 std::string other_unit(const Job& job, const gcode::Interpretation& interpretation) {
   const Vec3 origin = Vec3::Zero();  // counted in, as a short program may be far from it
-  Box path(origin), stock = box_of(job.stock), path_alone;
+  const Box stock_alone = job.tool_frame.tilted ? Box(job.tool_frame.stock_in_W) : box_of(job.stock);
+  Box path(origin), stock = stock_alone, path_alone;
   stock.extend(origin);
   bool inches = false, millimetres = false;
   for (const gcode::Move& move : interpretation.moves) {
@@ -94,8 +110,7 @@ std::string other_unit(const Job& job, const gcode::Interpretation& interpretati
   // A program that lies beside the stock in the other unit, too, is not helped by it.
   const double factor = inches ? 1 / inch : inch;
   const Vec3 beside(job.cutter.radius(), job.cutter.radius(), std::numeric_limits<double>::infinity());
-  if (!may_touch({factor * path_alone.min() - beside, factor * path_alone.max() + beside}, box_of(job.stock)))
-    return {};
+  if (!may_touch({factor * path_alone.min() - beside, factor * path_alone.max() + beside}, stock_alone)) return {};
   return fmt::format(
       "the program is in {}; in {} it would be of the size of the stock: check G20 and G21, and the unit of the CAM "
       "system",
@@ -115,7 +130,7 @@ Status known_tools(const Job& job, const gcode::Program& program, const gcode::I
   std::optional<int> number;  // the one that takes [cutter]
   for (const gcode::Move& move : interpretation.moves) {
     if (!feeds(move) || job.cutters.contains(move.tool)) continue;
-    if (number == move.tool || !may_touch(swept_box(move, job.cutter.radius()), stock)) continue;
+    if (number == move.tool || !may_touch(swept_box_in_S(job, move, job.cutter.radius()), stock)) continue;
     if (number) {
       return fail("MC308",
                   fmt::format("T{} cuts here and T{} before, but the job has one cutter for both", move.tool, *number),
@@ -135,10 +150,10 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
   std::vector<int> further;
   for (std::size_t i = 0; i < out.given->moves.size(); ++i) {
     const gcode::Move& move = out.given->moves[i];
-    if (move.start_known || !feeds(move)) continue;
+    if (move.start_known || !feeds(move) || (job.tool_frame.tilted && stays_clear(job, move))) continue;
     const auto& [x, y, z] = move.known_start;
     const Place place = place_of(program, move);
-    const bool vertical = move.kind == gcode::MoveKind::line && x && y &&
+    const bool vertical = !job.tool_frame.tilted && move.kind == gcode::MoveKind::line && x && y &&
                           std::abs(move.start.x() - move.end.x()) < kSame &&
                           std::abs(move.start.y() - move.end.y()) < kSame;
     if (vertical && move.known_end[2]) {
@@ -146,7 +161,7 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
       if (!out.changed) out.changed = *out.given;
       out.changed->moves[i].start.z() = std::max(top, move.end.z());
       out.changed->moves[i].start_known = true;
-    } else if (z && std::min(move.start.z(), move.end.z()) >= top) {
+    } else if (!job.tool_frame.tilted && z && std::min(move.start.z(), move.end.z()) >= top) {
       continue;  // an approach above the stock, from wherever it comes
     } else if (!first) {
       first = place;
@@ -218,6 +233,7 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   POLYPOD_TRY(known_offsets(job, program, interpretation));
   // A wrong unit or origin misses the stock and often the reach as well; the stock says more.
   if (!may_cut(job, interpretation)) return tl::unexpected(cuts_nothing(job, program, interpretation));
+  POLYPOD_TRY(stands_as_set_up(job, program, interpretation));
   POLYPOD_TRY(known_tools(job, program, interpretation));
   Accepted out{&interpretation, {}, interpretation.notes};
   POLYPOD_TRY(known_starts(job, program, out));
@@ -244,7 +260,7 @@ int corrected_line(const gcode::Program& program) {
 }
 
 bool meets_stock(const Job& job, const gcode::Move& move) {
-  return may_touch(swept_box(move, job.cutter_of(move.tool).radius()), box_of(job.stock));
+  return may_touch(swept_box_in_S(job, move, job.cutter_of(move.tool).radius()), box_of(job.stock));
 }
 
 bool may_cut(const Job& job, const gcode::Interpretation& interpretation) {
@@ -260,7 +276,7 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
   for (const gcode::Move& move : interpretation.moves) {
     if (!feeds(move)) continue;
     if (first == nullptr) first = &move;
-    path.extend(swept_box(move, job.cutter_of(move.tool).radius()));
+    path.extend(swept_box_in_S(job, move, job.cutter_of(move.tool).radius()));
   }
   if (first == nullptr) {
     return {"MC301",
@@ -288,7 +304,8 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
               misses.empty() ? "" : "; it misses the stock by " + misses, to_mm(path.min().x()), to_mm(path.max().x()),
               to_mm(path.min().y()), to_mm(path.max().y()), to_mm(path.min().z()), to_mm(path.max().z()),
               to_mm(stock.min().x()), to_mm(stock.max().x()), to_mm(stock.min().y()), to_mm(stock.max().y()),
-              to_mm(stock.min().z()), to_mm(stock.max().z())),
+              to_mm(stock.min().z()), to_mm(stock.max().z())) +
+              (job.tool_frame.tilted ? ", all in the frame of the tilted tool" : ""),
           place_of(program, *first), hint};
 }
 

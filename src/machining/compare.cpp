@@ -23,7 +23,7 @@ constexpr double kSameDistance = 1e-6;
 
 /// On a plunge what is held back along the way is not corrected, as in `correct`.
 Vec3 to_correct(const gcode::Move& move, const Vec3& deflection) {
-  if (!is_plunge(move)) return deflection;
+  if (!is_plunge(move, Vec3::UnitZ())) return deflection;
   const Vec3 d = move.direction(0);
   return deflection - d * d.dot(deflection);
 }

@@ -148,12 +148,12 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
     if (w < 0) continue;
     Point point;
     const gcode::Move& move = correction.programmed[static_cast<std::size_t>(source)];
-    const PathError error = path_error(move, sample.bent(), sample.away);
+    const PathError error = path_error(move, sample.bent(), sample.away, job.tool_frame.axis());
     point.error = error.normal;
-    point.vertical = is_plunge(move) ? 0 : error.vertical;
+    point.vertical = is_plunge(move, job.tool_frame.axis()) ? 0 : error.vertical;
     point.room = room_of(point.vertical, corners.deviation[static_cast<std::size_t>(sample.move)]);
     if (columns > 0) {
-      const Pose X_MT{Mat3::Identity(), job.X_MW * sample.command};
+      const Pose X_MT{job.tool_frame.R_MT, job.X_MW * sample.command};
       const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
       const kinematics::Solution* solution = inverse.reachable();
       if (solution == nullptr) continue;

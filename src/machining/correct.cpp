@@ -45,8 +45,8 @@ constexpr std::size_t kTryRemediesBelow = 200'000, kMostTried = 4'000'000;
 using Plan = std::vector<Piece>;
 
 /// What is to be corrected of a deflection: on a plunge not what is held back.
-Vec3 to_correct(const gcode::Move& move, const Vec3& deflection) {
-  if (!is_plunge(move)) return deflection;
+Vec3 to_correct(const gcode::Move& move, const Vec3& deflection, const Vec3& axis) {
+  if (!is_plunge(move, axis)) return deflection;
   const Vec3 d = move.direction(0);
   return deflection - d * d.dot(deflection);
 }
@@ -217,7 +217,7 @@ class Corrector {
     pass.progress = report;
     const auto visit = [&](const Sample& sample) {
       const auto i = static_cast<std::size_t>(sample.move);
-      deflections_.add(i, sample.s, to_correct(moves_[i], sample.deflection), sample.cutting);
+      deflections_.add(i, sample.s, to_correct(moves_[i], sample.deflection, job.tool_frame.axis()), sample.cutting);
     };
     POLYPOD_ASSIGN(result, run_pass(job, program_, way.commanded(), scratch, pass, visit));
     return no_rapid_cuts(job_, program_, result);
@@ -1220,6 +1220,9 @@ std::string Correction::answer(const std::string& proviso) const {
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const CorrectOptions& options) {
+  constexpr const char* kBallHint = "predict says what a ball does; correct takes flat cutters";
+  POLYPOD_TRY(cutting::is_flat(job.cutter, {job.path}, kBallHint));
+  for (const auto& [number, cutter] : job.cutters) POLYPOD_TRY(cutting::is_flat(cutter, {job.path}, kBallHint));
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));

@@ -9,6 +9,7 @@
 
 #include "modes.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/end_force.hpp"
 
 namespace polypod::machining {
@@ -16,16 +17,18 @@ namespace polypod::machining {
 std::string Plunge::why() const {
   std::string out = fmt::format(
       "the thrust deflects the tool to {:.0f} um above the end of this plunge, and {}", units::to_um(held_back),
-      dwell > 0 ? fmt::format("a dwell of {:g} s leaves up to {:.0f} um of it uncut", dwell, units::to_um(remaining))
-                : "without a dwell after it, it is not known how much of that is cut");
+      dwell > 0 && !ball
+          ? fmt::format("a dwell of {:g} s leaves up to {:.0f} um of it uncut", dwell, units::to_um(remaining))
+          : "without a dwell after it, it is not known how much of that is cut");
   // Rounded up, so that what is advised does.
   if (needed > 0) return out + fmt::format("; G4 P{:g} after it would do", std::ceil(100 * needed) / 100);
+  if (ball) return out + "; what a dwell does at the tip of a ball is not known";
   return out + "; no dwell would do, because of the edge forces";
 }
 
 void HeldBack::see(std::size_t i, const Sample& sample) {
   const gcode::Move& move = moves_[i];
-  if (!is_plunge(move)) return;
+  if (!is_plunge(move, axis_)) return;
   const double ahead = look_ahead_length(job_.stock, job_.cutter_of(move.tool).radius());
   if (move.length() - move.nearest(sample.command) > std::max(ahead, 1.01 * step_)) return;
   const Vec3 d = move.direction(0), off = sample.bent() - move.end;
@@ -58,8 +61,14 @@ Plunge HeldBack::judge(std::size_t i, const End& end, double tube) const {
   out.held_back = end.held_back;
   out.dwell = dwell_after(i);
   const double per_second = move.spindle_speed * teeth;
-  const double chip = -move.direction(0).z() * move.feed / per_second;  // may_cut has seen to both
+  const double chip = -move.direction(0).dot(axis_) * move.feed / per_second;  // may_cut has seen to both
   const cutting::EndCoefficients k = job_.material.end.value_or(cutting::end_as_sides(job_.material));
+  if (cutting::is_ball(job_.cutter_of(move.tool))) {  // these coefficients are not those of its tip
+    out.ball = true;
+    out.remaining = end.held_back;
+    out.distance = std::hypot(out.remaining, end.aside);
+    return out;
+  }
   const double thrust = k.kae + k.kac * chip;
   const double stays = thrust > 0 ? std::clamp(k.kae / thrust, 0.0, 1.0) * end.held_back : end.held_back;
   const double falls = end.held_back - stays;
@@ -105,7 +114,8 @@ bool HeldBack::goes_deeper(std::size_t i) const {
   const auto deeper = [&](std::size_t j) {
     if (j <= i) return false;
     const gcode::Move& later = moves_[j];
-    return later.end.z() < move.end.z() && (later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace;
+    return (later.end - move.end).dot(axis_) < 0 &&
+           (later.point(later.nearest(move.end)) - move.end).norm() < kSamePlace;
   };
   const auto near = near_.find(cell_of(move.end.x(), move.end.y()));
   return (near != near_.end() && std::any_of(near->second.begin(), near->second.end(), deeper)) ||
@@ -123,7 +133,7 @@ void HeldBack::find_plunges() {
   constexpr double kMostCells = 64;  // of a plunge that leans
   for (std::size_t i = 0; !ends_.empty() && i < moves_.size(); ++i) {
     const gcode::Move& move = moves_[i];
-    if (!is_plunge(move)) continue;
+    if (!is_plunge(move, axis_)) continue;
     const double x0 = std::min(move.start.x(), move.end.x()) - kSamePlace,
                  x1 = std::max(move.start.x(), move.end.x()) + kSamePlace,
                  y0 = std::min(move.start.y(), move.end.y()) - kSamePlace,

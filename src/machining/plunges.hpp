@@ -17,7 +17,7 @@ class HeldBack {
  public:
   /// `step`: the longest between evaluated points, m.
   HeldBack(const Job& job, const Way& way, double step)
-      : job_(job), moves_(*way.programmed), lines_(*way.lines), step_(step) {}
+      : job_(job), axis_(job.tool_frame.axis()), moves_(*way.programmed), lines_(*way.lines), step_(step) {}
 
   /// A point that cuts, of the programmed move i.
   void see(std::size_t i, const Sample& sample);
@@ -47,6 +47,7 @@ class HeldBack {
   static constexpr double kSamePlace = 1e-6;  // m
   static constexpr double kCell = 1e-3;       // m
   const Job& job_;
+  const Vec3 axis_;  // of the tool, in W
   const LongVector<gcode::Move>& moves_;
   const gcode::Program& lines_;
   const double step_;

@@ -13,9 +13,11 @@
 #include "modes.hpp"
 #include "plunges.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "way.hpp"
 
@@ -48,8 +50,8 @@ class Few {
 };
 
 /// The length of an error; on a plunge without what is held back.
-double distance_that_counts(const gcode::Move& programmed, const Vec3& off) {
-  if (!is_plunge(programmed)) return off.norm();
+double distance_that_counts(const gcode::Move& programmed, const Vec3& off, const Vec3& axis) {
+  if (!is_plunge(programmed, axis)) return off.norm();
   const Vec3 d = programmed.direction(0);
   return (off - d * std::min(0.0, d.dot(off))).norm();
 }
@@ -57,7 +59,8 @@ double distance_that_counts(const gcode::Move& programmed, const Vec3& off) {
 /// How near the deflected tip comes to the ends of the programmed moves at which it cuts: their spheres.
 class Ends {
  public:
-  explicit Ends(const LongVector<gcode::Move>& moves) : moves_(moves), start_(moves.size()), end_(moves.size()) {}
+  Ends(const LongVector<gcode::Move>& moves, const Vec3& axis)
+      : moves_(moves), axis_(axis), start_(moves.size()), end_(moves.size()) {}
 
   /// The tip on its way along move i, which may pass an end of a neighbour.
   void pass(std::size_t i, const Vec3& bent) {
@@ -88,10 +91,11 @@ class Ends {
   };
   void near(LongVector<Miss>& ends, std::size_t i, const Vec3& bent) {
     const Vec3& end = &ends == &start_ ? moves_[i].start : moves_[i].end;
-    ends[i].distance = std::min(ends[i].distance, distance_that_counts(moves_[i], bent - end));
+    ends[i].distance = std::min(ends[i].distance, distance_that_counts(moves_[i], bent - end, axis_));
   }
 
   const LongVector<gcode::Move>& moves_;
+  const Vec3 axis_;
   LongVector<Miss> start_, end_;
 };
 
@@ -130,9 +134,9 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
   double most = 0;
   int move = -1;
   for (const Sample& sample : samples) {
-    const Pose target{Mat3::Identity(), job.X_MW * sample.command};
+    const Pose target{job.tool_frame.R_MT, job.X_MW * sample.command};
     const double lean =
-        angle_between(kinematics::settled(job.machine, target).value_or(target).R.col(2), Vec3::UnitZ());
+        angle_between(kinematics::settled(job.machine, target).value_or(target).R.col(2), job.tool_frame.R_MT.col(2));
     if (lean > most) {
       most = lean;
       move = sample.move;
@@ -156,7 +160,19 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
   std::vector<NotJudged> out;
   for (std::size_t i = 0; i < moves.size(); ++i) {
     const gcode::Move& move = moves[i];
-    if (move.kind != gcode::MoveKind::rapid || move.start_known) continue;
+    if (move.kind != gcode::MoveKind::rapid) continue;
+    if (job.tool_frame.tilted || !stands_as_set_up(job, move)) {
+      if ((move.start_known && stands_as_set_up(job, move)) || stays_clear(job, move)) continue;
+      out.push_back({program.blocks[static_cast<std::size_t>(move.block)].line,
+                     move.start_known
+                         ? "this rapid has another orientation of the tool than the cuts, or turns it, beside the "
+                           "stock: whether it goes through material is not known"
+                         : "this rapid comes from an unknown place to beside the stock: whether it goes through "
+                           "material is not known",
+                     "retract above the stock, give X, Y and Z, and turn the tool there"});
+      continue;
+    }
+    if (move.start_known) continue;
     const bool low = (move.known_end[2] && move.end.z() < job.stock.top()) ||
                      (move.known_start[2] && move.start.z() < job.stock.top());
     const bool straight_down = move.known_start[0] && move.known_start[1] && move.known_end[0] && move.known_end[1] &&
@@ -171,12 +187,13 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
 }
 
 /// Whether an end of the move lies over the stock.
-bool meets_plan(const cutting::Stock& stock, const gcode::Move& move) {
-  const Vec3 low = stock.min(), high = stock.max();
+bool meets_plan(const Job& job, const gcode::Move& move) {
+  const Vec3 low = job.stock.min(), high = job.stock.max();
   const auto over = [&](const Vec3& p) {
     return p.x() > low.x() && p.x() < high.x() && p.y() > low.y() && p.y() < high.y();
   };
-  return over(move.start) || over(move.end) || over(0.5 * (move.start + move.end));
+  const Vec3 start = job.tool_frame.to_S(move.start), end = job.tool_frame.to_S(move.end);
+  return over(start) || over(end) || over(0.5 * (start + end));
 }
 
 /// Where most of the way over the stock passes above its top, and later levels of the same paths cut, the stock of the
@@ -193,15 +210,16 @@ std::optional<NotJudged> stock_too_low(const Job& job, const Way& way) {
   std::map<std::array<long long, 4>, std::vector<Level>> paths;  // by their ends in the plane, whatever the direction
   double over = 0;
   for (const gcode::Move& move : *way.programmed) {
-    if (move.kind == gcode::MoveKind::rapid || !move.start_known || !meets_plan(job.stock, move)) continue;
-    if ((move.end - move.start).head<2>().isZero(0)) continue;  // an approach
-    std::array<long long, 4> key{std::llround(move.start.x() / kSame), std::llround(move.start.y() / kSame),
-                                 std::llround(move.end.x() / kSame), std::llround(move.end.y() / kSame)};
+    if (move.kind == gcode::MoveKind::rapid || !move.start_known || !meets_plan(job, move)) continue;
+    const Vec3 start = job.tool_frame.to_S(move.start), end = job.tool_frame.to_S(move.end);
+    if ((end - start).head<2>().isZero(job.tool_frame.tilted ? kSame : 0)) continue;  // an approach
+    std::array<long long, 4> key{std::llround(start.x() / kSame), std::llround(start.y() / kSame),
+                                 std::llround(end.x() / kSame), std::llround(end.y() / kSame)};
     if (std::pair(key[2], key[3]) < std::pair(key[0], key[1])) {
       std::swap(key[0], key[2]);
       std::swap(key[1], key[3]);
     }
-    paths[key].push_back({&move, move.length(), std::min(move.start.z(), move.end.z())});
+    paths[key].push_back({&move, move.length(), std::min(start.z(), end.z())});
     over += move.length();
   }
   double above = 0, highest = 0;
@@ -226,14 +244,14 @@ std::optional<NotJudged> stock_too_low(const Job& job, const Way& way) {
 
 }  // namespace
 
-bool is_plunge(const gcode::Move& move) {
+bool is_plunge(const gcode::Move& move, const Vec3& axis) {
   constexpr double kSteep = 0.866;  // sine of 60 deg
-  return move.kind == gcode::MoveKind::line && move.length() > 0 && move.direction(0).z() < -kSteep;
+  return move.kind == gcode::MoveKind::line && move.length() > 0 && move.direction(0).dot(axis) < -kSteep;
 }
 
-PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away) {
+PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away, const Vec3& axis) {
   const Vec3 off = bent - programmed.point(programmed.nearest(bent));
-  return {off.dot(away), off.z(), distance_that_counts(programmed, off)};
+  return {off.dot(away), off.dot(axis), distance_that_counts(programmed, off, axis)};
 }
 
 Sample judged(const Sample& sample, const PathError& error) {
@@ -337,6 +355,14 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
                                   units::to_mm(job.cutter.diameter)));
     }
   }
+  const bool ball = std::any_of(prediction.moves.begin(), prediction.moves.end(), [&](const MovePrediction& m) {
+    return m.points > 0 && cutting::is_ball(job.cutter_of(programmed[static_cast<std::size_t>(m.move)].tool));
+  });
+  if (ball) {
+    notes.push_back(
+        "a ball cuts with the coefficients of its side down to its tip, where the teeth hardly move: near the tip they "
+        "are an assumption");
+  }
   std::set<std::string> known;
   for (const MovePrediction& m : prediction.moves) {
     const gcode::Move& move = programmed[static_cast<std::size_t>(m.move)];
@@ -387,7 +413,7 @@ namespace {
 /// Where force and bend change too quickly for what was found: see Steep.
 class SteepPlaces {
  public:
-  SteepPlaces(const Job& job, const Way& way) : job_(job), moves_(way.commanded()) {}
+  SteepPlaces(const Job& job, const Way& way) : job_(job), moves_(way.commanded()), axis_(job.tool_frame.axis()) {}
 
   /// A point that cuts, of the programmed move `source`, whose bend found is `distance` from it.
   void see(const Sample& sample, double distance, const gcode::Move& programmed, int source, int line) {
@@ -412,7 +438,7 @@ class SteepPlaces {
     double most = 0;
     for (const Vec3& other : {before_[first_].deflection, lag_}) {
       if ((other - sample.deflection).norm() < resolution(job_)) continue;
-      most = std::max(most, path_error(programmed, Vec3(sample.command + other), sample.away).distance);
+      most = std::max(most, path_error(programmed, Vec3(sample.command + other), sample.away, axis_).distance);
     }
     if (most <= job_.tolerance) {
       if (most > out_.within) {
@@ -438,6 +464,7 @@ class SteepPlaces {
   };
   const Job& job_;
   const PassMoves moves_;
+  const Vec3 axis_;
   std::vector<Bend> before_;  ///< of the commanded move at hand
   std::size_t first_ = 0;     ///< the first of them within the window
   Vec3 lag_ = Vec3::Zero(), last_ = Vec3::Zero();
@@ -461,6 +488,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   out.commanded_distance.assign(commanded.size(), 0);
   out.commanded_ends.assign(commanded.size(), {});
   Few few;
+  const Vec3 axis = job.tool_frame.axis();
   LongVector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
   const auto entry = [&](std::size_t i) -> MovePrediction& {
     if (index[i] < 0) {
@@ -475,7 +503,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     return out.moves[static_cast<std::size_t>(index[i])];
   };
   const auto source = [&](std::size_t c) { return way.source.empty() ? static_cast<int>(c) : way.source[c]; };
-  Ends ends(programmed);
+  Ends ends(programmed, axis);
   Sides sides(programmed.size());
   SteepPlaces steep(job, way);
   HeldBack held_back(job, way, options.step > 0 ? options.step : job.step);
@@ -496,15 +524,15 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
       if (first && sample.s == 0) ends.cuts_at_start(i, c);
       if (last && sample.s >= length) ends.cuts_at_end(i, c);
     }
-    PathError e = path_error(programmed[i], bent, sample.away);
+    PathError e = path_error(programmed[i], bent, sample.away, axis);
     MovePrediction& m = entry(i);
     if (transition) {
       // A transition belongs to the moves that it joins.
       if (i > 0 && programmed[i - 1].kind != gcode::MoveKind::rapid) {
-        e.distance = std::min(e.distance, path_error(programmed[i - 1], bent, sample.away).distance);
+        e.distance = std::min(e.distance, path_error(programmed[i - 1], bent, sample.away, axis).distance);
       }
       if (i + 1 < programmed.size() && programmed[i + 1].kind != gcode::MoveKind::rapid) {
-        e.distance = std::min(e.distance, path_error(programmed[i + 1], bent, sample.away).distance);
+        e.distance = std::min(e.distance, path_error(programmed[i + 1], bent, sample.away, axis).distance);
       }
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);
@@ -713,7 +741,7 @@ MapBand map_band(const Job& job, const Prediction& prediction) {
   if (!job.measured) return out;
   const statics::MeasuredMap& map = job.measured->map;
   const bool joints = statics::has_compliance(job.machine);
-  statics::Probe probe(job.machine, Mat3::Identity());
+  statics::Probe probe(job.machine, job.tool_frame.R_MT);
   for (const Sample& sample : prediction.few) {
     const Vec3 p = job.X_MW * sample.command, F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
     const Mat3 sd = map.deviation(p);

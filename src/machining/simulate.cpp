@@ -7,9 +7,12 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <optional>
 
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/end_force.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/machining/vibration.hpp"
 #include "polypod/machining/yielding.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -52,7 +55,8 @@ constexpr double kNearTip = 5e-6;
 // The chip for which forces are taken to grow in proportion, m.
 constexpr double kThinChip = 20e-6;
 
-/// The cutter on its way: stock, machine and the state between two points.
+/// The cutter on its way: stock, machine and the state between two points. Vectors are in the frame S of the stock,
+/// which is W unless the tool is tilted.
 class Pass {
  public:
   Pass(const Job& job, const gcode::Program& program, const PassMoves& moves, cutting::Stock& stock,
@@ -65,7 +69,9 @@ class Pass {
         options_(options),
         visit_(visit),
         teeth_(teeth),
-        probe_(job.machine, Mat3::Identity()) {}
+        frame_(job.tool_frame),
+        X_MS_(job.tool_frame.to_S(job.X_MW)),
+        probe_(job.machine, job.tool_frame.R_MT) {}
 
   Result<PassResult> run() {
     POLYPOD_TRY(affordable());
@@ -111,6 +117,7 @@ class Pass {
     const cutting::Cutter* cutter;
     cutting::ProfileForce force;
     cutting::EndForce end;
+    std::optional<cutting::BallForce> ball;  ///< in the place of both, if it is a ball
   };
 
   ToolModel& tool_model(int number) {
@@ -118,7 +125,8 @@ class Pass {
     if (it != models_.end()) return it->second;
     const cutting::Cutter& cutter = job_.cutter_of(number);
     const cutting::EndCoefficients end = job_.material.end.value_or(cutting::end_as_sides(job_.material));
-    const ToolModel model{&cutter, cutting::ProfileForce(cutter, job_.material), cutting::EndForce(cutter, end)};
+    ToolModel model{&cutter, cutting::ProfileForce(cutter, job_.material), cutting::EndForce(cutter, end), {}};
+    if (cutting::is_ball(cutter)) model.ball.emplace(cutter, job_.material);
     return models_.emplace(number, model).first->second;
   }
 
@@ -130,10 +138,11 @@ class Pass {
     const gcode::Move& move = moves_[index];
     ToolModel& tool = tool_model(move.tool);
     if (!move.start_known) {  // where it comes from is not known: nothing can be said of the way
-      last_bent_ = move.end;
+      last_bent_ = frame_.to_S(move.end);
       deflection_.setZero();
       return {};
     }
+    if (!stands_as_set_up(job_, move)) return other_orientation(move);
     if (move.kind == gcode::MoveKind::rapid) return rapid(move, tool);
     if (moves_.transition(index)) return transition(index, tool);
     return feed_move(static_cast<int>(index), tool);
@@ -143,15 +152,42 @@ class Pass {
     const double radius = tool.cutter->radius();
     // When the cut ends the deflected tool springs back to where it is commanded, before it moves: no collision.
     result_.removed += stock_.settle();
-    result_.removed += stock_.cut_disc(move.start, radius);
-    const double volume = stock_.cut_line(move.start, move.end, radius, true);
+    const Vec3 from = frame_.to_S(move.start), to = frame_.to_S(move.end);
+    result_.removed += tool.ball ? cutting::cut_ball(stock_, from, from, radius) : stock_.cut_disc(from, radius);
+    const double volume =
+        tool.ball ? cutting::cut_ball(stock_, from, to, radius) : stock_.cut_line(from, to, radius, true);
     if (volume > 0) result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
     result_.removed += volume;
-    last_bent_ = move.end;
+    free_at(to);
+    return {};
+  }
+
+  /// A move with the tool in another orientation than in the cuts: it passes through air, or is not judged (accept,
+  /// predict).
+  Status other_orientation(const gcode::Move& move) {
+    if (move.kind != gcode::MoveKind::rapid && !stays_clear(job_, move)) POLYPOD_TRY(may_cut(move));
+    result_.removed += stock_.settle();
+    free_at(frame_.to_S(move.end));
+    return {};
+  }
+
+  /// The tool is free of forces, with its tip at `tip`.
+  void free_at(const Vec3& tip) {
+    last_bent_ = tip;
     deflection_.setZero();
     last_ = Sample{};
     last_.move = -1;
-    return {};
+  }
+
+  /// Hands a sample over, whose vectors are in S until then.
+  void tell(const Sample& sample) {
+    if (!frame_.tilted) return visit_(sample);
+    Sample out = sample;
+    out.command = frame_.to_W(sample.command);
+    out.deflection = frame_.to_W(sample.deflection);
+    out.force = frame_.to_W(sample.force);
+    out.away = frame_.to_W(sample.away);
+    visit_(out);
   }
 
   Status feed_move(int index, ToolModel& tool) {
@@ -170,7 +206,7 @@ class Pass {
         sample = last_;
         sample.move = index;
         sample.s = 0;
-        visit_(sample);
+        tell(sample);
         continue;
       }
       sample.move = index;
@@ -179,12 +215,12 @@ class Pass {
       // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
       // at the end looks at is cut last.
       if (k == 0 || k == steps || s <= length - look_ahead_length(radius)) {
-        const Vec3 at = sweeps_bent() ? sample.bent() : move.point(s);
-        volume += sweep(at, radius, k > 0);
+        const Vec3 at = sweeps_bent() ? sample.bent() : frame_.to_S(move.point(s));
+        volume += sweep(at, tool, k > 0);
       }
       deflection_ = sample.deflection;
       ++result_.points;
-      visit_(sample);
+      tell(sample);
       if (k == steps) last_ = sample;
     }
     if (!descends_on(static_cast<std::size_t>(index))) volume += stock_.settle();
@@ -195,8 +231,13 @@ class Pass {
 
   /// The bent cutter goes straight on to `to`; the removed volume. A step that is level but for less than what counts
   /// as a cut is swept level, which costs a fifth.
-  double sweep(const Vec3& to, double radius, bool start_done) {
+  double sweep(const Vec3& to, const ToolModel& tool, bool start_done) {
+    const double radius = tool.cutter->radius();
     Vec3 from = last_bent_, at = to;
+    if (tool.ball) {
+      last_bent_ = to;
+      return cutting::cut_ball(stock_, from, at, radius);
+    }
     if (std::abs(to.z() - from.z()) < kNoCut) from.z() = at.z() = 0.5 * (to.z() + from.z());
     last_bent_ = to;
     return stock_.cut_step(from, at, radius, start_done);
@@ -221,18 +262,18 @@ class Pass {
   /// follows as it yields to the force of its own way (yield_step).
   Status transition(std::size_t index, ToolModel& tool) {
     const gcode::Move& move = moves_[index];
-    const double length = move.length(), radius = tool.cutter->radius();
+    const double length = move.length();
     // How many teeth pass. Where none do, or the feed is 0, may_cut refuses what cuts.
     const double teeth =
         std::clamp(length / move.feed * move.spindle_speed * tool.cutter->teeth, kFewestTeeth, kMostTeeth);
     const auto steps = static_cast<std::int64_t>(std::clamp(std::ceil(teeth), kFewestYields, kMostYields));
-    Vec3 tip = move.start + deflection_, looked_at = Vec3::Constant(1e3);
+    Vec3 tip = frame_.to_S(move.start) + deflection_, looked_at = Vec3::Constant(1e3);
     double thickest = 0;
     for (std::int64_t k = 0; k <= steps; ++k) {
       Sample sample;
       sample.move = static_cast<int>(index);
       sample.s = length * static_cast<double>(k) / static_cast<double>(steps);
-      sample.command = move.point(sample.s);
+      sample.command = frame_.to_S(move.point(sample.s));
       if (k > 0) {
         if ((tip - looked_at).norm() > kNearTip) {
           thickest = look_around(tip, tool);
@@ -244,20 +285,20 @@ class Pass {
         const Yielded yielded = yield_step(tip, sample.command, C, around_, teeth / static_cast<double>(steps));
         tip = yielded.tip;
         sample.force = yielded.force;
-        result_.removed += sweep(tip, radius, true);
+        result_.removed += sweep(tip, tool, true);
       }
       sample.cutting = thickest > kNoCut || k == 0;
       sample.depth = static_cast<float>(thickest);
       deflection_ = sample.deflection = tip - sample.command;
       ++result_.points;
-      visit_(sample);
+      tell(sample);
     }
     return {};
   }
 
   /// The force of every direction of the plane at a tip, into `around_`; the deepest cut of them, m.
   double look_around(const Vec3& tip, ToolModel& tool) {
-    const double radius = tool.cutter->radius(), ahead = look_ahead_length(radius);
+    const double ahead = look_ahead_length(tool.cutter->radius());
     double deepest = 0;
     around_.resize(kDirections);
     for (int j = 0; j < kDirections; ++j) {
@@ -265,10 +306,12 @@ class Pass {
       const Eigen::Vector2d d(std::cos(angle), std::sin(angle));
       ForceAlong& out = around_[static_cast<std::size_t>(j)];
       out = {d, Vec3::Zero(), Vec3::Zero()};
-      cutting::look_ahead(stock_, tip, radius, d, ahead, profile_);
+      const Vec3 level(d.x(), d.y(), 0);
+      meet(tip, tool, level, d, ahead, false);
       if (!(profile_.max_depth > kNoCut)) continue;
       deepest = std::max(deepest, profile_.max_depth);
       const auto force = [&](double feed_per_tooth) {
+        if (tool.ball) return tool.ball->mean_force(ball_, level, feed_per_tooth);
         const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
         return Vec3(f.x() * d.x() - f.y() * d.y(), f.x() * d.y() + f.y() * d.x(), f.z());
       };
@@ -280,15 +323,19 @@ class Pass {
 
   [[nodiscard]] double look_ahead_length(double radius) const { return machining::look_ahead_length(stock_, radius); }
 
-  /// What the sides of the cutter meet; nothing on a plunge.
-  void look(const Vec3& window, double radius, const Eigen::Vector2d& feed, double ahead, bool vertical) {
-    if (vertical) {
+  /// What a ball meets, or the sides of a flat cutter: these nothing on a plunge.
+  void meet(const Vec3& tip, const ToolModel& tool, const Vec3& d, const Eigen::Vector2d& feed, double ahead,
+            bool vertical) {
+    const double radius = tool.cutter->radius();
+    if (tool.ball) cutting::look_ahead(stock_, tip, radius, d, ahead, ball_);
+    if (vertical || tool.ball) {
       profile_ = cutting::EngagementProfile{};
       std::fill(profile_.depth, profile_.depth + cutting::EngagementProfile::kBins, 0.0f);
+      profile_.any = tool.ball && ball_.any;
+      profile_.max_depth = profile_.any ? ball_.max_depth : 0;
       return;
     }
-    const bool bends = options_.bend == Bend::equilibrium;
-    cutting::look_ahead(stock_, bends ? Vec3(window + deflection_) : window, radius, feed, ahead, profile_);
+    cutting::look_ahead(stock_, tip, radius, feed, ahead, profile_);
   }
 
   /// Whether the next move goes on downwards in the direction of this one, as turns of a helix do.
@@ -297,8 +344,8 @@ class Pass {
     if (moves_.transition(index + 1)) return true;  // which takes the load off
     const gcode::Move &now = moves_[index], &next = moves_[index + 1];
     if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return false;
-    const Vec3 d = next.direction(0);
-    return d.z() < 0 && d.dot(now.direction(now.length())) > std::cos(options_.smooth_angle);
+    const Vec3 d = frame_.to_S(next.direction(0));
+    return d.z() < 0 && d.dot(frame_.to_S(now.direction(now.length()))) > std::cos(options_.smooth_angle);
   }
 
   /// How far the next move goes down in its first `way`, m.
@@ -306,7 +353,7 @@ class Pass {
     if (index + 1 >= moves_.size() || !(way > 0)) return 0;
     const gcode::Move& next = moves_[index + 1];
     if (next.kind == gcode::MoveKind::rapid || !(next.length() > 0)) return 0;
-    return std::max(0.0, -next.direction(0).z()) * std::min(way, next.length());
+    return std::max(0.0, -frame_.to_S(next.direction(0)).z()) * std::min(way, next.length());
   }
 
   [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
@@ -314,8 +361,8 @@ class Pass {
   /// Fills deflection, force and engagement of the point at s.
   Status evaluate(std::size_t index, double s, double length, ToolModel& tool, Sample& sample) {
     const gcode::Move &move = moves_[index], &followed = moves_.followed(index);
-    const Vec3 p = move.point(s);
-    const Vec3 d = followed.direction(&followed != &move ? followed.nearest(p) : s);
+    const Vec3 p_W = move.point(s), p = frame_.to_S(p_W);
+    const Vec3 d = frame_.to_S(followed.direction(&followed != &move ? followed.nearest(p_W) : s));
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());
     const bool vertical = horizontal < kVertical;
@@ -330,11 +377,12 @@ class Pass {
     const Vec3 window = p - d * beyond;
     const bool bends = options_.bend == Bend::equilibrium;
 
-    look(window, radius, feed, ahead, vertical);
+    const auto look = [&] { meet(bends ? Vec3(window + deflection_) : window, tool, d, feed, ahead, vertical); };
+    look();
     if (!profile_.any && bends && !deflection_.isZero(0)) {
       const Vec3 before = deflection_;
       deflection_.setZero();  // the last bend may have lifted it out altogether
-      look(window, radius, feed, ahead, vertical);
+      look();
       if (!profile_.any) deflection_ = before;
     }
     // The end cuts as long as the tip goes down; it stops doing so at the end of the way down. What counts is the floor
@@ -342,7 +390,7 @@ class Pass {
     footprint_.any = false;
     const double fall = -d.z() * ahead;
     const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
-    if (fall > kLeastFall && (s < length || ideal || descends_on(index))) {
+    if (!tool.ball && fall > kLeastFall && (s < length || ideal || descends_on(index))) {
       Vec3 over = bends ? Vec3(p.x() + deflection_.x(), p.y() + deflection_.y(), p.z()) : p;
       // Nor does it meet what stands below the end of the way down; where it cuts up to there and the next move goes on
       // down, what that comes to.
@@ -370,6 +418,7 @@ class Pass {
     }
 
     const auto force_here = [&] {
+      if (tool.ball) return tool.ball->mean_force(ball_, d, per_tooth);
       const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
       return Vec3(end_force + along * f.x() + left * f.y() + Vec3::UnitZ() * f.z());
     };
@@ -392,14 +441,18 @@ class Pass {
       sample.command = p - sample.deflection;
     } else {
       const auto look_again = [&](const Vec3& tip) {
-        if (!vertical) cutting::look_ahead(stock_, tip, radius, feed, ahead, profile_);
+        if (!vertical || tool.ball) meet(tip, tool, d, feed, ahead, vertical);
       };
       sample.deflection = equilibrium(move, window, look_again, C, force_here, sample.force);
       sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
     }
     POLYPOD_TRY(flutes_reach(move, p.z(), *tool.cutter));
     describe(sample);
-    if (teeth_ && sample.cutting) teeth_(sample, {move, profile_, feed, feed_per_tooth, footprint_.any});
+    if (tool.ball) {
+      describe_ball(along, left, sample);
+    } else if (teeth_ && sample.cutting) {
+      teeth_(sample, {move, profile_, feed, feed_per_tooth, footprint_.any});
+    }
     return {};
   }
 
@@ -468,6 +521,28 @@ class Pass {
     sample.wall_left = wall_left && !wall_right;
   }
 
+  /// Depth, angles and the side of the wall of a ball, which meets most of the material there.
+  void describe_ball(const Vec3& along, const Vec3& left, Sample& sample) const {
+    double most = -1, least = 1, of_left = 0, of_right = 0;  // cosines of the angles from the left
+    for (int j = 0; j < cutting::BallEngagement::kSectors; ++j) {
+      const double phi = 2 * std::numbers::pi * (j + 0.5) / cutting::BallEngagement::kSectors;
+      const Vec3 out(std::sin(phi), std::cos(phi), 0);
+      double met = ball_.side[static_cast<std::size_t>(j)];
+      for (const auto& ring : ball_.share) met += ring[static_cast<std::size_t>(j)];
+      if (!(met > 0) || out.dot(along) < 0) continue;
+      const double u = std::clamp(out.dot(left), -1.0, 1.0);
+      most = std::max(most, u);
+      least = std::min(least, u);
+      (u > 0 ? of_left : of_right) += met * std::abs(u);
+    }
+    sample.depth = static_cast<float>(ball_.max_depth);
+    if (most < least) return;
+    sample.entry = static_cast<float>(std::acos(most));
+    sample.exit = static_cast<float>(std::acos(least));
+    constexpr double kOneSided = 2;
+    sample.wall_left = of_left > kOneSided * of_right;
+  }
+
   /// Whether the flutes reach up to the top of what is cut: depths count from the stock's bottom where the tip is
   /// below.
   [[nodiscard]] Status flutes_reach(const gcode::Move& move, double tip, const cutting::Cutter& cutter) const {
@@ -492,17 +567,20 @@ class Pass {
       return fail("MC203", "the spindle turns backwards (M4) in a cut", place(move), "use M3");
     }
     if (!(move.feed > 0)) return fail("MC201", "the feed is 0 in a cut", place(move), "give an F word before");
-    if (!move.axes_start.isZero(1e-9) || !move.axes_end.isZero(1e-9)) {
-      return fail("MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
-                  place(move), "predict programs of three axes");
+    if (!stands_as_set_up(job_, move)) {
+      return fail("MC204",
+                  fmt::format("the tool stands at {} in a cut, for which the job is not set up: it is a height map and "
+                              "knows only {}",
+                              orientation_in_words(move.axes_end), orientation_in_words(job_.tool_frame.axes)),
+                  place(move), "predict programs whose cuts all have one orientation of the tool");
     }
     return {};
   }
 
-  /// Compliance of the tip in W at the command point x_W.
-  Status compliance(const gcode::Move& move, const Vec3& x_W, Mat3& C) {
+  /// Compliance of the tip in S at the command point x_S.
+  Status compliance(const gcode::Move& move, const Vec3& x_S, Mat3& C) {
     Mat3 C_M;
-    const Vec3 p = job_.X_MW * x_W;
+    const Vec3 p = X_MS_ * x_S;
     if (!probe_.at(p, C_M)) {
       return fail("MC210",
                   fmt::format("the machine cannot reach x {:.3f} y {:.3f} z {:.3f} mm in M: {}", units::to_mm(p.x()),
@@ -519,7 +597,7 @@ class Pass {
       }
       C_M = map.at(p);
     }
-    C.noalias() = job_.X_MW.R.transpose() * C_M * job_.X_MW.R;
+    C.noalias() = X_MS_.R.transpose() * C_M * X_MS_.R;
     return {};
   }
 
@@ -530,9 +608,12 @@ class Pass {
   const PassOptions& options_;
   const std::function<void(const Sample&)>& visit_;
   const std::function<void(const Sample&, const TeethView&)> teeth_;
+  const ToolFrame& frame_;
+  const Pose X_MS_;
   statics::Probe probe_;
   std::map<int, ToolModel> models_;
   cutting::EngagementProfile profile_;
+  cutting::BallEngagement ball_;
   std::vector<ForceAlong> around_;
   PassResult result_;
   Sample last_;  ///< the end of the last feed move

@@ -177,6 +177,7 @@ Status enough(const TestCut& cut, const std::vector<TestCutReading>& readings) {
 Result<TestCut> test_cut(const Job& job, const TestCutPlan& wanted) {
   TestCutPlan plan = wanted;
   const cutting::Cutter& cutter = job.cutter_of(plan.tool);
+  POLYPOD_TRY(cutting::is_flat(cutter, {}, "take a flat cutter: a test cut has walls whose sizes are measured"));
   const double D = cutter.diameter;
   if (plan.widths.empty()) plan.widths = {0.05 * D, 0.2 * D, 0.5 * D};
   if (plan.depth == 0) plan.depth = std::min(0.25 * D, cutter.length);

@@ -27,10 +27,10 @@ std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT) 
   return s == nullptr ? std::nullopt : std::optional(s->joints);
 }
 
-/// What is left of a displacement in W across the path.
-Mat3 across_path(const Sample& sample) {
+/// What is left of a displacement in W across the path; `axis` is that of the tool.
+Mat3 across_path(const Sample& sample, const Vec3& axis) {
   if (sample.away.isZero(0)) return Mat3::Identity();
-  return sample.away * sample.away.transpose() + Vec3::UnitZ() * Vec3::UnitZ().transpose();
+  return sample.away * sample.away.transpose() + axis * axis.transpose();
 }
 
 void take(Reach& farthest, int line, double distance, double U) {
@@ -52,14 +52,14 @@ ComplianceBand compliance_band(const Job& job, const Prediction& prediction, con
   ComplianceBand out;
   std::vector<double> of_move;  // by index into the moves of the program; below 0: no point on it
   for (const Sample& sample : prediction.few) {
-    const Pose X_MT{Mat3::Identity(), job.X_MW * sample.command};
+    const Pose X_MT{job.tool_frame.R_MT, job.X_MW * sample.command};
     const auto q = joints_at(job, X_MT);
     if (!q) continue;
     const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
     Eigen::Matrix<double, 3, Eigen::Dynamic> G(3, std::ssize(unit));  // delta in W by each compliance
     for (std::size_t k = 0; k < unit.size(); ++k)
       G.col(static_cast<Eigen::Index>(k)) = job.X_MW.R.transpose() * (unit[k] * (job.X_MW.R * sample.force));
-    const Mat3 of_delta = G * covariance * G.transpose(), P = across_path(sample);
+    const Mat3 of_delta = G * covariance * G.transpose(), P = across_path(sample, job.tool_frame.axis());
     if (!sample.away.isZero(0))
       out.normal.add(kCoverageFactor * std::sqrt(std::max(0.0, sample.away.dot(of_delta * sample.away))));
     const double across = kCoverageFactor * largest_deviation(P * of_delta * P);
@@ -81,7 +81,7 @@ PlaceBand place_band(const Job& job, const Prediction& prediction, const Eigen::
   PlaceBand out;
   int farthest = -1;
   for (const Sample& sample : prediction.few) {
-    const Pose X_MT{Mat3::Identity(), job.X_MW * sample.command};
+    const Pose X_MT{job.tool_frame.R_MT, job.X_MW * sample.command};
     const auto q = joints_at(job, X_MT);
     if (!q) continue;
     const double U = kCoverageFactor * largest_deviation(kinematics::tip_covariance(job.machine, X_MT, *q, covariance));

@@ -171,8 +171,14 @@ bool ProgramVibration::within(const Job& job, const Prediction& prediction) cons
 }
 
 std::string no_vibration(const Job& job) {
-  if (statics::has_compliance(job.machine)) return {};
-  return "the machine has no compliances of its own, from which its modes follow";
+  if (!statics::has_compliance(job.machine)) {
+    return "the machine has no compliances of its own, from which its modes follow";
+  }
+  if (job.tool_frame.tilted) return "the tool is tilted, and the modes are known for A = B = C = 0 alone";
+  const auto rounded = [](const auto& tool) { return tool.second.corner_radius > 0; };
+  if (job.cutter.corner_radius > 0 || std::any_of(job.cutters.begin(), job.cutters.end(), rounded))
+    return "how the force of a ball end mill changes from tooth to tooth is not computed";
+  return {};
 }
 
 Result<CutPoints> cut_points(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,

@@ -22,10 +22,11 @@ struct Way {
   [[nodiscard]] PassMoves commanded() const { return moves.empty() ? PassMoves(*programmed) : PassMoves(moves); }
 };
 
-/// Whether a move goes down more steeply than 60 deg. What the thrust along the axis holds back on its way is no error
-/// of the part, and a command beyond the end would gouge the floor as soon as the thrust goes: the part along the way
-/// is not corrected, and counts only at the end (see Plunge).
-bool is_plunge(const gcode::Move& move);
+/// Whether a move goes down along the tool more steeply than 60 deg. What the thrust along the axis holds back on its
+/// way is no error of the part, and a command beyond the end would gouge the floor as soon as the thrust goes: the part
+/// along the way is not corrected, and counts only at the end (see Plunge). `axis`: of the tool, in W
+/// (ToolFrame::axis).
+bool is_plunge(const gcode::Move& move, const Vec3& axis);
 
 /// Every move commanded as it is programmed.
 Way way_as_programmed(const gcode::Program& program, const LongVector<gcode::Move>& moves);

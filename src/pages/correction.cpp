@@ -11,6 +11,7 @@
 #include "correction_figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/report/html.hpp"
 
 namespace polypod::pages {
@@ -378,7 +379,7 @@ class Page {
   void forces() {
     report_.add_section("Forces and engagement");
     report_.add_figure(
-        force_plot(c_, tracks_),
+        force_plot(c_, tracks_, job_.tool_frame.axis()),
         "Mean force per revolution that the material puts on the tool. Normal: across the path, away "
         "from the wall that is being cut. Along the feed: below zero it acts against the feed. Along the "
         "axis: above zero it lifts the tool.");
@@ -642,6 +643,11 @@ class Page {
       if (job_.work_offsets[i].isZero(0)) continue;
       job.emplace_back(fmt::format("origin of G{} in W", 54 + i), vector_mm(job_.work_offsets[i]));
     }
+    if (job_.tool_frame.tilted) {
+      job.emplace_back("tool in every cut",
+                       machining::orientation_in_words(job_.tool_frame.axes) +
+                           "; normal errors lie in the plane square to its axis, vertical ones along it");
+    }
     compliance_entries(job);
     job.emplace_back("tolerance (tube radius)", fmt::format("{} {}", given(to_um(c_.tolerance)), kUm));
     job.emplace_back("step between evaluated points", given(to_mm(job_.step)) + " mm");
@@ -688,12 +694,13 @@ class Page {
 
   void stock() {
     const cutting::Stock& s = job_.stock;
-    const double x1 = s.x_min() + s.columns() * s.cell(), y1 = s.y_min() + s.rows() * s.cell();
+    const Vec3 lo = job_.tool_frame.tilted ? Vec3(job_.tool_frame.stock_in_W.min()) : s.min();
+    const Vec3 hi = job_.tool_frame.tilted ? Vec3(job_.tool_frame.stock_in_W.max()) : s.max();
     report_.add_heading("Stock");
     report_.add_definitions(
-        {{"x", fmt::format("{} … {} mm", given(to_mm(s.x_min())), given(to_mm(x1)))},
-         {"y", fmt::format("{} … {} mm", given(to_mm(s.y_min())), given(to_mm(y1)))},
-         {"z", fmt::format("{} … {} mm", given(to_mm(s.bottom())), given(to_mm(s.top())))},
+        {{"x", fmt::format("{} … {} mm", given(to_mm(lo.x())), given(to_mm(hi.x())))},
+         {"y", fmt::format("{} … {} mm", given(to_mm(lo.y())), given(to_mm(hi.y())))},
+         {"z", fmt::format("{} … {} mm", given(to_mm(lo.z())), given(to_mm(hi.z())))},
          {"cells", fmt::format("{} × {} of {} mm", s.columns(), s.rows(), given(to_mm(s.cell())))},
          {"volume", fmt::format("{} mm³", given(units::to_mm3(s.volume())))},
          {"removed, as it is", fmt::format("{} mm³", given(units::to_mm3(c_.before.pass.removed)))},

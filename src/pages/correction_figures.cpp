@@ -196,7 +196,12 @@ Overview overview(const Job& job, const Correction& c, const Tracks& tracks) {
   for (const Dot& d : tracks.before) bend = std::max(bend, d.sample->deflection.head<2>().norm());
   out.factor = bend > 0 ? round_factor(0.05 * largest(programmed) / to_mm(bend)) : 1;
 
-  const auto outlines = stock_outline(job.stock);
+  auto outlines = stock_outline(job.stock);
+  if (job.tool_frame.tilted) {  // a block, whose heights are along the tool
+    const Vec3 lo = job.tool_frame.stock_in_W.min() * units::kMmPerMetre,
+               hi = job.tool_frame.stock_in_W.max() * units::kMmPerMetre;
+    outlines = {{{lo.x(), lo.y()}, {hi.x(), lo.y()}, {hi.x(), hi.y()}, {lo.x(), hi.y()}}};
+  }
   for (const auto& outline : outlines) plot.areas.push_back({"stock", outline, Colour::muted});
   const bool fine = tracks.stretches.size() > kShadedMoves;
   const double stroke = fine ? 0.9 : 1.6;
@@ -427,15 +432,16 @@ report::Histogram error_histogram(const Correction& c, const Tracks& tracks) {
   return out;
 }
 
-LinePlot force_plot(const Correction& c, const Tracks& tracks) {
+LinePlot force_plot(const Correction& c, const Tracks& tracks, const Vec3& tool_axis) {
   LinePlot plot = along_the_path(tracks, "Forces along the path", "mean force on the tool", "N");
   const auto along = [&](const Dot& d) {
     const Vec3 t = c.programmed[index(d.move)].direction(d.s);
-    const double level = std::hypot(t.x(), t.y());
-    return level > 0 ? (d.sample->force.x() * t.x() + d.sample->force.y() * t.y()) / level : 0.0;
+    const Vec3 across = t - t.dot(tool_axis) * tool_axis;
+    const double level = across.norm();
+    return level > 0 ? d.sample->force.dot(across) / level : 0.0;
   };
   const auto normal = [](const Dot& d) { return d.sample->force.dot(d.sample->away); };
-  const auto axis = [](const Dot& d) { return d.sample->force.z(); };
+  const auto axis = [&](const Dot& d) { return d.sample->force.dot(tool_axis); };
   add(plot, tracks, series_of("normal, program as it is", tracks.before, report::kBefore, false, normal));
   add(plot, tracks, series_of("normal, corrected", tracks.after, report::kAfter, false, normal));
   add(plot, tracks, series_of("along the feed, corrected", tracks.after, Colour::orange, false, along));
@@ -496,7 +502,7 @@ PartMap part_map(const Job& job, const Correction& c, const Tracks& tracks) {
   const Vec3 corner_W = units::from_mm(1) * Vec3(out.x_min, out.y_min, out.z);
   statics::PlaneGrid grid{job.X_MW * corner_W, job.X_MW.R * Vec3(units::from_mm(width), 0, 0),
                           job.X_MW.R * Vec3(0, units::from_mm(height), 0), count(width), count(height)};
-  out.map = statics::compliance_map(job.machine, grid, Mat3::Identity());
+  out.map = statics::compliance_map(job.machine, grid, job.tool_frame.R_MT);
   if (job.measured) {
     for (statics::MapPoint& point : out.map.points) {
       statics::Compliance& there = point.compliance;

@@ -60,7 +60,8 @@ std::optional<Corner> corner(const machining::Correction& c, const Tracks& track
 report::LinePlot error_plot(const machining::Correction& c, const Tracks& tracks, float machining::Sample::*error,
                             const std::string& label);
 report::Histogram error_histogram(const machining::Correction& c, const Tracks& tracks);
-report::LinePlot force_plot(const machining::Correction& c, const Tracks& tracks);
+/// `tool_axis` in W.
+report::LinePlot force_plot(const machining::Correction& c, const Tracks& tracks, const Vec3& tool_axis);
 report::LinePlot depth_plot(const Tracks& tracks);
 report::LinePlot angle_plot(const Tracks& tracks);
 

@@ -13,13 +13,14 @@
 
 namespace polypod::cutting {
 
-/// A cylindrical end mill, flat below.
+/// A cylindrical end mill, flat below unless it has a corner radius (bull nose; R: a ball).
 struct Cutter {
   std::string name;
   double diameter = 0;  ///< m
   int teeth = 0;
-  double helix = 0;   ///< rad, 0 <= helix < pi/2
-  double length = 0;  ///< m, of the edges; no cut may be deeper
+  double helix = 0;          ///< rad, 0 <= helix < pi/2
+  double length = 0;         ///< m, of the edges; no cut may be deeper
+  double corner_radius = 0;  ///< m, 0 .. R; only the functions of rounded.hpp know it
 
   [[nodiscard]] double radius() const { return 0.5 * diameter; }
   [[nodiscard]] double pitch_angle() const { return 2 * std::numbers::pi / teeth; }  ///< (5.5)
@@ -49,8 +50,11 @@ struct Material {
 inline constexpr config::Range kCutterSize_mm{0.01, 1000};
 
 /// Reads `diameter_mm`, `length_mm` (0.01 to 1000), `teeth` (1 to 100), `helix_deg` (0 <= helix < 90) and, if given,
-/// `name` from a table and finishes it. Errors: those of config::Table, with the place of the value or of the table.
+/// `corner_radius_mm` (0 to half of the diameter) and `name` from a table and finishes it. Errors: those of
+/// config::Table, with the place of the value or of the table.
 Result<Cutter> cutter_from(const config::Table& table);
+/// Error: CT130 for a cutter with a corner radius; `place` is that of its table.
+Status is_flat(const Cutter& cutter, const Place& place, const std::string& hint);
 /// Reads `Ktc_N_per_mm2, Krc_N_per_mm2, Kac_N_per_mm2, Kte_N_per_mm, Kre_N_per_mm, Kae_N_per_mm` and, if given,
 /// `exponent` (0 < x <= 1, otherwise 1), `spread_95` (rows of six, in the units of the coefficients), `end` (a table
 /// of the six coefficients of the end of the cutter, its K_c always in N/mm^2) and `name` from a table and finishes it.

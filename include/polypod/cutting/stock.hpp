@@ -47,6 +47,9 @@ class Stock {
   /// The mean height of a cell's layers, an empty layer counting as the bottom; -infinity if all are empty.
   [[nodiscard]] float height(int column, int row) const;
   void set_height(int column, int row, float h);
+  /// Lowers every layer of a cell to at most `level` (m); at the bottom and below nothing is left. Returns the removed
+  /// volume, m^3.
+  double lower(int column, int row, double level);
   /// Empties a cell but for `share` (0 .. 1) of its layers: for boundaries of the stock that cross it.
   void keep_share(int column, int row, double share);
   /// The kLayers heights of a cell; those of the next column follow.

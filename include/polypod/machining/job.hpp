@@ -15,6 +15,7 @@
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/machine/any_machine.hpp"
 #include "polypod/machining/path_mode.hpp"
+#include "polypod/machining/tool_frame.hpp"
 #include "polypod/statics/measured_map.hpp"
 
 namespace polypod::machining {
@@ -62,8 +63,9 @@ struct Job {
   cutting::Cutter cutter;                  ///< for every tool number that has none of its own
   std::map<int, cutting::Cutter> cutters;  ///< by T number
   cutting::Material material;
-  Factors factors;  ///< `material` and `machine` are already multiplied by them
-  cutting::Stock stock;
+  Factors factors;       ///< `material` and `machine` are already multiplied by them
+  cutting::Stock stock;  ///< in the frame S of `tool_frame`, which is W unless `set_up` tilted it
+  ToolFrame tool_frame;
   double tolerance = 0;  ///< radius delta_t of the tube, m
   double step = 0;       ///< longest distance between evaluated points, m
   bool block_delete = false;

@@ -35,7 +35,9 @@ struct PathError {
   double distance = 0;  ///< m, to the move as a curve with its ends (the tube and its spheres)
 };
 /// `away` is the direction of Sample::away. Distance and normal are taken at the nearest point of the move.
-PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away);
+/// `axis` is that of the tool, in W.
+PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away,
+                     const Vec3& axis = Vec3::UnitZ());
 /// The sample with its judgement.
 Sample judged(const Sample& sample, const PathError& error);
 
@@ -73,6 +75,7 @@ struct Plunge {
   double distance = 0;   ///< m, of that from the programmed end, with what the tool is off to the side
   double dwell = 0;      ///< s, given
   double needed = 0;     ///< s, after which the tube holds what remains; 0: no dwell does
+  bool ball = false;     ///< of a ball, of which a dwell is not judged
 
   /// Why it is not judged, in words.
   [[nodiscard]] std::string why() const;

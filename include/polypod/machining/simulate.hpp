@@ -133,9 +133,9 @@ double look_ahead_length(const cutting::Stock& stock, double radius);
 /// Sends the cutter along the moves and calls `visit` with every evaluated point of moves that are not rapid: both ends
 /// and between them steps of at most `options.step`. `stock` is changed. Errors, with the line of the program:
 /// MC200 spindle still in a cut, MC201 feed zero in a cut, MC202 deeper than the edges of the cutter, MC203 the spindle
-/// turns backwards, MC204 a tilted tool in a cut, MC205 more than 2e8 points, MC210 a commanded pose is out of reach or
-/// breaks a limit, MC211 it lies outside of what the measured compliance covers, MC299 cancelled. Cost: about 5 us a
-/// point.
+/// turns backwards, MC204 a tool in another orientation in a cut than the job is set up for (set_up), MC205 more than
+/// 2e8 points, MC210 a commanded pose is out of reach or breaks a limit, MC211 it lies outside of what the measured
+/// compliance covers, MC299 cancelled. Cost: about 5 us a point.
 Result<PassResult> run_pass(const Job& job, const gcode::Program& program, const PassMoves& moves,
                             cutting::Stock& stock, const PassOptions& options,
                             const std::function<void(const Sample&)>& visit);

@@ -1,0 +1,179 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cutting/ball_stock.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace polypod::cutting {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using Point = Eigen::Vector2d;
+
+/// Height of the surface above the tip at the distance rho from the axis; infinite beyond the ball.
+double surface(double rho2, double radius) {
+  const double under = radius * radius - rho2;
+  return under > 0 ? radius - std::sqrt(under) : kInfinity;
+}
+
+/// Between which heights there is material over a point.
+struct Column {
+  double low, high;
+};
+/// Between the middles of four cells: linear in x and y, or the least of them where the ball's surface is too steep for
+/// that. Outside of the grid there is none.
+Column column_at(const Stock& stock, double x, double y, bool least) {
+  const double u = (x - stock.x_min()) / stock.cell() - 0.5, v = (y - stock.y_min()) / stock.cell() - 0.5;
+  const double i0 = std::floor(u), j0 = std::floor(v);
+  const auto height = [&](const Stock& s, double i, double j) {
+    if (!(i >= 0 && j >= 0 && i < s.columns() && j < s.rows())) return stock.bottom();
+    const float* layers = s.cell_layers(static_cast<int>(i), static_cast<int>(j));
+    double sum = 0;
+    for (int k = 0; k < Stock::kLayers; ++k) sum += std::max<double>(layers[k], stock.bottom());
+    return sum / Stock::kLayers;
+  };
+  const auto between = [&](const Stock& s) {
+    const double a = height(s, i0, j0), b = height(s, i0 + 1, j0), c = height(s, i0, j0 + 1),
+                 d = height(s, i0 + 1, j0 + 1);
+    if (least) return std::min({a, b, c, d});
+    const double p = u - i0, q = v - j0;
+    return (1 - q) * ((1 - p) * a + p * b) + q * ((1 - p) * c + p * d);
+  };
+  return {stock.hollow() == nullptr ? stock.bottom() : between(*stock.hollow()), between(stock)};
+}
+
+/// Tooth angle of the middle of a sector.
+double angle_of(int sector) {
+  return 2 * kPi * (sector + 0.5) / BallEngagement::kSectors;
+}
+
+}  // namespace
+
+bool is_ball(const Cutter& cutter) {
+  return std::abs(cutter.corner_radius - cutter.radius()) <= 1e-9 * cutter.diameter;
+}
+
+double cut_ball(Stock& stock, const Vec3& a, const Vec3& b, double radius) {
+  if (!a.allFinite() || !b.allFinite() || !(radius > 0) || stock.columns() == 0) return 0;
+  if (std::min(a.z(), b.z()) >= stock.top()) return 0;
+  Point f = (b - a).head<2>();
+  const double length = f.norm();
+  f = length > 0 ? Point(f / length) : Point(1, 0);
+  const bool steep = !(length > 1e-12);  // straight down or up: the lower end alone
+  const double slope = steep ? 0 : (b.z() - a.z()) / length;
+  const double from = steep ? std::min(a.z(), b.z()) : a.z(), far = steep ? 0 : length;
+  const double lead = -slope / std::sqrt(1 + slope * slope);
+  const double cell = stock.cell(), x0 = stock.x_min() + 0.5 * cell, y0 = stock.y_min() + 0.5 * cell;
+  const auto index = [](double v, int count) { return static_cast<int>(std::clamp(v, -1.0, double(count))); };
+  const int j0 = std::max(0, index(std::ceil((std::min(a.y(), b.y()) - radius - y0) / cell), stock.rows()));
+  const int j1 = std::min(stock.rows() - 1, index((std::max(a.y(), b.y()) + radius - y0) / cell, stock.rows()));
+  double removed = 0;
+  for (int j = j0; j <= j1; ++j) {
+    const double y = y0 + j * cell - a.y();
+    // Where the row meets the band of the way.
+    double low = std::min(0.0, b.x() - a.x()) - radius, high = std::max(0.0, b.x() - a.x()) + radius;
+    if (std::abs(f.y()) > 1e-12) {  // |f x p| <= R
+      const double middle = f.x() / f.y() * y, half = radius / std::abs(f.y());
+      low = std::max(low, middle - half);
+      high = std::min(high, middle + half);
+    }
+    const int i0 = std::max(0, index(std::ceil((low + a.x() - x0) / cell), stock.columns()));
+    const int i1 = std::min(stock.columns() - 1, index((high + a.x() - x0) / cell, stock.columns()));
+    for (int i = i0; i <= i1; ++i) {
+      const double x = x0 + i * cell - a.x();
+      const double s = f.x() * x + f.y() * y, n = f.x() * y - f.y() * x;
+      const double q2 = radius * radius - n * n;
+      if (!(q2 > 0)) continue;
+      const double t = std::clamp(s + lead * std::sqrt(q2), 0.0, far);
+      const double height = surface(n * n + (s - t) * (s - t), radius);
+      if (height == kInfinity) continue;
+      removed += stock.lower(i, j, from + slope * t + height);
+    }
+  }
+  return removed;
+}
+
+void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& direction, double ahead,
+                BallEngagement& engagement) {
+  engagement = BallEngagement{};
+  if (!tip.allFinite() || !(radius > 0) || !(ahead > 0) || !(direction.squaredNorm() > 0.5)) return;
+  const Vec3 next = tip + ahead * direction;
+  const double over = stock.top() - next.z(), now = stock.top() - tip.z();
+  if (!(over > 0) || !(now > 0)) return;
+  const double cell = stock.cell();
+  constexpr double kNothing = 1e-8;  // m: heights are kept in single precision
+  // Rings up to where the material can reach, so that a flat top ends between two of them: those of the force at the
+  // tip, those that are looked at ahead of it, where it is higher or lower.
+  const auto ring_below = [&](double height) {
+    return std::acos(std::clamp(1 - height / radius, 0.0, 1.0)) / BallEngagement::kRings;
+  };
+  engagement.ring = ring_below(now);
+  const double ring = ring_below(over);
+  for (int r = 0; r < BallEngagement::kRings; ++r) {
+    const double kappa = (r + 0.5) * ring, s = std::sin(kappa), c = std::cos(kappa), rho = radius * s;
+    const double after = next.z() + radius * (1 - c), height = radius * s * ring;
+    // Heights between middles of cells lie above a curved surface by up to this.
+    const bool steep = rho > radius - 1.5 * cell;
+    const double bow = steep ? 0 : cell * cell / (8 * radius) * (1 / (c * c * c) + 1 / c) + kNothing;
+    for (int j = 0; j < BallEngagement::kSectors; ++j) {
+      const double phi = angle_of(j);
+      const Vec3 out(std::sin(phi), std::cos(phi), 0);
+      if (!(direction.dot(s * out) - c * direction.z() > 0)) continue;
+      const Vec3 p = next + rho * out;
+      const double before = tip.z() + surface((p - tip).head<2>().squaredNorm(), radius);
+      if (!(before > after)) continue;
+      const Column material = column_at(stock, p.x(), p.y(), steep);
+      const double high = std::min(material.high - bow, before), low = std::max(material.low, after);
+      const double share = (high - low) / std::min(before - after, 0.5 * height);
+      if (!(share > 1e-3)) continue;
+      engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)] =
+          static_cast<float>(std::min(share, 1.0));
+      engagement.any = true;
+      engagement.max_depth = std::max(engagement.max_depth, material.high - next.z());
+    }
+  }
+  if (!(over > radius)) return;
+  for (int j = 0; j < BallEngagement::kSectors; ++j) {
+    const double phi = angle_of(j);
+    const Vec3 out(std::sin(phi), std::cos(phi), 0);
+    if (!(direction.dot(out) > 0)) continue;
+    const Vec3 p = next + radius * out;
+    const Column material = column_at(stock, p.x(), p.y(), true);
+    const double side = material.high - std::max(material.low, next.z() + radius);
+    if (!(side > kNothing)) continue;
+    engagement.side[static_cast<std::size_t>(j)] = static_cast<float>(side);
+    engagement.any = true;
+    engagement.max_depth = std::max(engagement.max_depth, material.high - next.z());
+  }
+}
+
+BallForce::BallForce(const Cutter& cutter, const Material& material) : cutter_(cutter), material_(material) {}
+
+Vec3 BallForce::mean_force(const BallEngagement& engagement, const Vec3& direction, double feed_per_tooth) const {
+  Vec3 sum = Vec3::Zero();
+  if (!engagement.any) return sum;
+  const Material& m = material_;
+  const auto chip_of = [&](double h) { return m.exponent == 1 ? h : std::pow(h, m.exponent); };
+  const double width = cutter_.radius() * engagement.ring;
+  for (int j = 0; j < BallEngagement::kSectors; ++j) {
+    const double phi = angle_of(j);
+    const Vec3 out(std::sin(phi), std::cos(phi), 0), motion(out.y(), -out.x(), 0);
+    const auto add = [&](double kappa, double length) {
+      const double s = std::sin(kappa), c = std::cos(kappa);
+      const Vec3 n = s * out - c * Vec3::UnitZ(), along = c * out + s * Vec3::UnitZ();
+      const double chip = chip_of(feed_per_tooth * std::max(0.0, n.dot(direction)));
+      sum += length * (-(m.kte + m.ktc * chip) * motion - (m.kre + m.krc * chip) * n + (m.kae + m.kac * chip) * along);
+    };
+    for (int r = 0; r < BallEngagement::kRings; ++r) {
+      const float share = engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)];
+      if (share > 0) add((r + 0.5) * engagement.ring, share * width);
+    }
+    if (const float side = engagement.side[static_cast<std::size_t>(j)]; side > 0) add(kPi / 2, side);
+  }
+  return cutter_.teeth / (2 * kPi) * (2 * kPi / BallEngagement::kSectors) * sum;
+}
+
+}  // namespace polypod::cutting

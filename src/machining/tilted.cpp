@@ -1,0 +1,194 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/tilted.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "polypod/core/units.hpp"
+#include "polypod/cutting/turned_block.hpp"
+#include "polypod/gcode/writer.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::machining {
+namespace {
+
+// Turns of A, B or C below this are none, rad.
+constexpr double kNoTurn = 1e-9;
+// Turns are looked at as often as this, rad.
+constexpr double kTurnStep = units::from_deg(0.5);
+
+bool same(const Vec3& a, const Vec3& b) {
+  return (a - b).isZero(kNoTurn);
+}
+
+bool turns(const gcode::Move& move) {
+  return !same(move.axes_start, move.axes_end);
+}
+
+Place place_of(const gcode::Program& program, const gcode::Move& move) {
+  return {program.path, program.blocks[static_cast<std::size_t>(move.block)].line, 1};
+}
+
+Eigen::AlignedBox3d stock_box(const Job& job) {
+  return job.tool_frame.tilted ? job.tool_frame.stock_in_W : Eigen::AlignedBox3d(job.stock.min(), job.stock.max());
+}
+
+/// Where the tip passes along one axis of W.
+struct Range {
+  double low, high;
+};
+Range tip_along(const gcode::Move& move, int k, bool start) {
+  Range out{move.end[k], move.end[k]};
+  if (start) out = {std::min(out.low, move.start[k]), std::max(out.high, move.start[k])};
+  if (move.kind == gcode::MoveKind::arc) {
+    const int normal = move.plane == gcode::Plane::xy ? 2 : move.plane == gcode::Plane::zx ? 1 : 0;
+    if (k != normal) {
+      const double r = std::max((move.start - move.centre).norm(), (move.end - move.centre).norm());
+      out = {std::min(out.low, move.centre[k] - r), std::max(out.high, move.centre[k] + r)};
+    }
+  }
+  return out;
+}
+
+bool is_feed(const gcode::Move& move) {
+  return move.kind != gcode::MoveKind::rapid && (move.length() > 0 || turns(move));
+}
+
+}  // namespace
+
+Mat3 tool_orientation(const Job& job, const Vec3& axes) {
+  const machine::Task task = kinematics::task(job.machine);
+  if (task.names_axis()) return rotation_abc(axes.x(), axes.y(), 0.0);
+  return job.X_MW.R * rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0);
+}
+
+std::string orientation_in_words(const Vec3& axes) {
+  const auto deg = [](double x) { return gcode::number(units::to_deg(x), 4); };
+  std::string out = fmt::format("A {} B {}", deg(axes.x()), deg(axes.y()));
+  if (std::abs(axes.z()) > kNoTurn) out += fmt::format(" C {}", deg(axes.z()));
+  return out + " deg";
+}
+
+bool stands_as_set_up(const Job& job, const gcode::Move& move) {
+  return same(move.axes_start, job.tool_frame.axes) && same(move.axes_end, job.tool_frame.axes);
+}
+
+bool stays_clear(const Job& job, const gcode::Move& move) {
+  const Eigen::AlignedBox3d box = stock_box(job);
+  const double radius = job.cutter_of(move.tool).radius();
+  const double turn = (move.axes_end - move.axes_start).cwiseAbs().maxCoeff();
+  const int steps = std::max(1, static_cast<int>(std::ceil(turn / kTurnStep)));
+  std::vector<Vec3> axes;  // of the tool, in W
+  for (int i = turn > kNoTurn ? 0 : steps; i <= steps; ++i) {
+    const Vec3 at = move.axes_start + double(i) / steps * (move.axes_end - move.axes_start);
+    axes.push_back(job.X_MW.R.transpose() * tool_orientation(job, at).col(2));
+  }
+  constexpr double kAlong = 1e-9;  // an axis that leans by less than this lies in the face
+  for (int k = 0; k < 3; ++k) {
+    const bool start = move.known_start[static_cast<std::size_t>(k)];
+    if (!move.known_end[static_cast<std::size_t>(k)]) continue;
+    if (!start && move.kind != gcode::MoveKind::rapid) continue;
+    const Range tip = tip_along(move, k, start);
+    for (const double side : {1.0, -1.0}) {
+      const double beyond = side > 0 ? tip.low - box.max()[k] : box.min()[k] - tip.high;
+      if (std::all_of(axes.begin(), axes.end(), [&](const Vec3& axis) {
+            const double leans = side * axis[k];
+            return leans >= -kAlong && beyond >= radius * std::sqrt(std::max(0.0, 1 - leans * leans)) - kAlong;
+          })) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+Status stands_as_set_up(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  for (const gcode::Move& move : interpretation.moves) {
+    if (!is_feed(move) || stands_as_set_up(job, move) || stays_clear(job, move)) continue;
+    const Vec3& other = same(move.axes_end, job.tool_frame.axes) ? move.axes_start : move.axes_end;
+    if (!job.tool_frame.tilted) {
+      return fail("MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
+                  place_of(program, move),
+                  "predict and correct take programs whose cuts all have one orientation; else set the part up so that "
+                  "the tool is vertical in each cut");
+    }
+    return fail("MC204",
+                fmt::format("the tool stands at {} in what may be a cut; the other cuts have {}",
+                            orientation_in_words(other), orientation_in_words(job.tool_frame.axes)),
+                place_of(program, move), "one program for each orientation, and turns above the stock");
+  }
+  return {};
+}
+
+Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  const machine::Task task = kinematics::task(job.machine);
+  bool any = false;
+  for (const gcode::Move& move : interpretation.moves) {
+    for (int k = 0; k < 3; ++k) {
+      if (std::abs(move.axes_end[k]) < kNoTurn) continue;
+      if (!task.holds(static_cast<machine::Coordinate>(3 + k))) return {};  // `accept` names it
+      any = true;
+    }
+  }
+  if (!any) return {};
+
+  struct Seen {
+    Vec3 axes;
+    const gcode::Move* first;
+  };
+  std::vector<Seen> seen;
+  for (const gcode::Move& move : interpretation.moves) {
+    if (!is_feed(move) || stays_clear(job, move)) continue;
+    if (turns(move)) {
+      return fail("MC206",
+                  fmt::format("the tool turns from {} to {} in a move that may cut",
+                              orientation_in_words(move.axes_start), orientation_in_words(move.axes_end)),
+                  place_of(program, move),
+                  "cuts need one orientation of the tool; what only turns it goes above the stock");
+    }
+    const bool known =
+        std::any_of(seen.begin(), seen.end(), [&](const Seen& s) { return same(s.axes, move.axes_end); });
+    if (!known) seen.push_back({move.axes_end, &move});
+  }
+  if (seen.size() > 1) {
+    const int before = place_of(program, *seen[0].first).line;
+    return fail("MC207",
+                fmt::format("here the tool may cut at {}, and from line {} on at {}: the stock is a height map along "
+                            "one of them, and what is cut is not carried over to another",
+                            orientation_in_words(seen[1].axes), before, orientation_in_words(seen[0].axes)),
+                place_of(program, *seen[1].first),
+                "one program for each orientation, each with the stock that it meets");
+  }
+  if (seen.empty() || seen[0].axes.isZero(kNoTurn)) return {};
+  const gcode::Move& first = *seen[0].first;
+  if (job.measured) {
+    return fail("MC208",
+                fmt::format("the tool cuts at {}, and the measured compliance holds for a tool along z of M",
+                            orientation_in_words(seen[0].axes)),
+                place_of(program, first), "leave measured_compliance and --measured out, and take that of the joints");
+  }
+  if (!cutting::is_block(job.stock)) {
+    return fail(
+        "MC209",
+        fmt::format("the tool cuts at {}, and the stock is no whole block: only that can be seen along a tilted "
+                    "tool",
+                    orientation_in_words(seen[0].axes)),
+        place_of(program, first), "give the stock as kind = \"block\"");
+  }
+  ToolFrame tool;
+  tool.tilted = true;
+  tool.axes = seen[0].axes;
+  tool.R_MT = tool_orientation(job, tool.axes);
+  tool.R_WS = job.X_MW.R.transpose() * tool.R_MT;
+  tool.stock_in_W = {job.stock.min(), job.stock.max()};
+  POLYPOD_ASSIGN(stock,
+                 cutting::turned_block(job.stock.min(), job.stock.max(), tool.R_WS.transpose(), job.stock.cell()));
+  job.stock = std::move(stock);
+  job.tool_frame = tool;
+  return {};
+}
+
+}  // namespace polypod::machining

@@ -1,0 +1,183 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/cutting/ball_stock.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "polypod/cutting/turned_block.hpp"
+#include "samples.hpp"
+
+namespace polypod::cutting {
+namespace {
+
+using samples::kPi;
+
+constexpr double kR = 4e-3, kFeed = 5e-5, kCell = 0.16e-3, kAhead = 0.32e-3;
+
+Cutter ball(int teeth = 2) {
+  Cutter cutter = samples::end_mill(teeth);
+  cutter.corner_radius = cutter.radius();
+  return cutter;
+}
+
+Stock block(double cell = kCell) {
+  return *Stock::block({-20e-3, -12e-3, -12e-3}, {20e-3, 12e-3, 0}, cell);
+}
+
+/// The mean force by a sum over points of the ball: n from its shape, h = feed . n, forces along directions in space.
+/// `met` says whether a point, seen from the tip, is in material that the ball has not yet cut.
+template <class Met>
+Vec3 by_points(const Cutter& cutter, const Material& m, const Vec3& d, Met&& met) {
+  constexpr int kSteps = 1000;
+  Vec3 sum = Vec3::Zero();
+  for (int i = 0; i < kSteps; ++i) {
+    const double kappa = kPi / 2 * (i + 0.5) / kSteps;
+    for (int j = 0; j < kSteps; ++j) {
+      const double phi = 2 * kPi * (j + 0.5) / kSteps;
+      const Vec3 out(std::sin(phi), std::cos(phi), 0);
+      const Vec3 n = std::sin(kappa) * out - std::cos(kappa) * Vec3::UnitZ();
+      const Vec3 p = kR * (n + Vec3::UnitZ());
+      if (!(n.dot(d) > 0) || !met(p)) continue;
+      const Vec3 motion = out.cross(Vec3::UnitZ()), along = motion.cross(n);
+      const double h = kFeed * n.dot(d);
+      sum += -(m.kte + m.ktc * h) * motion - (m.kre + m.krc * h) * n + (m.kae + m.kac * h) * along;
+    }
+  }
+  return cutter.teeth / (2 * kPi) * sum * (2 * kPi / kSteps) * (kR * kPi / 2 / kSteps);
+}
+
+Vec3 found(const Stock& stock, const Vec3& tip, const Vec3& d) {
+  BallEngagement engagement;
+  look_ahead(stock, tip, kR, d, kAhead, engagement);
+  return BallForce(ball(), samples::aluminium()).mean_force(engagement, d, kFeed);
+}
+
+// The section of a groove is the segment of a circle; its ends are parts of the ball that lie outside of the block.
+TEST(BallStock, AGrooveHasTheSectionOfACircle) {
+  for (const double ap : {0.5e-3, 1.5e-3, 3.5e-3}) {
+    Stock s = block();
+    const double removed = cut_ball(s, {-30e-3, 0.3e-3, -ap}, {30e-3, 0.3e-3, -ap}, kR);
+    const double half = std::acos(1 - ap / kR), section = kR * kR * (half - std::sin(half) * std::cos(half));
+    EXPECT_NEAR(removed, 40e-3 * section, 0.01 * removed);
+    EXPECT_NEAR(40e-3 * 24e-3 * 12e-3 - s.volume(), removed, 1e-4 * removed);
+  }
+}
+
+// Over the middle of every cell the lowest of many places of the ball on its way.
+TEST(BallStock, AStepIsTheLowestOfItsPlaces) {
+  const Vec3 ways[][2] = {{{-5e-3, -3e-3, -1e-3}, {6e-3, 4e-3, -1e-3}},
+                          {{-5e-3, -3e-3, -0.2e-3}, {6e-3, 4e-3, -3e-3}},
+                          {{2e-3, 1e-3, -3e-3}, {-1e-3, 2e-3, 1e-3}},
+                          {{1e-3, 1e-3, 2e-3}, {1e-3, 1e-3, -2e-3}},
+                          {{0, 0, -0.5e-3}, {0.05e-3, 0, -0.6e-3}}};
+  for (const auto& way : ways) {
+    Stock s = block(0.4e-3);
+    cut_ball(s, way[0], way[1], kR);
+    for (int j = 0; j < s.rows(); ++j) {
+      for (int i = 0; i < s.columns(); ++i) {
+        const double x = s.x_min() + (i + 0.5) * s.cell(), y = s.y_min() + (j + 0.5) * s.cell();
+        double lowest = 0;  // the block's top
+        constexpr int kPlaces = 4000;
+        for (int k = 0; k <= kPlaces; ++k) {
+          const Vec3 tip = way[0] + double(k) / kPlaces * (way[1] - way[0]);
+          const double under = kR * kR - std::pow(x - tip.x(), 2) - std::pow(y - tip.y(), 2);
+          if (under > 0) lowest = std::min(lowest, tip.z() + kR - std::sqrt(under));
+        }
+        EXPECT_NEAR(s.height(i, j), lowest, 2e-6) << x << " " << y;
+      }
+    }
+  }
+}
+
+TEST(BallStock, AWayThatIsRunAgainMeetsNothing) {
+  Stock s = block();
+  const Vec3 a(-15e-3, -3e-3, -0.7e-3), b(12e-3, 5e-3, -2.2e-3), d = (b - a).normalized();
+  cut_ball(s, a, b, kR);
+  constexpr double kRounding = 1e-14;  // m^3: a nanometre of height over the way
+  EXPECT_LT(cut_ball(s, a, b, kR), kRounding);
+  double steps = 0;
+  for (int k = 0; k < 50; ++k) steps += cut_ball(s, a + k / 50.0 * (b - a), a + (k + 1) / 50.0 * (b - a), kR);
+  EXPECT_LT(steps, 1e-12);
+  for (int k = 1; k < 40; ++k) {
+    BallEngagement engagement;
+    look_ahead(s, a + k / 50.0 * (b - a), kR, d, kAhead, engagement);
+    EXPECT_FALSE(engagement.any) << k;
+  }
+}
+
+TEST(BallStock, AGrooveHasTheForceOfTheClosedForm) {
+  for (const double ap : {0.3e-3, 1e-3, 2.5e-3, 4e-3, 5.5e-3}) {
+    for (const double angle : {0.0, 0.3, 1.1}) {
+      SCOPED_TRACE(::testing::Message() << ap << " at " << angle);
+      Stock s = block();
+      const Vec3 d(std::cos(angle), std::sin(angle), 0), tip(0.1e-3, 0.05e-3, -ap);
+      cut_ball(s, tip - 0.04 * d, tip, kR);
+      const Vec3 expected =
+          mean_force(ball(), samples::aluminium(), straight_slices(ball(), CutSide::slot, 0, ap), kFeed);
+      const Vec3 f = found(s, tip, d);
+      const Vec3 turned(expected.x() * d.x() - expected.y() * d.y(), expected.x() * d.y() + expected.y() * d.x(),
+                        expected.z());
+      EXPECT_LT((f - turned).norm(), 0.03 * expected.norm());
+    }
+  }
+}
+
+// Straight down into a plane: the ring of the ball that is in it, by points.
+TEST(BallStock, APlungeIsASphereInAPlane) {
+  for (const double depth : {0.5e-3, 1.5e-3}) {
+    Stock s = block();
+    const Vec3 tip(0.1e-3, 0.05e-3, -depth), d(0, 0, -1);
+    cut_ball(s, tip, tip, kR);
+    const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) { return p.z() < depth; });
+    EXPECT_NEAR(expected.head<2>().norm(), 0, 1e-9 * expected.norm());
+    EXPECT_LT((found(s, tip, d) - expected).norm(), 0.03 * expected.norm());
+  }
+}
+
+// Ramps down and up through the top of the block.
+TEST(BallStock, RampsAreTheSumOverPoints) {
+  for (const double slope_deg : {-35.0, -15.0, -5.0, 8.0, 20.0}) {
+    SCOPED_TRACE(slope_deg);
+    const double slope = slope_deg * kPi / 180;
+    const Vec3 d(std::cos(slope), 0, std::sin(slope)), tip(0.1e-3, 0.05e-3, -1.2e-3);
+    Stock s = block();
+    cut_ball(s, tip - 15e-3 * d, tip, kR);
+    const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) { return p.z() < 1.2e-3; });
+    // Where the ball climbs steeply, what it looks at ahead stands higher than what it cuts here.
+    EXPECT_LT((found(s, tip, d) - expected).norm(), (slope_deg > 10 ? 0.08 : 0.04) * expected.norm());
+  }
+}
+
+// The next line of a plane, beside a groove: what stands between the ball and the groove's own cylinder.
+TEST(BallStock, ALineBesideAGroove) {
+  for (const double step : {1e-3, 2e-3, -1.5e-3}) {
+    SCOPED_TRACE(step);
+    constexpr double kAp = 1e-3;
+    Stock s = block();
+    cut_ball(s, {-30e-3, 0, -kAp}, {30e-3, 0, -kAp}, kR);
+    const Vec3 tip(0.1e-3, step, -kAp), d(1, 0, 0);
+    cut_ball(s, {-30e-3, step, -kAp}, tip, kR);
+    const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) {
+      const double y = p.y() + step, under = kR * kR - y * y;
+      const double groove = under > 0 ? kR - std::sqrt(under) : kAp;
+      return p.z() < std::min(kAp, groove);
+    });
+    EXPECT_LT((found(s, tip, d) - expected).norm(), 0.05 * expected.norm());
+  }
+}
+
+// A block under a tilted tool is the same block: a groove square to its face through the middle of its upper side.
+TEST(BallStock, AirAndForeignPlacesMeetNothing) {
+  const Stock s = block();
+  BallEngagement engagement;
+  look_ahead(s, {0, 0, 1e-6}, kR, {1, 0, 0}, kAhead, engagement);
+  EXPECT_FALSE(engagement.any);
+  look_ahead(s, {0.1, 0, -1e-3}, kR, {1, 0, 0}, kAhead, engagement);
+  EXPECT_FALSE(engagement.any);
+  EXPECT_TRUE(BallForce(ball(), samples::aluminium()).mean_force(engagement, {1, 0, 0}, kFeed).isZero(0));
+}
+
+}  // namespace
+}  // namespace polypod::cutting
