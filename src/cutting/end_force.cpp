@@ -3,8 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <numbers>
+
+#include "lanes.hpp"
 
 namespace polypod::cutting {
 namespace {
@@ -32,9 +33,7 @@ struct Directions {
   }
 };
 
-// Four floats that the processor handles at once; a cell's layers are two of them.
-typedef float Quad __attribute__((vector_size(16)));
-static_assert(Stock::kLayers == 8);
+static_assert(Stock::kLayers == 8);  // two Quads
 
 /// The layer of the stock between two heights, looked into along rays.
 class LayerView {
@@ -44,12 +43,14 @@ class LayerView {
         inverse_cell_(1 / stock.cell()),
         low_(static_cast<float>(std::max(top - down, stock.bottom()))),
         most_(static_cast<float>(top) - low_),
-        per_depth_(static_cast<float>(1 / (Stock::kLayers * down))) {}
+        per_depth_(static_cast<float>(1 / (Stock::kLayers * down))),
+        most_due_(std::min(most_, std::max(stock.due().level - low_, 0.0f))),
+        looks_for_due_(stock.due().any && most_due_ < most_) {}
 
   /// The sum of the shares of the layer that are material at `count` places, the first at p, `step` apart.
   [[nodiscard]] float along(const Eigen::Vector2d& p, const Eigen::Vector2d& step, int count) const {
-    const Quad low{low_, low_, low_, low_}, zero{};
-    Quad sum{};
+    const Quad low = all(low_), zero{}, most_of_all = all(most_), most_of_due = all(most_due_);
+    Quad total{};
     double column = (p.x() - stock_.x_min()) * inverse_cell_, row = (p.y() - stock_.y_min()) * inverse_cell_;
     const double per_column = step.x() * inverse_cell_, per_row = step.y() * inverse_cell_;
     const double columns = stock_.columns(), rows = stock_.rows();
@@ -57,24 +58,16 @@ class LayerView {
       if (!(column >= 0 && row >= 0 && column < columns && row < rows)) continue;
       const int i = static_cast<int>(column), j = static_cast<int>(row);
       const float* heights = stock_.cell_layers(i, j);
-      const float most_here = is_due(i, j) ? std::min(most_, std::max(stock_.due().level - low_, 0.0f)) : most_;
-      const Quad most{most_here, most_here, most_here, most_here};
-      for (const int half : {0, 4}) {
-        Quad above;
-        std::memcpy(&above, heights + half, sizeof above);
-        above -= low;
-        above = above > zero ? above : zero;
-        sum += above < most ? above : most;
-      }
+      const Quad most = looks_for_due_ && is_due(i, j) ? most_of_due : most_of_all;
+      for (const int half : {0, 4}) total += smaller(larger(load(heights + half) - low, zero), most);
     }
-    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) * per_depth_;
+    return sum(total) * per_depth_;
   }
 
  private:
   /// Whether a cell is as low as what is due of the stock, though it stands yet.
   [[nodiscard]] bool is_due(int column, int row) const {
     const Stock::Due& due = stock_.due();
-    if (!due.any) return false;
     const double x = stock_.x_min() + (column + 0.5) * stock_.cell() - due.x;
     const double y = stock_.y_min() + (row + 0.5) * stock_.cell() - due.y;
     return x * x + y * y <= due.inner2;
@@ -82,7 +75,8 @@ class LayerView {
 
   const Stock& stock_;
   double inverse_cell_;
-  float low_, most_, per_depth_;
+  float low_, most_, per_depth_, most_due_;
+  bool looks_for_due_;
 };
 
 }  // namespace

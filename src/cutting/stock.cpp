@@ -12,6 +12,7 @@
 
 #include "history.hpp"
 #include "integrals.hpp"
+#include "lanes.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::cutting {
@@ -19,40 +20,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Four floats that the processor handles at once; a cell's layers are two of them.
-typedef float Quad __attribute__((vector_size(16)));
-static_assert(Stock::kLayers == 8);
-
-Quad load(const float* p) {
-  Quad q;
-  std::memcpy(&q, p, sizeof q);
-  return q;
-}
-void store(float* p, Quad q) {
-  std::memcpy(p, &q, sizeof q);
-}
-Quad all(float x) {
-  return Quad{x, x, x, x};
-}
-Quad smaller(Quad a, Quad b) {
-  return a < b ? a : b;
-}
-Quad larger(Quad a, Quad b) {
-  return a > b ? a : b;
-}
-float sum(Quad q) {
-  return (q[0] + q[1]) + (q[2] + q[3]);
-}
-
-// Which of the layers of a quad are meant: all bits or none.
-typedef std::int32_t Mask __attribute__((vector_size(16)));
-Quad where(Mask mask, Quad q) {
-  Mask bits;
-  std::memcpy(&bits, &q, sizeof bits);
-  bits &= mask;
-  std::memcpy(&q, &bits, sizeof q);
-  return q;
-}
+static_assert(Stock::kLayers == 8);  // two Quads
 
 // kFirst.of[n] are the first n layers of a cell.
 struct FirstLayers {
@@ -70,32 +38,24 @@ constexpr FirstLayers first_layers() {
 }
 constexpr FirstLayers kFirst = first_layers();
 
-// Two doubles that the processor handles at once.
-typedef double Pair __attribute__((vector_size(16)));
-static_assert(sizeof(Pair) == 2 * sizeof(double));
-Pair load(const double* p) {
-  Pair q;
-  std::memcpy(&q, p, sizeof q);
-  return q;
+// kBetween.of[m][n] are the layers from m up to n of a cell.
+struct LayersBetween {
+  Mask of[Stock::kLayers + 1][Stock::kLayers + 1][2];
+};
+constexpr LayersBetween layers_between() {
+  LayersBetween out{};
+  for (int m = 0; m <= Stock::kLayers; ++m) {
+    for (int n = 0; n <= Stock::kLayers; ++n) {
+      for (int half = 0; half < 2; ++half) {
+        const int k = 4 * half;
+        const auto in = [&](int layer) { return layer >= m && layer < n ? -1 : 0; };
+        out.of[m][n][half] = Mask{in(k), in(k + 1), in(k + 2), in(k + 3)};
+      }
+    }
+  }
+  return out;
 }
-void store(double* p, Pair q) {
-  std::memcpy(p, &q, sizeof q);
-}
-Pair two(double x) {
-  return Pair{x, x};
-}
-Pair clamped(Pair q, double lo, double hi) {
-  q = q < lo ? two(lo) : q;
-  return q > hi ? two(hi) : q;
-}
-
-Pair root(Pair q) {
-  return Pair{std::sqrt(q[0]), std::sqrt(q[1])};
-}
-Quad narrow(Pair a, Pair b) {
-  typedef double Four __attribute__((vector_size(32)));
-  return __builtin_convertvector((Four{a[0], a[1], b[0], b[1]}), Quad);
-}
+constexpr LayersBetween kBetween = layers_between();
 
 // Cells on their way through a loop that handles several at once: runs of neighbours in a row, one run after the other.
 struct Cells {
@@ -103,7 +63,7 @@ struct Cells {
   int count = 0;
   double x[kMost], y[kMost];  // of the centre
   std::size_t at[kMost];      // index of the first layer
-  bool ends[kMost];           // the last one of its run
+  int run[kMost];             // which run it is of, where that counts
 
   /// Adds a run; `work` is called whenever the list is full, and empties it.
   template <class Work>
@@ -114,11 +74,9 @@ struct Cells {
         x[count + k] = x0 + (i + k) * cell;
         y[count + k] = row;
         at[count + k] = first + static_cast<std::size_t>(i + k) * Stock::kLayers;
-        ends[count + k] = false;
       }
       count += n;
       i += n;
-      if (i > i1) ends[count - 1] = true;
       if (count == kMost) work();
     }
   }
@@ -173,6 +131,16 @@ int last_index(double x, int count) {
   return x >= count - 1 ? count - 1 : static_cast<int>(x);
 }
 
+// The whole number below and the one above, without a call.
+int whole_below(double x) {
+  const int i = static_cast<int>(x);
+  return i - (i > x ? 1 : 0);
+}
+int whole_above(double x) {
+  const int i = static_cast<int>(x);
+  return i + (i < x ? 1 : 0);
+}
+
 // How many layers of a cell a disc cuts, by the square of the distance of the cell's centre from the disc's axis. The
 // share of the cell that the disc covers is taken as
 //   1/2 + (R^2 - d^2) / (2 R cell), kept within 0 .. 1:
@@ -192,7 +160,7 @@ class Cover {
 
   /// Rounded down this is the number of layers.
   [[nodiscard]] Pair layers(Pair d2, double slack = 0) const {
-    return clamped(at_axis_ - fall_ * d2 + slack, 0, kLayers);
+    return clamped(at_axis_ - fall_ * d2 + slack, two(0), two(kLayers));
   }
   /// The square of the distance within which layer k is cut (negative if never).
   [[nodiscard]] double reach2(int k) const { return (at_axis_ - (k + 1)) / fall_; }
@@ -484,13 +452,16 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
 
   const double inverse_cell = 1 / cell_;
   const double low_x = slope < 0 ? bx : 0, low_y = slope < 0 ? by : 0;  // the lower end of a sloped way
-  // What is lower than every place of the tip stays as it is.
+  // What is lower than every place of the tip stays as it is; on a slope their rounding is left some room.
   const bool to_bottom = level <= at_bottom;
-  const float untouched = to_bottom ? -std::numeric_limits<float>::max() : level_float;
+  const float lowest = to_bottom ? -std::numeric_limits<float>::max() : level_float;
+  const Quad untouched = all(sloped && !to_bottom ? std::nextafter(lowest, empty()) : lowest);
+  const auto stands = [&](const float* h) { return any((load(h) > untouched) | (load(h + 4) > untouched)); };
 
   Cells cells;
   double covered[Cells::kMost], across[Cells::kMost], along[Cells::kMost];
   Quad removed_in_row{};
+  int runs = 0, run_at_hand = 0;
   const auto cut_level = [&](float* h, int layers) {
     for (const int half : {0, 1}) {
       const Mask cut = kFirst.of[layers][half];
@@ -505,8 +476,8 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
     for (const int half : {0, 1}) {
       Pair z[2];
       for (const int quarter : {0, 1}) {
-        const Pair t = root(clamped(load(reach2 + 4 * half + 2 * quarter) - n2, 0, reach2[0]));
-        z[quarter] = a.z() + slope * clamped(slope < 0 ? s + t : s - t, 0, length);
+        const Pair t = root(clamped(load(reach2 + 4 * half + 2 * quarter) - n2, two(0), two(reach2[0])));
+        z[quarter] = a.z() + slope * clamped(slope < 0 ? s + t : s - t, two(0), two(length));
       }
       const Mask cut = kFirst.of[layers][half];
       const Quad height = load(h + 4 * half);
@@ -521,7 +492,7 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
     for (int k = 0; k < cells.count; k += 2) {
       const Pair x = load(cells.x + k), y = load(cells.y + k);
       const Pair s = f.x() * x + f.y() * y, n = f.x() * y - f.y() * x;
-      const Pair beyond = s - clamped(s, 0, length);
+      const Pair beyond = s - clamped(s, two(0), two(length));
       store(covered + k, cover.layers(beyond * beyond + n * n));
       store(along + k, s);
       store(across + k, n);
@@ -529,27 +500,37 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
     for (int k = 0; k < cells.count; ++k) {
       float* h = layers_.data() + cells.at[k];
       const int layers = static_cast<int>(covered[k]);
+      if (cells.run[k] != run_at_hand) {
+        removed += sum(removed_in_row);
+        removed_in_row = Quad{};
+        run_at_hand = cells.run[k];
+      }
       if (!sloped) {
         cut_level(h, layers);
       } else {
-        const Quad highest = larger(load(h), load(h + 4));
-        const bool nothing = std::max({highest[0], highest[1], highest[2], highest[3]}) < untouched;
         const double x = cells.x[k] - low_x, y = cells.y[k] - low_y;
-        if (!nothing && x * x + y * y <= cover.inner2()) {
+        if (x * x + y * y <= cover.inner2()) {
           cut_level(h, kLayers);
-        } else if (!nothing) {
+        } else {
           cut_slope(h, layers, along[k], across[k]);
         }
       }
-      if (!cells.ends[k]) continue;
-      removed += sum(removed_in_row);
-      removed_in_row = Quad{};
     }
     cells.count = 0;
   };
   const auto cut_row = [&](int j, double y, double lo, double hi) {
     const int i0 = first_index((lo - x0) * inverse_cell), i1 = last_index((hi - x0) * inverse_cell, columns_);
-    cells.add(x0, cell_, y, i0, i1, index(0, j), cut_cells);
+    const float* row = layers_.data() + index(0, j);
+    ++runs;
+    for (int i = i0; i <= i1; ++i) {
+      const std::size_t at = static_cast<std::size_t>(i) * kLayers;
+      if (!stands(row + at)) continue;
+      cells.x[cells.count] = x0 + i * cell_;
+      cells.y[cells.count] = y;
+      cells.at[cells.count] = index(0, j) + at;
+      cells.run[cells.count] = runs;
+      if (++cells.count == Cells::kMost) cut_cells();
+    }
   };
   const HalfPlane after_a(f), before_b(-f), right_of_left({-f.y(), f.x()}), left_of_right({f.y(), -f.x()});
 
@@ -584,6 +565,7 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
     }
   }
   cut_cells();
+  removed += sum(removed_in_row);
   return removed_before + removed * cell_ * cell_ / kLayers;
 }
 
@@ -603,7 +585,6 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
   constexpr double kNothing = 1e-9;
   constexpr double kFloatRounding = 4 * std::numeric_limits<float>::epsilon();
   constexpr double kSlack = 1e-6;  // layers
-  constexpr auto kOutside = static_cast<std::size_t>(-1);
   const double nothing = kNothing + kFloatRounding * std::max(std::abs(stock.top()), std::abs(z));
 
   const Cover cover(radius, cell);
@@ -617,8 +598,6 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
       ay - outer > y0 + rows * cell) {
     return;
   }
-  const auto first = [](double v) { return static_cast<int>(std::ceil(v)); };
-  const auto last = [](double v) { return static_cast<int>(std::floor(v)); };
 
   // What one cell adds to strip j is its share times the part of its width in the strip, G_j(v1) - G_j(v0) with
   // G_j(v) = clamp(v - j, 0, 1) and v counted in strips from the left. A term G_j(v) is 1 for j < floor(v) and a
@@ -631,73 +610,110 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
   const double inverse_cell = 1 / cell;
   const float* layers = stock.layers().data();
   const Stock::Due& due = stock.due();
-  const double due_x = due.x - tip.x(), due_y = due.y - tip.y();
-  Cells cells;
-  double now[Cells::kMost], then[Cells::kMost], left[Cells::kMost], right[Cells::kMost];
-  int which[Cells::kMost];
+  const double due_x = due.any ? due.x - tip.x() : 0, due_y = due.any ? due.y - tip.y() : 0;
+  const double due2 = due.any ? due.inner2 : -1;
+
+  // The cells that the step may take, with their layers; those beyond the grid are empty. v rises or falls along a
+  // row, so the outermost cells of each run that hold material say in which strips there is any.
+  constexpr int kMost = 1024;
+  double x_of[kMost], y_of[kMost];
+  const float* layers_of[kMost];
+  int count = 0;
+  Span material;
+  const auto strip_at = [&](double x, double y) { return (radius - (f.x() * y - f.y() * x)) * per_width; };
+  const auto stands = [&](const float* h) { return any((load(h) - tip_z > least) | (load(h + 4) - tip_z > least)); };
+  // Only strips with material can have a depth. A strip without a cell may take the value of one that is a cell beside
+  // it: what is looked at reaches twice as far.
+  const int reach = static_cast<int>(std::ceil(2 * half_width));  // one cell, in strips
+  int from_strip = 0, to_strip = kBins - 1;
   const auto look_at_cells = [&] {
-    for (int k = 0; k < cells.count; k += 2) {
-      const Pair x = load(cells.x + k), y = load(cells.y + k);
+    // The layers that are cut now and then, and the strips of the left and the right side, as number and share.
+    std::int32_t now[kMost], then[kMost], left[kMost], right[kMost];
+    double into_left[kMost], into_right[kMost];
+    int which[kMost];
+    for (int k = 0; k < count; k += 2) {
+      const Pair x = load(x_of + k), y = load(y_of + k);
       // The tip itself is taken to have cut already; only what the step adds counts.
-      store(now + k, cover.layers(x * x + y * y, kSlack));
-      store(then + k, cover.layers((x - ax) * (x - ax) + (y - ay) * (y - ay), -kSlack));
+      truncated(now + k, cover.layers(x * x + y * y, kSlack));
+      truncated(then + k, cover.layers((x - ax) * (x - ax) + (y - ay) * (y - ay), -kSlack));
       const Pair v = (radius - (f.x() * y - f.y() * x)) * per_width;  // u is to the left of the tip
-      store(left + k, clamped(v + half_width, 0, kBins));
-      store(right + k, clamped(v - half_width, 0, kBins));
+      const Pair to_left = clamped(v + half_width, two(0), two(kBins));
+      const Pair to_right = clamped(v - half_width, two(0), two(kBins));
+      store(into_left + k, to_left - truncated(left + k, to_left));
+      store(into_right + k, to_right - truncated(right + k, to_right));
     }
     int met = 0;
-    for (int k = 0; k < cells.count; ++k) {
+    for (int k = 0; k < count; ++k) {
       which[met] = k;
-      met += static_cast<int>(then[k]) > static_cast<int>(now[k]) ? 1 : 0;
+      met += static_cast<int>(then[k] > now[k]) & static_cast<int>(left[k] >= from_strip) &
+             static_cast<int>(right[k] <= to_strip);
     }
     for (int m = 0; m < met; ++m) {
       const int k = which[m];
-      const int from = static_cast<int>(now[k]), to = static_cast<int>(then[k]);
       double amount = 0;
-      if (cells.at[k] != kOutside) {
-        const float* h = layers + cells.at[k];
+      if (const float* h = layers_of[k]; h != nullptr) {
         Quad low = load(h), high = load(h + 4);
-        if (due.any) {
-          const double x = cells.x[k] - due_x, y = cells.y[k] - due_y;
-          if (x * x + y * y <= due.inner2) {
-            low = smaller(low, all(due.level));
-            high = smaller(high, all(due.level));
-          }
+        const double x = x_of[k] - due_x, y = y_of[k] - due_y;
+        if (x * x + y * y <= due2) {
+          low = smaller(low, all(due.level));
+          high = smaller(high, all(due.level));
         }
+        const Mask* layers_met = kBetween.of[now[k]][then[k]];
         low -= tip_z;
         high -= tip_z;
-        low = where((low > least) & kFirst.of[to][0] & ~kFirst.of[from][0], low);
-        high = where((high > least) & kFirst.of[to][1] & ~kFirst.of[from][1], high);
+        low = where((low > least) & layers_met[0], low);
+        high = where((high > least) & layers_met[1], high);
         deepest = larger(deepest, larger(low, high));
         amount = sum(low + high);
       }
-      const Pair both{amount, static_cast<double>(to - from)};
-      const int i = static_cast<int>(left[k]), j = static_cast<int>(right[k]);
+      const Pair both{amount, static_cast<double>(then[k] - now[k])};
+      const std::int32_t i = left[k], j = right[k];
       whole[i] += both;
-      part[i] += both * (left[k] - i);
+      part[i] += both * into_left[k];
       whole[j] -= both;
-      part[j] -= both * (right[k] - j);
+      part[j] -= both * into_right[k];
     }
-    cells.count = 0;
+    count = 0;
+  };
+  bool all_strips = false;  // where there are too many cells to be kept until their strips are known
+  const auto add = [&](double x, double y, const float* h) {
+    if (count == kMost) {
+      all_strips = true;
+      look_at_cells();
+    }
+    x_of[count] = x;
+    y_of[count] = y;
+    layers_of[count] = h;
+    ++count;
   };
   const auto look_row = [&](int j, double y, double lo, double hi) {
-    const int i0 = first((lo - x0) * inverse_cell), i1 = last((hi - x0) * inverse_cell);
-    const bool row_in = j >= 0 && j < rows;
-    if (row_in && i0 >= 0 && i1 < columns) {
-      cells.add(x0, cell, y, i0, i1, static_cast<std::size_t>(j) * columns * Stock::kLayers, look_at_cells);
+    const int i0 = whole_above((lo - x0) * inverse_cell), i1 = whole_below((hi - x0) * inverse_cell);
+    if (j < 0 || j >= rows || i0 < 0 || i1 >= columns) {
+      for (int i = i0; i <= i1; ++i) {
+        const bool in = j >= 0 && j < rows && i >= 0 && i < columns;
+        const float* h = in ? stock.cell_layers(i, j) : nullptr;
+        const double x = x0 + i * cell;
+        add(x, y, h);
+        if (in && stands(h)) material.join(strip_at(x, y), strip_at(x, y));
+      }
       return;
     }
+    const float* h = layers + static_cast<std::ptrdiff_t>(j) * columns * Stock::kLayers;
+    int first = i1 + 1, last = -1;
     for (int i = i0; i <= i1; ++i) {
-      const bool in = row_in && i >= 0 && i < columns;
-      cells.x[cells.count] = x0 + i * cell;
-      cells.y[cells.count] = y;
-      cells.at[cells.count] = in ? (static_cast<std::size_t>(j) * columns + i) * Stock::kLayers : kOutside;
-      if (++cells.count == Cells::kMost) look_at_cells();
+      const float* here = h + static_cast<std::ptrdiff_t>(i) * Stock::kLayers;
+      add(x0 + i * cell, y, here);
+      if (!stands(here)) continue;
+      first = std::min(first, i);
+      last = i;
     }
+    if (last < 0) return;
+    const double a = strip_at(x0 + first * cell, y), b = strip_at(x0 + last * cell, y);
+    material.join(std::min(a, b), std::max(a, b));
   };
   const HalfPlane ahead_of_tip(f);
-  const int j1 = last((ay + outer - y0) / cell);
-  for (int j = first((ay - outer - y0) / cell); j <= j1; ++j) {
+  const int j1 = whole_below((ay + outer - y0) * inverse_cell);
+  for (int j = whole_above((ay - outer - y0) * inverse_cell); j <= j1; ++j) {
     const double y = y0 + j * cell;
     const double w2 = cover.outer2() - (y - ay) * (y - ay);
     if (!(w2 > 0)) continue;
@@ -714,6 +730,12 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
       look_row(j, y, span.lo, span.hi);
     }
   }
+  if (!all_strips) {
+    if (material.empty()) return;
+    const auto strip = [](double v) { return static_cast<int>(std::clamp(v, 0.0, double{kBins - 1})); };
+    from_strip = strip(material.lo - half_width - 2 * reach - 1);
+    to_strip = strip(material.hi + half_width + 2 * reach + 1);
+  }
   look_at_cells();
   const double max_depth = std::max({deepest[0], deepest[1], deepest[2], deepest[3]});
   if (!(max_depth > 0)) return;
@@ -724,24 +746,25 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
   bool covered[kBins];
   Pair to_the_right = whole[kBins];
   bool all_covered = true;
-  for (int j = kBins - 1; j >= 0; --j) {
-    const Pair here = to_the_right + part[j];
-    covered[j] = here[1] > kCovered;
-    all_covered = all_covered && covered[j];
-    const double depth = covered[j] ? here[0] / here[1] : 0;
-    profile.depth[j] = depth > nothing ? static_cast<float>(std::min(depth, max_depth)) : 0.0f;
+  for (int j = kBins - 1; j >= from_strip; --j) {
+    if (j <= to_strip) {
+      const Pair here = to_the_right + part[j];
+      covered[j] = here[1] > kCovered;
+      all_covered = all_covered && covered[j];
+      const double depth = covered[j] ? here[0] / here[1] : 0;
+      profile.depth[j] = depth > nothing ? static_cast<float>(std::min(depth, max_depth)) : 0.0f;
+    }
     to_the_right += whole[j];
   }
   if (all_covered) return;
-  const int reach = static_cast<int>(std::ceil(2 * half_width));  // one cell, in strips
-  for (int j = 0; j < kBins; ++j) {
+  for (int j = from_strip; j <= to_strip; ++j) {
     if (covered[j]) continue;
     for (int step = 1; step <= reach; ++step) {
-      if (j - step >= 0 && covered[j - step]) {
+      if (j - step >= from_strip && covered[j - step]) {
         profile.depth[j] = profile.depth[j - step];
         break;
       }
-      if (j + step < kBins && covered[j + step]) {
+      if (j + step <= to_strip && covered[j + step]) {
         profile.depth[j] = profile.depth[j + step];
         break;
       }
@@ -820,6 +843,7 @@ Vec3 ProfileForce::mean_force(const EngagementProfile& profile, double feed_per_
   const bool mirrored = spindle == Spindle::counterclockwise;
   for (int j = 0; j < kBins; ++j) {
     const double depth = profile.depth[mirrored ? kBins - 1 - j : j];
+    if (depth == 0) continue;
     edge += depth * edge_[j];
     cut += depth * cut_[j];
   }
