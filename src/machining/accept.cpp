@@ -11,6 +11,7 @@
 #include <optional>
 #include <set>
 
+#include "aside.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -223,10 +224,10 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
       Place{program.path, first->line, 1}, unit.empty() ? "move the workpiece origin, or change these lines" : unit);
 }
 
-Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
-                        const AcceptOptions& options) {
+Result<Accepted> accept_but_reach(const Job& job, const gcode::Program& program,
+                                  const gcode::Interpretation& interpretation, bool again) {
   if (!job.measured) POLYPOD_TRY(statics::needs_compliance(job.machine));
-  if (!options.again) POLYPOD_TRY(not_corrected_before(program));
+  if (!again) POLYPOD_TRY(not_corrected_before(program));
   if (std::none_of(interpretation.moves.begin(), interpretation.moves.end(), feeds)) {
     return tl::unexpected(cuts_nothing(job, program, interpretation));
   }
@@ -237,6 +238,12 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
   POLYPOD_TRY(known_tools(job, program, interpretation));
   Accepted out{&interpretation, {}, interpretation.notes};
   POLYPOD_TRY(known_starts(job, program, out));
+  return out;
+}
+
+Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
+                        const AcceptOptions& options) {
+  POLYPOD_ASSIGN(out, accept_but_reach(job, program, interpretation, options.again));
   POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress));
   return out;
 }

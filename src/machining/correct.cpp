@@ -4,16 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdint>
-#include <future>
 #include <optional>
 #include <set>
-#include <system_error>
-#include <thread>
 #include <unordered_map>
 
+#include "aside.hpp"
 #include "fit.hpp"
 #include "modes.hpp"
 #include "polypod/core/units.hpp"
@@ -71,6 +68,9 @@ class Corrector {
   /// What was found of the program unrolled for the other position of block delete.
   void take_other(const std::optional<OtherSwitch>& other) { fixed_other_ = other ? &*other : nullptr; }
 
+  /// The check of the reach that is under way; none where it is done.
+  void take_reach(Aside* reach) { reach_ = reach; }
+
   Result<Correction> run() {
     out_.tolerance = job_.tolerance;
     out_.lines_in = program_.blocks.size();
@@ -111,27 +111,25 @@ class Corrector {
 
   /// What the program does as it is and what would correct it, side by side: neither needs the other.
   Status predict_and_find() {
-    std::atomic<bool> stop{false};
-    std::future<Status> found;
     const std::size_t bytes = job_.stock.layers().size() * sizeof(float);
-    if (std::thread::hardware_concurrency() > 1 && bytes <= kLargestSecondStock) {
-      try {
-        found = std::async(std::launch::async, [&] {
-          cutting::Stock scratch;
-          return find_deflections(scratch, [&](double) { return !stop; });
-        });
-      } catch (const std::system_error&) {  // no thread is given: one after the other
-      }
-    }
-    const Status predicted = predict_as_it_is();
-    stop = !predicted;
-    if (!found.valid()) {
+    if (bytes > kLargestSecondStock) {
+      const Status predicted = predict_as_it_is();
+      POLYPOD_TRY(reached());
       POLYPOD_TRY(predicted);
       return find_deflections();
     }
-    Status all_found = found.get();
+    cutting::Stock scratch;
+    const std::function<bool(double)> finding = progress("finding the ideal correction");
+    Aside found([&](const Aside::Progress& report) { return find_deflections(scratch, report); }, finding);
+    const Status predicted = predict_as_it_is();
+    POLYPOD_TRY(reached());
     POLYPOD_TRY(predicted);
-    return all_found;
+    return found.result(finding);
+  }
+
+  /// That the machine can follow the program: what a pass says of that says less.
+  [[nodiscard]] Status reached() const {
+    return reach_ != nullptr ? reach_->result(progress("checking the reach")) : Status{};
   }
 
   Status predict_as_it_is() {
@@ -140,6 +138,7 @@ class Corrector {
     options.step = check_step();
     options.keep_samples = options_.keep_samples;
     options.progress = progress("predicting the program as it is");
+    if (reach_ != nullptr) options.progress = reach_->unless_failed(options.progress);
     POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options, scratch_));
     if (before.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
     if (verifies()) POLYPOD_TRY(look_finely(program_, way, before));
@@ -1032,6 +1031,7 @@ class Corrector {
   const LongVector<gcode::Move>& moves_;
   std::vector<double> feed_scale_;  // empty: all 1
   const OtherSwitch* fixed_other_ = nullptr;
+  Aside* reach_ = nullptr;
   DeflectionsOfMoves deflections_;
   double sample_step_ = job_.step;
   LongVector<double> fit_;
@@ -1225,11 +1225,17 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   for (const auto& [number, cutter] : job.cutters) POLYPOD_TRY(cutting::is_flat(cutter, {job.path}, kBallHint));
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
-  POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
-  POLYPOD_ASSIGN(fixed_other, other_unrolled(job, options));
+  POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
+  Aside reach(
+      [&](const Aside::Progress& report) { return accept_reach(job, program, accepted.interpretation(), report); },
+      progress);
+  const Result<std::optional<OtherSwitch>> other_found = other_unrolled(job, options);
+  if (!other_found) POLYPOD_TRY(reach.result(progress));
+  POLYPOD_ASSIGN(fixed_other, other_found);
   const auto corrected = [&](const CorrectOptions& how) {
     Corrector corrector(job, program, accepted, how);
     corrector.take_other(fixed_other);
+    corrector.take_reach(&reach);
     return corrector.run();
   };
   POLYPOD_ASSIGN(out, corrected(options));

@@ -7,9 +7,11 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <set>
+#include <tuple>
 
+#include "aside.hpp"
+#include "in_order.hpp"
 #include "modes.hpp"
 #include "plunges.hpp"
 #include "polypod/core/units.hpp"
@@ -203,38 +205,59 @@ std::optional<NotJudged> stock_too_low(const Job& job, const Way& way) {
   constexpr double kMost = 0.5;  // of the way over the stock
   constexpr double kSame = 1e-6;
   const double top = job.stock.top();
+  const auto counts = [&](const gcode::Move& move) {
+    return move.kind != gcode::MoveKind::rapid && move.start_known && meets_plan(job, move) &&
+           !job.tool_frame.to_S(move.end - move.start)
+                .head<2>()
+                .isZero(job.tool_frame.tilted ? kSame : 0);  // an approach
+  };
+  const auto lowest = [&](const gcode::Move& move) {
+    return std::min(job.tool_frame.to_S(move.start).z(), job.tool_frame.to_S(move.end).z());
+  };
+  double over = 0, most_above = 0;
+  for (const gcode::Move& move : *way.programmed) {
+    if (!counts(move)) continue;
+    over += move.length();
+    if (!(lowest(move) < top)) most_above += move.length();
+  }
+  constexpr double kRounding = 1e-9;                              // of sums in another order
+  if (!(most_above * (1 + kRounding) > kMost * over)) return {};  // whatever lies below them
   struct Level {
-    const gcode::Move* move;
+    std::array<long long, 4> path;  // its ends in the plane, whatever the direction
+    std::size_t move;
     double length, lowest;
   };
-  std::map<std::array<long long, 4>, std::vector<Level>> paths;  // by their ends in the plane, whatever the direction
-  double over = 0;
-  for (const gcode::Move& move : *way.programmed) {
-    if (move.kind == gcode::MoveKind::rapid || !move.start_known || !meets_plan(job, move)) continue;
+  LongVector<Level> levels;
+  for (std::size_t i = 0; i < way.programmed->size(); ++i) {
+    const gcode::Move& move = (*way.programmed)[i];
+    if (!counts(move)) continue;
     const Vec3 start = job.tool_frame.to_S(move.start), end = job.tool_frame.to_S(move.end);
-    if ((end - start).head<2>().isZero(job.tool_frame.tilted ? kSame : 0)) continue;  // an approach
-    std::array<long long, 4> key{std::llround(start.x() / kSame), std::llround(start.y() / kSame),
-                                 std::llround(end.x() / kSame), std::llround(end.y() / kSame)};
-    if (std::pair(key[2], key[3]) < std::pair(key[0], key[1])) {
-      std::swap(key[0], key[2]);
-      std::swap(key[1], key[3]);
+    std::array<long long, 4> path{std::llround(start.x() / kSame), std::llround(start.y() / kSame),
+                                  std::llround(end.x() / kSame), std::llround(end.y() / kSame)};
+    if (std::pair(path[2], path[3]) < std::pair(path[0], path[1])) {
+      std::swap(path[0], path[2]);
+      std::swap(path[1], path[3]);
     }
-    paths[key].push_back({&move, move.length(), std::min(start.z(), end.z())});
-    over += move.length();
+    levels.push_back({path, i, move.length(), lowest(move)});
   }
+  std::sort(levels.begin(), levels.end(),
+            [](const Level& a, const Level& b) { return std::tie(a.path, a.move) < std::tie(b.path, b.move); });
   double above = 0, highest = 0;
-  const gcode::Move* first = nullptr;
-  for (const auto& [key, levels] : paths) {
-    if (std::none_of(levels.begin(), levels.end(), [&](const Level& l) { return l.lowest < top; })) continue;
-    for (const Level& level : levels) {
+  std::size_t first = way.programmed->size();
+  for (std::size_t i = 0, end = 0; i < levels.size(); i = end) {
+    const std::array<long long, 4> path = levels[i].path;
+    bool cuts = false;
+    for (end = i; end < levels.size() && levels[end].path == path; ++end) cuts = cuts || levels[end].lowest < top;
+    for (std::size_t k = i; cuts && k < end; ++k) {
+      const Level level = levels[k];
       if (level.lowest < top) continue;
       above += level.length;
       highest = std::max(highest, level.lowest - top);
-      if (first == nullptr || level.move->block < first->block) first = level.move;
+      first = std::min(first, level.move);
     }
   }
   if (!(above > kMost * over)) return {};
-  return NotJudged{way.lines->blocks[static_cast<std::size_t>(first->block)].line,
+  return NotJudged{way.lines->blocks[static_cast<std::size_t>((*way.programmed)[first].block)].line,
                    fmt::format("{:.0f} % of the feed path over the stock pass above its top, by up to {:.3f} mm, on "
                                "paths that cut at a lower level: if the part stands higher than the stock of the job, "
                                "the tool cuts there",
@@ -562,7 +585,10 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   pass_options.bend = options.bend;
   pass_options.step = options.step > 0 ? options.step : job.step;
   pass_options.progress = options.progress;
-  POLYPOD_ASSIGN(pass, run_pass(job, program, commanded, scratch, pass_options, visit));
+  InOrder<Sample> judge(visit);
+  auto passed = run_pass(job, program, commanded, scratch, pass_options, [&](const Sample& s) { judge.take(s); });
+  judge.finish();
+  POLYPOD_ASSIGN(pass, std::move(passed));
   out.pass = std::move(pass);
   out.few = few.take();
   out.steep = steep.found();
@@ -692,9 +718,16 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
 
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
-  POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
+  POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
+  Aside reach(
+      [&](const Aside::Progress& report) { return accept_reach(job, program, accepted.interpretation(), report); },
+      options.progress);
+  PredictOptions of_pass = options;
+  of_pass.progress = reach.unless_failed(options.progress);
   cutting::Stock left;
-  POLYPOD_ASSIGN(out, predict_accepted(job, program, accepted.interpretation(), options, left));
+  Result<Prediction> predicted = predict_accepted(job, program, accepted.interpretation(), of_pass, left);
+  POLYPOD_TRY(reach.result(options.progress));  // it says more than what stops a pass
+  POLYPOD_ASSIGN(out, std::move(predicted));
   if (options.keep_stock) out.stock_left = std::move(left);
   const Way way = way_as_programmed(program, accepted.interpretation().moves);
   const Corners corners = corners_of(job, program, way, out, job.tolerance - resolution(job));
