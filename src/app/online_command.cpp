@@ -22,9 +22,9 @@ using units::to_um;
 
 struct Options {
   std::string program, job;
-  double delay_ms = 5, cutoff_hz = 20, noise_n = 1, weight_n = 60, weight_removed_n = 60, shift_limit_um = 500,
+  double delay_ms = 5, cutoff_hz = 10, noise_n = 1, weight_n = 60, weight_removed_n = 60, shift_limit_um = 500,
          shift_rate_um_per_s = 10000, hold_ms = 100, force_factor = 1, compliance_factor = 1, least_margin = 2,
-         lost_at_s = 0;
+         lost_at_s = 0, time_limit_s = 600;
   int seed = 1;
 };
 
@@ -38,6 +38,7 @@ constexpr config::Range kHold_ms{1, 10000};
 constexpr config::Range kFactor{0.1, 10};
 constexpr config::Range kMargin{1, 100};
 constexpr config::Range kLost_s{0, 1e6};
+constexpr config::Range kTime_s{1, 86400};
 constexpr config::Range kSeed{0, 2147483647.0};
 
 Json finite(double value) {
@@ -107,8 +108,8 @@ Json answer_json(const machining::Job& job, const Options& o, const OnlineResult
 
 void print_answer(const machining::Job& job, const Options& o, const OnlineResult& r) {
   fmt::print("loop      C {:.3g} um/N, cut {:.3g} N/mm and {:.3g} N s/mm along the normal (the worst that was met)\n",
-             units::to_um_per_N(r.loop.compliance), units::to_N_per_mm(r.loop.cut_stiffness),
-             units::to_N_per_mm(r.loop.cut_damping));
+             units::to_um_per_N(r.loop.compliance), units::to_N_per_mm(r.loop.cut_stiffness) + 0.0,
+             units::to_N_per_mm(r.loop.cut_damping) + 0.0);  // + 0.0: no negative zero
   fmt::print("margin    {}, with a delay of {:g} ms and a low-pass of {:g} Hz; {}\n",
              std::isfinite(r.margin.gain) ? fmt::format("the gain may grow {:.2g} times until it swings at {:.2g} Hz",
                                                         r.margin.gain, r.margin.frequency)
@@ -145,7 +146,7 @@ Command online_command() {
             a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
             a.option("--delay-ms", o->delay_ms, kDelay_ms,
                      "From the force to the value that the controller has (default: 5)");
-            a.option("--cutoff-hz", o->cutoff_hz, kCutoff_Hz, "Low-pass of the force, first order (default: 20)");
+            a.option("--cutoff-hz", o->cutoff_hz, kCutoff_Hz, "Low-pass of the force, first order (default: 10)");
             a.option("--noise-n", o->noise_n, kNoise_N,
                      "Standard deviation of each component of the force (default: 1)");
             a.option("--weight-n", o->weight_n, kWeight_N, "Weight of spindle and tool on the sensor (default: 60)");
@@ -162,6 +163,7 @@ Command online_command() {
             a.option("--least-margin", o->least_margin, kMargin,
                      "Gain margin below which on-line correction is refused (default: 2)");
             a.option("--lost-at-s", o->lost_at_s, kLost_s, "From then on the sensor gives nothing (default: never)");
+            a.option("--time-limit-s", o->time_limit_s, kTime_s, "Longest program, s of its feed moves (default: 600)");
             a.option("--seed", o->seed, kSeed, "Of the noise (default: 1)");
           },
           [o](const Context& context) -> Result<int> {
@@ -180,6 +182,7 @@ Command online_command() {
             options.real_compliance = o->compliance_factor;
             options.least_margin = o->least_margin;
             if (context.given("--lost-at-s")) options.lost_at = o->lost_at_s;
+            options.time_limit = o->time_limit_s;
             options.seed = static_cast<std::uint64_t>(o->seed);
             std::string doing;
             std::function<bool(double)> line;

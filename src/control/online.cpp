@@ -222,6 +222,7 @@ class Run {
     };
     const double B = -(normal_force(tip_, turned(turn)) - normal_force(tip_, turned(-turn))) / (2 * turn * c.move.feed);
     const double C = to_left.dot(C_ * to_left);
+    if (seen_.count == 0) seen_ = {C, K, K, B, B, 0};
     seen_.compliance = std::max(seen_.compliance, C);
     seen_.stiffness_low = std::min(seen_.stiffness_low, K);
     seen_.stiffness_high = std::max(seen_.stiffness_high, K);
@@ -344,7 +345,7 @@ Vec3 OnlineCorrector::step(const std::optional<Vec3>& force, const Vec3& expecte
   const double way = limits_.rate * period_;
   if (!force || !force->allFinite()) {
     lost_ += period_;
-    if (lost_ > limits_.hold && !tripped_) {
+    if (lost_ > limits_.hold + 0.5 * period_ && !tripped_) {
       tripped_ = true;
       why_ = "the sensor gives no force";
     }
@@ -363,7 +364,7 @@ Vec3 OnlineCorrector::step(const std::optional<Vec3>& force, const Vec3& expecte
   if (size > limits_.size) {
     target *= limits_.size / size;
     beyond_ += period_;
-    if (beyond_ > limits_.hold) {
+    if (beyond_ > limits_.hold + 0.5 * period_) {
       tripped_ = true;
       why_ = "the shift asked for is larger than its limit";
     }
@@ -404,6 +405,16 @@ Result<OnlineResult> simulate_online(const Job& job, const gcode::Program& progr
   const auto says = [&](const char* what) {
     return [&options, what](double share) { return !options.progress || options.progress(what, share); };
   };
+  double seconds = 0;
+  for (const gcode::Move& move : interpretation.moves) {
+    if (move.kind != gcode::MoveKind::rapid && move.start_known && move.feed > 0) seconds += move.length() / move.feed;
+  }
+  if (seconds > options.time_limit) {
+    return fail("LC130",
+                fmt::format("the feed moves of the program take {:.0f} s; the loop is simulated for {:g} s at most",
+                            seconds, options.time_limit),
+                {program.path}, "--time-limit-s gives more; a part of the program shows the same");
+  }
   machining::CorrectOptions correct_options;
   correct_options.keep_samples = true;
   correct_options.progress = options.progress;

@@ -304,6 +304,22 @@ Result<RecordedCut> judge_recorded(const Job& job, const gcode::Program& program
   predict_options.keep_samples = true;
   predict_options.one_position = true;
   predict_options.progress = options.progress;
+  // A turn in the air is no transition, whose start would count as a cut: first without them, to see what cuts.
+  LongVector<PassMove> with_transitions = way.moves;
+  bool any_turn = false;
+  for (PassMove& piece : way.moves) {
+    any_turn = any_turn || piece.transition;
+    piece.transition = false;
+  }
+  if (any_turn) {
+    PredictOptions first = predict_options;
+    first.keep_samples = false;
+    POLYPOD_ASSIGN(seen, predict_way(job, program, way, first));
+    for (std::size_t i = 0; i < with_transitions.size(); ++i) {
+      const Prediction::Ends& ends = seen.commanded_ends[i];
+      way.moves[i].transition = with_transitions[i].transition && (ends.start || ends.end);
+    }
+  }
   POLYPOD_ASSIGN(cut, predict_way(job, program, way, predict_options));
   if (cut.moves.empty()) return tl::unexpected(cuts_nothing(job, program, accepted.interpretation()));
   POLYPOD_TRY(no_rapid_cuts(job, program, cut.pass));
@@ -323,7 +339,7 @@ Result<RecordedCut> judge_recorded(const Job& job, const gcode::Program& program
     p.move = way.source[piece];
     p.line = line_of(program, programmed[static_cast<std::size_t>(p.move)]);
     p.cutting = s.cutting;
-    p.turning = way.moves[piece].transition;
+    p.turning = with_transitions[piece].transition;
     p.deflection = s.deflection;
     p.force = s.force;
     p.deflection_normal = s.deflection.dot(s.away);

@@ -19,7 +19,7 @@ constexpr double kPeriod = 1e-3;
 /// Runs x = c + u + C F, F = F0 - K x - B dx/dt with the shift of OnlineCorrector, from a shift of 1 um on; how much
 /// larger the swing of its last fifth is than that of the second.
 double growth(const OnlineLoop& loop, const ForceSensor& sensor, OnlineLimits limits, int cycles) {
-  limits.size = limits.rate = 1e9;  // linear
+  limits.size = limits.rate = 1e100;  // linear
   OnlineCorrector corrector(limits, 0, kPeriod);
   const Mat3 C_model = loop.model_compliance * Mat3::Identity();
   std::deque<double> line(static_cast<std::size_t>(std::lround(sensor.delay / kPeriod)), 0.0);
@@ -59,7 +59,7 @@ TEST(Online, TheMarginIsWhereTheLoopInTimeBeginsToGrow) {
     const auto worst = [&] {
       double out = 0;
       for (ForceSensor s = sensor; s.delay > -0.5 * kPeriod; s.delay -= kPeriod)
-        out = std::max(out, growth(loop, s, limits, 20000));
+        out = std::max(out, growth(loop, s, limits, 4000));
       return out;
     };
     loop.model_compliance = 0.97 * margin.gain * c.C;
@@ -89,17 +89,17 @@ TEST(Online, TheDelayThatMakesItUnstable) {
   limits.cutoff = 80;
   ForceSensor sensor;
   sensor.delay = 0;
-  loop.model_compliance *= online_margin(loop, sensor, limits, kPeriod).gain / 1.04;
+  loop.model_compliance *= online_margin(loop, sensor, limits, kPeriod).gain / 1.01;
   const OnlineMargin margin = online_margin(loop, sensor, limits, kPeriod);
-  EXPECT_NEAR(margin.gain, 1.04, 1e-3);
+  EXPECT_NEAR(margin.gain, 1.01, 1e-3);
   EXPECT_GT(margin.largest, 1);
   ASSERT_TRUE(std::isfinite(margin.delay));
   ASSERT_GE(margin.delay, 2 * kPeriod);
   sensor.delay = margin.delay - kPeriod;
-  EXPECT_LT(growth(loop, sensor, limits, 20000), 1);
+  EXPECT_LT(growth(loop, sensor, limits, 4000), 1);
   EXPECT_GT(online_margin(loop, sensor, limits, kPeriod).gain, 1);
   sensor.delay = margin.delay;
-  EXPECT_GT(growth(loop, sensor, limits, 20000), 1);
+  EXPECT_GT(growth(loop, sensor, limits, 4000), 1);
   EXPECT_LT(online_margin(loop, sensor, limits, kPeriod).gain, 1);
 }
 

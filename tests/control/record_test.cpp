@@ -228,7 +228,7 @@ setp {0}.force-rate 400
 // A square of 30 mm round a block, as the one of SLAV 6.1: with LinuxCNC's own planner, G64 and its rounded corners.
 constexpr const char* kSquareJob = R"(
 machine = "lola50"
-tolerance_um = 20
+tolerance_um = 100
 [workpiece]
 origin_mm = [0, -1300, 0]
 rotation_deg = 0
