@@ -3,8 +3,10 @@
 
 #include "linuxcnc_commands.hpp"
 #include "release_command.hpp"
+#include "online_command.hpp"
 #include "report_command.hpp"
 #include "testcut_command.hpp"
+#include "watch_command.hpp"
 
 namespace polypod::app {
 
@@ -22,10 +24,10 @@ std::vector<Command> all_commands() {
       compliance_command(), map_command(),                      // statics
       identify_compliance_command(), identify_cutting_command(),
       simulate_measurement_command(), calibrate_command(), uncertainty_command(), poses_command(),  // measured machines
-      controller_command(), export_linuxcnc_command(), record_command(),
+      controller_command(), export_linuxcnc_command(), record_command(), watch_command(),
       force_command(),                                          // cutting
       predict_command(), correct_command(), check_command(),    // programs
-      place_command(), compare_command(), testcut_command(),
+      place_command(), compare_command(), testcut_command(), online_command(),
       canon_command(), post_command(),
       cell_command(),                                           // cells
       report_command(), view_command(),                         // in a browser

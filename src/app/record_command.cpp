@@ -8,12 +8,13 @@
 #include "polypod/control/record.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
+#include "polypod/machining/job.hpp"
 
 namespace polypod::app {
 namespace {
 
 struct Options {
-  std::string folder, program, out;
+  std::string folder, program, out, job;
   double time_limit = 600;
 };
 
@@ -28,12 +29,18 @@ Command record_command() {
         a.positional("DIR", o->folder, "The folder that `polypod export linuxcnc` wrote");
         a.positional("PROGRAM", o->program, "The program; it starts at the machine's home, with empty offsets");
         a.option("-o,--output", o->out, "The record, CSV", true);
+        a.option("--job", o->job,
+                 "A job whose workpiece origin, rotation and work offsets become those of G54 to G59 (default: all 0)");
         a.option("--time-limit", o->time_limit, {1, 86400}, "s, of the whole run, which is in real time (default 600)");
       },
       [o](const Context& context) -> Result<int> {
-        POLYPOD_TRY(check_files({o->program}, {o->out}, context.json));
+        POLYPOD_TRY(check_files({o->program, o->job}, {o->out}, context.json));
         control::RecordOptions options;
         options.time_limit = o->time_limit;
+        if (!o->job.empty()) {
+          POLYPOD_ASSIGN(job, machining::read_job(o->job));
+          options.parameters = control::work_offset_parameters(job);
+        }
         double shown = 0;
         options.progress = [&](double seconds) {
           if (context.progress && seconds > shown + 1) {

@@ -26,6 +26,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/job.hpp"
 
 namespace polypod::control {
 namespace {
@@ -465,6 +466,18 @@ Status verdict(const fs::path& scratch, const std::string& program) {
 
 }  // namespace
 
+std::string work_offset_parameters(const machining::Job& job) {
+  std::string out;
+  for (std::size_t i = 0; i < job.work_offsets.size(); ++i) {
+    if (!job.offset_given[i]) continue;
+    const Vec3 origin = job.X_MW * job.work_offsets[i];
+    const int first = 5221 + 20 * static_cast<int>(i);
+    for (int k = 0; k < 3; ++k) out += fmt::format("{}\t{:.9f}\n", first + k, units::to_mm(origin[k]));
+    out += fmt::format("{}\t{:.9f}\n", first + 9, units::to_deg(machining::rotation_of(job.X_MW)));
+  }
+  return out;
+}
+
 Result<Record> record(const std::string& folder, const std::string& program, const RecordOptions& options) {
   POLYPOD_ASSIGN(c, configuration_in(folder));
   POLYPOD_ASSIGN(text, files::read(program));
@@ -500,7 +513,7 @@ Result<Record> record(const std::string& folder, const std::string& program, con
   const bool scaled = c.hal.find("loadrt scale") == std::string::npos;
   POLYPOD_TRY(write(dir / "record.ini", c.record_ini));
   POLYPOD_TRY(write(dir / "record.hal", sampling(c, scaled)));
-  POLYPOD_TRY(write(dir / "record.var", ""));
+  POLYPOD_TRY(write(dir / "record.var", options.parameters));
   POLYPOD_TRY(write(dir / "record.tbl", text_of_file(c.folder / c.tool_table)));
   POLYPOD_TRY(write(dir / "program.ngc", text));
   POLYPOD_TRY(write(dir / "driver.py", text_of_driver_py));

@@ -19,8 +19,11 @@
 #include "machines.hpp"
 #include "module_host.hpp"
 #include "polypod/control/linuxcnc.hpp"
+#include "polypod/control/watch.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/correct.hpp"
+#include "polypod/machining/recorded.hpp"
 
 namespace polypod::control {
 namespace {
@@ -220,6 +223,107 @@ setp {0}.force-rate 400
   // Afterwards the shift comes back, and the program comes to its end.
   EXPECT_NEAR(shift.back(), whole, 0.02 * std::abs(whole));
   EXPECT_NEAR(rows.back().pose[0], rows.front().pose[0], 1e-6);
+}
+
+// A square of 30 mm round a block, as the one of SLAV 6.1: with LinuxCNC's own planner, G64 and its rounded corners.
+constexpr const char* kSquareJob = R"(
+machine = "lola50"
+tolerance_um = 100
+[workpiece]
+origin_mm = [0, -1300, 0]
+rotation_deg = 0
+[cutter]
+name = "8 mm, 4 flutes"
+diameter_mm = 8
+teeth = 4
+helix_deg = 30
+length_mm = 20
+[material]
+name = "aluminium"
+Ktc_N_per_mm2 = 1027.78
+Krc_N_per_mm2 = 182.03
+Kac_N_per_mm2 = 64.5
+Kte_N_per_mm = 13.65
+Kre_N_per_mm = 27.95
+Kae_N_per_mm = 2.21
+[stock]
+kind = "allowance"
+contour_mm = [[-15, -15], [15, -15], [15, 15], [-15, 15]]
+allowance_mm = 4
+side = "outside"
+corners = "square"
+z_top_mm = 0
+z_bottom_mm = -20
+)";
+constexpr const char* kSquareProgram =
+    "%\nG17 G21 G40 G49 G80 G90 G94\nG54\nT1 M6\nS8000 M3\nG0 X-29 Y19 Z10\nG0 Z2\nG1 Z-2 F400\n"
+    "G1 X19 Y19 F1600\nX19 Y-19\nX-19 Y-19\nX-19 Y29\nG0 Z10\nM5\nM30\n%\n";
+
+TEST(Record, TheDeflectedTipOnTheRealPlanner) {
+  POLYPOD_NEEDS_RUNS;
+  const test::Folder folder;
+  exported("lola50", folder.path());
+  const fs::path program = folder.path() / "square.ngc", corrected = folder.path() / "corrected.ngc",
+                 job_file = folder.path() / "job.toml";
+  write(program, kSquareProgram);
+  write(job_file, kSquareJob);
+  const auto job = machining::read_job(job_file.string());
+  ASSERT_TRUE(job) << to_string(job.error());
+  const auto meant = gcode::read(program.string());
+  ASSERT_TRUE(meant);
+  const auto moves = gcode::interpret(*meant, job->interpret_options());
+  ASSERT_TRUE(moves);
+  const auto correction = machining::correct(*job, *meant, *moves);
+  ASSERT_TRUE(correction) << to_string(correction.error());
+  ASSERT_TRUE(correction->within_tolerance) << correction->answer();
+  write(corrected, correction->text);
+  const auto machine = exported_machine(folder.path().string());
+  ASSERT_TRUE(machine) << to_string(machine.error());
+  ASSERT_GT(machine->acceleration, 0);
+  RecordOptions options;
+  options.parameters = work_offset_parameters(*job);
+  const auto judged = [&](const fs::path& ran_file) {
+    const auto run = record(folder.path().string(), ran_file.string(), options);
+    EXPECT_TRUE(run) << to_string(run.error());
+    const fs::path csv = folder.path() / "record.csv";
+    write(csv, run->csv);
+    const auto rows = read_record(machine->machine, csv.string());
+    EXPECT_TRUE(rows) << to_string(rows.error());
+    std::vector<machining::RecordedTip> tips;
+    for (const RecordRow& row : *rows) {
+      const Vec3 p = kinematics::forward(machine->machine, row.joints).poses.front().p;
+      tips.push_back({row.time, row.line, job->X_MW.inverse() * p});
+    }
+    const auto ran = gcode::read(ran_file.string());
+    const auto ran_moves = gcode::interpret(*ran, job->interpret_options());
+    machining::RecordedOptions how;
+    how.planner = job->controller.planner;
+    how.planner.acceleration = machine->acceleration;
+    how.planner.velocity = machine->velocity;
+    const auto cut = machining::judge_recorded(*job, *meant, *moves, *ran, *ran_moves, tips, how);
+    EXPECT_TRUE(cut) << to_string(cut.error());
+    EXPECT_TRUE(cut->to_the_end);
+    return *cut;
+  };
+  const machining::RecordedCut plain = judged(program);
+  // Nothing is taken back, and the mean deflection is the predicted one but for the corners.
+  EXPECT_NEAR(plain.gain.removed_mean(), 0, 0.01);
+  EXPECT_NEAR(plain.gain.mean_deflection, correction->before.normal.mean, 0.02 * correction->before.normal.mean);
+  // The corners of two lines by the rule of the path mode, which meets recorded motion to 0.2 um at 1 m/s^2 (see
+  // path_mode.hpp); the interpolators of the joints add their own smoothing, v^2 / 12 times the square of the cycle
+  // over the radius, far below.
+  int corners = 0;
+  for (const machining::RecordedCorner& c : plain.corners) {
+    if (!c.cutting || c.bound || std::abs(units::to_deg(c.turn) - 90) > 1) continue;
+    ++corners;
+    EXPECT_NEAR(c.recorded, c.predicted, 0.5e-6 + 0.005 * c.predicted) << c.line;
+  }
+  EXPECT_GE(corners, 3);
+  const machining::RecordedCut after = judged(corrected);
+  EXPECT_GT(after.gain.removed_mean(), 0.98);
+  EXPECT_GT(after.gain.removed_rms(), 0.9);
+  EXPECT_LT(after.cut.largest_distance, job->tolerance);
+  EXPECT_GT(plain.cut.largest_distance, 0.2e-3);
 }
 
 using MachineAndMoves = std::pair<const char*, const char*>;

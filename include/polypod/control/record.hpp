@@ -7,10 +7,16 @@
 
 #include "polypod/core/error.hpp"
 
+namespace polypod::machining {
+struct Job;
+}
+
 namespace polypod::control {
 
 struct RecordOptions {
   double time_limit = 600;  ///< s, of the whole run by the clock; LinuxCNC runs in real time
+  /// The run's file of parameters: "5221 0\t..." a line each; the offsets of G54 to G59. Empty: all are 0.
+  std::string parameters;
   /// Asked some twenty times a second with the seconds since the start; false ends everything (LC119).
   std::function<bool(double)> progress = [](double) { return true; };
 };
@@ -39,5 +45,9 @@ struct Record {
 /// start), LC115 (it refused to switch on, home or read the program), LC116 (the program failed), LC117 (time limit),
 /// LC118 (samples were lost), LC119 (interrupted), FI100. Cost: the program's time and some 4 s.
 Result<Record> record(const std::string& folder, const std::string& program, const RecordOptions& options = {});
+
+/// Where the job's work offsets lie in M, as LinuxCNC's parameters, a line each: 5221 .. 5223 the origin of G54 in mm,
+/// 5230 its turn about z in deg, 5241 .. of G55, and so on. What the job does not say is left out (0).
+std::string work_offset_parameters(const machining::Job& job);
 
 }  // namespace polypod::control

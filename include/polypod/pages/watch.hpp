@@ -1,0 +1,30 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a record says of a machine, as a page.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "polypod/control/watch.hpp"
+#include "polypod/machining/job.hpp"
+#include "polypod/machining/recorded.hpp"
+
+namespace polypod::pages {
+
+struct WatchPageOptions {
+  std::string record, machine;  ///< names
+  double warn = 0;              ///< m; 0: none
+  bool ok = false, judged = false;
+  std::string answer;  ///< the sentence of the command
+  std::vector<std::string> not_judged;
+  std::string version, command;
+};
+
+/// One self-contained HTML file: the answer, the deviation over time with its parts, the way from above with the
+/// deviation enlarged, each line, what explains the deviation; with a cut, the deflected tip against the tube, what the
+/// correction takes back, and the corners.
+std::string watch_page(const control::Watch& watch, const machining::Job* job, const machining::RecordedCut* cut,
+                       const WatchPageOptions& options);
+
+}  // namespace polypod::pages

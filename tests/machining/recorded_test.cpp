@@ -1,0 +1,138 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Records that are made here: the program's path in steps of a millisecond, with corners rounded by a circle.
+#include "polypod/machining/recorded.hpp"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "machining/examples.hpp"
+#include "polypod/core/units.hpp"
+
+namespace polypod {
+namespace {
+
+using machining::RecordedCut;
+using machining::RecordedTip;
+using testing::load_example;
+
+/// The moves in steps of 1 ms at their feed (rapids at 200 mm/s), from where the first one ends.
+std::vector<RecordedTip> record_of(const LongVector<gcode::Move>& moves, const Vec3& off = Vec3::Zero()) {
+  std::vector<RecordedTip> out;
+  double t = 0;
+  for (const gcode::Move& move : moves) {
+    if (!move.start_known) {
+      out.push_back({t += 1e-3, 0, move.end + off});
+      continue;
+    }
+    const double speed = move.kind == gcode::MoveKind::rapid ? 0.2 : move.feed, length = move.length();
+    const int steps = std::max(1, static_cast<int>(std::ceil(length / (speed * 1e-3))));
+    for (int k = 1; k <= steps && length > 0; ++k) out.push_back({t += 1e-3, 0, move.point(length * k / steps) + off});
+  }
+  return out;
+}
+
+RecordedCut judged(const testing::Example& e, const std::vector<RecordedTip>& record) {
+  const auto out =
+      machining::judge_recorded(e.job, e.program, e.interpretation, e.program, e.interpretation, record, {});
+  EXPECT_TRUE(out) << to_string(out.error());
+  return out ? *out : RecordedCut{};
+}
+
+// A controller that follows the program exactly makes what `predict` says.
+TEST(Recorded, TheExactPathIsThePrediction) {
+  const auto e = load_example("slavkovic_square");
+  machining::PredictOptions options;
+  options.step = 1e-4;
+  const auto p = machining::predict(e.job, e.program, e.interpretation, options);
+  ASSERT_TRUE(p);
+  const RecordedCut r = judged(e, record_of(e.interpretation.moves));
+  EXPECT_TRUE(r.to_the_end);
+  EXPECT_LT(r.pieces, 40U);  // not one a millisecond
+  ASSERT_EQ(r.cut.moves.size(), p->moves.size());
+  for (std::size_t i = 0; i < p->moves.size(); ++i) {
+    EXPECT_EQ(r.cut.moves[i].line, p->moves[i].line);
+    EXPECT_NEAR(r.cut.moves[i].normal.mean, p->moves[i].normal.mean, 0.5e-6);
+    EXPECT_NEAR(r.cut.moves[i].normal.max, p->moves[i].normal.max, 1e-6);
+  }
+  // Nothing is taken back: the normal error is the deflection.
+  EXPECT_NEAR(r.gain.removed_mean(), 0, 1e-3);
+  EXPECT_NEAR(r.gain.removed_rms(), 0, 1e-3);
+  for (const auto& c : r.corners) EXPECT_LT(c.recorded, 1e-9);
+}
+
+// Shifted as a whole across two of the four sides by the mean deflection there: it takes away as much.
+TEST(Recorded, AShiftedPathRemovesItsShift) {
+  const auto e = load_example("slavkovic_square");
+  const RecordedCut plain = judged(e, record_of(e.interpretation.moves));
+  const Vec3 off(0, -100e-6, 0);  // into the wall of the first side, off that of the third
+  const RecordedCut r = judged(e, record_of(e.interpretation.moves, off));
+  ASSERT_EQ(r.gain_by_line.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const machining::Gain& g = r.gain_by_line[i].second;
+    const double expected = i == 0 ? -100e-6 : i == 2 ? 100e-6 : 0;
+    // More or less material there changes the force by some per cent.
+    EXPECT_NEAR(g.mean_left - g.mean_deflection, expected, 0.5e-6) << i;
+    EXPECT_NEAR(g.mean_deflection, plain.gain_by_line[i].second.mean_deflection, 0.04 * g.mean_deflection) << i;
+  }
+  EXPECT_NEAR(r.gain_by_line[0].second.removed_mean(), 100e-6 / r.gain_by_line[0].second.mean_deflection, 0.01);
+}
+
+// A circle of radius R in a corner of 90 deg leaves it by R (sqrt 2 - 1).
+TEST(Recorded, ARoundedCornerInClosedForm) {
+  const auto e = load_example("slavkovic_square");
+  std::vector<RecordedTip> record = record_of(e.interpretation.moves);
+  constexpr double kRadius = 0.9e-3;
+  const Vec3 corner(0.125, 0.125, -2e-3), centre = corner + Vec3(-kRadius, -kRadius, 0);
+  for (RecordedTip& tip : record) {
+    const Vec3 d = tip.p_W - centre;
+    if (std::abs(tip.p_W.z() - corner.z()) > 1e-9 || d.x() < 0 || d.y() < 0) continue;
+    // The same share of the quarter turn as of the two legs.
+    const double way = d.y() > kRadius - 1e-12 ? d.x() : 2 * kRadius - d.y();
+    const double angle = std::numbers::pi / 2 * (1 - way / (2 * kRadius));
+    tip.p_W = centre + kRadius * Vec3(std::cos(angle), std::sin(angle), 0);
+  }
+  const RecordedCut r = judged(e, record);
+  ASSERT_FALSE(r.corners.empty());
+  int seen = 0;
+  for (const auto& c : r.corners) {
+    if (!c.cutting || std::abs(units::to_deg(c.turn) - 90) > 1e-6) continue;
+    ++seen;
+    // Chords of a millisecond are 24 um long: their middle lies 0.08 um inside.
+    EXPECT_NEAR(c.recorded, c.line == 11 ? kRadius * (std::sqrt(2.0) - 1) : 0, 0.2e-6) << c.line;
+  }
+  EXPECT_GE(seen, 3);
+  // The bent tool keeps to a curve round the corner and does not jump.
+  EXPECT_LT(r.cut.largest_distance, 500e-6);
+}
+
+TEST(Recorded, RefusesAnotherProgram) {
+  const auto e = load_example("slavkovic_square");
+  std::vector<RecordedTip> record = record_of(e.interpretation.moves);
+  for (std::size_t k = record.size() / 2; k < record.size(); ++k) record[k].p_W.x() += 20e-3;
+  auto out = machining::judge_recorded(e.job, e.program, e.interpretation, e.program, e.interpretation, record, {});
+  ASSERT_FALSE(out);
+  EXPECT_EQ(out.error().id, "MC330");
+  for (RecordedTip& tip : record) tip.p_W = Vec3(1, 1, 1);
+  out = machining::judge_recorded(e.job, e.program, e.interpretation, e.program, e.interpretation, record, {});
+  ASSERT_FALSE(out);
+  EXPECT_EQ(out.error().id, "MC330");
+  record.resize(1);
+  out = machining::judge_recorded(e.job, e.program, e.interpretation, e.program, e.interpretation, record, {});
+  ASSERT_FALSE(out);
+  EXPECT_EQ(out.error().id, "MC331");
+}
+
+// A record that was broken off is not called good to its end.
+TEST(Recorded, SaysWhereItEnds) {
+  const auto e = load_example("slavkovic_square");
+  std::vector<RecordedTip> record = record_of(e.interpretation.moves);
+  record.resize(record.size() / 2);
+  const RecordedCut r = judged(e, record);
+  EXPECT_FALSE(r.to_the_end);
+  EXPECT_EQ(r.last_line, 12);  // both sides of 250 mm take 9.4 s, the whole 38 s
+}
+
+}  // namespace
+}  // namespace polypod
