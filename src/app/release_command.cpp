@@ -71,14 +71,14 @@ Result<ForceTable> read_forces(const AnyMachine& m, const std::string& file) {
   for (const csv::Table::Row& row : table.rows) {
     POLYPOD_ASSIGN(t, table.number(row, "time_s"));
     if (!out.time.empty() && !(t > out.time.back())) {
-      return fail("AP272", fmt::format("time_s {:g} does not come after {:g}", t, out.time.back()), table.place_of(row),
+      return fail("AP282", fmt::format("time_s {:g} does not come after {:g}", t, out.time.back()), table.place_of(row),
                   "sort the rows by time, each time once");
     }
     JointVector f(n);
     for (int i = 0; i < n; ++i) {
       POLYPOD_ASSIGN(value, table.number(row, names[static_cast<std::size_t>(i + 1)]));
       if (!(std::abs(value) <= 1e12)) {
-        return fail("AP272", fmt::format("a force of {:g} is none that a drive has", value), table.place_of(row));
+        return fail("AP282", fmt::format("a force of {:g} is none that a drive has", value), table.place_of(row));
       }
       f[i] = value;
     }
@@ -233,7 +233,7 @@ Command release_command() {
         file.dynamics = o->dynamics;
         POLYPOD_ASSIGN(masses, file.read(m, o->machine, context));
         if (!masses.dynamics) {
-          return fail("AP271", "its motion is not computed: " + masses.why_not, {},
+          return fail("AP281", "its motion is not computed: " + masses.why_not, {},
                       "give masses in the machine file or by --dynamics, docs/motion.md has the table");
         }
         POLYPOD_ASSIGN(X, pose_argument(m, o->pose));

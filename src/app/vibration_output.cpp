@@ -97,7 +97,7 @@ Status VibrationQuestion::prepare(const machining::Job& job, const Context& cont
   if (masses.dynamics && why_not_.empty()) why_not_ = machining::no_vibration(job);
   if (!why_not_.empty()) {
     if (!counts) return {};
-    return fail("AP270", "--vibration cannot be counted: " + why_not_, {},
+    return fail("AP280", "--vibration cannot be counted: " + why_not_, {},
                 "give masses in the machine file or by --dynamics (docs/motion.md), or leave --vibration out");
   }
   masses_ = std::move(masses.dynamics);

@@ -17,7 +17,7 @@ class VibrationQuestion {
   bool counts = false;   ///< --vibration
 
   void declare(Arguments& a);
-  /// The masses of the job's machine. Errors: AP214 and those of the table; AP270 where --vibration asks to count what is
+  /// The masses of the job's machine. Errors: AP214 and those of the table; AP280 where --vibration asks to count what is
   /// not judged.
   Status prepare(const machining::Job& job, const Context& context);
   /// After the prediction, where there are masses. Errors: those of machining::cut_points and vibration_of.
