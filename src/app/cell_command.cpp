@@ -26,12 +26,19 @@ namespace {
 using units::to_mm;
 
 struct Options {
-  std::string file, policy, sweep, report, events, drawing, sequence;
-  std::vector<std::string> sets;
+  std::string file, policy, report, events, drawing, sequence;
+  std::vector<std::string> sets, sweeps;
   double minutes = 10;
   int seed = 1, seeds = 1;
   bool compare = false;
 };
+
+/// Whatever the capitals of the ending.
+bool ends_with(const std::string& path, std::string_view ending) {
+  if (path.size() < ending.size()) return false;
+  return std::equal(ending.begin(), ending.end(), path.end() - static_cast<std::ptrdiff_t>(ending.size()),
+                    [](char a, char b) { return a == (b >= 'A' && b <= 'Z' ? b - 'A' + 'a' : b); });
+}
 
 Json finite(double value) {
   return std::isfinite(value) ? Json(value) : Json(nullptr);
@@ -67,6 +74,7 @@ Json planning_json(const cell::Planning& p) {
 }
 
 Json cost_json(const cell::Cell& c, double per_min) {
+  const std::optional<double> per_item = cell::cost_per_item(c.cost, per_min);
   Json rows = Json::array();
   for (const cell::CostRow& row : c.cost.rows) {
     rows.push_back({{"name", row.name},
@@ -82,9 +90,7 @@ Json cost_json(const cell::Cell& c, double per_min) {
           {"with_reserve", c.cost.total() + c.cost.reserve()},
           {"assembly_hours", c.cost.hours},
           {"assembly", c.cost.hours * c.cost.hour_price},
-          {"running_per_item", c.cost.running_price > 0 && per_min > 0
-                                   ? Json(units::from_per_min(c.cost.running_price) / per_min)
-                                   : Json(nullptr)},
+          {"running_per_item", per_item ? Json(*per_item) : Json(nullptr)},
           {"parts", rows}};
 }
 
@@ -168,7 +174,7 @@ Json times_json(const cell::CellResult& r) {
 }
 
 /// `KEY=FROM:TO:STEP` as the key and its values.
-Result<std::pair<std::string, std::vector<double>>> sweep_of(const std::string& text) {
+Result<cell::SweepAxis> axis_of(const std::string& text) {
   constexpr double kMostValues = 200;
   const auto refused = [&](const std::string& why) {
     return fail("AP242", fmt::format("--sweep {}: {}", one_line(text), why), {},
@@ -183,53 +189,95 @@ Result<std::pair<std::string, std::vector<double>>> sweep_of(const std::string& 
   POLYPOD_ASSIGN(step, number_of(text.substr(second + 1), "--sweep", kAnyNumber, ""));
   if (!(step > 0) || !(to >= from)) return refused("the range must rise, and its step be above 0");
   if (!((to - from) / step < kMostValues)) return refused("more than 200 values");
-  std::vector<double> values;
-  for (int k = 0; from + k * step <= to + 1e-9 * step; ++k) values.push_back(from + k * step);
-  return std::pair{text.substr(0, equals), values};
+  cell::SweepAxis out{text.substr(0, equals), {}};
+  for (int k = 0; from + k * step <= to + 1e-9 * step; ++k) out.values.push_back(from + k * step);
+  return out;
 }
 
-/// Runs the cell with each value; the best has no problem and the largest throughput.
-Result<int> run_sweep(const Context& context, const std::string& file, const std::vector<cell::Override>& overrides,
-                      const std::string& text, cell::CellQuestion question) {
-  POLYPOD_ASSIGN(sweep, sweep_of(text));
-  Json rows = Json::array();
-  std::optional<std::size_t> best;
-  std::vector<double> rates;
+Result<std::vector<cell::SweepAxis>> axes_of(const std::vector<std::string>& texts) {
+  constexpr std::size_t kMostRuns = 2000;
+  std::vector<cell::SweepAxis> out;
+  std::size_t runs = 1;
+  for (const std::string& text : texts) {
+    POLYPOD_ASSIGN(axis, axis_of(text));
+    for (const cell::SweepAxis& other : out) {
+      if (other.key != axis.key) continue;
+      return fail("AP242", fmt::format("--sweep {}: the key has its values already", one_line(text)), {},
+                  "name each key once");
+    }
+    runs *= axis.values.size();
+    out.push_back(std::move(axis));
+    if (runs > kMostRuns)
+      return fail("AP242", fmt::format("--sweep: more than {} combinations", kMostRuns), {}, "take larger steps");
+  }
+  return out;
+}
+
+std::string in_words(const std::vector<cell::SweepAxis>& axes, const std::vector<double>& values) {
+  std::string out;
+  for (std::size_t a = 0; a < axes.size(); ++a)
+    out += fmt::format("{}{} = {:g}", out.empty() ? "" : ", ", one_line(axes[a].key), values[a]);
+  return out;
+}
+
+Json sweep_json(const cell::Sweep& s) {
+  const bool one = s.axes.size() == 1;
+  Json rows = Json::array(), keys = Json::array();
+  for (const cell::SweepAxis& a : s.axes) keys.push_back(a.key);
+  for (const cell::SweepRow& row : s.rows) {
+    Json out{{"values", row.values},
+             {"ok", row.problems.empty()},
+             {"throughput_per_min", row.simulated ? estimate_json(row.throughput) : Json(nullptr)},
+             {"missed", row.simulated ? Json(row.missed) : Json(nullptr)},
+             {"cost_per_item", row.cost_per_item ? Json(*row.cost_per_item) : Json(nullptr)},
+             {"floor_area_m2", row.floor_area},
+             {"problem", row.problems.empty() ? Json(nullptr) : Json(row.problems.front().detail)}};
+    if (one) out["value"] = row.values[0];
+    rows.push_back(out);
+  }
+  Json out{{"ok", s.best.has_value()}, {"keys", keys}, {"sweep", rows}, {"best", nullptr}};
+  if (one) out["key"] = s.axes[0].key;
+  if (s.best) out["best"] = one ? Json(s.rows[*s.best].values[0]) : Json(s.rows[*s.best].values);
+  return out;
+}
+
+/// Runs the cell with each combination; the best has no problem and the largest throughput.
+Result<int> run_sweep(const Context& context, const Options& o, const std::vector<cell::Override>& overrides,
+                      cell::CellQuestion question) {
+  POLYPOD_ASSIGN(axes, axes_of(o.sweeps));
+  std::size_t combinations = 1, done = 0;
+  for (const cell::SweepAxis& a : axes) combinations *= a.values.size();
   const auto progress = progress_line(context, "sweeping");
   question.settings.progress = [](double) { return !interrupted(); };
-  for (std::size_t k = 0; k < sweep.second.size(); ++k) {
-    std::vector<cell::Override> with = overrides;
-    with.push_back({sweep.first, fmt::format("{:.17g}", sweep.second[k])});
-    POLYPOD_ASSIGN(c, cell::read(file, with));
-    const cell::CellResult r = cell::judge_cell(std::move(c), question);
-    if (!progress(static_cast<double>(k + 1) / static_cast<double>(sweep.second.size()))) return kDone;
-    const double rate = r.simulated() ? r.study.throughput.mean : 0;
-    rates.push_back(rate);
-    if (r.problems.empty() && (!best || rate > rates[*best])) best = k;
-    rows.push_back({{"value", sweep.second[k]},
-                    {"ok", r.problems.empty()},
-                    {"throughput_per_min", r.simulated() ? estimate_json(r.study.throughput) : Json(nullptr)},
-                    {"missed", r.simulated() ? Json(r.outcome().missed) : Json(nullptr)},
-                    {"problem", r.problems.empty() ? Json(nullptr) : Json(r.problems.front().detail)}});
-    if (!context.json) {
-      fmt::print(
-          "{} = {:g}: {}{}\n", one_line(sweep.first), sweep.second[k],
-          r.simulated() ? estimate_text(r.study.throughput, 2) + " items a minute" : std::string("not simulated"),
-          r.problems.empty() ? ""
-                             : fmt::format("; {}: {}", r.problems.front().kind, one_line(r.problems.front().detail)));
-    }
-  }
+  POLYPOD_ASSIGN(s, cell::sweep(o.file, overrides, axes, question, [&](const cell::SweepRow& row) {
+                   if (!progress(static_cast<double>(++done) / static_cast<double>(combinations))) return false;
+                   if (!context.json) {
+                     fmt::print("{}: {}{}\n", in_words(axes, row.values),
+                                row.simulated ? estimate_text(row.throughput, 2) + " items a minute"
+                                              : std::string("not simulated"),
+                                row.problems.empty() ? ""
+                                                     : fmt::format("; {}: {}", row.problems.front().kind,
+                                                                   one_line(row.problems.front().detail)));
+                   }
+                   return true;
+                 }));
+  if (!s.complete) return kDone;  // Ctrl-C: the program says so
+  files::Outputs together;
+  if (!o.report.empty())
+    POLYPOD_TRY(together.add(o.report, pages::cell_sweep_page(s, POLYPOD_VERSION, command_line())));
+  POLYPOD_TRY(together.commit());
   if (context.json) {
-    print_json({{"ok", best.has_value()},
-                {"key", sweep.first},
-                {"sweep", rows},
-                {"best", best ? Json(sweep.second[*best]) : Json(nullptr)}});
-  } else if (best) {
-    fmt::print("best of these: {:g}\n", sweep.second[*best]);
+    print_json(sweep_json(s));
   } else {
-    fmt::print("none of these is ok\n");
+    if (!s.best)
+      fmt::print("none of these is ok\n");
+    else if (axes.size() == 1)
+      fmt::print("best of these: {:g}\n", s.rows[*s.best].values[0]);
+    else
+      fmt::print("best of these: {}\n", in_words(axes, s.rows[*s.best].values));
+    if (!o.report.empty()) fmt::print("wrote {}\n", o.report);
   }
-  return best ? kDone : kAnswerIsNo;
+  return s.best ? kDone : kAnswerIsNo;
 }
 
 Json document(const cell::CellResult& r) {
@@ -377,11 +425,15 @@ Command cell_command() {
         a.flag("--compare", o->compare, "Compare the policies, and find what limits the cell");
         a.option("--set", o->sets,
                  "KEY=NUMBER: another number of the cell file, as conveyor.A.speed_mm_per_s=150 (repeatable)");
-        a.option("--sweep", o->sweep, "KEY=FROM:TO:STEP: runs the cell with each of these numbers, and names the best");
+        a.option(
+            "--sweep", o->sweeps,
+            "KEY=FROM:TO:STEP: runs the cell with each of these numbers, of several keys with each combination, and "
+            "names the best (repeatable)");
         a.option("--report", o->report, "An HTML page: the documentation of the cell");
         a.option("--events", o->events, "A CSV file: each event of the first run");
-        a.option("--drawing", o->drawing, "An SVG file: five views with dimensions");
-        a.option("--sequence", o->sequence, "A file of Structured Text (IEC 61131-3): the sequence for the PLC");
+        a.option("--drawing", o->drawing, "Five views with dimensions: an SVG file, or a DXF file by its ending .dxf");
+        a.option("--sequence", o->sequence,
+                 "The sequence for the PLC: Structured Text (IEC 61131-3), or PLCopen XML by its ending .xml");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(check_files({o->file}, {o->report, o->events, o->drawing, o->sequence}, context.json));
@@ -397,8 +449,8 @@ Command cell_command() {
           return fail("AP241", fmt::format("--policy {}: not one of them", one_line(o->policy)), {},
                       "first, nearest or look-ahead");
         }
-        if (!o->sweep.empty()) {
-          POLYPOD_TRY(refuse(context, {"--report", "--events", "--drawing", "--sequence", "--compare"},
+        if (!o->sweeps.empty()) {
+          POLYPOD_TRY(refuse(context, {"--events", "--drawing", "--sequence", "--compare"},
                              "it serves one run, without --sweep"));
           if (files::is_standard_input(o->file)) {
             return fail("AP243", "--sweep reads the cell several times, and standard input can be read once", {},
@@ -413,7 +465,7 @@ Command cell_command() {
         question.settings.record = !o->events.empty() || !o->report.empty();
         question.seeds = o->seeds;
         question.compare = o->compare;
-        if (!o->sweep.empty()) return run_sweep(context, o->file, overrides, o->sweep, question);
+        if (!o->sweeps.empty()) return run_sweep(context, *o, overrides, question);
         question.settings.progress = progress_line(context, "simulating");
         const cell::CellResult result = cell::judge_cell(std::move(c), question);
         if (!result.study.complete) return kDone;  // Ctrl-C: the program says so
@@ -421,8 +473,14 @@ Command cell_command() {
         if (!o->report.empty())
           POLYPOD_TRY(together.add(o->report, pages::cell_page(result, POLYPOD_VERSION, command_line())));
         if (!o->events.empty()) POLYPOD_TRY(together.add(o->events, pages::cell_events_csv(result)));
-        if (!o->drawing.empty()) POLYPOD_TRY(together.add(o->drawing, pages::cell_drawing(result)));
-        if (!o->sequence.empty()) POLYPOD_TRY(together.add(o->sequence, cell::structured_text(result.cell)));
+        if (!o->drawing.empty()) {
+          POLYPOD_TRY(together.add(
+              o->drawing, ends_with(o->drawing, ".dxf") ? pages::cell_dxf(result) : pages::cell_drawing(result)));
+        }
+        if (!o->sequence.empty()) {
+          POLYPOD_TRY(together.add(o->sequence, ends_with(o->sequence, ".xml") ? cell::plcopen_xml(result.cell)
+                                                                               : cell::structured_text(result.cell)));
+        }
         POLYPOD_TRY(together.commit());
         if (context.json) {
           print_json(document(result));

@@ -238,8 +238,8 @@ Status winner_may_appear(const std::string& folder) {
 }
 
 Status write_winner(const Study& study, const std::string& folder, const Row& row) {
-  POLYPOD_ASSIGN(m, design::machine_of_row(study, row));
-  return files::write_whole(beside(folder, kWinner), machine::to_toml(m));
+  POLYPOD_ASSIGN(text, design::file_of_row(study, row));
+  return files::write_whole(beside(folder, kWinner), text);
 }
 
 }  // namespace
@@ -547,8 +547,8 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
     POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, chosen)));
   }
   if (machine_row != nullptr) {
-    POLYPOD_ASSIGN(m, design::machine_of_row(study, *machine_row));
-    POLYPOD_TRY(out.add(o.output, machine::to_toml(m)));
+    POLYPOD_ASSIGN(text, design::file_of_row(study, *machine_row));
+    POLYPOD_TRY(out.add(o.output, std::move(text)));
   }
   const pages::StudyPage page{study, rows, sensitivities, global, complete, POLYPOD_VERSION, command_line()};
   constexpr double kWidth = 960;

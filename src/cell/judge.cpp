@@ -108,7 +108,8 @@ std::vector<std::string> not_judged(const CellResult& r) {
       out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
   if (!r.cell.open_sides.empty() && !way_in(r.cell, r.layout.swept).empty())
     out.push_back(fmt::format("what protects where no guard stands: {}", r.cell.open_sides));
-  out.emplace_back("collisions of what machines carry and of what stands in places and lies on belts");
+  out.emplace_back(
+      "collisions of what machines carry with bodies, and of what stands in places; guards against what is carried");
   return out;
 }
 
@@ -127,7 +128,7 @@ CellResult judge_cell(Cell given, const CellQuestion& question) {
   const bool reached = std::none_of(out.motions.problems.begin(), out.motions.problems.end(),
                                     [](const Problem& p) { return p.kind == "reach"; });
   std::vector<Flow> flows;
-  if (reached) {
+  if (reached && (!question.only_sound || out.problems.empty())) {
     out.study = study(out.cell, out.motions, question.settings, question.seeds, question.compare);
     judge_cycle(out, question);
     flows = flows_of(out);
@@ -137,7 +138,7 @@ CellResult judge_cell(Cell given, const CellQuestion& question) {
         {"budget", fmt::format("the parts cost {:.2f} {}, {:.2f} more than the budget", out.cell.cost.total(),
                                out.cell.cost.currency, -out.cell.cost.reserve())});
   }
-  out.planning = planning(out.cell, flows);
+  if (question.plan) out.planning = planning(out.cell, flows);
   out.not_judged = not_judged(out);
   return out;
 }

@@ -7,9 +7,11 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "common.hpp"
+#include "polypod/bodies/shape.hpp"
 #include "polypod/core/golden_section.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/geometry/segments.hpp"
@@ -35,6 +37,22 @@ struct Position {
   std::size_t task = 0;
 };
 
+/// What a machine carries: upright where it was taken.
+struct Load {
+  Vec3 axis_T = Vec3::Zero();               ///< from its bottom to its top, a unit vector in the tool frame
+  double grip = 0, height = 0, radius = 0;  ///< m
+};
+
+bodies::Shape shape_of(const Capsule& c) {
+  return c.cargo ? bodies::cylinder(c.from, c.to, c.radius) : bodies::capsule(c.from, c.to, c.radius);
+}
+/// Whether two bodies touch: no plane was found between them, and points of both that are less than a micrometre apart.
+bool touch(const bodies::Shape& a, const Pose& X_CA, const bodies::Shape& b, const Pose& X_CB) {
+  constexpr double kSame = 1e-6;
+  const bodies::Bracket d = bodies::distance(a, X_CA, b, X_CB, kSame);
+  return d.high < kSame;
+}
+
 void bound(Position& p) {
   Vec3 low = Vec3::Constant(kInfinity), high = -low;
   for (const Capsule& c : p.links) {
@@ -58,15 +76,20 @@ class Judge {
     for (std::size_t t = 0; t < cell_.tasks.size(); ++t) collect(t);
     homes();
     against_bodies();
+    items_on_belts();
     against_each_other();
     for (const auto& list : positions_) {
       out_.positions += static_cast<int>(list.size());
       for (const Position& p : list) {
         for (const Capsule& c : p.links) {
-          if (c.mount) continue;
+          if (c.mount || c.cargo) continue;
           const std::string& name = cell_.machines[static_cast<std::size_t>(&list - positions_.data())].name;
-          out_.swept.push_back({c.from, c.radius, name});
-          out_.swept.push_back({c.to, c.radius, name});
+          constexpr double kPiece = 0.1;  // m: what lies at one height of the tables of distances
+          const int pieces = std::max(1, static_cast<int>(std::ceil((c.to - c.from).norm() / kPiece)));
+          for (int k = 0; k < pieces; ++k) {
+            const auto at = [&](int i) { return Vec3(c.from + (c.to - c.from) * (static_cast<double>(i) / pieces)); };
+            out_.swept.push_back({at(k), c.radius, name, at(k + 1)});
+          }
         }
       }
     }
@@ -107,12 +130,31 @@ class Judge {
     p.links = links(cell_.machines[m], X_MT, q);
     p.zone = zone;
     p.task = task;
+    if (load_) {
+      Capsule c;
+      const Pose X_CT = cell_.machines[m].X_CM * X_MT;
+      c.from = X_CT * Vec3(-load_->grip * load_->axis_T);
+      c.to = X_CT * Vec3((load_->height - load_->grip) * load_->axis_T);
+      c.radius = load_->radius;
+      c.tool = c.cargo = true;
+      p.links.push_back(c);
+    }
     bound(p);
     positions_[m].push_back(std::move(p));
   }
   void add_joints(std::size_t m, std::size_t task, const JointVector& q, const std::string& zone) {
     const kinematics::ForwardResult f = kinematics::forward(cell_.machines[m].model, q);
     if (!f.poses.empty()) add(m, task, f.poses[0], q, zone);
+  }
+
+  /// A container in the tool of a machine that stands at a slot; an item that is taken from above.
+  void carry_container(const Machine& machine, const Stand& s) {
+    const Container& c = cell_.containers[0];
+    load_ = Load{(machine.X_CM * s.X_at).R.transpose() * Vec3::UnitZ(), c.grip, c.height, c.diameter / 2};
+  }
+  void carry_item(const Machine& machine, const Mat3& R_MT) {
+    const Item& i = cell_.items[0];
+    load_ = Load{(machine.X_CM.R * R_MT).transpose() * Vec3::UnitZ(), i.height, i.height, i.diameter / 2};
   }
 
   /// A joint motion between two stands.
@@ -150,8 +192,11 @@ class Judge {
     const JointVector& home = motions_.home[m];
     for (const std::size_t k : some(from.size())) {
       if (!from[k].ok) continue;
+      load_.reset();
       way(m, t, home, from[k].above, zone(task.from));
       down(m, t, from[k], zone(task.from));
+      carry_container(cell_.machines[m], from[k]);
+      down(m, t, from[k], zone(task.from));  // and up again
       std::vector<const Stand*> next;
       if (task.via >= 0) next.push_back(&stands[static_cast<std::size_t>(task.via)][0]);
       JointVector at = from[k].above;
@@ -164,10 +209,12 @@ class Judge {
       }
       for (const std::size_t j : some(to.size())) {
         if (!to[j].ok || (task.to == task.from && j != k)) continue;
+        carry_container(cell_.machines[m], from[k]);
         way(m, t, at, to[j].above, !target.zone.empty() ? target.zone : task.via < 0 ? held : "");
         if (k > 0) continue;
         down(m, t, to[j], target.zone);
         // On to where another task begins.
+        load_.reset();
         for (const Task& next_task : cell_.tasks) {
           if (next_task.machine != task.machine || next_task.from < 0) continue;
           const std::vector<Stand>& begins = stands[static_cast<std::size_t>(next_task.from)];
@@ -176,7 +223,10 @@ class Judge {
         }
       }
     }
+    leave();
   }
+
+  void leave() { load_.reset(); }
 
   void collect_picks(std::size_t t) {
     const Task& task = cell_.tasks[t];
@@ -198,6 +248,7 @@ class Judge {
             const motion::Cycle cycle{X_MC * pick, X_MC * put, machine.lift, machine.blend};
             const Result<motion::Plan> plan = motion::plan(machine.model, cycle, limits_of(machine));
             if (!plan) continue;
+            carry_item(machine, Mat3::Identity());
             for (int k = 0; k <= kSteps; ++k) {
               Pose X;
               X.p = plan->tool(cycle, plan->time * k / kSteps).p;
@@ -213,6 +264,7 @@ class Judge {
               const kinematics::InverseResult q = kinematics::inverse_near(machine.model, X, motions_.home[m]);
               if (q.reachable() == nullptr) continue;
               const bool at_belt = &p == &pick;
+              carry_item(machine, X.R);
               add(m, t, X, q.reachable()->joints, at_belt ? "" : target.zone);
               way(m, t, motions_.home[m], q.reachable()->joints, target.zone);
             }
@@ -220,6 +272,7 @@ class Judge {
         }
       }
     }
+    leave();
   }
 
   void homes() {
@@ -255,13 +308,59 @@ class Judge {
           if (far > std::min(out_.least_distance, 1.0)) continue;
           const bool mine = works_at(p.task, s.name);
           for (const Capsule& c : p.links) {
-            if (c.mount || (c.tool && mine)) continue;
+            if (c.mount || c.cargo || (c.tool && mine)) continue;
             const double d = distance(c.from, c.to, s) - c.radius;
             out_.least_distance = std::min(out_.least_distance, d);
             if (d >= 0 || !said.insert({called(m, p.task), s.name}).second) continue;
             out_.problems.push_back(
                 {"collision", fmt::format("{} comes {:.0f} mm into {} near {}", called(m, p.task), -units::to_mm(d),
                                           s.name, place_text((c.from + c.to) / 2))});
+          }
+        }
+      }
+    }
+  }
+
+  /// The layer of items on a belt, over all of its width: thin, and where a task takes items no obstacle.
+  [[nodiscard]] std::vector<Solid> layers() const {
+    std::vector<Solid> out;
+    for (std::size_t c = 0; c < cell_.conveyors.size(); ++c) {
+      const Conveyor& belt = cell_.conveyors[c];
+      if (cell_.items.empty() || !across_range(cell_, static_cast<int>(c))) continue;
+      Vec3 middle = belt.point(belt.length / 2, 0);
+      middle.z() += cell_.items[0].height / 2;
+      out.push_back(
+          {belt.name, "items", middle, {belt.length, belt.width, cell_.items[0].height}, belt.heading, false});
+    }
+    return out;
+  }
+
+  void items_on_belts() {
+    const std::vector<Solid> solid = layers();
+    std::vector<bodies::Shape> shapes;
+    std::vector<Pose> poses;
+    for (const Solid& s : solid) {
+      shapes.push_back(bodies::box(-s.size / 2, s.size / 2));
+      Pose X;
+      X.R = Eigen::AngleAxisd(s.turn, Vec3::UnitZ()).toRotationMatrix();
+      X.p = s.middle;
+      poses.push_back(X);
+    }
+    std::set<std::array<std::string, 3>> said;
+    for (std::size_t m = 0; m < positions_.size(); ++m) {
+      for (const Position& p : positions_[m]) {
+        const auto report = [&](const Capsule& c, const std::string& what) {
+          const std::string mover = called(m, p.task);
+          if (!said.insert({mover, what, ""}).second) return;
+          out_.problems.push_back(
+              {"collision", fmt::format("{} reaches into {} near {}", mover, what, place_text((c.from + c.to) / 2))});
+        };
+        for (std::size_t k = 0; k < solid.size(); ++k) {
+          if (works_at(p.task, solid[k].name)) continue;
+          if ((p.middle - solid[k].middle).norm() > p.radius + solid[k].size.norm() / 2) continue;
+          for (const Capsule& c : p.links) {
+            if (c.mount || c.cargo) continue;
+            if (touch(shape_of(c), Pose{}, shapes[k], poses[k])) report(c, fmt::format("items on {}", solid[k].name));
           }
         }
       }
@@ -282,7 +381,9 @@ class Judge {
             for (const Capsule& a : p.links) {
               for (const Capsule& b : q.links) {
                 if (!nearer_than(a.from, a.to, b.from, b.to, limit + a.radius + b.radius)) continue;
-                const double d = segment_distance(a.from, a.to, b.from, b.to) - a.radius - b.radius;
+                const double d = a.cargo || b.cargo
+                                     ? bodies::distance(shape_of(a), Pose{}, shape_of(b), Pose{}, limit).high
+                                     : segment_distance(a.from, a.to, b.from, b.to) - a.radius - b.radius;
                 if (d >= limit) continue;
                 limit = d;
                 worst[key] = {called(m, p.task), called(o, q.task), d, (a.from + a.to + b.from + b.to) / 4,
@@ -306,6 +407,7 @@ class Judge {
   const Cell& cell_;
   const Motions& motions_;
   std::vector<Solid> solids_;
+  std::optional<Load> load_;  ///< of the positions that are added next
   std::vector<std::vector<Position>> positions_{cell_.machines.size()};
   Layout out_;
 };
@@ -334,6 +436,19 @@ std::vector<Solid> solids(const Cell& cell) {
   for (const Spot& s : cell.spots)
     if ((s.size.array() > 0).all()) out.push_back({s.name, name_of(s.kind), s.middle, s.size, s.turn, false});
   for (const Body& b : cell.bodies) out.push_back({b.name, b.kind, b.middle, b.size, b.turn, b.module});
+  return out;
+}
+
+std::vector<StandingContainer> standing_containers(const Cell& cell) {
+  std::vector<StandingContainer> out;
+  if (cell.containers.empty()) return out;
+  for (std::size_t s = 0; s < cell.spots.size(); ++s) {
+    if (cell.spots[s].kind == Spot::Kind::pour) continue;
+    for (std::size_t k = 0; k < cell.spots[s].slots.size(); ++k) {
+      out.push_back(
+          {static_cast<int>(s), static_cast<int>(k), cell.spots[s].slots[k] - Vec3(0, 0, cell.containers[0].grip)});
+    }
+  }
   return out;
 }
 

@@ -127,9 +127,6 @@ bool Reader::reaches(int conveyor, double along, const Task& task) const {
   return false;
 }
 
-namespace {
-
-/// `conveyor.A.speed_mm_per_s` with the name instead of a number in brackets.
 std::string by_number(const Table& top, const std::string& key) {
   const std::size_t dot = key.find('.');
   if (dot == std::string::npos) return key;
@@ -145,7 +142,7 @@ std::string by_number(const Table& top, const std::string& key) {
   return key;
 }
 
-Result<Cell> from_table(Table top, const std::string& file, const std::vector<Override>& overrides) {
+Status override_numbers(Table& top, const std::vector<Override>& overrides) {
   for (const Override& o : overrides) {
     char* end = nullptr;
     const double value = std::strtod(o.value.c_str(), &end);
@@ -157,6 +154,13 @@ Result<Cell> from_table(Table top, const std::string& file, const std::vector<Ov
                   "name it as conveyor.A.speed_mm_per_s, or conveyor[1].speed_mm_per_s");
     }
   }
+  return {};
+}
+
+namespace {
+
+Result<Cell> from_table(Table top, const std::string& file, const std::vector<Override>& overrides) {
+  POLYPOD_TRY(override_numbers(top, overrides));
   return Reader(top).read(file);
 }
 

@@ -28,6 +28,12 @@ Status Reader::container() {
   POLYPOD_ASSIGN(diameter, length(*table, "diameter_mm"));
   POLYPOD_ASSIGN(height, length(*table, "height_mm"));
   POLYPOD_ASSIGN(mass, table->optional_number("mass_g", 0, {0, 1e9}));
+  POLYPOD_ASSIGN(grip, optional_length(*table, "grip_mm", height / 2));
+  if (grip > height) {
+    return fail("CE103", fmt::format("{} is taken above its top", out.name), table->place_of("grip_mm"),
+                "grip_mm counts from its bottom, up to height_mm");
+  }
+  out.grip = grip;
   out.capacity = capacity;
   out.diameter = diameter;
   out.height = height;

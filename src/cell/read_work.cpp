@@ -100,31 +100,52 @@ Status Reader::spots() {
   return {};
 }
 
+Result<machine::AnyMachine> machine_of(const Table& table, const std::string& file) {
+  POLYPOD_ASSIGN(sets, table.optional_texts("set"));
+  std::vector<machine::Override> overrides;
+  for (const std::string& set : sets) {
+    const std::size_t equals = set.find('=');
+    if (equals == std::string::npos)
+      return fail("CE108", fmt::format("set \"{}\": not key=value", one_line(set)), table.place_of("set"));
+    overrides.push_back({set.substr(0, equals), set.substr(equals + 1)});
+  }
+  if (table.has("model")) {
+    if (table.has("file")) {
+      return fail("CE106", "a machine has `file` and `model` at once", table.place_of("model"),
+                  "`model` is the text of a machine file, `file` its name");
+    }
+    POLYPOD_ASSIGN(text, table.text("model"));
+    Result<machine::AnyMachine> made = machine::from_text(text, "model", overrides);
+    if (!made) {
+      Error error = made.error();
+      error.message = fmt::format("in the text of `model`, line {}: {}", error.place.line, error.message);
+      error.place = table.place_of("model");
+      return tl::unexpected(error);
+    }
+    return made;
+  }
+  POLYPOD_ASSIGN(model, table.text("file"));
+  // A name with a suffix is a file beside the cell; others are those of the catalogue.
+  const bool is_file = model.find('.') != std::string::npos || model.find('/') != std::string::npos;
+  Result<machine::AnyMachine> loaded = machine::load(is_file ? config::beside(file, model) : model, overrides);
+  if (!loaded) {
+    Error error = loaded.error();
+    if (error.place.file.empty()) error.place = table.place_of("file");
+    return tl::unexpected(error);
+  }
+  return loaded;
+}
+
 Status Reader::machines(const std::string& file) {
   POLYPOD_ASSIGN(tables, some("machine"));
   for (const Table& table : tables) {
     Machine out;
     out.place = table.place();
     POLYPOD_TRY(fresh_name(table, out.name));
-    POLYPOD_ASSIGN(model, table.text("file"));
-    POLYPOD_ASSIGN(sets, table.optional_texts("set"));
-    std::vector<machine::Override> overrides;
-    for (const std::string& set : sets) {
-      const std::size_t equals = set.find('=');
-      if (equals == std::string::npos)
-        return fail("CE108", fmt::format("set \"{}\": not key=value", one_line(set)), table.place_of("set"));
-      overrides.push_back({set.substr(0, equals), set.substr(equals + 1)});
-    }
-    out.file = model;
-    // A name with a suffix is a file beside the cell; others are those of the catalogue.
-    const bool is_file = model.find('.') != std::string::npos || model.find('/') != std::string::npos;
-    Result<machine::AnyMachine> loaded = machine::load(is_file ? config::beside(file, model) : model, overrides);
-    if (!loaded) {
-      Error error = loaded.error();
-      if (error.place.file.empty()) error.place = table.place_of("file");
-      return tl::unexpected(error);
-    }
-    out.model = std::move(*loaded);
+    POLYPOD_ASSIGN(name_of_file, table.optional_text("file", ""));
+    out.file = name_of_file;
+    POLYPOD_ASSIGN(loaded, machine_of(table, file));
+    out.model = std::move(loaded);
     const int joints = kinematics::joint_count(out.model);
     const bool turns = kinematics::joint_kind(out.model, 0) == machine::JointKind::revolute;
     POLYPOD_ASSIGN(at, point(table, "at_mm"));

@@ -88,6 +88,15 @@ Result<int> index_of(const std::vector<T>& things, const Table& table, std::stri
               known.empty() ? fmt::format("the cell has no {}", what)
                             : did_you_mean(name, known) + fmt::format("known here: {}", fmt::join(known, ", ")));
 }
+
+/// `conveyor.A.speed_mm_per_s` with the name replaced by its number in brackets: `conveyor[1].speed_mm_per_s`.
+std::string by_number(const Table& top, const std::string& key);
+/// Puts the numbers in. Error: CE108.
+Status override_numbers(Table& top, const std::vector<Override>& overrides);
+/// The machine of a [[machine]]: `file` beside the cell or of the catalogue, or `model`, the text of such a file; with
+/// what `set` changes.
+Result<machine::AnyMachine> machine_of(const Table& table, const std::string& file);
+
 class Reader {
  public:
   explicit Reader(Table& top) : top_(top) {}

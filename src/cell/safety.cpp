@@ -8,18 +8,23 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/geometry/segments.hpp"
 
 namespace polypod::cell {
 namespace {
 
 constexpr double mm = units::kMetrePerMm;
 
-/// Distance of a point from the wall over the line from a to b, seen from above.
-double from_line(const Vec3& p, const Vec3& a, const Vec3& b) {
-  const Eigen::Vector2d d = (b - a).head<2>(), r = (p - a).head<2>();
-  const double length = d.squaredNorm();
-  const double t = length > 0 ? std::clamp(r.dot(d) / length, 0.0, 1.0) : 0;
-  return (r - t * d).norm();
+/// Distance of what is moved from the wall over the line from a to b, seen from above.
+double from_wall(const Swept& s, const Vec3& a, const Vec3& b) {
+  const auto flat = [](const Vec3& p) { return Vec3(p.x(), p.y(), 0); };
+  return segment_distance(flat(s.at), flat(s.to.value_or(s.at)), flat(a), flat(b)) - s.radius;
+}
+double bottom_of(const Swept& s) {
+  return std::min(s.at.z(), s.to.value_or(s.at).z()) - s.radius;
+}
+double top_of(const Swept& s) {
+  return std::max(s.at.z(), s.to.value_or(s.at).z()) + s.radius;
 }
 
 template <std::size_t N>
@@ -28,22 +33,21 @@ struct TableRow {
   std::array<double, N> distance;
 };
 
-/// The entry of a table of distances by the height of the hazard (rows, falling) and that of the guard (columns,
-/// rising): the larger of the two rows about the height, the lower of the columns; all in mm. None below the first
-/// column.
+/// The largest entry of a table of distances over all heights of the hazard from `low` to `high` (rows, falling) for a
+/// guard (columns, rising): between two rows the larger counts, between columns the lower; all in mm. None below the
+/// first column.
 template <std::size_t N, std::size_t Rows>
 std::optional<double> of_table(const std::array<TableRow<N>, Rows>& rows, const std::array<double, N>& columns,
-                               double hazard, double guard) {
+                               double low, double high, double guard) {
   if (guard < columns.front() - 1e-9) return std::nullopt;
   std::size_t column = 0;
   while (column + 1 < N && columns[column + 1] <= guard + 1e-9) ++column;
   double out = 0;
   for (std::size_t k = 0; k < Rows; ++k) {
-    const double row = rows[k].height;
-    const bool here = std::abs(row - hazard) < 1e-9;
-    const bool above = row > hazard && (k + 1 == Rows || rows[k + 1].height < hazard);
-    const bool below = row < hazard && k > 0 && rows[k - 1].height > hazard;
-    if (here || above || below) out = std::max(out, rows[k].distance[column]);
+    // Rows within, the next one above where `high` lies between two, and the next one below `low`.
+    const bool under_top = rows[k].height <= high + 1e-9 || k + 1 == Rows || rows[k + 1].height < high - 1e-9;
+    const bool over_bottom = rows[k].height >= low - 1e-9 || k == 0 || rows[k - 1].height > low + 1e-9;
+    if (under_top && over_bottom) out = std::max(out, rows[k].distance[column]);
   }
   return out;
 }
@@ -60,6 +64,10 @@ std::optional<double> curtain_distance(double stopping, double resolution) {
 }
 
 std::optional<double> curtain_over_distance(double stopping, double hazard_height, double curtain_height) {
+  return curtain_over_distance(stopping, hazard_height, hazard_height, curtain_height);
+}
+
+std::optional<double> curtain_over_distance(double stopping, double low, double high, double curtain_height) {
   static constexpr std::array<double, 12> kEdge{900, 1000, 1100, 1200, 1300, 1400, 1600, 1800, 2000, 2200, 2400, 2600};
   static constexpr std::array<TableRow<12>, 15> kRows{
       {{2600, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
@@ -77,7 +85,7 @@ std::optional<double> curtain_over_distance(double stopping, double hazard_heigh
        {400, {900, 700, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
        {200, {600, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
        {0, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}}}};
-  const std::optional<double> over = of_table(kRows, kEdge, hazard_height / mm, curtain_height / mm);
+  const std::optional<double> over = of_table(kRows, kEdge, low / mm, high / mm, curtain_height / mm);
   if (!over) return std::nullopt;
   if (!(*over > 0)) return 0;
   const double c = *over * mm, near = 2.0 * stopping + c;
@@ -90,6 +98,10 @@ std::optional<double> scanner_distance(double stopping, double height, double re
 }
 
 std::optional<double> reach_over_distance(double hazard_height, double fence_height) {
+  return reach_over_distance(hazard_height, hazard_height, fence_height);
+}
+
+std::optional<double> reach_over_distance(double low, double high, double fence_height) {
   static constexpr std::array<double, 10> kFence{1000, 1200, 1400, 1600, 1800, 2000, 2200, 2400, 2500, 2700};
   static constexpr std::array<TableRow<10>, 15> kRows{{{2700, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
                                                        {2600, {900, 800, 700, 600, 600, 500, 400, 300, 100, 0}},
@@ -106,7 +118,7 @@ std::optional<double> reach_over_distance(double hazard_height, double fence_hei
                                                        {400, {1400, 1200, 400, 0, 0, 0, 0, 0, 0, 0}},
                                                        {200, {1200, 900, 0, 0, 0, 0, 0, 0, 0, 0}},
                                                        {0, {1100, 500, 0, 0, 0, 0, 0, 0, 0, 0}}}};
-  const std::optional<double> out = of_table(kRows, kFence, hazard_height / mm, fence_height / mm);
+  const std::optional<double> out = of_table(kRows, kFence, low / mm, high / mm, fence_height / mm);
   return out ? std::optional(*out * mm) : std::nullopt;
 }
 
@@ -174,14 +186,14 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
     f.kind = name_of(g.kind);
     f.actual = std::numeric_limits<double>::infinity();
     std::string lacking;
-    // What each place of a machine needs, with its own height: that which lacks most counts.
+    // What each place of a machine needs, for all of its heights: that which lacks most counts.
     const auto against = [&](const auto& needs) {
       std::optional<double> needed = 0;
       double most = -std::numeric_limits<double>::infinity();
       for (const Swept& s : space) {
-        const std::optional<double> here = needs(std::max(0.0, s.at.z()));
+        const std::optional<double> here = needs(std::max(0.0, bottom_of(s)), std::max(0.0, top_of(s)));
         if (!here) return here;
-        const double is = from_line(s.at, g.from, g.to) - s.radius;
+        const double is = from_wall(s, g.from, g.to);
         if (*here - is <= most) continue;
         most = *here - is;
         needed = here;
@@ -193,7 +205,7 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
     };
     std::optional<double> needed;
     if (g.kind == Guard::Kind::fence) {
-      needed = against([&](double height) { return reach_over_distance(height, g.height); });
+      needed = against([&](double low, double high) { return reach_over_distance(low, high, g.height); });
       f.rule = "ISO 13857, Table 2 (reaching over, high risk)";
       if (!needed) {
         f.enough = false;
@@ -205,9 +217,11 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
       if (g.opening > 0) {
         const auto through = reach_through_distance(g.opening_shape, g.opening);
         double near = std::numeric_limits<double>::infinity();
+        constexpr double kArm = 0.85;  // m, of an arm through the opening
         for (const Swept& s : space)
-          if (std::abs(s.at.z() - g.opening_height) < 0.85)
-            near = std::min(near, from_line(s.at, g.from, g.to) - s.radius);
+          if (std::min(s.at.z(), s.to.value_or(s.at).z()) < g.opening_height + kArm &&
+              std::max(s.at.z(), s.to.value_or(s.at).z()) > g.opening_height - kArm)
+            near = std::min(near, from_wall(s, g.from, g.to));
         if (!through || near < *through) {
           f.enough = false;
           f.note = fmt::format(
@@ -226,9 +240,9 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
           curtain ? curtain_distance(f.stopping, g.resolution) : scanner_distance(f.stopping, g.height, g.resolution);
       f.rule = curtain ? "ISO 13855, S = K T + C, approach across the curtain"
                        : "ISO 13855, S = K T + C, approach along the field";
-      needed = against([&](double height) -> std::optional<double> {
+      needed = against([&](double low, double high) -> std::optional<double> {
         if (!first || !curtain) return first;
-        const std::optional<double> over = curtain_over_distance(f.stopping, height, g.height);
+        const std::optional<double> over = curtain_over_distance(f.stopping, low, high, g.height);
         return over ? std::optional(std::max(*first, *over)) : std::nullopt;
       });
       if (first) out.guard_distance = std::max(out.guard_distance, *first);

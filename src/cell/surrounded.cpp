@@ -49,8 +49,14 @@ std::string way_in(const Cell& cell, const std::vector<Swept>& space) {
   constexpr double kGap = 0.120, kStep = 0.030, kMargin = 0.5;
   constexpr double kMost = 400;  // squares a side
   // What reaches through a guard is a matter of that guard.
-  std::vector<Swept> behind;
+  std::vector<Swept> behind, balls;
   for (const Swept& s : space) {
+    balls.push_back({s.at, s.radius, "", {}});
+    if (!s.to) continue;
+    balls.push_back({(s.at + *s.to) / 2, s.radius, "", {}});
+    balls.push_back({*s.to, s.radius, "", {}});
+  }
+  for (const Swept& s : balls) {
     if (s.at.z() - s.radius > kReach) continue;
     if (std::any_of(cell.guards.begin(), cell.guards.end(),
                     [&](const Guard& g) { return from_segment(s.at.head<2>(), g) <= s.radius + kGap / 2; }))

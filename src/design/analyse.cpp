@@ -13,6 +13,7 @@
 #include <optional>
 
 #include "polypod/core/nearest_word.hpp"
+#include "polypod/design/cell_study.hpp"
 #include "polypod/design/optimize.hpp"
 
 namespace polypod::design {
@@ -292,13 +293,10 @@ std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
   return out;
 }
 
-Result<AnyMachine> machine_of_row(const Study& study, const Row& row) {
-  if (row.phase == Phase::start) return study.start;
-  auto made = study.machine_at(row.varied);
-  if (!made) {
-    return fail("OP121", fmt::format("row {} has no machine: {}", row.row, made.error().message), {},
-                "take another row");
-  }
+namespace {
+
+/// Where a candidate comes from, and what it is worth.
+std::string origin_of(const Study& study, const Row& row) {
   const Evaluation& e = row.evaluation;
   std::string text = fmt::format("row {} of the study {} on {} (seed {}, Polypod {})", row.row, study.file,
                                  study.machine, study.seed, row.version);
@@ -309,8 +307,36 @@ Result<AnyMachine> machine_of_row(const Study& study, const Row& row) {
   text += "; set by the search: ";
   std::vector<std::string> set;
   for (const auto& [key, value] : study.parameters(row.varied)) set.push_back(fmt::format("{} = {}", key, value));
-  text += fmt::format("{}; what other entries say of these figures is true of the machine that the study began with",
-                      fmt::join(set, ", "));
+  return text + fmt::format("{}", fmt::join(set, ", "));
+}
+
+}  // namespace
+
+Result<std::string> file_of_row(const Study& study, const Row& row) {
+  if (!study.of_cell) {
+    POLYPOD_ASSIGN(m, machine_of_row(study, row));
+    return machine::to_toml(m);
+  }
+  if (row.phase == Phase::start) return study.machine_toml;
+  const auto made = cell_at(study, row.varied);
+  if (!made) {
+    return fail("OP121", fmt::format("row {} has no cell: {}", row.row, made.error().message), {}, "take another row");
+  }
+  std::string origin = origin_of(study, row);
+  std::replace_if(
+      origin.begin(), origin.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+  return fmt::format("# {}\n{}", origin, *made);
+}
+
+Result<AnyMachine> machine_of_row(const Study& study, const Row& row) {
+  if (row.phase == Phase::start) return study.start;
+  auto made = study.machine_at(row.varied);
+  if (!made) {
+    return fail("OP121", fmt::format("row {} has no machine: {}", row.row, made.error().message), {},
+                "take another row");
+  }
+  const std::string text = origin_of(study, row) +
+                           "; what other entries say of these figures is true of the machine that the study began with";
   machine::note(*made, "study", text);
   return std::move(*made);
 }

@@ -10,6 +10,8 @@
 #include <optional>
 #include <thread>
 
+#include "polypod/design/cell_study.hpp"
+
 namespace polypod::design {
 namespace {
 
@@ -138,6 +140,7 @@ class Threads final : public Crew {
 Result<Evaluation> judge(const Study& study, const Row& row, const Incumbents& incumbents,
                          const EvaluateOptions& options) {
   if (options.cancelled && options.cancelled()) return fail(kCancelled, "cancelled");
+  if (row.phase == Phase::start && study.of_cell) return evaluate_cell(study, nullptr, options);
   if (row.phase == Phase::start) return evaluate_machine(study, study.start, {}, options);
   return evaluate(study, row.varied, incumbents, options);
 }

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/design/cell_study.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/quality/singularity.hpp"
@@ -587,6 +588,7 @@ Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machin
 
 Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varied, const Incumbents& incumbents,
                             const EvaluateOptions& options) {
+  if (study.of_cell) return evaluate_cell(study, &varied, options);
   const auto m = study.machine_at(varied);
   if (!m) return no_machine(study, m.error());
   return judged(study, *m, study.parameters(varied), incumbents, options);

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "ledger.hpp"
+#include "polypod/design/cell_study.hpp"
 #include "rounded.hpp"
 
 namespace polypod::design {
@@ -84,6 +85,10 @@ bool start_is_candidate(const Study& study) {
     const Vary& v = study.vary[i];
     near.push_back(rounded(v.at(v.share_of(values[i]))));
     if (std::abs(near.back() - values[i]) > kSame * (1 + std::abs(values[i]))) return false;
+  }
+  if (study.of_cell) {
+    const auto cell = cell_at(study, near);
+    return cell && *cell == study.machine_toml;
   }
   const auto machine = study.machine_at(near);
   return machine && machine::to_toml(*machine) == machine::to_toml(study.start);

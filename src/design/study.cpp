@@ -10,10 +10,12 @@
 #include <filesystem>
 #include <map>
 
+#include "polypod/cell/rewrite.hpp"
 #include "polypod/core/config.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/nearest_word.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/design/cell_study.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/quality/elements.hpp"
@@ -232,6 +234,7 @@ std::vector<std::string> keys_of(const AnyMachine& machine) {
 
 /// Whether the machine has this key, whatever value it may take.
 Status knows(const Study& s, const std::string& key, double value, const Place& place) {
+  if (s.of_cell) return cell_knows(s, key, value, place);
   const std::vector<std::string> known = keys_of(s.start);
   if (std::find(known.begin(), known.end(), key) != known.end()) return {};
   const auto made = machine::from_text(s.machine_toml, s.machine, {{key, number(value)}});
@@ -244,7 +247,7 @@ Status knows(const Study& s, const std::string& key, double value, const Place& 
 Status judge_keys(const Study& s) {
   std::map<std::string, Place> taken;
   const auto take = [&](const std::string& key, const Place& place, const char* as) -> Status {
-    const auto [at, fresh] = taken.emplace(key, place);
+    const auto [at, fresh] = taken.emplace(s.of_cell ? cell::counted_key(s.machine_toml, key) : key, place);
     if (fresh) return {};
     return fail("OP103", fmt::format("{} is {} here and has its value from line {} already", key, as, at->second.line),
                 place, "name each parameter once");
@@ -254,7 +257,10 @@ Status judge_keys(const Study& s) {
     POLYPOD_TRY(knows(s, v.key, v.min, v.place));
   }
   for (const Tie& t : s.ties) POLYPOD_TRY(take(t.key, t.place, "tied"));
-  const std::vector<std::string> known = keys_of(s.start);
+  std::vector<std::string> known = s.of_cell ? std::vector<std::string>() : keys_of(s.start);
+  if (s.of_cell) {
+    for (const cell::CellNumber& n : cell::numbers_of(s.machine_toml)) known.insert(known.end(), {n.key, n.counted});
+  }
   std::vector<std::string> valued = known;
   for (const Vary& v : s.vary) valued.push_back(v.key);
   for (const Tie& t : s.ties) {
@@ -275,6 +281,7 @@ Status judge_keys(const Study& s) {
 
 /// Whether the machine can have this figure at all.
 Status has_figure(const Study& s, Figure figure, const Place& place) {
+  if (s.of_cell) return {};  // judge_cell_figures
   const machine::Task task = kinematics::task(s.start);
   const char* name = info_of(figure).name;
   const bool anywhere = figure == Figure::footprint || figure == Figure::height;
@@ -340,6 +347,7 @@ Result<std::optional<std::array<double, 2>>> read_range(const config::Table& t, 
 
 /// The machine's file as text, from beside the study or from the catalogue, with what [[set]] fixes.
 Status read_machine(const config::Table& table, const std::string& name, const std::string& kept, Study& s) {
+  if (table.has("cell")) return read_cell(table, name, kept, s);
   POLYPOD_ASSIGN(machine, table.text("machine"));
   s.machine = machine;
   POLYPOD_ASSIGN(sets, table.tables("set"));
@@ -469,6 +477,7 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
     }
   }
   POLYPOD_TRY(judge_keys(s));
+  POLYPOD_TRY(judge_cell_figures(s));
   for (const Goal& g : s.goals) POLYPOD_TRY(has_figure(s, g.figure, g.place));
   for (const Hold& h : s.holds) POLYPOD_TRY(has_figure(s, h.box ? Figure::volume : h.figure, h.place));
   return s;
@@ -490,8 +499,12 @@ const std::array<FigureInfo, kFigures>& figure_infos() {
       {Figure::tolerance_angle, "tolerance_rad", "mean worst case of the orientation", true},
       {Figure::known_error, "known_error_mm", "mean error of the position for the study's known errors", true},
       {Figure::known_error_max, "known_error_max_mm", "largest error of the position seen", true},
+      {Figure::throughput, "throughput_per_min", "items put into containers a minute, the mean of the runs", false},
+      {Figure::missed, "missed", "items that fall off the end of a belt, the mean of the runs", false},
+      {Figure::cost_per_item, "cost_per_item", "price of the cell's hours for an item, in the cell's currency", false},
       {Figure::compliance, "compliance_um_per_N", "largest displacement per force at the middle of the work", false},
-      {Figure::footprint, "footprint_mm2", "rectangle along x and y round the machine at home", false},
+      {Figure::footprint, "footprint_mm2", "rectangle along x and y round the machine at home, or round the cell",
+       false},
       {Figure::height, "height_mm", "height of the machine at home, tool included", false},
       {Figure::natural_frequency, "natural_frequency_hz", "lowest natural frequency at any of the poses", false, true},
       {Figure::drive_force, "drive_force_N", "largest force of a drive at rest under the load, at any of the poses",
@@ -574,6 +587,8 @@ std::vector<std::pair<std::string, double>> Study::parameters(const std::vector<
     double value = 0;
     if (found != out.end()) {
       value = found->second;
+    } else if (of_cell) {
+      value = cell_number(*this, t.equals).value_or(0);
     } else {  // a parameter of the machine that stays as it is
       for (const auto& list : {machine::settings(start), kinematics::parameters(start)})
         for (const machine::Parameter& p : list)
@@ -585,6 +600,7 @@ std::vector<std::pair<std::string, double>> Study::parameters(const std::vector<
 }
 
 Result<AnyMachine> Study::machine_at(const std::vector<double>& varied) const {
+  if (of_cell) return fail("OP146", "the study is of a cell, and its candidates are no machines");
   std::vector<machine::Override> overrides;
   for (const auto& [key, value] : parameters(varied)) overrides.push_back({key, number(value)});
   return machine::from_text(machine_toml, machine, overrides);
@@ -592,6 +608,14 @@ Result<AnyMachine> Study::machine_at(const std::vector<double>& varied) const {
 
 std::vector<double> Study::values_of(const AnyMachine& of) const {
   std::vector<double> out;
+  if (of_cell) {
+    for (const Vary& v : vary) {
+      const std::optional<double> value = cell_number(*this, v.key);
+      if (!value) return {};
+      out.push_back(*value);
+    }
+    return out;
+  }
   for (const Vary& v : vary) {
     const std::size_t before = out.size();
     for (const auto& list : {machine::settings(of), kinematics::parameters(of)}) {
@@ -625,6 +649,7 @@ std::string Study::identity() const {
                        g.weighted);
   }
   for (const Hold& h : holds) out += fmt::format("hold {}\n", h.in_words());
+  if (of_cell) return out + fmt::format("runs {}\ncell\n", runs) + machine_toml;
   return out + "machine\n" + machine_toml;
 }
 

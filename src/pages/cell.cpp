@@ -10,6 +10,7 @@
 #include <set>
 
 #include "cell_film.hpp"
+#include "cell_views.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -32,56 +33,12 @@ std::string plain(double value) {
 
 // Views ---------------------------------------------------------------------------------------------------------------
 
-/// A direction from which the cell is seen: what of C goes to the right, up, and towards the eye.
-struct View {
-  const char* name;
-  const char *right_label, *up_label;
-  Vec3 right, up, eye;
-};
-
-const std::array<View, 4>& plane_views() {
-  static const std::array<View, 4> kViews{{{"front", "x", "z", {1, 0, 0}, {0, 0, 1}, {0, -1, 0}},
-                                           {"top", "x", "y", {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
-                                           {"left", "−y", "z", {0, -1, 0}, {0, 0, 1}, {-1, 0, 0}},
-                                           {"right", "y", "z", {0, 1, 0}, {0, 0, 1}, {1, 0, 0}}}};
-  return kViews;
-}
-View isometric() {
-  // The eye stands to the front, to the left and above.
-  const Vec3 eye = Vec3(-1, -1.4, 0.9).normalized(), right = Vec3(0, 0, 1).cross(eye).normalized();
-  return {"isometric", "", "", right, eye.cross(right), eye};
-}
-
-report::Point seen(const View& v, const Vec3& p) {
-  return {to_mm(v.right.dot(p)), to_mm(v.up.dot(p))};
-}
-
 Colour colour_of(const std::string& kind) {
   if (kind == "conveyor") return Colour::sky;
   if (kind == "pallet" || kind == "holder") return Colour::orange;
   if (kind == "table" || kind == "stand") return Colour::muted;
   if (kind == "cabinet") return Colour::purple;
   return Colour::muted;
-}
-
-/// The convex hull of points in a plane (Andrew's monotone chain).
-std::vector<report::Point> hull(std::vector<report::Point> points) {
-  std::sort(points.begin(), points.end(),
-            [](const auto& a, const auto& b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
-  std::vector<report::Point> out;
-  const auto turns_left = [](const report::Point& a, const report::Point& b, const report::Point& c) {
-    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > 1e-9;
-  };
-  for (int side = 0; side < 2; ++side) {
-    const std::size_t start = out.size();
-    for (const report::Point& p : points) {
-      while (out.size() >= start + 2 && !turns_left(out[out.size() - 2], out.back(), p)) out.pop_back();
-      out.push_back(p);
-    }
-    out.pop_back();
-    std::reverse(points.begin(), points.end());
-  }
-  return out;
 }
 
 /// Solids, machines at home, guards and dimensions as seen from one side.
@@ -234,6 +191,66 @@ struct Gantt {
       default:
         return "c-blue";
     }
+  }
+};
+
+// The chart of states -------------------------------------------------------------------------------------------------
+
+/// The five states of a cell in two rows, transitions as arrows with their conditions.
+struct ChartPicture {
+  cell::StateChart chart;
+
+  std::string operator()(const report::Canvas& canvas) const {
+    constexpr double kLeast = 620;  // below it the whole picture shrinks, so that words do not meet
+    const double width = std::max(canvas.width, kLeast);
+    const double w = 108, h = 34, top = 30, low = 130, gap = (width - 20 - 3 * w) / 2;
+    const std::map<std::string, report::Point> at{{"Stopped", {10, top}},
+                                                  {"Working", {10 + w + gap, top}},
+                                                  {"Ending", {10 + 2 * (w + gap), top}},
+                                                  {"Refill", {10 + w + gap, low}},
+                                                  {"Waiting", {10 + 2 * (w + gap), low}}};
+    std::string body;
+    const auto text = [&](double x, double y, const char* classes, const std::string& what) {
+      body +=
+          fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"{}\">{}</text>\n", x, y, classes, report::escape(what));
+    };
+    for (const std::string& state : chart.states) {
+      const report::Point p = at.at(state);
+      body += fmt::format(
+          "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" rx=\"6\" fill=\"none\" "
+          "class=\"axis\"/>\n",
+          p.x, p.y, w, h);
+      text(p.x + w / 2, p.y + h / 2 + 5, "t m", state);
+    }
+    const auto arrow = [&](double x0, double y0, double x1, double y1) {
+      const double length = std::hypot(x1 - x0, y1 - y0), dx = (x1 - x0) / length, dy = (y1 - y0) / length;
+      body += fmt::format(
+          "<path d=\"M{:.1f} {:.1f}L{:.1f} {:.1f}M{:.1f} {:.1f}L{:.1f} {:.1f}L{:.1f} {:.1f}\" fill=\"none\" "
+          "class=\"axis\"/>\n",
+          x0, y0, x1, y1, x1 - 8 * dx + 4 * dy, y1 - 8 * dy - 4 * dx, x1, y1, x1 - 8 * dx - 4 * dy,
+          y1 - 8 * dy + 4 * dx);
+    };
+    for (const cell::Transition& t : chart.transitions) {
+      const report::Point a = at.at(t.from), b = at.at(t.to);
+      if (a.y == b.y) {
+        arrow(a.x + w, a.y + h / 2, b.x, b.y + h / 2);
+        text((a.x + w + b.x) / 2, a.y + h / 2 - 6, "t m", t.words);
+      } else if (a.x == b.x) {
+        const bool down = a.y < b.y;
+        const double x = a.x + w / 2 + (down ? -16 : 16);
+        arrow(x, down ? a.y + h : a.y, x, down ? b.y : b.y + h);
+        // Beside the arrow; over the way back from Waiting near the top.
+        const double y = t.from == "Ending" ? top + h + 16 : (top + h + low) / 2 + 4;
+        text(down ? x - 6 : x + 6, y, down ? "t e" : "t", t.words);
+      } else {
+        arrow(a.x, a.y + h / 2, b.x + w, b.y + h - 6);
+        text(a.x - 8, a.y + h / 2 + 16, "t e", t.words);
+      }
+    }
+    return fmt::format(
+        "<svg class=\"pp\" viewBox=\"0 0 {0:.1f} {1:.1f}\" width=\"{3:.1f}\" height=\"{4:.1f}\" role=\"img\" "
+        "aria-label=\"States of the cell\">\n{2}</svg>\n",
+        width, low + h + 10, body, canvas.width, (low + h + 10) * canvas.width / width);
   }
 };
 
@@ -632,6 +649,9 @@ std::string cell_page(const CellResult& r, const std::string& version, const std
   for (const cell::SequenceRow& row : cell::sequence(r.cell))
     sequence.rows.push_back({row.state, row.step, row.condition, row.action, row.next});
   page.add_table(sequence);
+  page.add_figure(ChartPicture{cell::state_chart(r.cell)},
+                  "The states of the cell. STOP halts machines and belts in any of them, and START goes on. "
+                  "`--sequence FILE.xml` writes this chart as PLCopen XML.");
   page.add_code("Structured Text (IEC 61131-3)", cell::structured_text(r.cell));
   if (!command.empty()) {
     page.add_section("Inputs");

@@ -70,7 +70,9 @@ class Page {
   explicit Page(const StudyPage& page)
       : page_(page),
         study_(page.study),
-        report_(fmt::format("Study of {}", machine::name_of(page.study.start)), subtitle(page.study), facts(page)),
+        report_(fmt::format("Study of {}",
+                            page.study.of_cell ? "the cell " + page.study.machine : machine::name_of(page.study.start)),
+                subtitle(page.study), facts(page)),
         start_(start_of(page)),
         front_(design::front_of(page.study, page.rows)) {
     if (const auto best = design::best_of(page.study, page.rows)) best_ = &page.rows[*best];
@@ -95,10 +97,9 @@ class Page {
   }
 
   static Entries facts(const StudyPage& page) {
-    Entries out{{"study", page.study.file},
-                {"machine", page.study.machine},
-                {"tool directions", directions_of(page.study)},
-                {"seed", std::to_string(page.study.seed)}};
+    Entries out{{"study", page.study.file}, {page.study.of_cell ? "cell" : "machine", page.study.machine}};
+    if (!page.study.of_cell) out.emplace_back("tool directions", directions_of(page.study));
+    out.emplace_back("seed", std::to_string(page.study.seed));
     if (!page.version.empty()) out.emplace_back("made with", "Polypod " + page.version);
     return out;
   }
@@ -106,8 +107,12 @@ class Page {
   void answer() {
     report_.add_section("The answer");
     report_.add_text(
-        "This answers for the machines that the search tried, built as the study says: not for those it did not try, "
-        "and not for what is no figure of the study, such as strength, drives, cost and manufacture.");
+        study_.of_cell
+            ? "This answers for the cells that the search tried, as far as `polypod cell` judges them: not for those "
+              "it "
+              "did not try, and not for what the page of a cell lists as not judged."
+            : "This answers for the machines that the search tried, built as the study says: not for those it did not "
+              "try, and not for what is no figure of the study, such as strength, drives, cost and manufacture.");
     if (best_ == nullptr && front_.empty()) {
       why_none();
       return;
@@ -480,6 +485,13 @@ class Page {
 
   Status machines() {
     if (best_ == nullptr) return {};
+    if (study_.of_cell) {
+      POLYPOD_ASSIGN(text, design::file_of_row(study_, *best_));
+      report_.add_section("The cell");
+      report_.add_text("`polypod cell` judges the file below and writes its page.");
+      report_.add_code("The best cell as a file", text);
+      return {};
+    }
     if (!kinematics::task(study_.start).places()) return {};
     report_.add_section("The machine and its workspace");
     const auto machine = design::machine_of_row(study_, *best_);
@@ -495,6 +507,13 @@ class Page {
 
   void inputs() {
     report_.add_section("Inputs");
+    if (study_.of_cell) {
+      report_.add_definitions({{"evaluations", fmt::format("{} in the database", page_.rows.size())},
+                               {"runs of the cycle", std::to_string(study_.runs)}});
+      report_.add_code("The cell that the study began with", study_.machine_toml);
+      if (!page_.command.empty()) report_.add_code("This page again", page_.command, false);
+      return;
+    }
     Entries entries{{"evaluations", fmt::format("{} in the database", page_.rows.size())},
                     {"resolution", fmt::format("{} points along the longest side", study_.resolution)},
                     {"gap of a volume's bounds", fmt::format("{:g} of it at most", study_.relative_tolerance)},

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -91,6 +92,30 @@ TEST(Layout, WhatStandsInTheWayIsFound) {
   }
   EXPECT_TRUE(post);
   EXPECT_TRUE(door);
+}
+
+bool finds(const Layout& l, const std::string& kind, const std::string& text) {
+  return std::any_of(l.problems.begin(), l.problems.end(),
+                     [&](const Problem& p) { return p.kind == kind && p.detail.find(text) != std::string::npos; });
+}
+
+// Tins of 120 mm that are taken at their rim stand from 795 to 915 mm in the pallet (taken at 915 mm).
+TEST(Layout, ContainersStandWhereTheToolTakesThem) {
+  const auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  const std::vector<StandingContainer> all = standing_containers(*cell);
+  ASSERT_EQ(all.size(), 18U + 2 + 1);  // pallet, holder, opening; none where they are emptied
+  EXPECT_NEAR(all[0].bottom.z(), 0.795, 1e-9);
+}
+
+// A belt that lies on an obstacle's top is clear of it; the items on the belt are not.
+TEST(Layout, ItemsOnBeltsAreInTheWay) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  const Motions m = motions(*cell);
+  EXPECT_FALSE(finds(layout(*cell, m), "collision", "items on B"));
+  cell->items[0].height = 0.25;  // 1.2 m: as high as the tins that are poured out
+  EXPECT_FALSE(finds(layout(*cell, m), "collision", "empty) reaches into items on B")) << "it works there";
 }
 
 }  // namespace

@@ -1,10 +1,16 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Cell files: what is read, and that each fault is found where it stands.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
 
 #include "cells.hpp"
 #include "paths.hpp"
 #include "polypod/cell/cell.hpp"
+#include "polypod/cell/rewrite.hpp"
+#include "polypod/cell/sequence.hpp"
 
 namespace polypod::cell {
 namespace {
@@ -94,6 +100,89 @@ TEST(CellFile, NumbersCanBeSetByName) {
   EXPECT_EQ(from_text(test::kPicking, "cell.toml", {{"conveyor.Z.speed_mm_per_s", "250"}}).error().id, "CE108");
   EXPECT_EQ(from_text(test::kPicking, "cell.toml", {{"conveyor.A.speed_mm_per_s", "nan"}}).error().id, "CE108");
   EXPECT_EQ(from_text(test::kPicking, "cell.toml", {{"conveyor.A.sped_mm_per_s", "2"}}).error().id, "CF103");
+}
+
+std::string seeds_text() {
+  std::ifstream in(test::source("cells/kozubik/cell.toml"));
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// A kept cell needs no other file, and is the same cell: machines, times, costs.
+TEST(KeptCell, IsTheSameCellWithoutOtherFiles) {
+  const std::string file = test::source("cells/kozubik/cell.toml");
+  const auto kept = self_contained(seeds_text(), file);
+  ASSERT_TRUE(kept) << to_string(kept.error());
+  EXPECT_EQ(kept->find("kuka-kr3.toml"), std::string::npos);
+  const auto cell = from_text(*kept, "nowhere.toml");
+  ASSERT_TRUE(cell) << to_string(cell.error());
+  const auto original = read(file);
+  ASSERT_TRUE(original);
+  EXPECT_DOUBLE_EQ(cell->cost.total(), original->cost.total());
+  ASSERT_EQ(cell->machines.size(), 2U);
+  for (std::size_t m = 0; m < 2; ++m)
+    EXPECT_EQ(machine::to_toml(cell->machines[m].model), machine::to_toml(original->machines[m].model));
+  EXPECT_EQ(cell->assumptions, original->assumptions);
+  EXPECT_EQ(cell->spots[0].slots, original->spots[0].slots);
+  const auto twice = self_contained(*kept, "elsewhere.toml");
+  ASSERT_TRUE(twice);
+  EXPECT_EQ(*twice, *kept);
+}
+
+TEST(KeptCell, NumbersAreReplacedAndFoundByName) {
+  const auto kept = self_contained(test::kPicking, "cell.toml",
+                                   {{"conveyor.A.speed_mm_per_s", "120.5"}, {"task.fill.window_mm[2]", "950"}});
+  ASSERT_TRUE(kept) << to_string(kept.error());
+  const auto cell = from_text(*kept, "cell.toml");
+  ASSERT_TRUE(cell) << to_string(cell.error());
+  EXPECT_DOUBLE_EQ(cell->conveyors[0].speed, 0.1205);
+  EXPECT_DOUBLE_EQ(cell->tasks[0].window_high, 0.95);
+  double speed = 0, window = 0, price = 0, minutes = 0;
+  for (const auto& [key, counted, value] : numbers_of(*kept)) {
+    if (key == "conveyor.A.speed_mm_per_s") speed = value;
+    if (key == "task.fill.window_mm[2]") window = value;
+    if (key == "cost.part[1].price") price = value;
+    if (key == "minutes") minutes = value;
+    EXPECT_TRUE(from_text(*kept, "cell.toml", {{key, fmt::format("{}", value)}})) << key;
+    EXPECT_EQ(number_at(*kept, key), value) << key;
+    EXPECT_EQ(number_at(*kept, counted), value) << counted;
+  }
+  EXPECT_EQ(speed, 120.5);
+  EXPECT_EQ(window, 950);
+  EXPECT_EQ(price, 10);
+  EXPECT_EQ(minutes, 5);
+  EXPECT_EQ(counted_key(*kept, "task.fill.window_mm[2]"), "task[1].window_mm[2]");
+  EXPECT_EQ(self_contained(test::kPicking, "cell.toml", {{"conveyor.Z.speed_mm_per_s", "1"}}).error().id, "CE108");
+}
+
+TEST(KeptCell, AMachineIsAFileOrItsText) {
+  const auto kept = self_contained(test::kPicking, "cell.toml");
+  ASSERT_TRUE(kept);
+  std::string both = *kept;
+  both.replace(both.find("grip_s"), 0, "file = \"delta-picker\"\n");
+  EXPECT_EQ(from_text(both, "cell.toml").error().id, "CE106");
+  std::string broken = *kept;
+  broken.replace(broken.find("rotary-delta"), 12, "rotary-alpha");
+  const auto cell = from_text(broken, "cell.toml");
+  ASSERT_FALSE(cell);
+  EXPECT_GT(cell.error().place.line, 0);
+  EXPECT_NE(cell.error().message.find("`model`"), std::string::npos);
+}
+
+// Names that differ in signs or capitals alone, or are words of the language, become identifiers of their own.
+TEST(PlcProgram, EachNameIsAnIdentifierOfItsOwn) {
+  std::string text = test::kPicking;
+  text.replace(text.find("name = \"small\""), 14, "name = \"Program\"");
+  text += "[[conveyor]]\nname = \"a\"\nat_mm = [0, 3000, 900]\nlength_mm = 600\nwidth_mm = 400\nspeed_mm_per_s = 1\n";
+  text += "[[conveyor]]\nname = \"-a-\"\nat_mm = [0, 4000, 900]\nlength_mm = 600\nwidth_mm = 400\nspeed_mm_per_s = 1\n";
+  const auto cell = from_text(text, "cell.toml");
+  ASSERT_TRUE(cell) << to_string(cell.error());
+  const std::string program = structured_text(*cell);
+  for (const char* line : {"PROGRAM Program_2\n", "  RunA : BOOL;", "  RunA_2 : BOOL;", "  RunA_3 : BOOL;"})
+    EXPECT_NE(program.find(line), std::string::npos) << line << program;
+}
+
+TEST(CellFile, AContainerIsTakenNotAboveItsTop) {
+  EXPECT_EQ(error_of("height_mm = 50", "height_mm = 50\ngrip_mm = 51").id, "CE103");
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 namespace polypod::cell {
 namespace {
 
@@ -81,9 +83,9 @@ TEST(Safety, ALowCurtainIsNoGuard) {
   const Safety low = safety(cell, {{{1, 5, 1}, 0.1, "arm"}});
   ASSERT_EQ(low.problems.size(), 1U);
   EXPECT_NE(low.problems[0].detail.find("below 900 mm"), std::string::npos) << low.problems[0].detail;
-  // At 1800 mm a hazard at 1.4 m is not reached over it, one at 1.6 m is: 450 mm more than K T.
+  // At 1800 mm a hazard up to 1.4 m is not reached over it, one up to 1.7 m is: 550 mm more than K T.
   cell.guards[0].height = 1.8;
-  EXPECT_TRUE(safety(cell, {{{1, 0.5, 1.4}, 0.1, "arm"}}).problems.empty());
+  EXPECT_TRUE(safety(cell, {{{1, 0.5, 1.3}, 0.1, "arm"}}).problems.empty());
   EXPECT_EQ(safety(cell, {{{1, 0.5, 1.6}, 0.1, "arm"}}).problems.size(), 1U);
   // A fence of 1.2 m needs another measure, however far it stands.
   cell.guards[0] = fence("front", {0, 0, 0}, {2, 0, 0});
@@ -111,6 +113,55 @@ TEST(Safety, ReachingOverAndThrough) {
   EXPECT_NEAR(*reach_through_distance("square", 0.035), 0.200, kRounding);
   EXPECT_NEAR(*reach_through_distance("round", 0.090), 0.850, kRounding);
   EXPECT_FALSE(reach_through_distance("round", 0.130));
+}
+
+// The tables rise and fall with the height of the hazard: neither end of a link's heights is the worst.
+TEST(Safety, EveryHeightOfAHazardCounts) {
+  // ISO 13857, Table 2, fence of 1200 mm: 900 mm at 200, 1400 at 1000 to 1800, 1300 at 2000, 800 at 2600.
+  EXPECT_NEAR(*reach_over_distance(0.2, 0.2, 1.2), 0.9, kRounding);
+  EXPECT_NEAR(*reach_over_distance(2.6, 2.6, 1.2), 0.8, kRounding);
+  EXPECT_NEAR(*reach_over_distance(0.2, 2.6, 1.2), 1.4, kRounding);
+  EXPECT_NEAR(*reach_over_distance(1.9, 2.6, 1.2), 1.4, kRounding) << "1900 mm lies between 1800 and 2000";
+  EXPECT_NEAR(*reach_over_distance(2.0, 2.6, 1.2), 1.3, kRounding);
+  EXPECT_NEAR(*reach_over_distance(2.61, 2.62, 1.2), 0.8, kRounding) << "within one pair of rows";
+  EXPECT_EQ(*reach_over_distance(2.75, 3.0, 1.2), 0) << "above the table nobody reaches";
+  EXPECT_FALSE(reach_over_distance(0.2, 2.6, 0.9));
+  // ISO 13855, Table 1, curtain of 1800 mm: 0 at 1400, 550 mm at 1800 to 2200 mm, 400 at 2400.
+  EXPECT_EQ(*curtain_over_distance(0.3, 1.0, 1.4, 1.8), 0);
+  EXPECT_NEAR(*curtain_over_distance(0.3, 1.0, 2.4, 1.8), 0.48 + 0.55, kRounding);
+}
+
+// The largest over an interval is that of a scan in steps of a millimetre, whatever the interval and the fence.
+TEST(Safety, HeightsAgreeWithAScan) {
+  for (const double fence : {1.0, 1.3, 1.4, 1.8, 2.2, 2.45}) {
+    for (double low = 0; low < 2.8; low += 0.13) {
+      double most = 0;
+      for (int k = 0; low + 0.001 * k < 2.9; ++k) {
+        const double high = low + 0.001 * k;
+        most = std::max(most, *reach_over_distance(high, fence));
+        if (k % 37 != 0) continue;
+        EXPECT_NEAR(*reach_over_distance(low, high, fence), most, kRounding) << low << " " << high;
+      }
+    }
+  }
+}
+
+// A link that stands upright from 0.3 to 2.5 m, 1.05 m behind a fence of 1.4 m: 1100 mm are needed in its middle, 1000
+// mm or less at its ends. A sloping link counts from where it is nearest.
+TEST(Safety, ALinkIsJudgedOverItsWholeHeight) {
+  Cell cell;
+  cell.open_sides = "walls";
+  Guard g = fence("front", {0, 0, 0}, {2, 0, 0});
+  g.height = 1.4;
+  cell.guards.push_back(g);
+  const Swept low{{1, 1.05, 0.35}, 0.05, "arm", {}}, high{{1, 1.05, 2.45}, 0.05, "arm", {}};
+  EXPECT_TRUE(safety(cell, {low, high}).problems.empty());
+  const Safety link = safety(cell, {{low.at, 0.05, "arm", high.at}});
+  ASSERT_EQ(link.problems.size(), 1U);
+  EXPECT_NE(link.problems[0].detail.find("1000 mm from arm, 1100 mm are needed"), std::string::npos)
+      << link.problems[0].detail;
+  const Safety slope = safety(cell, {{Vec3(1, 3, 0.8), 0.05, "arm", Vec3(1, 0.9, 0.8)}});
+  EXPECT_NEAR(slope.guards.at(0).actual, 0.85, kRounding);
 }
 
 TEST(Safety, StoppingTimeIsStatedOrFromTheDrives) {

@@ -27,6 +27,7 @@ struct Container {
   int capacity = 1;                 ///< items
   double diameter = 0, height = 0;  ///< m
   double mass = 0;                  ///< kg, empty
+  double grip = 0;                  ///< m above its bottom, where the tool takes it
 };
 
 /// A straight belt. Items keep their place on it until they are taken or reach its end.

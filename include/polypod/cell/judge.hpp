@@ -17,7 +17,9 @@ namespace polypod::cell {
 struct CellQuestion {
   RunSettings settings;
   int seeds = 1;
-  bool compare = false;  ///< policies, and what limits the cell
+  bool compare = false;     ///< policies, and what limits the cell
+  bool plan = true;         ///< the planning methods
+  bool only_sound = false;  ///< the cycle only where reach, bodies and guards have no problem
 };
 
 /// Everything that is known of a cell.

@@ -28,6 +28,7 @@ struct Capsule {
   double radius = 0;                            ///< m
   bool tool = false;                            ///< it may touch what the machine works on
   bool mount = false;                           ///< it stands on what carries the machine
+  bool cargo = false;                           ///< no link: it holds what the machine carries
 };
 /// The links of a machine at a pose with its joints.
 std::vector<Capsule> links(const Machine& machine, const Pose& X_MT, const machine::JointVector& q);
@@ -57,11 +58,20 @@ struct Layout {
   int positions = 0;                             ///< of machines that were judged
 };
 
+/// Containers as upright cylinders where they can stand: in each slot of pallets, holders and openings.
+struct StandingContainer {
+  int spot = 0, slot = 0;
+  Vec3 bottom = Vec3::Zero();  ///< m, in C
+};
+std::vector<StandingContainer> standing_containers(const Cell& cell);
+
 /// Judges bodies at rest, machines at home, and positions along the ways of all tasks: arms on joint motions between
 /// the stands of their tasks, deltas on the planned cycles between the corners of their window and each slot. A sample,
 /// not a proof: 12 positions a joint motion, 15 a cycle of a delta; a long joint motion has some 80 mm between them.
 /// The tool and what it holds may come near to what the task takes from and puts to. Two machines are judged wherever
-/// they do not hold one zone together.
+/// they do not hold one zone together. What a machine carries is judged against other machines, as an exact cylinder
+/// (bodies::distance); links are judged against the layer of items on belts but where their task takes them. Not
+/// judged: containers that stand in places, and what is carried against bodies.
 Layout layout(const Cell& cell, const Motions& motions);
 
 }  // namespace polypod::cell

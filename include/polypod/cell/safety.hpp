@@ -33,6 +33,12 @@ std::optional<double> scanner_distance(double stopping, double height, double re
 /// needed. No value for fences below 1 m.
 std::optional<double> reach_over_distance(double hazard_height, double fence_height);
 
+/// The same for a hazard that reaches from the height `low` to `high`: the largest distance over all heights between,
+/// which is not always that of an end, since the tables rise and fall with the height. Exact: every row of the table
+/// between, and the next one at both ends.
+std::optional<double> reach_over_distance(double low, double high, double fence_height);
+std::optional<double> curtain_over_distance(double stopping, double low, double high, double curtain_height);
+
 /// ISO 13857:2019, Table 4 (14 years and older): least distance of a hazard behind an opening whose smaller side (slot,
 /// square) or diameter is e; m. No value above 120 mm: whole bodies pass.
 std::optional<double> reach_through_distance(const std::string& shape, double e);
@@ -70,13 +76,15 @@ struct Safety {
   std::vector<std::string> assumed;
 };
 
-/// `space` are points in C that moving parts come to, with their radius (layout.hpp); they are what guards keep people
-/// from. Where the cell has no light curtain or scanner, the guard distance is that of a curtain of 30 mm and an
-/// assumed response of 20 ms.
+/// `space` are points and short segments in C that moving parts come to, with their radius (layout.hpp); they are what
+/// guards keep people from. Reaching over is judged for all heights of each. Where the cell has no light curtain or
+/// scanner, the guard distance is that of a curtain of 30 mm and an assumed response of 20 ms.
 struct Swept {
   Vec3 at = Vec3::Zero();
   double radius = 0;
   std::string machine;
+  std::optional<Vec3> to =
+      std::nullopt;  ///< of a link: all points within `radius` of the segment from `at`; none: a ball
 };
 /// Where a person can walk to a place that a machine comes to (up to 2.7 m above the floor) and passes no guard: "from
 /// the left", or "near 100, 200, 0 mm" for a gap; empty where guards surround everything. Gaps of up to about 120 mm

@@ -70,4 +70,7 @@ std::string rows_csv(const Study& study, const std::vector<Row>& rows);
 /// The machine of a row, with its provenance. Errors: OP121 (the row has no machine).
 Result<AnyMachine> machine_of_row(const Study& study, const Row& row);
 
+/// The same as the text of a file; of a study of a cell the cell file, which needs no other. Errors: OP121.
+Result<std::string> file_of_row(const Study& study, const Row& row);
+
 }  // namespace polypod::design

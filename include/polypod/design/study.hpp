@@ -34,6 +34,9 @@ enum class Figure : std::uint8_t {
   tolerance_angle,  ///< tolerance_rad: mean worst case of the orientation
   known_error,      ///< known_error_mm: mean error of the position, known errors of the study
   known_error_max,  ///< the largest seen, mm
+  throughput,       ///< throughput_per_min: items put into containers; of a cell
+  missed,           ///< items that fall off the end of a belt, the mean of the runs; of a cell
+  cost_per_item,    ///< running price of an item in the cell's currency; of a cell
   compliance,       ///< compliance_um_per_N: largest displacement per force at the middle of the work
   footprint,        ///< footprint_mm2: the rectangle along x and y round the machine at home
   height,           ///< height_mm: of the machine at home
@@ -46,7 +49,7 @@ enum class Figure : std::uint8_t {
   longest_leg,        ///< longest_leg_mm: of a leg between its joints
   cycle_time,         ///< cycle_time_s: of the study's motion in the least time
 };
-inline constexpr int kFigures = 22;
+inline constexpr int kFigures = 25;
 
 /// What a figure is called, what it means, and what it takes.
 struct FigureInfo {
@@ -107,6 +110,8 @@ struct Study {
   /// The machine's file with everything that the study sets, as text: the study does not change when that file does.
   std::string machine_toml;
   AnyMachine start;                                       ///< that machine
+  bool of_cell = false;                                   ///< `machine` and its text are a cell (cell_study.hpp)
+  int runs = 1;                                           ///< of the cycle of a cell, with seeds that follow each other
   double tilt = 0;                                        ///< rad
   std::optional<std::array<double, 2>> a_range, b_range;  ///< rad
   std::uint64_t seed = 1;

@@ -1,0 +1,60 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The sides from which a cell is drawn.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "polypod/core/units.hpp"
+#include "polypod/geometry/pose.hpp"
+#include "polypod/report/plot.hpp"
+
+namespace polypod::pages {
+
+/// A direction from which the cell is seen: what of C goes to the right, up, and towards the eye.
+struct View {
+  const char* name;
+  const char *right_label, *up_label;
+  Vec3 right, up, eye;
+};
+
+inline const std::array<View, 4>& plane_views() {
+  static const std::array<View, 4> kViews{{{"front", "x", "z", {1, 0, 0}, {0, 0, 1}, {0, -1, 0}},
+                                           {"top", "x", "y", {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                                           {"left", "−y", "z", {0, -1, 0}, {0, 0, 1}, {-1, 0, 0}},
+                                           {"right", "y", "z", {0, 1, 0}, {0, 0, 1}, {1, 0, 0}}}};
+  return kViews;
+}
+inline View isometric() {
+  // The eye stands to the front, to the left and above.
+  const Vec3 eye = Vec3(-1, -1.4, 0.9).normalized(), right = Vec3(0, 0, 1).cross(eye).normalized();
+  return {"isometric", "", "", right, eye.cross(right), eye};
+}
+
+/// mm, in the plane of the view.
+inline report::Point seen(const View& v, const Vec3& p) {
+  return {units::to_mm(v.right.dot(p)), units::to_mm(v.up.dot(p))};
+}
+
+/// The convex hull of points in a plane (Andrew's monotone chain).
+inline std::vector<report::Point> hull(std::vector<report::Point> points) {
+  std::sort(points.begin(), points.end(),
+            [](const auto& a, const auto& b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
+  std::vector<report::Point> out;
+  const auto turns_left = [](const report::Point& a, const report::Point& b, const report::Point& c) {
+    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > 1e-9;
+  };
+  for (int side = 0; side < 2; ++side) {
+    const std::size_t start = out.size();
+    for (const report::Point& p : points) {
+      while (out.size() >= start + 2 && !turns_left(out[out.size() - 2], out.back(), p)) out.pop_back();
+      out.push_back(p);
+    }
+    out.pop_back();
+    std::reverse(points.begin(), points.end());
+  }
+  return out;
+}
+
+}  // namespace polypod::pages
