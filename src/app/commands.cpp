@@ -2,8 +2,8 @@
 #include "commands.hpp"
 
 #include "linuxcnc_commands.hpp"
-#include "release_command.hpp"
 #include "online_command.hpp"
+#include "release_command.hpp"
 #include "report_command.hpp"
 #include "testcut_command.hpp"
 #include "watch_command.hpp"
