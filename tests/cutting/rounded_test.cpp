@@ -111,11 +111,12 @@ TEST(Rounded, TheSideAddsToTheCorner) {
 
 TEST(Rounded, IsTheSumOverThePointsOfTheSurface) {
   const Material m = samples::aluminium();
-  for (const double r : {1e-3, 2.5e-3, 4e-3}) {
+  for (const double r : {1e-3, 4e-3}) {
     const Cutter cutter = rounded(r);
-    for (const double ap : {0.3e-3, 1.2e-3, 5e-3}) {
+    for (const double ap : {0.3e-3, 5e-3}) {
       for (const CutSide side : {CutSide::up, CutSide::down, CutSide::slot}) {
-        for (const double ae : {1e-3, 4e-3, 6.5e-3}) {
+        for (const double ae : {1e-3, 6.5e-3}) {
+          if (side == CutSide::slot && ae > 1e-3) continue;  // a slot has no width of its own
           SCOPED_TRACE(::testing::Message() << r << " " << ap << " " << static_cast<int>(side) << " " << ae);
           const double wall = cutter.radius() - ae;
           const Vec3 expected = by_points(cutter, m, ap, [&](const Vec3& p) {
