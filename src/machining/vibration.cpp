@@ -272,7 +272,7 @@ Result<ProgramVibration> vibration_of(const Job& job, const gcode::Program& prog
     out.amplitude = std::max(out.amplitude, now.amplitude);
     out.across = std::max(out.across, now.across);
     out.along_axis = std::max(out.along_axis, now.along_axis);
-    out.speeds.push_back(std::move(now));
+    out.speeds.push_back(now);
   }
   if (out.points > 0) out.mean = sum / static_cast<double>(out.points);
   return out;
