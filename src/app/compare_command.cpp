@@ -10,6 +10,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/compare.hpp"
+#include "stages_line.hpp"
 
 namespace polypod::app {
 namespace {
@@ -102,18 +103,10 @@ Command compare_command() {
             options.abele_rounds = o->rounds;
             options.point_step = units::from_mm(o->step_mm);
             options.again = o->again;
-            std::string doing;
-            std::function<bool(double)> line;
-            options.progress = [&](const char* what, double share) {
-              if (doing != what) {
-                if (line) line(1);
-                doing = what;
-                line = progress_line(context, doing);
-              }
-              return line(share);
-            };
+            StagesLine line(context);
+            options.progress = [&](const char* what, double share) { return line(what, share); };
             POLYPOD_ASSIGN(outcomes, machining::compare_methods(in.job, in.program, in.interpretation, options));
-            if (line) line(1);
+            line.end();
             if (context.json) {
               print_json(answer_json(in.job, outcomes, left_out(in)));
             } else {

@@ -11,6 +11,7 @@
 #include "polypod/control/online.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
+#include "stages_line.hpp"
 
 namespace polypod::app {
 namespace {
@@ -66,6 +67,12 @@ std::pair<bool, std::string> answer_of(const machining::Job& job, const Options&
     if (best == nullptr || one.rms < best->rms) best = &one;
   const std::string rest = r.not_judged.empty() ? "" : ", apart from what was not judged";
   if (best == none) return {false, "no: no correction leaves less than none"};
+  if (best->distance > job.tolerance) {
+    return {false, fmt::format("no: {} leaves {} um rms of the {} um without correction, but is {} um from the path at "
+                               "line {} (tube {:g} um)",
+                               control::name_of(best->method), um(best->rms), um(none->rms), um(best->distance),
+                               best->distance_line, to_um(job.tolerance))};
+  }
   return {true, fmt::format("yes{}: {} leaves {} um rms of the {} um without correction (tube {:g} um)", rest,
                             control::name_of(best->method), um(best->rms), um(none->rms), to_um(job.tolerance))};
 }
@@ -97,7 +104,7 @@ Json answer_json(const machining::Job& job, const Options& o, const OnlineResult
             {"gain_margin", finite(r.margin.gain)},
             {"frequency_Hz", r.margin.frequency},
             {"largest_gain", finite(r.margin.largest)},
-            {"unstable_from_delay_ms", finite(1e3 * r.margin.delay)},
+            {"unstable_from_delay_ms", finite(r.margin.delay / units::from_ms(1))},
             {"stable_enough", r.stable_enough}}},
           {"methods", methods},
           {"tolerance_um", to_um(job.tolerance)},
@@ -115,9 +122,10 @@ void print_answer(const machining::Job& job, const Options& o, const OnlineResul
                                                         r.margin.gain, r.margin.frequency)
                                           : std::string("no gain makes it swing"),
              o.delay_ms, o.cutoff_hz,
-             std::isfinite(r.margin.delay) ? fmt::format("unstable from a delay of {:g} ms on", 1e3 * r.margin.delay)
-             : r.margin.largest < 1        ? std::string("stable with any delay")
-                                           : std::string("stable with any delay up to 1 s"));
+             std::isfinite(r.margin.delay)
+                 ? fmt::format("unstable from a delay of {:g} ms on", r.margin.delay / units::from_ms(1))
+             : r.margin.largest < 1 ? std::string("stable with any delay")
+                                    : std::string("stable with any delay up to 1 s"));
   fmt::print("\n            normal error um                       distance um   shift um\n");
   fmt::print("               min     mean      max      rms\n");
   for (const OnlineOutcome& one : r.outcomes) {
@@ -131,8 +139,10 @@ void print_answer(const machining::Job& job, const Options& o, const OnlineResul
   }
   fmt::print("\n");
   for (const std::string& n : r.not_judged) fmt::print("not judged: {}\n", n);
-  fmt::print("not in this loop: masses and modes of the machine, drives that lag, tooth passing\n{}\n",
-             answer_of(job, o, r).second);
+  fmt::print(
+      "not in this loop: acceleration of the command, masses and modes of the machine, drives that lag, tooth "
+      "passing\n{}\n",
+      answer_of(job, o, r).second);
 }
 
 }  // namespace
@@ -184,18 +194,10 @@ Command online_command() {
             if (context.given("--lost-at-s")) options.lost_at = o->lost_at_s;
             options.time_limit = o->time_limit_s;
             options.seed = static_cast<std::uint64_t>(o->seed);
-            std::string doing;
-            std::function<bool(double)> line;
-            options.progress = [&](const char* what, double share) {
-              if (doing != what) {
-                if (line) line(1);
-                doing = what;
-                line = progress_line(context, doing);
-              }
-              return line(share);
-            };
+            StagesLine line(context);
+            options.progress = [&](const char* what, double share) { return line(what, share); };
             POLYPOD_ASSIGN(result, control::simulate_online(in.job, in.program, in.interpretation, options));
-            if (line) line(1);
+            line.end();
             if (in.other || machining::has_optional_blocks(in.program))
               result.not_judged.push_back(fmt::format("the other position of block delete: simulated with it {}",
                                                       in.job.block_delete ? "on" : "off"));

@@ -14,6 +14,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/pages/place.hpp"
+#include "stages_line.hpp"
 
 namespace polypod::app {
 namespace {
@@ -199,18 +200,10 @@ Command place_command() {
         options.again = o->again;
         POLYPOD_TRY(read_other_position(in));
         if (in.other) options.other = &*in.other;
-        std::string doing;
-        std::function<bool(double)> line;
-        options.progress = [&](double share, const char* what) {
-          if (doing != what) {
-            if (line) line(1);
-            doing = what;
-            line = progress_line(context, doing);
-          }
-          return line(share);
-        };
+        StagesLine line(context);
+        options.progress = [&](double share, const char* what) { return line(what, share); };
         POLYPOD_ASSIGN(result, machining::best_place(in.job, in.program, in.interpretation, options));
-        if (line) line(1);
+        line.end();
         if (!o->report.empty() && result.best) {
           POLYPOD_TRY(files::write_whole(
               o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));

@@ -340,14 +340,15 @@ Json answer_json(const Options& o, const Subject& subject, const Judgement& j) {
   for (const double q : joints_for_user(subject.machine, w.follow)) follow.push_back(q);
   Json measurement;
   if (!o.measured.empty()) {
-    measurement = {{"shift_ms", 1e3 * w.shift},
-                   {"shift_estimated", w.shift_estimated},
-                   {"shift_standard_uncertainty_ms", w.shift_estimated ? Json(1e3 * w.shift_uncertainty) : Json()},
-                   {"rows_not_covered", w.not_measured},
-                   {"rms_um", to_um(w.measured_rms)},
-                   {"left_rms_um", to_um(w.left_rms)},
-                   {"left_largest_um", to_um(w.left_largest)},
-                   {"left_mean_um", {to_um(w.left_mean.x()), to_um(w.left_mean.y()), to_um(w.left_mean.z())}}};
+    measurement = {
+        {"shift_ms", w.shift / units::from_ms(1)},
+        {"shift_estimated", w.shift_estimated},
+        {"shift_standard_uncertainty_ms", w.shift_estimated ? Json(w.shift_uncertainty / units::from_ms(1)) : Json()},
+        {"rows_not_covered", w.not_measured},
+        {"rms_um", to_um(w.measured_rms)},
+        {"left_rms_um", to_um(w.left_rms)},
+        {"left_largest_um", to_um(w.left_largest)},
+        {"left_mean_um", {to_um(w.left_mean.x()), to_um(w.left_mean.y()), to_um(w.left_mean.z())}}};
   }
   return {
       {"rows", j.rows},
@@ -378,10 +379,10 @@ void print_parts(const Options& o, const Subject& subject, const Judgement& j) {
   const Watch& w = j.watch;
   const bool measured = !o.measured.empty();
   if (measured) {
-    fmt::print("clocks      record = instrument {:+.3f} ms{}\n", 1e3 * w.shift,
+    fmt::print("clocks      record = instrument {:+.3f} ms{}\n", w.shift / units::from_ms(1),
                w.shift_estimated ? fmt::format(" (estimated, standard uncertainty {:.2g} ms; a constant lag behind the "
                                                "joints cannot be separated from it)",
-                                               1e3 * w.shift_uncertainty)
+                                               w.shift_uncertainty / units::from_ms(1))
                                  : " (given)");
     fmt::print("\nexplained by        rms um   largest um   rms um left of the measured {}\n", um(w.measured_rms));
   } else {

@@ -121,9 +121,7 @@ class Run {
   }
 
   /// The force in each direction of the plane at the tip; the deepest cut, m.
-  double look_around(const Vec3& tip, const cutting::Cutter& cutter, const cutting::ProfileForce& force, double radius,
-                     double ahead) {
-    (void)cutter;
+  double look_around(const Vec3& tip, const cutting::ProfileForce& force, double radius, double ahead) {
     double deepest = 0;
     for (int j = 0; j < kDirections; ++j) {
       const double angle = 2 * std::numbers::pi * j / kDirections;
@@ -160,7 +158,7 @@ class Run {
       const Vec3 shifted = command + shift_;
       const Mat3 C_real = options_.real_compliance * C_;
       Vec3 f = Vec3::Zero(), at = shifted;
-      const double deepest = vertical || !(teeth > 0) ? 0 : look_around(tip_, cutter, force, radius, ahead);
+      const double deepest = vertical || !(teeth > 0) ? 0 : look_around(tip_, force, radius, ahead);
       if (deepest > kNoCut) {
         const machining::Yielded y = machining::yield_step(tip_, shifted, C_real, around_, teeth);
         f = y.force;

@@ -548,10 +548,10 @@ Result<Watch> watch(const AnyMachine& machine, const std::vector<RecordRow>& row
       }
     }
     if (covered == 0) {
-      return fail(
-          "LC125",
-          fmt::format("with a time shift of {:.1f} ms no row of the record lies within the measurement", 1e3 * w.shift),
-          {}, "the shift is the record's time less the instrument's; without it, it is estimated");
+      return fail("LC125",
+                  fmt::format("with a time shift of {:.1f} ms no row of the record lies within the measurement",
+                              w.shift / units::from_ms(1)),
+                  {}, "the shift is the record's time less the instrument's; without it, it is estimated");
     }
   }
   explain(w, options);

@@ -14,16 +14,13 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/nearest_word.hpp"
 #include "polypod/core/units.hpp"
+#include "sets.hpp"
 
 namespace polypod::design {
 namespace {
 
 constexpr const char* kCancelled = "WS110";
 constexpr double kInf = std::numeric_limits<double>::infinity();
-
-std::string number(double value) {
-  return fmt::format("{}", value);
-}
 
 bool of_cells(Figure f) {
   return f == Figure::throughput || f == Figure::missed || f == Figure::cost_per_item || f == Figure::footprint;
@@ -88,13 +85,7 @@ Status read_cell(const config::Table& table, const std::string& name, const std:
   s.of_cell = true;
   s.machine = file;
   s.runs = runs;
-  std::vector<cell::Override> overrides;
-  for (const config::Table& t : sets) {
-    POLYPOD_ASSIGN(key, t.text("key"));
-    POLYPOD_ASSIGN(value, t.number("value"));
-    POLYPOD_TRY(t.finish());
-    overrides.push_back({key, number(value)});
-  }
+  POLYPOD_ASSIGN(overrides, overrides_of<cell::Override>(sets));
   if (!kept.empty()) {
     s.machine_toml = kept;
     const auto again = cell::from_text(kept, file);

@@ -21,6 +21,7 @@
 #include "polypod/quality/elements.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "rounded.hpp"
+#include "sets.hpp"
 
 namespace polypod::design {
 namespace {
@@ -28,10 +29,6 @@ namespace {
 constexpr int kMostEvaluations = 10'000'000;
 constexpr std::size_t kMostVaried = 64;
 constexpr double kMostSteps = 1e9;
-
-std::string number(double value) {
-  return fmt::format("{}", value);
-}
 
 tl::unexpected<Error> with_place(Error error, const Place& place) {
   error.place = place;
@@ -351,13 +348,7 @@ Status read_machine(const config::Table& table, const std::string& name, const s
   POLYPOD_ASSIGN(machine, table.text("machine"));
   s.machine = machine;
   POLYPOD_ASSIGN(sets, table.tables("set"));
-  std::vector<machine::Override> overrides;
-  for (const config::Table& t : sets) {
-    POLYPOD_ASSIGN(key, t.text("key"));
-    POLYPOD_ASSIGN(value, t.number("value"));
-    POLYPOD_TRY(t.finish());
-    overrides.push_back({key, number(value)});
-  }
+  POLYPOD_ASSIGN(overrides, overrides_of<machine::Override>(sets));
   if (!kept.empty()) {
     POLYPOD_ASSIGN(again, machine::from_text(kept, s.machine));
     s.start = again;

@@ -23,6 +23,19 @@ using machine::Task;
 constexpr int kMost = machine::kMaxEquations + 6;
 using System = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
+
+/// Equations have units of their own (m, m^2, rad): each row is scaled to the largest entry 1, so that pivots compare.
+/// Returns the factors.
+template <class Rows>
+Unknowns scale_rows(Rows& rows) {
+  Unknowns scale(rows.rows());
+  for (int i = 0; i < rows.rows(); ++i) {
+    const double largest = rows.row(i).cwiseAbs().maxCoeff();
+    scale[i] = largest > 0 ? 1 / largest : 1;
+    rows.row(i) *= scale[i];
+  }
+  return scale;
+}
 using TaskSeries = Eigen::Matrix<Series, Eigen::Dynamic, 1, 0, 6, 1>;
 
 Matrix3<Series> times(const Matrix3<Series>& a, const Matrix3<Series>& b) {
@@ -167,13 +180,7 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
   K.topLeftCorner(equations, 6) = A;
   K.topRightCorner(equations, n) = B;
   K.bottomLeftCorner(seen, 6) = task_matrix(what, target, at);
-  // Equations have units of their own (m, m^2, rad): scaled, so that pivots compare.
-  Unknowns scale(K.rows());
-  for (int i = 0; i < K.rows(); ++i) {
-    const double largest = K.row(i).cwiseAbs().maxCoeff();
-    scale[i] = largest > 0 ? 1 / largest : 1;
-    K.row(i) *= scale[i];
-  }
+  const Unknowns scale = scale_rows(K);
   JointSeries out;
   out.q = q;
   Eigen::FullPivLU<System> square;
@@ -233,12 +240,7 @@ JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, c
   const std::vector<double> p = kinematics::nominal_parameters(m);
   const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
   ClosureMatrix A = kinematics::closure_by_pose(m, at, joints, p);
-  Unknowns scale(A.rows());
-  for (int i = 0; i < A.rows(); ++i) {
-    const double largest = A.row(i).cwiseAbs().maxCoeff();
-    scale[i] = largest > 0 ? 1 / largest : 1;
-    A.row(i) *= scale[i];
-  }
+  const Unknowns scale = scale_rows(A);
   JointSeries out;
   out.q = q;
   out.first = speed;

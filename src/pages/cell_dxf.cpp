@@ -174,7 +174,8 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
     const Vec3 from = c.point(0.1 * c.length, 0), to = c.point(0.9 * c.length, 0);
     out.line(kBelts, see(from), see(to));
     for (const double side : {-1.0, 1.0})
-      out.line(kBelts, see(c.point(0.9 * c.length - kArrow * 1e-3, side * kArrow * 0.4e-3)), see(to));
+      out.line(kBelts, see(c.point(0.9 * c.length - units::from_mm(kArrow), side * units::from_mm(0.4 * kArrow))),
+               see(to));
   }
   const double radius = r.cell.containers.empty() ? 0 : to_mm(r.cell.containers[0].diameter) / 2;
   const bool from_above = plane && view.eye.z() > 0.5;

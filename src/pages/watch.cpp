@@ -230,11 +230,11 @@ class Page {
         "The clock of the record is that of the instrument and {} ms{}. The mean of what remains is x {}, y {}, z {} "
         "{}: "
         "an offset of the instrument's frame shows there.",
-        fixed(1e3 * w_.shift, 3),
+        fixed(w_.shift / units::from_ms(1), 3),
         w_.shift_estimated
             ? fmt::format(" (estimated from the motion; standard uncertainty {} ms. A constant lag of the "
                           "machine behind its joints cannot be separated from it)",
-                          report::number(1e3 * w_.shift_uncertainty, 2))
+                          report::number(w_.shift_uncertainty / units::from_ms(1), 2))
             : std::string(" (given)"),
         fixed(to_um(w_.left_mean.x()), 1), fixed(to_um(w_.left_mean.y()), 1), fixed(to_um(w_.left_mean.z()), 1), kUm));
     report::LinePlot plot = over_time(w_, "What remains of the measured deviation", "deviation");

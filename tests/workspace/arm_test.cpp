@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "../families/serial/bounds.hpp"
+#include "planes.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/workspace/shape.hpp"
@@ -217,8 +218,7 @@ TEST_P(EachArm, PlanesHoldOnBothSides) {
   constexpr double kNearZero = 1e-9;  // rad; limits are widened by 1e-12 of their terms
   Random random;
   random.engine.seed(7 + static_cast<unsigned>(GetParam()));
-  std::array<int, 5> seen{};
-  int kept = 0, lost = 0;
+  test::PlanesSeen seen;
   for (int cell = 0; cell < 500; ++cell) {
     const double size = std::pow(10.0, random(-3.5, -1.2));
     const Vec3 half(size, size * random(0.3, 1), size * random(0.3, 1));
@@ -243,40 +243,14 @@ TEST_P(EachArm, PlanesHoldOnBothSides) {
         center = p;
       }
     }
-    BoundList bounds;
-    const Verdict verdict = limits.judge(0, center, half, half.norm(), patch, limits.prepare(patch), bounds);
-    ++seen[static_cast<std::size_t>(verdict)];
-    if (verdict == Verdict::open) continue;
-    for (int sample = 0; sample < 6; ++sample) {
-      Vec3 x(random(-1, 1), random(-1, 1), random(-1, 1));
-      if (sample < 3) x = Vec3(random(-1, 1) > 0 ? 1 : -1, random(-1, 1) > 0 ? 1 : -1, random(-1, 1) > 0 ? 1 : -1);
-      x = x.cwiseProduct(half);
-      bool in = verdict == Verdict::inside, out = verdict == Verdict::outside || verdict == Verdict::dead;
-      if (verdict == Verdict::undecided) {
-        in = true;
-        for (const Bound& bound : bounds) {
-          in = in && bound.m + bound.G.dot(x) >= 0;
-          out = out || bound.M + bound.G.dot(x) < 0;
-        }
-      }
-      EXPECT_FALSE(in && out) << "cell " << cell;
-      if (!in && !out) continue;
-      const double margin = least_margin(wrist, patch, center + x);
-      if (in) {
-        ++kept;
-        EXPECT_GE(margin, -kNearZero) << "cell " << cell;
-      } else {
-        ++lost;
-        EXPECT_LE(margin, kNearZero) << "cell " << cell;
-      }
-      if (verdict == Verdict::dead) {
-        EXPECT_LE(margin_of(wrist, form, center + x, axis_in(patch, random(0, 1), random(0, 1))), kNearZero);
-      }
-    }
+    test::expect_planes_hold(
+        limits, center, half, patch, random, kNearZero, cell,
+        [&](const Vec3& p) { return least_margin(wrist, patch, p); },
+        [&](const Vec3& p) { return margin_of(wrist, form, p, axis_in(patch, random(0, 1), random(0, 1))); }, seen);
   }
-  EXPECT_GT(seen[static_cast<std::size_t>(Verdict::undecided)], 50);
-  EXPECT_GT(kept, 50);
-  EXPECT_GT(lost, 50);
+  EXPECT_GT(seen.undecided(), 50);
+  EXPECT_GT(seen.kept, 50);
+  EXPECT_GT(seen.lost, 50);
 }
 
 // Points at random in the box of the bounds: in a box that is inside they are reached from the whole cone, beyond all

@@ -94,7 +94,7 @@ struct OnlineOutcome {
   bool refused = false;      ///< the margin is too small: it was not run
   machining::Spread normal;  ///< m, over the cycles that cut
   double rms = 0;            ///< m, of the normal error
-  double distance = 0;       ///< m, the largest from the programmed path, corners left out by no one
+  double distance = 0;       ///< m, the largest from the programmed path, corners included
   int distance_line = 0;
   double largest_shift = 0;            ///< m, of the on-line part
   std::optional<std::string> stopped;  ///< the watchdog tripped: why, and where; what comes after was not cut
