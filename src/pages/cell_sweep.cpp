@@ -101,35 +101,37 @@ report::ParallelPlot across(const cell::Sweep& s) {
 }  // namespace
 
 std::string cell_sweep_page(const cell::Sweep& s, const std::string& version, const std::string& command) {
-  std::vector<std::pair<std::string, std::string>> facts{{"cell", s.name}};
-  for (const cell::SweepAxis& a : s.axes)
-    facts.emplace_back(a.key,
-                       fmt::format("{:g} to {:g}, {} values", a.values.front(), a.values.back(), a.values.size()));
+  std::vector<std::pair<std::string, std::string>> facts{{"cell", s.name},
+                                                         {"combinations", fmt::format("{}", s.rows.size())}};
   if (!version.empty()) facts.emplace_back("made with", "Polypod " + version);
   report::Report page("Sweep of the cell: " + s.name, "The cell with each combination of numbers", facts);
   page.add_section("Answer");
   if (s.best) {
     const cell::SweepRow& row = s.rows[*s.best];
-    page.add_verdict(report::Verdict::good,
+    page.add_verdict(report::Verdict::neutral,
                      fmt::format("Of the {} combinations that were run, the one with the largest throughput and no "
                                  "problem is {}: {} items a minute.",
                                  s.rows.size(), in_words(s, row), estimate_text(row.throughput)));
   } else {
     page.add_verdict(report::Verdict::bad, fmt::format("Each of the {} combinations has a problem.", s.rows.size()));
   }
+  for (const cell::SweepAxis& a : s.axes)
+    page.add_text(
+        fmt::format("{}: {} values from {:g} to {:g}.", a.key, a.values.size(), a.values.front(), a.values.back()));
   page.add_text(fmt::format(
       "Each combination was judged as by the command polypod cell alone, in {:g} s of simulated time and {} run{}, all "
       "with "
       "the same random numbers. Numbers between those of the sweep were not judged, nor what the page of a cell lists "
       "as not judged.",
       s.seconds, s.seeds, s.seeds == 1 ? "" : "s"));
+  constexpr std::size_t kMapped = 4;  // from fewer values colours between them would say more than is known
   if (s.axes.size() > 0 && std::any_of(s.rows.begin(), s.rows.end(), [](const auto& r) { return r.simulated; })) {
     if (s.axes.size() == 1)
       page.add_figure(along(s), "Throughput by the number. Points in red have a problem.");
-    else if (s.axes.size() == 2 && s.axes[0].values.size() > 1 && s.axes[1].values.size() > 1)
+    else if (s.axes.size() == 2 && s.axes[0].values.size() >= kMapped && s.axes[1].values.size() >= kMapped)
       page.add_figure(over(s),
-                      "Throughput over both numbers. A dot marks a combination with a problem; what is blank "
-                      "was not simulated.");
+                      "Throughput over both numbers, between the combinations interpolated. A dot marks a combination "
+                      "with a problem; what is blank was not simulated.");
     else
       page.add_figure(across(s), "Each line is a combination, across its numbers and its throughput.");
   }

@@ -6,12 +6,18 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <regex>
 
 #include "polypod/core/units.hpp"
 #include "polypod/report/html.hpp"
 
 namespace polypod::pages {
 namespace {
+
+/// What the command says, with the symbol of micrometres that pages have.
+std::string with_symbols(const std::string& text) {
+  return std::regex_replace(text, std::regex(" um\\b"), " µm");
+}
 
 using control::Watch;
 using control::WatchPart;
@@ -103,13 +109,14 @@ class Page {
 
   void answer() {
     report_.add_section("Answer");
-    std::string text = o_.answer;
+    std::string text = with_symbols(o_.answer);
     if (!text.empty()) text.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(text.front())));
     const Verdict good = !o_.judged ? Verdict::neutral
                          : !o_.ok   ? Verdict::bad
                                     : (o_.not_judged.empty() ? Verdict::good : Verdict::neutral);
     report_.add_verdict(good, text + ".");
-    for (const std::string& n : o_.not_judged) report_.add_verdict(Verdict::neutral, "Not judged: " + n + ".");
+    for (const std::string& n : o_.not_judged)
+      report_.add_verdict(Verdict::neutral, "Not judged: " + with_symbols(n) + ".");
     std::vector<report::KeyFigure> figures;
     figures.push_back({fixed(to_um(w_.largest), 1), kUm,
                        fmt::format("largest deviation of the tip from its command (line {})", w_.largest_line)});
