@@ -59,7 +59,9 @@ TEST(TurnedBlock, EveryColumnIsTheIntervalOfItsLine) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> angle(-kPi, kPi);
   for (int turn = 0; turn < 8; ++turn) {
-    const Mat3 R_SW = rotation_abc(angle(random), 0.5 * angle(random), angle(random));
+    // One by one: compilers evaluate arguments in orders of their own.
+    const double a = angle(random), b = 0.5 * angle(random), c = angle(random);
+    const Mat3 R_SW = rotation_abc(a, b, c);
     SCOPED_TRACE(turn);
     const Stock s = turned(R_SW);
     int inside = 0;
@@ -98,9 +100,10 @@ TEST(TurnedBlock, EveryColumnIsTheIntervalOfItsLine) {
       }
     }
     EXPECT_GT(inside, 1000);
-    // Eighths of the cells on the outline, whose columns are short: a part in a thousand.
+    // Eighths of the cells on the outline, whose columns are short: 0.03 % in the mean over 60 turns. Where an edge lies
+    // along the cells all of a row are rounded the same way: 0.13 % at worst, a third of that with cells half as large.
     const double volume = (kMax - kMin).prod();
-    EXPECT_NEAR(s.volume(), volume, 1e-3 * volume);
+    EXPECT_NEAR(s.volume(), volume, 2e-3 * volume);
   }
 }
 
