@@ -60,8 +60,8 @@ TEST(TurnedBlock, EveryColumnIsTheIntervalOfItsLine) {
   std::uniform_real_distribution<double> angle(-kPi, kPi);
   for (int turn = 0; turn < 8; ++turn) {
     // One by one: compilers evaluate arguments in orders of their own.
-    const double a = angle(random), b = 0.5 * angle(random), c = angle(random);
-    const Mat3 R_SW = rotation_abc(a, b, c);
+    const double about_z = angle(random), about_y = 0.5 * angle(random), about_x = angle(random);
+    const Mat3 R_SW = rotation_abc(about_z, about_y, about_x);
     SCOPED_TRACE(turn);
     const Stock s = turned(R_SW);
     int inside = 0;
