@@ -217,6 +217,7 @@ Command predict_command() {
                         {"not_judged", not_judged_json(p.not_judged, p.plunges)},
                         {"all_judged", p.all_judged()},
                         {"steep_not_judged", steep_json(p.steep)},
+                        {"slow_corners_not_judged", slow_corners_json(p.slow)},
                         {"time_s", p.time},
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
                         {"moves", Json::array()},
@@ -266,6 +267,7 @@ Command predict_command() {
                      within ? "" : ", see G64 P in docs/path-modes.md");
         }
         print_steep(p.steep, p.largest_distance);
+        print_slow_corners(p.slow, p.largest_with_corners);
         print_plunges(p.plunges, p.plunge_within, p.largest_distance);
         print_other_switch(p.other_switch, trust, false);
         o->vibration.print(in.job, p);
@@ -469,6 +471,7 @@ Command correct_command() {
                         {"answer", answer_in_words(c, uncertainty.reach)},
                         {"short_blocks", short_blocks_json(c.short_blocks)},
                         {"steep_not_judged", steep_json(c.after.steep)},
+                        {"slow_corners_not_judged", slow_corners_json(c.after.slow)},
                         {"written", writes},
                         {"stock_left", writes ? o->stock_left : ""},
                         {"outside", Json::array()},

@@ -168,6 +168,27 @@ void print_steep(const machining::Steep& s, double shown, const std::string& at)
       s.elsewhere > s.distance ? fmt::format("; elsewhere on it {:.1f} um", to_um(s.elsewhere)) : "");
 }
 
+Json slow_corners_json(const machining::SlowCorners& s) {
+  return {{"count", s.count},
+          {"line", s.count > 0 ? Json(s.line) : Json()},
+          {"distance_um", to_um(s.distance)},
+          {"feed_share", s.count > 0 ? Json(s.share) : Json()},
+          {"largest_within_um", to_um(s.within)},
+          {"line_within", s.within > 0 ? Json(s.within_line) : Json()}};
+}
+
+void print_slow_corners(const machining::SlowCorners& s, double shown, const std::string& at) {
+  if (to_um(s.within) >= to_um(shown) + 1) {
+    fmt::print(
+        "slow corners   where the controller slows down, chips are thinner{}: up to {:.0f} um from the programmed "
+        "path, "
+        "inside the tube (line {})\n",
+        at, to_um(s.within), s.within_line);
+  }
+  if (s.count == 0) return;
+  fmt::print("not judged{}: {}\n", at, s.in_words());
+}
+
 double to_a_millionth(double x) {
   return std::round(x * 1e6) / 1e6;
 }
@@ -186,6 +207,7 @@ std::string answer_in_words(const machining::Correction& c, const std::optional<
 
 void print_answer(const machining::Correction& c, const std::optional<machining::Reach>& reach) {
   print_steep(c.after.steep, c.largest_after);
+  print_slow_corners(c.after.slow, c.largest_after);
   print_plunges(c.after.plunges, c.after.plunge_within, c.largest_after);
   if (!c.within_tolerance) return;
   fmt::print("{}\n", answer_in_words(c, reach));
@@ -230,7 +252,8 @@ void add_other_switch(Json& document, const std::optional<machining::OtherSwitch
                                     {"distance_after_um", to_um(other->distance_after)},
                                     {"within_tolerance", other->within_tolerance && trust},
                                     {"not_judged", not_judged_json({}, other->plunges)},
-                                    {"steep_not_judged", steep_json(other->steep)}};
+                                    {"steep_not_judged", steep_json(other->steep)},
+                                    {"slow_corners_not_judged", slow_corners_json(other->slow)}};
 }
 
 std::string kept_free(const machining::Job& job, double distance) {
@@ -259,6 +282,7 @@ void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool
              to_um(other->distance_after), verdict);
   const std::string at = fmt::format(", with block delete {}", other->block_delete ? "on" : "off");
   print_steep(other->steep, other->distance_after, at);
+  print_slow_corners(other->slow, other->distance_after, at);
   print_plunges(other->plunges, {}, other->distance_after, at);
 }
 

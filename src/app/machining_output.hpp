@@ -29,6 +29,9 @@ Json steep_json(const machining::Steep& s);
 /// `at`: "" or ", with block delete on".
 /// `shown`: the distance that is printed already, m.
 void print_steep(const machining::Steep& s, double shown, const std::string& at = "");
+Json slow_corners_json(const machining::SlowCorners& s);
+/// Likewise.
+void print_slow_corners(const machining::SlowCorners& s, double shown, const std::string& at = "");
 /// To a millionth: mm, deg or um without the noise that a conversion leaves, so that a job can take them as they stand.
 double to_a_millionth(double x);
 double rounded_um(double m);

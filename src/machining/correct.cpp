@@ -180,6 +180,9 @@ class Corrector {
       prediction.commanded_distance[c] = std::max(prediction.commanded_distance[c], fine.commanded_distance[c]);
       prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
       prediction.commanded_ends[c].end |= fine.commanded_ends[c].end;
+      Prediction::WithoutChips& known = prediction.commanded_without_chips[c];
+      const Prediction::WithoutChips& seen = fine.commanded_without_chips[c];
+      known = {std::max(known.start, seen.start), std::max(known.end, seen.end)};
     }
     const std::size_t known = prediction.moves.size();
     std::size_t at = 0;  // both lists rise with the moves of the program
@@ -857,6 +860,8 @@ class Corrector {
     out_.modes.time_after = after.time;
     out_.largest_before = before.largest_with;
     out_.largest_after = after.largest_with;
+    out_.before.slow = before.slow;
+    out_.after.slow = after.slow;
     outcomes(before, after);
     POLYPOD_TRY(judge_other_switch());
     decide();
@@ -942,7 +947,9 @@ class Corrector {
     if (const Status free = no_rapid_cuts(job_, named_, after.pass); !free) return here(free.error());
     other.cuts = !before.moves.empty();
     other.distance_before = corners_of(job_, program_, as_it_was, before, inside()).largest_with;
-    other.distance_after = corners_of(job_, out_.program, way, after, inside()).largest_with;
+    const Corners corners_after = corners_of(job_, out_.program, way, after, inside());
+    other.distance_after = corners_after.largest_with;
+    other.slow = corners_after.slow;
     const std::vector<NotJudged>& open = after.not_judged.empty() ? before.not_judged : after.not_judged;
     if (!open.empty()) other.reason = fmt::format("line {}: {}", open.front().line, open.front().why);
     other.within_tolerance = other.distance_after <= inside() && open.empty();
@@ -1093,6 +1100,7 @@ Result<std::optional<OtherSwitch>> other_unrolled(const Job& job, const CorrectO
   other.within_tolerance = c->within_tolerance;
   other.reason = c->reason;
   other.steep = c->after.steep;
+  other.slow = c->after.slow;
   other.plunges = c->after.plunges;
   return other;
 }

@@ -24,6 +24,17 @@ LongVector<int> control_blocks(const gcode::Program& program) {
 
 }  // namespace
 
+namespace {
+
+/// The share of the feed per tooth that is left where the controller passes at `speed`: see SlowCorners.
+double chip_share(const Job& job, const gcode::Move& move, double speed) {
+  const double teeth = move.spindle_speed * job.cutter_of(move.tool).teeth;  // a second
+  if (!(teeth > 0) || !(move.feed > 0)) return 1;
+  return std::min(1.0, (speed + job.controller.planner.acceleration / (4 * teeth)) / move.feed);
+}
+
+}  // namespace
+
 Corners corners_of(const Job& job, const gcode::Program& program, const Way& way, const Prediction& prediction,
                    double inside) {
   const PassMoves moves = way.commanded();
@@ -54,6 +65,14 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
     }
     for (const std::size_t m : {c, next}) {
       if (!(m == c ? cuts_before : cuts_after)) continue;
+      const Prediction::WithoutChips& without = prediction.commanded_without_chips[m];
+      const double share = chip_share(job, moves[m], at[c].speed);
+      const double slow =
+          share * distance[m] + (1 - share) * static_cast<double>(m == c ? without.end : without.start) + deviation;
+      if (share < 1 && distance[m] + deviation <= inside && slow > distance[m] + deviation) {
+        const int line = way.lines->blocks[static_cast<std::size_t>((*way.programmed)[way.source_of(m)].block)].line;
+        out.slow.add(slow, share, line, job.tolerance);
+      }
       out.deviation[m] = std::max(out.deviation[m], deviation);
       out.with[m] = std::max(out.with[m], distance[m] + deviation);
       out.largest = std::max(out.largest, deviation);

@@ -18,6 +18,7 @@ struct Corners {
   double largest = 0;            ///< m, deviation at a cut
   double largest_with = 0;       ///< m, distance with corners
   double time = 0;               ///< s
+  SlowCorners slow;              ///< where it is slower than the feed
   bool kept = true;              ///< no joint is rounded by more than its slack
 };
 

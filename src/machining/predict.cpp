@@ -113,6 +113,19 @@ class Sides {
   LongVector<std::int64_t> left_;  ///< points with the wall on the left, less the others
 };
 
+/// How far a tool without chips is from the move it stands for, or from one of those beside it: at a corner it may be
+/// over either.
+double distance_without_chips(const LongVector<gcode::Move>& moves, std::size_t i, const Sample& sample,
+                              const Vec3& axis) {
+  const Vec3 tip = sample.command + sample.without_chips;
+  double least = path_error(moves[i], tip, sample.away, axis).distance;
+  for (const std::size_t k : {i - 1, i + 1}) {
+    if (k >= moves.size() || moves[k].kind == gcode::MoveKind::rapid || !moves[k].start_known) continue;
+    least = std::min(least, path_error(moves[k], tip, sample.away, axis).distance);
+  }
+  return least;
+}
+
 Spread negative(const Spread& s) {
   return {-s.max, -s.mean, -s.min, s.count};
 }
@@ -409,8 +422,32 @@ bool Prediction::within(const Job& job) const {
 }
 
 bool Prediction::all_judged() const {
-  return not_judged.empty() && !(steep.distance > 0) && plunges.empty() &&
-         !(other_switch && (other_switch->steep.distance > 0 || !other_switch->plunges.empty()));
+  return not_judged.empty() && !(steep.distance > 0) && slow.count == 0 && plunges.empty() &&
+         !(other_switch && other_switch->not_all_judged());
+}
+
+void SlowCorners::add(double there, double of_feed, int at_line, double tolerance) {
+  if (there <= tolerance) {
+    if (there > within) {
+      within = there;
+      within_line = at_line;
+    }
+    return;
+  }
+  ++count;
+  if (there <= distance) return;
+  distance = there;
+  share = of_feed;
+  line = at_line;
+}
+
+std::string SlowCorners::in_words(const char* um) const {
+  return fmt::format(
+      "{} in a cut, where the controller slows down, to {:.0f} % of the feed or less at the worst: chips are thinner "
+      "there, and the tool deflects less than at the feed, as far as the machine springs back within a few teeth; it "
+      "may be up to {:.0f} {} from the programmed path there (line {})",
+      count == 1 ? "a corner or stop" : fmt::format("{} corners and stops", count), 100 * share, units::to_um(distance),
+      um, line);
 }
 
 Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass) {
@@ -510,6 +547,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   Prediction out;
   out.commanded_distance.assign(commanded.size(), 0);
   out.commanded_ends.assign(commanded.size(), {});
+  out.commanded_without_chips.assign(commanded.size(), {});
   Few few;
   const Vec3 axis = job.tool_frame.axis();
   LongVector<int> index(programmed.size(), -1);  // of the programmed move in out.moves
@@ -560,6 +598,11 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);
     out.commanded_distance[c] = std::max(out.commanded_distance[c], e.distance);
+    if (!transition && (sample.s == 0 || sample.s >= length)) {
+      Prediction::WithoutChips& ends_of_c = out.commanded_without_chips[c];
+      float& there = sample.s == 0 ? ends_of_c.start : ends_of_c.end;
+      there = static_cast<float>(distance_without_chips(programmed, i, sample, axis));
+    }
     const double near = std::min(kNearCorner, 0.5 * length);
     out.commanded_ends[c].start = out.commanded_ends[c].start || sample.s <= near;
     out.commanded_ends[c].end = out.commanded_ends[c].end || sample.s >= length - near;
@@ -683,8 +726,9 @@ Result<OtherSwitch> other_switch_of(const Job& job, const gcode::Program& progra
   const Way way = way_as_programmed(program, position.moves());
   POLYPOD_ASSIGN(p, predict_way(job, program, way, quiet));
   other.cuts = !p.moves.empty();
-  other.distance_before = other.distance_after =
-      corners_of(job, program, way, p, job.tolerance - resolution(job)).largest_with;
+  const Corners corners = corners_of(job, program, way, p, job.tolerance - resolution(job));
+  other.distance_before = other.distance_after = corners.largest_with;
+  other.slow = corners.slow;
   if (Status free = no_rapid_cuts(job, program, p.pass); !free)
     other.collision = at_switch(free.error(), other.block_delete);
   if (!p.not_judged.empty())
@@ -734,6 +778,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   out.corner = corners.largest;
   out.largest_with_corners = corners.largest_with;
   out.time = corners.time;
+  out.slow = corners.slow;
   POLYPOD_ASSIGN(other, other_switch_of(job, program, options));
   out.other_switch = other;
   out.notes = std::move(accepted.notes);

@@ -16,8 +16,10 @@ namespace {
 
 // How far the pieces may be off the record: across, where it counts, and along, where it is a matter of the feed; m.
 constexpr double kAcross = 0.2e-6, kAlong = 20e-6;
-// From this angle on a command turns away from its move, as PassOptions::smooth_angle; rad.
-constexpr double kTurnsAway = 0.1;
+// From this angle on a command turns away from its move; rad. The ramps of a correction, where the deflection grows or
+// goes within a few millimetres, lean by less (0.12 in the square of SLAV 6.1 in a tube of 40 um), and the tool follows
+// its move there; corners and transitions turn by more.
+constexpr double kTurnsAway = 0.3;
 // The way over which the direction of the record is taken, to each side: encoders have noise; m.
 constexpr double kDirectionOver = 50e-6;
 // A record that is farther from its feed move follows another program; m.

@@ -185,6 +185,7 @@ class Pass {
     Sample out = sample;
     out.command = frame_.to_W(sample.command);
     out.deflection = frame_.to_W(sample.deflection);
+    out.without_chips = frame_.to_W(sample.without_chips);
     out.force = frame_.to_W(sample.force);
     out.away = frame_.to_W(sample.away);
     visit_(out);
@@ -211,6 +212,7 @@ class Pass {
       }
       sample.move = index;
       sample.s = s;
+      at_end_ = k == 0 || k == steps;
       POLYPOD_TRY(evaluate(static_cast<std::size_t>(index), s, length, tool, sample));
       // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
       // at the end looks at is cut last.
@@ -409,19 +411,17 @@ class Pass {
     }
     POLYPOD_TRY(may_cut(move));
     const double per_tooth = move.feed / (move.spindle_speed * tool.cutter->teeth);
-    const double feed_per_tooth = per_tooth * horizontal;
-    Vec3 end_force = Vec3::Zero();
-    if (footprint_.any) {
-      const Vec3 f = tool.end.mean_force(footprint_, -d.z() * per_tooth);
-      end_force = along * f.x() + left * f.y() + Vec3::UnitZ() * f.z();
-      end_cuts_ = true;
-    }
-
-    const auto force_here = [&] {
-      if (tool.ball) return tool.ball->mean_force(ball_, d, per_tooth);
-      const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
-      return Vec3(end_force + along * f.x() + left * f.y() + Vec3::UnitZ() * f.z());
+    const auto in_S = [&](const Vec3& f) { return Vec3(along * f.x() + left * f.y() + Vec3::UnitZ() * f.z()); };
+    const auto force_of_end = [&](double each) {
+      return footprint_.any ? in_S(tool.end.mean_force(footprint_, -d.z() * each)) : Vec3(Vec3::Zero());
     };
+    const auto force_of = [&](double each, const Vec3& of_end) {
+      if (tool.ball) return tool.ball->mean_force(ball_, d, each);
+      return Vec3(of_end + in_S(tool.force.mean_force(profile_, each * horizontal)));
+    };
+    const Vec3 end_force = force_of_end(per_tooth);
+    end_cuts_ = end_cuts_ || footprint_.any;
+    const auto force_here = [&] { return force_of(per_tooth, end_force); };
     // The ideal command stands off the path by about the last bend.
     Mat3 C;
     POLYPOD_TRY(compliance(move, options_.bend == Bend::corrected ? Vec3(p - deflection_) : p, C));
@@ -446,12 +446,13 @@ class Pass {
       sample.deflection = equilibrium(move, window, look_again, C, force_here, sample.force);
       sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
     }
+    if (at_end_) sample.without_chips = C * force_of(0, force_of_end(0));
     POLYPOD_TRY(flutes_reach(move, p.z(), *tool.cutter));
     describe(sample);
     if (tool.ball) {
       describe_ball(along, left, sample);
     } else if (teeth_ && sample.cutting) {
-      teeth_(sample, {move, profile_, feed, feed_per_tooth, footprint_.any});
+      teeth_(sample, {move, profile_, feed, per_tooth * horizontal, footprint_.any});
     }
     return {};
   }
@@ -621,6 +622,7 @@ class Pass {
   Vec3 deflection_ = Vec3::Zero();
   cutting::EndFootprint footprint_;
   bool end_cuts_ = false;  // on the move at hand
+  bool at_end_ = false;    // of it
 };
 
 }  // namespace

@@ -19,6 +19,9 @@ struct Way {
   LongVector<PassMove> moves;                           ///< commanded; empty: all moves as they are programmed
   LongVector<int> source;                               ///< the programmed move of each; empty: its own number
 
+  [[nodiscard]] std::size_t source_of(std::size_t c) const {
+    return source.empty() ? c : static_cast<std::size_t>(source[c]);
+  }
   [[nodiscard]] PassMoves commanded() const { return moves.empty() ? PassMoves(*programmed) : PassMoves(moves); }
 };
 

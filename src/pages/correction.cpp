@@ -137,6 +137,10 @@ class Page {
             fixed(to_um(steep.distance), 0), kUm, steep.line,
             steep.elsewhere > steep.distance ? "; elsewhere on it " + um(steep.elsewhere) : ""));
   }
+  void not_judged(const machining::SlowCorners& slow, const std::string& at) {
+    if (slow.count == 0) return;
+    report_.add_verdict(Verdict::neutral, fmt::format("Not judged{}: {}.", at, slow.in_words(kUm)));
+  }
   void not_judged(const std::vector<machining::Plunge>& plunges, const std::string& at) {
     if (plunges.empty()) return;
     const auto worst = std::max_element(plunges.begin(), plunges.end(),
@@ -178,6 +182,14 @@ class Page {
     if (to_um(steep.within) < to_um(c_.largest_after) + 1) return "";
     return fmt::format(", and may be up to {} {} where the force changes quickly (line {})",
                        fixed(to_um(steep.within), 0), kUm, steep.within_line);
+  }
+
+  /// The slow corner that leaves most inside the tube, likewise.
+  [[nodiscard]] std::string slow_corners() const {
+    const machining::SlowCorners& slow = c_.after.slow;
+    if (to_um(slow.within) < to_um(c_.largest_after) + 1) return "";
+    return fmt::format(", and may be up to {} {} where the controller slows down (line {})",
+                       fixed(to_um(slow.within), 0), kUm, slow.within_line);
   }
 
   /// The plunge that leaves most inside the tube, if that is more than what is said.
@@ -237,7 +249,7 @@ class Page {
               "largest distance is {}{}{}. {}.",
               but, given(to_um(c_.tolerance)), kUm,
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
-              quick_changes(), held_back(), checked));
+              quick_changes(), slow_corners() + held_back(), checked));
     } else {
       std::string reason = c_.reason;
       if (!reason.empty()) reason.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(reason.front())));
@@ -251,11 +263,13 @@ class Page {
     }
     with_uncertainty();
     not_judged(c_.after.steep, "");
+    not_judged(c_.after.slow, "");
     not_judged(c_.after.plunges, "");
     if (c_.other_switch) {
       other_position(*c_.other_switch);
       const std::string at = fmt::format(" with block delete {}", c_.other_switch->block_delete ? "on" : "off");
       not_judged(c_.other_switch->steep, at);
+      not_judged(c_.other_switch->slow, at);
       not_judged(c_.other_switch->plunges, at);
     }
     short_blocks();

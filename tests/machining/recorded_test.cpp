@@ -33,11 +33,15 @@ std::vector<RecordedTip> record_of(const LongVector<gcode::Move>& moves, const V
   return out;
 }
 
-RecordedCut judged(const testing::Example& e, const std::vector<RecordedTip>& record) {
-  const auto out =
-      machining::judge_recorded(e.job, e.program, e.interpretation, e.program, e.interpretation, record, {});
+RecordedCut judged(const testing::Example& e, const std::vector<RecordedTip>& record, const gcode::Program& ran_program,
+                   const gcode::Interpretation& ran) {
+  const auto out = machining::judge_recorded(e.job, e.program, e.interpretation, ran_program, ran, record, {});
   EXPECT_TRUE(out) << to_string(out.error());
   return out ? *out : RecordedCut{};
+}
+
+RecordedCut judged(const testing::Example& e, const std::vector<RecordedTip>& record) {
+  return judged(e, record, e.program, e.interpretation);
 }
 
 // A controller that follows the program exactly makes what `predict` says.
@@ -60,6 +64,29 @@ TEST(Recorded, TheExactPathIsThePrediction) {
   EXPECT_NEAR(r.gain.removed_mean(), 0, 1e-3);
   EXPECT_NEAR(r.gain.removed_rms(), 0, 1e-3);
   for (const auto& c : r.corners) EXPECT_LT(c.recorded, 1e-9);
+}
+
+// One that follows a correction exactly leaves what `correct` says, also on the ramps at the corners, whose commands
+// lean.
+TEST(Recorded, TheExactCorrectionLeavesWhatCorrectSays) {
+  auto e = load_example("slavkovic_square");
+  e.job.tolerance = 40e-6;
+  const auto c = testing::correct(e);
+  ASSERT_TRUE(c.within_tolerance) << c.reason;
+  double lean = 0;
+  gcode::Interpretation ran;
+  for (std::size_t k = 0; k < c.commanded.size(); ++k) {
+    const gcode::Move& written = c.commanded[k].move;
+    ran.moves.push_back(written);
+    if (c.commanded[k].transition || written.kind == gcode::MoveKind::rapid || !written.start_known) continue;
+    const gcode::Move& meant = e.interpretation.moves[static_cast<std::size_t>(c.source[k])];
+    lean = std::max(lean, angle_between(written.direction(0), meant.direction(0)));
+  }
+  ASSERT_GT(lean, 0.11);
+  const RecordedCut r = judged(e, record_of(ran.moves), c.program, ran);
+  EXPECT_TRUE(r.to_the_end);
+  // Where a transition begins the record says only to the way over which its direction is taken (0.05 mm to each side).
+  EXPECT_NEAR(r.cut.largest_distance, c.largest_distance, 3e-6);
 }
 
 // Shifted as a whole across two of the four sides by the mean deflection there: it takes away as much.

@@ -140,11 +140,85 @@ TEST(Rules, AMoveIsOutsideForItsOwnDistanceNotForItsNeighbours) {
   machining::Prediction p;
   p.commanded_distance = {1e-6, 500e-6};
   p.commanded_ends = {{true, true}, {true, true}};
+  p.commanded_without_chips = {{}, {}};
   const machining::Corners corners = machining::corners_of(e.job, e.program, way, p, 100e-6);
   ASSERT_GT(corners.deviation[0], 0);
   EXPECT_NEAR(corners.with[0], 1e-6 + corners.deviation[0], 1e-12);
   EXPECT_NEAR(corners.with[1], 500e-6 + corners.deviation[0], 1e-12);
   EXPECT_FALSE(corners.kept);
+}
+
+// Where the controller goes slowly only the edges are left of the force: as at a feed of almost nothing.
+TEST(Rules, WithoutChipsTheEdgesAreLeft) {
+  const auto ends_of = [](const testing::Example& e, bool without_chips) {
+    cutting::Stock stock = e.job.stock;
+    machining::PassOptions options;
+    options.bend = machining::Bend::at_rest;
+    std::vector<Vec3> out;
+    unwrap(machining::run_pass(e.job, e.program, e.interpretation.moves, stock, options, [&](const auto& s) {
+      const double length = e.interpretation.moves[static_cast<std::size_t>(s.move)].length();
+      if (s.cutting && (s.s == 0 || s.s >= length)) out.push_back(without_chips ? s.without_chips : s.deflection);
+    }));
+    return out;
+  };
+  // A plunge, slots with a corner and an arc, and a ramp with the end of the cutter.
+  const std::string path = "G0 X-20 Y0\nG1 Z-2\nG1 X0\nG1 Y15\nG2 X5 Y20 I5 J0\nG1 X10 Z-2.5\nG0 Z5\nM2\n";
+  const auto e = testing::with_program("slavkovic_groove", std::string(kBegin) + "F600\n" + path);
+  const auto slow = testing::with_program("slavkovic_groove", std::string(kBegin) + "F0.0001\n" + path);
+  const std::vector<Vec3> edges = ends_of(e, true), slowly = ends_of(slow, false), full = ends_of(e, false);
+  ASSERT_EQ(edges.size(), slowly.size());
+  ASSERT_GE(edges.size(), 7u);
+  double chips = 0;
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    EXPECT_NEAR(to_um((edges[i] - slowly[i]).norm()), 0, 1e-3) << i;
+    chips = std::max(chips, (full[i] - edges[i]).norm());
+  }
+  EXPECT_GT(to_um(chips), 20);
+}
+
+// delta(f) = delta_edges + f (delta - delta_edges) with f = (v_c + a T / 4) / v, and the deviation of the corner on
+// top.
+TEST(Rules, ASlowCornerIsAsFarAsItsChipsLetItBe) {
+  auto e = testing::with_program("slavkovic_groove",
+                                 std::string(kBegin) + "G64 P0.005 Q0\nG0 X-20 Y0\nG1 X0 F1200\nG1 Y15 F1200\nM2\n");
+  LongVector<gcode::Move> moves(e.interpretation.moves.end() - 2, e.interpretation.moves.end());
+  e.job.tolerance = 51e-6;
+  const machining::Way way = machining::way_as_programmed(e.program, moves);
+  const machining::PlannerLimits& planner = e.job.controller.planner;
+  const machining::Corner at = machining::corner(moves[0], moves[1], planner);
+  ASSERT_GT(at.speed, 1e-3);
+  ASSERT_LT(at.speed, 0.5 * moves[0].feed);
+  const double tooth = 60.0 / 12000 / e.job.cutter.teeth;
+  const double share = (at.speed + planner.acceleration * tooth / 4) / moves[0].feed;
+  machining::Prediction p;
+  p.commanded_distance = {10e-6, 20e-6};
+  p.commanded_ends = {{true, true}, {true, true}};
+  p.commanded_without_chips = {{0, 150e-6F}, {90e-6F, 0}};
+  const machining::Corners corners = machining::corners_of(e.job, e.program, way, p, 50e-6);
+  EXPECT_EQ(corners.slow.count, 2u);
+  EXPECT_EQ(corners.slow.line, 7);
+  EXPECT_NEAR(corners.slow.share, share, 1e-9);
+  EXPECT_NEAR(corners.slow.distance, share * 10e-6 + (1 - share) * 150e-6 + at.deviation, 1e-11);
+  // Inside a larger tube they are no doubt, but said; and a corner that is outside already is not counted again.
+  machining::Job job = e.job;
+  job.tolerance = 200e-6;
+  const machining::Corners inside = machining::corners_of(job, e.program, way, p, 190e-6);
+  EXPECT_EQ(inside.slow.count, 0u);
+  EXPECT_NEAR(inside.slow.within, corners.slow.distance, 1e-12);
+  EXPECT_EQ(machining::corners_of(e.job, e.program, way, p, 5e-6).slow.count, 0u);
+}
+
+// A pocket's corners: yes by the programmed feed, but not for them. LinuxCNC's own record of this correction has 211
+// um.
+TEST(Rules, AYesIsNotForCornersWhereTheControllerSlowsDown) {
+  const auto e = testing::load_example("freecad_pocket");
+  const auto c = correct(e);
+  ASSERT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_FALSE(c.all_judged());
+  EXPECT_GT(c.after.slow.count, 20u);
+  EXPECT_NEAR(to_um(c.after.slow.distance), 211, 10);
+  // As programmed it deflects less there, not more: no doubt of its own.
+  EXPECT_EQ(c.before.slow.count, 0u);
 }
 
 }  // namespace

@@ -95,11 +95,10 @@ struct Correction {
   int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
   ShortBlocks short_blocks;
 
-  /// Whether the answer is for all of the cut: else for all but moves that no model covers, steep places and plunges
-  /// without a dwell, at either switch position.
+  /// Whether the answer is for all of the cut: else for all but moves that no model covers, steep places, slow
+  /// corners and plunges without a dwell, at either switch position.
   [[nodiscard]] bool all_judged() const {
-    return before.not_judged.empty() && after.all_judged() &&
-           !(other_switch && (other_switch->steep.distance > 0 || !other_switch->plunges.empty()));
+    return before.not_judged.empty() && after.all_judged() && !(other_switch && other_switch->not_all_judged());
   }
   /// The answer in one sentence: yes, yes apart from what was not judged, or why not. `proviso`: what a yes rests on.
   [[nodiscard]] std::string answer(const std::string& proviso = {}) const;

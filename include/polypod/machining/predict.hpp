@@ -98,6 +98,25 @@ struct Steep {
   int within_line = 0;
 };
 
+/// Corners in a cut, and ends of moves that stop in one, where the controller goes slower than the feed: the chips are
+/// thinner there, and the tool deflects less. Moves are judged at their feed, since how far a machine with its inertia
+/// springs back in the few teeth of such a corner no static model knows. The two ends of it are known: the deflection
+/// at the feed, and that at the chips of the slowest place, delta(f) = delta_edges + f (delta - delta_edges) with f the
+/// share of the feed per tooth, the way of a tooth period there: f = min(1, (v_c + a T / 4) / v), v_c the speed in the
+/// corner (corner), a the acceleration, T the tooth period. Between both the distance is a convex function.
+struct SlowCorners {
+  std::size_t count = 0;  ///< where the tool at such chips would leave the tube, and what was found does not
+  double distance = 0;    ///< m, of the worst of them from the programmed moves, with the rounding of the corner
+  int line = 0;           ///< of the move that ends or begins there
+  double share = 1;       ///< f there
+  double within = 0;      ///< m, the farthest of those that stay inside the tube
+  int within_line = 0;
+
+  void add(double there, double of_feed, int at_line, double tolerance);
+  /// What is not judged, in words; `um`: the symbol of micrometres.
+  [[nodiscard]] std::string in_words(const char* um = "um") const;
+};
+
 /// A program with the other position of the block delete switch.
 struct OtherSwitch {
   bool block_delete = false;  ///< the position that was judged
@@ -108,13 +127,17 @@ struct OtherSwitch {
   double distance_after = 0;   ///< m, the same of the corrected program
   bool within_tolerance = false;
   Steep steep;                     ///< not judged
+  SlowCorners slow;                ///< not judged
   std::vector<Plunge> plunges;     ///< not judged
   std::optional<Error> collision;  ///< MC304: of `predict` only; `correct` ends there
   std::string reason;              ///< why not within, where it is not the distance
+
+  [[nodiscard]] bool not_all_judged() const { return steep.distance > 0 || slow.count > 0 || !plunges.empty(); }
 };
 
 struct Prediction {
   Steep steep;                              ///< not judged
+  SlowCorners slow;                         ///< not judged: in the path control modes in force
   LongVector<MovePrediction> moves;         ///< those that cut, in order
   std::vector<NotJudged> not_judged;        ///< moves that cut but that no model covers; they spoil every "yes"
   std::vector<Plunge> plunges;              ///< not judged: what remains there may be outside the tube
@@ -132,13 +155,20 @@ struct Prediction {
     bool start = false, end = false;
   };
   LongVector<Ends> commanded_ends;  ///< whether it cuts within a millimetre of its start and of its end
+  /// m, of each commanded move that cuts there, how far the tool is from the programmed moves at its start and at its
+  /// end without chips.
+  struct WithoutChips {
+    float start = 0, end = 0;
+  };
+  LongVector<WithoutChips> commanded_without_chips;
   PassResult pass;
   cutting::Stock stock_left;  ///< what the deflected tool leaves, in W, if it was asked for
   std::vector<std::string> notes;
 
   /// Whether every cut was judged and stays in the tube of the job, corners counted, at both positions of block delete.
   [[nodiscard]] bool within(const Job& job) const;
-  /// Whether `within` answers for all of the cut: else for all but steep places and plunges without a dwell.
+  /// Whether `within` answers for all of the cut: else for all but steep places, slow corners and plunges
+  /// without a dwell.
   [[nodiscard]] bool all_judged() const;
 };
 

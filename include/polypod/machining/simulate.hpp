@@ -33,7 +33,9 @@ struct Sample {
   double s = 0;  ///< arc length along the move, m
   Vec3 command = Vec3::Zero();
   Vec3 deflection = Vec3::Zero();  ///< delta; the deflected tip is command + deflection
-  Vec3 force = Vec3::Zero();       ///< mean force on the tool
+  /// At the ends of moves what delta is without chips, by the edges alone: nearly where the controller stops.
+  Vec3 without_chips = Vec3::Zero();
+  Vec3 force = Vec3::Zero();  ///< mean force on the tool
   /// Unit normal of the path in the plane, to the left of the feed. predict and correct turn it away from the wall that
   /// is cut along most of the move; in a slot, which has two, it stays.
   Vec3 away = Vec3::Zero();
