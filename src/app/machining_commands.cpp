@@ -403,7 +403,7 @@ Command correct_command() {
         const bool writes =
             c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
         files::Outputs together;  // program and report appear together or not at all
-        if (writes) POLYPOD_TRY(together.add(o->output, c.text));
+        if (writes) POLYPOD_TRY(together.add(o->output, c.text()));
         if (!o->report.empty()) {
           pages::CorrectionPageOptions page;
           page.version = POLYPOD_VERSION;

@@ -15,6 +15,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/force.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/machining/yielding.hpp"
 #include "polypod/statics/compliance.hpp"
 
@@ -68,7 +69,7 @@ class Run {
         online_(online),
         look_(look),
         stock_(job.stock),
-        probe_(job.machine, Mat3::Identity()),
+        probe_(job.machine, machining::cutting_orientation(job)),
         corrector_(options.limits, options.sensor.weight_removed, options.period),
         random_(options.seed) {}
 

@@ -266,7 +266,7 @@ class Comparison {
     take(c.after, out);
     out.lines = c.lines_out;
     out.rounds = method == Method::mirror ? 1 : c.rounds;
-    out.text = std::move(c.text);
+    out.text = c.text();
     if (method == Method::tube) {
       out.notes.emplace_back(
           "its time holds its own checks of what it writes, and the search for remedies where it stays outside");

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/confidence.hpp"
+#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -153,7 +154,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
     point.vertical = is_plunge(move, job.tool_frame.axis()) ? 0 : error.vertical;
     point.room = room_of(point.vertical, corners.deviation[static_cast<std::size_t>(sample.move)]);
     if (columns > 0) {
-      const Pose X_MT{job.tool_frame.R_MT, job.X_MW * sample.command};
+      const Pose X_MT{cutting_orientation(job), job.X_MW * sample.command};
       const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
       const kinematics::Solution* solution = inverse.reachable();
       if (solution == nullptr) continue;

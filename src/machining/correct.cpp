@@ -1261,7 +1261,6 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {
     out.remedies = remedies_for(job, program, accepted, options, out);
   }
-  out.text = gcode::to_text(out.program);
   std::vector<std::string> notes = std::move(accepted.notes);
   if (out.other_switch) gcode::drop_block_delete_note(notes);
   if (fixed_other) {

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/place.hpp"
+#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -261,7 +262,7 @@ class Search {
     const Pose X_MW = at.pose();
     out.fit = look(job_.machine, poses_, X_MW, &out.margin);
     if (out.fit != PlaceFit::fits) return out;
-    statics::Probe probe(job_.machine, Mat3::Identity());
+    statics::Probe probe(job_.machine, tool_orientation(job_.machine, X_MW, Vec3::Zero()));
     for (const Cut& cut : cuts_) {
       const Vec3 p = X_MW * cut.p, F = X_MW.R * cut.force, n = X_MW.R * cut.away;
       Mat3 C;

@@ -148,10 +148,10 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
   constexpr double kUpright = units::from_deg(0.1);
   double most = 0;
   int move = -1;
+  const Mat3 R_MT = cutting_orientation(job);
   for (const Sample& sample : samples) {
-    const Pose target{job.tool_frame.R_MT, job.X_MW * sample.command};
-    const double lean =
-        angle_between(kinematics::settled(job.machine, target).value_or(target).R.col(2), job.tool_frame.R_MT.col(2));
+    const Pose target{R_MT, job.X_MW * sample.command};
+    const double lean = angle_between(kinematics::settled(job.machine, target).value_or(target).R.col(2), R_MT.col(2));
     if (lean > most) {
       most = lean;
       move = sample.move;
@@ -819,7 +819,7 @@ MapBand map_band(const Job& job, const Prediction& prediction) {
   if (!job.measured) return out;
   const statics::MeasuredMap& map = job.measured->map;
   const bool joints = statics::has_compliance(job.machine);
-  statics::Probe probe(job.machine, job.tool_frame.R_MT);
+  statics::Probe probe(job.machine, cutting_orientation(job));
   for (const Sample& sample : prediction.few) {
     const Vec3 p = job.X_MW * sample.command, F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
     const Mat3 sd = map.deviation(p);

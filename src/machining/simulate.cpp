@@ -71,7 +71,7 @@ class Pass {
         teeth_(teeth),
         frame_(job.tool_frame),
         X_MS_(job.tool_frame.to_S(job.X_MW)),
-        probe_(job.machine, job.tool_frame.R_MT) {}
+        probe_(job.machine, cutting_orientation(job)) {}
 
   Result<PassResult> run() {
     POLYPOD_TRY(affordable());

@@ -59,10 +59,16 @@ bool is_feed(const gcode::Move& move) {
 
 }  // namespace
 
-Mat3 tool_orientation(const Job& job, const Vec3& axes) {
-  const machine::Task task = kinematics::task(job.machine);
+Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, const Vec3& axes) {
+  const machine::Task task = kinematics::task(machine);
   if (task.names_axis()) return rotation_abc(axes.x(), axes.y(), 0.0);
-  return job.X_MW.R * rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0);
+  return X_MW.R * rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0);
+}
+Mat3 tool_orientation(const Job& job, const Vec3& axes) {
+  return tool_orientation(job.machine, job.X_MW, axes);
+}
+Mat3 cutting_orientation(const Job& job) {
+  return job.tool_frame.tilted ? job.tool_frame.R_MT : tool_orientation(job, Vec3::Zero());
 }
 
 std::string orientation_in_words(const Vec3& axes) {

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/vibration.hpp"
+#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -209,7 +210,8 @@ Result<ProgramVibration> vibration_of(const Job& job, const gcode::Program& prog
         "the vibration follows from the compliances of the machine's parts, not from the measured ones");
   }
   const auto line_of = [&](const CutPoint& p) { return program.blocks[static_cast<std::size_t>(p.block)].line; };
-  statics::Probe probe(job.machine, Mat3::Identity());
+  const Mat3 R_MT = cutting_orientation(job);
+  statics::Probe probe(job.machine, R_MT);
   std::size_t done = 0, all = 0;
   for (const auto& [key, group] : points.groups()) all += group.points.size();
   double sum = 0;
@@ -233,7 +235,7 @@ Result<ProgramVibration> vibration_of(const Job& job, const gcode::Program& prog
                                 units::to_mm(p.y()), units::to_mm(p.z()), probe.why()),
                     {program.path, line_of(point), 1}, "move the workpiece origin");
       }
-      const Pose X = kinematics::settled(job.machine, Pose{Mat3::Identity(), p}, probe.joints());
+      const Pose X = kinematics::settled(job.machine, Pose{R_MT, p}, probe.joints());
       judged.push_back({&point, motion::modal_model(job.machine, dynamics, X, probe.joints()),
                         tooth_force(job, point, tool), cut_frame(job, point)});
       const Judged& at = judged.back();

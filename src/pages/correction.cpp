@@ -747,7 +747,7 @@ class Page {
     if (blocks.size() > kHeaderLines) text += "...\n";
     report_.add_code("Its first lines", text, false);
     if (blocks.size() <= kWholeProgram) {
-      report_.add_code(fmt::format("All {} lines", blocks.size()), c_.text);
+      report_.add_code(fmt::format("All {} lines", blocks.size()), c_.text());
     }
   }
 

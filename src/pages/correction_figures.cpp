@@ -11,6 +11,7 @@
 
 #include "outline.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machining/tilted.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -502,7 +503,7 @@ PartMap part_map(const Job& job, const Correction& c, const Tracks& tracks) {
   const Vec3 corner_W = units::from_mm(1) * Vec3(out.x_min, out.y_min, out.z);
   statics::PlaneGrid grid{job.X_MW * corner_W, job.X_MW.R * Vec3(units::from_mm(width), 0, 0),
                           job.X_MW.R * Vec3(0, units::from_mm(height), 0), count(width), count(height)};
-  out.map = statics::compliance_map(job.machine, grid, job.tool_frame.R_MT);
+  out.map = statics::compliance_map(job.machine, grid, machining::cutting_orientation(job));
   if (job.measured) {
     for (statics::MapPoint& point : out.map.points) {
       statics::Compliance& there = point.compliance;

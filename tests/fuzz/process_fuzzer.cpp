@@ -144,7 +144,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   require(corrected->largest_distance <= job->tolerance, "within tolerance by its own figures");
-  const auto again = gcode::parse(corrected->text, "again.ngc");
+  const auto again = gcode::parse(corrected->text(), "again.ngc");
   require(again.has_value(), "a corrected program is read back");
   const auto again_run = gcode::interpret(*again, job->interpret_options());
   require(again_run.has_value(), "a corrected program is understood");

@@ -166,7 +166,7 @@ TEST(Answers, LinesAreThoseOfTheProgramAtHand) {
   const std::string page = page_of(e, c);
   EXPECT_THAT(page, HasSubstr("not judged: line 8:"));
   EXPECT_THAT(page, Not(HasSubstr("line 11")));
-  EXPECT_THAT(c.text, HasSubstr("NOT judged to be within the tube, see line 8 of the original"));
+  EXPECT_THAT(c.text(), HasSubstr("NOT judged to be within the tube, see line 8 of the original"));
   // Its notes, too, though the header with the path mode is longer than the one that was checked.
   const auto pocket = correct(load("milling_pocket.ngc"));
   EXPECT_THAT(pocket.after.notes, ::testing::Contains(HasSubstr("(first in line 8)")));
@@ -180,14 +180,13 @@ TEST(Answers, TheHeaderSaysThatItIsOutside) {
   char expected[80];
   std::snprintf(expected, sizeof expected, "NOT within the tube, up to %.1f um from the path of line 8",
                 to_um(c.largest_after));
-  EXPECT_THAT(c.text, HasSubstr(expected));
-  EXPECT_EQ(gcode::to_text(c.program), c.text);
+  EXPECT_THAT(c.text(), HasSubstr(expected));
   EXPECT_EQ(c.lines_out, c.program.blocks.size());
   machining::CorrectOptions mirror;
   mirror.method = machining::CorrectMethod::mirror;
-  EXPECT_THAT(correct(e, mirror).text, HasSubstr("NOT within the tube"));
+  EXPECT_THAT(correct(e, mirror).text(), HasSubstr("NOT within the tube"));
   e.job.tolerance = 80e-6;
-  EXPECT_THAT(correct(e).text, Not(HasSubstr("NOT")));
+  EXPECT_THAT(correct(e).text(), Not(HasSubstr("NOT")));
   // What is open at other places of the line is not the whole of it.
   EXPECT_EQ(c.after.steep.line, 8);
   EXPECT_GT(c.after.steep.elsewhere, c.after.steep.distance);
@@ -203,10 +202,10 @@ TEST(Answers, WhatWasNotCorrectedIsTakenAgain) {
     EXPECT_EQ(c.rewritten_moves, 0);
     EXPECT_EQ(c.moves.size(), 1u);
     EXPECT_FALSE(c.moves[0].rewritten);
-    EXPECT_THAT(c.text, HasSubstr("looked at, not corrected"));
-    EXPECT_THAT(c.text, HasSubstr("G1 X90 F1800\n"));
-    EXPECT_THAT(c.text, Not(HasSubstr("do not correct again")));
-    const auto again = with_text(c.text);
+    EXPECT_THAT(c.text(), HasSubstr("looked at, not corrected"));
+    EXPECT_THAT(c.text(), HasSubstr("G1 X90 F1800\n"));
+    EXPECT_THAT(c.text(), Not(HasSubstr("do not correct again")));
+    const auto again = with_text(c.text());
     EXPECT_TRUE(machining::correct(again.job, again.program, again.interpretation));
   }
 }

@@ -91,7 +91,7 @@ TEST(Compare, MirrorIsThatOfCorrect) {
   correct_options.method = machining::CorrectMethod::mirror;
   correct_options.mirror_points = 4;
   const machining::Correction c = testing::correct(e, correct_options);
-  EXPECT_EQ(mirror.text, c.text);
+  EXPECT_EQ(mirror.text, c.text());
   EXPECT_DOUBLE_EQ(mirror.normal.max, c.after.normal.max);
   EXPECT_EQ(mirror.lines, c.lines_out);
 }

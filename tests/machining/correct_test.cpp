@@ -28,7 +28,6 @@ TEST_P(Examples, EndInTheTube) {
   EXPECT_GT(c.before.largest_distance, e.job.tolerance) << "there was something to correct";
   EXPECT_LT(std::abs(to_um(c.after.normal.mean)), 20);
   EXPECT_EQ(c.lines_out, c.program.blocks.size());
-  EXPECT_EQ(gcode::to_text(c.program), c.text);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Examples,
@@ -67,7 +66,7 @@ TEST(Correct, WideTubeLeavesTheProgramAlone) {
   EXPECT_EQ(c.modes.written, "");
   const std::string before = gcode::to_text(e.program);
   std::string without_header;
-  std::istringstream lines(c.text);
+  std::istringstream lines(c.text());
   for (std::string line; std::getline(lines, line);) {
     if (line.rfind("(Polypod:", 0) != 0) without_header += line + "\n";
   }
@@ -100,7 +99,7 @@ TEST(Correct, ArcsStayArcs) {
   e.job.stock.keep([](double x, double y) { return std::hypot(x, y) < 0.04; });
   const auto coarse = testing::correct(e);
   expect_in_tube(e, coarse);
-  EXPECT_THAT(coarse.text, HasSubstr("G2 "));
+  EXPECT_THAT(coarse.text(), HasSubstr("G2 "));
   // A chord tolerance ten times smaller needs arcs of about 10^(1/3) times less length.
   machining::CorrectOptions options;
   options.chord = 1e-6;
@@ -121,8 +120,8 @@ TEST(Correct, InchAndIncrementalProgramsStayWhatTheyAre) {
   const auto c = testing::correct(inch);
   expect_in_tube(inch, c);
   EXPECT_EQ(c.pieces, metric.pieces);
-  EXPECT_THAT(c.text, HasSubstr("G20"));
-  EXPECT_THAT(c.text, HasSubstr("G91"));
+  EXPECT_THAT(c.text(), HasSubstr("G20"));
+  EXPECT_THAT(c.text(), HasSubstr("G91"));
   EXPECT_LT(std::abs(to_um(c.after.normal.mean)), 20);
 }
 
@@ -142,7 +141,7 @@ TEST(Correct, MirrorAtManyPointsIsTheOneStepOfTheSource) {
 
 TEST(Correct, SameBytesTwice) {
   const auto e = load_example("freecad_profile");
-  EXPECT_EQ(testing::correct(e).text, testing::correct(e).text);
+  EXPECT_EQ(testing::correct(e).text(), testing::correct(e).text());
 }
 
 /// Canonical end points of LinuxCNC's own interpreter: x, y, z of STRAIGHT_FEED, STRAIGHT_TRAVERSE and ARC_FEED lines.
@@ -197,7 +196,7 @@ TEST_P(Examples, LinuxCncReadsTheSameEndPoints) {
   compare(e.interpretation.moves, gcode::to_text(e.program));
   LongVector<gcode::Move> commanded;
   for (const auto& m : c.commanded) commanded.push_back(m.move);
-  compare(commanded, c.text);
+  compare(commanded, c.text());
 }
 
 }  // namespace

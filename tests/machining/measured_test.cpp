@@ -66,8 +66,8 @@ TEST(Measured, DenseReadingsDoWhatTheJointsDo) {
   const auto c = testing::correct(mapped);
   testing::expect_in_tube(mapped, c);
   testing::expect_in_tube(joints, c);
-  EXPECT_THAT(c.text, HasSubstr("interpolated from 50 measured points"));
-  EXPECT_THAT(testing::correct(joints).text, ::testing::Not(HasSubstr("interpolated")));
+  EXPECT_THAT(c.text(), HasSubstr("interpolated from 50 measured points"));
+  EXPECT_THAT(testing::correct(joints).text(), ::testing::Not(HasSubstr("interpolated")));
 }
 
 // The work of both examples lies between planes I (z = -400 mm) and V (z = 0).

@@ -115,7 +115,7 @@ TEST(Verdict, AMachineWithoutCompliancesIsRefused) {
 
 TEST(Verdict, ACorrectedProgramIsNotCorrectedAgain) {
   auto e = load(trial("slot.ngc"), trial("slot.toml"));
-  e.program = unwrap(gcode::parse(correct(e).text, "again.ngc"));
+  e.program = unwrap(gcode::parse(correct(e).text(), "again.ngc"));
   e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
   EXPECT_EQ(refused(e).id, "MC306");
   machining::CorrectOptions options;
@@ -127,7 +127,7 @@ TEST(Verdict, TheDiscKeepsItsSize) {
   const auto e = load(trial("disc.ngc"), trial("disc.toml"));
   const auto c = correct(e);
   EXPECT_TRUE(c.within_tolerance) << c.reason;
-  EXPECT_THAT(c.text, HasSubstr("G2 "));
+  EXPECT_THAT(c.text(), HasSubstr("G2 "));
   EXPECT_LT(std::abs(to_um(c.after.normal.mean)), 5) << "chords cut 42 um into the part on average";
 }
 
@@ -155,7 +155,7 @@ TEST(Verdict, ThePathControlModeThatTheToleranceNeedsIsWritten) {
   // LinuxCNC rounds the corners of the square by 375 um under plain G64 (recorded).
   EXPECT_NEAR(to_um(c.modes.corner_before), 375, 1);
   ASSERT_THAT(c.modes.written, ::testing::StartsWith("G64 P0.0"));
-  EXPECT_THAT(c.text, HasSubstr("G21 " + c.modes.written + "\n"));
+  EXPECT_THAT(c.text(), HasSubstr("G21 " + c.modes.written + "\n"));
   double written = 0;
   std::sscanf(c.modes.written.c_str(), "G64 P%lf", &written);
   EXPECT_LE(to_um(c.modes.corner_after), 1e3 * written + 0.1);
@@ -171,8 +171,8 @@ TEST(Verdict, AModeThatBreaksTheTubeIsReplaced) {
   e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
   const auto c = correct(e);
   EXPECT_THAT(c.modes.replaced, ::testing::ElementsAre(1));
-  EXPECT_EQ(c.text.find("P0.3"), std::string::npos);
-  EXPECT_THAT(c.text, HasSubstr("G54 " + c.modes.written));
+  EXPECT_EQ(c.text().find("P0.3"), std::string::npos);
+  EXPECT_THAT(c.text(), HasSubstr("G54 " + c.modes.written));
   EXPECT_TRUE(c.within_tolerance) << c.reason;
 }
 
@@ -325,7 +325,7 @@ TEST(Verdict, ANoIsNotCalledVerified) {
   const auto c = correct(e, options);
   EXPECT_TRUE(c.within_tolerance) << c.reason;
   EXPECT_TRUE(c.verified);
-  EXPECT_THAT(c.text, HasSubstr("cutter 10 mm with 2 teeth"));
+  EXPECT_THAT(c.text(), HasSubstr("cutter 10 mm with 2 teeth"));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/gcode/program.hpp"
 #include "polypod/machining/path_mode.hpp"
 #include "polypod/machining/predict.hpp"
 
@@ -71,8 +72,7 @@ struct MoveOutcome {
 };
 
 struct Correction {
-  std::string text;           ///< the corrected program
-  gcode::Program program;     ///< the same, read back
+  gcode::Program program;     ///< the corrected program, read back
   Prediction before;          ///< of the original, in equilibrium
   Prediction after;           ///< of what was read back, against the original's moves
   cutting::Stock stock_left;  ///< what the deflected tool leaves of the stock with the new program, in W, if asked for
@@ -95,6 +95,8 @@ struct Correction {
   int left_as_they_were = 0;  ///< moves that no correction brings closer to the programmed path
   ShortBlocks short_blocks;
 
+  /// The corrected program. A long one takes its length in memory each time.
+  [[nodiscard]] std::string text() const { return gcode::to_text(program); }
   /// Whether the answer is for all of the cut: else for all but moves that no model covers, steep places, slow
   /// corners and plunges without a dwell, at either switch position.
   [[nodiscard]] bool all_judged() const {

@@ -11,7 +11,10 @@ namespace polypod::machining {
 
 /// The orientation of the tool in M with the rotary axes (A, B, C, rad) of a program: R_y(B) R_x(A) of a machine whose
 /// A and B are its own axes (Task::names_axis), else R_MW R_z(C) R_y(B) R_x(A), as `check` takes it.
+Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, const Vec3& axes);
 Mat3 tool_orientation(const Job& job, const Vec3& axes);
+/// That of every cut of the job: tool_frame where the tool is tilted, else with A = B = C = 0.
+Mat3 cutting_orientation(const Job& job);
 
 /// Whether the tool cannot touch the stock of the job on a move, however long it is above its tip: a face of the box
 /// round the stock parts them. That holds where the disc at the tip stays beyond the face on the whole way and the axis

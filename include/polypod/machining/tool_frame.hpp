@@ -10,11 +10,11 @@ namespace polypod::machining {
 
 /// One orientation of the tool in every cut (3 + 2 axes), and the frame S in which the stock is a height map: its
 /// origin is that of W, its z axis the tool axis, its x and y axes those of the tool frame T. By default the tool
-/// stands along z of M and S is W.
+/// stands along z of M (cutting_orientation says how it is turned about it) and S is W.
 struct ToolFrame {
   bool tilted = false;               ///< whether S is another frame than W
   Vec3 axes = Vec3::Zero();          ///< A, B, C in every cut, rad
-  Mat3 R_MT = Mat3::Identity();      ///< the orientation of the tool in M
+  Mat3 R_MT = Mat3::Identity();      ///< the orientation of the tool in M; only where the tool is tilted
   Mat3 R_WS = Mat3::Identity();      ///< S in W
   Eigen::AlignedBox3d stock_in_W{};  ///< the box of the stock as the job gives it, m; only where the tool is tilted
 
