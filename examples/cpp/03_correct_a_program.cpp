@@ -47,7 +47,7 @@ int main(int argc, char** argv) {
     return 1;
   }
   // The file appears whole or not at all.
-  if (const auto written = files::write_whole(argv[3], correction->text); !written) return stop(written.error());
+  if (const auto written = files::write_whole(argv[3], correction->text()); !written) return stop(written.error());
   std::printf("wrote %s\n", argv[3]);
   return 0;
 }

@@ -57,7 +57,7 @@ void print_answer(const machining::Job& job, const std::vector<machining::Method
     const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
     fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}  {:>7}  {:>8.2f}  {}{}\n", machining::name_of(m.method),
                um(m.normal.min), um(m.normal.mean), um(m.normal.max), um(m.distance), m.lines, m.seconds,
-               m.inside                                                  ? "within the tolerance"
+               m.inside ? m.judged ? "within the tolerance" : "within the tolerance, apart from what was not judged"
                : m.distance > job.tolerance - machining::resolution(job) ? "beyond the tolerance"
                                                                          : "not all of it is judged",
                m.worse ? ", worse than no correction" : "");

@@ -72,6 +72,10 @@ Status Engine::run() {
     waiting_.clear();
   }
   if (motion_ == 52) return error(1, "GC127", "the program ends within a curve (G5.2)", "end it with G5.3");
+  if (closes_) {
+    begin_plain();
+    add_plain("%", true);
+  }
   number_ = kNoNumber;
   put("ON_RESET()");
   put("ON_RESET()");
@@ -163,6 +167,17 @@ Status Engine::stop() {
   return {};
 }
 
+namespace {
+
+/// A line of nothing but a percent sign.
+bool is_percent(std::string_view text) {
+  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
+  return text == "%";
+}
+
+}  // namespace
+
 Status Engine::end_program(bool pallet) {
   POLYPOD_TRY(settle());
   side_ = 0;
@@ -179,6 +194,11 @@ Status Engine::end_program(bool pallet) {
   if (pallet) put("PALLET_SHUTTLE()");
   put("PROGRAM_END()");
   ends_ = true;
+  if (percent_ && frame().source == 0) {  // the closing one is looked for in the rest of the file
+    const Blocks& blocks = source().program->blocks;
+    for (std::size_t i = frame().at; i < blocks.size() && !closes_; ++i) closes_ = is_percent(blocks[i].text);
+    if (!closes_) put("COMMENT(\"interpreter: percent sign missing from end of file\")");
+  }
   return {};
 }
 

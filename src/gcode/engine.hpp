@@ -365,6 +365,7 @@ class Engine final : private Parameters {
   double returned_value_ = 0;
   bool returned_ = false;
   bool percent_ = false;
+  bool closes_ = false;  // a percent sign stands behind M2
   bool ends_ = false;
   bool finished_ = false;  // by the closing %
   long lines_ = 0;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
@@ -384,6 +385,7 @@ class Interpreter {
       for (const std::string_view comment : comments(*block_)) {
         const auto column = static_cast<int>(comment.data() - block_->text.data()) + 1;
         out_.passed_through.push_back({index_, column, static_cast<int>(comment.size())});
+        waits_ = waits_ || is_message(comment);
       }
     }
     if (block_->construct != Construct::none) return refuse_construct();
@@ -393,12 +395,31 @@ class Interpreter {
     POLYPOD_TRY(feed_and_spindle());
     POLYPOD_TRY(tool_and_switches());
     POLYPOD_TRY(settings());
+    waits_ = waits_ || has('S') || has_g(40) || g_word(Group::length_offset) != nullptr || any_m(waits_for_m);
     POLYPOD_TRY(motion());
-    for (int i = 0; i < m_count_; ++i) {
-      const int m = m_[static_cast<std::size_t>(i)].tenfold;
-      if (m == 20 || m == 300) out_.ended = true;
-    }
+    waits_ = waits_ || any_m([](int m) { return m == 0 || m == 1 || m == 60; });
+    out_.ended = out_.ended || any_m([](int m) { return m == 2 || m == 30; });
     return {};
+  }
+
+  template <class F>
+  [[nodiscard]] bool any_m(F&& is) const {
+    return std::any_of(m_.begin(), m_.begin() + m_count_, [&](const Code& code) { return is(code.tenfold / 10); });
+  }
+  /// Before the motion of its block.
+  static bool waits_for_m(int m) {
+    return (m >= 3 && m <= 9) || m == 19 || m == 61 || (m >= 64 && m <= 66) || m == 68 || (m >= 100 && m <= 199);
+  }
+  static bool is_message(std::string_view comment) {
+    if (comment.empty() || comment.front() != '(') return false;
+    comment.remove_prefix(1);
+    while (!comment.empty() && (comment.front() == ' ' || comment.front() == '\t')) comment.remove_prefix(1);
+    const auto begins = [&](std::string_view word) {
+      return comment.size() >= word.size() && std::equal(word.begin(), word.end(), comment.begin(), [](char a, char b) {
+               return a == std::toupper(static_cast<unsigned char>(b));
+             });
+    };
+    return begins("MSG,") || begins("DEBUG,");
   }
 
   tl::unexpected<Error> refuse_construct() const {
@@ -886,6 +907,8 @@ class Interpreter {
       move.feed = modal_.feed_mode == FeedMode::inverse ? move.length() * find('F')->value / 60 : feed_;
     }
     move.known_end = known_;
+    move.stops_before = waits_;
+    if (!move.start_known || move.length() > 0 || move.axes_end != move.axes_start) waits_ = false;
     position_ = move.end;
     axes_ = move.axes_end;
     if (keep_) out_.moves.push_back(move);
@@ -1023,6 +1046,7 @@ class Interpreter {
   std::array<bool, 3> known_{};
   double feed_ = 0;  // m/s, 0 for not given
   double spindle_speed_ = 0;
+  bool waits_ = false;  ///< the controller has to be at rest before the next way
   Spindle spindle_ = Spindle::off;
   int selected_tool_ = -1;
   int tool_ = 0;

@@ -240,7 +240,7 @@ class Comparison {
     out.normal = p.normal;
     out.distance = p.largest_distance;
     out.judged = p.all_judged();
-    out.inside = out.judged && out.distance <= job_.tolerance - resolution(job_);
+    out.inside = p.not_judged.empty() && out.distance <= job_.tolerance - resolution(job_);
   }
 
   Result<MethodOutcome> as_it_is() {

@@ -144,7 +144,7 @@ double largest_speed(const gcode::Move& move, const PlannerLimits& limits, doubl
 
 /// Whether the planner comes to a stop between the moves, whatever their directions.
 bool stops(const gcode::Move& before, const gcode::Move& after) {
-  return before.path.mode == gcode::PathMode::exact_stop || is_rapid(before) != is_rapid(after) ||
+  return before.path.mode == gcode::PathMode::exact_stop || after.stops_before || is_rapid(before) != is_rapid(after) ||
          before.tool != after.tool || before.spindle != after.spindle || before.spindle_speed != after.spindle_speed;
 }
 

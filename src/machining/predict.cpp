@@ -9,6 +9,7 @@
 #include <limits>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "aside.hpp"
 #include "in_order.hpp"
@@ -400,11 +401,19 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
         "are an assumption");
   }
   std::set<std::string> known;
+  bool too_fast = false;
   for (const MovePrediction& m : prediction.moves) {
     const gcode::Move& move = programmed[static_cast<std::size_t>(m.move)];
     const cutting::Cutter& cutter = job.cutter_of(move.tool);
     if (!(move.spindle_speed > 0)) continue;
     const double per_tooth = move.feed / (move.spindle_speed * cutter.teeth);
+    if (const double most = job.controller.planner.velocity; move.feed > most && !std::exchange(too_fast, true)) {
+      notes.push_back(
+          fmt::format("line {}: the controller goes at {:.0f} mm/min at most, [controller] max_velocity_mm_per_s, and "
+                      "not at F{:.0f}: "
+                      "chips are thinner and the tool deflects less than is said, which is for the programmed feed",
+                      m.line, units::to_mm_per_min(most), units::to_mm_per_min(move.feed)));
+    }
     for (std::string& note : cutting::plausibility(cutter, job.material, per_tooth, move.spindle_speed)) {
       if (known.size() < 8 && known.insert(note).second) notes.push_back(fmt::format("line {}: {}", m.line, note));
     }
@@ -587,7 +596,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     }
     PathError e = path_error(programmed[i], bent, sample.away, axis);
     MovePrediction& m = entry(i);
-    if (transition) {
+    if (transition || options.beside) {
       // A transition belongs to the moves that it joins.
       if (i > 0 && programmed[i - 1].kind != gcode::MoveKind::rapid) {
         e.distance = std::min(e.distance, path_error(programmed[i - 1], bent, sample.away, axis).distance);

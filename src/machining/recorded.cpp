@@ -15,7 +15,9 @@ namespace polypod::machining {
 namespace {
 
 // How far the pieces may be off the record: across, where it counts, and along, where it is a matter of the feed; m.
-constexpr double kAcross = 0.2e-6, kAlong = 20e-6;
+// Between speeds that differ by dv a piece is late by dv^2 / (8 a): 0.2 um keeps its mean within 1 mm/s of every speed
+// in it at 1 m/s^2, which matters where the controller slows down in a cut.
+constexpr double kAcross = 0.2e-6, kAlong = 0.2e-6;
 // From this angle on a command turns away from its move; rad. The ramps of a correction, where the deflection grows or
 // goes within a few millimetres, lean by less (0.12 in the square of SLAV 6.1 in a tube of 40 um), and the tool follows
 // its move there; corners and transitions turn by more.
@@ -43,7 +45,10 @@ class Along {
       if (next >= moves_.size()) break;
       const gcode::Move& now = moves_[at_];
       const double left = remaining(now, p);
-      if (left > (now.start_known ? 0.5 * now.length() + kRoundEnd : kLost)) break;
+      // A way back over the same places, as a peck makes it, is as near from the start on: not before the second half.
+      const bool over_itself = now.start_known && moves_[next].start_known &&
+                               now.direction(now.length()).dot(moves_[next].direction(0)) < -0.5;
+      if (left > (now.start_known ? 0.5 * now.length() + (over_itself ? 0 : kRoundEnd) : kLost)) break;
       const double here = distance(now, p), there = distance(moves_[next], p);
       const bool nearer = there < here * (now.start_known ? 1 : 0.9) - 1e-12;
       const bool back = way.norm() > 0 && there <= here + kAtEnd && now.start_known &&
@@ -304,7 +309,7 @@ Result<RecordedCut> judge_recorded(const Job& job, const gcode::Program& program
   PredictOptions predict_options;
   predict_options.step = options.step;
   predict_options.keep_samples = true;
-  predict_options.one_position = true;
+  predict_options.one_position = predict_options.beside = true;
   predict_options.progress = options.progress;
   // A turn in the air is no transition, whose start would count as a cut: first without them, to see what cuts.
   LongVector<PassMove> with_transitions = way.moves;

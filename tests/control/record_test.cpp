@@ -276,7 +276,7 @@ TEST(Record, TheDeflectedTipOnTheRealPlanner) {
   const auto correction = machining::correct(*job, *meant, *moves);
   ASSERT_TRUE(correction) << to_string(correction.error());
   ASSERT_TRUE(correction->within_tolerance) << correction->answer();
-  write(corrected, correction->text);
+  write(corrected, correction->text());
   const auto machine = exported_machine(folder.path().string());
   ASSERT_TRUE(machine) << to_string(machine.error());
   ASSERT_GT(machine->acceleration, 0);

@@ -76,6 +76,29 @@ struct ArcCase {
   Vec3 middle;
 };
 
+// Recorded on LinuxCNC's planner in the middle of a straight line at its feed (docs/path-modes.md).
+TEST(Interpret, WordsForWhichTheControllerStops) {
+  const auto stops = [](const std::string& between) {
+    const auto r = good("G21 G90 S8000 M3\nT1 M6\nG0 X0 Y0 Z0\nG1 X1 F600\n" + between + "\nG1 X2\nG1 X3\nM2\n");
+    EXPECT_FALSE(r.moves.back().stops_before) << between;
+    return r.moves[r.moves.size() - 2].stops_before;
+  };
+  for (const char* word :
+       {"M3",           "S8000",        "S9000",  "M9",        "M8",        "M7",          "G4 P0",
+        "(MSG, hello)", "( msg,hello)", "M64 P0", "M68 E0 Q1", "M66 P0 L0", "G43 H1",      "M5",
+        "M0",           "M1",           "M60",    "M6",        "M100",      "G1 X1 S8000", "G1 X1.5 M0"}) {
+    EXPECT_TRUE(stops(word)) << word;
+  }
+  for (const char* word : {"M62 P0", "M67 E0 Q1", "T1", "G54", "F700", "M48", "M50", "G91\nG90", "G17", "G61", "G64",
+                           "(hello)", "; MSG, hello", ""}) {
+    EXPECT_FALSE(stops(word)) << word;
+  }
+  // Before the motion of its own block; a way of no length hands it on.
+  EXPECT_TRUE(good("G0 X0 Y0 Z0\nG1 X1 F600\nX2 M8\nM2\n").moves.back().stops_before);
+  EXPECT_FALSE(good("G0 X0 Y0 Z0\nG1 X1 F600\nX2 M0\nM2\n").moves.back().stops_before);
+  EXPECT_TRUE(good("G0 X0 Y0 Z0\nG1 X1 F600\nM8\nX1\nX2\nM2\n").moves.back().stops_before);
+}
+
 TEST(Interpret, ArcsOfEveryKind) {
   const double h = 10 * std::sqrt(0.5);
   const std::vector<ArcCase> cases{

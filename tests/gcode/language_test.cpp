@@ -538,6 +538,13 @@ TEST(Unroll, WritesWhatRunsWithItsLine) {
             "G0 X2 Z5 (at #1) (line 3)\nG0 X2.5 Z5 (at #1) (line 3)\nG1 F100 X6 (line 6)\nM2 (line 7)\n");
 }
 
+TEST(Unroll, TheClosingPercentSignStays) {
+  EXPECT_EQ(plain("%\n#1=2\nG0 X#1\nM2\n%\nrest\n"), "%\nG0 X2\nM2\n%\n");
+  EXPECT_EQ(plain("%\n#1=2\nG0 X#1\n%\nrest\n"), "%\nG0 X2\n%\n");
+  EXPECT_EQ(plain("%\n#1=2\nG0 X#1\nM2\n"), "%\nG0 X2\nM2\n");
+  EXPECT_EQ(plain("#1=2\nG0 X#1\nM2\n%\n"), "G0 X2\nM2\n");
+}
+
 TEST(Unroll, ShiftsAreCarriedOut) {
   EXPECT_EQ(plain("G0 X1 Y1 Z1\nG92 X0 Y0\nG0 X5\nG1 F10 Y2\nG2 X7 Y2 I1 J0\nG91 G1 X1\nG90 G92.1\nX3\nM2\n"),
             "G0 X1 Y1 Z1\nG0 X6\nF10 G1 Y3\nG2 X8 Y3 I1 J0\nG91 G1 X1\nG90\nX3\nM2\n");

@@ -89,6 +89,48 @@ TEST(Recorded, TheExactCorrectionLeavesWhatCorrectSays) {
   EXPECT_NEAR(r.cut.largest_distance, c.largest_distance, 3e-6);
 }
 
+// A controller that slows down in a cut to a tenth of the feed, over a tenth of a millimetre: there the tool deflects
+// as at a tenth of the feed.
+TEST(Recorded, WhereItSlowsDownTheChipsAreThinner) {
+  const std::string path = "G0 X-20 Y0\nG0 Z-2\nG1 X20\nG0 Z5\nM2\n",
+                    begin = "G21 G90 G17 G94\nT1 M6\nS12000 M3\nG0 Z5\n";
+  const auto e = testing::with_program("slavkovic_groove", begin + "F1600\n" + path);
+  const auto slowly = testing::with_program("slavkovic_groove", begin + "F160\n" + path);
+  const double feed = 1600e-3 / 60, slow = 0.1 * feed, a = 1, middle = 0.02,
+               ramp = (feed * feed - slow * slow) / (2 * a);
+  std::vector<RecordedTip> record;
+  double t = 0;
+  for (const gcode::Move& move : e.interpretation.moves) {
+    if (!move.start_known || move.kind == gcode::MoveKind::rapid) {
+      record.push_back({t += 1e-3, 0, move.end});
+      continue;
+    }
+    for (double s = 0, v = feed; s < move.length();) {
+      const double way = std::max(0.0, std::abs(s - middle) - 0.05e-3);
+      v = way < ramp ? std::sqrt(slow * slow + 2 * a * way) : feed;
+      s = std::min(move.length(), s + v * 1e-3);
+      record.push_back({t += 1e-3, 0, move.point(s)});
+    }
+  }
+  const RecordedCut r = judged(e, record);
+  const auto at_middle = [&](const LongVector<machining::Sample>& samples) {
+    const machining::Sample* nearest = nullptr;
+    for (const machining::Sample& s : samples) {
+      if (!s.cutting) continue;
+      const auto off = [&](const machining::Sample& of) { return (of.command - Vec3(0, 0, -2e-3)).norm(); };
+      if (nearest == nullptr || off(s) < off(*nearest)) nearest = &s;
+    }
+    return nearest->deflection;
+  };
+  machining::PredictOptions options;
+  options.step = 1e-4;
+  options.keep_samples = true;
+  const Vec3 expected = at_middle(testing::predict(slowly, options).samples);
+  const Vec3 at_feed = at_middle(testing::predict(e, options).samples);
+  ASSERT_GT((at_feed - expected).norm(), 50e-6);
+  EXPECT_LT((at_middle(r.cut.samples) - expected).norm(), 0.01 * (at_feed - expected).norm());
+}
+
 // Shifted as a whole across two of the four sides by the mean deflection there: it takes away as much.
 TEST(Recorded, AShiftedPathRemovesItsShift) {
   const auto e = load_example("slavkovic_square");
@@ -132,6 +174,32 @@ TEST(Recorded, ARoundedCornerInClosedForm) {
   EXPECT_GE(seen, 3);
   // The bent tool keeps to a curve round the corner and does not jump.
   EXPECT_LT(r.cut.largest_distance, 500e-6);
+}
+
+// Pecks go over the same places again and again: a record that is a hair above the start of a feed move, or beside it,
+// is not yet on the way back.
+TEST(Recorded, PecksAreFollowedInTheirOrder) {
+  const auto e = testing::with_program(
+      "slavkovic_groove",
+      "G21 G90 G17 G94\nT1 M6\nS12000 M3\nG0 X0 Y0 Z5\nG0 Z1.27\nG1 Z-0.254 F200\nG0 Z1.27\nG0 Z0\n"
+      "G1 Z-1.778\nG0 Z1.27\nG0 Z-1.524\nG1 Z-3.302\nG0 Z5\nM2\n");
+  std::vector<RecordedTip> record;
+  double t = 0;
+  for (const gcode::Move& move : e.interpretation.moves) {
+    LongVector<gcode::Move> one;
+    one.push_back(move);
+    for (RecordedTip tip : record_of(one)) {
+      tip.time = t += 1e-3;
+      record.push_back(tip);
+    }
+    if (move.kind == gcode::MoveKind::rapid) record.push_back({t += 1e-3, 0, move.end + Vec3(0, 0.1e-6, 0.03e-6)});
+  }
+  const RecordedCut r = judged(e, record);
+  EXPECT_TRUE(r.to_the_end);
+  const auto p = testing::predict(e);
+  ASSERT_EQ(r.cut.moves.size(), p.moves.size());
+  for (std::size_t i = 0; i < p.moves.size(); ++i) EXPECT_EQ(r.cut.moves[i].line, p.moves[i].line);
+  EXPECT_NEAR(r.cut.pass.removed, p.pass.removed, 0.01 * p.pass.removed);
 }
 
 TEST(Recorded, RefusesAnotherProgram) {

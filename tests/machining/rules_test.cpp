@@ -208,6 +208,25 @@ TEST(Rules, ASlowCornerIsAsFarAsItsChipsLetItBe) {
   EXPECT_EQ(machining::corners_of(e.job, e.program, way, p, 5e-6).slow.count, 0u);
 }
 
+// A stop in a straight slot, whatever it is for: nothing is rounded, but the tool springs back there.
+TEST(Rules, AStopInACutIsNotCovered) {
+  const auto slow_places = [](const std::string& between) {
+    auto e = testing::with_program("slavkovic_groove", std::string(kBegin) + "G0 X-20 Y0\nG1 Z-2 F300\nG1 X0 F1600\n" +
+                                                           between + "G1 X20\nG0 Z5\nM2\n");
+    e.job.tolerance = 60e-6;
+    const auto c = correct(e);
+    EXPECT_TRUE(c.within_tolerance) << c.reason;
+    return c.after.slow;
+  };
+  const std::size_t others = slow_places("").count;
+  for (const char* between : {"G4 P1\n", "M8\n", "S12000\n", "(MSG, hello)\n"}) {
+    const machining::SlowCorners slow = slow_places(between);
+    EXPECT_EQ(slow.count, others + 2) << between;  // the move that ends there, and the one that begins
+    EXPECT_LT(slow.share, 0.05) << between;
+    EXPECT_GT(slow.distance, 61e-6) << between;
+  }
+}
+
 // A pocket's corners: yes by the programmed feed, but not for them. LinuxCNC's own record of this correction has 211
 // um.
 TEST(Rules, AYesIsNotForCornersWhereTheControllerSlowsDown) {

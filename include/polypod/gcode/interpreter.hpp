@@ -74,18 +74,22 @@ struct Move {
   std::array<bool, 3> known_end{true, true, true};    ///< and for its end
   bool inches = false;                                ///< G20: the block's numbers are inches
   bool incremental = false;                           ///< G91: the block's numbers are steps from `start`
-  int block = 0;                                      ///< index into Program::blocks
-  int tool = 0;                                       ///< T number of the tool in the spindle (0: none was changed in)
-  PathControl path;                                   ///< in force during the move
-  int work_offset = 0;                                ///< 0 for G54 ... 5 for G59
-  Vec3 start = Vec3::Zero();                          ///< p_W, m
-  Vec3 end = Vec3::Zero();                            ///< p_W, m
-  Vec3 centre = Vec3::Zero();                         ///< arcs: a point on the axis, at the height of the start, p_W, m
-  double sweep = 0;                                   ///< arcs: angle turned, rad, > 0, more than 2 pi with P
-  Vec3 axes_start = Vec3::Zero();                     ///< A, B, C before, rad
-  Vec3 axes_end = Vec3::Zero();                       ///< A, B, C after, rad
-  double feed = 0;                                    ///< m/s along the path (G93: length over time); 0 for rapids
-  double spindle_speed = 0;                           ///< rev/s
+  /// The controller comes to rest before it: between the last way and this one stands a word for which LinuxCNC waits
+  /// until the motion is done (G4, G43 to G49, M0, M1, M60, M3 to M9, M19, M6, M61, M64 to M66, M68, M100 to M199, S, a
+  /// message). It does not for T, F, M48 to M53, M62, M63, M67 and modes.
+  bool stops_before = false;
+  int block = 0;                   ///< index into Program::blocks
+  int tool = 0;                    ///< T number of the tool in the spindle (0: none was changed in)
+  PathControl path;                ///< in force during the move
+  int work_offset = 0;             ///< 0 for G54 ... 5 for G59
+  Vec3 start = Vec3::Zero();       ///< p_W, m
+  Vec3 end = Vec3::Zero();         ///< p_W, m
+  Vec3 centre = Vec3::Zero();      ///< arcs: a point on the axis, at the height of the start, p_W, m
+  double sweep = 0;                ///< arcs: angle turned, rad, > 0, more than 2 pi with P
+  Vec3 axes_start = Vec3::Zero();  ///< A, B, C before, rad
+  Vec3 axes_end = Vec3::Zero();    ///< A, B, C after, rad
+  double feed = 0;                 ///< m/s along the path (G93: length over time); 0 for rapids
+  double spindle_speed = 0;        ///< rev/s
 
   /// m, of the tip's path. An arc whose radius differs at its ends (rounded numbers; `interpret` says how much is
   /// allowed) is a spiral with the radius linear in the angle, whose length is taken with the mean radius.

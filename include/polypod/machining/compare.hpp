@@ -38,7 +38,7 @@ struct MethodOutcome {
   double distance = 0;    ///< m, the largest of a deflected point from its programmed move, without corners
   bool judged = true;     ///< every cut could be judged: no plunge without a dwell, no unsettled point, ...
   bool worse = false;     ///< `distance`, or the largest normal error, is larger than without a correction
-  bool inside = false;    ///< `judged`, and `distance` keeps within the tolerance
+  bool inside = false;    ///< `distance` keeps within the tolerance; where not all is `judged`, apart from that
   std::size_t lines = 0;  ///< of the program that is written
   int rounds = 0;         ///< passes through the stock that found the correction
   double seconds = 0;     ///< by the clock, to find and write it, without the judge's pass

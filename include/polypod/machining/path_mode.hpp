@@ -49,7 +49,8 @@ struct Corner {
 /// - Q > 0 merges lines before corners are rounded: P + Q (2 P + Q), whatever the lengths.
 /// All of this while the interpreter keeps ahead of the motion.
 ///
-/// No deviation: G61 and G61.1, between rapid and feed, where the tool or the spindle changes (the planner stops), and
+/// No deviation: G61 and G61.1, between rapid and feed, where the tool or the spindle changes or a word waits for the
+/// motion (gcode::Move::stops_before), where the planner stops, and
 /// to or from a move of no length. Two rapids are rounded as two lines. Cost: about 0.2 us.
 Corner corner(const gcode::Move& before, const gcode::Move& after, const PlannerLimits& limits = {});
 

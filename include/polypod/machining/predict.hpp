@@ -182,6 +182,8 @@ struct PredictOptions {
   /// with /.
   const gcode::Understood* other = nullptr;
   bool one_position = false;  ///< only that of the job: the other one is judged elsewhere
+  bool beside = false;  ///< a point counts by the nearer of its move and those beside it, as where a record turns from
+                        ///< one to the next is not known
   std::function<bool(double)> progress;
 };
 
