@@ -468,7 +468,8 @@ class Corrector {
     std::string cutters;
     for (const int tool : tools) {
       const cutting::Cutter& c = job_.cutter_of(tool);
-      const std::string cutter = fmt::format("cutter {:g} mm with {} teeth, ", units::to_mm(c.diameter), c.teeth);
+      const std::string cutter = fmt::format("{} {:g} mm with {} teeth, ", cutting::is_ball(c) ? "ball" : "cutter",
+                                             units::to_mm(c.diameter), c.teeth);
       if (cutters.find(cutter) == std::string::npos) cutters += cutter;
     }
     const auto changed = std::count(changed_.begin(), changed_.end(), true);
