@@ -10,6 +10,7 @@ namespace polypod::cutting {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kNothing = 1e-8;  // m: heights are kept in single precision
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 using Point = Eigen::Vector2d;
 
@@ -28,12 +29,13 @@ struct Column {
 Column column_at(const Stock& stock, double x, double y, bool least) {
   const double u = (x - stock.x_min()) / stock.cell() - 0.5, v = (y - stock.y_min()) / stock.cell() - 0.5;
   const double i0 = std::floor(u), j0 = std::floor(v);
+  const double bottom = stock.bottom();
+  const auto least_height = static_cast<float>(bottom);
   const auto height = [&](const Stock& s, double i, double j) {
-    if (!(i >= 0 && j >= 0 && i < s.columns() && j < s.rows())) return stock.bottom();
-    const float* layers = s.cell_layers(static_cast<int>(i), static_cast<int>(j));
-    double sum = 0;
-    for (int k = 0; k < Stock::kLayers; ++k) sum += std::max<double>(layers[k], stock.bottom());
-    return sum / Stock::kLayers;
+    if (!(i >= 0 && j >= 0 && i < s.columns() && j < s.rows())) return bottom;
+    const Eigen::Map<const Eigen::Array<float, Stock::kLayers, 1>> layers(
+        s.cell_layers(static_cast<int>(i), static_cast<int>(j)));
+    return double(layers.max(least_height).sum()) / Stock::kLayers;
   };
   const auto between = [&](const Stock& s) {
     const double a = height(s, i0, j0), b = height(s, i0 + 1, j0), c = height(s, i0, j0 + 1),
@@ -45,9 +47,17 @@ Column column_at(const Stock& stock, double x, double y, bool least) {
   return {stock.hollow() == nullptr ? stock.bottom() : between(*stock.hollow()), between(stock)};
 }
 
-/// Tooth angle of the middle of a sector.
-double angle_of(int sector) {
-  return 2 * kPi * (sector + 0.5) / BallEngagement::kSectors;
+/// Outwards at the middle of a sector.
+const Vec3& outwards_of(std::size_t sector) {
+  static const std::array<Vec3, BallEngagement::kSectors> table = [] {
+    std::array<Vec3, BallEngagement::kSectors> out;
+    for (int j = 0; j < BallEngagement::kSectors; ++j) {
+      const double phi = 2 * kPi * (j + 0.5) / BallEngagement::kSectors;  // tooth angle
+      out[static_cast<std::size_t>(j)] = Vec3(std::sin(phi), std::cos(phi), 0);
+    }
+    return out;
+  }();
+  return table[sector];
 }
 
 }  // namespace
@@ -104,7 +114,6 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& 
   const double over = stock.top() - next.z(), now = stock.top() - tip.z();
   if (!(over > 0) || !(now > 0)) return;
   const double cell = stock.cell();
-  constexpr double kNothing = 1e-8;  // m: heights are kept in single precision
   // Rings up to where the material can reach, so that a flat top ends between two of them: those of the force at the
   // tip, those that are looked at ahead of it, where it is higher or lower.
   const auto ring_below = [&](double height) {
@@ -119,9 +128,8 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& 
     const bool steep = rho > radius - 1.5 * cell;
     const double bow = steep ? 0 : cell * cell / (8 * radius) * (1 / (c * c * c) + 1 / c) + kNothing;
     for (int j = 0; j < BallEngagement::kSectors; ++j) {
-      const double phi = angle_of(j);
-      const Vec3 out(std::sin(phi), std::cos(phi), 0);
-      if (!(direction.dot(s * out) - c * direction.z() > 0)) continue;
+      const Vec3& out = outwards_of(static_cast<std::size_t>(j));
+      if (!(s * direction.dot(out) - c * direction.z() > 0)) continue;
       const Vec3 p = next + rho * out;
       const double before = tip.z() + surface((p - tip).head<2>().squaredNorm(), radius);
       if (!(before > after)) continue;
@@ -137,8 +145,7 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& 
   }
   if (!(over > radius)) return;
   for (int j = 0; j < BallEngagement::kSectors; ++j) {
-    const double phi = angle_of(j);
-    const Vec3 out(std::sin(phi), std::cos(phi), 0);
+    const Vec3& out = outwards_of(static_cast<std::size_t>(j));
     if (!(direction.dot(out) > 0)) continue;
     const Vec3 p = next + radius * out;
     const Column material = column_at(stock, p.x(), p.y(), true);
@@ -158,22 +165,71 @@ Vec3 BallForce::mean_force(const BallEngagement& engagement, const Vec3& directi
   const Material& m = material_;
   const auto chip_of = [&](double h) { return m.exponent == 1 ? h : std::pow(h, m.exponent); };
   const double width = cutter_.radius() * engagement.ring;
-  for (int j = 0; j < BallEngagement::kSectors; ++j) {
-    const double phi = angle_of(j);
-    const Vec3 out(std::sin(phi), std::cos(phi), 0), motion(out.y(), -out.x(), 0);
-    const auto add = [&](double kappa, double length) {
-      const double s = std::sin(kappa), c = std::cos(kappa);
-      const Vec3 n = s * out - c * Vec3::UnitZ(), along = c * out + s * Vec3::UnitZ();
-      const double chip = chip_of(feed_per_tooth * std::max(0.0, n.dot(direction)));
-      sum += length * (-(m.kte + m.ktc * chip) * motion - (m.kre + m.krc * chip) * n + (m.kae + m.kac * chip) * along);
+  std::array<double, BallEngagement::kRings> sines, cosines;
+  for (int r = 0; r < BallEngagement::kRings; ++r) {
+    const double kappa = (r + 0.5) * engagement.ring;
+    sines[static_cast<std::size_t>(r)] = std::sin(kappa);
+    cosines[static_cast<std::size_t>(r)] = std::cos(kappa);
+  }
+  for (std::size_t j = 0; j < BallEngagement::kSectors; ++j) {
+    const Vec3& out = outwards_of(j);
+    const double outwards_feed = out.dot(direction);
+    double tangential = 0, outward = 0, up = 0;
+    // With the normal n = s out - c z and the third direction c out + s z.
+    const auto add = [&](double s, double c, double length) {
+      const double chip = chip_of(feed_per_tooth * std::max(0.0, s * outwards_feed - c * direction.z()));
+      const double radial = length * (m.kre + m.krc * chip), axial = length * (m.kae + m.kac * chip);
+      tangential += length * (m.kte + m.ktc * chip);
+      outward += axial * c - radial * s;
+      up += axial * s + radial * c;
     };
-    for (int r = 0; r < BallEngagement::kRings; ++r) {
-      const float share = engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)];
-      if (share > 0) add((r + 0.5) * engagement.ring, share * width);
+    for (std::size_t r = 0; r < BallEngagement::kRings; ++r) {
+      if (const float share = engagement.share[r][j]; share > 0) add(sines[r], cosines[r], share * width);
     }
-    if (const float side = engagement.side[static_cast<std::size_t>(j)]; side > 0) add(kPi / 2, side);
+    if (const float side = engagement.side[j]; side > 0) add(1, 0, side);
+    sum += outward * out + Vec3(-tangential * out.y(), tangential * out.x(), up);
   }
   return cutter_.teeth / (2 * kPi) * (2 * kPi / BallEngagement::kSectors) * sum;
+}
+
+void BallForce::contacts(const Stock& stock, const Vec3& tip, double reach, std::vector<BallContact>& out) const {
+  out.clear();
+  const double radius = cutter_.radius(), over = stock.top() - tip.z();
+  if (!tip.allFinite() || !(reach > 0) || !(over > 0)) return;
+  constexpr int kRings = BallEngagement::kRings / 2;
+  constexpr std::size_t kEvery = 2;  // of the sectors
+  constexpr double kThinChip = 20e-6;
+  const Material& m = material_;
+  const double per_chip = m.exponent == 1 ? 1 : std::pow(kThinChip, m.exponent - 1);
+  const double ring = std::acos(std::clamp(1 - over / radius, 0.0, 1.0)) / kRings;
+  const auto weight = static_cast<double>(kEvery) / BallEngagement::kSectors * cutter_.teeth;
+  const auto add = [&](const Vec3& outwards, double s, double c, double length, double gap, double depth) {
+    const Vec3 n = s * outwards - c * Vec3::UnitZ(), along = c * outwards + s * Vec3::UnitZ(),
+               motion(outwards.y(), -outwards.x(), 0);
+    const auto force = [&](double kt, double kr, double ka) {
+      return Vec3(weight * length * (ka * along - kt * motion - kr * n));
+    };
+    out.push_back({n, gap, depth, force(m.kte, m.kre, m.kae), per_chip * force(m.ktc, m.krc, m.kac)});
+  };
+  for (std::size_t j = 0; j < BallEngagement::kSectors; j += kEvery) {
+    const Vec3 outwards = (outwards_of(j) + outwards_of(j + 1)).normalized();
+    for (int r = 0; r < kRings; ++r) {
+      const double kappa = (r + 0.5) * ring, s = std::sin(kappa), c = std::cos(kappa);
+      const Vec3 here = tip + Vec3::UnitZ() * radius + radius * (s * outwards - c * Vec3::UnitZ()),
+                 there = here + reach * (s * outwards - c * Vec3::UnitZ());
+      const Column far = column_at(stock, there.x(), there.y(), false);
+      const double over_far = there.z() - far.high;
+      if (!(over_far < 0) || there.z() < far.low) continue;
+      const Column near = column_at(stock, here.x(), here.y(), false);
+      const double over_near = std::max(0.0, here.z() - near.high);
+      add(outwards, s, c, radius * ring, reach * over_near / (over_near - over_far), far.high - tip.z());
+    }
+    if (!(over > radius)) continue;
+    const Vec3 beside = tip + (radius + 0.5 * reach) * outwards;
+    const Column wall = column_at(stock, beside.x(), beside.y(), true);
+    const double side = wall.high - std::max(wall.low, tip.z() + radius);
+    if (side > kNothing) add(outwards, 1, 0, side, 0, wall.high - tip.z());
+  }
 }
 
 }  // namespace polypod::cutting

@@ -14,6 +14,7 @@
 #include "fit.hpp"
 #include "modes.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/machining/accept.hpp"
@@ -37,6 +38,17 @@ constexpr std::size_t kLargestSecondStock = 200'000'000;
 // Remedies are tried out where a correction takes no longer than this many points, and until all tries together have
 // taken this many.
 constexpr std::size_t kTryRemediesBelow = 200'000, kMostTried = 4'000'000;
+// A point of a ball costs as much as so many of a flat cutter.
+constexpr std::size_t kPointsOfABall = 60;
+
+bool has_balls(const Job& job) {
+  return cutting::is_ball(job.cutter) ||
+         std::any_of(job.cutters.begin(), job.cutters.end(), [](const auto& c) { return cutting::is_ball(c.second); });
+}
+/// How long the passes of a correction take, in points of flat cutters.
+std::size_t cost_of(const Job& job, const Correction& c) {
+  return c.after.pass.points * (has_balls(job) ? kPointsOfABall : 1);
+}
 
 /// The blocks that stand for one rewritten move.
 using Plan = std::vector<Piece>;
@@ -70,6 +82,9 @@ class Corrector {
 
   /// The check of the reach that is under way; none where it is done.
   void take_reach(Aside* reach) { reach_ = reach; }
+
+  /// What the program does as it is, where that is known.
+  void take_before(const Prediction& before) { known_before_ = &before; }
 
   Result<Correction> run() {
     out_.tolerance = job_.tolerance;
@@ -133,6 +148,7 @@ class Corrector {
   }
 
   Status predict_as_it_is() {
+    if (known_before_ != nullptr) return keep_before(*known_before_);
     const Way way = as_programmed();
     PredictOptions options;
     options.step = check_step();
@@ -142,6 +158,10 @@ class Corrector {
     POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options, scratch_));
     if (before.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
     if (verifies()) POLYPOD_TRY(look_finely(program_, way, before));
+    return keep_before(std::move(before));
+  }
+
+  Status keep_before(Prediction before) {
     out_.before = std::move(before);
     before_.assign(moves_.size(), 0);
     for (const MovePrediction& m : out_.before.moves) before_[static_cast<std::size_t>(m.move)] = m.largest_distance;
@@ -448,7 +468,8 @@ class Corrector {
     std::string cutters;
     for (const int tool : tools) {
       const cutting::Cutter& c = job_.cutter_of(tool);
-      const std::string cutter = fmt::format("cutter {:g} mm with {} teeth, ", units::to_mm(c.diameter), c.teeth);
+      const std::string cutter = fmt::format("{} {:g} mm with {} teeth, ", cutting::is_ball(c) ? "ball" : "cutter",
+                                             units::to_mm(c.diameter), c.teeth);
       if (cutters.find(cutter) == std::string::npos) cutters += cutter;
     }
     const auto changed = std::count(changed_.begin(), changed_.end(), true);
@@ -611,7 +632,7 @@ class Corrector {
       if (now.bad == 0 || options_.method == CorrectMethod::mirror) return {};
       if (out_.rounds >= (fit_finely_ ? 2 : 1) * options_.rounds || !narrow()) break;
       // Knots are samples: a narrower tube in the ramps of corners needs closer ones.
-      sample_step_ = std::max(0.5 * sample_step_, job_.stock.cell());
+      sample_step_ = std::max(0.5 * sample_step_, finest_);
       POLYPOD_TRY(find_deflections());
     }
     return restore(*best);
@@ -1039,8 +1060,12 @@ class Corrector {
   std::vector<double> feed_scale_;  // empty: all 1
   const OtherSwitch* fixed_other_ = nullptr;
   Aside* reach_ = nullptr;
+  const Prediction* known_before_ = nullptr;
   DeflectionsOfMoves deflections_;
   double sample_step_ = job_.step;
+  // Pieces of a ball that are shorter than the way ahead which is looked at end in corners of their own.
+  double finest_ =
+      has_balls(job_) ? std::min(job_.step, look_ahead_length(job_.stock, job_.cutter.radius())) : job_.stock.cell();
   LongVector<double> fit_;
   std::vector<bool> rewritten_;
   std::vector<bool> changed_;  // rewritten, and not to the same digits
@@ -1114,7 +1139,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
       if (!m.remedy.empty() && std::find(out.begin(), out.end(), m.remedy) == out.end()) out.push_back(m.remedy);
     }
   }
-  if (result.after.pass.points > kTryRemediesBelow) return out;
+  if (cost_of(job, result) > kTryRemediesBelow) return out;
   CorrectOptions quiet = options;
   quiet.keep_samples = quiet.verify = false;  // a first look; whoever follows the advice is told the whole
   // What holds after a few rounds is advice; a program on which many do not help is answered before long.
@@ -1122,7 +1147,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   quiet.rounds = std::min(quiet.rounds, kRounds);
   std::size_t tried = 0;
   const auto holds = [&](const Result<Correction>& c) {
-    if (c) tried += static_cast<std::size_t>(c->rounds + 1) * c->after.pass.points;
+    if (c) tried += static_cast<std::size_t>(c->rounds + 1) * cost_of(job, *c);
     return c && c->within_tolerance;
   };
   const bool fixed = result.other_switch && result.other_switch->fixed;
@@ -1213,6 +1238,11 @@ bool closer(const Correction& a, const Correction& b) {
   return of_a != of_b ? of_a < of_b : a.largest_after < b.largest_after - kSameDistance;
 }
 
+Status is_flat_or_ball(const Job& job, const cutting::Cutter& cutter) {
+  if (cutting::is_ball(cutter)) return {};
+  return cutting::is_flat(cutter, {job.path}, "correct takes flat cutters and balls");
+}
+
 }  // namespace
 
 std::string Correction::answer(const std::string& proviso) const {
@@ -1228,9 +1258,8 @@ std::string Correction::answer(const std::string& proviso) const {
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const CorrectOptions& options) {
-  constexpr const char* kBallHint = "predict says what a ball does; correct takes flat cutters";
-  POLYPOD_TRY(cutting::is_flat(job.cutter, {job.path}, kBallHint));
-  for (const auto& [number, cutter] : job.cutters) POLYPOD_TRY(cutting::is_flat(cutter, {job.path}, kBallHint));
+  POLYPOD_TRY(is_flat_or_ball(job, job.cutter));
+  for (const auto& [number, cutter] : job.cutters) POLYPOD_TRY(is_flat_or_ball(job, cutter));
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
@@ -1240,22 +1269,23 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   const Result<std::optional<OtherSwitch>> other_found = other_unrolled(job, options);
   if (!other_found) POLYPOD_TRY(reach.result(progress));
   POLYPOD_ASSIGN(fixed_other, other_found);
-  const auto corrected = [&](const CorrectOptions& how) {
+  const auto corrected = [&](const CorrectOptions& how, const Prediction* before) {
     Corrector corrector(job, program, accepted, how);
+    if (before != nullptr) corrector.take_before(*before);
     corrector.take_other(fixed_other);
     corrector.take_reach(&reach);
     return corrector.run();
   };
-  POLYPOD_ASSIGN(out, corrected(options));
+  POLYPOD_ASSIGN(out, corrected(options, nullptr));
   // Where the pieces end decides what the cells make of a corner: other pieces may do. The best of them stays.
   // What is not judged of the program as it is no correction answers.
-  const bool small = out.after.pass.points <= kTryRemediesBelow && options.method == CorrectMethod::tube &&
-                     out.before.not_judged.empty();
+  const bool small =
+      cost_of(job, out) <= kTryRemediesBelow && options.method == CorrectMethod::tube && out.before.not_judged.empty();
   for (const double share : {0.9, 0.65, 1.4, 2.0}) {
     if (out.within_tolerance || !small) break;
     CorrectOptions other = options;
     other.fit_share = share;
-    POLYPOD_ASSIGN(again, corrected(other));
+    POLYPOD_ASSIGN(again, corrected(other, &out.before));
     if (closer(again, out)) out = std::move(again);
   }
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {

@@ -175,6 +175,7 @@ class Pass {
   void free_at(const Vec3& tip) {
     last_bent_ = tip;
     deflection_.setZero();
+    last_way_.setZero();
     last_ = Sample{};
     last_.move = -1;
   }
@@ -225,6 +226,8 @@ class Pass {
       tell(sample);
       if (k == steps) last_ = sample;
     }
+    const gcode::Move& followed = moves_.followed(static_cast<std::size_t>(index));
+    last_way_ = frame_.to_S(followed.direction(&followed != &move ? followed.nearest(move.end) : length));
     if (!descends_on(static_cast<std::size_t>(index))) volume += stock_.settle();
     result_.removed += volume;
     if (end_cuts_) result_.incidents.push_back({Incident::Kind::end_cut, move.block, volume});
@@ -269,7 +272,10 @@ class Pass {
     const double teeth =
         std::clamp(length / move.feed * move.spindle_speed * tool.cutter->teeth, kFewestTeeth, kMostTeeth);
     const auto steps = static_cast<std::int64_t>(std::clamp(std::ceil(teeth), kFewestYields, kMostYields));
+    const double passes = teeth / static_cast<double>(steps);
     Vec3 tip = frame_.to_S(move.start) + deflection_, looked_at = Vec3::Constant(1e3);
+    // The tool goes on as it went: of several balances that counts which follows from this.
+    Vec3 stepped = last_way_ * (length / static_cast<double>(steps));
     double thickest = 0;
     for (std::int64_t k = 0; k <= steps; ++k) {
       Sample sample;
@@ -277,14 +283,17 @@ class Pass {
       sample.s = length * static_cast<double>(k) / static_cast<double>(steps);
       sample.command = frame_.to_S(move.point(sample.s));
       if (k > 0) {
-        if ((tip - looked_at).norm() > kNearTip) {
-          thickest = look_around(tip, tool);
+        if (tool.ball || (tip - looked_at).norm() > kNearTip) {
+          thickest = tool.ball ? look_around_ball(tip, tool) : look_around(tip, tool);
           looked_at = tip;
           if (thickest > kNoCut) POLYPOD_TRY(may_cut(move));
         }
         Mat3 C;
         POLYPOD_TRY(compliance(move, sample.command, C));
-        const Yielded yielded = yield_step(tip, sample.command, C, around_, teeth / static_cast<double>(steps));
+        const Yielded yielded = tool.ball ? yield_step(tip, sample.command, C, contacts_, passes, stepped)
+                                          : yield_step(tip, sample.command, C, around_, passes);
+        if (yielded.rest > kSettled) add_unsettled(move, yielded.rest);
+        stepped = yielded.tip - tip;
         tip = yielded.tip;
         sample.force = yielded.force;
         result_.removed += sweep(tip, tool, true);
@@ -296,6 +305,14 @@ class Pass {
       tell(sample);
     }
     return {};
+  }
+
+  /// What a ball meets at a tip on any way, into `contacts_`; the deepest cut of it, m.
+  double look_around_ball(const Vec3& tip, const ToolModel& tool) {
+    tool.ball->contacts(stock_, tip, look_ahead_length(tool.cutter->radius()), contacts_);
+    double deepest = 0;
+    for (const cutting::BallContact& contact : contacts_) deepest = std::max(deepest, contact.depth);
+    return deepest;
   }
 
   /// The force of every direction of the plane at a tip, into `around_`; the deepest cut of them, m.
@@ -313,7 +330,6 @@ class Pass {
       if (!(profile_.max_depth > kNoCut)) continue;
       deepest = std::max(deepest, profile_.max_depth);
       const auto force = [&](double feed_per_tooth) {
-        if (tool.ball) return tool.ball->mean_force(ball_, level, feed_per_tooth);
         const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
         return Vec3(f.x() * d.x() - f.y() * d.y(), f.x() * d.y() + f.y() * d.x(), f.z());
       };
@@ -492,15 +508,17 @@ class Pass {
       ((next - middle).dot(along) > 0 ? low : high) = middle;
     }
     const double rest = (high - low).norm();
-    if (rest > kSettled) {
-      ++result_.not_converged;
-      result_.largest_rest = std::max(result_.largest_rest, rest);
-      if (result_.unsettled.empty() || result_.unsettled.back().block != move.block) {
-        result_.unsettled.push_back({move.block, rest});
-      }
-      result_.unsettled.back().rest = std::max(result_.unsettled.back().rest, rest);
-    }
+    if (rest > kSettled) add_unsettled(move, rest);
     return 0.5 * (low + high);
+  }
+
+  void add_unsettled(const gcode::Move& move, double rest) {
+    ++result_.not_converged;
+    result_.largest_rest = std::max(result_.largest_rest, rest);
+    if (result_.unsettled.empty() || result_.unsettled.back().block != move.block) {
+      result_.unsettled.push_back({move.block, rest});
+    }
+    result_.unsettled.back().rest = std::max(result_.unsettled.back().rest, rest);
   }
 
   /// Depth, angles and on which side the wall stands, from the last profile.
@@ -616,10 +634,12 @@ class Pass {
   cutting::EngagementProfile profile_;
   cutting::BallEngagement ball_;
   std::vector<ForceAlong> around_;
+  std::vector<cutting::BallContact> contacts_;
   PassResult result_;
   Sample last_;  ///< the end of the last feed move
   Vec3 last_bent_ = Vec3::Zero();
   Vec3 deflection_ = Vec3::Zero();
+  Vec3 last_way_ = Vec3::Zero();  ///< direction at the end of the last feed move
   cutting::EndFootprint footprint_;
   bool end_cuts_ = false;  // on the move at hand
   bool at_end_ = false;    // of it

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/yielding.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -79,6 +80,56 @@ Yielded yield_step(const Vec3& before, const Vec3& command, const Mat3& C, std::
     best = moved(f, h);
   }
   return *best;
+}
+
+Yielded yield_step(const Vec3& before, const Vec3& command, const Mat3& C,
+                   std::span<const cutting::BallContact> contacts, double passes, const Vec3& guess) {
+  constexpr double kEdgeWay = 0.5e-6, kBalanced = 0.1e-6;  // m
+  constexpr int kSteps = 40, kHalvings = 8;
+  const Vec3 r = command - before;
+  struct At {
+    Vec3 u, force, rest;
+    Mat3 slope;  // of the force, N/m
+  };
+  const auto look = [&](const Vec3& u) {
+    At at{u, Vec3::Zero(), Vec3::Zero(), Mat3::Zero()};
+    for (const cutting::BallContact& k : contacts) {
+      const double way = k.n.dot(u) - k.gap;
+      if (!(way > 0)) continue;
+      Vec3 per_way = k.chip / passes;
+      at.force += per_way * way;
+      if (way < kEdgeWay) {
+        at.force += k.edge * (way / kEdgeWay);
+        per_way += k.edge / kEdgeWay;
+      } else {
+        at.force += k.edge;
+      }
+      at.slope.noalias() += per_way * k.n.transpose();
+    }
+    at.rest = r + C * at.force - u;
+    return at;
+  };
+  At best = look(guess);
+  const auto descend = [&](const Vec3& start, bool halved) {
+    At at = look(start);
+    for (int i = 0; i < kSteps && best.rest.norm() > kBalanced; ++i) {
+      const Vec3 step = Mat3(Mat3::Identity() - C * at.slope).partialPivLu().solve(at.rest);
+      if (!step.allFinite()) return;
+      double share = 1;
+      At next = look(at.u + step);
+      for (int h = 0; halved && h < kHalvings && !(next.rest.norm() < at.rest.norm()); ++h) {
+        share *= 0.5;
+        next = look(at.u + share * step);
+      }
+      if (halved && !(next.rest.norm() < at.rest.norm())) return;
+      at = next;
+      if (at.rest.norm() < best.rest.norm()) best = at;
+    }
+  };
+  descend(guess, true);
+  descend(Vec3::Zero(), true);
+  descend(best.u, false);
+  return {before + best.u, best.force, best.rest.norm()};
 }
 
 }  // namespace polypod::machining

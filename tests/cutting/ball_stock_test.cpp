@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "polypod/cutting/turned_block.hpp"
 #include "samples.hpp"
@@ -147,6 +148,26 @@ TEST(BallStock, RampsAreTheSumOverPoints) {
     const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) { return p.z() < 1.2e-3; });
     // Where the ball climbs steeply, what it looks at ahead stands higher than what it cuts here.
     EXPECT_LT((found(s, tip, d) - expected).norm(), (slope_deg > 10 ? 0.08 : 0.04) * expected.norm());
+  }
+}
+
+// What lies before a way, of what lies on all sides, has the force of that way.
+TEST(BallStock, ContactsAddUpToTheForceOfAWay) {
+  const BallForce force(ball(), samples::aluminium());
+  const double down = 20 * kPi / 180;
+  for (const Vec3& d : {Vec3(1, 0, 0), Vec3(0.6, 0.8, 0), Vec3(std::cos(down), 0, -std::sin(down)), Vec3(0, 0, -1)}) {
+    Stock s = block();
+    const Vec3 tip(0.1e-3, 0.2e-3, -1.7e-3);
+    cut_ball(s, tip - 5e-3 * d, tip, kR);
+    std::vector<BallContact> contacts;
+    force.contacts(s, tip, kAhead, contacts);
+    Vec3 sum = Vec3::Zero();
+    for (const BallContact& c : contacts) {
+      const double chip = kFeed * c.n.dot(d);
+      if (chip > 0 && c.gap < kAhead / 4) sum += c.edge + chip * c.chip;
+    }
+    const Vec3 expected = found(s, tip, d);
+    EXPECT_LT((sum - expected).norm(), 0.06 * expected.norm()) << sum.transpose() << " and " << expected.transpose();
   }
 }
 

@@ -1,10 +1,13 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Balls in predict.
+// Balls in predict and correct.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
@@ -47,12 +50,138 @@ TEST(Ball, AGrooveIsTheClosedForm) {
   EXPECT_THAT(p.notes, Contains(HasSubstr("a ball cuts")));
 }
 
-// No correction is known to hold for a ball yet.
-TEST(Ball, CorrectTakesFlatCutters) {
+/// The corrected program in the stock's cells and in cells half as large, by passes of its own.
+void expect_in_tube_at_both_cells(Example e, const machining::Correction& c) {
+  testing::expect_in_tube(e, c);
+  e.job.stock = e.job.stock.in_half_cells();
+  testing::expect_in_tube(e, c);
+}
+
+/// No move that was inside the tube has left it, and none that is outside has come farther.
+void expect_never_worse(const Example& e, const machining::Correction& c) {
+  constexpr double kSame = 1e-6;
+  for (const machining::MoveOutcome& m : c.moves) {
+    EXPECT_LE(m.distance_after, std::max(m.distance_before + kSame, e.job.tolerance)) << "line " << m.line;
+  }
+  EXPECT_LE(c.largest_distance, c.before.largest_distance + kSame);
+}
+
+constexpr const char* kSlope =
+    "G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-0.3\nG1 X-20 F1200\nG1 X-15 Z-2.1199\nG1 X-10 Z-0.3\nG1 X0\n"
+    "G1 X5 Z-2.1199\nG1 X12\nG1 X17 Z-0.3\nG1 X45\nG0 Z10\nM2\n";
+
+TEST(Ball, AGrooveIsCorrected) {
   const Example e = groove("G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-1.5\nG1 X45 F1800\nG0 Z10\nM2\n");
+  const machining::Correction c = testing::correct(e);
+  EXPECT_GT(c.before.largest_distance, 3 * e.job.tolerance);
+  EXPECT_TRUE(c.all_judged());
+  EXPECT_THAT(c.text, HasSubstr("ball 8 mm with 3 teeth"));
+  expect_in_tube_at_both_cells(e, c);
+}
+
+// Ramps of 20 deg, down and up, with corners between them and level ways: their deflection is along z for the most
+// part.
+TEST(Ball, SlopesAreCorrected) {
+  const Example e = groove(kSlope);
+  const machining::Correction c = testing::correct(e);
+  EXPECT_GT(c.before.largest_distance, 5 * e.job.tolerance);
+  EXPECT_GT(c.transitions, 0);
+  expect_in_tube_at_both_cells(e, c);
+  expect_never_worse(e, c);
+}
+
+/// Lines of a spherical cap of radius 30 mm, to and fro, of segments of 1 mm.
+std::string dome(double half, double between_lines) {
+  constexpr double kRadius = 30, kTop = -0.3;
+  std::string out = fmt::format("G21 G90 S12000 M3\nG0 X{} Y{} Z10\n", -half - 30, -half);
+  const auto steps = static_cast<int>(2 * half);
+  int line = 0;
+  for (double y = -half; y <= half; y += between_lines, ++line) {
+    for (int i = 0; i <= steps; ++i) {
+      const double x = (line % 2 == 0 ? 1 : -1) * (i - half),
+                   z = kTop - kRadius + std::sqrt(kRadius * kRadius - x * x - y * y);
+      if (line == 0 && i == 0) out += fmt::format("G0 Z{:.4f}\nG1 F1800\n", z);
+      out += fmt::format("G1 X{:.4f} Y{:.4f} Z{:.4f}\n", x, y, z);
+    }
+  }
+  return out + "G0 Z10\nM2\n";
+}
+
+TEST(Ball, ADomeOfShortLinesIsCorrected) {
+  const Example e = groove(dome(4, 0.5));
+  const machining::Correction c = testing::correct(e);
+  EXPECT_GT(c.before.largest_distance, 3 * e.job.tolerance);
+  EXPECT_GT(c.rewritten_moves, 100);
+  testing::expect_in_tube(e, c);
+  expect_never_worse(e, c);
+}
+
+// Too much for the tube at its corners: what cannot be held is named, and nothing has become worse.
+TEST(Ball, WhatCannotBeHeldIsSaid) {
+  Example e = groove(
+      "G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-0.3\nG1 X-20 F1200\nG1 X-15 Z-2.1199\nG1 X-10 Z-0.3\nG0 Z10\nM2\n");
+  e.job.tolerance = 20e-6;
+  const machining::Correction c = testing::correct(e);
+  EXPECT_FALSE(c.within_tolerance);
+  EXPECT_THAT(c.reason, HasSubstr("line"));
+  expect_never_worse(e, c);
+}
+
+// A command that goes on as a transition, in steps of teeth with the contacts on all sides, settles where the balance
+// of a feed move stands, whose engagement is that of the way ahead.
+TEST(Ball, ATransitionThatGoesOnIsAFeedMove) {
+  const Example e = groove(
+      "G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z0.5\nG1 X-20 F1200\nG1 X-8 Z-1.5\nG1 X4 Z-3.5\nG1 X16 Z-1.5\nM2\n");
+  const LongVector<gcode::Move>& moves = e.interpretation.moves;
+  ASSERT_EQ(moves.size(), 6u);
+  const auto deflection_at_end = [&](std::size_t of, bool transition) {
+    std::vector<machining::PassMove> commanded;
+    for (const gcode::Move& move : moves) commanded.push_back({move, false, nullptr});
+    commanded[of].transition = transition;
+    cutting::Stock stock = e.job.stock;
+    Vec3 out = Vec3::Zero();
+    const auto visit = [&](const machining::Sample& s) {
+      const bool inner = transition || s.s < moves[of].length() - 1e-3;  // before the corner
+      if (static_cast<std::size_t>(s.move) == of && inner) out = s.deflection;
+    };
+    EXPECT_TRUE(machining::run_pass(e.job, e.program, commanded, stock, {}, visit));
+    return out;
+  };
+  for (const std::size_t of : {std::size_t{4}, std::size_t{5}}) {
+    const Vec3 feed = deflection_at_end(of, false), transition = deflection_at_end(of, true);
+    EXPECT_GT(feed.norm(), 100e-6);
+    EXPECT_LT((transition - feed).norm(), 0.1 * feed.norm()) << feed.transpose() << " and " << transition.transpose();
+  }
+}
+
+TEST(Ball, CorrectRefusesABullNose) {
+  Example e = groove("G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-1.5\nG1 X45 F1800\nG0 Z10\nM2\n");
+  e.job.cutter.corner_radius = 0.5 * e.job.cutter.radius();
   const auto c = machining::correct(e.job, e.program, e.interpretation);
   ASSERT_FALSE(c);
   EXPECT_EQ(c.error().id, "CT130");
+}
+
+TEST(Ball, ACorrectedPlungeIsNotJudgedAtItsEnd) {
+  const Example e = groove(
+      "G21 G90 S12000 M3\nG0 X0 Y10 Z10\nG0 Z1\nG1 Z-0.6 F300\nG4 P2\nG0 Z10\nG0 X-45 Y0\nG0 Z-1\nG1 X45 F1200\nG0 "
+      "Z10\n"
+      "M2\n");
+  const machining::Correction c = testing::correct(e);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_FALSE(c.all_judged());
+  ASSERT_EQ(c.after.plunges.size(), 1u);
+  EXPECT_TRUE(c.after.plunges[0].ball);
+  EXPECT_THAT(c.answer(), HasSubstr("apart from what was not judged"));
+}
+
+// A cut that goes on from a plunge begins where the thrust holds the ball: that is no yes.
+TEST(Ball, ACutThatGoesOnFromAPlungeBeginsAboveIt) {
+  const Example e = groove("G21 G90 S12000 M3\nG0 X0 Y0 Z10\nG0 Z1\nG1 Z-2 F600\nG4 P2\nG1 X6 F1200\nG0 Z10\nM2\n");
+  const machining::Correction c = testing::correct(e);
+  EXPECT_FALSE(c.within_tolerance);
+  EXPECT_THAT(c.reason, HasSubstr("line 6"));
+  expect_never_worse(e, c);
 }
 
 // The thrust lifts a ball out of its plunge as it does a flat cutter; what a dwell does is not judged.
@@ -85,6 +214,19 @@ TEST(Ball, ATiltedBallIsTheSame) {
   EXPECT_NEAR(a.moves[0].normal.mean, b.moves[0].normal.mean, kSame);
   EXPECT_NEAR(a.moves[0].vertical.max, b.moves[0].vertical.max, kSame);
   EXPECT_NEAR(a.largest_distance, b.largest_distance, kSame);
+  const machining::Correction upright = testing::correct(flat), turned = testing::correct(tilted);
+  EXPECT_TRUE(turned.within_tolerance) << turned.reason;
+  constexpr double kRounded = 1e-6;  // of written coordinates
+  EXPECT_NEAR(upright.largest_distance, turned.largest_distance, kRounded);
+  EXPECT_EQ(upright.pieces, turned.pieces);
+}
+
+// A tool that turns in a cut is refused, whatever its shape.
+TEST(Ball, ATurningBallIsRefused) {
+  Example e = groove("G21 G90 S12000 M3\nG0 X-45 Y-10 Z-3 A90\nG0 Y2\nG1 X45 Z4 A80 F1800\nG0 Y-10\nM2\n");
+  const auto set = machining::set_up(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(set);
+  EXPECT_EQ(set.error().id, "MC206");
 }
 
 TEST(Ball, ABullNoseInAJobIsRefused) {

@@ -4,6 +4,7 @@
 
 #include <span>
 
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/geometry/pose.hpp"
 
 namespace polypod::machining {
@@ -18,6 +19,7 @@ struct ForceAlong {
 struct Yielded {
   Vec3 tip = Vec3::Zero();    ///< m
   Vec3 force = Vec3::Zero();  ///< N
+  double rest = 0;            ///< m, what the balance of a ball still moves by
 };
 
 /// The balance of a soft tool in motion: the step u = x - x_before with x = c + C F(u), where the force follows the way
@@ -35,5 +37,14 @@ struct Yielded {
 /// `around`: at least three directions, evenly round the circle, in order. `passes` > 0. Cost: some 10 ns a direction.
 Yielded yield_step(const Vec3& before, const Vec3& command, const Mat3& C, std::span<const ForceAlong> around,
                    double passes);
+
+/// The same for a ball, which meets material on all sides: the step u = x - x_before balances in space,
+///   u = c - x_before + C sum of edge_k r((n_k . u - gap_k) / w) + chip_k max(0, n_k . u - gap_k) / passes,
+/// r rising from 0 to 1 over the way w = 0.5 um, after which an edge presses in full: so a tool that its edges hold
+/// creeps by up to w a step. By Newton's method, with steps that are halved until they help, from `guess` and from
+/// rest, then with full steps; where none balances to 0.1 um, the best of what was met, and its `rest`. Cost: about 50
+/// us.
+Yielded yield_step(const Vec3& before, const Vec3& command, const Mat3& C,
+                   std::span<const cutting::BallContact> contacts, double passes, const Vec3& guess);
 
 }  // namespace polypod::machining
