@@ -18,10 +18,11 @@ namespace {
 // Between speeds that differ by dv a piece is late by dv^2 / (8 a): 0.2 um keeps its mean within 1 mm/s of every speed
 // in it at 1 m/s^2, which matters where the controller slows down in a cut.
 constexpr double kAcross = 0.2e-6, kAlong = 0.2e-6;
-// From this angle on a command turns away from its move; rad. The ramps of a correction, where the deflection grows or
-// goes within a few millimetres, lean by less (0.12 in the square of SLAV 6.1 in a tube of 40 um), and the tool follows
-// its move there; corners and transitions turn by more.
-constexpr double kTurnsAway = 0.3;
+// From these angles on a command turns away from its move: between its ends, and beyond them; rad. The ramps of a
+// correction, where the deflection grows or goes within a few millimetres, lean by less than the first (0.12 in the
+// square of SLAV 6.1 in a tube of 40 um), and the tool follows its move there; a transition may lie nearly along the
+// move to which it leads, but before its start.
+constexpr double kTurnsAway = 0.3, kTurnsAwayBeyond = 0.1;
 // The way over which the direction of the record is taken, to each side: encoders have noise; m.
 constexpr double kDirectionOver = 50e-6;
 // A record that is farther from its feed move follows another program; m.
@@ -163,8 +164,9 @@ Pieces pieces_of(const std::vector<RecordedTip>& record, const LongVector<gcode:
     const gcode::Move& move = programmed[on[k + 1]];
     if (move.kind == gcode::MoveKind::rapid || !move.start_known) continue;
     const Vec3 middle = 0.5 * (record[k].p_W + record[k + 1].p_W);
-    turning[k] =
-        !direction[k].isZero(0) && angle_between(direction[k], move.direction(move.nearest(middle))) > kTurnsAway;
+    const double at = move.nearest(middle);
+    const double most = at > 0 && at < move.length() ? kTurnsAway : kTurnsAwayBeyond;
+    turning[k] = !direction[k].isZero(0) && angle_between(direction[k], move.direction(at)) > most;
   }
   const auto same = [&](std::size_t k, std::size_t j) { return on[k + 1] == on[j + 1] && turning[k] == turning[j]; };
   kept[first_known] = kept[n - 1] = 1;

@@ -75,7 +75,7 @@ TEST(Ball, AGrooveIsCorrected) {
   const machining::Correction c = testing::correct(e);
   EXPECT_GT(c.before.largest_distance, 3 * e.job.tolerance);
   EXPECT_TRUE(c.all_judged());
-  EXPECT_THAT(c.text, HasSubstr("ball 8 mm with 3 teeth"));
+  EXPECT_THAT(c.text(), HasSubstr("ball 8 mm with 3 teeth"));
   expect_in_tube_at_both_cells(e, c);
 }
 

@@ -106,7 +106,7 @@ TEST(Recorded, WhereItSlowsDownTheChipsAreThinner) {
       continue;
     }
     for (double s = 0, v = feed; s < move.length();) {
-      const double way = std::max(0.0, std::abs(s - middle) - 0.05e-3);
+      const double way = std::max(0.0, std::abs(s - middle) - 1e-3);
       v = way < ramp ? std::sqrt(slow * slow + 2 * a * way) : feed;
       s = std::min(move.length(), s + v * 1e-3);
       record.push_back({t += 1e-3, 0, move.point(s)});
