@@ -100,8 +100,9 @@ TEST(TurnedBlock, EveryColumnIsTheIntervalOfItsLine) {
       }
     }
     EXPECT_GT(inside, 1000);
-    // Eighths of the cells on the outline, whose columns are short: 0.03 % in the mean over 60 turns. Where an edge lies
-    // along the cells all of a row are rounded the same way: 0.13 % at worst, a third of that with cells half as large.
+    // Eighths of the cells on the outline, whose columns are short: 0.03 % in the mean over 60 turns. Where an edge
+    // lies along the cells all of a row are rounded the same way: 0.13 % at worst, a third of that with cells half as
+    // large.
     const double volume = (kMax - kMin).prod();
     EXPECT_NEAR(s.volume(), volume, 2e-3 * volume);
   }
