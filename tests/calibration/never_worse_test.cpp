@@ -234,7 +234,8 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
     const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
     const bool open = left_open[static_cast<std::size_t>(k)];
     const double chance = open ? std::max(0.0, 4 * std::sqrt(spread[k]) - known[k]) : 0.1 * all.before[k];
-    EXPECT_LT(all.after[k], all.before[k] + chance) << coordinate;
+    constexpr double kRounding = 1 + 1e-9;  // a coordinate that no parameter moves is as far as it was
+    EXPECT_LE(all.after[k], (all.before[k] + chance) * kRounding) << coordinate;
     EXPECT_LT(all.ratio[k], (open ? 5 : 2.5) * judged) << coordinate;
   }
 }
