@@ -167,17 +167,6 @@ Status Engine::stop() {
   return {};
 }
 
-namespace {
-
-/// A line of nothing but a percent sign.
-bool is_percent(std::string_view text) {
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-  return text == "%";
-}
-
-}  // namespace
-
 Status Engine::end_program(bool pallet) {
   POLYPOD_TRY(settle());
   side_ = 0;
@@ -196,7 +185,10 @@ Status Engine::end_program(bool pallet) {
   ends_ = true;
   if (percent_ && frame().source == 0) {  // the closing one is looked for in the rest of the file
     const Blocks& blocks = source().program->blocks;
-    for (std::size_t i = frame().at; i < blocks.size() && !closes_; ++i) closes_ = is_percent(blocks[i].text);
+    for (std::size_t i = frame().at; i < blocks.size() && !closes_; ++i) {
+      const std::string_view text = from_first_word(blocks[i].text);
+      closes_ = text.starts_with('%') && from_first_word(text.substr(1)).empty();
+    }
     if (!closes_) put("COMMENT(\"interpreter: percent sign missing from end of file\")");
   }
   return {};

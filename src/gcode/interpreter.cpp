@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
 #include <string_view>
 
 #include "polypod/core/units.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -412,14 +412,8 @@ class Interpreter {
   }
   static bool is_message(std::string_view comment) {
     if (comment.empty() || comment.front() != '(') return false;
-    comment.remove_prefix(1);
-    while (!comment.empty() && (comment.front() == ' ' || comment.front() == '\t')) comment.remove_prefix(1);
-    const auto begins = [&](std::string_view word) {
-      return comment.size() >= word.size() && std::equal(word.begin(), word.end(), comment.begin(), [](char a, char b) {
-               return a == std::toupper(static_cast<unsigned char>(b));
-             });
-    };
-    return begins("MSG,") || begins("DEBUG,");
+    const std::string_view text = from_first_word(comment.substr(1));
+    return begins_with(text, "MSG,") || begins_with(text, "DEBUG,");
   }
 
   tl::unexpected<Error> refuse_construct() const {

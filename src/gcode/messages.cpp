@@ -1,7 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Comments, messages and the numbers of lines, as rs274 prints them.
-#include <algorithm>
-
 #include "engine.hpp"
 #include "words.hpp"
 
@@ -30,11 +28,8 @@ void Engine::comment() {
     found = !text.empty();
   }
   if (!found) return;
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  const auto begins = [&](std::string_view word) {
-    return text.size() >= word.size() &&
-           std::equal(word.begin(), word.end(), text.begin(), [](char a, char b) { return upper(b) == a; });
-  };
+  text = from_first_word(text);
+  const auto begins = [&](std::string_view word) { return begins_with(text, word); };
   if (begins("MSG,")) return put_now(fmt::format("MESSAGE(\"{}\")", text.substr(4)));
   if (begins("DEBUG,")) {
     if (parameter(5599) != 0) put_now(fmt::format("MESSAGE(\"{}\")", expanded(text.substr(6), *this)));

@@ -10,17 +10,11 @@
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/program.hpp"
 #include "polypod/gcode/writer.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 
 inline constexpr double kMmPerInch = 25.4;
-
-inline char upper(char c) {
-  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
-}
-inline bool is_space(char c) {
-  return c == ' ' || c == '\t' || c == '\r';
-}
 
 /// The number of a G or M word times ten; -1 where it is no code.
 int code_of(const Word& word);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <optional>
 
+#include "modes.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/machining/accept.hpp"
@@ -232,6 +233,7 @@ class Comparison {
     options.progress = progress("judging");
     POLYPOD_ASSIGN(p, predict_way(job_, named, way, options, scratch_));
     if (p.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
+    p.slow = corners_of(job_, named, way, p, job_.tolerance - resolution(job_)).slow;
     take(p, out);
     return {};
   }

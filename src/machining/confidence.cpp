@@ -1,6 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/confidence.hpp"
-#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -12,6 +11,7 @@
 #include <random>
 
 #include "modes.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "way.hpp"
 

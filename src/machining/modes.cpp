@@ -22,10 +22,6 @@ LongVector<int> control_blocks(const gcode::Program& program) {
   return out;
 }
 
-}  // namespace
-
-namespace {
-
 /// The share of the feed per tooth that is left where the controller passes at `speed`: see SlowCorners.
 double chip_share(const Job& job, const gcode::Move& move, double speed) {
   const double teeth = move.spindle_speed * job.cutter_of(move.tool).teeth;  // a second

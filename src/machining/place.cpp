@@ -1,6 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/place.hpp"
-#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -19,6 +18,7 @@
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {

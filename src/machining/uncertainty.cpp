@@ -1,6 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/uncertainty.hpp"
-#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -8,6 +7,7 @@
 #include <cmath>
 
 #include "polypod/kinematics/by_parameters.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {

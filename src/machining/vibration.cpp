@@ -1,6 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/vibration.hpp"
-#include "polypod/machining/tilted.hpp"
 
 #include <fmt/format.h>
 
@@ -11,6 +10,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {

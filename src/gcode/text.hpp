@@ -1,0 +1,28 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Characters of a program, as LinuxCNC's interpreter takes them.
+#pragma once
+
+#include <algorithm>
+#include <string_view>
+
+namespace polypod::gcode {
+
+inline char upper(char c) {
+  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+}
+inline bool is_space(char c) {
+  return c == ' ' || c == '\t' || c == '\r';
+}
+
+/// Without the blanks in front.
+inline std::string_view from_first_word(std::string_view text) {
+  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+  return text;
+}
+/// Whether the text begins with a word that is given in capitals, in whatever case it is written.
+inline bool begins_with(std::string_view text, std::string_view word) {
+  return text.size() >= word.size() &&
+         std::equal(word.begin(), word.end(), text.begin(), [](char a, char b) { return upper(b) == a; });
+}
+
+}  // namespace polypod::gcode
