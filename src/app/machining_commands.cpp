@@ -462,6 +462,7 @@ Command correct_command() {
                         {"distance_with_corners_after_um", to_um(c.largest_after)},
                         {"path_control", c.modes.written},
                         {"path_control_replaced_in_lines", c.modes.replaced},
+                        {"arcs_as_chords", c.modes.chords},
                         {"time_before_s", c.modes.time_before},
                         {"time_after_s", c.modes.time_after},
                         {"moves_left_as_they_were", c.left_as_they_were},

@@ -98,6 +98,7 @@ class Corrector {
       if (options_.all) POLYPOD_TRY(correct_the_rest());
       POLYPOD_TRY(give_back_what_got_worse());
       POLYPOD_TRY(share_corners_of_short_blocks());
+      POLYPOD_TRY(chords_in_place_of_stops());
       POLYPOD_TRY(choose_modes());
     }
     POLYPOD_TRY(judge());
@@ -296,7 +297,8 @@ class Corrector {
   [[nodiscard]] Plan pieces_of(std::size_t i, const Deflections& d, const Vec3& first, const Vec3& last) const {
     if (options_.method == CorrectMethod::mirror) return equal_pieces(moves_[i], d, last, options_.mirror_points);
     const double chord = options_.chord > 0 ? options_.chord : 0.1 * job_.tolerance;
-    return fit_pieces(moves_[i], d, first, last, {fit_[i], chord, job_.controller.shortest_block(moves_[i].feed)});
+    const double shortest = job_.controller.shortest_block(moves_[i].feed);
+    return fit_pieces(moves_[i], d, first, last, {fit_[i], chord, shortest, !chords_.empty() && chords_[i]});
   }
 
   /// Plans move after move: where the command is when one begins follows from those before it.
@@ -848,6 +850,49 @@ class Corrector {
 
   // --- The controller --------------------------------------------------------------------------------------------
 
+  /// Arcs at whose ends only exact stops would keep the tube are written as chords, whose corners a blend tolerance
+  /// keeps: where that spares the stops, and brings no move farther.
+  Status chords_in_place_of_stops() {
+    const LongVector<double> kept = after_;
+    constexpr int kTries = 6;
+    for (int tried = 0; tried < kTries; ++tried) {
+      const Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
+      if (now.kept) return {};
+      const PathModeChoice choice = mode_for(job_, way_, now);
+      if (choice.control.mode != gcode::PathMode::exact_stop) return {};
+      if (!take_chords(choice.not_kept)) break;
+      POLYPOD_TRY(write_and_check());
+      if (comes_farther_than(kept)) break;
+    }
+    if (chords_.empty()) return {};
+    chords_.clear();
+    return write_and_check();
+  }
+
+  /// The rewritten arcs at these joints of the written program; false if all are chords already, or there are none.
+  bool take_chords(const std::vector<int>& joints) {
+    bool more = false;
+    for (const int joint : joints) {
+      std::size_t next = static_cast<std::size_t>(joint) + 1;
+      while (next + 1 < way_.moves.size() && !(way_.moves[next].move.length() > 0)) ++next;
+      for (const std::size_t c : {static_cast<std::size_t>(joint), next}) {
+        const auto i = static_cast<std::size_t>(way_.source[c]);
+        if (!changed_[i] || moves_[i].kind != gcode::MoveKind::arc || (!chords_.empty() && chords_[i])) continue;
+        chords_.resize(moves_.size(), false);
+        chords_[i] = more = true;
+      }
+    }
+    return more;
+  }
+
+  /// Whether a move has left the tube, or the programmed path by more than before and its own distance without correction.
+  [[nodiscard]] bool comes_farther_than(const LongVector<double>& kept) const {
+    for (std::size_t i = 0; i < moves_.size(); ++i) {
+      if (worse(i) || (outside(i) && after_[i] > kept[i] + kSameDistance)) return true;
+    }
+    return is_worse();
+  }
+
   Status choose_modes() {
     Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
     out_.modes.time_without = now.time;
@@ -855,6 +900,7 @@ class Corrector {
     const gcode::PathControl control = mode_for(job_, way_, now).control;
     if (control == gcode::PathControl{} && now.breaking.empty()) return {};  // no mode would help
     mode_ = control;
+    out_.modes.chords = static_cast<int>(std::count(chords_.begin(), chords_.end(), true));
     for (const int block : now.breaking) {
       mode_blocks_.push_back(source_block(block));
       out_.modes.replaced.push_back(program_.blocks[static_cast<std::size_t>(mode_blocks_.back())].line);
@@ -1069,6 +1115,7 @@ class Corrector {
   LongVector<double> fit_;
   std::vector<bool> rewritten_;
   std::vector<bool> changed_;  // rewritten, and not to the same digits
+  std::vector<bool> chords_;   // arcs that are written as lines; empty: none
   std::vector<bool> merged_;   // by corner, that before the move of this number: shared to save a short block
   std::vector<bool> frozen_;   // their correction was worse than none
   LongVector<double> before_, after_, last_;

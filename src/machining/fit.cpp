@@ -53,7 +53,8 @@ class Fit {
         options_(options),
         frame_(move),
         end_(d.s.size() - 1),
-        arcs_(move.kind == gcode::MoveKind::arc) {}
+        arcs_(move.kind == gcode::MoveKind::arc && !options.chords),
+        outside_(move.kind == gcode::MoveKind::arc && options.chords ? 0.5 * options.chord : 0) {}
 
   std::vector<Piece> run() const {
     std::vector<std::size_t> best = greedy(options_.allowed);
@@ -88,7 +89,16 @@ class Fit {
   };
 
   [[nodiscard]] Vec3 ideal(std::size_t k) const { return move_.point(d_.s[k]) - d_.delta[k]; }
-  [[nodiscard]] Vec3 command(std::size_t k) const { return k == 0 ? first_ : k == end_ ? last_ : ideal(k); }
+  [[nodiscard]] Vec3 command(std::size_t k) const {
+    if (k == 0) return first_;
+    if (k == end_) return last_;
+    return outside_ > 0 ? Vec3(ideal(k) + outside_ * outwards(k)) : ideal(k);
+  }
+  /// The direction away from the centre of the programmed arc at a sample.
+  [[nodiscard]] Vec3 outwards(std::size_t k) const {
+    const Vec3 r = move_.point(d_.s[k]) - move_.centre;
+    return (r - frame_.w * frame_.w.dot(r)).normalized();
+  }
 
   /// The arc from command a to command b through the ideal command half way, if it is one that can be written.
   [[nodiscard]] std::optional<Arc> arc_between(std::size_t a, std::size_t b) const {
@@ -130,6 +140,10 @@ class Fit {
       } else {
         const double u = d_.s[b] > d_.s[a] ? (d_.s[k] - d_.s[a]) / (d_.s[b] - d_.s[a]) : 1.0;
         commanded = A + (B - A) * u;
+        constexpr double kRounding = 1 + 1e-9;
+        if (outside_ > 0 && b - a > 1 && (commanded - ideal(k)).norm() > outside_ * kRounding) {
+          return {INFINITY, INFINITY};
+        }
       }
       const double off = distance_from(move_, d_, k, commanded + d_.delta[k] - move_.point(d_.s[k]));
       out.largest = std::max(out.largest, off);
@@ -228,7 +242,32 @@ class Fit {
   const Frame frame_;
   const std::size_t end_;
   const bool arcs_;
+  const double outside_;  ///< m, by which the knots of chords lie outside of the ideal command; 0 for none
 };
+
+/// With samples at most `spacing` apart, those between the given ones by linear interpolation.
+Deflections refined(const Deflections& d, double spacing) {
+  Deflections out;
+  out.cuts = d.cuts;
+  for (std::size_t k = 0; k + 1 < d.s.size(); ++k) {
+    const int parts = std::max(1, static_cast<int>(std::ceil((d.s[k + 1] - d.s[k]) / spacing)));
+    for (int j = 0; j < parts; ++j) {
+      const double u = static_cast<double>(j) / parts;
+      out.s.push_back((1 - u) * d.s[k] + u * d.s[k + 1]);
+      out.delta.push_back((1 - u) * d.delta[k] + u * d.delta[k + 1]);
+    }
+  }
+  out.s.push_back(d.s.back());
+  out.delta.push_back(d.delta.back());
+  return out;
+}
+
+/// Knots of chords are samples, so that these must be closer than a chord is long.
+double spacing_for_chords(const gcode::Move& move, double chord) {
+  constexpr double kShare = 0.125;
+  const double radius = Frame(move).flat(move.start - move.centre).norm();
+  return kShare * std::sqrt(8 * radius * chord);
+}
 
 }  // namespace
 
@@ -240,6 +279,10 @@ double distance_from(const gcode::Move& move, const Deflections& d, std::size_t 
 
 std::vector<Piece> fit_pieces(const gcode::Move& move, const Deflections& deflections, const Vec3& first,
                               const Vec3& last, const FitOptions& options) {
+  if (options.chords && move.kind == gcode::MoveKind::arc) {
+    const Deflections closer = refined(deflections, spacing_for_chords(move, options.chord));
+    return Fit(move, closer, first, last, options).run();
+  }
   return Fit(move, deflections, first, last, options).run();
 }
 

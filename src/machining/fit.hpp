@@ -70,6 +70,7 @@ struct FitOptions {
   double allowed = 0;   ///< m, largest distance of the deflected tool from the programmed move at a sample
   double chord = 0;     ///< m, largest distance of an arc from the ideal command
   double shortest = 0;  ///< m, no block is shorter where the move is not
+  bool chords = false;  ///< lines for an arc too
 };
 
 /// Distance of p(s_k) + off from the move: across it between its ends, in full at the ends.
@@ -82,7 +83,11 @@ double distance_from(const gcode::Move& move, const Deflections& d, std::size_t 
 ///
 /// A programmed arc or helix is replaced by arcs through three points of the ideal command each, in the arc's plane and
 /// with an even feed along its axis; between neighbouring samples, and where no such arc keeps within `chord`, by a
-/// straight line. A piece between neighbouring samples is always taken. Cost: O(n log n) for n samples.
+/// straight line. A piece between neighbouring samples is always taken.
+///
+/// With `chords` an arc is replaced by lines whose knots lie chord / 2 outside of the ideal command and whose middles at
+/// most as far inside, so that what is cut has the right size on average; at an arc of radius r they are about
+/// sqrt(8 r chord) long. Cost: O(n log n) for n samples.
 std::vector<Piece> fit_pieces(const gcode::Move& move, const Deflections& deflections, const Vec3& first,
                               const Vec3& last, const FitOptions& options);
 

@@ -311,14 +311,14 @@ PathModeChoice choose_mode(const Moves& moves, const Slack& slack, const Planner
     const double p = std::floor(least / kStep + 1e-6) * kStep;
     choice.control = {gcode::PathMode::continuous, static_cast<float>(p), 0};
     if (p < kLeastBlendTolerance) choice.control = kExactStop;
-    // What P does not limit.
+    // What P does not limit. Under exact stop nothing deviates.
     const LongVector<Corner> kept = corners_in(WithMode<Moves>{moves, choice.control}, limits);
     for (std::size_t i = 0; i < std::min(kept.size(), slack.size()); ++i) {
       if (!(kept[i].deviation > std::max(slack[i], 0.0) * kSinglePrecision)) continue;
-      choice.control = kExactStop;
-      choice.limiting = static_cast<int>(i);
-      break;
+      if (choice.not_kept.empty()) choice.limiting = static_cast<int>(i);
+      choice.not_kept.push_back(static_cast<int>(i));
     }
+    if (!choice.not_kept.empty()) choice.control = kExactStop;
   }
   choice.time_after = time_of(WithMode<Moves>{moves, choice.control}, limits);
   return choice;

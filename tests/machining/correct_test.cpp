@@ -139,6 +139,40 @@ TEST(Correct, MirrorAtManyPointsIsTheOneStepOfTheSource) {
   EXPECT_LT(tube.pieces, c.pieces);
 }
 
+// At the kink of the arc of line 27 a controller that goes on may be off by more than the tube leaves, whatever P: it was
+// G61.1 for the whole program. A controller that is fast enough takes the arcs as they are.
+TEST(Correct, ArcsThatWouldAskForStopsBecomeChordsOnBothSides) {
+  auto e = load_example("freecad_profile");
+  const auto chords = testing::correct(e);
+  EXPECT_TRUE(chords.within_tolerance) << chords.reason;
+  EXPECT_TRUE(chords.modes.written.starts_with("G64 P")) << chords.modes.written;
+  EXPECT_LT(chords.modes.time_after, chords.modes.time_before);
+  e.job.controller.planner.acceleration = 1000;
+  const auto arcs = testing::correct(e);
+  ASSERT_EQ(arcs.modes.chords, 0);
+  ASSERT_EQ(arcs.moves.size(), chords.moves.size());
+  const double chord = 0.1 * e.job.tolerance;
+  int count = 0;
+  for (std::size_t i = 0; i < arcs.moves.size(); ++i) {
+    if (chords.moves[i].pieces <= arcs.moves[i].pieces) continue;
+    ++count;
+    const machining::Spread &now = chords.moves[i].normal_after, &before = arcs.moves[i].normal_after;
+    EXPECT_NEAR(now.mean, before.mean, 0.1 * chord) << "of the right size on average";
+    EXPECT_GT(now.min, before.min - 0.55 * chord);
+    EXPECT_LT(now.max, before.max + 0.55 * chord);
+    const double sweep = std::abs(chords.programmed[static_cast<std::size_t>(chords.moves[i].move)].sweep);
+    const double fewest = sweep / (2 * std::acos(1 - chord / 2.5e-3));  // radius of the programmed arc 2.5 mm
+    EXPECT_LT(chords.moves[i].pieces, 1.5 * fewest + 2);
+  }
+  EXPECT_EQ(count, chords.modes.chords);
+  EXPECT_GT(count, 0);
+  for (std::size_t c = 0; c < chords.commanded.size(); ++c) {
+    const auto& m = chords.commanded[c];
+    if (m.followed != nullptr && m.move.kind == gcode::MoveKind::arc) --count;  // not all became lines
+  }
+  EXPECT_LT(count, 0);
+}
+
 TEST(Correct, SameBytesTwice) {
   const auto e = load_example("freecad_profile");
   EXPECT_EQ(testing::correct(e).text(), testing::correct(e).text());

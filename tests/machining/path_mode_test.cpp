@@ -264,6 +264,23 @@ TEST(ChoosePathMode, HalfWhereALineLeavesThePlaneOfAnArc) {
   EXPECT_EQ(path_mode_words(choose_path_mode(moves, std::vector<double>{1, 45e-6, 1}).control), "G64 P0.0225 Q0");
 }
 
+TEST(ChoosePathMode, NamesEachArcThatOnlyAStopKeeps) {
+  // Two kinks of 11 deg between arcs of 2 mm, and a corner of lines which P keeps.
+  const auto moves = moves_of(
+      "G0 X0 Y0 Z0\nG1 X10 F1600\nG1 Y20\nG2 X12 Y22 I2 J0\nG2 X14.3884 Y20.04 I0.39 J-1.96\nG1 Y0\nG1 X30");
+  const PathModeChoice choice = choose_path_mode(moves, std::vector<double>(moves.size(), 30e-6));
+  EXPECT_EQ(path_mode_words(choice.control), "G61.1");
+  auto kept = moves;
+  for (gcode::Move& move : kept) move.path = {gcode::PathMode::continuous, 30e-6f, 0};
+  std::vector<int> expected;
+  const auto joints = corners(kept);
+  for (std::size_t i = 0; i < joints.size(); ++i)
+    if (joints[i].deviation > 31e-6) expected.push_back(static_cast<int>(i));
+  EXPECT_FALSE(expected.empty());
+  EXPECT_EQ(choice.not_kept, expected);
+  EXPECT_EQ(choice.limiting, expected.front());
+}
+
 // Q merges lines only: a contour of arcs takes as long with it as without, and as its length at the feed.
 TEST(ProgramTime, OfArcsUnderGSixtyFourWithP) {
   const std::string circle = "\nG0 X-50 Y0 Z0\nG3 X-50 Y36 J18 F800\nG3 X-50 Y0 J-18",

@@ -22,6 +22,7 @@ enum class CorrectMethod {
 struct PathModes {
   std::string written;        ///< the words that the corrected program got, e.g. "G64 P0.045 Q0"; empty: none needed
   std::vector<int> replaced;  ///< lines of the original whose mode would break the tube and was replaced
+  int chords = 0;             ///< arcs of the original that became lines, so that the controller need not stop
   double corner_before = 0;   ///< m, by which the controller rounds the worst corner of a cut of the program as it is
   double corner_after = 0;    ///< m, the same of the corrected program
   double time_before = 0;     ///< s, with the planner's acceleration
