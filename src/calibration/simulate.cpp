@@ -185,6 +185,9 @@ Result<std::vector<Measurement>> simulate(const AnyMachine& nominal, const AnyMa
         // As at stands: not nearly singular, and with joints that both machines can take.
         std::vector<Stand> touch;
         if (!add_stand_at(real, target, touch) || kinematics::forward(nominal, touch[0].q).poses.empty()) continue;
+        // Where x, y or z follows from the turn, the point is elsewhere.
+        constexpr double kSamePlace = 1e-6;  // m
+        if (((touch[0].X_MT * o.X_TR).p - (target * o.X_TR).p).norm() > kSamePlace) continue;
         Measurement row;
         row.kind = o.kind;
         row.q = touch[0].q;
@@ -195,7 +198,10 @@ Result<std::vector<Measurement>> simulate(const AnyMachine& nominal, const AnyMa
       for (Measurement& row : touches)
         if (rows.size() < o.count) rows.push_back(std::move(row));
     }
-    if (rows.empty()) return fail("CA121", "no point was found that can be touched from several directions");
+    if (rows.empty()) {
+      return fail("CA121", "no point was found that can be touched from several directions", {},
+                  "where a turn of the tool takes its tip elsewhere, measure points, poses or gauge readings");
+    }
     return rows;
   }
   for (const Stand& stand : stands) {

@@ -885,7 +885,8 @@ class Corrector {
     return more;
   }
 
-  /// Whether a move has left the tube, or the programmed path by more than before and its own distance without correction.
+  /// Whether a move has left the tube, or the programmed path by more than before and its own distance without
+  /// correction.
   [[nodiscard]] bool comes_farther_than(const LongVector<double>& kept) const {
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (worse(i) || (outside(i) && after_[i] > kept[i] + kSameDistance)) return true;

@@ -85,8 +85,8 @@ double distance_from(const gcode::Move& move, const Deflections& d, std::size_t 
 /// with an even feed along its axis; between neighbouring samples, and where no such arc keeps within `chord`, by a
 /// straight line. A piece between neighbouring samples is always taken.
 ///
-/// With `chords` an arc is replaced by lines whose knots lie chord / 2 outside of the ideal command and whose middles at
-/// most as far inside, so that what is cut has the right size on average; at an arc of radius r they are about
+/// With `chords` an arc is replaced by lines whose knots lie chord / 2 outside of the ideal command and whose middles
+/// at most as far inside, so that what is cut has the right size on average; at an arc of radius r they are about
 /// sqrt(8 r chord) long. Cost: O(n log n) for n samples.
 std::vector<Piece> fit_pieces(const gcode::Move& move, const Deflections& deflections, const Vec3& first,
                               const Vec3& last, const FitOptions& options);

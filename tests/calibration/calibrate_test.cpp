@@ -618,6 +618,28 @@ TEST(Calibrate, WhatCannotBeIsNamed) {
   EXPECT_EQ(calibrate(m, once).error().id, "CA117");
 }
 
+// Every touch of a place has the tip of the true machine there; two rows of a tripod were 37 mm apart.
+TEST(Measurements, ContactsTouchOnePlace) {
+  for (const char* name : {"hexapod-strut", "lola50", "delta-linear", "tricept"}) {
+    const AnyMachine m = named(name), truth = off(m);
+    std::map<std::string, Vec3> place;
+    for (const Measurement& row : measured(m, truth, Kind::contact, 24, kNoise)) {
+      const auto at = kinematics::forward(truth, row.q);
+      ASSERT_FALSE(at.poses.empty()) << name;
+      const auto [seen, first] = place.emplace(row.contact, at.poses.front().p);
+      if (!first) {
+        EXPECT_LT((at.poses.front().p - seen->second).norm(), 8 * kNoise) << name;
+      }
+    }
+    EXPECT_GT(place.size(), 1u);
+  }
+  SimulationOptions how;
+  how.kind = Kind::contact;
+  const auto tilting = simulate(named("tripod-z3"), named("tripod-z3"), how);
+  ASSERT_FALSE(tilting) << "its tip moves with the tilt";
+  EXPECT_EQ(tilting.error().id, "CA121");
+}
+
 TEST(Measurements, FilesGoOutAndComeBack) {
   const AnyMachine m = named("lola50");
   const std::string path = std::filesystem::temp_directory_path() / ("polypod-measured-" + std::to_string(::getpid()));

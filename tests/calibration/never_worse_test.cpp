@@ -163,6 +163,10 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
     how.noise_position = kNoise;
     how.noise_angle = kNoiseAngle;
     const auto rows = simulate(nominal, truth, how);
+    if (!rows && one.kind == Kind::contact && one.machine == "tripod-z3") {
+      EXPECT_EQ(rows.error().id, "CA121") << "the tip of a tripod of z, A and B moves with the tilt";
+      return;
+    }
     ASSERT_TRUE(rows) << to_string(rows.error());
     auto c = calibrate(nominal, *rows);
     if (!c && one.kind == Kind::contact && c.error().id == "CA115") {
@@ -195,11 +199,12 @@ TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
     ++judged;
     for (Eigen::Index k = 0; k < n; ++k) {
       const std::string coordinate = pose_coordinates(nominal)[static_cast<std::size_t>(k)];
-      // Three standard deviations, of a mean over places whose errors hang together.
-      EXPECT_LT(e.after[k], e.before[k] + 9 * e.stated[k]) << coordinate;
-      EXPECT_LT(e.after[k], 25 * e.stated[k]) << coordinate;
       const auto& open = c->verdict.left_open;
       const bool is_told = std::find(open.begin(), open.end(), coordinate) == open.end();
+      // Three standard deviations, of a mean over places whose errors hang together; five where it is left open (see
+      // `beyond`, which counts those above three).
+      EXPECT_LT(e.after[k], e.before[k] + (is_told ? 9 : 25) * e.stated[k]) << coordinate;
+      EXPECT_LT(e.after[k], 25 * e.stated[k]) << coordinate;
       if (!is_told) left_open[static_cast<std::size_t>(k)] = true;
       told += is_told ? 1 : 0;
       opened += is_told ? 0 : 1;

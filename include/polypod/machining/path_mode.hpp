@@ -76,10 +76,10 @@ inline constexpr double kLeastBlendTolerance = 1e-6;
 
 struct PathModeChoice {
   gcode::PathControl control;
-  int limiting = -1;       ///< index of the joint (as in `corners`) that allows the least; -1 if none asks for anything
+  int limiting = -1;  ///< index of the joint (as in `corners`) that allows the least; -1 if none asks for anything
   std::vector<int> not_kept;  ///< joints with an arc that only an exact stop keeps, not P: why there is one
-  double time_before = 0;  ///< s, `program_time` as the moves are
-  double time_after = 0;   ///< s, with `control` in force throughout
+  double time_before = 0;     ///< s, `program_time` as the moves are
+  double time_after = 0;      ///< s, with `control` in force throughout
 };
 
 /// The path mode that keeps every joint within its slack: joint i, after move i, may deviate by slack[i] (m; infinity
