@@ -250,6 +250,7 @@ void add_other_switch(Json& document, const std::optional<machining::OtherSwitch
                                     {"collision", other->collision ? Json(to_string(*other->collision)) : Json()},
                                     {"distance_before_um", to_um(other->distance_before)},
                                     {"distance_after_um", to_um(other->distance_after)},
+                                    {"line", other->line > 0 ? Json(other->line) : Json()},
                                     {"within_tolerance", other->within_tolerance && trust},
                                     {"not_judged", not_judged_json({}, other->plunges)},
                                     {"steep_not_judged", steep_json(other->steep)},
@@ -277,9 +278,10 @@ void print_other_switch(const std::optional<machining::OtherSwitch>& other, bool
                                   ? other->reason.empty() ? "beyond the tolerance" : "but " + other->reason
                               : trust ? "within the tolerance"
                                       : "by a doubtful measurement, not judged against the tolerance";
-  fmt::print("block delete   {}{}: up to {:.1f} um from the programmed path, {}\n", position,
+  const std::string where = other->line > 0 ? fmt::format(" (line {})", other->line) : "";
+  fmt::print("block delete   {}{}: up to {:.1f} um from the programmed path{}, {}\n", position,
              other->fixed && correction ? ", with a correction for that position, which is not the one written" : "",
-             to_um(other->distance_after), verdict);
+             to_um(other->distance_after), where, verdict);
   const std::string at = fmt::format(", with block delete {}", other->block_delete ? "on" : "off");
   print_steep(other->steep, other->distance_after, at);
   print_slow_corners(other->slow, other->distance_after, at);

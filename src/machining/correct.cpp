@@ -1017,6 +1017,7 @@ class Corrector {
     other.distance_before = corners_of(job_, program_, as_it_was, before, inside()).largest_with;
     const Corners corners_after = corners_of(job_, out_.program, way, after, inside());
     other.distance_after = corners_after.largest_with;
+    other.line = corners_after.line;
     other.slow = corners_after.slow;
     const std::vector<NotJudged>& open = after.not_judged.empty() ? before.not_judged : after.not_judged;
     if (!open.empty()) other.reason = fmt::format("line {}: {}", open.front().line, open.front().why);
@@ -1064,12 +1065,12 @@ class Corrector {
         warning_ = fmt::format("NOT judged to be within the tube with block delete {}", position);
         out_.reason = fmt::format("with block delete {}, {}", position, at.reason);
       } else {
-        warning_ =
-            fmt::format("NOT within the tube with block delete {}, up to {:.1f} um from the path", position, distance);
+        warning_ = fmt::format("NOT within the tube with block delete {}, up to {:.1f} um from the path of line {}",
+                               position, distance, at.line);
         out_.reason = fmt::format(
-            "with block delete {} the deflected tool is up to {:.1f} um from the programmed path; the tolerance is "
-            "{:g} um",
-            position, distance, units::to_um(job_.tolerance));
+            "line {}: with block delete {} the deflected tool is up to {:.1f} um from the programmed move; the "
+            "tolerance is {:g} um",
+            at.line, position, distance, units::to_um(job_.tolerance));
       }
     }
   }

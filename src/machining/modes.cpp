@@ -42,6 +42,9 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
   out.with = distance;
   out.slack.assign(moves.size(), std::numeric_limits<double>::infinity());
   out.time = program_time(moves, job.controller.planner);
+  const auto line_of = [&](std::size_t m) {
+    return way.lines->blocks[static_cast<std::size_t>((*way.programmed)[way.source_of(m)].block)].line;
+  };
   for (std::size_t c = 0; c + 1 < moves.size(); ++c) {
     std::size_t next = c + 1;
     while (next + 1 < moves.size() && !(moves[next].length() > 0)) ++next;
@@ -66,15 +69,18 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
       const double slow =
           share * distance[m] + (1 - share) * static_cast<double>(m == c ? without.end : without.start) + deviation;
       if (share < 1 && distance[m] + deviation <= inside && slow > distance[m] + deviation) {
-        const int line = way.lines->blocks[static_cast<std::size_t>((*way.programmed)[way.source_of(m)].block)].line;
-        out.slow.add(slow, share, line, job.tolerance);
+        out.slow.add(slow, share, line_of(m), job.tolerance);
       }
       out.deviation[m] = std::max(out.deviation[m], deviation);
       out.with[m] = std::max(out.with[m], distance[m] + deviation);
       out.largest = std::max(out.largest, deviation);
     }
   }
-  for (const double d : out.with) out.largest_with = std::max(out.largest_with, d);
+  for (std::size_t m = 0; m < out.with.size(); ++m) {
+    if (!(out.with[m] > out.largest_with)) continue;
+    out.largest_with = out.with[m];
+    out.line = line_of(m);
+  }
   return out;
 }
 

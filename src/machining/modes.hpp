@@ -17,6 +17,7 @@ struct Corners {
   std::vector<int> breaking;     ///< blocks whose path control word is in force at a joint that is rounded too much
   double largest = 0;            ///< m, deviation at a cut
   double largest_with = 0;       ///< m, distance with corners
+  int line = 0;                  ///< of the program, where that is; 0 where nothing cuts
   double time = 0;               ///< s
   SlowCorners slow;              ///< where it is slower than the feed
   bool kept = true;              ///< no joint is rounded by more than its slack

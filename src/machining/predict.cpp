@@ -737,6 +737,7 @@ Result<OtherSwitch> other_switch_of(const Job& job, const gcode::Program& progra
   other.cuts = !p.moves.empty();
   const Corners corners = corners_of(job, program, way, p, job.tolerance - resolution(job));
   other.distance_before = other.distance_after = corners.largest_with;
+  other.line = corners.line;
   other.slow = corners.slow;
   if (Status free = no_rapid_cuts(job, program, p.pass); !free)
     other.collision = at_switch(free.error(), other.block_delete);

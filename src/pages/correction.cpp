@@ -40,6 +40,16 @@ constexpr const char* kUm = "µm";
 
 using Entries = std::vector<std::pair<std::string, std::string>>;
 
+/// A sentence of the answer with the sign that pages have for micrometres.
+std::string with_sign(std::string text) {
+  constexpr std::string_view kPlain = " um";
+  for (std::size_t at = 0; (at = text.find(kPlain, at)) != std::string::npos; at += kPlain.size()) {
+    const std::size_t end = at + kPlain.size();
+    if (end == text.size() || std::isalnum(static_cast<unsigned char>(text[end])) == 0) text.replace(at + 1, 2, kUm);
+  }
+  return text;
+}
+
 std::string um(double metres) {
   return fixed(to_um(metres), 1) + " " + kUm;
 }
@@ -152,7 +162,7 @@ class Page {
     }
     if (plunges.size() > kNamed) others += fmt::format(" and {} more", plunges.size() - kNamed);
     report_.add_verdict(Verdict::neutral,
-                        fmt::format("Not judged{}: line {}: {}.{}", at, worst->line, worst->why(),
+                        fmt::format("Not judged{}: line {}: {}.{}", at, worst->line, with_sign(worst->why()),
                                     plunges.size() > 1 ? fmt::format(" Such plunges: lines {}.", others) : ""));
   }
 
@@ -207,10 +217,11 @@ class Page {
     } else if (other.within_tolerance || other.reason.empty()) {
       report_.add_verdict(
           other.within_tolerance ? Verdict::good : Verdict::bad,
-          fmt::format("With block delete {} the largest distance is {}{}.", position, um(other.distance_after),
+          fmt::format("With block delete {} the largest distance is {}{}{}.", position, um(other.distance_after),
+                      other.line > 0 ? fmt::format(" (line {})", other.line) : "",
                       other.fixed ? ", with a correction for that position" : ""));
     } else {
-      report_.add_verdict(Verdict::bad, fmt::format("With block delete {}: {}.", position, other.reason));
+      report_.add_verdict(Verdict::bad, fmt::format("With block delete {}: {}.", position, with_sign(other.reason)));
     }
     if (other.fixed) {
       report_.add_verdict(Verdict::neutral,
@@ -251,7 +262,7 @@ class Page {
               c_.modes.corner_after > 0 ? ", the corners that the controller rounds counted" : "", um(c_.largest_after),
               quick_changes(), slow_corners() + held_back(), checked));
     } else {
-      std::string reason = c_.reason;
+      std::string reason = with_sign(c_.reason);
       if (!reason.empty()) reason.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(reason.front())));
       report_.add_verdict(
           Verdict::bad,
@@ -346,9 +357,9 @@ class Page {
     if (!table.rows.empty()) report_.add_table(table);
     std::vector<std::string> items;
     for (const machining::NotJudged& m : c_.after.not_judged) {
-      items.push_back(fmt::format("not judged: line {}: {}", m.line, m.why));
+      items.push_back(fmt::format("not judged: line {}: {}", m.line, with_sign(m.why)));
     }
-    for (const std::string& remedy : c_.remedies) items.push_back("what would help: " + remedy);
+    for (const std::string& remedy : c_.remedies) items.push_back("what would help: " + with_sign(remedy));
     if (!items.empty()) report_.add_list(items);
   }
 

@@ -200,7 +200,8 @@ TEST(Verdict, BothPositionsOfBlockDeleteAreJudged) {
   // Corrected for half the depth at each pass, the whole depth at once deflects the tool twice as far.
   EXPECT_GT(to_um(c.other_switch->distance_after), 100);
   EXPECT_FALSE(c.within_tolerance);
-  EXPECT_THAT(c.reason, HasSubstr("block delete on"));
+  EXPECT_THAT(c.reason, HasSubstr("line 11: with block delete on"));
+  EXPECT_EQ(c.other_switch->line, 11);
 }
 
 TEST(Verdict, WhatWouldHelpDoes) {

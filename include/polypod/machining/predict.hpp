@@ -125,6 +125,7 @@ struct OtherSwitch {
                        ///< is written: `distance_after` is of a correction for this position, which is not
   double distance_before = 0;  ///< m, largest distance of the program as it is, corners counted
   double distance_after = 0;   ///< m, the same of the corrected program
+  int line = 0;                ///< of the program, where that is
   bool within_tolerance = false;
   Steep steep;                     ///< not judged
   SlowCorners slow;                ///< not judged
