@@ -115,13 +115,13 @@ class SingularNote {
   [[nodiscard]] const std::string& text() const { return text_; }
   /// The document with `singular_everywhere` and `note` in front.
   [[nodiscard]] Json in(const Json& document) const;
-  /// The exit status "no" where never_held(), for commands whose figures have no meaning then; `figures` are the keys
-  /// of the document, which are null.
+  /// The exit status "no" where never_held(), or hardly so at every pose, for commands whose figures have no meaning
+  /// then; `figures` are the keys of the document, which are null.
   [[nodiscard]] std::optional<int> refusal(const std::vector<std::string>& figures) const;
 
  private:
   bool json_ = false;
-  bool never_held_ = false, everywhere_ = false;
+  bool never_held_ = false, hardly_held_ = false, everywhere_ = false;
   std::string text_;
 };
 /// The note, and SingularNote::refusal.

@@ -40,12 +40,14 @@ Command compliance_command() {
             POLYPOD_TRY(needs_compliance(m));
             if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;
             const statics::Compliance c = statics::compliance_at(m, X);
-            if (!c.reachable) return cannot_take(context, c.reason);
             Json document = Json::object();
-            const PoseJoints here{X, c.joints, true, {}};
-            if (const auto no =
-                    said_of_singular_pose(m, here, context, document, {"compliance_um_per_N", "displacement_um"}))
-              return *no;
+            if (c.joints.size() > 0) {
+              const PoseJoints here{X, c.joints, true, {}};
+              if (const auto no =
+                      said_of_singular_pose(m, here, context, document, {"compliance_um_per_N", "displacement_um"}))
+                return *no;
+            }
+            if (!c.reachable) return cannot_take(context, c.reason);
             const Mat3 C = c.linear() * units::kUmPerMetre;  // m/N to um/N
             const Vec3 moved = c.displacement(force) * units::kUmPerMetre;
             if (context.json) {

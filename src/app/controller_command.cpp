@@ -60,6 +60,7 @@ Command controller_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_TRY(check_files({o->machine}, {o->out}, context.json));
+            if (const auto no = refused_as_singular(m, context, {"settings"})) return *no;
             const bool klipper = o->controller == "klipper";
             if (!klipper && o->controller != "linuxcnc") {
               return fail("AP185", fmt::format("--for {}: not linuxcnc or klipper", o->controller));

@@ -90,6 +90,7 @@ Command export_linuxcnc_command() {
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        if (const auto no = refused_as_singular(m, context, {"folder"})) return *no;
         control::LinuxcncOptions options;
         options.slide_speed = units::from_mm(o->slide_speed);
         options.turn_speed = units::from_deg(o->turn_speed);

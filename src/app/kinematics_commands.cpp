@@ -18,6 +18,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/twist.hpp"
 #include "polypod/quality/singularity.hpp"
 
@@ -268,6 +269,11 @@ void print_twist(const Json& twist) {
              pose_in_words(twist["pose"]), ranges);
 }
 
+/// Whether the branch is not isolated, or the drives do not hold the tool there.
+bool singular_at(const machine::AnyMachine& m, const Pose& X, const kinematics::Solution& s) {
+  return s.singular || kinematics::hold(m, X, s.joints).control < kinematics::kNoHold;
+}
+
 }  // namespace
 
 Command ik_command() {
@@ -298,7 +304,7 @@ Command ik_command() {
                          {"branch", kinematics::branch_name(m, s.branch)},
                          {"pose", whole_pose_for_user(kinematics::settled(m, X, s.joints))},
                          {"violations", kinematics::limit_names(m, s.violations)}};
-              if (s.singular) entry["singular"] = true;
+              if (singular_at(m, X, s)) entry["singular"] = true;
               solutions.push_back(entry);
             }
             std::vector<std::string> violations;
@@ -319,8 +325,8 @@ Command ik_command() {
             } else {
               for (const kinematics::Solution& s : result.solutions) {
                 fmt::print("{:<32} {}{}\n  {}\n", kinematics::branch_name(m, s.branch),
-                           in_words(kinematics::limit_names(m, s.violations)), s.singular ? " (singular)" : "",
-                           joints_in_words(m, s.joints));
+                           in_words(kinematics::limit_names(m, s.violations)),
+                           singular_at(m, X, s) ? " (singular)" : "", joints_in_words(m, s.joints));
               }
               if (moves_more_than_its_task(m)) {
                 print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));
@@ -359,6 +365,7 @@ Command fk_command() {
         Json poses = Json::array();
         for (std::size_t i = 0; i < result.poses.size(); ++i) {
           poses.push_back(pose_json(m, result.poses[i], result.residuals[i], q));
+          if (kinematics::hold(m, result.poses[i], q).control < kinematics::kNoHold) poses.back()["singular"] = true;
         }
         if (context.json) {
           Json document{{"poses", poses}, {"complete", result.complete}};
@@ -368,6 +375,10 @@ Command fk_command() {
           for (const Json& p : poses) {
             fmt::print("{}\n  {}\n", pose_in_words(p["pose"], kinematics::task(m)), in_words(p["violations"]));
             if (p.contains("whole_pose")) print_whole_pose(p["whole_pose"]);
+            if (p.contains("singular")) {
+              fmt::print(
+                  "  singular (type 2): the tool can move though the joints stand, so this is one pose of many\n");
+            }
           }
           if (poses.empty()) fmt::print("no pose: {}\n", why);
           if (o->all && !poses.empty()) {

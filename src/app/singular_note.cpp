@@ -12,6 +12,7 @@ namespace polypod::app {
 SingularNote::SingularNote(const machine::AnyMachine& machine, const Context& context) : json_(context.json) {
   const quality::PoseIndependentSingularity s = quality::pose_independent_singularity(machine);
   never_held_ = s.never_held();
+  hardly_held_ = s.nearly();
   everywhere_ = s.everywhere();
   if (s.everywhere() || s.nearly()) text_ = "This machine is " + quality::in_words(s) + ".";
   if (text_.empty() || json_) return;
@@ -27,12 +28,13 @@ Json SingularNote::in(const Json& document) const {
 }
 
 std::optional<int> SingularNote::refusal(const std::vector<std::string>& figures) const {
-  if (!never_held_) return {};
+  if (!never_held_ && !hardly_held_) return {};
   Json document = Json::object();
   for (const std::string& key : figures) document[key] = Json();
   if (json_) print_json(in(document));
   std::fflush(stdout);
-  fmt::print(stderr, "polypod: there are no figures, because the drives do not constrain the platform at any pose\n");
+  fmt::print(stderr, "polypod: there are no figures, because the machine is {} at every pose\n",
+             never_held_ ? "singular: the drives do not constrain the platform" : "close to singular");
   return kAnswerIsNo;
 }
 

@@ -40,16 +40,6 @@ Eigen::MatrixXd speed_of_task(const AnyMachine& machine, const Pose& X, const Jo
   return out;
 }
 
-/// Each row of A divided by the length of its translational part (by its own if it has no other), that of B alike.
-void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
-  for (int i = 0; i < A.rows(); ++i) {
-    const double along = A.row(i).head(3).norm(), whole = A.row(i).norm();
-    const double unit = along > 1e-12 * whole ? along : whole;
-    A.row(i) /= unit;
-    if (B != nullptr) B->row(i) /= unit;
-  }
-}
-
 Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
   const Pose X = kinematics::settled(machine, X_MT, q);
   Sides out;
@@ -79,7 +69,7 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
           const int held = 6 - task(m).size();
           if (held < 1 || C.rows() < held) return;
           C.rightCols(3) /= L;
-          divide_rows(C, nullptr);
+          kinematics::divide_rows(C);
           out.constraints = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues()[held - 1];
         }
       },
@@ -88,7 +78,7 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
   const machine::Task task = kinematics::task(machine);
   if (!out.constraints && task.names_axis() && q.size() == task.size()) out.seen = speed_of_task(machine, X, q, L);
   out.A.rightCols(3) /= L;
-  divide_rows(out.A, &out.B);
+  kinematics::divide_rows(out.A, &out.B);
   for (int i = 0; i < out.B.cols(); ++i)
     if (kinematics::joint_kind(machine, i) == machine::JointKind::revolute) out.B.col(i) /= L;
   return out;

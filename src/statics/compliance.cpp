@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
 
 namespace polypod::statics {
@@ -15,6 +16,9 @@ using machine::JointVector;
 using machine::SerialArm;
 
 namespace {
+
+constexpr const char* kNotHeld =
+    "the pose is singular (type 2): with all drives locked the tool can still move, however stiff they are";
 
 Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const Pose* X_MT) {
   Compliance out;
@@ -30,7 +34,8 @@ Compliance compliance_of(const AnyMachine& machine, const JointVector& q, const 
     out.C += out.by_joint.back();
   }
   out.joints = q;
-  out.reachable = true;
+  out.reachable = kinematics::hold(machine, out.X_MT, q).control >= kinematics::kNoHold;
+  if (!out.reachable) out.reason = kNotHeld;
   return out;
 }
 
@@ -144,13 +149,15 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
   const kinematics::Solution* solution = result.reachable();
   if (solution == nullptr) return false;
   const Compliance c = compliance_of(s.machine, solution->joints, &X_MT);
+  if (!c.reachable) return false;
   s.joints = c.joints;
   C = c.linear();
   return true;
 }
 
 std::string Probe::why() const {
-  return kinematics::reason_of(impl_->machine, kinematics::inverse(impl_->machine, Pose{impl_->R_MT, impl_->last}));
+  const Compliance c = compliance_at(impl_->machine, Pose{impl_->R_MT, impl_->last});
+  return c.reason;
 }
 
 const JointVector& Probe::joints() const {

@@ -18,6 +18,7 @@ struct CheckProblem {
   /// "empty"
   std::string kind;
   std::string detail;
+  bool held = true;  ///< false of "singular": no drive holds the tool there, so that no force can be taken (type 2)
 };
 
 struct CheckResult {

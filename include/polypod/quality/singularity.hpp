@@ -7,6 +7,7 @@
 #include <string>
 
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 
 namespace polypod::quality {
 
@@ -31,7 +32,7 @@ struct Singularity {
   std::optional<double> constraints;
 };
 
-inline constexpr double kSingularThreshold = 1e-3;
+inline constexpr double kSingularThreshold = kinematics::kLittleHold;
 
 /// L as in kinematics::dexterity unless `length` is above 0. Cost: 10 us.
 Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0,
@@ -61,7 +62,7 @@ struct PathSingularity {
 PathSingularity along_path(const AnyMachine& machine, const Pose& from_MT, const Pose& to_MT, int samples = 200);
 
 /// Below this a smallest singular value is 0 but for rounding: the side has lost rank.
-inline constexpr double kRankLost = 1e-9;
+inline constexpr double kRankLost = kinematics::kNoHold;
 
 /// Whether a machine is singular wherever it stands: architecturally singular, as hexapods with congruent or similar
 /// regular hexagons for base and platform are.

@@ -16,8 +16,9 @@ using machine::AnyMachine;
 
 /// The tool tip's compliance at one pose.
 struct Compliance {
-  bool reachable = false;  ///< a solution of the inverse kinematics keeps all limits
-  std::string reason;      ///< why not; or that C is 0 since the machine has no compliances
+  bool reachable =
+      false;           ///< a solution of the inverse kinematics keeps all limits, and the drives hold the tool there
+  std::string reason;  ///< why not; or that C is 0 since the machine has no compliances
   Pose X_MT;
   machine::JointVector joints;     ///< the solution that was used, rad or m
   Mat6 C = Mat6::Zero();           ///< displacement and turn [m; rad] per force and moment [N; Nm], in M
