@@ -155,6 +155,7 @@ Status Engine::cycle(int before) {
         const int turning = turning_;
         put("DISABLE_FEED_OVERRIDE()");
         put("DISABLE_SPEED_OVERRIDE(0)");
+        plain("M49");
         feed(at(bottom), false);
         put("STOP_SPINDLE_TURNING(0)");
         start(-turning);
@@ -164,6 +165,11 @@ Status Engine::cycle(int before) {
         start(turning);
         if (overrides) put("ENABLE_FEED_OVERRIDE()");
         if (speeds) put("ENABLE_SPEED_OVERRIDE(0)");
+        if (overrides && speeds) {
+          plain("M48");
+        } else if (overrides || speeds) {
+          plain(overrides ? "M50 P1" : "M51 P1");
+        }
         break;
       }
       case 820:

@@ -135,6 +135,11 @@ Status Engine::set_tool(int l) {
   if (p == nullptr)
     return error(column, "GC168", "G10 with a tool table entry without P", "P is the number of the tool");
   if (options_.any_tool) {  // lengths of tools do not count: the programmed point is the tip
+    if (axis_words()) {
+      return error(column, "GC125",
+                   fmt::format("G10 L{} sets the length of a tool, and what is written would leave it out", l),
+                   "set it in the tool table before; R alone, the radius, is carried out");
+    }
     if (const Word* r = find('R'); r != nullptr && p->value >= 0 && p->value <= 99999) {
       options_.diameters[static_cast<int>(p->value)] = units::from_inch(2 * inches(r->value));
     }
