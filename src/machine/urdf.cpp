@@ -363,11 +363,21 @@ class ChainReader {
     Pose X_MT = X;
     X_MT.R.col(1) = -X.R.col(1);
     X_MT.R.col(2) = -X.R.col(2);
-    return arm_of_axes(axes_, X_MT, X).map_error([&](Error e) {
-      e.place = tree_.place();
-      e.message += fmt::format(" (from {} to {})", name_of(base_), name_of(tip_));
-      return e;
-    });
+    // The table counts from the link that carries the first moving joint, the base of the arm as its controller takes
+    // it: where it stands is the machine's `base`.
+    const Pose X_BM = X_MB_.inverse();
+    for (JointAxis& axis : axes_) {
+      axis.direction = X_BM.R * axis.direction;
+      axis.point = X_BM * axis.point;
+    }
+    Result<SerialArm> arm = arm_of_axes(axes_, X_BM * X_MT, X_BM * X);
+    if (!arm) {
+      arm.error().place = tree_.place();
+      arm.error().message += fmt::format(" (from {} to {})", name_of(base_), name_of(tip_));
+      return arm;
+    }
+    arm->X_MB = X_MB_ * arm->X_MB;
+    return arm;
   }
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
   [[nodiscard]] const std::vector<std::string>& rounded() const { return rounded_; }
@@ -467,6 +477,7 @@ class ChainReader {
     if (!(read.origin.cwiseAbs().maxCoeff() <= kLongest)) {
       return out_of_range(joint, fmt::format("an origin farther than {:g} m", kLongest), "lengths are in m");
     }
+    if (moves(joint) && axes_.empty()) X_MB_ = X;
     X = X * Pose{R, read.origin};
     if (!moves(joint)) return {};
     const double length = read.axis.norm();
@@ -483,10 +494,11 @@ class ChainReader {
     if (joint.type == "continuous") {
       axis.range = {-2 * std::numbers::pi, 2 * std::numbers::pi};
     } else {
-      const double most = axis.kind == JointKind::prismatic ? kLongest : kLargest;
+      constexpr double kMostTurned = 8 * std::numbers::pi;  // beyond, degrees were meant
+      const double most = axis.kind == JointKind::prismatic ? kLongest : kMostTurned;
       if (!(std::abs(read.lower) <= most && std::abs(read.upper) <= most)) {
         return out_of_range(joint, fmt::format("limits {:g} .. {:g} beyond {:g}", read.lower, read.upper, most),
-                            "limits are in rad or m");
+                            "limits are in rad or m; a joint without limits is of type continuous");
       }
       if (!(read.lower < read.upper)) {
         return out_of_range(joint,
@@ -508,6 +520,7 @@ class ChainReader {
 
   const Tree& tree_;
   int base_, tip_;
+  Pose X_MB_;  // the link that carries the first moving joint
   std::vector<JointAxis> axes_;
   std::vector<std::string> names_, rounded_, speeds_;
 };

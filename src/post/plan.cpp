@@ -11,6 +11,7 @@
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 #include "turns.hpp"
 
 namespace polypod::post {
@@ -293,6 +294,10 @@ class Planner {
       return false;
     }
     if (best->singular) problem(step.line, "singular", where());
+    if (!follows || lost_) held_.leave();
+    if (const auto at = held_.next(X, best->joints); at != kinematics::HoldOnPath::At::held && !best->singular) {
+      problem(step.line, "singular", fmt::format("{}: {}", where(), in_words(at)));
+    }
     if (follows && !lost_) {
       name_jump(step, best->joints - q_, where());
     } else if (!follows && out_.branch.empty()) {
@@ -361,17 +366,25 @@ class Planner {
       out_.speed_joint = joint + 1;
       out_.speed_line = step.line;
     }
-    if (share <= 1 || speed_line_ == step.line) return;
+    if (share <= 1 || (speed_line_ == step.line && share <= speed_share_)) return;
     const bool turns = kinematics::joint_kind(machine_, joint) == machine::JointKind::revolute;
     const double limit = options_.joint_speeds[static_cast<std::size_t>(joint)];
     const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+    const bool worse = speed_line_ == step.line;
     speed_line_ = step.line;
-    problem(step.line, "speed",
-            fmt::format("joint {} would go at {:.1f} {} where its limit is {:.1f}; {}", joint + 1, user(share * limit),
-                        turns ? "deg/s" : "mm/s", user(limit),
-                        step.feed > 0 ? fmt::format("up to F{:.0f} it would keep it",
-                                                    std::floor(units::to_mm_per_min(step.feed / share)))
-                                      : std::string("a slower --turn-speed would keep it")));
+    speed_share_ = share;
+    std::string detail = fmt::format("joint {} would go at {:.1f} {} where its limit is {:.1f}; {}", joint + 1,
+                                     user(share * limit), turns ? "deg/s" : "mm/s", user(limit),
+                                     step.feed > 0 ? fmt::format("up to F{:.0f} it would keep it",
+                                                                 std::floor(units::to_mm_per_min(step.feed / share)))
+                                                   : std::string("a slower --turn-speed would keep it"));
+    const auto known = std::find_if(out_.problems.rbegin(), out_.problems.rend(),
+                                    [&](const PlanProblem& p) { return p.line == step.line && p.kind == "speed"; });
+    if (worse && known != out_.problems.rend()) {
+      known->detail = std::move(detail);
+    } else {
+      problem(step.line, "speed", std::move(detail));
+    }
   }
 
   /// A joint that jumps by whole turns has come to the end of its range; any other jump changes the posture.
@@ -493,11 +506,13 @@ class Planner {
   Vec3 tip_ = Vec3::Zero(), k_ = Vec3::UnitZ(), angles_ = Vec3::Zero(), source_angles_ = Vec3::Zero();
   Mat3 R_ = Mat3::Identity();
   Mat3 R_MW_ = rotation_z(options_.rotation);
-  int speed_line_ = 0;  // of the last problem with a speed
+  int speed_line_ = 0;      // of the last problem with a speed
+  double speed_share_ = 0;  // the largest of that line
   bool chooses_c_ = false;
   bool lost_ = false;  // the last rapid went to a place that is not known whole
   double c_ = 0;
   JointVector q_;
+  kinematics::HoldOnPath held_{machine_};
 };
 
 tl::unexpected<Error> cancelled() {

@@ -104,11 +104,14 @@ class Krl final : public Language {
     add("PTP " + frame({m.R, m.tip}) + bits(posture) + "}", true);
   }
   void line(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
-    velocity(speed);
+    const bool turns_only = !(m.length > 0);
+    turning(turns_only);
+    if (!turns_only) velocity(speed);
     distance(blend);
     add("LIN " + frame({m.R, m.tip}) + bits(posture) + "}" + (blend > 0 ? " C_DIS" : ""), true);
   }
   void arc(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
+    turning(false);
     velocity(speed);
     distance(blend);
     add("CIRC " + frame({m.R_via, m.via}) + "}," + frame({m.R, m.tip}) + bits(posture) + "}" +
@@ -155,13 +158,21 @@ class Krl final : public Language {
     if (text != velocity_) add(text);
     velocity_ = text;
   }
+  /// A move that turns the tool alone goes at a speed of its own; others are led by the speed of the tip.
+  void turning(bool only) {
+    const std::string speed = only ? number(units::to_deg(options_.turn_speed), 3) : "";
+    if (speed == turning_) return;
+    turning_ = speed;
+    for (const char* which : {"ORI1", "ORI2"})
+      add(fmt::format("$VEL.{}={}", which, only ? speed : fmt::format("$VEL_MA.{}", which)));
+  }
   void distance(double blend) {
     if (blend <= 0) return;
     const std::string text = fmt::format("$APO.CDIS={}", number(units::to_mm(blend), 4));
     if (text != blend_) add(text);
     blend_ = text;
   }
-  std::string velocity_, blend_;
+  std::string velocity_, blend_, turning_;
 };
 
 // ABB RAPID -----------------------------------------------------------------------------------------------------------
@@ -359,7 +370,18 @@ Posture posture_of(const Configuration& configuration, const machine::JointVecto
     whole.dh[i].locked.reset();
   }
   if (whole.dh.size() == 6) whole.task = machine::Task::pose;
-  if (!machine::has_closed_inverse(whole)) return out;
+  if (!machine::has_closed_inverse(whole)) {
+    // A calibrated arm is in the posture of the drawing's: its wrist meets in a point, its axes are square or parallel.
+    constexpr double kSmall = 5e-3;  // m, rad
+    for (std::size_t i = 0; i < whole.dh.size(); ++i) {
+      machine::DhRow& row = whole.dh[i];
+      const double square = std::round(row.alpha / (std::numbers::pi / 2)) * (std::numbers::pi / 2);
+      if (std::abs(row.alpha - square) < kSmall) row.alpha = square;
+      for (double* length : {&row.a, &row.d})
+        if (std::abs(*length) < kSmall) *length = 0;
+    }
+    if (!machine::has_closed_inverse(whole)) return out;
+  }
   // The branch whose joints these are.
   double best = 1e-3;
   for (const kinematics::Solution& s : machine::inverse(whole, machine::forward(whole, q)).solutions) {
@@ -472,6 +494,12 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
     return fail("PO121",
                 fmt::format("{} is no arm, so no robot's controller moves it", machine::name_of(configuration.machine)),
                 {}, "use --to ngc");
+  }
+  if (arm->dh.size() > 6) {
+    return fail("PO121",
+                fmt::format("{} has {} joints; external axes, such as a rail, are not written in a robot's language",
+                            machine::name_of(configuration.machine), arm->dh.size()),
+                {}, "give the six joints of the robot as a machine of their own, its base where it stands on the rail");
   }
   POLYPOD_TRY(fits_a_robot(path));
   Written out;

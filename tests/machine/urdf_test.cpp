@@ -245,6 +245,29 @@ TEST(Urdf, KeysOfTheMachineFileMayBeSet) {
   EXPECT_EQ(unknown.error().id, "CF103");
 }
 
+// A robot on a pedestal: `base` is where it stands, and its table that of the robot alone, as its controller takes it.
+TEST(Urdf, FixedJointsBeforeTheFirstMovingOneAreTheBase) {
+  std::string text = text_of(kExamples + "kuka_kr210.urdf");
+  const SerialArm alone = arm_of(text);
+  const std::size_t first = text.find("<link name=\"");
+  const std::size_t name = first + 12;
+  const std::string base = text.substr(name, text.find('"', name) - name);
+  text.insert(text.rfind("</robot>"),
+              fmt::format("<link name=\"floor\"/><joint name=\"stands\" type=\"fixed\"><parent link=\"floor\"/><child "
+                          "link=\"{}\"/><origin xyz=\"0.1 -0.2 0.3\" rpy=\"0 0 1.5707963267948966\"/></joint>\n",
+                          base));
+  const SerialArm stands = arm_of(text);
+  ASSERT_EQ(stands.dh.size(), alone.dh.size());
+  for (std::size_t i = 0; i < alone.dh.size(); ++i) {
+    EXPECT_NEAR(stands.dh[i].a, alone.dh[i].a, kExact) << i;
+    EXPECT_NEAR(stands.dh[i].alpha, alone.dh[i].alpha, kExact) << i;
+    EXPECT_NEAR(stands.dh[i].d, alone.dh[i].d, kExact) << i;
+    EXPECT_NEAR(stands.dh[i].theta_offset, alone.dh[i].theta_offset, kExact) << i;
+  }
+  const Pose floor{rotation_z(kPi / 2), Vec3(0.1, -0.2, 0.3)};
+  EXPECT_LT(difference(stands.X_MB, floor * alone.X_MB), kExact);
+}
+
 /// The UR10e with its angles written in another way.
 std::string ur_with(const std::string& quarter, const std::string& half) {
   std::string text = text_of(kExamples + "ur10e.urdf");

@@ -230,6 +230,15 @@ TEST(FreeTurn, NearAWristSingularityKeepsSpeedsOrRefusesTheLine) {
   EXPECT_EQ(p.kind, "speed");
   EXPECT_THAT(p.detail, ::testing::HasSubstr("joint"));
   EXPECT_GT(p.line, 2);
+  // It was the feed for the first place where a joint is too fast, not for the worst.
+  const std::size_t at = p.detail.find("up to F");
+  ASSERT_NE(at, std::string::npos) << p.detail;
+  const double keeps = std::stod(p.detail.substr(at + 7));
+  for (post::Step& s : path.steps)
+    if (s.line == p.line) s.feed = units::from_mm_per_min(keeps);
+  const post::Plan slower = value(post::plan(six, path, options));
+  EXPECT_TRUE(std::none_of(slower.problems.begin(), slower.problems.end(),
+                           [&](const auto& q) { return q.line == p.line && q.kind == "speed"; }));
 }
 
 TEST(FreeTurn, WithSlowJointsTheLineIsNamed) {
