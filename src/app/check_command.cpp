@@ -207,6 +207,13 @@ Command check_command() {
         }
         options.progress(1);
         result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
+        if (!job.joint_speeds.empty()) {
+          result.notes.push_back("`joint_speeds` of the job are not judged here: `polypod post` judges them");
+        }
+        if (kinematics::joint_count(m) > kinematics::coordinate_count(kinematics::task(m))) {
+          result.notes.push_back(
+              "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
+        }
         if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
           const Error why = machining::cuts_nothing(job, program, interpretation);
           result.notes.push_back(

@@ -71,7 +71,7 @@ int end(const Context& context, const Status& collision) {
 }
 
 /// um, the largest tube that makes sense
-constexpr double kMostTolerance = 1e5;
+constexpr double kLeastTolerance = 1e-3, kMostTolerance = 1e5;
 
 void print_stock_left(const std::string& file, const cutting::Stock& stock, bool all_judged,
                       const std::optional<machining::OtherSwitch>& other) {
@@ -343,16 +343,22 @@ Command correct_command() {
           return fail("AP121", fmt::format("--method {}: not tube or mirror", o->method));
         }
         if (o->method == "tube") POLYPOD_TRY(refuse(context, {"--points"}, "it serves --method mirror"));
+        if (o->method == "mirror") {
+          POLYPOD_TRY(refuse(context, {"--correct-all", "--chord-tolerance", "--allow-outside"},
+                             "it serves --method tube; the mirror writes every cutting move, whatever the tube"));
+        }
         POLYPOD_TRY(in_range("AP122", "--points", o->points, {1, 100000}, "pieces a move"));
         options.mirror_points = o->points;
         double tolerance_um = 0;
         if (!o->tolerance.empty()) {
           POLYPOD_ASSIGN(given, numbers_of(o->tolerance, "--tolerance"));
           if (given.size() != 1) return fail("AP122", fmt::format("--tolerance {}: not one number", o->tolerance));
-          POLYPOD_TRY(in_range("AP122", "--tolerance", given[0], {0, kMostTolerance, true}, "um"));
+          POLYPOD_TRY(in_range("AP122", "--tolerance", given[0], {kLeastTolerance, kMostTolerance}, "um"));
           tolerance_um = given[0];
         }
-        POLYPOD_TRY(in_range("AP122", "--chord-tolerance", o->chord_um, {0, kMostTolerance}, "um"));
+        if (context.given("--chord-tolerance")) {
+          POLYPOD_TRY(in_range("AP122", "--chord-tolerance", o->chord_um, {kLeastTolerance, kMostTolerance}, "um"));
+        }
         options.chord = units::from_um(o->chord_um);
         options.again = o->again;
         options.all = o->all;

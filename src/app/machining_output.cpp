@@ -308,9 +308,11 @@ void print_outside(const machining::Correction& c) {
   int outside = 0;
   for (const machining::MoveOutcome& m : c.moves) {
     if (m.within || ++outside > kMostOutside) continue;
-    fmt::print("outside: line {}: {:.1f} um, before {:.1f} um{}{}\n", m.line, to_um(m.distance_after),
-               to_um(m.distance_before),
-               m.corner_after > 0 ? fmt::format(", its corner {:.1f} um more", to_um(m.corner_after)) : "",
+    const auto corner = [](double deviation) {
+      return deviation > 0 ? fmt::format(" and {:.1f} um at its corner", to_um(deviation)) : "";
+    };
+    fmt::print("outside: line {}: {:.1f} um{}, before {:.1f} um{}{}\n", m.line, to_um(m.distance_after),
+               corner(m.corner_after), to_um(m.distance_before), corner(m.corner_before),
                m.rewritten ? "" : ", as it was");
   }
   if (outside > kMostOutside) fmt::print("outside: {} lines more, see --json\n", outside - kMostOutside);

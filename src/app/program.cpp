@@ -265,7 +265,7 @@ int standard_output_failed() {
                to_string(Error{"AP117",
                                "standard output cannot be written",
                                {},
-                               files::outputs_appeared() ? "the files that the command writes are there, whole"
+                               files::outputs_appeared() ? "the files that the command has written are there, whole"
                                                          : "the command has written no file"})
                    .c_str());
   return kBadInput;

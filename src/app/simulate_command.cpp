@@ -55,6 +55,7 @@ Command simulate_measurement_command() {
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
         POLYPOD_TRY(check_files({o->machine}, {o->out, o->truth}, context.json));
+        if (const auto no = refused_as_singular(m, context, {"rows"})) return *no;
         static constexpr std::array<const char*, 7> kKinds = {"points", "axes",     "poses",     "distances",
                                                               "gauge",  "contacts", "compliance"};
         const auto kind = std::find(kKinds.begin(), kKinds.end(), o->kind);
@@ -67,6 +68,9 @@ Command simulate_measurement_command() {
                              "it serves every --kind but compliance"));
         } else {
           POLYPOD_TRY(refuse(context, {"--perturb-compliance", "--force"}, "it serves --kind compliance"));
+        }
+        if (o->kind != "axes" && o->kind != "poses") {
+          POLYPOD_TRY(refuse(context, {"--noise-deg"}, "it serves --kind axes and poses"));
         }
         if (o->kind == "points" || o->kind == "axes" || o->kind == "poses" || o->kind == "compliance") {
           POLYPOD_TRY(refuse(context, {"--anchor"}, "it serves --kind distances, gauge and contacts"));

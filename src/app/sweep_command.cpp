@@ -229,6 +229,9 @@ Command sweep_command() {
             POLYPOD_TRY(refuse_unused(*o, context));
             std::vector<std::string> fixed;
             POLYPOD_ASSIGN(varied, varied_of(o->sets, fixed));
+            if (o->together && varied.size() < 2) {
+              POLYPOD_TRY(refuse(context, {"--together"}, "it serves two lists and more"));
+            }
             std::size_t rows = o->together ? varied.front().values.size() : 1;
             for (const Varied& v : varied) {
               if (o->together && v.values.size() != rows) {

@@ -78,6 +78,10 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   out.max_memory = memory;
   POLYPOD_ASSIGN(off, workspace::limit_bits(m, without));
   const workspace::LimitBits pairs = workspace::interference_bits(m);
+  if (interference && pairs == 0) {
+    return fail("AP107", "--interference does nothing here", {},
+                "this machine has no legs that could touch each other");
+  }
   if (interference && pairs != 0 && (off & pairs) == pairs) {
     return fail("AP107", fmt::format("--interference does nothing beside --without {}", without), {},
                 "the one asks for the limits between legs, the other switches them off; leave one of them out");

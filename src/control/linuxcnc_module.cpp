@@ -516,12 +516,15 @@ Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& hom
     out.compliances.push_back({fmt::format("compliance.{}", i + 1), value});
   }
 
+  std::string name = one_line(machine::name_of(machine));
+  // It stands in a comment, which it must not end.
+  for (std::size_t at = 0; (at = name.find("*/", at)) != std::string::npos; at += 3) name.insert(at + 1, 1, ' ');
   std::string& s = out.source;
   s = fmt::format(
       "// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause\n"
       "/* LinuxCNC kinematics of {}, family {}: made by `polypod export linuxcnc`.\n"
       " * Build it with `halcompile --install {}.c`. Lengths in mm, angles in deg. */\n\n",
-      one_line(machine::name_of(machine)), machine::family_of(machine), out.name);
+      name, machine::family_of(machine), out.name);
   const auto flag = [](bool on) { return on ? 1 : 0; };
   s += fmt::format("#define MODULE_NAME \"{}\"\n", out.name);
   s += fmt::format("#define JOINTS {}\n#define COORDINATES {}\n#define PARAMETERS {}\n", joints, task.size(),

@@ -211,7 +211,7 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
   std::optional<CheckProblem> first;
   std::set<int> lines;
   for (const CheckProblem& problem : checked.problems) {
-    if (problem.kind == "singular") continue;  // such a pose can be reached
+    if (problem.kind == "singular" && problem.held) continue;  // such a pose can be reached
     if (!first) first = problem;
     lines.insert(problem.line);
   }
@@ -260,7 +260,12 @@ Error at_switch(Error error, bool block_delete) {
 int corrected_line(const gcode::Program& program) {
   for (const gcode::Block& block : program.blocks) {
     for (const std::string_view comment : gcode::comments(block)) {
-      if (comment.find(kCorrectedMark) != std::string_view::npos) return block.line;
+      // Editors and posts write programs in capitals.
+      const std::string_view mark = kCorrectedMark;
+      const auto at = std::search(comment.begin(), comment.end(), mark.begin(), mark.end(), [](char a, char b) {
+        return std::toupper(static_cast<unsigned char>(a)) == std::toupper(static_cast<unsigned char>(b));
+      });
+      if (at != comment.end()) return block.line;
     }
   }
   return 0;

@@ -10,7 +10,9 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 #include "polypod/machining/job.hpp"
+#include "polypod/machining/tilted.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -49,6 +51,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   const machine::Task task = kinematics::task(machine);
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
+  kinematics::HoldOnPath held(machine);
   std::size_t index = 0;
   double lean = 0;  // of the tool against the direction that the program means, where the machine cannot choose it
   for (const gcode::Move& move : interpretation.moves) {
@@ -89,10 +92,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
       const double share = double(k) / steps;
       const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
-      Pose X{rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0),
-             move.point(length * share)};
-      X = X_MW * X;
-      if (task.names_axis()) X.R = rotation_abc(axes.x(), axes.y(), 0);  // A and B are the machine's own axes
+      const Pose X{tool_orientation(machine, X_MW, axes), X_MW * move.point(length * share)};
       const kinematics::InverseResult inverse =
           last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
       const auto where = [&] {
@@ -112,6 +112,12 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
       lean = std::max(lean, angle_between(kinematics::settled(machine, X).value_or(X).R.col(2), X.R.col(2)));
       if (best->singular) problem(singular, "singular", where());
+      using At = kinematics::HoldOnPath::At;
+      if (last.size() == 0) held.leave();
+      if (const At at = held.next(X, best->joints); at != At::held && !singular) {
+        problem(singular, "singular", fmt::format("{}: {}", where(), in_words(at)));
+        out.problems.back().held = at == At::hardly;
+      }
       const double nearest = last.size() > 0 ? (best->joints - last).cwiseAbs().maxCoeff() : 0.0;
       if (nearest > kJump && k > 0) {
         problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));

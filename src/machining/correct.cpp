@@ -820,8 +820,8 @@ class Corrector {
   [[nodiscard]] bool any_merged() const { return std::find(merged_.begin(), merged_.end(), true) != merged_.end(); }
 
   /// The joint for which the tube asks for exact stops; -1 where it does not.
-  [[nodiscard]] int stops_at() const {
-    const Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
+  int stops_at() {
+    const Corners now = corners_now();
     if (now.kept) return -1;
     const PathModeChoice choice = mode_for(job_, way_, now);
     return choice.control.mode == gcode::PathMode::exact_stop ? choice.limiting : -1;
@@ -850,13 +850,21 @@ class Corrector {
 
   // --- The controller --------------------------------------------------------------------------------------------
 
+  /// The corners of what is written, in the modes that it has so far.
+  Corners corners_now() {
+    if (before_with_.empty()) {
+      before_with_ = corners_of(job_, program_, as_programmed(), out_.before, inside()).with;
+    }
+    return corners_of(job_, out_.program, way_, out_.after, inside(), &before_with_);
+  }
+
   /// Arcs at whose ends only exact stops would keep the tube are written as chords, whose corners a blend tolerance
   /// keeps: where that spares the stops, and brings no move farther.
   Status chords_in_place_of_stops() {
     const LongVector<double> kept = after_;
     constexpr int kTries = 6;
     for (int tried = 0; tried < kTries; ++tried) {
-      const Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
+      const Corners now = corners_now();
       if (now.kept) return {};
       const PathModeChoice choice = mode_for(job_, way_, now);
       if (choice.control.mode != gcode::PathMode::exact_stop) return {};
@@ -895,7 +903,7 @@ class Corrector {
   }
 
   Status choose_modes() {
-    Corners now = corners_of(job_, out_.program, way_, out_.after, inside());
+    const Corners now = corners_now();
     out_.modes.time_without = now.time;
     if (now.kept) return {};
     const gcode::PathControl control = mode_for(job_, way_, now).control;
@@ -1121,6 +1129,7 @@ class Corrector {
   std::vector<bool> merged_;   // by corner, that before the move of this number: shared to save a short block
   std::vector<bool> frozen_;   // their correction was worse than none
   LongVector<double> before_, after_, last_;
+  LongVector<double> before_with_;         // corners counted; found where it is asked for
   std::optional<Job> fine_;                // the job with cells half as large
   cutting::Stock scratch_, fine_scratch_;  // what the passes cut, of either
   bool fit_finely_ = false;                // deflections are found in those

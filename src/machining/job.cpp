@@ -57,6 +57,8 @@ Status read_workpiece(const config::Table& table, Job& job) {
   return workpiece.finish();
 }
 
+constexpr double kLeastTolerance = 1e-3;  // um, far below what any cell of the stock tells
+
 constexpr const char* kRoundedHint =
     "the stock of a job meets flat cutters and balls (half of the diameter) only; `polypod force --cutter FILE` gives "
     "the forces of this one";
@@ -229,7 +231,7 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_TRY(follows_programs(machine));
   job.machine = std::move(machine);
   job.machine_name = machine_name;
-  POLYPOD_ASSIGN(tolerance, table.number("tolerance_um", {0, 1e5, true, false}));
+  POLYPOD_ASSIGN(tolerance, table.number("tolerance_um", {kLeastTolerance, 1e5}));
   job.tolerance = units::from_um(tolerance);
   POLYPOD_TRY(read_workpiece(table, job));
   POLYPOD_TRY(read_tools(table, job));

@@ -32,7 +32,7 @@ double chip_share(const Job& job, const gcode::Move& move, double speed) {
 }  // namespace
 
 Corners corners_of(const Job& job, const gcode::Program& program, const Way& way, const Prediction& prediction,
-                   double inside) {
+                   double inside, const LongVector<double>* before) {
   const PassMoves moves = way.commanded();
   const LongVector<Corner> at = corners(moves, job.controller.planner);
   const LongVector<double>& distance = prediction.commanded_distance;
@@ -45,13 +45,18 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
   const auto line_of = [&](std::size_t m) {
     return way.lines->blocks[static_cast<std::size_t>((*way.programmed)[way.source_of(m)].block)].line;
   };
+  /// What a corner may add to a move.
+  const auto left_to = [&](std::size_t m) {
+    const bool outside = before != nullptr && distance[m] > inside;
+    return (outside ? std::max(inside, (*before)[way.source_of(m)]) : inside) - distance[m];
+  };
   for (std::size_t c = 0; c + 1 < moves.size(); ++c) {
     std::size_t next = c + 1;
     while (next + 1 < moves.size() && !(moves[next].length() > 0)) ++next;
     const bool cuts_before = prediction.commanded_ends[c].end, cuts_after = prediction.commanded_ends[next].start;
     if (!cuts_before && !cuts_after) continue;
-    const double worst = std::max(cuts_before ? distance[c] : 0, cuts_after ? distance[next] : 0);
-    out.slack[c] = inside - worst;
+    if (cuts_before) out.slack[c] = left_to(c);
+    if (cuts_after) out.slack[c] = std::min(out.slack[c], left_to(next));
     const double deviation = at[c].deviation;
     if (deviation > std::max(out.slack[c], 0.0)) {
       out.kept = false;

@@ -25,8 +25,11 @@ struct Corners {
 
 /// Joint deviations of `way` under the modes in force (see corners), on top of the distances of `prediction`, of which
 /// none may exceed `inside` (m). A joint counts at both moves that meet there, if they cut.
+///
+/// `before`: the distances with corners of the programmed moves as they are. A move that is outside all the same keeps
+/// its corners to what it was before.
 Corners corners_of(const Job& job, const gcode::Program& program, const Way& way, const Prediction& prediction,
-                   double inside);
+                   double inside, const LongVector<double>* before = nullptr);
 
 /// The mode that keeps every joint that can be kept.
 PathModeChoice mode_for(const Job& job, const Way& way, const Corners& corners);

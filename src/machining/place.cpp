@@ -15,6 +15,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
@@ -93,20 +94,19 @@ Poses poses_of(const gcode::Interpretation& interpretation, std::size_t most) {
 
 /// Whether the machine takes these poses with W at a place, and how near its joints come to the ends of their ranges.
 PlaceFit look(const machine::AnyMachine& machine, const Poses& poses, const Pose& X_MW, double* margin = nullptr) {
-  const machine::Task task = kinematics::task(machine);
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
+  kinematics::HoldOnPath held(machine);
   double least = 0.5;
   for (const Poses::One& one : poses.poses) {
-    Pose X{rotation_abc(one.axes.x(), one.axes.y(), task.holds(machine::Coordinate::c) ? one.axes.z() : 0.0), one.p};
-    X = X_MW * X;
-    if (task.names_axis()) X.R = rotation_abc(one.axes.x(), one.axes.y(), 0);
+    const Pose X{tool_orientation(machine, X_MW, one.axes), X_MW * one.p};
     const kinematics::InverseResult inverse =
         last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
     if (inverse.solutions.empty()) return PlaceFit::reach;
     const kinematics::Solution* best = inverse.reachable();
     if (best == nullptr) return PlaceFit::limit;
     if (best->singular) return PlaceFit::singular;
+    if (held.next(X, best->joints) != kinematics::HoldOnPath::At::held) return PlaceFit::singular;
     last = best->joints;
     if (margin == nullptr) continue;
     for (int i = 0; i < n; ++i) {

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/job.hpp"
+#include "polypod/machining/tilted.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -66,10 +68,19 @@ Result<ProgramPath> path_of_program(const machine::AnyMachine& machine, const Po
     if (!(s.length > kNone)) s.length = 0;
     s.size = s.length > 0 ? s.length : turned;
     if (!(s.size > kNone)) continue;
-    // A and B of a 5-axis machine are its own axes, whatever the turn of the work is.
-    if (!task.names_axis()) s.before = X_MW.R;
     s.angles_from = move.axes_start;
     s.angles_to = move.axes_end;
+    // A and B of a 5-axis machine are its own axes, and C counts from M: only a tilt turns with the workpiece.
+    const bool tilts = !move.axes_start.head<2>().isZero(0) || !move.axes_end.head<2>().isZero(0);
+    if (!task.names_axis() && tilts && !X_MW.R.isIdentity(kNone)) {
+      const auto in_M = [&](const Vec3& axes) { return angles_abc(tool_orientation(machine, X_MW, axes)); };
+      s.angles_from = in_M(move.axes_start);
+      s.angles_to = in_M(move.axes_end);
+      for (int k = 0; k < 3; ++k) {  // the short way from one to the other
+        const double turn = 2 * std::numbers::pi;
+        s.angles_to[k] += turn * std::round((s.angles_from[k] - s.angles_to[k]) / turn);
+      }
+    }
     s.rapid = move.kind == gcode::MoveKind::rapid;
     s.speed = s.rapid ? rapid_speed : move.feed;
     s.line = line;

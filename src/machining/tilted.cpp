@@ -62,7 +62,8 @@ bool is_feed(const gcode::Move& move) {
 Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, const Vec3& axes) {
   const machine::Task task = kinematics::task(machine);
   if (task.names_axis()) return rotation_abc(axes.x(), axes.y(), 0.0);
-  return X_MW.R * rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0);
+  const Mat3 R = rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0);
+  return X_MW.R * R * X_MW.R.transpose();
 }
 Mat3 tool_orientation(const Job& job, const Vec3& axes) {
   return tool_orientation(job.machine, job.X_MW, axes);
@@ -188,7 +189,9 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
   tool.tilted = true;
   tool.axes = seen[0].axes;
   tool.R_MT = tool_orientation(job, tool.axes);
-  tool.R_WS = job.X_MW.R.transpose() * tool.R_MT;
+  // The stock is seen along the tool; how the tool is turned about its axis is nothing to it.
+  tool.R_WS = kinematics::task(job.machine).names_axis() ? Mat3(job.X_MW.R.transpose() * tool.R_MT)
+                                                         : rotation_abc(tool.axes.x(), tool.axes.y(), tool.axes.z());
   tool.stock_in_W = {job.stock.min(), job.stock.max()};
   POLYPOD_ASSIGN(stock,
                  cutting::turned_block(job.stock.min(), job.stock.max(), tool.R_WS.transpose(), job.stock.cell()));

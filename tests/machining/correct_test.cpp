@@ -139,8 +139,8 @@ TEST(Correct, MirrorAtManyPointsIsTheOneStepOfTheSource) {
   EXPECT_LT(tube.pieces, c.pieces);
 }
 
-// At the kink of the arc of line 27 a controller that goes on may be off by more than the tube leaves, whatever P: it was
-// G61.1 for the whole program. A controller that is fast enough takes the arcs as they are.
+// At the kink of the arc of line 27 a controller that goes on may be off by more than the tube leaves, whatever P: it
+// was G61.1 for the whole program. A controller that is fast enough takes the arcs as they are.
 TEST(Correct, ArcsThatWouldAskForStopsBecomeChordsOnBothSides) {
   auto e = load_example("freecad_profile");
   const auto chords = testing::correct(e);

@@ -266,8 +266,8 @@ TEST(ChoosePathMode, HalfWhereALineLeavesThePlaneOfAnArc) {
 
 TEST(ChoosePathMode, NamesEachArcThatOnlyAStopKeeps) {
   // Two kinks of 11 deg between arcs of 2 mm, and a corner of lines which P keeps.
-  const auto moves = moves_of(
-      "G0 X0 Y0 Z0\nG1 X10 F1600\nG1 Y20\nG2 X12 Y22 I2 J0\nG2 X14.3884 Y20.04 I0.39 J-1.96\nG1 Y0\nG1 X30");
+  const auto moves =
+      moves_of("G0 X0 Y0 Z0\nG1 X10 F1600\nG1 Y20\nG2 X12 Y22 I2 J0\nG2 X14.3884 Y20.04 I0.39 J-1.96\nG1 Y0\nG1 X30");
   const PathModeChoice choice = choose_path_mode(moves, std::vector<double>(moves.size(), 30e-6));
   EXPECT_EQ(path_mode_words(choice.control), "G61.1");
   auto kept = moves;

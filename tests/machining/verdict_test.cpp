@@ -121,6 +121,52 @@ TEST(Verdict, ACorrectedProgramIsNotCorrectedAgain) {
   machining::CorrectOptions options;
   options.again = true;
   EXPECT_TRUE(machining::correct(e.job, e.program, e.interpretation, options));
+  std::string capitals = gcode::to_text(e.program);
+  for (char& c : capitals) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  e.program = unwrap(gcode::parse(capitals, "CAPITALS.NGC"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  EXPECT_EQ(refused(e).id, "MC306");
+}
+
+/// A strut hexapod that the drives do not hold at C = 90 deg (Fichter 1986), 4 mm mill, aluminium.
+testing::Example fichter(const std::string& moves) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  e.job.machine = unwrap(machine::from_text(R"(family = "strut-hexapod"
+base = { radius_mm = 200, pair_angle_deg = 30 }
+platform = { radius_mm = 100, pair_angle_deg = 30 }
+leg = { length_min_mm = 100, length_max_mm = 600, compliance_um_per_N = 0.05 }
+joint = { limit = "cone", cone_deg = 89 }
+tool = { length_mm = 50 }
+home = { height_mm = 300 }
+)",
+                                            "fichter.toml"));
+  e.job.X_MW = {Mat3::Identity(), Vec3(0, 0, 0.35)};
+  e.program = unwrap(gcode::parse("G21 G90 G94 G17\nS8000 M3\n" + moves, "test.ngc"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  return e;
+}
+
+// With a pseudo-inverse for the compliance it was a yes, 64 um.
+TEST(Verdict, WhereTheDrivesDoNotHoldTheToolThereIsNoYes) {
+  const auto judged = [](const testing::Example& e) {
+    return unwrap(machining::check(e.job.machine, e.job.X_MW, e.program, e.interpretation));
+  };
+  const auto lost = fichter("G0 X-20 Y-5 Z10 A0 B0 C90\nG1 Z-1 F300\nG1 X20 F600\nG0 Z10\nM30\n");
+  ASSERT_FALSE(judged(lost).ok);
+  EXPECT_EQ(judged(lost).problems.front().kind, "singular");
+  EXPECT_FALSE(judged(lost).problems.front().held);
+  EXPECT_EQ(refused(lost).id, "MC210");
+  EXPECT_EQ(machining::predict(lost.job, lost.program, lost.interpretation).error().id, "MC210");
+
+  const auto passed = fichter("G0 X-20 Y-5 Z10 A0 B0 C0\nG1 X20 C150 F600\nG0 Z20\nM30\n");
+  ASSERT_FALSE(judged(passed).ok);
+  EXPECT_EQ(judged(passed).problems.front().line, 4);
+  EXPECT_THAT(judged(passed).problems.front().detail, HasSubstr("passes a singular pose"));
+
+  const auto beside = fichter("G0 X-20 Y-5 Z10 A0 B0 C40\nG1 Z-1 F300\nG1 X20 F600\nG0 Z10\nM30\n");
+  EXPECT_TRUE(judged(beside).ok);
+  const auto p = machining::predict(beside.job, beside.program, beside.interpretation);
+  EXPECT_TRUE(p) << to_string(p.error());
 }
 
 TEST(Verdict, TheDiscKeepsItsSize) {

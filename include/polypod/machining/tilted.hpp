@@ -10,7 +10,8 @@
 namespace polypod::machining {
 
 /// The orientation of the tool in M with the rotary axes (A, B, C, rad) of a program: R_y(B) R_x(A) of a machine whose
-/// A and B are its own axes (Task::names_axis), else R_MW R_z(C) R_y(B) R_x(A), as `check` takes it.
+/// A and B are its own axes (Task::names_axis), else R_MW R_z(C) R_y(B) R_x(A) R_MW^T: where the workpiece is turned
+/// about z the axis of the tool turns with it, and C counts from M all the same, as controllers take it.
 Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, const Vec3& axes);
 Mat3 tool_orientation(const Job& job, const Vec3& axes);
 /// That of every cut of the job: tool_frame where the tool is tilted, else with A = B = C = 0.

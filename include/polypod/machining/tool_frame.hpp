@@ -9,7 +9,8 @@
 namespace polypod::machining {
 
 /// One orientation of the tool in every cut (3 + 2 axes), and the frame S in which the stock is a height map: its
-/// origin is that of W, its z axis the tool axis, its x and y axes those of the tool frame T. By default the tool
+/// origin is that of W, its z axis the tool axis, its x and y axes those of T for a workpiece that is not turned. By
+/// default the tool
 /// stands along z of M (cutting_orientation says how it is turned about it) and S is W.
 struct ToolFrame {
   bool tilted = false;               ///< whether S is another frame than W
