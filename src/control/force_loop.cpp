@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "module_text.hpp"
 #include "polypod/core/units.hpp"
@@ -19,6 +22,7 @@ using machining::Job;
 constexpr double kStep = 0.5e-3;    // m, between two places of the path
 constexpr double kPlaces = 4000;    // at most, but for the ends of moves
 constexpr double kAside = 0.3e-3;   // m, by which a tip is moved to see what the force does
+constexpr double kTurn = 0.2;       // rad, by which its way is turned
 constexpr double kNoCut = 1e-6;     // m, thinner layers are no cut
 constexpr double kVertical = 1e-6;  // share of the length below which a move goes down
 
@@ -52,10 +56,22 @@ Vec3 at_way(const std::vector<std::pair<double, Vec3>>& over, double s) {
   return (1 - t) * f0 + t * after->second;
 }
 
+/// A cutter that goes `aside` (m) to the left of the path, with a stock of its own.
+struct Beside {
+  double aside = 0;
+  cutting::Stock stock;
+  std::optional<Vec3> before;
+
+  void cut_to(const Vec3& p, double radius) {
+    stock.cut_step(before.value_or(p), p, radius, false);
+    before = p;
+  }
+};
+
 std::vector<PathForce> path_of(const Job& job, const machining::Correction& correction) {
   std::vector<PathForce> out;
   const Expected expected = expected_of(correction);
-  cutting::Stock stock = job.stock;
+  std::array<Beside, 3> lanes{Beside{0, job.stock, {}}, Beside{kAside, job.stock, {}}, Beside{-kAside, job.stock, {}}};
   double total = 0;
   const auto counts = [](const gcode::Move& m) {
     return m.kind != gcode::MoveKind::rapid && m.start_known && m.feed > 0 && m.length() > 0;
@@ -65,38 +81,47 @@ std::vector<PathForce> path_of(const Job& job, const machining::Correction& corr
   cutting::EngagementProfile profile;
   for (std::size_t i = 0; i < correction.programmed.size(); ++i) {
     const gcode::Move& move = correction.programmed[i];
-    if (!counts(move)) continue;
+    if (!counts(move)) {
+      for (Beside& lane : lanes) lane.before.reset();
+      continue;
+    }
     const cutting::Cutter& cutter = job.cutter_of(move.tool);
     const cutting::ProfileForce force(cutter, job.material);
-    const double radius = cutter.radius(), ahead = machining::look_ahead_length(stock, radius);
+    const double radius = cutter.radius(), ahead = machining::look_ahead_length(job.stock, radius);
     const double length = move.length(), steps = std::ceil(length / apart - 1e-9);
     const double teeth = move.spindle_speed * cutter.teeth;
     PathForce here;
-    Vec3 before = move.point(0);
     for (double k = 0; k <= steps; ++k) {
       const double s = length * k / steps;
       const Vec3 p = move.point(s), d = move.direction(s);
-      stock.cut_step(before, p, radius, false);
-      before = p;
       const bool level = std::hypot(d.x(), d.y()) > kVertical;
+      const Eigen::Vector2d feed = level ? Eigen::Vector2d(d.x(), d.y()).normalized() : Eigen::Vector2d::UnitX();
+      const Vec3 left = level ? Vec3(-feed.y(), feed.x(), 0) : Vec3::Zero();
+      for (Beside& lane : lanes) lane.cut_to(p + lane.aside * left, radius);
       if (!level || !(teeth > 0)) {
         here = {};
       } else if (s + ahead <= length || k == 0) {  // nearer to the end it stays
-        const Eigen::Vector2d feed = Eigen::Vector2d(d.x(), d.y()).normalized();
-        const Vec3 left(-feed.y(), feed.x(), 0);
-        const auto look = [&](const Vec3& tip, Vec3& edge, Vec3& chip) {
-          edge = chip = Vec3::Zero();
-          cutting::look_ahead(stock, tip, radius, feed, ahead, profile);
-          if (!(profile.max_depth > kNoCut)) return;
-          edge = job.X_MW.R * in_W(force.mean_force(profile, 0), feed);
-          chip = (job.X_MW.R * in_W(force.mean_force(profile, move.feed / teeth), feed) - edge) / move.feed;
+        struct Parts {
+          Vec3 edge = Vec3::Zero(), chip = Vec3::Zero();
         };
-        Vec3 edge_left, chip_left, edge_right, chip_right;
-        look(p, here.edge, here.chip);
-        look(p + kAside * left, edge_left, chip_left);
-        look(p - kAside * left, edge_right, chip_right);
-        here.edge_off = (edge_left - edge_right) / (2 * kAside);
-        here.chip_off = (chip_left - chip_right) / (2 * kAside);
+        const auto look = [&](const Beside& lane, double turn) {
+          Parts parts;
+          const Eigen::Vector2d to(feed.x() * std::cos(turn) - feed.y() * std::sin(turn),
+                                   feed.x() * std::sin(turn) + feed.y() * std::cos(turn));
+          cutting::look_ahead(lane.stock, p + lane.aside * left, radius, to, ahead, profile);
+          if (!(profile.max_depth > kNoCut)) return parts;
+          parts.edge = job.X_MW.R * in_W(force.mean_force(profile, 0), to);
+          parts.chip = (job.X_MW.R * in_W(force.mean_force(profile, move.feed / teeth), to) - parts.edge) / move.feed;
+          return parts;
+        };
+        const Parts on = look(lanes[0], 0), to_left = look(lanes[1], 0), to_right = look(lanes[2], 0);
+        const Parts turned_left = look(lanes[0], kTurn), turned_right = look(lanes[0], -kTurn);
+        here.edge = on.edge;
+        here.chip = on.chip;
+        here.edge_off = (to_left.edge - to_right.edge) / (2 * kAside);
+        here.chip_off = (to_left.chip - to_right.chip) / (2 * kAside);
+        here.edge_turned = (turned_left.edge - turned_right.edge) / (2 * kTurn);
+        here.chip_turned = (turned_left.chip - turned_right.chip) / (2 * kTurn);
       }
       here.p_M = job.X_MW * p;
       here.corrected = job.X_MW.R * at_way(expected[i], s);
@@ -210,9 +235,10 @@ std::string cut_component(const std::string& name, const ForceLoop& loop) {
   for (const PathForce& f : loop.path) {
     const Vec3 p = f.p_M * units::to_mm(1);
     // N s/m is 1e-3 N s/mm, and so on.
-    table += fmt::format("    {{{{{:.6f}, {:.6f}, {:.6f}}}, {}, {}, {}, {}, {}, {}}},\n", p.x(), p.y(), p.z(),
-                         f.ends ? 1 : 0, three(f.edge), three(1e-3 * f.chip), three(1e-3 * f.edge_off),
-                         three(1e-6 * f.chip_off), three(f.corrected));
+    table +=
+        fmt::format("    {{{{{:.6f}, {:.6f}, {:.6f}}}, {}, {}, {}, {}, {}, {}, {}, {}}},\n", p.x(), p.y(), p.z(),
+                    f.ends ? 1 : 0, three(f.edge), three(1e-3 * f.chip), three(1e-3 * f.edge_off),
+                    three(1e-6 * f.chip_off), three(f.edge_turned), three(1e-3 * f.chip_turned), three(f.corrected));
   }
   table += "};\n";
   return replaced(replaced(std::string(text_of_cut_comp), "MACHINE", name), "#include_table\n", table);

@@ -9,16 +9,19 @@
 
 namespace polypod::control {
 
-/// The force of the cut at a place of the programmed path, linear about it: at the feed v and with the tip `e` beside
-/// the path, to the left of it, F = edge + v chip + e (edge_off + v chip_off). In M.
+/// The force of the cut at a place of the programmed path, linear about it: at the feed v, with the tip `e` beside the
+/// path, to the left of it, and its way turned to the left by de/dt / v,
+///   F = edge + v chip + e (edge_off + v chip_off) + (de/dt / v) (edge_turned + v chip_turned).  In M.
 struct PathForce {
-  Vec3 p_M = Vec3::Zero();        ///< m
-  bool ends = false;              ///< the move ends here: nothing between it and the next place
-  Vec3 edge = Vec3::Zero();       ///< N
-  Vec3 chip = Vec3::Zero();       ///< N s/m
-  Vec3 edge_off = Vec3::Zero();   ///< N/m
-  Vec3 chip_off = Vec3::Zero();   ///< N s/m^2
-  Vec3 corrected = Vec3::Zero();  ///< N, that the corrected program is made for
+  Vec3 p_M = Vec3::Zero();          ///< m
+  bool ends = false;                ///< the move ends here: nothing between it and the next place
+  Vec3 edge = Vec3::Zero();         ///< N
+  Vec3 chip = Vec3::Zero();         ///< N s/m
+  Vec3 edge_off = Vec3::Zero();     ///< N/m
+  Vec3 chip_off = Vec3::Zero();     ///< N s/m^2
+  Vec3 edge_turned = Vec3::Zero();  ///< N a rad
+  Vec3 chip_turned = Vec3::Zero();  ///< N s/m a rad
+  Vec3 corrected = Vec3::Zero();    ///< N, that the corrected program is made for
 };
 
 struct ForceLoop {
@@ -38,8 +41,8 @@ inline constexpr double kLinuxcncDelay = 2e-3;  // s
 /// the margin is that of look_online, with kLinuxcncDelay more.
 ///
 /// The path's force is that of the cutter on the programmed path, every 0.5 mm (4000 places at most), the stock cut
-/// along the path; beside it by differences over 0.3 mm to each side. Left out: the force of plunges, and how the force
-/// changes with the direction of the chips' way where the tip moves aside (the damping of online_margin).
+/// along the path; beside it by two more cutters that go 0.3 mm to each side of it all the way, and turned by
+/// differences over 0.2 rad. Left out: the force of plunges, and a cutter that turns in full material.
 ///
 /// Errors: LC131 the margin is less than options.least_margin (the hint says which low-pass and which delay would do;
 /// not with the methods none and offline), LC132 a job that the loop does not know: a tilted tool, a ball, a measured

@@ -2,7 +2,7 @@
 component MACHINE_cut "The force along one program: what is expected there, and a machine that bends under it, with its sensor";
 description """The function expected gives the force for which the corrected program is made, as late as the sensor. The function cut plays the
 machine: the tip stands C F beside where the joints have it, F is the force of the cut at the nearest place of the programmed path, linear in
-the distance from it across the path and in the feed, and the sensor sees F and the weight, late and with noise. On a machine with a sensor
+the feed, in the distance from the path and in the turn of the way where the tip moves aside, and the sensor sees F and the weight, late and with noise. On a machine with a sensor
 of its own, leave the function cut out. Made by polypod export linuxcnc for one program.""";
 option singleton yes;
 pin in float command_x "mm, of the tip in the machine frame M, as LinuxCNC's planner has it";
@@ -48,6 +48,7 @@ include <rtapi_math.h>;
 #define BEHIND 2     /* cycles that LinuxCNC's joints are behind the planner */
 #define AHEAD 5.0    /* mm of the path that are looked at for its next place */
 #define NEAR 2.0     /* mm from the path, beyond which nothing is cut */
+#define TURN 0.5     /* rad, beyond which the force does not change any more */
 #define STILL 0.01   /* mm/s, below which nothing is left to cut */
 
 /* A place of the path. Along the straight line to the next one all is linear. */
@@ -56,6 +57,7 @@ typedef struct {
   int ends;                         /* no cut goes from here to the next one */
   double edge[3], chip[3];          /* N, and N a mm/s of feed: the force on the path is edge + chip v */
   double edge_off[3], chip_off[3];  /* the same a mm to the left of it */
+  double edge_turned[3], chip_turned[3]; /* the same a rad that the way of the tip turns to the left */
   double meant[3];                  /* N, that the corrected program is made for */
 } Place;
 #include_table
@@ -194,22 +196,36 @@ FUNCTION(cut) {
     const Place *a = &kPlace[where.at], *b = a + 1;
     const double dx = b->p[0] - a->p[0], dy = b->p[1] - a->p[1], l = sqrt(dx * dx + dy * dy);
     if (l > 0) {
-      double n[3] = {-dy / l, dx / l, 0}, G[3], bent[3], softer[3], e, push;
-      e = 0;
+      double n[3] = {-dy / l, dx / l, 0}, G[3], T[3], bent[3], softer[3], slower[3];
+      double e = 0, aside = 0, push, joints, stiff, damped, turn; /* e and aside: of the tip now and a cycle ago */
+      const double way = fmax(speed * dt, 1e-9); /* mm */
       for (k = 0; k < 3; k++) {
         e += n[k] * (at[k] - between(a->p[k], b->p[k], where.share));
+        aside += n[k] * (tip[k] - between(a->p[k], b->p[k], where.share));
         F[k] = force_factor * (between(a->edge[k], b->edge[k], where.share) +
                                speed * between(a->chip[k], b->chip[k], where.share));
         G[k] = force_factor * (between(a->edge_off[k], b->edge_off[k], where.share) +
                                speed * between(a->chip_off[k], b->chip_off[k], where.share));
-        if (!(speed > STILL)) F[k] = G[k] = 0;
+        T[k] = force_factor * (between(a->edge_turned[k], b->edge_turned[k], where.share) +
+                               speed * between(a->chip_turned[k], b->chip_turned[k], where.share));
+        if (!(speed > STILL)) F[k] = G[k] = T[k] = 0;
       }
-      /* The balance e = e_joints + n C (F + G e). */
+      /* The balance e = e_joints + n C (F + G e + T (e - aside) / way). */
       product(C, F, bent);
       product(C, G, softer);
+      product(C, T, slower);
       push = of(n, F);
-      e = (e + compliance_factor * of(n, bent)) / fmax(1 - compliance_factor * of(n, softer), 0.1);
+      joints = e + compliance_factor * of(n, bent);
+      stiff = fmax(1 - compliance_factor * of(n, softer), 0.1);
+      damped = fmax(-compliance_factor * of(n, slower), 0);
+      e = (joints + damped / way * aside) / (stiff + damped / way);
+      turn = (e - aside) / way;
+      if (fabs(turn) > TURN) {
+        turn = turn < 0 ? -TURN : TURN;
+        e = (joints - damped * turn) / stiff;
+      }
       e = fmin(fmax(e, -NEAR), NEAR);
+      for (k = 0; k < 3; k++) F[k] += T[k] * turn;
       for (k = 0; k < 3; k++) F[k] += G[k] * e;
       if (push * of(n, F) < 0) F[0] = F[1] = F[2] = 0; /* off the material */
       cutting = push != 0;
