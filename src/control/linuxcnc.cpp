@@ -286,9 +286,13 @@ setp {}.force-rate 1e9
   line("net online-heartbeat {}.heartbeat => {}.heartbeat", cut, force);
   line("net module-error {}.force-error => {}.module-error", module, force);
   line("net force-error {}.error => motion.feed-hold", force);
-  line("\n# The force that the corrected program is made for, as many cycles late as the sensor.");
+  line(
+      "\n# The force that the corrected program is made for, late by the sensor and by what the tip is behind the "
+      "planner,");
+  line("# cycles: 2 of LinuxCNC's interpolators, and those of real drives more.");
   set(cut, "corrected", corrected ? 1 : 0);
   set(cut, "delay", std::round(o.sensor.delay / o.period));
+  set(cut, "lag", std::round(kLinuxcncDelay / o.period));
   line(
       "\n# A machine that bends under the cut, and its sensor. On a real one take out `addf {}.cut` above and what "
       "follows,",

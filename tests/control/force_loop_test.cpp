@@ -278,6 +278,62 @@ TEST(ForceLoop, ThePlayedMachineAndItsSensor) {
   EXPECT_NEAR(std::sqrt(squares / kCount), 2, 0.1);
 }
 
+// Both components wired as in the exported configuration: the loop that they close swings where its margin is below 1,
+// and settles where it is above.
+TEST(ForceLoop, TheClosedLoopSwingsWhereTheMarginSaysSo) {
+  POLYPOD_NEEDS_HALCOMPILE;
+  const ForceLoop& loop = loop_of_one_side();
+  const PathForce& middle = loop.path[2 * loop.path.size() / 3];
+  const double feed = 1600e-3 / 60, model = 2.5e-6, delay = 10e-3;
+  constexpr double kSofter = 0.3;  // the real compliance over the model's: the shift is too large
+  OnlineLoop linear{kSofter * model, model, -(middle.edge_off + feed * middle.chip_off).y(),
+                    -(middle.edge_turned + feed * middle.chip_turned).y() / feed};
+  ASSERT_GT(linear.cut_damping, 0);
+  ForceSensor sensor;
+  sensor.delay = delay + kLinuxcncDelay;
+  const auto gain = [&](double cutoff) {
+    OnlineLimits limits;
+    limits.cutoff = cutoff;
+    return online_margin(linear, sensor, limits, kPeriod).gain;
+  };
+  double low = 1, high = 400;
+  ASSERT_GT(gain(low), 1);
+  ASSERT_LT(gain(high), 1);
+  for (int k = 0; k < 8; ++k) {
+    const double between = std::sqrt(low * high);
+    (gain(between) > 1 ? low : high) = between;
+  }
+  /// How far the error goes to and fro in the last 0.4 s, um.
+  const auto swing = [&](double cutoff) {
+    const test::Folder folder;
+    test::ModuleHost force(written(folder, "some_force", force_component("some")));
+    test::ModuleHost cut(written(folder, "some_cut", cut_component("some", loop)));
+    for (test::ModuleHost* host : {&force, &cut}) set_compliance(*host, model * Mat3::Identity());
+    force.set("machine-is-on", 1);
+    force.set("cutoff", cutoff);
+    force.set("shift-limit", 5000);
+    force.set("shift-rate", 1e7);
+    cut.set("delay", std::round(delay / kPeriod));
+    cut.set("compliance-factor", kSofter);
+    const Vec3 start = units::to_mm(1) * (one_side().job.X_MW * Vec3(-0.135, 0.125, -2e-3));
+    double least = 1e9, most = -1e9;
+    for (int k = 0; k < 2600; ++k) {
+      set_xyz(cut, "command", start + units::to_mm(feed) * kPeriod * k * Vec3::UnitX());
+      set_xyz(cut, "force", xyz(force, "force"));
+      cut.run("cut", kPeriod_ns);
+      set_xyz(force, "sensor", xyz(cut, "sensor"));
+      force.set("heartbeat", cut.pin("heartbeat"));
+      force.run("some-force", kPeriod_ns);
+      if (k < 2200) continue;
+      least = std::min(least, cut.pin("error"));
+      most = std::max(most, cut.pin("error"));
+    }
+    return most - least;
+  };
+  EXPECT_LT(swing(0.6 * low), 5) << low;
+  EXPECT_GT(swing(1.6 * low), 50) << low;
+}
+
 // Beyond the margin it is refused, and what the hint says would do does.
 TEST(ForceLoop, SettingsBeyondTheMarginAreRefusedWithWhatWouldDo) {
   const auto e = one_side();

@@ -19,6 +19,7 @@ pin in float compliance_yz "um/N";
 pin in float compliance_zz "um/N";
 pin in bit corrected "the corrected program runs: the expected force is given, else 0";
 pin in s32 delay = 0 "cycles from the force to the sensor's reading; the expected force comes as late; at most 1000";
+pin in s32 lag = 2 "cycles from the planner's command to the tip; the expected force comes as much later; at most 100";
 pin in float noise = 0 "N, standard deviation of each component";
 pin in float weight = 0 "N, on the sensor, along -z of M";
 pin in float force_factor = 1 "the real forces over those of the table";
@@ -45,6 +46,7 @@ author "the Polypod authors";
 include <rtapi_math.h>;
 ;;
 #define LONGEST 1000 /* cycles of delay */
+#define RING (LONGEST + 101)
 #define BEHIND 2     /* cycles that LinuxCNC's joints are behind the planner */
 #define AHEAD 5.0    /* mm of the path that are looked at for its next place */
 #define NEAR 2.0     /* mm from the path, beyond which nothing is cut */
@@ -129,25 +131,25 @@ static double random_number(unsigned *state) {
   }
   return sum;
 }
-static int late(int cycles) {
-  return cycles < 0 ? 0 : cycles > LONGEST ? LONGEST : cycles;
+static int late(int cycles, int most) {
+  return cycles < 0 ? 0 : cycles > most ? most : cycles;
 }
 
 FUNCTION(expected) {
   static Where where;
-  static double line[LONGEST + 1][3];
+  static double line[RING][3];
   static int now;
   const double p[3] = {command_x, command_y, command_z};
   int k, then;
   (void)period;
   follow(&where, p);
-  now = (now + 1) % (LONGEST + 1);
+  now = (now + 1) % RING;
   for (k = 0; k < 3; k++) {
     const int i = where.at;
     line[now][k] =
         corrected && where.on ? between(kPlace[i].meant[k], kPlace[i + 1].meant[k], where.share) : 0;
   }
-  then = (now + LONGEST + 1 - late(delay)) % (LONGEST + 1);
+  then = (now + RING - late(delay, LONGEST) - late(lag, 100)) % RING;
   expected_x = line[then][0];
   expected_y = line[then][1];
   expected_z = line[then][2];
@@ -155,7 +157,7 @@ FUNCTION(expected) {
 
 FUNCTION(cut) {
   static Where where;
-  static double line[LONGEST + 1][3], stood[BEHIND + 2][3], ordered[BEHIND + 2][3], tip[3];
+  static double line[RING][3], stood[BEHIND + 2][3], ordered[BEHIND + 2][3], tip[3];
   static int now, behind, begun;
   static unsigned state;
   const double dt = 1e-9 * (double)period, p[3] = {command_x, command_y, command_z};
@@ -238,10 +240,10 @@ FUNCTION(cut) {
   cut_y = F[1];
   cut_z = F[2];
 
-  now = (now + 1) % (LONGEST + 1);
+  now = (now + 1) % RING;
   for (k = 0; k < 3; k++) line[now][k] = F[k] - (k == 2 ? weight : 0) + noise * random_number(&state);
   if (stopped) return;
-  then = (now + LONGEST + 1 - late(delay)) % (LONGEST + 1);
+  then = (now + RING - late(delay, LONGEST)) % RING;
   sensor_x = no_number ? NAN : line[then][0];
   sensor_y = no_number ? NAN : line[then][1];
   sensor_z = no_number ? NAN : line[then][2];
