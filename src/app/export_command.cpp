@@ -72,6 +72,7 @@ std::vector<std::string> notes_of(const control::ForceLoop& loop) {
   if (!online)
     out.back() = fmt::format("No on-line correction (method {}); run {}.", control::name_of(loop.method),
                              corrected ? "corrected.ngc" : "the program as it is");
+  if (corrected) out.push_back("corrected.ngc alone, with the forces of the job: " + loop.answer);
   for (const std::string& n : loop.not_judged) out.push_back("not judged: " + n);
   return out;
 }

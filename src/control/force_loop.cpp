@@ -206,6 +206,7 @@ Result<ForceLoop> force_loop(const Job& job, const gcode::Program& program, cons
       return unknown("a cutter with a corner radius");
   }
   out.corrected = correction.text();
+  out.answer = correction.answer();
   out.path = path_of(job, correction);
   OnlineOptions here = options;
   here.sensor.delay += kLinuxcncDelay;

@@ -294,7 +294,7 @@ setp {}.force-rate 1e9
   set(cut, "delay", std::round(o.sensor.delay / o.period));
   set(cut, "lag", std::round(kLinuxcncDelay / o.period));
   line(
-      "\n# A machine that bends under the cut, and its sensor. On a real one take out `addf {}.cut` above and what "
+      "\n# A machine that deflects under the cut, and its sensor. On a real one take out `addf {}.cut` above and what "
       "follows,",
       cut);
   line("# and link sensor and heartbeat of {} to what reads the sensor. M62 P0 makes the played sensor fail, M62 P1",

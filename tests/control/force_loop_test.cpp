@@ -330,8 +330,8 @@ TEST(ForceLoop, TheClosedLoopSwingsWhereTheMarginSaysSo) {
     }
     return most - least;
   };
-  EXPECT_LT(swing(0.6 * low), 5) << low;
-  EXPECT_GT(swing(1.6 * low), 50) << low;
+  EXPECT_LT(swing(0.8 * low), 5) << low;
+  EXPECT_GT(swing(1.25 * low), 50) << low;
 }
 
 // Beyond the margin it is refused, and what the hint says would do does.

@@ -29,6 +29,7 @@ struct ForceLoop {
   OnlineOptions options;
   std::vector<PathForce> path;
   std::string corrected;  ///< the corrected program
+  std::string answer;     ///< what machining::correct says of it, for the job's own forces
   OnlineLoop loop;        ///< the worst that the cut without correction showed
   OnlineMargin margin;    ///< with what LinuxCNC adds to the delay
   std::vector<std::string> not_judged;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-component MACHINE_cut "The force along one program: what is expected there, and a machine that bends under it, with its sensor";
+component MACHINE_cut "The force along one program: what is expected there, and a machine that deflects under it, with its sensor";
 description """The function expected gives the force for which the corrected program is made, as late as the sensor. The function cut plays the
 machine: the tip stands C F beside where the joints have it, F is the force of the cut at the nearest place of the programmed path, linear in
 the feed, in the distance from the path and in the turn of the way where the tip moves aside, and the sensor sees F and the weight, late and with noise. On a machine with a sensor
@@ -38,9 +38,9 @@ pin out float cut_x "N, the force of the cut itself";
 pin out float cut_y "N";
 pin out float cut_z "N";
 pin out bit cutting;
-pin out float error "um, of the bent tip across the path, > 0 to the side where the force pushes";
+pin out float error "um, of the deflected tip across the path, > 0 to the side where the force pushes";
 function expected fp "the expected force";
-function cut fp "the machine that bends, and its sensor";
+function cut fp "the machine that deflects, and its sensor";
 license "Dual BSD/GPL";
 author "the Polypod authors";
 include <rtapi_math.h>;
@@ -165,7 +165,7 @@ FUNCTION(cut) {
   double C[3][3] = {{compliance_xx, compliance_xy, compliance_xz},
                     {compliance_xy, compliance_yy, compliance_yz},
                     {compliance_xz, compliance_yz, compliance_zz}};
-  double F[3] = {0, 0, 0}, bent_by[3], u[3], used[3], speed = 0, *at, *was;
+  double F[3] = {0, 0, 0}, deflected[3], u[3], used[3], speed = 0, *at, *was;
   int i, k, then;
   for (i = 0; i < 3; i++)
     for (k = 0; k < 3; k++) C[i][k] *= 1e-3; /* mm/N */
@@ -198,7 +198,7 @@ FUNCTION(cut) {
     const Place *a = &kPlace[where.at], *b = a + 1;
     const double dx = b->p[0] - a->p[0], dy = b->p[1] - a->p[1], l = sqrt(dx * dx + dy * dy);
     if (l > 0) {
-      double n[3] = {-dy / l, dx / l, 0}, G[3], T[3], bent[3], softer[3], slower[3];
+      double n[3] = {-dy / l, dx / l, 0}, G[3], T[3], by_force[3], softer[3], slower[3];
       double e = 0, aside = 0, push, joints, stiff, damped, turn; /* e and aside: of the tip now and a cycle ago */
       const double way = fmax(speed * dt, 1e-9); /* mm */
       for (k = 0; k < 3; k++) {
@@ -213,11 +213,11 @@ FUNCTION(cut) {
         if (!(speed > STILL)) F[k] = G[k] = T[k] = 0;
       }
       /* The balance e = e_joints + n C (F + G e + T (e - aside) / way). */
-      product(C, F, bent);
+      product(C, F, by_force);
       product(C, G, softer);
       product(C, T, slower);
       push = of(n, F);
-      joints = e + compliance_factor * of(n, bent);
+      joints = e + compliance_factor * of(n, by_force);
       stiff = fmax(1 - compliance_factor * of(n, softer), 0.1);
       damped = fmax(-compliance_factor * of(n, slower), 0);
       e = (joints + damped / way * aside) / (stiff + damped / way);
@@ -234,8 +234,8 @@ FUNCTION(cut) {
       error = push < 0 ? -1e3 * e : 1e3 * e;
     }
   }
-  product(C, F, bent_by);
-  for (k = 0; k < 3; k++) tip[k] = at[k] + compliance_factor * bent_by[k];
+  product(C, F, deflected);
+  for (k = 0; k < 3; k++) tip[k] = at[k] + compliance_factor * deflected[k];
   cut_x = F[0];
   cut_y = F[1];
   cut_z = F[2];
