@@ -72,6 +72,10 @@ std::vector<std::string> notes_of(const control::ForceLoop& loop) {
   if (!online)
     out.back() = fmt::format("No on-line correction (method {}); run {}.", control::name_of(loop.method),
                              corrected ? "corrected.ngc" : "the program as it is");
+  if (online)
+    out.emplace_back(
+        "not in this margin: masses and modes of the machine, drives that lag, tooth passing, acceleration of the "
+        "command");
   if (corrected) out.push_back("corrected.ngc alone, with the forces of the job: " + loop.answer);
   for (const std::string& n : loop.not_judged) out.push_back("not judged: " + n);
   return out;
