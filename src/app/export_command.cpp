@@ -4,13 +4,18 @@
 #include <filesystem>
 #include <memory>
 
+#include "job_input.hpp"
 #include "linuxcnc_commands.hpp"
 #include "machine_file.hpp"
+#include "online_options.hpp"
+#include "polypod/control/force_loop.hpp"
 #include "polypod/control/linuxcnc.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/accept.hpp"
+#include "stages_line.hpp"
 
 namespace polypod::app {
 namespace {
@@ -21,7 +26,60 @@ struct Options {
   std::string machine, out, home;
   std::vector<std::string> sets;
   double slide_speed = 200, turn_speed = 90;
+  std::string online, program, method = "both";
+  OnlineSettings loop;
 };
+
+/// The on-line correction of `machine` for the program and the job.
+Result<control::ForceLoop> loop_of(const machine::AnyMachine& machine, const Options& o, const Context& context) {
+  if (o.program.empty()) {
+    return fail("AP223", "--online needs the program that is to be corrected", {}, "--program FILE");
+  }
+  std::optional<control::OnlineMethod> method;
+  for (const auto one : {control::OnlineMethod::none, control::OnlineMethod::offline, control::OnlineMethod::online,
+                         control::OnlineMethod::both})
+    if (o.method == control::name_of(one)) method = one;
+  if (!method) {
+    return fail("AP223", fmt::format("--method is {}; must be none, off-line, on-line or both", one_line(o.method)));
+  }
+  POLYPOD_TRY(check_files({o.program, o.online}, {}, context.json));
+  POLYPOD_ASSIGN(in, read_input(o.program, o.online));
+  if (machine::to_toml(in.job.machine) != machine::to_toml(machine)) {
+    return fail("LC132", "the machine of the job is another than the one that is exported", {o.online},
+                "export the job's machine, without --set");
+  }
+  StagesLine line(context);
+  control::OnlineOptions options = o.loop.options(context);
+  options.progress = [&](const char* what, double share) { return line(what, share); };
+  POLYPOD_ASSIGN(loop, control::force_loop(in.job, in.program, in.interpretation, options, *method));
+  line.end();
+  loop.options.progress = nullptr;
+  if (in.other || machining::has_optional_blocks(in.program))
+    loop.not_judged.push_back(fmt::format("the other position of block delete: the margin is with it {}",
+                                          in.job.block_delete ? "on" : "off"));
+  return loop;
+}
+
+/// What the loop is exported with, in words.
+std::vector<std::string> notes_of(const control::ForceLoop& loop) {
+  std::vector<std::string> out;
+  const bool online = loop.method == control::OnlineMethod::online || loop.method == control::OnlineMethod::both;
+  const bool corrected = loop.method == control::OnlineMethod::offline || loop.method == control::OnlineMethod::both;
+  out.push_back(fmt::format(
+      "On-line correction ({}): the gain margin is {}; run {}.", control::name_of(loop.method),
+      std::isfinite(loop.margin.gain) ? fmt::format("{:.2g}", loop.margin.gain) : std::string("without a limit"),
+      corrected ? "corrected.ngc" : "the program as it is"));
+  if (!online)
+    out.back() = fmt::format("No on-line correction (method {}); run {}.", control::name_of(loop.method),
+                             corrected ? "corrected.ngc" : "the program as it is");
+  if (online)
+    out.emplace_back(
+        "not in this margin: masses and modes of the machine, drives that lag, tooth passing, acceleration of the "
+        "command");
+  if (corrected) out.push_back("corrected.ngc alone, with the forces of the job: " + loop.answer);
+  for (const std::string& n : loop.not_judged) out.push_back("not judged: " + n);
+  return out;
+}
 
 /// The folder, made where it is not there; removed again where nothing came to stand in it.
 class Folder {
@@ -87,6 +145,13 @@ Command export_linuxcnc_command() {
                  "pose with room around it)");
         a.option("--slide-speed", o->slide_speed, {1e-3, 1e5}, "mm/s, of drives along a line at most (default 200)");
         a.option("--turn-speed", o->turn_speed, {1e-3, 1e5}, "deg/s, of drives that turn at most (default 90)");
+        a.option("--online", o->online,
+                 "A job file: on-line correction by a force sensor for this job and --program, with a component that "
+                 "plays the cut; the following options are for it");
+        a.option("--program", o->program, "The G-code program that is to be corrected");
+        a.option("--method", o->method,
+                 "none, off-line, on-line or both: what corrects (default: both; off-line and both run corrected.ngc)");
+        o->loop.declare(a);
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -114,13 +179,31 @@ Command export_linuxcnc_command() {
           }
           options.home = q;
         }
+        std::optional<control::ForceLoop> loop;
+        if (!o->online.empty()) {
+          POLYPOD_ASSIGN(found, loop_of(m, *o, context));
+          loop = std::move(found);
+          options.force = &*loop;
+        } else if (const char* alone = o->loop.given(context);
+                   alone != nullptr || context.given("--program") || context.given("--method")) {
+          return fail("AP223",
+                      fmt::format("{} is for on-line correction", alone != nullptr             ? alone
+                                                                  : context.given("--program") ? "--program"
+                                                                                               : "--method"),
+                      {}, "--online JOB gives the job");
+        }
         POLYPOD_ASSIGN(made, control::linuxcnc_configuration(m, options));
+        if (loop)
+          for (std::string& note : notes_of(*loop)) made.notes.push_back(std::move(note));
         POLYPOD_ASSIGN(folder, Folder::at(o->out, made.files.front().name));
         for (auto& file : made.files)
           if (file.name == "machine.toml") file.text = machine_file(m, o->machine);
         std::vector<std::string> names;
         for (const auto& file : made.files) names.push_back((fs::path(o->out) / file.name).string());
-        POLYPOD_TRY(check_files({o->machine}, names, context.json));
+        std::vector<std::string> read{o->machine};
+        for (const std::string& file : {o->online, o->program})
+          if (!file.empty()) read.push_back(file);
+        POLYPOD_TRY(check_files(read, names, context.json));
         files::Outputs outputs;
         for (std::size_t i = 0; i < names.size(); ++i) POLYPOD_TRY(outputs.add(names[i], made.files[i].text));
         POLYPOD_TRY(outputs.commit());
@@ -130,12 +213,14 @@ Command export_linuxcnc_command() {
           for (std::size_t i = 0; i < made.joints.size(); ++i)
             joints.push_back(axis_json(made.joints[i], fmt::format("q{}", i + 1)));
           for (const std::string& name : names) list.push_back(name);
-          print_json({{"files", list},
-                      {"module", made.module.name},
-                      {"axes", axes},
-                      {"joints", joints},
-                      {"stands", made.stands},
-                      {"notes", made.notes}});
+          Json out = {{"files", list},    {"module", made.module.name}, {"axes", axes},
+                      {"joints", joints}, {"stands", made.stands},      {"notes", made.notes}};
+          if (loop) {
+            out["online"] = {{"method", control::name_of(loop->method)},
+                             {"loop", loop_json(loop->loop, loop->margin)},
+                             {"not_judged", loop->not_judged}};
+          }
+          print_json(out);
           return kDone;
         }
         fmt::print("module {}, {} joints\n\n", made.module.name, made.joints.size());

@@ -8,6 +8,7 @@
 
 #include "job_input.hpp"
 #include "messages.hpp"
+#include "online_options.hpp"
 #include "polypod/control/online.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
@@ -23,28 +24,11 @@ using units::to_um;
 
 struct Options {
   std::string program, job;
-  double delay_ms = 5, cutoff_hz = 10, noise_n = 1, weight_n = 60, weight_removed_n = 60, shift_limit_um = 500,
-         shift_rate_um_per_s = 10000, hold_ms = 100, force_factor = 1, compliance_factor = 1, least_margin = 2,
-         lost_at_s = 0, time_limit_s = 600;
-  int seed = 1;
+  OnlineSettings loop;
+  double lost_at_s = 0;
 };
 
-constexpr config::Range kDelay_ms{0, 1000};
-constexpr config::Range kCutoff_Hz{0.01, 499};
-constexpr config::Range kNoise_N{0, 1000};
-constexpr config::Range kWeight_N{0, 1e5};
-constexpr config::Range kShift_um{1, 1e5};
-constexpr config::Range kRate_um_per_s{1, 1e7};
-constexpr config::Range kHold_ms{1, 10000};
-constexpr config::Range kFactor{0.1, 10};
-constexpr config::Range kMargin{1, 100};
 constexpr config::Range kLost_s{0, 1e6};
-constexpr config::Range kTime_s{1, 86400};
-constexpr config::Range kSeed{0, 2147483647.0};
-
-Json finite(double value) {
-  return std::isfinite(value) ? Json(value) : Json();
-}
 
 std::string um(double metres) {
   return unsigned_zero(fmt::format("{:.1f}", to_um(metres)));
@@ -55,7 +39,7 @@ std::pair<bool, std::string> answer_of(const machining::Job& job, const Options&
   if (!r.stable_enough) {
     return {false,
             fmt::format("no: on-line correction is refused: the gain margin of the loop is {:.2g}, less than {:g}{}",
-                        r.margin.gain, o.least_margin, r.margin.gain > 1 ? "" : ", so it is unstable")};
+                        r.margin.gain, o.loop.least_margin, r.margin.gain > 1 ? "" : ", so it is unstable")};
   }
   for (const OnlineOutcome& one : r.outcomes) {
     if (one.stopped)
@@ -96,21 +80,10 @@ Json answer_json(const machining::Job& job, const Options& o, const OnlineResult
          {"stopped_line", one.stopped ? Json(one.stopped_line) : Json()}});
   }
   const auto [ok, answer] = answer_of(job, o, r);
-  return {{"loop",
-           {{"compliance_um_per_N", units::to_um_per_N(r.loop.compliance)},
-            {"model_compliance_um_per_N", units::to_um_per_N(r.loop.model_compliance)},
-            {"cut_stiffness_N_per_mm", units::to_N_per_mm(r.loop.cut_stiffness)},
-            {"cut_damping_Ns_per_mm", units::to_N_per_mm(r.loop.cut_damping)},
-            {"gain_margin", finite(r.margin.gain)},
-            {"frequency_Hz", r.margin.frequency},
-            {"largest_gain", finite(r.margin.largest)},
-            {"unstable_from_delay_ms", finite(r.margin.delay / units::from_ms(1))},
-            {"stable_enough", r.stable_enough}}},
-          {"methods", methods},
-          {"tolerance_um", to_um(job.tolerance)},
-          {"not_judged", r.not_judged},
-          {"ok", ok},
-          {"answer", answer}};
+  Json loop = loop_json(r.loop, r.margin);
+  loop["stable_enough"] = r.stable_enough;
+  return {{"loop", loop}, {"methods", methods}, {"tolerance_um", to_um(job.tolerance)}, {"not_judged", r.not_judged},
+          {"ok", ok},     {"answer", answer}};
 }
 
 void print_answer(const machining::Job& job, const Options& o, const OnlineResult& r) {
@@ -121,7 +94,7 @@ void print_answer(const machining::Job& job, const Options& o, const OnlineResul
              std::isfinite(r.margin.gain) ? fmt::format("the gain may grow {:.2g} times until it swings at {:.2g} Hz",
                                                         r.margin.gain, r.margin.frequency)
                                           : std::string("no gain makes it swing"),
-             o.delay_ms, o.cutoff_hz,
+             o.loop.delay_ms, o.loop.cutoff_hz,
              std::isfinite(r.margin.delay)
                  ? fmt::format("unstable from a delay of {:g} ms on", r.margin.delay / units::from_ms(1))
              : r.margin.largest < 1 ? std::string("stable with any delay")
@@ -130,7 +103,7 @@ void print_answer(const machining::Job& job, const Options& o, const OnlineResul
   fmt::print("               min     mean      max      rms\n");
   for (const OnlineOutcome& one : r.outcomes) {
     if (one.refused) {
-      fmt::print("{:<9}  refused: the margin is less than {:g}\n", control::name_of(one.method), o.least_margin);
+      fmt::print("{:<9}  refused: the margin is less than {:g}\n", control::name_of(one.method), o.loop.least_margin);
       continue;
     }
     fmt::print("{:<9} {:>8} {:>8} {:>8} {:>8}  {:>12}   {:>8}{}\n", control::name_of(one.method), um(one.normal.min),
@@ -154,46 +127,14 @@ Command online_command() {
           [o](Arguments& a) {
             a.positional("PROGRAM", o->program, "The G-code program");
             a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
-            a.option("--delay-ms", o->delay_ms, kDelay_ms,
-                     "From the force to the value that the controller has (default: 5)");
-            a.option("--cutoff-hz", o->cutoff_hz, kCutoff_Hz, "Low-pass of the force, first order (default: 10)");
-            a.option("--noise-n", o->noise_n, kNoise_N,
-                     "Standard deviation of each component of the force (default: 1)");
-            a.option("--weight-n", o->weight_n, kWeight_N, "Weight of spindle and tool on the sensor (default: 60)");
-            a.option("--weight-removed-n", o->weight_removed_n, kWeight_N,
-                     "What the controller takes off for it (default: the weight)");
-            a.option("--shift-limit-um", o->shift_limit_um, kShift_um, "Largest shift (default: 500)");
-            a.option("--shift-rate-um-per-s", o->shift_rate_um_per_s, kRate_um_per_s,
-                     "Largest rate of the shift (default: 10000)");
-            a.option("--hold-ms", o->hold_ms, kHold_ms,
-                     "How long a lost force or a shift at its limit is borne before the watchdog trips (default: 100)");
-            a.option("--force-factor", o->force_factor, kFactor, "The real forces over those of the job (default: 1)");
-            a.option("--compliance-factor", o->compliance_factor, kFactor,
-                     "The real compliance over that of the job (default: 1)");
-            a.option("--least-margin", o->least_margin, kMargin,
-                     "Gain margin below which on-line correction is refused (default: 2)");
+            o->loop.declare(a);
             a.option("--lost-at-s", o->lost_at_s, kLost_s, "From then on the sensor gives nothing (default: never)");
-            a.option("--time-limit-s", o->time_limit_s, kTime_s, "Longest program, s of its feed moves (default: 600)");
-            a.option("--seed", o->seed, kSeed, "Of the noise (default: 1)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_TRY(check_files({o->program, o->job}, {}, context.json));
             POLYPOD_ASSIGN(in, read_input(o->program, o->job));
-            control::OnlineOptions options;
-            options.sensor.delay = units::from_ms(o->delay_ms);
-            options.sensor.noise = o->noise_n;
-            options.sensor.weight = o->weight_n;
-            options.sensor.weight_removed = context.given("--weight-removed-n") ? o->weight_removed_n : o->weight_n;
-            options.limits.cutoff = o->cutoff_hz;
-            options.limits.size = units::from_um(o->shift_limit_um);
-            options.limits.rate = units::from_um(o->shift_rate_um_per_s);
-            options.limits.hold = units::from_ms(o->hold_ms);
-            options.real_force = o->force_factor;
-            options.real_compliance = o->compliance_factor;
-            options.least_margin = o->least_margin;
+            control::OnlineOptions options = o->loop.options(context);
             if (context.given("--lost-at-s")) options.lost_at = o->lost_at_s;
-            options.time_limit = o->time_limit_s;
-            options.seed = static_cast<std::uint64_t>(o->seed);
             StagesLine line(context);
             options.progress = [&](const char* what, double share) { return line(what, share); };
             POLYPOD_ASSIGN(result, control::simulate_online(in.job, in.program, in.interpretation, options));

@@ -9,6 +9,7 @@
 
 #include "module_name.hpp"
 #include "polypod/calibration/simulate.hpp"
+#include "polypod/control/force_loop.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -234,19 +235,95 @@ HOME = {4} {5} {6} {7} {8} {9}
   return out;
 }
 
-std::string hal_text(const LinuxcncConfiguration& c) {
+/// What HAL calls a component of halcompile.
+std::string hal_name(std::string component) {
+  std::replace(component.begin(), component.end(), '_', '-');
+  return component;
+}
+
+/// The components of the on-line correction, before the kinematics.
+std::string force_functions(const std::string& name) {
+  return fmt::format(R"(loadrt {0}_force
+loadrt {0}_cut
+addf {1}-cut.cut servo-thread
+addf {1}-cut.expected servo-thread
+addf {1}-force servo-thread
+)",
+                     name, hal_name(name));
+}
+
+std::string force_wires(const std::string& name, const std::string& module, const ForceLoop& loop) {
+  const OnlineOptions& o = loop.options;
+  const bool online = loop.method == OnlineMethod::online || loop.method == OnlineMethod::both;
+  const bool corrected = loop.method == OnlineMethod::both;
+  const std::string force = hal_name(name) + "-force", cut = hal_name(name) + "-cut";
+  std::string out = fmt::format(R"(
+# On-line correction (method: {}). The component {} limits the shift, and the module follows at once.
+setp {}.force-rate 1e9
+)",
+                                name_of(loop.method), force, module);
+  const auto line = [&]<class... T>(fmt::format_string<T...> form, T&&... values) {
+    out += fmt::format(form, std::forward<T>(values)...) + "\n";
+  };
+  const auto set = [&](const std::string& component, const char* pin, double value) {
+    line("setp {}.{} {}", component, pin, exact(value));
+  };
+  set(force, "on", online ? 1 : 0);
+  set(force, "weight", o.sensor.weight_removed);
+  set(force, "cutoff", o.limits.cutoff);
+  set(force, "shift-limit", units::to_um(o.limits.size));
+  set(force, "shift-rate", units::to_um(o.limits.rate));
+  set(force, "hold", o.limits.hold);
+  for (const char* axis : {"x", "y", "z"}) {
+    line("net online-force-{0} {1}.force-{0} => {2}.force-{0} {3}.force-{0}", axis, force, module, cut);
+    line("net online-sensor-{0} {1}.sensor-{0} => {2}.sensor-{0}", axis, cut, force);
+    line("net online-expected-{0} {1}.expected-{0} => {2}.expected-{0}", axis, cut, force);
+    line("net online-command-{0} axis.{0}.pos-cmd => {1}.command-{0}", axis, cut);
+  }
+  for (const char* pair : {"xx", "xy", "xz", "yy", "yz", "zz"})
+    line("net online-compliance-{0} {1}.tip-compliance-{0} => {2}.compliance-{0} {3}.compliance-{0}", pair, module,
+         force, cut);
+  line("net online-heartbeat {}.heartbeat => {}.heartbeat", cut, force);
+  line("net module-error {}.force-error => {}.module-error", module, force);
+  line("net force-error {}.error => motion.feed-hold", force);
+  line(
+      "\n# The force that the corrected program is made for, late by the sensor and by what the tip is behind the "
+      "planner,");
+  line("# cycles: 2 of LinuxCNC's interpolators, and those of real drives more.");
+  set(cut, "corrected", corrected ? 1 : 0);
+  set(cut, "delay", std::round(o.sensor.delay / o.period));
+  set(cut, "lag", std::round(kLinuxcncDelay / o.period));
+  line(
+      "\n# A machine that deflects under the cut, and its sensor. On a real one take out `addf {}.cut` above and what "
+      "follows,",
+      cut);
+  line("# and link sensor and heartbeat of {} to what reads the sensor. M62 P0 makes the played sensor fail, M62 P1",
+       force);
+  line("# makes it stop, M63 takes that back.");
+  set(cut, "noise", o.sensor.noise);
+  set(cut, "weight", o.sensor.weight);
+  set(cut, "force-factor", o.real_force);
+  set(cut, "compliance-factor", o.real_compliance);
+  set(cut, "seed", static_cast<double>(o.seed));
+  line("net online-fault motion.digital-out-00 => {}.no-number", cut);
+  line("net online-stop motion.digital-out-01 => {}.stopped", cut);
+  return out;
+}
+
+std::string hal_text(const LinuxcncConfiguration& c, const std::string& name, const ForceLoop* loop) {
   std::string out =
       fmt::format(R"(# The kinematics module checks the units that the INI file counts in.
 loadrt [KINS]KINEMATICS linear_units=[TRAJ]LINEAR_UNITS angular_units=[TRAJ]ANGULAR_UNITS
 loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
 loadrt estop_latch
-{0}addf motion-command-handler servo-thread
+{1}{0}addf motion-command-handler servo-thread
 addf motion-controller servo-thread
 addf estop-latch.0 servo-thread
 
 # The machine's figures, mm and deg. After a calibration export anew: homes and limits follow from them.
 )",
-                  c.module.compliances.empty() ? "" : fmt::format("addf {}.force servo-thread\n", c.module.name));
+                  c.module.compliances.empty() ? "" : fmt::format("addf {}.force servo-thread\n", c.module.name),
+                  loop != nullptr ? force_functions(name) : "");
   for (const ModulePin& pin : c.module.pins)
     out += fmt::format("setp {}.{} {:.17g}\n", c.module.name, pin.name, pin.value);
   if (!c.module.compliances.empty()) {
@@ -259,13 +336,14 @@ addf estop-latch.0 servo-thread
 # A force that is no number stays as it was for force-hold, s, then fades at that rate, and the feed is held until it is one again.
 setp {0}.force-rate 50
 setp {0}.force-hold 0.1
-net force-error {0}.force-error => motion.feed-hold
 )",
                        c.module.name);
+    out += loop != nullptr ? force_wires(name, c.module.name, *loop)
+                           : fmt::format("net force-error {}.force-error => motion.feed-hold\n", c.module.name);
   }
   out += fmt::format(R"(
 # A forward or inverse that fails opens the e-stop; switching on again closes it. A machine that is off may stand anyhow.
-net motion-enabled motion.motion-enabled => {0}.armed
+net motion-enabled motion.motion-enabled => {0}.armed{1}
 net estop-out iocontrol.0.user-enable-out => estop-latch.0.ok-in
 net estop-reset iocontrol.0.user-request-enable => estop-latch.0.reset
 net kinematics-error {0}.kinematics-error => estop-latch.0.fault-in
@@ -278,7 +356,7 @@ net spindle-on spindle.0.on => spindle.0.at-speed
 
 # Simulated drives: they are at once where they are commanded to be.
 )",
-                     c.module.name);
+                     c.module.name, loop != nullptr ? " " + hal_name(name) + "-force.machine-is-on" : "");
   for (std::size_t i = 0; i < c.joints.size(); ++i)
     out += fmt::format("net drive-{0} joint.{0}.motor-pos-cmd => joint.{0}.motor-pos-fb\n", i);
   return out;
@@ -328,12 +406,26 @@ Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, 
   out.joints = joints_of(machine, *home, options);
   out.axes = axes_of(machine, stands, *home, out.joints, options);
   const std::string name = out.module.name.substr(0, out.module.name.size() - std::string_view("_kins").size());
+  if (options.force != nullptr) {
+    const auto has = [&](char letter) {
+      return std::any_of(out.axes.begin(), out.axes.end(), [&](const ControllerAxis& a) { return a.letter == letter; });
+    };
+    if (out.module.compliances.empty() || !has('X') || !has('Y') || !has('Z')) {
+      return fail("LC132", "on-line correction needs a machine with compliances whose poses have x, y and z", {},
+                  "polypod compliance shows whether it has some");
+    }
+  }
   out.files = {{name + ".ini", ini_text(out, name)},
-               {name + ".hal", hal_text(out)},
+               {name + ".hal", hal_text(out, name, options.force)},
                {name + ".tbl", "T1 P1 Z0.0 D6.0 ;the tool tip of the machine file\n"},
                {out.module.name + ".c", out.module.source},
                {"machine.toml", machine::to_toml(machine)},
                {"example.ngc", example_text(out)}};
+  if (options.force != nullptr) {
+    out.files.push_back({name + "_force.comp", force_component(name)});
+    out.files.push_back({name + "_cut.comp", cut_component(name, *options.force)});
+    out.files.push_back({"corrected.ngc", options.force->corrected});
+  }
   out.notes.push_back(
       fmt::format("The axes' ranges are those of {} random poses within all limits: a pose inside them may "
                   "still be out of reach, and LinuxCNC then refuses the move.",

@@ -577,7 +577,7 @@ Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& hom
   s += R"(
 static struct {
   hal_float_t *parameter[PARAMETERS], *compliance[ARRAY_SIZE_OR_ONE(ELEMENTS)];
-  hal_float_t *force[3], *force_used[3], *force_rate, *force_hold;
+  hal_float_t *force[3], *force_used[3], *force_rate, *force_hold, *tip_compliance[6];
   hal_bit_t *high[JOINTS], *armed, *error, *force_error;
   hal_s32_t *iterations, *inverse_failures, *forward_failures;
 } *hal;

@@ -8,5 +8,6 @@ namespace polypod::control {
 
 extern const std::string_view text_of_head_c, text_of_legs_c, text_of_chain_c, text_of_tail_c;
 extern const std::string_view text_of_driver_py, text_of_inside_sh;
+extern const std::string_view text_of_force_comp, text_of_cut_comp;
 
 }  // namespace polypod::control

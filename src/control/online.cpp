@@ -399,11 +399,15 @@ const char* name_of(OnlineMethod method) {
   return kNames[static_cast<std::size_t>(method)];
 }
 
-Result<OnlineResult> simulate_online(const Job& job, const gcode::Program& program,
-                                     const gcode::Interpretation& interpretation, const OnlineOptions& options) {
-  const auto says = [&](const char* what) {
-    return [&options, what](double share) { return !options.progress || options.progress(what, share); };
-  };
+namespace {
+using Progress = std::function<bool(double)>;
+Progress says(const OnlineOptions& options, OnlineMethod method) {
+  return
+      [&options, what = name_of(method)](double share) { return !options.progress || options.progress(what, share); };
+}
+
+Status short_enough(const gcode::Program& program, const gcode::Interpretation& interpretation,
+                    const OnlineOptions& options) {
   double seconds = 0;
   for (const gcode::Move& move : interpretation.moves) {
     if (move.kind != gcode::MoveKind::rapid && move.start_known && move.feed > 0) seconds += move.length() / move.feed;
@@ -414,62 +418,79 @@ Result<OnlineResult> simulate_online(const Job& job, const gcode::Program& progr
                             seconds, options.time_limit),
                 {program.path}, "--time-limit-s gives more; a part of the program shows the same");
   }
+  return {};
+}
+
+int line_of(const gcode::Program& program, const gcode::Move& move) {
+  return program.blocks[static_cast<std::size_t>(move.block)].line;
+}
+}  // namespace
+
+Result<OnlineLook> look_online(const Job& job, const gcode::Program& program,
+                               const gcode::Interpretation& interpretation, const machining::Correction& correction,
+                               const OnlineOptions& options) {
+  POLYPOD_TRY(short_enough(program, interpretation, options));
+  std::vector<Commanded> programmed;
+  for (const gcode::Move& move : correction.programmed)
+    programmed.push_back({move, &move, line_of(program, move), false, {}});
+  OnlineLook out;
+  Run run(job, options, false, true);
+  POLYPOD_ASSIGN(outcome, run.go(programmed, says(options, OnlineMethod::none)));
+  out.outcome = std::move(outcome);
+  out.outcome.method = OnlineMethod::none;
+  const Seen& seen = run.seen();
+  if (seen.count == 0) return tl::unexpected(machining::cuts_nothing(job, program, interpretation));
+  // Of the extremes those with the least margin.
+  out.margin.gain = kInfinite;
+  bool first = true;
+  for (const double K : {seen.stiffness_low, seen.stiffness_high}) {
+    for (const double B : {seen.damping_low, seen.damping_high}) {
+      const OnlineLoop loop{options.real_compliance * seen.compliance, seen.compliance, K, B};
+      const OnlineMargin margin = online_margin(loop, options.sensor, options.limits, options.period);
+      out.loops.push_back(loop);
+      if (!first && margin.gain >= out.margin.gain) continue;
+      out.loop = loop;
+      out.margin = margin;
+      first = false;
+    }
+  }
+  out.stable_enough = out.margin.gain >= options.least_margin;
+  if (run.plunged())
+    out.not_judged.emplace_back("plunges into material: the force of the cutter's end is not in this loop");
+  return out;
+}
+
+Result<OnlineResult> simulate_online(const Job& job, const gcode::Program& program,
+                                     const gcode::Interpretation& interpretation, const OnlineOptions& options) {
+  POLYPOD_TRY(short_enough(program, interpretation, options));
   machining::CorrectOptions correct_options;
   correct_options.keep_samples = true;
   correct_options.progress = options.progress;
   POLYPOD_ASSIGN(correction, machining::correct(job, program, interpretation, correct_options));
-  const auto line_of = [&](const gcode::Move& move) {
-    return program.blocks[static_cast<std::size_t>(move.block)].line;
-  };
   std::vector<Commanded> programmed, corrected;
-  for (const gcode::Move& move : correction.programmed) programmed.push_back({move, &move, line_of(move), false, {}});
+  for (const gcode::Move& move : correction.programmed)
+    programmed.push_back({move, &move, line_of(program, move), false, {}});
   for (std::size_t i = 0; i < correction.commanded.size(); ++i) {
     const gcode::Move& meant = correction.programmed[static_cast<std::size_t>(correction.source[i])];
-    corrected.push_back({correction.commanded[i].move, &meant, line_of(meant), correction.commanded[i].transition, {}});
+    corrected.push_back(
+        {correction.commanded[i].move, &meant, line_of(program, meant), correction.commanded[i].transition, {}});
   }
   for (const machining::Sample& s : correction.after.samples)
     corrected[static_cast<std::size_t>(s.move)].expected.emplace_back(s.s, s.force);
 
-  OnlineResult out;
-  const auto run = [&](OnlineMethod method, bool look) -> Result<OnlineOutcome> {
-    const bool online = method == OnlineMethod::online || method == OnlineMethod::both;
-    const bool offline = method == OnlineMethod::offline || method == OnlineMethod::both;
-    Run one(job, options, online, look);
-    POLYPOD_ASSIGN(outcome, one.go(offline ? corrected : programmed, says(name_of(method))));
-    outcome.method = method;
-    if (look) {
-      const Seen& seen = one.seen();
-      if (seen.count == 0) return tl::unexpected(machining::cuts_nothing(job, program, interpretation));
-      // Of the extremes those with the least margin.
-      out.margin.gain = kInfinite;
-      bool first = true;
-      for (const double K : {seen.stiffness_low, seen.stiffness_high}) {
-        for (const double B : {seen.damping_low, seen.damping_high}) {
-          const OnlineLoop loop{options.real_compliance * seen.compliance, seen.compliance, K, B};
-          const OnlineMargin margin = online_margin(loop, options.sensor, options.limits, options.period);
-          if (!first && margin.gain >= out.margin.gain) continue;
-          out.loop = loop;
-          out.margin = margin;
-          first = false;
-        }
-      }
-      out.stable_enough = out.margin.gain >= options.least_margin;
-      if (one.plunged())
-        out.not_judged.emplace_back("plunges into material: the force of the cutter's end is not in this loop");
-    }
-    return outcome;
-  };
-  for (const OnlineMethod method :
-       {OnlineMethod::none, OnlineMethod::offline, OnlineMethod::online, OnlineMethod::both}) {
-    const bool online = method == OnlineMethod::online || method == OnlineMethod::both;
+  POLYPOD_ASSIGN(look, look_online(job, program, interpretation, correction, options));
+  OnlineResult out{look.loop, look.margin, look.stable_enough, {look.outcome}, look.not_judged};
+  for (const OnlineMethod method : {OnlineMethod::offline, OnlineMethod::online, OnlineMethod::both}) {
+    const bool online = method != OnlineMethod::offline, offline = method != OnlineMethod::online;
+    OnlineOutcome outcome;
     if (online && !out.stable_enough) {
-      OnlineOutcome refused;
-      refused.method = method;
-      refused.refused = true;
-      out.outcomes.push_back(refused);
-      continue;
+      outcome.refused = true;
+    } else {
+      Run one(job, options, online, false);
+      POLYPOD_ASSIGN(ran, one.go(offline ? corrected : programmed, says(options, method)));
+      outcome = std::move(ran);
     }
-    POLYPOD_ASSIGN(outcome, run(method, method == OnlineMethod::none));
+    outcome.method = method;
     out.outcomes.push_back(std::move(outcome));
   }
   return out;

@@ -262,6 +262,36 @@ Result<Configuration> configuration_in(const std::string& name) {
   return out;
 }
 
+/// The words of a line of HAL, comments left out.
+std::vector<std::string> words_of(const std::string& line) {
+  std::istringstream in(line.substr(0, line.find('#')));
+  std::vector<std::string> out;
+  for (std::string word; in >> word;) out.push_back(word);
+  return out;
+}
+/// The signal that the HAL files link a pin to already, if there is one; else `otherwise`.
+std::string signal_of(const std::string& hal, const std::string& pin, const std::string& otherwise) {
+  std::istringstream lines(hal);
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> words = words_of(line);
+    if (words.size() > 2 && words[0] == "net" && std::find(words.begin() + 2, words.end(), pin) != words.end())
+      return words[1];
+  }
+  return otherwise;
+}
+/// The components that the HAL files load and whose sources, for halcompile, are in the folder.
+std::vector<std::string> components_of(const Configuration& c) {
+  std::vector<std::string> out;
+  std::istringstream lines(c.hal);
+  std::error_code error;
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> words = words_of(line);
+    if (words.size() < 2 || words[0] != "loadrt" || words[1].find('/') != std::string::npos) continue;
+    if (fs::exists(c.folder / (words[1] + ".comp"), error)) out.push_back(words[1]);
+  }
+  return out;
+}
+
 /// Samples joints, axes and the line. With LinuxCNC's component scale three more digits of each.
 std::string sampling(const Configuration& c, bool scaled) {
   const std::size_t floats = static_cast<std::size_t>(c.joints) + c.letters.size();
@@ -269,11 +299,12 @@ std::string sampling(const Configuration& c, bool scaled) {
   if (scaled) out += fmt::format("loadrt scale count={}\n", floats);
   std::size_t pin = 0;
   const auto sample = [&](const std::string& source) {
+    const std::string signal = signal_of(c.hal, source, fmt::format("record-{}", pin));
     if (scaled) {
-      out += fmt::format("setp scale.{0}.gain 1000\nnet record-{0} {1} => scale.{0}.in\n", pin, source);
+      out += fmt::format("setp scale.{0}.gain 1000\nnet {2} {1} => scale.{0}.in\n", pin, source, signal);
       out += fmt::format("net record-more-{0} scale.{0}.out => sampler.0.pin.{0}\naddf scale.{0} servo-thread\n", pin);
     } else {
-      out += fmt::format("net record-{0} {1} => sampler.0.pin.{0}\n", pin, source);
+      out += fmt::format("net {2} {1} => sampler.0.pin.{0}\n", pin, source, signal);
     }
     ++pin;
   };
@@ -496,17 +527,32 @@ Result<Record> record(const std::string& folder, const std::string& program, con
     }
     return {};
   };
-  {
+  const auto compile = [&](const std::vector<std::string>& command, const char* what,
+                           const fs::path& source) -> Status {
     const fs::path log = dir / "compiler.txt";
-    Child compiler({"cc", "-std=gnu11", "-O2", "-fPIC", "-shared", "-DUSPACE", "-DRTAPI", "-D__MODULE__",
-                    std::string("-I") + kHeaders, (c.folder / (c.module + ".c")).string(), "-o",
-                    (dir / (c.module + ".so")).string(), "-lm"},
-                   log);
+    Child compiler(command, log);
     POLYPOD_TRY(stopped(wait_for(compiler, begin, options)));
-    if (*compiler.status() != 0) {
-      return fail("LC113", "the kinematics module does not compile: " + tail_of(log),
-                  {(c.folder / (c.module + ".c")).string()}, "export the machine anew");
+    if (*compiler.status() == 0) return {};
+    return fail("LC113", fmt::format("the {} does not compile: {}", what, tail_of(log)), {source.string()},
+                "export the machine anew");
+  };
+  const auto build = [&](const fs::path& source, const std::string& name, const char* what,
+                         const fs::path& written) -> Status {
+    return compile({"cc", "-std=gnu11", "-O2", "-fPIC", "-shared", "-DUSPACE", "-DRTAPI", "-D__MODULE__",
+                    std::string("-I") + kHeaders, source.string(), "-o", (dir / (name + ".so")).string(), "-lm"},
+                   what, written);
+  };
+  const fs::path module = c.folder / (c.module + ".c");
+  POLYPOD_TRY(build(module, c.module, "kinematics module", module));
+  for (const std::string& name : components_of(c)) {
+    const fs::path source = c.folder / (name + ".comp"), copy = dir / (name + ".comp");
+    if (!found_in_path("halcompile")) {
+      return fail("LC112", "LinuxCNC's halcompile is not installed", {},
+                  "on Debian: apt-get install linuxcnc-uspace-dev");
     }
+    POLYPOD_TRY(write(copy, text_of_file(source)));
+    POLYPOD_TRY(compile({"halcompile", "--preprocess", copy.string()}, "component", source));
+    POLYPOD_TRY(build(dir / (name + ".c"), name, "component", source));
   }
   std::error_code error;
   for (const char* made : {"config", "subroutines"}) fs::create_directory(dir / made, error);
@@ -522,7 +568,7 @@ Result<Record> record(const std::string& folder, const std::string& program, con
   const std::string beside = program == "-" ? "" : fs::absolute(program, error).parent_path().string();
   {
     Child run({"unshare", "--ipc", "--pid", "--net", "--mount", "--fork", "--kill-child", "--mount-proc", "bash",
-               (dir / "inside.sh").string(), dir.string(), kModules, c.folder.string(), beside, c.module},
+               (dir / "inside.sh").string(), dir.string(), kModules, c.folder.string(), beside},
               dir / "linuxcnc.txt");
     POLYPOD_TRY(stopped(wait_for(run, begin, options)));
     if (!fs::exists(dir / "result.txt", error) && text_of_file(dir / "linuxcnc.txt").starts_with("unshare:")) {

@@ -301,6 +301,7 @@ TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
   ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   // mm: C is that of the commanded pose to rounding; the inverse and forward of both are at 1e-10.
   constexpr double kShift = 2e-9;
+  constexpr double kCompliance = 1e-8;  // um/N: the same, for 1 N
   for (const std::string name : {"lola50", "hexapod-f100i", "hexapod-slider", "pentapod", "tricept", "tripod-z3",
                                  "delta-par4", "planar-3rrr", "tricept-wrist", "scissors"}) {
     SCOPED_TRACE(name);
@@ -336,6 +337,14 @@ TEST(LinuxcncModule, ShiftsByTheComplianceOfTheTip) {
       const statics::Compliance at = statics::compliance_at_joints(m, q);
       const Vec3 shift = at.displacement(force) * units::kMmPerMetre;
       push(force);
+      // The function shows the compliance of the tip where the kinematics had it last.
+      for (int row = 0, pin = 0; row < 3; ++row) {
+        for (int column = row; column < 3; ++column, ++pin) {
+          const std::string pair{"xyz"[row], "xyz"[column]};
+          const double expected = units::to_um_per_N(at.displacement(Vec3::Unit(column))[row]);
+          EXPECT_NEAR(host.pin("tip-compliance-" + pair), expected, kCompliance) << pair;
+        }
+      }
       std::vector<double> shifted = stiff;
       if (host.inverse(asked, shifted) != 0) continue;
       std::vector<double> back = asked;

@@ -99,6 +99,13 @@ int hal_export_funct(const char* name, void (*function)(void*, long), void* argu
   (*functions_now)[name] = [function, argument](long period) { function(argument, period); };
   return 0;
 }
+int rtapi_snprintf(char* out, unsigned long size, const char* form, ...) {
+  va_list rest;
+  va_start(rest, form);
+  const int length = std::vsnprintf(out, size, form, rest);
+  va_end(rest);
+  return length;
+}
 void rtapi_print(const char*, ...) {}
 void rtapi_print_msg(int, const char*, ...) {}
 }
@@ -119,6 +126,13 @@ fs::path compiled(const fs::path& source) {
       "-I/usr/include/linuxcnc '{}' -o '{}' -lm",
       source.string(), out.string());
   return std::system(command.c_str()) == 0 ? out : fs::path();
+}
+
+fs::path compiled_component(const fs::path& source) {
+  const std::string command = fmt::format("halcompile --preprocess '{}'", source.string());
+  if (std::system(command.c_str()) != 0) return {};
+  fs::path c = source;
+  return compiled(c.replace_extension(".c"));
 }
 
 Folder::Folder() {
@@ -144,7 +158,7 @@ ModuleHost::ModuleHost(const std::string& name, const std::map<std::string, std:
   const auto start = reinterpret_cast<int (*)()>(::dlsym(handle_, "rtapi_app_main"));
   forward_ = ::dlsym(handle_, "kinematicsForward");
   inverse_ = ::dlsym(handle_, "kinematicsInverse");
-  if (start == nullptr || forward_ == nullptr || inverse_ == nullptr) throw std::runtime_error("no kinematics module");
+  if (start == nullptr) throw std::runtime_error("no module");
   std::map<std::string, Pin> made;
   std::map<std::string, Function> functions;
   pins_now = &made;

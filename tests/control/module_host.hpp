@@ -16,6 +16,8 @@ bool has_linuxcnc();
 
 /// Compiles a module as LinuxCNC's own tool does; warnings are errors. Empty where it does not compile.
 std::filesystem::path compiled(const std::filesystem::path& source);
+/// The same of a component for halcompile, by that.
+std::filesystem::path compiled_component(const std::filesystem::path& source);
 
 /// A folder for the test, removed at its end.
 class Folder {
@@ -32,7 +34,8 @@ class Folder {
 
 class ModuleHost {
  public:
-  /// A file, or the name of one of LinuxCNC's modules. `parameters`: those of loadrt. `loaded` says how it went.
+  /// A file, or the name of one of LinuxCNC's modules; a component has neither inverse nor forward. `parameters`: those
+  /// of loadrt. `loaded` says how it went.
   explicit ModuleHost(const std::string& name, const std::map<std::string, std::string>& parameters = {});
   ~ModuleHost();
   ModuleHost(const ModuleHost&) = delete;

@@ -18,6 +18,7 @@
 
 #include "machines.hpp"
 #include "module_host.hpp"
+#include "polypod/control/force_loop.hpp"
 #include "polypod/control/linuxcnc.hpp"
 #include "polypod/control/watch.hpp"
 #include "polypod/core/units.hpp"
@@ -324,6 +325,106 @@ TEST(Record, TheDeflectedTipOnTheRealPlanner) {
   EXPECT_GT(after.gain.removed_rms(), 0.9);
   EXPECT_LT(after.cut.largest_distance, job->tolerance);
   EXPECT_GT(plain.cut.largest_distance, 0.2e-3);
+}
+
+struct Square {
+  machining::Job job;
+  gcode::Program program;
+  gcode::Interpretation moves;
+};
+Square square_in(const test::Folder& folder, const std::string& job_text, const std::string& program_text) {
+  write(folder.path() / "square.toml", job_text);
+  write(folder.path() / "square.ngc", program_text);
+  auto job = machining::read_job((folder.path() / "square.toml").string());
+  auto program = gcode::read((folder.path() / "square.ngc").string());
+  if (!job || !program) throw std::runtime_error("the square cannot be read");
+  auto moves = gcode::interpret(*program, job->interpret_options());
+  if (!moves) throw std::runtime_error(to_string(moves.error()));
+  return {std::move(*job), std::move(*program), std::move(*moves)};
+}
+/// The configuration with an on-line correction; forces a fifth larger than those of the job, a sensor 20 ms late.
+void exported_online(const Square& square, OnlineMethod method, const fs::path& folder) {
+  OnlineOptions options;
+  options.sensor.delay = 20e-3;
+  options.real_force = 1.2;
+  const auto loop = force_loop(square.job, square.program, square.moves, options, method);
+  if (!loop) throw std::runtime_error(to_string(loop.error()));
+  LinuxcncOptions how;
+  how.stands = 200;
+  how.force = &*loop;
+  const auto out = linuxcnc_configuration(square.job.machine, how);
+  if (!out) throw std::runtime_error(to_string(out.error()));
+  for (const auto& file : out->files) write(folder / file.name, file.text);
+}
+
+// The loop closed in LinuxCNC: sensor, component, kinematics module and a machine that bends under the cut. What the
+// tool then cuts is judged with the stock and the real forces, not with the played machine's table.
+TEST(Record, OnlineCorrectionTakesBackWhatTheJobDoesNotKnow) {
+  POLYPOD_NEEDS_RUNS;
+  const test::Folder files;
+  const Square square = square_in(files, kSquareJob, kSquareProgram);
+  // The same with the forces that are cut with.
+  machining::Job real = square.job;
+  for (double* k : {&real.material.ktc, &real.material.krc, &real.material.kac, &real.material.kte, &real.material.kre,
+                    &real.material.kae})
+    *k *= 1.2;
+  for (const OnlineMethod method : {OnlineMethod::online, OnlineMethod::both}) {
+    SCOPED_TRACE(name_of(method));
+    const test::Folder folder;
+    exported_online(square, method, folder.path());
+    const fs::path ran_file =
+        method == OnlineMethod::both ? folder.path() / "corrected.ngc" : files.path() / "square.ngc";
+    const auto machine = exported_machine(folder.path().string());
+    ASSERT_TRUE(machine) << to_string(machine.error());
+    RecordOptions options;
+    options.parameters = work_offset_parameters(square.job);
+    const auto run = record(folder.path().string(), ran_file.string(), options);
+    ASSERT_TRUE(run) << to_string(run.error());
+    const fs::path csv = files.path() / "record.csv";
+    write(csv, run->csv);
+    const auto rows = read_record(machine->machine, csv.string());
+    ASSERT_TRUE(rows) << to_string(rows.error());
+    std::vector<machining::RecordedTip> tips;
+    for (const RecordRow& row : *rows) {
+      const Vec3 p = kinematics::forward(machine->machine, row.joints).poses.front().p;
+      tips.push_back({row.time, row.line, real.X_MW.inverse() * p});
+    }
+    const auto ran = gcode::read(ran_file.string());
+    ASSERT_TRUE(ran);
+    const auto ran_moves = gcode::interpret(*ran, real.interpret_options());
+    ASSERT_TRUE(ran_moves);
+    const auto cut = machining::judge_recorded(real, square.program, square.moves, *ran, *ran_moves, tips, {});
+    ASSERT_TRUE(cut) << to_string(cut.error());
+    EXPECT_TRUE(cut->to_the_end);
+    // Off-line alone leaves the fifth: 83 % removed.
+    EXPECT_GT(cut->gain.mean_deflection, 0.25e-3);
+    EXPECT_GT(cut->gain.removed_mean(), 0.95);
+    EXPECT_GT(cut->gain.removed_rms(), method == OnlineMethod::both ? 0.9 : 0.75);
+    if (method == OnlineMethod::both) {
+      EXPECT_LT(cut->cut.largest_distance, 1.3 * square.job.tolerance);
+    }
+  }
+}
+
+// A sensor that fails on a side: the operator is told, the feed is held, and the run ends with that.
+TEST(Record, OnlineCorrectionStopsWhereTheSensorFails) {
+  POLYPOD_NEEDS_RUNS;
+  for (const char* fault : {"M62 P0", "M62 P1"}) {  // no number; no new readings
+    const test::Folder files, folder;
+    const Square square = square_in(files, kSquareJob, kSquareProgram);
+    exported_online(square, OnlineMethod::online, folder.path());
+    std::string program = kSquareProgram;
+    const std::string third = "X-19 Y-19\n";
+    ASSERT_NE(program.find(third), std::string::npos);
+    program.insert(program.find(third), std::string(fault) + "\n");
+    write(files.path() / "fault.ngc", program);
+    RecordOptions options;
+    options.parameters = work_offset_parameters(square.job);
+    const auto run = record(folder.path().string(), (files.path() / "fault.ngc").string(), options);
+    ASSERT_FALSE(run);
+    EXPECT_EQ(run.error().id, "LC116") << to_string(run.error());
+    EXPECT_NE(run.error().message.find("the sensor gives no force"), std::string::npos) << to_string(run.error());
+  }
 }
 
 using MachineAndMoves = std::pair<const char*, const char*>;

@@ -48,12 +48,16 @@ struct Module {
 /// and coordinates differ in number), LC103 (home is no pose of the machine).
 Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& home);
 
+struct ForceLoop;
+
 struct LinuxcncOptions {
   std::optional<JointVector> home;  ///< rad or m; empty: the machine's own home, of arms a pose with room around it
   double slide_speed = 0.2;         ///< m/s, of drives along a line, at most
   double turn_speed = 1.5707963267948966;  ///< rad/s, of drives that turn, at most
   double time_to_speed = 0.1;              ///< s, from standstill to full speed
   std::size_t stands = 1000;               ///< over which limits and speeds are taken
+  /// On-line correction (force_loop.hpp) of the machine of this configuration; must outlive the call.
+  const ForceLoop* force = nullptr;
 };
 
 /// A range of an axis or a joint, mm or deg, with what it may do in a second.
@@ -68,7 +72,8 @@ struct LinuxcncConfiguration {
     std::string name, text;
   };
   Module module;
-  std::vector<File> files;  ///< NAME.ini, NAME.hal, NAME.tbl, MODULE.c, machine.toml, example.ngc
+  std::vector<File> files;  ///< NAME.ini, NAME.hal, NAME.tbl, MODULE.c, machine.toml, example.ngc; with `force` also
+                            ///< NAME_force.comp, NAME_cut.comp, corrected.ngc
   std::vector<ControllerAxis> axes, joints;
   std::size_t stands = 0;  ///< that the axes' limits and speeds are over
   std::vector<std::string> notes;
@@ -77,7 +82,8 @@ struct LinuxcncConfiguration {
 /// Everything that LinuxCNC needs to run the machine in simulation: its own module, joints with the machine's ranges
 /// and homes, axes with the bounds and speeds found at random stands within all limits (a sample: they bound nothing
 /// outside it), [TRAJ]HOME = forward(homes), drives that follow at once, an e-stop that `kinematics-error` opens.
-/// Deterministic. Errors: those of linuxcnc_module; LC104 (no stand was found). Cost: some seconds.
+/// Deterministic. Errors: those of linuxcnc_module; LC104 (no stand was found); LC132 (with `force`: a machine without
+/// compliances, or whose poses leave out x, y or z). Cost: some seconds.
 Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, const LinuxcncOptions& options = {});
 
 }  // namespace polypod::control

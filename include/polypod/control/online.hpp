@@ -110,6 +110,21 @@ struct OnlineResult {
   std::vector<std::string> not_judged;
 };
 
+/// What the cut without correction shows of the loop.
+struct OnlineLook {
+  std::vector<OnlineLoop> loops;  ///< of the extremes of stiffness and damping
+  OnlineLoop loop;                ///< that of these with the least margin
+  OnlineMargin margin;
+  bool stable_enough = false;  ///< the margin is at least OnlineOptions::least_margin
+  OnlineOutcome outcome;
+  std::vector<std::string> not_judged;
+};
+/// Runs the moves that `correction` found in the program without any correction; see simulate_online for the loop, the
+/// errors and the cost. Where nothing is cut: the error of machining::cuts_nothing.
+Result<OnlineLook> look_online(const machining::Job& job, const gcode::Program& program,
+                               const gcode::Interpretation& interpretation, const machining::Correction& correction,
+                               const OnlineOptions& options);
+
 /// The loop in steps of `period`: the command goes along the program at its feeds, without acceleration; the tool
 /// follows it by the balance of machining::yield_step (C F under the mean force of the cut that it really meets, chips
 /// by its real way), cuts the stock, and the sensor and the controller see its force. `online` shifts by all of the

@@ -98,6 +98,35 @@ static int read_force(double force[3]) {
   return any;
 }
 
+/* um/N, of the tip where the kinematics last had it; 0 where nothing is known yet. Of the pose that the last inverse or
+ * forward was asked for: the last call of a cycle is that of the machine's own pose. */
+static double last_pose[6], last_joints[JOINTS];
+static int last_known;
+static void keep_last(const double c[6], const double *q) {
+  int k;
+  for (k = 0; k < 6; k++) last_pose[k] = c[k];
+  for (k = 0; k < JOINTS; k++) last_joints[k] = q[k];
+  last_known = 1;
+}
+static void show_compliance(void) {
+  int i, k, pin = 0;
+  double s[3][3];
+  if (!last_known) return;
+  refresh();
+  for (i = 0; i < 3; i++) {
+    const double unit[3] = {i == 0, i == 1, i == 2};
+    double near[JOINTS];
+    for (k = 0; k < JOINTS; k++) near[k] = last_joints[k];
+    if (shift_of(last_pose, near, unit, s[i]) != 0) return;
+  }
+  for (i = 0; i < 3; i++)
+    for (k = i; k < 3; k++) {
+      const double value = 1e3 * s[i][k];
+      if (isfinite(value)) *hal->tip_compliance[pin] = value;
+      pin++;
+    }
+}
+
 /* Once a cycle, before the kinematics: the force that they use follows the pins no faster than force-rate. Where one of the
  * pins is no number, it stays for force-hold, then fades, and force-error is on until all are numbers again. */
 static void follow_force(void *unused, long period) {
@@ -106,6 +135,7 @@ static void follow_force(void *unused, long period) {
   const double most = isfinite(rate) && rate > 0 ? rate * dt : 0;
   int k, bad = 0;
   (void)unused;
+  show_compliance();
   for (k = 0; k < 3; k++) bad = bad || !isfinite(*hal->force[k]);
   if (bad && !*hal->force_error) {
     rtapi_print_msg(RTAPI_MSG_ERR, MODULE_NAME ": the force is no number; its shift stays for a moment, then fades\n");
@@ -184,6 +214,9 @@ int kinematicsInverse(const EmcPose *world, double *joints, const KINEMATICS_INV
     *hal->error = *hal->armed;
     return -1;
   }
+#if ELEMENTS > 0
+  keep_last(c, q);
+#endif
   for (i = 0; i < JOINTS; i++) joints[i] = kTurns[i] ? q[i] / RAD : q[i];
   *hal->error = 0;
   return 0;
@@ -213,6 +246,9 @@ int kinematicsForward(const double *joints, EmcPose *world, const KINEMATICS_FOR
     *hal->error = *hal->armed;
     return -1;
   }
+#if ELEMENTS > 0
+  keep_last(c, q);
+#endif
   for (i = 0; i < COORDINATES; i++) {
     const int k = kCoordinate[i];
     /* angles in the turn next to where they were */
@@ -245,6 +281,9 @@ static int is_one_of(const char *text, const char *const *words) {
 }
 
 int rtapi_app_main(void) {
+#if ELEMENTS > 0
+  static const char *const kTipCompliance[] = {"xx", "xy", "xz", "yy", "yz", "zz"};
+#endif
   static const char *const kLengths[] = {"mm", "metric", "1", "1.0", 0};
   static const char *const kAngles[] = {"deg", "degree", "1", "1.0", 0};
   int i, failed = 0;
@@ -283,6 +322,9 @@ int rtapi_app_main(void) {
            hal_pin_float_newf(HAL_IN, &hal->force_hold, component, MODULE_NAME ".force-hold") < 0 ||
            hal_pin_bit_newf(HAL_OUT, &hal->force_error, component, MODULE_NAME ".force-error") < 0 ||
            hal_export_funct(MODULE_NAME ".force", follow_force, 0, 1, 0, component) < 0;
+  for (i = 0; i < 6; i++)
+    failed = failed || hal_pin_float_newf(HAL_OUT, &hal->tip_compliance[i], component, MODULE_NAME ".tip-compliance-%s",
+                                          kTipCompliance[i]) < 0;
   if (!failed) {
     *hal->force_rate = 50;
     *hal->force_hold = 0.1;
