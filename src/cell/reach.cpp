@@ -40,6 +40,8 @@ std::optional<JointVector> joints_at(const Machine& m, const Pose& X_CT, const J
   return best->joints;
 }
 
+}  // namespace
+
 Stand stand_at(const Machine& m, const JointVector& home, const Vec3& at, double pitch, double heading, double roll,
                double clearance) {
   Stand out;
@@ -79,8 +81,6 @@ Stand stand_at(const Machine& m, const JointVector& home, const Vec3& at, double
   out.ok = true;
   return out;
 }
-
-}  // namespace
 
 double trapezoid_time(double d, double v, double a) {
   if (!(d > 0)) return 0;

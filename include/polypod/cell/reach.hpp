@@ -34,6 +34,11 @@ struct Stand {
   double straight = 0;                 ///< s, from above down to the place
 };
 
+/// The machine at a point of C with its tool as tool_pose turns it (a heading that is not finite: away from its base),
+/// and `clearance` above; the straight way between is asked for in ten steps. Near to the joints of `home`.
+Stand stand_at(const Machine& m, const machine::JointVector& home, const Vec3& at, double pitch, double heading,
+               double roll, double clearance);
+
 /// Times of a machine between a belt and the slots of a place, over the part of its window where items come.
 struct PickTable {
   double low = 0, high = 0, across_low = 0, across_high = 0;  ///< m, on the belt
