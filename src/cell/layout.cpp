@@ -294,7 +294,8 @@ class Judge {
   }
   void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s) {
     const double d = gap(c, s);
-    out_.least_distance = std::min(out_.least_distance, std::max(d, c.cargo ? 0.0 : d));
+    // An item that lies on its belt is no narrow place.
+    if (!(c.cargo && near(p, s))) out_.least_distance = std::min(out_.least_distance, std::max(d, c.cargo ? 0.0 : d));
     if (d < 0) find(called(m, p.task, c), s.name, called(m, p.task, c), s.name, c.cargo ? -1 : -d, (c.from + c.to) / 2);
   }
 
@@ -422,8 +423,10 @@ class Judge {
                                      : segment_distance(a.from, a.to, b.from, b.to) - a.radius - b.radius;
                 if (d >= limit) continue;
                 limit = d;
-                worst[key] = {called(m, p.task), called(o, q.task), d, (a.from + a.to + b.from + b.to) / 4,
-                              together ? p.zone : ""};
+                const ClosestParameters c = closest_parameters(a.from, a.to - a.from, b.from, b.to - b.from);
+                const Vec3 at =
+                    (a.from + c.s * (a.to - a.from) + b.from + c.t * (b.to - b.from)) / 2;  // between their axes
+                worst[key] = {called(m, p.task, a), called(o, q.task, b), d, at, together ? p.zone : ""};
               }
             }
           }

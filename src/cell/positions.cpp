@@ -113,12 +113,17 @@ class Collector {
     return sum;
   }
 
-  /// A joint motion between two stands.
+  /// The joint motions between two stands.
   void way(std::size_t m, std::size_t task, const JointVector& from, const JointVector& to, const std::string& zone) {
     constexpr double kStride = 0.030;  // m
     const Machine& machine = cell_.machines[m];
-    const int steps = std::clamp(static_cast<int>(std::ceil(travel(machine, from, to) / kStride)), 2, 200);
-    for (int k = 1; k <= steps; ++k) add_joints(m, task, from + (to - from) * (static_cast<double>(k) / steps), zone);
+    JointVector last = from;
+    for (const JointVector& next : stops(machine, motions_.home[m], from, to)) {
+      const int steps = std::clamp(static_cast<int>(std::ceil(travel(machine, last, next) / kStride)), 2, 200);
+      for (int k = 1; k <= steps; ++k)
+        add_joints(m, task, last + (next - last) * (static_cast<double>(k) / steps), zone);
+      last = next;
+    }
   }
   void down(std::size_t m, std::size_t task, int spot, const Stand& s, const std::string& zone) {
     const Spot& at = cell_.spots[static_cast<std::size_t>(spot)];
