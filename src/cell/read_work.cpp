@@ -217,6 +217,10 @@ Status Reader::machines(const std::string& file) {
     POLYPOD_TRY(number("grip_failures", out.failure, 1, {0, 0.99}));
     POLYPOD_TRY(number("body_diameter_mm", out.body, mm, kMaybeSize_mm));
     POLYPOD_ASSIGN(folds, table.optional_boolean("folds", false));
+    if (folds && !kinematics::is_serial(out.model)) {
+      return fail("CE106", fmt::format("{} has no first joint to turn about: only arms fold", out.name),
+                  table.place_of("folds"), "leave out `folds`");
+    }
     out.folds = folds;
     POLYPOD_TRY(number("payload_kg", out.payload, 1, {0, 1e6}));
     POLYPOD_TRY(number("hand_mass_g", out.hand_mass, 1e-3, {0, 1e9}));

@@ -120,7 +120,7 @@ TEST(Layout, ItemsOnBeltsAreInTheWay) {
   EXPECT_FALSE(finds(layout(*cell, m), "collision", "empty) reaches into items on B")) << "it works there";
 }
 
-// The bottom of a box that hangs from a tool at 1000 mm is at 975 mm, on the way from P to Q2 past the middle of both.
+// The bottom of a box that hangs from a tool at 1000 mm is at 975 mm; on the way from P to Q2 the tool sinks a little.
 TEST(Layout, WhatIsCarriedRunsIntoBodies) {
   std::string text = test::kCrossing;
   for (std::size_t at = 0; (at = text.find("KEEPS")) != std::string::npos;) text.replace(at, 5, "false");
@@ -133,7 +133,7 @@ TEST(Layout, WhatIsCarriedRunsIntoBodies) {
     c.bodies.push_back({"wall", "wall", {0, 0.075, top - 0.05}, {0.02, 0.02, 0.1}, 0, false});
     return layout(c, m);
   };
-  const Layout high = with_top_at(0.99), low = with_top_at(0.93);
+  const Layout high = with_top_at(0.97), low = with_top_at(0.90);
   EXPECT_TRUE(finds(high, "collision", "the box in one (there) runs into wall"));
   EXPECT_FALSE(finds(high, "collision", "mm into wall")) << "the machine itself is over it";
   EXPECT_FALSE(finds(low, "collision", "wall"));
@@ -183,8 +183,10 @@ TEST(Layout, ATinMustComeOverTheOthers) {
   auto cell = read(test::source("cells/kozubik/cell.toml"));
   ASSERT_TRUE(cell);
   for (Spot& s : cell->spots)
-    if (s.name == "pallet") s.clearance = 0.08;
-  EXPECT_TRUE(finds(layout(*cell, motions(*cell)), "collision", "the tin in arm (fetch) runs into the tin in slot"));
+    if (s.name == "pallet") s.clearance = 0.02;
+  const Layout l = layout(*cell, motions(*cell));
+  EXPECT_TRUE(finds(l, "collision", "the tin in arm (return) runs into the tin in slot"));
+  EXPECT_TRUE(finds(l, "collision", "the tin in arm (fetch) runs into pallet"));
 }
 
 // Without drawing in, the arm swings a tin through the fence at the front.
@@ -234,6 +236,14 @@ TEST(Reach, AMachineThatFoldsStopsTwiceOnItsWay) {
   m.folds = false;
   EXPECT_EQ(stops(m, home, a, b).size(), 1U);
   EXPECT_DOUBLE_EQ(way_time(m, home, a, b), joint_time(m, a, b));
+}
+
+TEST(Reach, OnlyArmsFold) {
+  std::string text = test::kPicking;
+  text.replace(text.find("lift_mm = 40"), 12, "lift_mm = 40\nfolds = true");
+  const auto cell = from_text(text, "small.toml");
+  ASSERT_FALSE(cell);
+  EXPECT_EQ(cell.error().id, "CE106");
 }
 
 TEST(Judge, DefaultsThatCountAreNamed) {
