@@ -293,6 +293,9 @@ class Judge {
     return touch(shrunk(c.from, c.to, c.radius), Pose{}, shape_of(s), pose_of(s)) ? -1 : 0;
   }
   void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s) {
+    // The middle of a link is at most half of its length nearer than any other point of it.
+    const Vec3 beyond = (into(s, (c.from + c.to) / 2).cwiseAbs() - s.size / 2).cwiseMax(0.0);
+    if (beyond.norm() - (c.to - c.from).norm() / 2 - c.radius > std::max(out_.least_distance, 0.0)) return;
     const double d = gap(c, s);
     // An item that lies on its belt is no narrow place.
     if (!(c.cargo && near(p, s))) out_.least_distance = std::min(out_.least_distance, std::max(d, c.cargo ? 0.0 : d));
@@ -416,6 +419,8 @@ class Judge {
             auto found = worst.find(key);
             double limit = found == worst.end() ? cell_.clearance : found->second.distance;
             for (const Capsule& a : p.links) {
+              const double from_ball = ((a.from + a.to) / 2 - q.middle).norm() - q.radius;
+              if (from_ball - (a.to - a.from).norm() / 2 - a.radius > cell_.clearance) continue;
               for (const Capsule& b : q.links) {
                 if (!nearer_than(a.from, a.to, b.from, b.to, limit + a.radius + b.radius)) continue;
                 const double d = a.cargo || b.cargo
