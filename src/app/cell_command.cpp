@@ -131,6 +131,7 @@ Json layout_json(const cell::Layout& l) {
           {"floor_area_m2", l.floor_area},
           {"positions", l.positions},
           {"least_distance_mm", finite(to_mm(l.least_distance))},
+          {"least_distance_containers_mm", finite(to_mm(l.least_distance_containers))},
           {"interlocks", interlocks}};
 }
 
@@ -284,7 +285,7 @@ Json document(const cell::CellResult& r) {
   const cell::Cell& c = r.cell;
   Json problems = Json::array();
   for (const cell::Problem& p : r.problems) problems.push_back({{"kind", p.kind}, {"detail", p.detail}});
-  Json out{{"ok", r.problems.empty()}, {"problems", problems}, {"not_judged", r.not_judged}};
+  Json out{{"ok", r.problems.empty()}, {"problems", problems}, {"not_judged", r.not_judged}, {"assumed", r.assumed}};
   if (!r.simulated()) {
     out["seconds"] = nullptr;
     out["throughput_per_min"] = nullptr;
@@ -396,6 +397,7 @@ void print_result(const cell::CellResult& r) {
   }
   fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
              to_mm(r.safety.guard_distance), r.safety.stopping / units::from_ms(1));
+  for (const std::string& text : r.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const std::string& text : r.safety.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const cell::Plan& p : r.planning.plans) {
     fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score,

@@ -2,6 +2,7 @@
 #include "polypod/cell/judge.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -108,8 +109,39 @@ std::vector<std::string> not_judged(const CellResult& r) {
       out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
   if (!r.cell.open_sides.empty() && !way_in(r.cell, r.layout.swept).empty())
     out.push_back(fmt::format("what protects where no guard stands: {}", r.cell.open_sides));
-  out.emplace_back(
-      "collisions of what machines carry with bodies, and of what stands in places; guards against what is carried");
+  if (!r.layout.complete)
+    out.emplace_back("collisions in all positions of a machine: it has too many, and some were left out");
+  out.emplace_back("collisions between the positions, and of a machine with itself and what it carries");
+  return out;
+}
+
+/// Defaults that the answer rests on, and the assumptions of the file.
+std::vector<std::string> assumed(const Cell& cell) {
+  std::vector<std::string> out;
+  for (const Container& c : cell.containers) {
+    if (!c.grip_given)
+      out.push_back(fmt::format("{}: grip_mm = {:g}, half of its height, by default", c.name, units::to_mm(c.grip)));
+  }
+  for (std::size_t m = 0; m < cell.machines.size(); ++m) {
+    const Machine& machine = cell.machines[m];
+    bool cycles = false, moves = false;  // by planned cycles of a delta, by its joints
+    for (const Task& t : cell.tasks) {
+      if (t.machine != static_cast<int>(m)) continue;
+      const bool cycle = t.from_conveyor >= 0 && is_delta(machine);
+      cycles |= cycle;
+      moves |= !cycle;
+    }
+    std::vector<std::string> keys;
+    for (const auto& [key, value] : machine.defaults) {
+      const auto begins = [&k = key](const char* word) { return k.starts_with(word); };
+      const bool counts = begins("body_") || begins("grip_s") || begins("release_s") ||
+                          (cycles && (begins("tool_") || begins("drive_") || begins("lift") || begins("blend"))) ||
+                          (moves && (begins("joint_") || begins("straight_")));
+      if (counts) keys.push_back(fmt::format("{} = {:.4g}", key, value));
+    }
+    if (!keys.empty()) out.push_back(fmt::format("{}: {}, by default", machine.name, fmt::join(keys, ", ")));
+  }
+  for (const auto& [what, why] : cell.assumptions) out.push_back(fmt::format("{}: {}", what, why));
   return out;
 }
 
@@ -139,6 +171,7 @@ CellResult judge_cell(Cell given, const CellQuestion& question) {
                                out.cell.cost.currency, -out.cell.cost.reserve())});
   }
   if (question.plan) out.planning = planning(out.cell, flows);
+  out.assumed = assumed(out.cell);
   out.not_judged = not_judged(out);
   return out;
 }

@@ -16,6 +16,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/geometry/segments.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "positions.hpp"
 
 namespace polypod::cell {
 namespace {
@@ -28,21 +29,6 @@ Vec3 into(const Solid& s, const Vec3& p) {
   return {c * d.x() + n * d.y(), -n * d.x() + c * d.y(), d.z()};
 }
 
-/// One position of a machine on its way.
-struct Position {
-  std::vector<Capsule> links;
-  Vec3 middle = Vec3::Zero();
-  double radius = 0;  ///< of a ball about `middle` that holds all links
-  std::string zone;   ///< that it holds there
-  std::size_t task = 0;
-};
-
-/// What a machine carries: upright where it was taken.
-struct Load {
-  Vec3 axis_T = Vec3::Zero();               ///< from its bottom to its top, a unit vector in the tool frame
-  double grip = 0, height = 0, radius = 0;  ///< m
-};
-
 bodies::Shape shape_of(const Capsule& c) {
   return c.cargo ? bodies::cylinder(c.from, c.to, c.radius) : bodies::capsule(c.from, c.to, c.radius);
 }
@@ -53,46 +39,59 @@ bool touch(const bodies::Shape& a, const Pose& X_CA, const bodies::Shape& b, con
   return d.high < kSame;
 }
 
-void bound(Position& p) {
-  Vec3 low = Vec3::Constant(kInfinity), high = -low;
-  for (const Capsule& c : p.links) {
-    for (const Vec3* v : {&c.from, &c.to}) {
-      low = low.cwiseMin(*v - Vec3::Constant(c.radius));
-      high = high.cwiseMax(*v + Vec3::Constant(c.radius));
-    }
-  }
-  p.middle = (low + high) / 2;
-  p.radius = (high - low).norm() / 2;
+/// What is shrunk by so much all round no longer touches what it stands on or beside, m.
+constexpr double kTouch = 1e-5;
+
+/// A container where it stands.
+struct Standing {
+  std::size_t slot = 0;
+  Vec3 bottom = Vec3::Zero(), top = Vec3::Zero();  ///< m
+};
+/// All containers that can stand in a place.
+struct Crowd {
+  std::vector<Standing> all;
+  Vec3 middle = Vec3::Zero();
+  double radius = 0;  ///< of a ball that holds all of them
+  /// Nothing is ever put there, or taken: the containers go, or come, in the order of their slots.
+  bool only_source = false, only_sink = false;
+};
+
+bodies::Shape shape_of(const Solid& s) {
+  return bodies::box(-s.size / 2, s.size / 2);
+}
+Pose pose_of(const Solid& s) {
+  Pose X;
+  X.R = Eigen::AngleAxisd(s.turn, Vec3::UnitZ()).toRotationMatrix();
+  X.p = s.middle;
+  return X;
+}
+bodies::Shape shrunk(const Vec3& bottom, const Vec3& top, double radius) {
+  const Vec3 by = (top - bottom).normalized() * std::min(kTouch, (top - bottom).norm() / 4);
+  return bodies::cylinder(bottom + by, top - by, std::max(radius - kTouch, radius / 2));
 }
 
 class Judge {
  public:
-  Judge(const Cell& cell, const Motions& motions) : cell_(cell), motions_(motions), solids_(solids(cell)) {}
+  Judge(const Cell& cell, const Motions& motions) : cell_(cell), solids_(solids(cell)) {
+    Positions found = positions(cell, motions);
+    positions_ = std::move(found.of);
+    out_.complete = found.complete;
+    for (const Guard& g : cell.guards) fence(g);
+    crowds();
+  }
 
   Layout run() {
-    out_.least_distance = kInfinity;
+    out_.least_distance = out_.least_distance_containers = kInfinity;
     at_rest();
+    containers_at_rest();
     doors();
-    for (std::size_t t = 0; t < cell_.tasks.size(); ++t) collect(t);
-    homes();
     against_bodies();
+    against_fences();
+    against_containers();
     items_on_belts();
+    report();
     against_each_other();
-    for (const auto& list : positions_) {
-      out_.positions += static_cast<int>(list.size());
-      for (const Position& p : list) {
-        for (const Capsule& c : p.links) {
-          if (c.mount || c.cargo) continue;
-          const std::string& name = cell_.machines[static_cast<std::size_t>(&list - positions_.data())].name;
-          constexpr double kPiece = 0.1;  // m: what lies at one height of the tables of distances
-          const int pieces = std::max(1, static_cast<int>(std::ceil((c.to - c.from).norm() / kPiece)));
-          for (int k = 0; k < pieces; ++k) {
-            const auto at = [&](int i) { return Vec3(c.from + (c.to - c.from) * (static_cast<double>(i) / pieces)); };
-            out_.swept.push_back({at(k), c.radius, name, at(k + 1)});
-          }
-        }
-      }
-    }
+    sweep();
     const auto [low, high] = extent(cell_);
     out_.low = low;
     out_.high = high;
@@ -101,15 +100,133 @@ class Judge {
   }
 
  private:
+  /// What machines and what they carry come to, in pieces.
+  void sweep() {
+    for (std::size_t m = 0; m < positions_.size(); ++m) {
+      out_.positions += static_cast<int>(positions_[m].size());
+      for (const Position& p : positions_[m]) {
+        for (const Capsule& c : p.links) {
+          if (c.mount) continue;
+          constexpr double kPiece = 0.1;  // m: what lies at one height of the tables of distances
+          const int pieces = std::max(1, static_cast<int>(std::ceil((c.to - c.from).norm() / kPiece)));
+          for (int k = 0; k < pieces; ++k) {
+            const auto at = [&](int i) { return Vec3(c.from + (c.to - c.from) * (static_cast<double>(i) / pieces)); };
+            out_.swept.push_back({at(k), c.radius, cell_.machines[m].name, at(k + 1)});
+          }
+        }
+      }
+    }
+  }
+
+  /// A fence as a sheet that stands there.
+  void fence(const Guard& g) {
+    if (g.kind != Guard::Kind::fence || !(g.height > 0)) return;
+    constexpr double kSheet = 0.005;  // m
+    const Vec3 d = g.to - g.from;
+    Solid s;
+    s.name = g.name;
+    s.kind = "fence";
+    s.middle = (g.from + g.to) / 2;
+    s.middle.z() = g.height / 2;
+    s.size = {std::hypot(d.x(), d.y()), kSheet, g.height};
+    s.turn = std::atan2(d.y(), d.x());
+    fences_.emplace_back(s, g.opening > 0);
+  }
+
+  void crowds() {
+    crowds_.resize(cell_.spots.size());
+    if (cell_.containers.empty()) return;
+    const Container& container = cell_.containers[0];
+    std::vector<bool> put(cell_.spots.size(), false), taken(cell_.spots.size(), false);
+    for (const Task& t : cell_.tasks) {
+      if (t.to >= 0) put[static_cast<std::size_t>(t.to)] = true;
+      if (t.from >= 0) taken[static_cast<std::size_t>(t.from)] = true;
+    }
+    for (std::size_t s = 0; s < crowds_.size(); ++s) {
+      crowds_[s].only_source = !put[s];
+      crowds_[s].only_sink = !taken[s] && cell_.spots[s].kind != Spot::Kind::opening;
+    }
+    for (const StandingContainer& c : standing_containers(cell_)) {
+      const auto s = static_cast<std::size_t>(c.spot);
+      if (!put[s] && c.slot >= cell_.spots[s].containers) continue;  // nothing ever stands there
+      crowds_[s].all.push_back({static_cast<std::size_t>(c.slot), c.bottom, c.bottom + Vec3(0, 0, container.height)});
+    }
+    for (Crowd& crowd : crowds_) {
+      Vec3 low = Vec3::Constant(kInfinity), high = -low;
+      for (const Standing& c : crowd.all) {
+        low = low.cwiseMin(c.bottom);
+        high = high.cwiseMax(c.top);
+      }
+      if (crowd.all.empty()) continue;
+      crowd.middle = (low + high) / 2;
+      crowd.radius = (high - low).norm() / 2 + container.diameter / 2;
+    }
+  }
+
+  /// Whether a container can stand in a slot while a machine is at a position; `own`: the tool may touch it.
+  [[nodiscard]] bool stands(const Position& p, std::size_t spot, const Standing& c, bool& own) const {
+    own = false;
+    for (const Moved& moved : p.moved) {
+      if (moved.spot != static_cast<int>(spot)) continue;
+      if (moved.slot == c.slot) {
+        own = moved.stands;
+        return moved.stands;
+      }
+      if (moved.how == Moved::How::takes && crowds_[spot].only_source && c.slot < moved.slot) return false;
+      if (moved.how == Moved::How::puts && crowds_[spot].only_sink && c.slot > moved.slot) return false;
+    }
+    return true;
+  }
+  [[nodiscard]] std::string called(const Standing& c, std::size_t spot) const {
+    const std::string& name = cell_.containers[0].name;
+    return cell_.spots[spot].slots.size() > 1
+               ? fmt::format("the {} in slot {} of {}", name, c.slot + 1, cell_.spots[spot].name)
+               : fmt::format("the {} in {}", name, cell_.spots[spot].name);
+  }
+
   void at_rest() {
-    constexpr double kTouch = 1e-6;  // m: what stands on something touches it
+    constexpr double kSame = 1e-6;  // m: what stands on something touches it
     for (std::size_t i = 0; i < solids_.size(); ++i) {
       for (std::size_t k = i + 1; k < solids_.size(); ++k) {
         const double depth = overlap(solids_[i], solids_[k]);
-        if (depth <= kTouch) continue;
+        if (depth <= kSame) continue;
         // A base belongs to its machine's place, a holder may stand in its stand: only what is not one body is judged.
         out_.problems.push_back({"collision", fmt::format("{} and {} reach {:.1f} mm into each other", solids_[i].name,
                                                           solids_[k].name, units::to_mm(depth))});
+      }
+    }
+  }
+
+  /// Containers in their slots against bodies, items on belts, fences and containers of other places.
+  void containers_at_rest() {
+    if (cell_.containers.empty()) return;
+    const Container& k = cell_.containers[0];
+    std::vector<Solid> around = solids_;
+    for (Solid& layer : layers()) {
+      layer.name = "items on " + layer.name;
+      around.push_back(layer);
+    }
+    for (const auto& [solid, open] : fences_) around.push_back(solid);
+    for (std::size_t s = 0; s < crowds_.size(); ++s) {
+      for (const Standing& c : crowds_[s].all) {
+        const bodies::Shape shape = shrunk(c.bottom, c.top, k.diameter / 2);
+        for (const Solid& solid : around) {
+          if (solid.name == cell_.spots[s].name) continue;  // it stands in it
+          if (((c.bottom + c.top) / 2 - solid.middle).norm() > (k.height + k.diameter + solid.size.norm()) / 2)
+            continue;
+          if (touch(shape, Pose{}, shape_of(solid), pose_of(solid)))
+            find(fmt::format("{}s in {}", k.name, cell_.spots[s].name), solid.name, called(c, s), solid.name, -1,
+                 (c.bottom + c.top) / 2);
+        }
+        for (std::size_t o = s + 1; o < crowds_.size(); ++o) {
+          if ((crowds_[s].middle - crowds_[o].middle).norm() > crowds_[s].radius + crowds_[o].radius) continue;
+          for (const Standing& other : crowds_[o].all) {
+            const Vec3 d = c.bottom - other.bottom;
+            if (std::hypot(d.x(), d.y()) < k.diameter - kTouch && std::abs(d.z()) < k.height - kTouch)
+              find(cell_.spots[s].name, cell_.spots[o].name, called(c, s), called(other, o), -1,
+                   (c.bottom + c.top) / 2);
+          }
+        }
       }
     }
   }
@@ -122,162 +239,6 @@ class Judge {
       if (least <= cell_.door + 1e-9) continue;
       out_.problems.push_back({"door", fmt::format("{} is {:.0f} mm wide and does not pass a door of {:.0f} mm", s.name,
                                                    units::to_mm(least), units::to_mm(cell_.door))});
-    }
-  }
-
-  void add(std::size_t m, std::size_t task, const Pose& X_MT, const JointVector& q, const std::string& zone) {
-    Position p;
-    p.links = links(cell_.machines[m], X_MT, q);
-    p.zone = zone;
-    p.task = task;
-    if (load_) {
-      Capsule c;
-      const Pose X_CT = cell_.machines[m].X_CM * X_MT;
-      c.from = X_CT * Vec3(-load_->grip * load_->axis_T);
-      c.to = X_CT * Vec3((load_->height - load_->grip) * load_->axis_T);
-      c.radius = load_->radius;
-      c.tool = c.cargo = true;
-      p.links.push_back(c);
-    }
-    bound(p);
-    positions_[m].push_back(std::move(p));
-  }
-  void add_joints(std::size_t m, std::size_t task, const JointVector& q, const std::string& zone) {
-    const kinematics::ForwardResult f = kinematics::forward(cell_.machines[m].model, q);
-    if (!f.poses.empty()) add(m, task, f.poses[0], q, zone);
-  }
-
-  /// A container in the tool of a machine that stands at a slot; an item that is taken from above.
-  void carry_container(const Machine& machine, const Stand& s) {
-    const Container& c = cell_.containers[0];
-    load_ = Load{(machine.X_CM * s.X_at).R.transpose() * Vec3::UnitZ(), c.grip, c.height, c.diameter / 2};
-  }
-  void carry_item(const Machine& machine, const Mat3& R_MT) {
-    const Item& i = cell_.items[0];
-    load_ = Load{(machine.X_CM.R * R_MT).transpose() * Vec3::UnitZ(), i.height, i.height, i.diameter / 2};
-  }
-
-  /// A joint motion between two stands.
-  void way(std::size_t m, std::size_t task, const JointVector& from, const JointVector& to, const std::string& zone) {
-    constexpr int kSteps = 12;
-    for (int k = 1; k <= kSteps; ++k) add_joints(m, task, from + (to - from) * (static_cast<double>(k) / kSteps), zone);
-  }
-  void down(std::size_t m, std::size_t task, const Stand& s, const std::string& zone) {
-    constexpr int kSteps = 3;
-    for (int k = 0; k <= kSteps; ++k)
-      add_joints(m, task, s.above + (s.joints - s.above) * (static_cast<double>(k) / kSteps), zone);
-  }
-
-  /// Slots that are judged: all of up to 40, else as many evenly, with the first and the last.
-  static std::vector<std::size_t> some(std::size_t count) {
-    constexpr std::size_t kMost = 40;
-    std::vector<std::size_t> out;
-    for (std::size_t k = 0; k < std::min(count, kMost); ++k)
-      out.push_back(count <= kMost ? k : k * (count - 1) / (kMost - 1));
-    return out;
-  }
-
-  void collect(std::size_t t) {
-    const Task& task = cell_.tasks[t];
-    const auto m = static_cast<std::size_t>(task.machine);
-    const Spot& target = cell_.spots[static_cast<std::size_t>(task.to)];
-    if (task.from_conveyor >= 0) {
-      collect_picks(t);
-      return;
-    }
-    const auto& stands = motions_.stands[m];
-    const auto zone = [&](int spot) { return cell_.spots[static_cast<std::size_t>(spot)].zone; };
-    const auto& from = stands[static_cast<std::size_t>(task.from)];
-    const auto& to = stands[static_cast<std::size_t>(task.to)];
-    const JointVector& home = motions_.home[m];
-    for (const std::size_t k : some(from.size())) {
-      if (!from[k].ok) continue;
-      load_.reset();
-      way(m, t, home, from[k].above, zone(task.from));
-      down(m, t, from[k], zone(task.from));
-      carry_container(cell_.machines[m], from[k]);
-      down(m, t, from[k], zone(task.from));  // and up again
-      std::vector<const Stand*> next;
-      if (task.via >= 0) next.push_back(&stands[static_cast<std::size_t>(task.via)][0]);
-      JointVector at = from[k].above;
-      const std::string held = zone(task.from);  // until it has arrived elsewhere
-      for (const Stand* via : next) {
-        if (!via->ok) continue;
-        way(m, t, at, via->above, zone(task.via).empty() ? held : zone(task.via));
-        down(m, t, *via, zone(task.via));
-        at = via->above;
-      }
-      for (const std::size_t j : some(to.size())) {
-        if (!to[j].ok || (task.to == task.from && j != k)) continue;
-        carry_container(cell_.machines[m], from[k]);
-        way(m, t, at, to[j].above, !target.zone.empty() ? target.zone : task.via < 0 ? held : "");
-        if (k > 0) continue;
-        down(m, t, to[j], target.zone);
-        // On to where another task begins.
-        load_.reset();
-        for (const Task& next_task : cell_.tasks) {
-          if (next_task.machine != task.machine || next_task.from < 0) continue;
-          const std::vector<Stand>& begins = stands[static_cast<std::size_t>(next_task.from)];
-          for (const Stand* s : {&begins.front(), &begins.back()})
-            if (s->ok) way(m, t, to[j].above, s->above, !target.zone.empty() ? target.zone : zone(next_task.from));
-        }
-      }
-    }
-    leave();
-  }
-
-  void leave() { load_.reset(); }
-
-  void collect_picks(std::size_t t) {
-    const Task& task = cell_.tasks[t];
-    const auto m = static_cast<std::size_t>(task.machine);
-    const Machine& machine = cell_.machines[m];
-    const Spot& target = cell_.spots[static_cast<std::size_t>(task.to)];
-    const Conveyor& belt = cell_.conveyors[static_cast<std::size_t>(task.from_conveyor)];
-    const PickTable& table = motions_.picks[t];
-    const Pose X_MC = machine.X_CM.inverse();
-    constexpr int kSteps = 14;
-    for (const double along : {table.low, (table.low + table.high) / 2, table.high}) {
-      for (const double across : {table.across_low, table.across_high}) {
-        Vec3 pick = belt.point(along, across);
-        pick.z() += cell_.items[0].height;
-        for (const std::size_t k_slot : some(target.slots.size())) {
-          const Vec3& slot = target.slots[k_slot];
-          const Vec3 put(slot.x(), slot.y(), task.release);
-          if (is_delta(machine)) {
-            const motion::Cycle cycle{X_MC * pick, X_MC * put, machine.lift, machine.blend};
-            const Result<motion::Plan> plan = motion::plan(machine.model, cycle, limits_of(machine));
-            if (!plan) continue;
-            carry_item(machine, Mat3::Identity());
-            for (int k = 0; k <= kSteps; ++k) {
-              Pose X;
-              X.p = plan->tool(cycle, plan->time * k / kSteps).p;
-              const kinematics::InverseResult q = kinematics::inverse(machine.model, X);
-              if (q.reachable() == nullptr) continue;
-              // Before it leaves the belt it holds no zone.
-              add(m, t, X, q.reachable()->joints, k == 0 ? "" : target.zone);
-            }
-          } else {
-            for (const Vec3& p : {pick, put}) {
-              const Vec3 d = p - machine.X_CM.p;
-              const Pose X = in_machine(machine, tool_pose(p, 1.5707963267948966, std::atan2(d.y(), d.x()), 0));
-              const kinematics::InverseResult q = kinematics::inverse_near(machine.model, X, motions_.home[m]);
-              if (q.reachable() == nullptr) continue;
-              const bool at_belt = &p == &pick;
-              carry_item(machine, X.R);
-              add(m, t, X, q.reachable()->joints, at_belt ? "" : target.zone);
-              way(m, t, motions_.home[m], q.reachable()->joints, target.zone);
-            }
-          }
-        }
-      }
-    }
-    leave();
-  }
-
-  void homes() {
-    for (std::size_t m = 0; m < cell_.machines.size(); ++m) {
-      if (motions_.home[m].size() > 0) add_joints(m, cell_.tasks.size(), motions_.home[m], "");
     }
   }
 
@@ -298,23 +259,117 @@ class Judge {
     return task < cell_.tasks.size() ? fmt::format("{} ({})", cell_.machines[m].name, cell_.tasks[task].name)
                                      : fmt::format("{} (home)", cell_.machines[m].name);
   }
+  /// A link of a machine, or what it carries.
+  [[nodiscard]] std::string called(std::size_t m, std::size_t task, const Capsule& c) const {
+    if (!c.cargo) return called(m, task);
+    const bool item = task < cell_.tasks.size() && cell_.tasks[task].from_conveyor >= 0;
+    return fmt::format("the {} in {}", item ? cell_.items[0].name : cell_.containers[0].name, called(m, task));
+  }
+
+  /// Keeps the deepest of what is found of a pair; `depth` below 0: they meet, how deep is not known.
+  void find(const std::string& mover, const std::string& group, const std::string& first, const std::string& what,
+            double depth, const Vec3& at) {
+    const auto [it, fresh] = found_.try_emplace({mover, group});
+    if (fresh || depth > it->second.depth) it->second = {depth, first, what, at};
+  }
+  void report() {
+    for (const auto& [key, f] : found_) {
+      const std::string how = f.depth >= 0 ? fmt::format("comes {:.1f} mm into", units::to_mm(f.depth)) : "runs into";
+      out_.problems.push_back({"collision", fmt::format("{} {} {} near {}", f.first, how, f.what, place_text(f.at))});
+    }
+  }
+
+  /// Whether a position takes or puts at a body just now.
+  [[nodiscard]] bool near(const Position& p, const Solid& s) const {
+    return (p.near_spot >= 0 && cell_.spots[static_cast<std::size_t>(p.near_spot)].name == s.name) ||
+           (p.near_conveyor >= 0 && cell_.conveyors[static_cast<std::size_t>(p.near_conveyor)].name == s.name);
+  }
+
+  /// A link or what is carried against a box: below 0 where they meet, as deep as the axis is; what is carried is a
+  /// cylinder, and -1 where it meets the box.
+  [[nodiscard]] static double gap(const Capsule& c, const Solid& s) {
+    const double d = distance(c.from, c.to, s) - c.radius;
+    if (!c.cargo || d >= 0) return d;
+    return touch(shrunk(c.from, c.to, c.radius), Pose{}, shape_of(s), pose_of(s)) ? -1 : 0;
+  }
+  void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s) {
+    // The middle of a link is at most half of its length nearer than any other point of it.
+    const Vec3 beyond = (into(s, (c.from + c.to) / 2).cwiseAbs() - s.size / 2).cwiseMax(0.0);
+    if (beyond.norm() - (c.to - c.from).norm() / 2 - c.radius > std::max(out_.least_distance, 0.0)) return;
+    const double d = gap(c, s);
+    // An item that lies on its belt is no narrow place.
+    if (!(c.cargo && near(p, s))) out_.least_distance = std::min(out_.least_distance, std::max(d, c.cargo ? 0.0 : d));
+    if (d < 0) find(called(m, p.task, c), s.name, called(m, p.task, c), s.name, c.cargo ? -1 : -d, (c.from + c.to) / 2);
+  }
 
   void against_bodies() {
-    std::set<std::pair<std::string, std::string>> said;
     for (std::size_t m = 0; m < positions_.size(); ++m) {
       for (const Position& p : positions_[m]) {
         for (const Solid& s : solids_) {
           const double far = (p.middle - s.middle).norm() - p.radius - s.size.norm() / 2;
           if (far > std::min(out_.least_distance, 1.0)) continue;
-          const bool mine = works_at(p.task, s.name);
+          const bool mine = near(p, s);
           for (const Capsule& c : p.links) {
-            if (c.mount || c.cargo || (c.tool && mine)) continue;
-            const double d = distance(c.from, c.to, s) - c.radius;
-            out_.least_distance = std::min(out_.least_distance, d);
-            if (d >= 0 || !said.insert({called(m, p.task), s.name}).second) continue;
-            out_.problems.push_back(
-                {"collision", fmt::format("{} comes {:.0f} mm into {} near {}", called(m, p.task), -units::to_mm(d),
-                                          s.name, place_text((c.from + c.to) / 2))});
+            // An item lies on its belt; a container stands in its place.
+            if (c.mount || (c.tool && mine && !(c.cargo && p.near_conveyor >= 0))) continue;
+            judge(m, p, c, s);
+          }
+        }
+      }
+    }
+  }
+
+  /// What reaches through the opening of a fence, as a task asks, may.
+  void against_fences() {
+    for (std::size_t m = 0; m < positions_.size(); ++m) {
+      for (const Position& p : positions_[m]) {
+        const bool through =
+            p.near_spot >= 0 && cell_.spots[static_cast<std::size_t>(p.near_spot)].kind == Spot::Kind::opening;
+        for (const auto& [s, open] : fences_) {
+          if ((p.middle - s.middle).norm() > p.radius + s.size.norm() / 2) continue;
+          for (const Capsule& c : p.links)
+            if (!c.mount && !(c.tool && through && open)) judge(m, p, c, s);
+        }
+      }
+    }
+  }
+
+  void against_containers() {
+    if (cell_.containers.empty()) return;
+    const Container& k = cell_.containers[0];
+    const double reach = std::hypot(k.height, k.diameter) / 2;
+    for (std::size_t m = 0; m < positions_.size(); ++m) {
+      for (const Position& p : positions_[m]) {
+        for (std::size_t s = 0; s < crowds_.size(); ++s) {
+          const Crowd& crowd = crowds_[s];
+          if (crowd.all.empty() || (p.middle - crowd.middle).norm() > p.radius + crowd.radius) continue;
+          for (const Standing& c : crowd.all) {
+            bool own = false;
+            if ((p.middle - (c.bottom + c.top) / 2).norm() > p.radius + reach || !stands(p, s, c, own)) continue;
+            for (const Capsule& link : p.links) {
+              if (link.tool && own) continue;
+              const double limit = std::max(out_.least_distance_containers, 0.0);
+              if (!nearer_than(link.from, link.to, c.bottom, c.top,
+                               std::min(limit, 1.0) + link.radius + k.diameter / 2))
+                continue;
+              double d = 0;
+              if (link.cargo) {
+                const bodies::Bracket b = bodies::distance(shrunk(link.from, link.to, link.radius), Pose{},
+                                                           shrunk(c.bottom, c.top, k.diameter / 2), Pose{}, limit);
+                d = b.high < 1e-6 ? -1 : b.high;
+              } else {
+                const bodies::Shape axis = bodies::capsule(link.from, link.to, 0);
+                d = bodies::distance(axis, Pose{}, bodies::cylinder(c.bottom, c.top, k.diameter / 2), Pose{},
+                                     limit + link.radius)
+                        .high -
+                    link.radius;
+              }
+              out_.least_distance_containers =
+                  std::min(out_.least_distance_containers, std::max(d, link.cargo ? 0 : d));
+              if (d < 0)
+                find(called(m, p.task, link), cell_.spots[s].name + " container", called(m, p.task, link), called(c, s),
+                     link.cargo ? -1 : -d, (link.from + link.to) / 2);
+            }
           }
         }
       }
@@ -337,30 +392,15 @@ class Judge {
 
   void items_on_belts() {
     const std::vector<Solid> solid = layers();
-    std::vector<bodies::Shape> shapes;
-    std::vector<Pose> poses;
-    for (const Solid& s : solid) {
-      shapes.push_back(bodies::box(-s.size / 2, s.size / 2));
-      Pose X;
-      X.R = Eigen::AngleAxisd(s.turn, Vec3::UnitZ()).toRotationMatrix();
-      X.p = s.middle;
-      poses.push_back(X);
-    }
-    std::set<std::array<std::string, 3>> said;
     for (std::size_t m = 0; m < positions_.size(); ++m) {
       for (const Position& p : positions_[m]) {
-        const auto report = [&](const Capsule& c, const std::string& what) {
-          const std::string mover = called(m, p.task);
-          if (!said.insert({mover, what, ""}).second) return;
-          out_.problems.push_back(
-              {"collision", fmt::format("{} reaches into {} near {}", mover, what, place_text((c.from + c.to) / 2))});
-        };
-        for (std::size_t k = 0; k < solid.size(); ++k) {
-          if (works_at(p.task, solid[k].name)) continue;
-          if ((p.middle - solid[k].middle).norm() > p.radius + solid[k].size.norm() / 2) continue;
+        for (const Solid& s : solid) {
+          if (works_at(p.task, s.name) || (p.middle - s.middle).norm() > p.radius + s.size.norm() / 2) continue;
           for (const Capsule& c : p.links) {
-            if (c.mount || c.cargo) continue;
-            if (touch(shape_of(c), Pose{}, shapes[k], poses[k])) report(c, fmt::format("items on {}", solid[k].name));
+            if (c.mount) continue;
+            const std::string what = fmt::format("items on {}", s.name);
+            if (touch(shape_of(c), Pose{}, shape_of(s), pose_of(s)))
+              find(called(m, p.task, c), what, called(m, p.task, c), what, -1, (c.from + c.to) / 2);
           }
         }
       }
@@ -379,6 +419,8 @@ class Judge {
             auto found = worst.find(key);
             double limit = found == worst.end() ? cell_.clearance : found->second.distance;
             for (const Capsule& a : p.links) {
+              const double from_ball = ((a.from + a.to) / 2 - q.middle).norm() - q.radius;
+              if (from_ball - (a.to - a.from).norm() / 2 - a.radius > cell_.clearance) continue;
               for (const Capsule& b : q.links) {
                 if (!nearer_than(a.from, a.to, b.from, b.to, limit + a.radius + b.radius)) continue;
                 const double d = a.cargo || b.cargo
@@ -386,8 +428,10 @@ class Judge {
                                      : segment_distance(a.from, a.to, b.from, b.to) - a.radius - b.radius;
                 if (d >= limit) continue;
                 limit = d;
-                worst[key] = {called(m, p.task), called(o, q.task), d, (a.from + a.to + b.from + b.to) / 4,
-                              together ? p.zone : ""};
+                const ClosestParameters c = closest_parameters(a.from, a.to - a.from, b.from, b.to - b.from);
+                const Vec3 at =
+                    (a.from + c.s * (a.to - a.from) + b.from + c.t * (b.to - b.from)) / 2;  // between their axes
+                worst[key] = {called(m, p.task, a), called(o, q.task, b), d, at, together ? p.zone : ""};
               }
             }
           }
@@ -404,11 +448,18 @@ class Judge {
     }
   }
 
+  struct Finding {
+    double depth = 0;  ///< m, the deepest
+    std::string first, what;
+    Vec3 at = Vec3::Zero();
+  };
+
   const Cell& cell_;
-  const Motions& motions_;
   std::vector<Solid> solids_;
-  std::optional<Load> load_;  ///< of the positions that are added next
-  std::vector<std::vector<Position>> positions_{cell_.machines.size()};
+  std::vector<std::pair<Solid, bool>> fences_;  ///< and whether they have an opening
+  std::vector<Crowd> crowds_;                   ///< of each spot
+  std::vector<std::vector<Position>> positions_;
+  std::map<std::pair<std::string, std::string>, Finding> found_;
   Layout out_;
 };
 

@@ -98,15 +98,24 @@ Process World::go_home(std::size_t m) {
   Arm& arm = arms_[m];
   arm.busy = true;
   act(m, "to its place of waiting", true);
-  double time = joint_time(cell_.machines[m], arm.joints, motions_.home[m]);
+  double time = 0;
   if (arm.where.kind == Where::Kind::slot && last_pick_.contains(m)) {
     time = motions_.picks[last_pick_.at(m)].home_times[arm.where.slot];
   } else if (arm.where.kind == Where::Kind::belt && last_pick_.contains(m)) {
     const PickTable& table = motions_.picks[last_pick_.at(m)];
     time = table.time(table.times.size() - 1, arm.where.along, arm.where.across);
   }
-  leg(m, time, motions_.home[m]);
-  co_await work(m, time);
+  if (arm.where.kind == Where::Kind::home) {
+    for (const machine::JointVector& stop : stops(cell_.machines[m], motions_.home[m], arm.joints, motions_.home[m])) {
+      const double part = joint_time(cell_.machines[m], arm.joints, stop);
+      leg(m, part, stop);
+      co_await work(m, part);
+      arm.joints = stop;
+    }
+  } else {
+    leg(m, time, motions_.home[m]);
+    co_await work(m, time);
+  }
   arm.where = {};
   arm.joints = motions_.home[m];
   arm.at_home = true;
@@ -189,15 +198,21 @@ Process World::go(std::size_t m, std::string zone, machine::JointVector to, bool
   Arm& arm = arms_[m];
   const Machine& machine = cell_.machines[m];
   if (!zone.empty() && !arm.zone.empty() && zone != arm.zone && !keeps_zone) {
-    leg(m, joint_time(machine, arm.joints, motions_.home[m]), motions_.home[m]);
-    co_await work(m, joint_time(machine, arm.joints, motions_.home[m]));
-    arm.joints = motions_.home[m];
+    for (const machine::JointVector& stop : stops(machine, motions_.home[m], arm.joints, motions_.home[m])) {
+      const double time = joint_time(machine, arm.joints, stop);
+      leg(m, time, stop);
+      co_await work(m, time);
+      arm.joints = stop;
+    }
     leave_zone(m);
   }
   if (!zone.empty()) co_await take_zone(m, zone);
-  leg(m, joint_time(machine, arm.joints, to), to);
-  co_await work(m, joint_time(machine, arm.joints, to));
-  arm.joints = to;
+  for (const machine::JointVector& stop : stops(machine, motions_.home[m], arm.joints, to)) {
+    const double time = joint_time(machine, arm.joints, stop);
+    leg(m, time, stop);
+    co_await work(m, time);
+    arm.joints = stop;
+  }
   if (zone.empty()) leave_zone(m);
 }
 

@@ -40,6 +40,8 @@ std::optional<JointVector> joints_at(const Machine& m, const Pose& X_CT, const J
   return best->joints;
 }
 
+}  // namespace
+
 Stand stand_at(const Machine& m, const JointVector& home, const Vec3& at, double pitch, double heading, double roll,
                double clearance) {
   Stand out;
@@ -80,8 +82,6 @@ Stand stand_at(const Machine& m, const JointVector& home, const Vec3& at, double
   return out;
 }
 
-}  // namespace
-
 double trapezoid_time(double d, double v, double a) {
   if (!(d > 0)) return 0;
   return d * a >= v * v ? d / v + v / a : 2 * std::sqrt(d / a);
@@ -93,6 +93,34 @@ double joint_time(const Machine& machine, const JointVector& from, const JointVe
     const auto k = static_cast<std::size_t>(j);
     out =
         std::max(out, trapezoid_time(std::abs(to[j] - from[j]), machine.joint_speed[k], machine.joint_acceleration[k]));
+  }
+  return out;
+}
+
+std::vector<JointVector> stops(const Machine& machine, const JointVector& home, const JointVector& from,
+                               const JointVector& to) {
+  if (!machine.folds || home.size() != to.size() || from.size() != to.size()) return {to};
+  std::vector<JointVector> out;
+  JointVector last = from;
+  const auto go = [&](const JointVector& next) {
+    if ((next - last).cwiseAbs().maxCoeff() > 1e-12) out.push_back(next);
+    last = next;
+  };
+  JointVector in = home, turned = home;
+  in[0] = from[0];
+  turned[0] = to[0];
+  go(in);
+  go(turned);
+  go(to);
+  return out;
+}
+
+double way_time(const Machine& machine, const JointVector& home, const JointVector& from, const JointVector& to) {
+  double out = 0;
+  JointVector last = from;
+  for (const JointVector& next : stops(machine, home, from, to)) {
+    out += joint_time(machine, last, next);
+    last = next;
   }
   return out;
 }
@@ -237,7 +265,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
           const Stand pick =
               stand_at(m, home, at, std::numbers::pi / 2, std::numeric_limits<double>::quiet_NaN(), 0, m.lift);
           if (pick.ok)
-            time = end.straight + joint_time(m, end.above, pick.above) + pick.straight;
+            time = end.straight + way_time(m, home, end.above, pick.above) + pick.straight;
           else
             complain(at, pick.why);
         }
@@ -251,9 +279,45 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
       const Result<motion::Plan> plan = motion::plan(m.model, {X_MC * ends[e], X_MC * m.home, m.lift, m.blend}, limits);
       home_time = plan ? plan->time : 2 * trapezoid_time((m.home - ends[e]).norm(), m.tool_speed, m.tool_acceleration);
     } else if (end.ok) {
-      home_time = end.straight + joint_time(m, end.above, home);
+      home_time = end.straight + way_time(m, home, end.above, home);
     }
     out.home_times.push_back(home_time);
+  }
+}
+
+/// How far a container leans, rad, at a stand when it was upright at another.
+double lean(const Machine& m, const Stand& taken, const Stand& there) {
+  const Vec3 axis = (m.X_CM * there.X_at).R * ((m.X_CM * taken.X_at).R.transpose() * Vec3::UnitZ());
+  return std::acos(std::clamp(axis.z(), -1.0, 1.0));
+}
+
+/// Containers stand upright where they are put, and are upside down enough where they are emptied.
+void upright(const Cell& cell, const Task& task, Motions& out) {
+  constexpr double kUpright = 0.02;  // rad: a tin of 120 mm then leans by 2 mm
+  const auto m = static_cast<std::size_t>(task.machine);
+  const Machine& machine = cell.machines[m];
+  const auto first = [&](int spot) -> const Stand* {
+    for (const Stand& s : out.stands[m][static_cast<std::size_t>(spot)])
+      if (s.ok) return &s;
+    return nullptr;
+  };
+  const Stand* from = first(task.from);
+  if (from == nullptr) return;
+  const std::string& name = cell.containers[0].name;
+  const auto called = [&](int spot) { return cell.spots[static_cast<std::size_t>(spot)].name; };
+  if (const Stand* to = first(task.to); to != nullptr && lean(machine, *from, *to) > kUpright) {
+    out.problems.push_back(
+        {"tilt", fmt::format("{} ({}) puts the {} from {} into {} tilted by {:.0f} deg: pitch_deg and roll_deg of both "
+                             "must agree",
+                             machine.name, task.name, name, called(task.from), called(task.to),
+                             units::to_deg(lean(machine, *from, *to)))});
+  }
+  if (task.via < 0) return;
+  if (const Stand* via = first(task.via); via != nullptr && !(lean(machine, *from, *via) > std::numbers::pi / 2)) {
+    out.problems.push_back({"tilt", fmt::format("{} ({}) tilts the {} at {} by {:.0f} deg, and nothing falls out: more "
+                                                "than 90 deg are needed; turn the tool by roll_deg",
+                                                machine.name, task.name, name, called(task.via),
+                                                units::to_deg(lean(machine, *from, *via)))});
   }
 }
 
@@ -315,6 +379,7 @@ Motions motions(const Cell& cell) {
                                                      place_text(s.slots[k]), stands.back().why)});
       }
     }
+    upright(cell, task, out);
     const Container& c = cell.containers[0];
     const double mass = m.hand_mass + c.mass + (cell.items.empty() ? 0 : c.capacity * cell.items[0].mass);
     if (m.payload > 0 && mass > m.payload) {

@@ -34,6 +34,7 @@ Status Reader::container() {
                 "grip_mm counts from its bottom, up to height_mm");
   }
   out.grip = grip;
+  out.grip_given = table->has("grip_mm");
   out.capacity = capacity;
   out.diameter = diameter;
   out.height = height;

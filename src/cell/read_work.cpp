@@ -174,6 +174,7 @@ Status Reader::machines(const std::string& file) {
         }
       } else {
         v.assign(static_cast<std::size_t>(joints), otherwise);
+        out.defaults.emplace_back(key, otherwise);
       }
       for (int j = 0; j < joints && mixed; ++j) {
         const bool angle = kinematics::joint_kind(out.model, j) == machine::JointKind::revolute;
@@ -195,6 +196,7 @@ Status Reader::machines(const std::string& file) {
     }
     const auto number = [&](const std::string& key, double& to, double factor, Range range) -> Status {
       POLYPOD_ASSIGN(v, table.optional_number(key, to / factor, range));
+      if (!table.has(key)) out.defaults.emplace_back(key, v);
       to = v * factor;
       return {};
     };
@@ -214,6 +216,12 @@ Status Reader::machines(const std::string& file) {
     POLYPOD_TRY(number("release_s", out.release, 1, kSeconds));
     POLYPOD_TRY(number("grip_failures", out.failure, 1, {0, 0.99}));
     POLYPOD_TRY(number("body_diameter_mm", out.body, mm, kMaybeSize_mm));
+    POLYPOD_ASSIGN(folds, table.optional_boolean("folds", false));
+    if (folds && !kinematics::is_serial(out.model)) {
+      return fail("CE106", fmt::format("{} has no first joint to turn about: only arms fold", out.name),
+                  table.place_of("folds"), "leave out `folds`");
+    }
+    out.folds = folds;
     POLYPOD_TRY(number("payload_kg", out.payload, 1, {0, 1e6}));
     POLYPOD_TRY(number("hand_mass_g", out.hand_mass, 1e-3, {0, 1e9}));
     if (table.has("stopping_ms")) {

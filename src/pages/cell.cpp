@@ -300,18 +300,17 @@ void task_section(report::Report& page, const CellResult& r) {
                                                               : "end")});
   }
   page.add_table(table);
-  if (!r.cell.assumptions.empty()) {
+  if (!r.assumed.empty()) {
     page.add_heading("Assumed");
-    std::vector<std::string> list;
-    for (const auto& [what, why] : r.cell.assumptions) list.push_back(fmt::format("{}: {}.", what, why));
-    page.add_list(list);
+    page.add_list(r.assumed);
   }
 }
 
 void layout_section(report::Report& page, const CellResult& r) {
   page.add_section("Layout");
   page.add_text(
-      fmt::format("The cell takes {} × {} mm of floor, {} m². Bodies were judged at rest, machines in {} positions "
+      fmt::format("The cell takes {} × {} mm of floor, {} m². Bodies and containers were judged at rest, machines and "
+                  "what they carry in {} positions "
                   "along their ways: a sample, not a proof.",
                   report::fixed(to_mm(r.layout.high.x() - r.layout.low.x()), 0),
                   report::fixed(to_mm(r.layout.high.y() - r.layout.low.y()), 0), report::fixed(r.layout.floor_area, 2),

@@ -331,10 +331,10 @@ TEST(CellCycle, ABetterPartNeverMakesTheStudyLie) {
   ASSERT_EQ(st.policies.size(), 3U);
   ASSERT_EQ(st.gains.size(), 4U);
   EXPECT_EQ(st.policies[0].second.mean, st.throughput.mean);
-  // The delta works most and limits; with it twice as fast the arm does.
-  EXPECT_EQ(st.gains.front().what, "delta 10 % faster");
+  // The arm works most and limits; with it twice as fast the delta does.
+  EXPECT_EQ(st.gains.front().what, "arm 10 % faster");
   ASSERT_FALSE(st.next_gains.empty());
-  EXPECT_EQ(st.next_gains.front().what, "arm 10 % faster");
+  EXPECT_EQ(st.next_gains.front().what, "delta 10 % faster");
 }
 
 TEST(CellCycle, Estimates) {

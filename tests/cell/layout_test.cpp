@@ -8,7 +8,9 @@
 #include <cmath>
 #include <random>
 
+#include "cells.hpp"
 #include "paths.hpp"
+#include "polypod/cell/judge.hpp"
 
 namespace polypod::cell {
 namespace {
@@ -116,6 +118,157 @@ TEST(Layout, ItemsOnBeltsAreInTheWay) {
   EXPECT_FALSE(finds(layout(*cell, m), "collision", "items on B"));
   cell->items[0].height = 0.25;  // 1.2 m: as high as the tins that are poured out
   EXPECT_FALSE(finds(layout(*cell, m), "collision", "empty) reaches into items on B")) << "it works there";
+}
+
+// The bottom of a box that hangs from a tool at 1000 mm is at 975 mm; on the way from P to Q2 the tool sinks a little.
+TEST(Layout, WhatIsCarriedRunsIntoBodies) {
+  std::string text = test::kCrossing;
+  for (std::size_t at = 0; (at = text.find("KEEPS")) != std::string::npos;) text.replace(at, 5, "false");
+  auto cell = from_text(text, "crossing.toml");
+  ASSERT_TRUE(cell);
+  for (Machine& m : cell->machines) m.body = 0.004;  // the tool alone clears the body
+  const Motions m = motions(*cell);
+  const auto with_top_at = [&](double top) {
+    Cell c = *cell;
+    c.bodies.push_back({"wall", "wall", {0, 0.075, top - 0.05}, {0.02, 0.02, 0.1}, 0, false});
+    return layout(c, m);
+  };
+  const Layout high = with_top_at(0.97), low = with_top_at(0.90);
+  EXPECT_TRUE(finds(high, "collision", "the box in one (there) runs into wall"));
+  EXPECT_FALSE(finds(high, "collision", "mm into wall")) << "the machine itself is over it";
+  EXPECT_FALSE(finds(low, "collision", "wall"));
+}
+
+TEST(Layout, ContainersAtRestTouchNothingButTheirPlace) {
+  auto cell = from_text(test::kPicking, "small.toml");
+  ASSERT_TRUE(cell);
+  cell->tasks.clear();
+  Motions none;  // nothing moves
+  none.home.resize(1);
+  none.stands.assign(1, std::vector<std::vector<Stand>>(1));
+  none.picks.resize(1);
+  EXPECT_TRUE(layout(*cell, none).problems.empty());
+  // Boxes of 100 mm stand at x = 740 and 860, y = 250, from 875 to 925 mm.
+  Cell beside = *cell, on = *cell, in = *cell, own = *cell;
+  beside.bodies.push_back({"post", "post", {0.8, 0.25, 0.9}, {0.02, 0.02, 0.2}, 0, false});
+  on.bodies.push_back({"table", "table", {0.8, 0.3, 0.8375}, {0.4, 0.2, 0.075}, 0, false});
+  in.bodies.push_back({"table", "table", {0.8, 0.3, 0.8385}, {0.4, 0.2, 0.075}, 0, false});
+  EXPECT_TRUE(layout(beside, none).problems.empty()) << "they touch it";
+  EXPECT_TRUE(layout(on, none).problems.empty()) << "they stand on it";
+  EXPECT_TRUE(finds(layout(in, none), "collision", "the box in slot 1 of holder runs into table"));
+  own.spots[0].size = {0.3, 0.15, 0.05};
+  own.spots[0].middle = {0.8, 0.3, 0.88};
+  EXPECT_TRUE(layout(own, none).problems.empty()) << "they stand in their holder";
+  Cell two = *cell;
+  two.spots.push_back(two.spots[0]);
+  two.spots[1].name = "other";
+  for (Vec3& slot : two.spots[1].slots) slot.x() += 0.01;
+  EXPECT_TRUE(
+      finds(layout(two, none), "collision", "the box in slot 1 of holder runs into the box in slot 1 of other"));
+}
+
+// Taken in the middle of its height, a tin has the gripper between its neighbours: 25 deg below the horizontal it meets
+// them. At the rim it passes over.
+TEST(Layout, NeighboursAreInTheWayOfTheHand) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  cell->containers[0].grip = 0.06;
+  const Layout l = layout(*cell, motions(*cell));
+  EXPECT_TRUE(finds(l, "collision", "arm (fetch) comes"));
+  EXPECT_TRUE(finds(l, "collision", "into the tin in slot"));
+}
+
+// Raised by less than its height, a tin is drawn through the others.
+TEST(Layout, ATinMustComeOverTheOthers) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  for (Spot& s : cell->spots)
+    if (s.name == "pallet") s.clearance = 0.02;
+  const Layout l = layout(*cell, motions(*cell));
+  EXPECT_TRUE(finds(l, "collision", "the tin in arm (return) runs into the tin in slot"));
+  EXPECT_TRUE(finds(l, "collision", "the tin in arm (fetch) runs into pallet"));
+}
+
+// Without drawing in, the arm swings a tin through the fence at the front.
+TEST(Layout, FencesAreBodies) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  for (Machine& m : cell->machines) m.folds = false;
+  EXPECT_TRUE(finds(layout(*cell, motions(*cell)), "collision", "into front"));
+}
+
+TEST(Reach, ContainersArePutUprightAndEmptiedUpsideDown) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  const auto says = [](const Cell& c, const std::string& text) {
+    const Motions m = motions(c);
+    return std::any_of(m.problems.begin(), m.problems.end(),
+                       [&](const Problem& p) { return p.kind == "tilt" && p.detail.find(text) != std::string::npos; });
+  };
+  EXPECT_FALSE(says(*cell, ""));
+  Cell steep = *cell, level = *cell;
+  for (Spot& s : steep.spots)
+    if (s.name == "pallet") s.pitch += 10 * std::acos(-1.0) / 180;
+  EXPECT_TRUE(says(steep, "arm (fetch) puts the tin from pallet into holder tilted by 10 deg"));
+  for (Spot& s : level.spots)
+    if (s.name == "pouring") s.roll = 0;
+  EXPECT_TRUE(says(level, "arm (fetch) tilts the tin at pouring by 25 deg, and nothing falls out"));
+}
+
+TEST(Reach, AMachineThatFoldsStopsTwiceOnItsWay) {
+  const auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  Machine m = cell->machines[1];
+  machine::JointVector home(6), a(6), b(6);
+  home << 0, -2, 2, 0, 0.5, 0;
+  a << 1, -1, 1, 0, 0, 0;
+  b << -1, -1.5, 1, 0, 1, 0;
+  const auto way = stops(m, home, a, b);
+  ASSERT_EQ(way.size(), 3U);
+  EXPECT_EQ(way[0][0], 1);
+  EXPECT_EQ(way[0][1], -2);
+  EXPECT_EQ(way[1][0], -1);
+  EXPECT_EQ(way[1][4], 0.5);
+  EXPECT_EQ(way[2], b);
+  EXPECT_DOUBLE_EQ(way_time(m, home, a, b),
+                   joint_time(m, a, way[0]) + joint_time(m, way[0], way[1]) + joint_time(m, way[1], b));
+  EXPECT_EQ(stops(m, home, home, b).size(), 2U) << "from home it need not draw in";
+  m.folds = false;
+  EXPECT_EQ(stops(m, home, a, b).size(), 1U);
+  EXPECT_DOUBLE_EQ(way_time(m, home, a, b), joint_time(m, a, b));
+}
+
+TEST(Reach, OnlyArmsFold) {
+  std::string text = test::kPicking;
+  text.replace(text.find("lift_mm = 40"), 12, "lift_mm = 40\nfolds = true");
+  const auto cell = from_text(text, "small.toml");
+  ASSERT_FALSE(cell);
+  EXPECT_EQ(cell.error().id, "CE106");
+}
+
+TEST(Judge, DefaultsThatCountAreNamed) {
+  const auto cell = from_text(test::kPicking, "small.toml");
+  ASSERT_TRUE(cell);
+  CellQuestion question;
+  question.settings.seconds = 5;
+  const auto says = [](const CellResult& r, const std::string& text) {
+    return std::any_of(r.assumed.begin(), r.assumed.end(),
+                       [&](const std::string& a) { return a.find(text) != std::string::npos; });
+  };
+  const CellResult r = judge_cell(*cell, question);
+  EXPECT_TRUE(says(r, "box: grip_mm = 25, half of its height, by default"));
+  EXPECT_TRUE(says(r, "body_diameter_mm = 100"));
+  EXPECT_TRUE(says(r, "tool_speed_mm_per_s = 5000"));
+  EXPECT_FALSE(says(r, "grip_s")) << "it is given";
+  EXPECT_FALSE(says(r, "joint_speed")) << "a delta that picks moves by planned cycles";
+  std::string text = test::kPicking;
+  text.replace(text.find("height_mm = 50"), 14, "height_mm = 50\ngrip_mm = 25");
+  text.replace(text.find("lift_mm = 40"), 12, "lift_mm = 40\nbody_diameter_mm = 100");
+  const auto given = from_text(text, "small.toml");
+  ASSERT_TRUE(given);
+  const CellResult g = judge_cell(*given, question);
+  EXPECT_FALSE(says(g, "grip_mm"));
+  EXPECT_FALSE(says(g, "body_diameter_mm"));
 }
 
 }  // namespace

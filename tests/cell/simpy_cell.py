@@ -202,9 +202,15 @@ def model(cell, times, seed):
             state["delta_busy"] += env.now - start
             tell()
 
-    def way(start, end):
+    def joint_motion(start, end):
         speeds, accelerations = arm["joint_speed_deg_per_s"], arm["joint_acceleration_deg_per_s2"]
         return max(trapezoid(abs(x - y), v, c) for x, y, v, c in zip(start, end, speeds, accelerations))
+
+    def way(start, end):
+        # It draws in, turns about its first joint, and reaches out.
+        home = arm_times["home"]
+        stops = [start] + ([[start[0]] + home[1:], [end[0]] + home[1:]] if arm.get("folds") else []) + [end]
+        return sum(joint_motion(x, y) for x, y in zip(stops, stops[1:]))
 
     def run_arm():
         stands, joints, held = arm_times["stands"], arm_times["home"], None

@@ -28,6 +28,7 @@ struct Container {
   double diameter = 0, height = 0;  ///< m
   double mass = 0;                  ///< kg, empty
   double grip = 0;                  ///< m above its bottom, where the tool takes it
+  bool grip_given = true;           ///< false: half of its height, by default
 };
 
 /// A straight belt. Items keep their place on it until they are taken or reach its end.
@@ -116,9 +117,11 @@ struct Machine {
   double grip = 0, release = 0;      ///< s: closing and opening, vacuum on and off
   double failure = 0;                ///< share of grips of items that fail, 0 to 1
   double body = 0.1;                 ///< m, diameter that its links are given for collisions
+  bool folds = false;                ///< between two places it draws in, turns about its first joint, and reaches out
   double payload = 0;                ///< kg, 0: not given
   double hand_mass = 0;              ///< kg, of gripper or sucker
   double stopping = -1;              ///< s, after the stop was asked for; below 0: from its dynamics
+  std::vector<std::pair<std::string, double>> defaults;  ///< keys that the file does not give, with what they became
 };
 
 /// A machine moves items from a belt into containers, or containers from place to place.

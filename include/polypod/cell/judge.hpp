@@ -32,6 +32,7 @@ struct CellResult {
   Planning planning;
   std::string policy;
   std::vector<Problem> problems;        ///< of all parts; empty: the answer is yes
+  std::vector<std::string> assumed;     ///< defaults that the file leaves, and what it says itself that it assumes
   std::vector<std::string> not_judged;  ///< what of this cell the answer does not answer for
   [[nodiscard]] bool simulated() const { return !study.outcomes.empty(); }
   [[nodiscard]] const Outcome& outcome() const { return study.outcomes.front(); }

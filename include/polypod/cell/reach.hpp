@@ -24,6 +24,14 @@ double trapezoid_time(double d, double v, double a);
 /// trapezoid_time with its own limits.
 double joint_time(const Machine& machine, const machine::JointVector& from, const machine::JointVector& to);
 
+/// The ends of the joint motions from `from` to `to`: `to` alone, or of a machine that folds three: its joints but the
+/// first to those of home; then the first turns; then the others reach out. Motions without a way are left out.
+std::vector<machine::JointVector> stops(const Machine& machine, const machine::JointVector& home,
+                                        const machine::JointVector& from, const machine::JointVector& to);
+/// The sum of joint_time over the stops, with a rest at each.
+double way_time(const Machine& machine, const machine::JointVector& home, const machine::JointVector& from,
+                const machine::JointVector& to);
+
 /// A machine at a slot of a place. Poses are X_MT.
 struct Stand {
   bool ok = false;
@@ -33,6 +41,11 @@ struct Stand {
   machine::JointVector above, joints;  ///< rad or m; above: `clearance` higher
   double straight = 0;                 ///< s, from above down to the place
 };
+
+/// The machine at a point of C with its tool as tool_pose turns it (a heading that is not finite: away from its base),
+/// and `clearance` above; the straight way between is asked for in ten steps. Near to the joints of `home`.
+Stand stand_at(const Machine& m, const machine::JointVector& home, const Vec3& at, double pitch, double heading,
+               double roll, double clearance);
 
 /// Times of a machine between a belt and the slots of a place, over the part of its window where items come.
 struct PickTable {
