@@ -52,6 +52,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
   kinematics::HoldOnPath held(machine);
+  bool turns_alone = false;
   std::size_t index = 0;
   double lean = 0;  // of the tool against the direction that the program means, where the machine cannot choose it
   for (const gcode::Move& move : interpretation.moves) {
@@ -87,6 +88,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     const double speed = move.kind == gcode::MoveKind::rapid ? options.rapid_speed : move.feed;
     if (move.start_known) out.length += length;
     if (move.start_known && speed > 0) out.time += length / speed;
+    turns_alone = turns_alone || (move.start_known && !(length > 0) && turn > kNoTurn);
     const int steps = std::max(
         {1, static_cast<int>(std::ceil(length / options.step)), static_cast<int>(std::ceil(turn / options.turn_step))});
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
@@ -138,6 +140,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
     }
   }
+  if (turns_alone) out.notes.emplace_back("moves that only turn the tool are not in the time");
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
     out.notes.push_back(fmt::format(

@@ -23,18 +23,18 @@ constexpr double kHalf95 = 1.96;
 // The step of `correct`'s check, m: what another step changes is no part of a variation.
 constexpr double kCheckStep = 0.1e-3;
 
-/// The coefficient that changes by the largest share of itself, by name.
-std::string name_of(const std::array<double, 6>& variation, const cutting::Material& m) {
+/// The coefficient whose change is the largest force, at a usual chip, by name.
+std::string name_of(const std::array<double, 6>& variation) {
+  constexpr double kUsualChip = 0.05e-3;  // m: K_c times it is a force a width, as K_e is
   constexpr std::array<const char*, 6> kNames{"Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"};
-  const std::array<double, 6> values{m.ktc, m.krc, m.kac, m.kte, m.kre, m.kae};
   std::size_t most = 0;
   double largest = -1;
   int changed = 0;
   for (std::size_t i = 0; i < 6; ++i) {
     if (variation[i] != 0) ++changed;
-    const double share = std::abs(variation[i]) / std::max(std::abs(values[i]), 1e-9);
-    if (variation[i] == 0 || share <= largest) continue;
-    largest = share;
+    const double force = std::abs(variation[i]) * (i < 3 ? kUsualChip : 1);
+    if (variation[i] == 0 || force <= largest) continue;
+    largest = force;
     most = i;
   }
   return fmt::format("cutting coefficients, {}{}", changed > 1 ? "mostly " : "", kNames[most]);
@@ -122,7 +122,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
   if (columns > 0) {
     for (const std::string& column : statics::column_names(job.machine)) names.push_back("compliance of " + column);
   }
-  for (const std::array<double, 6>& variation : job.material.spread) names.push_back(name_of(variation, job.material));
+  for (const std::array<double, 6>& variation : job.material.spread) names.push_back(name_of(variation));
 
   std::vector<Wall> walls;
   std::vector<int> wall_of(correction.programmed.size(), -1);
@@ -235,7 +235,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
           "MC310",
           fmt::format("with the {} changed by its spread_95, the prediction does not find this wall, so nothing can "
                       "be said of how likely it is inside",
-                      name_of(job.material.spread[v], job.material)),
+                      name_of(job.material.spread[v])),
           {program.path, wall.move->line, 1}, "check spread_95 of the material: half of a 95 % interval");
     }
   }

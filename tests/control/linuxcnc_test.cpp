@@ -218,6 +218,16 @@ INSTANTIATE_TEST_SUITE_P(Machines, Catalogue, testing::ValuesIn(names()), [](con
   return out;
 });
 
+/// The name stands in a comment of the source, whatever it is.
+TEST(LinuxcncModule, ANameCannotEndItsComment) {
+  auto m = test::load("delta-brno");
+  std::visit([](auto& one) { one.name = "x*/ int evil(void) { return 1; } /**//*"; }, m);
+  const std::string source = exported(m).module.source;
+  const std::size_t begin = source.find("/*"), end = source.find("*/");
+  ASSERT_NE(begin, std::string::npos);
+  EXPECT_NE(source.substr(begin, end - begin).find("Lengths in mm"), std::string::npos);
+}
+
 TEST(LinuxcncModule, RefusesOtherUnits) {
   ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const LinuxcncConfiguration c = exported(test::load("delta-brno"));

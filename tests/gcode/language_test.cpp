@@ -545,6 +545,21 @@ TEST(Unroll, TheClosingPercentSignStays) {
   EXPECT_EQ(plain("#1=2\nG0 X#1\nM2\n%\n"), "G0 X2\nM2\n");
 }
 
+// The controller takes the length that stands in its table: left out, it was another one. Tapping locks the overrides.
+TEST(Unroll, WhatWouldBeLeftOutIsRefusedOrWritten) {
+  for (const char* l : {"L1", "L10", "L11"}) {
+    const std::string said = plain(std::string("G10 ") + l + " P1 Z100\nT1 M6\nG43 H1\nG0 X1 Y1 Z1\nM2\n");
+    EXPECT_NE(said.find("GC125"), std::string::npos) << said;
+  }
+  EXPECT_EQ(plain("G10 L1 P1 R4\nT1 M6\nG0 X1 Y1 Z1\nM2\n").find("GC125"), std::string::npos);
+  const std::string tapped = plain("G21 S100 M3\nG0 X0 Y0 Z10\nG84 X1 Y0 Z-3 R2 F100\nG80\nM2\n");
+  const std::size_t locked = tapped.find("M49"), down = tapped.find("Z-3"), free = tapped.find("M48");
+  ASSERT_NE(locked, std::string::npos) << tapped;
+  EXPECT_LT(locked, down);
+  ASSERT_NE(free, std::string::npos) << tapped;
+  EXPECT_LT(down, free);
+}
+
 TEST(Unroll, ShiftsAreCarriedOut) {
   EXPECT_EQ(plain("G0 X1 Y1 Z1\nG92 X0 Y0\nG0 X5\nG1 F10 Y2\nG2 X7 Y2 I1 J0\nG91 G1 X1\nG90 G92.1\nX3\nM2\n"),
             "G0 X1 Y1 Z1\nG0 X6\nF10 G1 Y3\nG2 X8 Y3 I1 J0\nG91 G1 X1\nG90\nX3\nM2\n");

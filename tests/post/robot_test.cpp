@@ -307,5 +307,16 @@ TEST(Robots, AreArms) {
   EXPECT_EQ(test::id_of(post::write(Dialect::krl, delta, path, plan)), "PO121");
 }
 
+// The rail was left out of what was written, with a yes.
+TEST(Robots, AreNotWrittenWithoutTheirRail) {
+  auto arm = std::get<machine::SerialArm>(test::load("kuka-kr210"));
+  machine::DhRow rail;
+  rail.kind = machine::JointKind::prismatic;
+  rail.range = {0, 2};
+  arm.dh.insert(arm.dh.begin(), rail);
+  const post::Configuration moving{"rail", arm, arm, post::Rotary::none};
+  EXPECT_EQ(test::id_of(post::write(Dialect::krl, moving, {}, {})), "PO121");
+}
+
 }  // namespace
 }  // namespace polypod
