@@ -10,12 +10,15 @@
 #include "commands.hpp"
 #include "machining_output.hpp"
 #include "messages.hpp"
+#include "polypod/core/files.hpp"
+#include "polypod/core/named_files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/machining/unrolling.hpp"
+#include "polypod/pages/check.hpp"
 
 namespace polypod::app {
 
@@ -83,26 +86,29 @@ Json nearest_json(const machining::Job& job, const machining::NearestPlaces& fou
   return {{"by_shift", shift}, {"by_turn", turn}, {"looked_to_mm", units::to_mm(found.looked_to)}};
 }
 
-void print_nearest(const Json& nearest) {
+std::vector<std::string> nearest_in_words(const Json& nearest) {
+  std::vector<std::string> out;
   const Json &shift = nearest["by_shift"], &turn = nearest["by_turn"];
   if (shift.is_null()) {
-    fmt::print("no shift of the part up to {:.0f} mm was found that makes it fit\n",
-               nearest["looked_to_mm"].get<double>());
+    out.push_back(fmt::format("no shift of the part up to {:.0f} mm was found that makes it fit",
+                              nearest["looked_to_mm"].get<double>()));
   } else {
     const auto mm = [&](const char* key, int k) {
       return unsigned_zero(fmt::format("{:.1f}", shift[key][static_cast<std::size_t>(k)].get<double>()));
     };
-    fmt::print("it fits with the part shifted by {:.1f} mm: by {}, {}, {} mm to the origin {}, {}, {} mm\n",
-               shift["distance_mm"].get<double>(), mm("shift_mm", 0), mm("shift_mm", 1), mm("shift_mm", 2),
-               mm("origin_mm", 0), mm("origin_mm", 1), mm("origin_mm", 2));
+    out.push_back(
+        fmt::format("it fits with the part shifted by {:.1f} mm: by {}, {}, {} mm to the origin {}, {}, {} mm",
+                    shift["distance_mm"].get<double>(), mm("shift_mm", 0), mm("shift_mm", 1), mm("shift_mm", 2),
+                    mm("origin_mm", 0), mm("origin_mm", 1), mm("origin_mm", 2)));
   }
   if (turn.is_null()) {
-    fmt::print("no rotation of the part about z was found that makes it fit\n");
+    out.emplace_back("no rotation of the part about z was found that makes it fit");
   } else {
-    fmt::print("it fits with the part turned by {:.1f} deg about its origin, to rotation_deg = {:g}\n",
-               turn["turn_by_deg"].get<double>(), turn["rotation_deg"].get<double>());
+    out.push_back(fmt::format("it fits with the part turned by {:.1f} deg about its origin, to rotation_deg = {:g}",
+                              turn["turn_by_deg"].get<double>(), turn["rotation_deg"].get<double>()));
   }
-  fmt::print("the smallest that a search found; both were checked whole\n");
+  out.emplace_back("the smallest that a search found; both were checked whole");
+  return out;
 }
 
 /// A program as the job's controller carries it out, and whether it fits.
@@ -157,7 +163,7 @@ Result<gcode::Understood> judge_other_switch(gcode::Program source, const machin
 
 Command check_command() {
   struct Options {
-    std::string program, job, machine, origin, bodies;
+    std::string program, job, machine, origin, bodies, report;
     std::vector<std::string> sets;
     double rapid = 6000;
     bool nearest = false;
@@ -176,12 +182,18 @@ Command check_command() {
         a.option("--bodies", o->bodies,
                  "A file of bodies (links, holder, fixtures, table): whether they touch on the way");
         a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
+        a.option("--report", o->report, "An HTML page: the machine on its way, its joints beside their limits");
         a.flag("--nearest", o->nearest,
                "Where the program does not fit: the smallest shift, and the smallest rotation, of the part with which "
                "it does");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(in_range("AP123", "--rapid", o->rapid, {0, kAnyNumber.max, true}, "mm/min"));
+        std::vector<std::string> inputs{o->program, o->job, o->machine, o->bodies};
+        if (!o->job.empty()) {
+          for (const std::string& named : config::files_named_by(o->job)) inputs.push_back(named);
+        }
+        POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
         POLYPOD_ASSIGN(job, placed_machine(context, o->job, o->machine, o->sets, o->origin));
         const machine::AnyMachine& m = job.machine;
         machining::CheckOptions options;
@@ -228,6 +240,17 @@ Command check_command() {
           search.progress(1);
           nearest = nearest_json(job, found);
         }
+        if (!o->report.empty()) {
+          pages::CheckPageOptions page;
+          page.version = POLYPOD_VERSION;
+          page.command = command_line();
+          page.rapid_speed = options.rapid_speed;
+          page.with_bodies = !o->bodies.empty();
+          if (!nearest.is_null()) page.places = nearest_in_words(nearest);
+          files::Outputs together;
+          POLYPOD_TRY(together.add(o->report, pages::check_page(job, program, interpretation, result, page)));
+          POLYPOD_TRY(together.commit());
+        }
         const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
         Json ranges = Json::array();
         for (std::size_t i = 0; i < result.joints.size(); ++i) {
@@ -246,12 +269,15 @@ Command check_command() {
           Json document{{"ok", result.ok},          {"problems", problems},  {"all_judged", result.not_judged.empty()},
                         {"not_judged", not_judged}, {"time_s", result.time}, {"length_mm", units::to_mm(result.length)},
                         {"joint_ranges", ranges},   {"notes", result.notes}};
+          if (!o->report.empty()) document["report"] = o->report;
           if (!o->bodies.empty()) document["bodies"] = {{"file", o->bodies}, {"notes", body_notes}};
           if (o->nearest) document["nearest"] = nearest;
           print_json(document);
         } else {
           print_answer(o->program, result, !o->bodies.empty());
-          if (!nearest.is_null()) print_nearest(nearest);
+          if (!nearest.is_null()) {
+            for (const std::string& words : nearest_in_words(nearest)) fmt::print("{}\n", words);
+          }
           fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
                      o->rapid, units::to_mm(result.length));
           for (const Json& r : ranges) {
@@ -262,6 +288,7 @@ Command check_command() {
                        shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
           }
           for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
+          if (!o->report.empty()) fmt::print("report: {}\n", o->report);
         }
         return result.ok ? kDone : kAnswerIsNo;
       }};

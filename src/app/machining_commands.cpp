@@ -24,6 +24,7 @@
 #include "polypod/machining/tilted.hpp"
 #include "polypod/machining/uncertainty.hpp"
 #include "polypod/pages/correction.hpp"
+#include "polypod/pages/prediction.hpp"
 #include "vibration_output.hpp"
 
 namespace polypod::app {
@@ -117,7 +118,7 @@ std::string box_in_words(const machining::Job& job) {
 
 Command predict_command() {
   struct Options {
-    std::string program, job, stock_left;
+    std::string program, job, report, stock_left;
     std::vector<std::string> measured, covariances;
     double step_mm = 0;
     bool at_rest = false, again = false;
@@ -132,6 +133,7 @@ Command predict_command() {
         a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--covariance", o->covariances, kCovarianceHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
+        a.option("--report", o->report, "An HTML page: the machine on its way, the deflected path, errors and forces");
         a.option("--stock-left", o->stock_left, kStockLeftHelp);
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest,
@@ -144,7 +146,7 @@ Command predict_command() {
         std::vector<std::string> inputs = o->measured;
         inputs.insert(inputs.end(), {o->program, o->job, o->vibration.dynamics});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
-        POLYPOD_TRY(check_files(inputs, {o->stock_left}, context.json));
+        POLYPOD_TRY(check_files(inputs, {o->stock_left, o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
@@ -156,7 +158,8 @@ Command predict_command() {
         }
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
         machining::PredictOptions options;
-        options.keep_stock = !o->stock_left.empty();
+        options.keep_samples = !o->report.empty();
+        options.keep_stock = !o->stock_left.empty() || (!o->report.empty() && !in.job.tool_frame.tilted);
         options.bend = o->at_rest ? machining::Bend::at_rest : machining::Bend::equilibrium;
         options.step = units::from_mm(o->step_mm);
         options.again = o->again;
@@ -182,7 +185,18 @@ Command predict_command() {
         const bool other_collides = collision && p.other_switch && p.other_switch->collision;
         if (other_collides) collision = tl::unexpected(*p.other_switch->collision);
         const bool leaves = !o->stock_left.empty() && collision;  // after a collision nobody knows what is left
-        if (leaves) POLYPOD_TRY(cutting::write_stock(p.stock_left, o->stock_left));
+        files::Outputs together;  // the stock and the page appear together or not at all
+        if (leaves) POLYPOD_TRY(together.add(o->stock_left, cutting::stock_bytes(p.stock_left)));
+        if (!o->report.empty()) {
+          pages::PredictionPageOptions page;
+          page.version = POLYPOD_VERSION;
+          page.command = command_line();
+          page.within = within && collision.has_value();
+          page.at_rest = o->at_rest;
+          POLYPOD_TRY(together.add(
+              o->report, pages::prediction_page(in.job, in.program, in.interpretation, p, std::move(p.samples), page)));
+        }
+        POLYPOD_TRY(together.commit());
         if (context.json) {
           const auto move_row = [&](std::size_t i) -> std::optional<Json> {
             const machining::MovePrediction& m = p.moves[i];
@@ -230,6 +244,7 @@ Command predict_command() {
           add_other_switch(document, p.other_switch, trust);
           o->vibration.add_to(document, p);
           if (!collision) document["collision"] = to_string(collision.error());
+          if (!o->report.empty()) document["report"] = o->report;
           if (leaves) {
             document["stock_left"] = o->stock_left;
             document["stock_left_mm3"] = units::to_mm3(p.stock_left.volume());
@@ -293,6 +308,7 @@ Command predict_command() {
         } else if (!o->stock_left.empty()) {
           fmt::print("{} was not written: what a collision leaves is not known\n", one_line(o->stock_left));
         }
+        if (!o->report.empty()) fmt::print("report: {}\n", o->report);
         return end(context, collision);
       }};
 }
@@ -380,7 +396,7 @@ Command correct_command() {
         }
         if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
         options.keep_samples = !o->report.empty();
-        options.keep_stock = !o->stock_left.empty();
+        options.keep_stock = !o->stock_left.empty() || (!o->report.empty() && !in.job.tool_frame.tilted);
         options.other = in.other_position();
         const char* current = "";
         std::function<bool(double)> line;

@@ -98,6 +98,7 @@ std::string um(double metres, int digits = 1) {
 // --------------------------------------------------------------------------------------------------- a record whole
 
 struct Judgement {
+  std::vector<control::RecordRow> record;
   Watch watch;
   std::optional<RecordedCut> cut;
   std::optional<Input> input;
@@ -261,6 +262,7 @@ Result<Judgement> judgement_of(const Context& context, const Options& o, const S
   POLYPOD_ASSIGN(watch, control::watch(subject.machine, rows, options));
   progress(1);
   j.watch = std::move(watch);
+  j.record = std::move(rows);
   j.by = !o.measured.empty()  ? "measured"
          : subject.calibrated ? "by the joints and the calibrated machine"
                               : "by the joints";
@@ -478,6 +480,8 @@ Result<int> whole(const Context& context, const Options& o) {
     page.not_judged = j.not_judged;
     page.version = POLYPOD_VERSION;
     page.command = command_line();
+    page.moving = &subject.machine;
+    page.rows = &j.record;
     POLYPOD_TRY(files::write_whole(
         o.report, pages::watch_page(j.watch, j.input ? &j.input->job : nullptr, j.cut ? &*j.cut : nullptr, page)));
   }

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "correction_figures.hpp"
+#include "path_film.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -101,6 +102,7 @@ class Page {
   std::string html() {
     answer();
     if (!tracks_.stretches.empty()) {
+      add_path_film(report_, job_, program_, c_, tracks_, overview(job_, c_, tracks_).factor, &c_.stock_left);
       paths();
       errors();
       forces();

@@ -12,6 +12,7 @@
 #include "outline.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "program_film.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -75,8 +76,9 @@ std::vector<report::Span> spans_of(const Tracks& tracks) {
   return out;
 }
 
-/// Adds a curve; thinner where moves crowd.
+/// Adds a curve, if it has points; thinner where moves crowd.
 void add(LinePlot& plot, const Tracks& tracks, Series series) {
+  if (series.x.empty()) return;
   series.stroke = tracks.stretches.size() > kShadedMoves ? 1.0 : 1.5;
   plot.series.push_back(std::move(series));
 }
@@ -228,7 +230,8 @@ Overview overview(const Job& job, const Correction& c, const Tracks& tracks) {
     plot.markers.push_back({fmt::format("start, line {}", tracks.stretches.front().line),
                             from_above(c.programmed[index(tracks.stretches.front().move)].start), Colour::ink});
   }
-  plot.note = fmt::format("deflection and correction drawn {:g} times larger", out.factor);
+  plot.note =
+      fmt::format("deflection{} drawn {:g} times larger", tracks.after.empty() ? "" : " and correction", out.factor);
   return out;
 }
 
@@ -286,8 +289,9 @@ report::Scene path_scene(const Correction& c, const Tracks& tracks, double facto
       put(dots[from]);
       if (most != from) put(dots[most]);
     }
-    scene.lines.push_back(std::move(line));
+    if (!line.points.empty()) scene.lines.push_back(std::move(line));
   };
+  thin_out(programmed, 2 * points);
   scene.lines.push_back(std::move(programmed));
   add_track({"tool tip, program as it is", {}, report::kBefore, 2.4}, tracks.before, bent_of, true);
   add_track({"corrected command", {}, kCommand, 1.4}, tracks.after, command_of, false);
@@ -445,8 +449,11 @@ LinePlot force_plot(const Correction& c, const Tracks& tracks, const Vec3& tool_
   const auto axis = [&](const Dot& d) { return d.sample->force.dot(tool_axis); };
   add(plot, tracks, series_of("normal, program as it is", tracks.before, report::kBefore, false, normal));
   add(plot, tracks, series_of("normal, corrected", tracks.after, report::kAfter, false, normal));
-  add(plot, tracks, series_of("along the feed, corrected", tracks.after, Colour::orange, false, along));
-  add(plot, tracks, series_of("along the axis, corrected", tracks.after, Colour::purple, false, axis));
+  const bool both = !tracks.after.empty();
+  const std::vector<Dot>& shown = both ? tracks.after : tracks.before;
+  const char* which = both ? "corrected" : "program as it is";
+  add(plot, tracks, series_of(fmt::format("along the feed, {}", which), shown, Colour::orange, false, along));
+  add(plot, tracks, series_of(fmt::format("along the axis, {}", which), shown, Colour::purple, false, axis));
   return plot;
 }
 

@@ -44,8 +44,10 @@ std::vector<Line3> lines_of(const machine::Outline& outline) {
 
 void hang(report::Scene& scene) {
   const auto turn = [](Point3& p) { p = {p.x, -p.y, -p.z}; };
-  for (Line3& line : scene.lines)
+  for (Line3& line : scene.lines) {
     for (Point3& p : line.points) turn(p);
+    for (Point3& p : line.offset) turn(p);
+  }
   for (report::Mesh& mesh : scene.meshes)
     for (Point3& p : mesh.points) turn(p);
   for (report::Frames& frames : scene.frames)

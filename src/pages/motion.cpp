@@ -17,6 +17,7 @@
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
+#include "program_film.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -446,6 +447,39 @@ report::Scene scene_of(const machine::AnyMachine& machine, const MoveResult& run
   return scene;
 }
 
+/// The path and the machine that moves along it.
+report::Scene film_of(const machine::AnyMachine& machine, const MoveResult& run, const report::Scene& still) {
+  report::Scene scene;
+  scene.title = "The machine on the path of the tool";
+  for (const report::Line3& line : still.lines)
+    if (line.name.starts_with("path") || line.name == "problems") scene.lines.push_back(line);
+  const std::size_t count = run.samples.size(), most = pictures_for(machine);
+  const std::size_t step = std::max<std::size_t>(1, (count + most - 1) / most);
+  std::vector<ProgramInstant> instants;
+  for (std::size_t k = 0; k < count; ++k) {
+    // What breaks a limit for the first time is shown whenever it is.
+    const bool breaks = k > 0 && keeps(run.samples[k - 1]) && !keeps(run.samples[k]);
+    if (k % step != 0 && k + 1 != count && !breaks) continue;
+    const MoveSample& s = run.samples[k];
+    ProgramInstant p{s.t, static_cast<int>(k), 0, s.line, keeps(s), s.X, {}, {}};
+    if (s.reached) p.q = s.q;
+    if (!p.reached) p.why = s.reached && s.share > 1 ? s.nearest + " is beyond its limit" : "no solution";
+    instants.push_back(std::move(p));
+  }
+  const auto sample = [&run](const ProgramInstant& p) -> const MoveSample& {
+    return run.samples[static_cast<std::size_t>(p.move)];
+  };
+  add_film(scene, machine, instants,
+           {{"speed of the tool", "mm/s", [sample](const auto& p) { return to_mm(sample(p).v.norm()); }},
+            {"nearest limit is met to", "%",
+             [sample](const auto& p) {
+               constexpr double kAll = 100;
+               return sample(p).nearest.empty() ? std::numeric_limits<double>::quiet_NaN() : kAll * sample(p).share;
+             }}},
+           {});
+  return scene.frames.empty() ? still : scene;
+}
+
 }  // namespace
 
 std::string move_csv(const machine::AnyMachine& machine, const MoveResult& run) {
@@ -554,11 +588,16 @@ std::string move_page(const machine::AnyMachine& machine, const motion::PosePath
     page.add_text("What limits the motion (met to 1 %):");
     page.add_list(items);
   }
-  report::Scene scene = scene_of(machine, run);
+  report::Scene scene = scene_of(machine, run), film = film_of(machine, run, scene);
   const bool hangs = std::visit([]<class M>(const M&) { return machine::DeltaFamily<M>; }, machine);
-  if (hangs) hang(scene);
-  page.add_figure(scene, hangs ? "The base is above: z of the machine points down. What breaks a limit is red."
-                               : "What breaks a limit is red.");
+  if (hangs) {
+    hang(scene);
+    hang(film);
+  }
+  page.add_scene(scene,
+                 hangs ? "The base is above: z of the machine points down. What breaks a limit is red."
+                       : "What breaks a limit is red.",
+                 &film);
 
   if (!run.violations.empty()) {
     report::Table broken;

@@ -8,8 +8,12 @@
 #include <limits>
 #include <regex>
 
+#include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/pages/machine.hpp"
 #include "polypod/report/html.hpp"
+#include "program_film.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -84,6 +88,7 @@ class Page {
 
   std::string html() {
     answer();
+    film();
     deviation();
     explained();
     lines();
@@ -131,6 +136,97 @@ class Page {
                          cut_->cut.within(*job_) ? Verdict::good : Verdict::bad});
     }
     report_.add_key_figures(figures);
+  }
+
+  /// The machine by the joints of the record, and the way of its command and of its tip.
+  void film() {
+    if (o_.moving == nullptr || o_.rows == nullptr || o_.rows->empty() || o_.rows->size() != w_.points.size()) return;
+    const machine::AnyMachine& m = *o_.moving;
+    const std::vector<control::RecordRow>& rows = *o_.rows;
+    const std::size_t most = pictures_for(m);
+    const double begin = rows.front().time, time = rows.back().time - begin;
+    std::vector<ProgramInstant> instants;
+    double next = begin;
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      if (rows[k].time < next && k + 1 < rows.size() && rows[k].time != w_.largest_time) continue;
+      next = std::max(next, begin + time * std::floor((rows[k].time - begin) / time * double(most) + 1) / double(most));
+      ProgramInstant p{rows[k].time, static_cast<int>(k), 0, rows[k].line, w_.points[k].known, rows[k].command, {}, {}};
+      p.q = rows[k].joints;
+      const kinematics::ForwardResult f = kinematics::forward(m, p.q);
+      if (f.poses.empty()) {
+        p.q.resize(0);
+        p.why = "the joints of the record are no pose of the machine";
+      } else {
+        p.X = f.poses.front();
+      }
+      instants.push_back(std::move(p));
+    }
+    const double factor = enlarged();
+    const auto deviation = [this](const ProgramInstant& p) {
+      const WatchPoint& at = w_.points[static_cast<std::size_t>(p.move)];
+      return at.known ? to_um(at.deviation().norm()) : kNone;
+    };
+    const auto scene_of = [&](std::size_t points) {
+      report::Scene scene;
+      scene.title = "The machine on its way along the record";
+      way(scene, points);
+      scene.shift = {"deviation enlarged", factor, 4 * factor};
+      scene.ramp = {"deviation", kUm, 0, std::max(to_um(w_.largest), 1e-3), report::ColourMap::sequential};
+      add_film(scene, m, instants, {{"deviation", kUm, deviation}}, {});
+      if (hangs(m)) hang(scene);
+      return scene;
+    };
+    constexpr std::size_t kDrawn = 400, kTurns = 4000;
+    const report::Scene turns = scene_of(kTurns);
+    if (turns.frames.empty()) return;
+    report::Scene drawn = scene_of(kDrawn);
+    drawn.frames.clear();
+    report_.add_section("The machine on its way");
+    report_.add_scene(
+        drawn,
+        fmt::format("{}The machine by the joints of the record, {} pictures of {} rows. The tip has the colour of its "
+                    "deviation from the command, which is drawn {:g} times larger here. The curves below have a cursor "
+                    "that goes along; a click into one moves the machine there.",
+                    hangs(m) ? "The base is above: z of the machine points down. " : "",
+                    fixed(double(instants.size()), 0), fixed(double(rows.size()), 0), factor),
+        &turns);
+  }
+
+  /// By how much the deviation is enlarged so that it shows.
+  [[nodiscard]] double enlarged() const {
+    Eigen::AlignedBox3d box;
+    double most = 0;
+    for (const WatchPoint& p : w_.points) {
+      box.extend(p.command);
+      if (p.known) most = std::max(most, p.deviation().norm());
+    }
+    constexpr double kShare = 0.05;
+    return most > 0 && !box.isEmpty() ? std::max(1.0, round_factor(kShare * box.diagonal().norm() / most)) : 1;
+  }
+
+  /// Command and tip in M; of each group of rows the first and the one that is farthest off.
+  void way(report::Scene& scene, std::size_t points) const {
+    report::Line3 command{"command", {}, Colour::muted, 1.4}, tip{"tip", {}, Colour::blue, 2.4};
+    const auto mm = [](const Vec3& p) { return report::Point3{to_mm(p.x()), to_mm(p.y()), to_mm(p.z())}; };
+    const std::size_t group = std::max<std::size_t>(1, 2 * w_.points.size() / points);
+    const auto put = [&](const WatchPoint& p) {
+      command.points.push_back(mm(p.command));
+      command.tag.push_back(p.line);
+      tip.points.push_back(p.known ? mm(p.command) : report::Point3{kNone, kNone, kNone});
+      tip.offset.push_back(p.known ? mm(p.deviation()) : report::Point3{});
+      tip.value.push_back(p.known ? to_um(p.deviation().norm()) : 0);
+      tip.tag.push_back(p.line);
+    };
+    for (std::size_t from = 0; from < w_.points.size(); from += group) {
+      const std::size_t to = std::min(w_.points.size(), from + group);
+      std::size_t worst = from;
+      for (std::size_t k = from; k < to; ++k)
+        if (w_.points[k].known && w_.points[k].deviation().norm() > w_.points[worst].deviation().norm()) worst = k;
+      put(w_.points[from]);
+      if (worst != from) put(w_.points[worst]);
+    }
+    scene.lines.push_back(std::move(command));
+    scene.lines.push_back(std::move(tip));
   }
 
   void deviation() {

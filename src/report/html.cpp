@@ -60,7 +60,7 @@ footer{max-width:992px;margin:3rem auto 2rem;padding:.8rem 16px 0;color:var(--mu
 .tools button{cursor:pointer} .tools button:hover{color:var(--ink)} .tools button:focus-visible,.sort:focus-visible{outline:2px solid var(--blue)}
 .sort{font:inherit;color:inherit;background:none;border:0;padding:0;text-align:inherit;cursor:pointer}
 th[aria-sort=ascending] .sort::after{content:" \25B2";font-size:.7em} th[aria-sort=descending] .sort::after{content:" \25BC";font-size:.7em}
-tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange) 28%,transparent)} rect.picked{fill:var(--orange);fill-opacity:.25}
+tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange) 28%,transparent)} rect.picked{fill:var(--orange);fill-opacity:.25} path.cursor{fill:none;stroke:var(--ink);stroke-width:1.6;stroke-opacity:.75;pointer-events:none}
 @media (max-width:640px){
 .wide{display:none} .narrow{display:block} h1{font-size:1.55rem} header.top{padding-top:20px}
 .panels{grid-template-columns:1fr!important} .cards{grid-template-columns:1fr 1fr} .card{padding:10px 12px} .card b{font-size:1.35rem}
@@ -69,7 +69,7 @@ tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange)
 @page{margin:15mm 14mm}
 body{font-size:10.5pt;background:#fff} main,header.top,footer{max-width:none;padding-left:0;padding-right:0}
 .wide{display:block!important} .narrow{display:none!important}
-h2,h3,h4,summary{break-after:avoid} nav,#tip,.tools{display:none!important} a{color:inherit;text-decoration:none}
+h2,h3,h4,summary{break-after:avoid} nav,#tip,.tools,.cursor{display:none!important} a{color:inherit;text-decoration:none}
 pre{white-space:pre-wrap;overflow-wrap:anywhere;font-size:8.5pt} .scroll{overflow:visible} summary{color:inherit;list-style:none}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 }
@@ -92,7 +92,8 @@ constexpr std::string_view kSceneCss = R"(.scene canvas[data-scene],.scene .stag
 .slides{display:grid;grid-template-columns:repeat(auto-fill,minmax(300px,1fr));gap:.1rem 2rem;margin-top:.4rem}
 .slide{display:grid;grid-template-columns:7.5em 1fr 6.5em;align-items:center;gap:.7rem;min-height:30px}
 .slide input{width:100%;min-width:0;accent-color:var(--blue)} .slide output{text-align:right;font-variant-numeric:tabular-nums}
-.player{display:flex;gap:5px;align-items:center}
+.player{display:flex;flex-wrap:wrap;gap:5px;align-items:center} .follow{display:flex;align-items:center;gap:.4rem;min-height:30px;margin-left:.5rem;cursor:pointer}
+.now{font-family:ui-monospace,monospace;font-size:.88rem;margin:.5rem 0 0;padding:.25rem .6rem;border-left:3px solid var(--blue);background:var(--panel);overflow-wrap:anywhere;min-height:1.6em;max-width:none}
 .reading{grid-template-columns:repeat(auto-fill,minmax(140px,1fr));margin:.5rem 0 0}
 .note{color:color-mix(in srgb,var(--vermillion) 75%,var(--ink));font-weight:600;margin:.4rem 0 0} .still{color:var(--muted);font-size:.92rem}
 .ramp{display:flex;flex-wrap:wrap;align-items:center;gap:.5rem;margin-top:.4rem} .ramp i{width:180px;height:12px;border-radius:3px}

@@ -182,9 +182,9 @@ std::string frames_text(const Frames& frames, const Box3& box) {
                        list(c.values, figure_text));
   });
   return fmt::format(
-      "{{\"name\":{},\"unit\":{},\"plays\":{},\"at\":{},\"points\":{},\"columns\":{},\"notes\":{},\"start\":{}}}",
+      "{{\"name\":{},\"unit\":{},\"plays\":{},\"at\":{},\"points\":{},\"columns\":{},\"notes\":{},\"start\":{}{}}}",
       quoted(frames.name), quoted(frames.unit), frames.plays, list(frames.at, figure_text), points.text(), columns,
-      list(frames.notes, quoted), frames.start);
+      list(frames.notes, quoted), frames.start, frames.texts.empty() ? "" : ",\"texts\":" + list(frames.texts, quoted));
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "polypod/control/watch.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -19,6 +20,7 @@
 #include "polypod/machining/unrolling.hpp"
 #include "polypod/pages/correction.hpp"
 #include "polypod/pages/machine.hpp"
+#include "polypod/pages/watch.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/workspace/volume.hpp"
 
@@ -144,13 +146,37 @@ std::string with_scene(const Json& document, const report::Scene& scene) {
   return out + (out.size() > 1 ? "," : "") + "\"scene\":" + report::scene_data(scene) + "}";
 }
 
+/// What `polypod watch` says of a record without limits, and the machine that moves along it.
+Response record_page(const std::string& path, const std::string& machine, const std::string& version,
+                     const std::atomic<bool>& stopped) {
+  const std::string name = name_of(path);
+  const auto m = machine::load(machine);
+  if (!m) return error_page(name, m.error());
+  const auto rows = control::read_record(*m, path);
+  if (!rows) return error_page(name, rows.error());
+  control::WatchOptions options;
+  options.progress = [&stopped](double) { return !stopped; };
+  const auto watch = control::watch(*m, *rows, options);
+  if (!watch) return error_page(name, watch.error());
+  pages::WatchPageOptions how;
+  how.record = path;
+  how.machine = machine;
+  how.answer = "not judged: no limit was given";
+  how.version = version;
+  how.moving = &*m;
+  how.rows = &*rows;
+  return {200, "text/html; charset=utf-8", pages::watch_page(*watch, nullptr, nullptr, how)};
+}
+
 }  // namespace
 
 Result<Site> Site::of(const std::vector<std::string>& files, const std::string& version) {
   Site site;
   site.version_ = version;
-  if (files.empty()) return fail("VW100", "no file is given", {}, "name a machine, a report, or a program and its job");
-  std::vector<std::string> programs, jobs;
+  if (files.empty())
+    return fail("VW100", "no file is given", {},
+                "name a machine, a report, a program and its job, or a record and its machine");
+  std::vector<std::string> programs, jobs, records;
   for (const std::string& file : files) {
     const std::string end = ending_of(file);
     if (end == ".html" || end == ".htm") {
@@ -162,6 +188,8 @@ Result<Site> Site::of(const std::vector<std::string>& files, const std::string& 
       site.items_.push_back({Item::Kind::report, file, ""});
     } else if (end == ".ngc" || end == ".nc" || end == ".tap" || end == ".gcode") {
       programs.push_back(file);
+    } else if (end == ".csv") {
+      records.push_back(file);
     } else if (end == ".toml" || end == ".urdf" || end.empty() || !std::filesystem::exists(file)) {
       const auto m = machine::load(file);
       if (m) {
@@ -171,8 +199,10 @@ Result<Site> Site::of(const std::vector<std::string>& files, const std::string& 
       if (end != ".toml" || !machining::read_job(file)) return tl::unexpected(m.error());
       jobs.push_back(file);
     } else {
-      return fail("VW101", fmt::format("{}: files of this kind are not shown", file), {},
-                  "view shows machines, reports (.html), and programs (.ngc, .nc, .tap, .gcode) with their job");
+      return fail(
+          "VW101", fmt::format("{}: files of this kind are not shown", file), {},
+          "view shows machines, reports (.html), programs (.ngc, .nc, .tap, .gcode) with their job, and records (.csv) "
+          "with their machine");
     }
   }
   if (jobs.size() > 1 || jobs.empty() != programs.empty()) {
@@ -183,6 +213,20 @@ Result<Site> Site::of(const std::vector<std::string>& files, const std::string& 
                 {}, "give programs and their one job: polypod view program.ngc job.toml");
   }
   for (const std::string& program : programs) site.items_.push_back({Item::Kind::program, program, jobs.front()});
+  if (!records.empty()) {
+    const auto is_machine = [](const Item& item) { return item.kind == Item::Kind::machine; };
+    const auto count = std::count_if(site.items_.begin(), site.items_.end(), is_machine);
+    if (count != 1) {
+      return fail("VW104",
+                  fmt::format("{} is given {}", records.front(),
+                              count == 0 ? "without its machine" : "with more than one machine"),
+                  {}, "give records and their one machine: polypod view record.csv hexapod-strut");
+    }
+    const std::string machine = std::find_if(site.items_.begin(), site.items_.end(), is_machine)->path;
+    std::vector<Item> items;
+    for (const std::string& record : records) items.push_back({Item::Kind::record, record, machine});
+    site.items_.insert(site.items_.begin(), items.begin(), items.end());
+  }
   return site;
 }
 
@@ -192,6 +236,7 @@ Response Site::list() const {
   for (std::size_t i = 0; i < items_.size(); ++i) {
     const char* what = items_[i].kind == Item::Kind::machine  ? "machine"
                        : items_[i].kind == Item::Kind::report ? "report"
+                       : items_[i].kind == Item::Kind::record ? "record"
                                                               : "program";
     links.emplace_back(fmt::format("/{}", i), fmt::format("{} ({})", name_of(items_[i].path), what));
   }
@@ -249,7 +294,8 @@ Response Site::page(std::size_t number) const {
     if (!m) return error_page(name, m.error());
     return {200, "text/html; charset=utf-8", pages::machine_page(*m, {version_, live_data(*m, number)})};
   }
-  const auto job = machining::read_job(item.job);
+  if (item.kind == Item::Kind::record) return record_page(item.path, item.beside, version_, *stopped_);
+  const auto job = machining::read_job(item.beside);
   if (!job) return error_page(name, job.error());
   const auto understood = gcode::understand(item.path, machining::unroll_options(*job));
   if (!understood) return error_page(name, understood.error());

@@ -1,3 +1,3 @@
-set(page_sha256 rjWVxugcdBoMwQXphfdDSD4E3sqCD82huiF7+7zxqEw=)
+set(page_sha256 rgHlBXSvMaA08FeqWnPAxghdG68byfsHHRo7DDQRLXY=)
 set(live_sha256 K3c4ku85GOUHN58Qc7GV1E4ttm70D5L63fLKQjdbxGI=)
-set(viewer_sha256 eVB5nWX7gpMA2lUX2bgUK2DGlMdLosVFSSP5CYPWtSo=)
+set(viewer_sha256 p/mzryQcAHXJERcjcwX0PaZoy4H4GE61grIzkMOEuqA=)

@@ -39,6 +39,7 @@ export interface FramesData {
   points: Steps; // three a point of the lines that move, frame after frame
   columns: { name: string; unit: string; values: (number | null)[] }[]; // read out beside the slider
   notes: (string | null)[]; // what is wrong in a frame
+  texts?: (string | null)[]; // what is going on in a frame, e.g. the line of the program
   start: number; // the frame that is shown first
 }
 

@@ -114,6 +114,27 @@ for (const svg of document.querySelectorAll<SVGSVGElement>('svg[data-x]')) {
     tip.show(rows, e.clientX, e.clientY);
   });
   svg.addEventListener('pointerleave', () => tip.hide());
+  // What plays in a scene has a cursor here, and goes where this curve is clicked.
+  const title = svg.dataset['label'] ?? '';
+  let cursor: SVGPathElement | null = null;
+  document.addEventListener('polypod:frame', (e) => {
+    const at = (e as CustomEvent<Map<string, number>>).detail.get(title);
+    if (at === undefined || !(at >= Math.min(X[0]!, X[1]!) && at <= Math.max(X[0]!, X[1]!))) {
+      cursor?.remove();
+      cursor = null;
+      return;
+    }
+    if (cursor === null) {
+      cursor = document.createElementNS(svg.namespaceURI, 'path') as SVGPathElement;
+      cursor.setAttribute('class', 'cursor');
+      svg.append(cursor);
+    }
+    cursor.setAttribute('d', `M${toPx(at).toFixed(1)} ${Y[2]!}V${Y[3]!}`);
+  });
+  svg.addEventListener('click', (e) => {
+    const v = valueAt(e);
+    if (v !== null) setTimeout(() => document.dispatchEvent(new CustomEvent('polypod:at', { detail: { title, value: v } })));
+  });
   if (!spans.some((s) => Number.isFinite(s.line))) continue;
   svg.addEventListener('click', (e) => {
     const v = valueAt(e);
@@ -220,6 +241,7 @@ function saving(text: string, done: () => void, label: string): HTMLButtonElemen
 }
 function svgText(svg: SVGSVGElement): string {
   const copy = svg.cloneNode(true) as SVGSVGElement;
+  copy.querySelector('.cursor')?.remove();
   const style = document.createElementNS(svg.namespaceURI, 'style');
   const rules = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]).filter((r): r is CSSStyleRule => r instanceof CSSStyleRule && r.selectorText.includes('svg.pp')).map((r) => r.cssText);
   const own = getComputedStyle(document.documentElement);

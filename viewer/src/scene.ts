@@ -3,7 +3,7 @@
 
 import { Color, ColorManagement, LinearSRGBColorSpace, Mesh, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from 'three';
 import { Box } from './box';
-import { floats, type LineData, type MeshData, type SceneData, unpacked } from './data';
+import { type FramesData, floats, type LineData, type MeshData, type SceneData, unpacked } from './data';
 import { Line } from './lines';
 import { surfaceMaterial } from './materials';
 import { fixed, shown } from './numbers';
@@ -23,6 +23,9 @@ function element<K extends keyof HTMLElementTagNameMap>(name: K, classes: string
   if (text !== '') out.textContent = text;
   return out;
 }
+
+/** As the axes of curves are titled. */
+const titled = (name: string, unit: string): string => (unit === '' ? name : `${name}, ${unit}`);
 
 function button(text: string, label: string, done: () => void): HTMLButtonElement {
   const out = element('button', '', text);
@@ -82,6 +85,9 @@ export class Picture {
   private readonly note = element('p', 'note');
   private readonly reading = element('dl', 'reading');
   private readonly sliders: { set(v: number): void }[] = [];
+  private readonly text = element('p', 'now');
+  private readonly jumps: (((index: number) => void) | null)[] = [];
+  private follows = false;
 
   /** Throws where the browser has no WebGL. */
   constructor(private readonly figure: HTMLElement, private readonly canvas: HTMLCanvasElement, private data: SceneData, private readonly tip: Tip) {
@@ -115,6 +121,7 @@ export class Picture {
     steer(this.view, canvas);
     this.hover();
     this.picking();
+    this.linking();
     this.theme();
     window.matchMedia('(prefers-color-scheme:dark)').addEventListener('change', () => this.theme());
     new ResizeObserver(() => this.resize()).observe(this.stage);
@@ -227,7 +234,7 @@ export class Picture {
       const unit = frames.unit === '' ? '' : ` ${frames.unit}`;
       const span = frames.at[last]! - frames.at[0]!;
       const made = slider(frames.name, 0, last, 1, frames.start, (v) => shown(frames.at[v]!, span) + unit, (v) => this.show(k, v));
-      this.sliders.push(made);
+      this.sliders[k] = made;
       sliders.append(made.row);
       if (frames.plays) sliders.append(this.player(k, made));
     });
@@ -237,7 +244,8 @@ export class Picture {
     }
     if (this.data.frames.length > 0) {
       this.note.setAttribute('role', 'status');
-      this.panel.append(this.reading, this.note);
+      this.text.hidden = true;
+      this.panel.append(this.text, this.reading, this.note);
       this.show(0, this.data.frames[0]!.start);
     }
   }
@@ -297,6 +305,10 @@ export class Picture {
       pause();
       go(index() + by);
     };
+    this.jumps[k] = (to) => {
+      pause();
+      go(to);
+    };
     const choice = element('select', '');
     choice.setAttribute('aria-label', 'Speed');
     for (const s of [0.01, 0.1, 0.25, 0.5, 1, 2, 5, 20]) {
@@ -313,7 +325,38 @@ export class Picture {
     }
     row.append(button('|‹', 'To the start', () => { pause(); go(0); }), button('‹', 'A step back', () => step(-1)), play,
       button('›', 'A step on', () => step(1)), choice);
+    const tip = this.tipAt();
+    if (tip !== null) {
+      const label = element('label', 'follow'), box = element('input', '');
+      box.type = 'checkbox';
+      box.addEventListener('change', () => {
+        this.follows = box.checked;
+        if (box.checked) this.view.centre(this.tipAt()!, this.sizeOfPath());
+        else this.view.reset();
+      });
+      label.append(box, 'follow the tool');
+      row.append(label);
+    }
     return row;
+  }
+
+  /** Where the tool is, where the scene has a dot at its tip. */
+  private tipAt(): [number, number, number] | null {
+    const tip = this.lines.find((l) => l.data.moves && l.data.layer === 'tool tip' && l.points.length === 3);
+    return tip === undefined ? null : [tip.points[0]!, tip.points[1]!, tip.points[2]!];
+  }
+  /** Of the box round the lines of a program. */
+  private sizeOfPath(): number {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    for (const line of this.lines) {
+      if (line.data.tag === undefined) continue;
+      line.points.forEach((x, i) => {
+        low[i % 3] = Math.min(low[i % 3]!, Number.isFinite(x) ? x : Infinity);
+        high[i % 3] = Math.max(high[i % 3]!, Number.isFinite(x) ? x : -Infinity);
+      });
+    }
+    const size = Math.hypot(...[0, 1, 2].map((k) => high[k]! - low[k]!));
+    return Number.isFinite(size) && size > 0 ? 1.2 * size : Math.hypot(...[0, 1, 2].map((k) => this.data.high[k]! - this.data.low[k]!));
   }
 
   /** Other lines in the place of those that are shown. */
@@ -346,6 +389,8 @@ export class Picture {
     this.setLines(data.lines);
     this.panel.replaceChildren();
     this.sliders.length = 0;
+    this.jumps.length = 0;
+    this.follows = false;
     this.height.value.set(-1e30, 1e30);
     this.controls();
   }
@@ -376,13 +421,57 @@ export class Picture {
     this.reading.replaceChildren(...frames.columns.map((c) => {
       const entry = element('div', '');
       const value = c.values[index];
-      entry.append(element('dt', '', c.name), element('dd', '', value === null || value === undefined ? '–' : `${fixed(value, 3)} ${c.unit}`));
+      const counts = c.unit === '' && Number.isInteger(value);
+      entry.append(element('dt', '', c.name), element('dd', '', value === null || value === undefined ? '–' : `${fixed(value, counts ? 0 : 3)} ${c.unit}`));
       return entry;
     }));
+    const text = frames.texts?.[index] ?? '';
+    this.text.textContent = text;
+    this.text.hidden = frames.texts === undefined;
+    if (this.follows) {
+      const tip = this.tipAt();
+      if (tip !== null && tip.every(Number.isFinite)) this.view.centre(tip);
+    }
+    if (frames.plays) document.dispatchEvent(new CustomEvent('polypod:frame', { detail: this.places(frames, index) }));
     const note = frames.notes[index] ?? '';
     this.note.textContent = note;
     this.note.hidden = note === '';
     this.theme();
+  }
+
+  /** What a frame reads out, by the titles that axes of curves have. */
+  private places(frames: FramesData, index: number): Map<string, number> {
+    const out = new Map([[titled(frames.name, frames.unit), frames.at[index]!]]);
+    for (const c of frames.columns) {
+      const value = c.values[index];
+      if (value !== null && value !== undefined) out.set(titled(c.name, c.unit), value);
+    }
+    return out;
+  }
+
+  /** A place that is picked on a curve, or a line that is picked anywhere, moves what plays to it. */
+  private linking(): void {
+    const go = (title: string, value: number): void => this.data.frames.forEach((frames, k) => {
+      const column = frames.columns.find((c) => titled(c.name, c.unit) === title);
+      const values = titled(frames.name, frames.unit) === title ? frames.at : column?.values;
+      const jump = this.jumps[k];
+      if (!frames.plays || !values || !jump) return;
+      let best = -1, off = Infinity;
+      values.forEach((v, i) => {
+        if (v === null || !(Math.abs(v - value) < off)) return;
+        off = Math.abs(v - value);
+        best = i;
+      });
+      if (best >= 0) jump(best);
+    });
+    document.addEventListener('polypod:at', (e) => {
+      const { title, value } = (e as CustomEvent<{ title: string; value: number }>).detail;
+      go(title, value);
+    });
+    document.addEventListener('polypod:line', (e) => {
+      const line = (e as CustomEvent<number | null>).detail;
+      if (line !== null) go('line', line);
+    });
   }
 
   /** The stretch of each line that belongs to a line of the program, thick and in the colour of what is picked. */

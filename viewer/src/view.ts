@@ -49,6 +49,12 @@ export class View {
     this.elevation = Math.max(-90, Math.min(90, this.elevation + elevation));
     this.apply();
   }
+  /** The point in the middle; `size`: how much of the world round it is to be seen. */
+  centre(at: Vec, size?: number): void {
+    this.middle.set(...at);
+    if (size !== undefined) this.zoom = Math.max(0.3, Math.min(400, this.size / (size || 1)));
+    this.apply();
+  }
   zoomBy(factor: number): void {
     this.zoom = Math.max(0.3, Math.min(400, this.zoom * factor));
     this.apply();

@@ -5,10 +5,11 @@
 //
 // Every page opens without a message on the console and without a request to anything but itself; it fits a screen of
 // 390 px; axe-core finds no serious fault in light and dark. A page with a picture in space has a canvas that turns by mouse and keys and comes
-// back with 0, and shows its drawn picture on paper, without scripts and without WebGL.
+// back with 0, and shows its drawn picture on paper, without scripts and without WebGL. Where it plays, the machine moves,
+// the curves have a cursor that goes along, and the figures are those of the command's JSON.
 import assert from 'node:assert/strict';
 import { spawn, spawnSync } from 'node:child_process';
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { get } from 'node:http';
 import { tmpdir } from 'node:os';
 import { dirname, join, resolve } from 'node:path';
@@ -34,9 +35,25 @@ const pages = {
   delta: ['delta delta-brno --step 60 --report {page}', true],
   pick: ['pick delta-brno --from 150,0,600 --to -150,0,600 --report {page} --csv {page}.csv', true],
   dexterity: ['dexterity hexapod-strut --resolution 8 --report {page}', true],
-  correct: [`correct ${square}/program.ngc --job ${square}/job.toml -o {page}.ngc --report {page}`, true],
+  check: [`check ${square}/program.ngc --job ${square}/job.toml --report {page} --json`, true],
+  misfit: [`check ${square}/program.ngc --machine hexapod-strut --origin 0,0,40 --report {page} --json`, true],
+  move: [`move --program ${square}/program.ngc --job ${square}/job.toml --report {page} --json`, true],
+  predict: [`predict ${square}/program.ngc --job ${square}/job.toml --report {page} --json`, true],
+  correct: [`correct ${square}/program.ngc --job ${square}/job.toml -o {page}.ngc --report {page} --json`, true],
+  watch: ['watch {record} --machine hexapod-strut --report {page} --json', true],
   map: ['map lola50 --at 0 --x -600,600 --y -1600,-1000 --resolution 5 -o {page}', false],
 };
+
+/** A record as `polypod record` writes it, without LinuxCNC: a motion of the hexapod, whose second leg lags in the middle. */
+const record = join(out, 'record.csv');
+{
+  const table = join(out, 'motion.csv');
+  spawnSync(program, ['move', 'hexapod-strut', '--points=0,0,75;6,0,75;6,5,76', '--csv', table], { cwd: root });
+  const [head, ...rows] = readFileSync(table, 'utf8').trim().split('\n').map((line) => line.split(','));
+  const names = ['t_s', 'line', 'x_mm', 'y_mm', 'z_mm', 'a_deg', 'b_deg', 'c_deg', ...[1, 2, 3, 4, 5, 6].map((k) => `q${k}_mm`)];
+  const lines = rows.map((row, i) => names.map((n) => (n === 'q2_mm' ? String(Number(row[head.indexOf(n)]) + 0.03 * Math.sin((Math.PI * i) / rows.length) ** 8) : row[head.indexOf(n)])).join(','));
+  writeFileSync(record, ['time_s,line,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,q1,q2,q3,q4,q5,q6', ...lines].join('\n') + '\n');
+}
 
 const problems = [];
 let checks = 0;
@@ -234,6 +251,90 @@ async function linesArePicked(name, file) {
   await context.close();
 }
 
+/** The machine moves when it is played, with the line, the time and a cursor in the curves; a click into one moves it there. */
+async function plays(name, file, title, hasLines) {
+  const { context, page, seen } = await open(file);
+  await page.waitForSelector('figure.scene.live', { timeout: 20000 });
+  const figure = page.locator('figure.scene', { has: page.locator('.player') }).first();
+  await figure.locator('canvas').scrollIntoViewIfNeeded();
+  await settle(page);
+  const shot = () => figure.locator('canvas').evaluate((c) => c.toDataURL());
+  const moved = async (act) => {
+    const before = await shot();
+    await act();
+    await settle(page);
+    return (await shot()) !== before;
+  };
+  const slider = figure.locator('.slide', { has: page.locator('span', { hasText: /^time$/ }) }).locator('input');
+  const at = async () => Number(await slider.inputValue());
+  const svg = page.locator(`.wide svg[data-label="${title}"]`).first();
+  const cursor = () => svg.locator('.cursor').evaluateAll((all) => all.map((c) => parseFloat(c.getAttribute('d').slice(1))));
+  const frames = await figure.evaluate((f) => {
+    const { frames } = JSON.parse(f.querySelector('script.scene-data').textContent);
+    return frames[0];
+  });
+  await slider.focus();
+  check(name, await moved(async () => { for (let k = 0; k < 12; ++k) await page.keyboard.press('ArrowRight'); }), 'keys on the slider do not move the machine');
+  check(name, (await at()) === 12, `twelve keys lead to picture ${await at()}`);
+  check(name, await moved(async () => { for (let k = 0; k < 30; ++k) await figure.getByLabel('A step on').click(); }), 'steps do not move the machine');
+  check(name, (await at()) === 42, `then thirty steps lead to picture ${await at()}`);
+  await figure.getByLabel('To the start').click();
+  await figure.getByLabel('Speed').selectOption('20');
+  check(name, await moved(async () => {
+    await figure.getByLabel('Play').click();
+    await page.waitForFunction((s) => Number(s.value) > 5, await slider.elementHandle(), { timeout: 20000 });
+  }), 'playing does not move the machine');
+  if ((await figure.getByLabel('Pause').count()) > 0) await figure.getByLabel('Pause').click();
+  const stopped = await at();
+  await page.waitForTimeout(300);
+  check(name, (await at()) === stopped && stopped > 5, `paused it goes on from ${stopped} to ${await at()}`);
+  if (hasLines) {
+    const told = await figure.locator('.now').textContent();
+    const line = frames.columns.find((c) => c.name === 'line').values[stopped];
+    check(name, told.startsWith(`line ${line}: `) && told.length > 9, `it tells ${told}, the data say line ${line}`);
+  }
+  // The cursor stands where the figures are that are read out, and a click into the curve leads there.
+  const [low, high, left, right] = (await svg.getAttribute('data-x')).split(' ').map(Number);
+  const valuesOf = title.startsWith('time') ? frames.at : frames.columns.find((c) => title === `${c.name}, ${c.unit}`).values;
+  const wanted = Math.floor(frames.at.length / 2) + valuesOf.slice(Math.floor(frames.at.length / 2)).findIndex((v) => v !== null);
+  const xOf = (v) => left + ((v - low) / (high - low)) * (right - left);
+  await svg.scrollIntoViewIfNeeded();
+  const box = await svg.boundingBox();
+  const width = await svg.evaluate((e) => e.viewBox.baseVal.width);
+  await page.mouse.click(box.x + (xOf(valuesOf[wanted]) * box.width) / width, box.y + box.height / 2);
+  await page.waitForTimeout(100);
+  const shown = valuesOf[await at()];
+  const perPixel = ((high - low) / (right - left)) * (width / box.width);
+  check(name, Math.abs(shown - valuesOf[wanted]) < 2 * perPixel + (high - low) / 100, `a click at ${valuesOf[wanted]} leads to ${shown}`);
+  const now = await cursor();
+  check(name, now.length === 1 && Math.abs(now[0] - xOf(shown)) < 0.2, `the cursor stands at ${now}, not at ${xOf(shown)}`);
+  await figure.locator('canvas').scrollIntoViewIfNeeded();
+  check(name, await moved(() => figure.getByLabel('follow the tool').check()), 'it does not follow the tool');
+  check(name, await moved(() => figure.getByLabel('follow the tool').uncheck()), 'it does not come back');
+  await page.emulateMedia({ media: 'print' });
+  check(name, !(await svg.locator('.cursor').first().isVisible()), 'on paper the cursor shows');
+  check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
+  check(name, seen.requests.every((url) => url === `file://${file}`), `it asks for ${seen.requests.join(' ')}`);
+  await context.close();
+  return frames;
+}
+const largest = (frames, name) => Math.max(...frames.columns.find((c) => c.name === name).values.map((v) => v ?? -Infinity));
+const near = (a, b) => Math.abs(a - b) <= 1e-6 * Math.max(1, Math.abs(b));
+
+/** The curves of the joints go as far as the JSON says. */
+async function jointsAreThoseOfTheJson(name, file, json) {
+  const { context, page } = await open(file);
+  for (const range of json.joint_ranges) {
+    const label = range.unit === 'deg' ? 'angle' : 'length';
+    const values = await page.locator(`.wide svg[aria-label] path[data-name="q${range.joint}"]`).evaluateAll((all) => all.map((p) => p.dataset.v ?? ''));
+    const own = values.map((v) => v.split(';').map((p) => Number(p.split(',')[1])).filter(Number.isFinite));
+    const right = own.some((v) => near(Math.min(...v), range.min) && near(Math.max(...v), range.max));
+    check(name, right, `no curve of ${label} q${range.joint} goes from ${range.min} to ${range.max}: ${own.map((v) => `${Math.min(...v)} .. ${Math.max(...v)}`)}`);
+  }
+  check(name, json.joint_ranges.length > 2, 'the JSON has no joints');
+  await context.close();
+}
+
 /** `polypod view`: the form against `polypod ik`, its manners, and its end. */
 async function theServer() {
   const start = (...words) => new Promise((done) => {
@@ -339,13 +440,44 @@ try {
   for (const [name, [command, hasScene]] of Object.entries(pages)) {
     if (option('--only') !== undefined && option('--only') !== name) continue;
     const file = join(out, `${name}.html`);
-    const done = spawnSync(program, command.split(' ').map((word) => word.replaceAll('{page}', file)), { cwd: root, encoding: 'utf8', timeout: kPatience });
+    const done = spawnSync(program, command.split(' ').map((word) => word.replaceAll('{page}', file).replace('{record}', record)), { cwd: root, encoding: 'utf8', timeout: kPatience });
     check(name, existsSync(file), `no page: ${done.stderr}`);
     if (!existsSync(file)) continue;
     check(name, statSync(file).size < 2e6, `it has ${statSync(file).size} bytes`);
     await step(`${name}: look`, () => look(name, file, hasScene));
     if (name === 'pick') await step(`${name}: curves`, () => curvesHoldTheFigures(name, file));
     if (name === 'correct') await step(`${name}: lines`, () => linesArePicked(name, file));
+    const along = 'along the moves that cut, mm';
+    if (name === 'check' || name === 'misfit') {
+      await step(`${name}: plays`, async () => {
+        const json = JSON.parse(done.stdout), frames = await plays(name, file, 'time, s', true);
+        check(name, near(frames.at.at(-1), json.time_s), `it ends at ${frames.at.at(-1)} s, the JSON says ${json.time_s}`);
+        check(name, frames.notes.some((n) => n !== '') === !json.ok, `the JSON says ${json.ok}, the pictures ${frames.notes.find((n) => n !== '')}`);
+        check(name, json.ok === (name === 'check'), `it ${json.ok ? 'fits' : 'does not fit'}`);
+        if (json.joint_ranges.length > 0) await jointsAreThoseOfTheJson(name, file, json);
+      });
+    }
+    if (name === 'move') await step(`${name}: plays`, () => plays(name, file, 'time, s', false));
+    if (name === 'predict') {
+      await step(`${name}: plays`, async () => {
+        const json = JSON.parse(done.stdout), frames = await plays(name, file, along, true);
+        check(name, near(largest(frames, 'distance'), json.distance_max_um), `the largest distance is ${largest(frames, 'distance')}, the JSON says ${json.distance_max_um}`);
+      });
+    }
+    if (name === 'correct') {
+      await step(`${name}: plays`, async () => {
+        const json = JSON.parse(done.stdout), frames = await plays(name, file, along, true);
+        for (const [column, key] of [['distance, as it is', 'distance_before_um'], ['distance, corrected', 'distance_after_um']]) {
+          check(name, near(largest(frames, column), json[key]), `${column} goes to ${largest(frames, column)}, the JSON says ${json[key]}`);
+        }
+      });
+    }
+    if (name === 'watch') {
+      await step(`${name}: plays`, async () => {
+        const json = JSON.parse(done.stdout), frames = await plays(name, file, 'time, s', false);
+        check(name, near(largest(frames, 'deviation'), json.deviation_um.largest), `the largest deviation is ${largest(frames, 'deviation')}, the JSON says ${json.deviation_um.largest}`);
+      });
+    }
     if (name === 'workspace') {
       await step(`${name}: without WebGL`, () => withoutWebGl(name, file));
       await step(`${name}: poses`, () => posesAreThoseOfTheProgram(name, 'hexapod-strut', file));

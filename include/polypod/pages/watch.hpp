@@ -19,11 +19,14 @@ struct WatchPageOptions {
   std::string answer;  ///< the sentence of the command
   std::vector<std::string> not_judged;
   std::string version, command;
+  /// The machine and the rows that the watch is of: then the machine moves along the record. Must outlive the call.
+  const machine::AnyMachine* moving = nullptr;
+  const std::vector<control::RecordRow>* rows = nullptr;
 };
 
-/// One self-contained HTML file: the answer, the deviation over time with its parts, the way from above with the
-/// deviation enlarged, each line, what explains the deviation; with a cut, the deflected tip against the tube, what the
-/// correction takes back, and the corners.
+/// One self-contained HTML file: the answer, the machine on its way (command and tip), the deviation over time with its
+/// parts, the way from above with the deviation enlarged, each line, what explains the deviation; with a cut, the
+/// deflected tip against the tube, what the correction takes back, and the corners.
 std::string watch_page(const control::Watch& watch, const machining::Job* job, const machining::RecordedCut* cut,
                        const WatchPageOptions& options);
 

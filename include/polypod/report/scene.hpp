@@ -51,6 +51,7 @@ struct Frames {
   std::vector<Column> columns;              ///< read out beside the slider
   std::vector<std::string> notes;           ///< what is wrong in each frame; empty: nothing
   int start = 0;                            ///< the frame that is shown first
+  std::vector<std::string> texts = {};      ///< what goes on in each frame, e.g. a line of a program; empty: not told
 };
 
 /// Points of lines are moved by `at` times their offset; where the scene turns a slider sets the factor, up to `most`.

@@ -28,15 +28,16 @@ struct Response {
 class Site {
  public:
   /// Machine files and names of the catalogue, reports (.html) that Polypod has written, programs with the job that is
-  /// given beside them. Errors: VW100 (no file), VW101 (a kind of file that is not shown), VW102 (a job without a
-  /// program, a program without a job, two jobs), VW103 (an .html file that is no report of Polypod), and those of the
+  /// given beside them, records (.csv) with the one machine that is given beside them. Errors: VW100 (no file), VW101
+  /// (a kind of file that is not shown), VW102 (a job without a program, a program without a job, two jobs), VW103 (an
+  /// .html file that is no report of Polypod), VW104 (a record without its machine, or with two), and those of the
   /// readers.
   static Result<Site> of(const std::vector<std::string>& files, const std::string& version);
 
   /// The answer to a request. `port` is the server's own: Host must be 127.0.0.1 or localhost with it, Origin (if there
   /// is one) the same as an address: 403 otherwise. Files are read anew. Called from several threads. Cost: a pose
   /// below 10 ms; a workspace until its bounds are within 1 % or 30 000 boxes were examined; a program as long as
-  /// `correct`.
+  /// `correct`, a record as `watch`.
   [[nodiscard]] Response answer(const Request& request, int port) const;
 
   /// Long answers end early.
@@ -44,8 +45,8 @@ class Site {
 
  private:
   struct Item {
-    enum class Kind { machine, report, program } kind = Kind::machine;
-    std::string path, job;
+    enum class Kind { machine, report, program, record } kind = Kind::machine;
+    std::string path, beside;  ///< the job of a program, the machine of a record
   };
   [[nodiscard]] Response page(std::size_t item) const;
   [[nodiscard]] Response list() const;
