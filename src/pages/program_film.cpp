@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/machining/tilted.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -102,7 +103,6 @@ ProgramWalk walk_program(const AnyMachine& machine, const Pose& X_MW, const gcod
                          const LongVector<gcode::Move>& moves, const ProgramWalkOptions& options) {
   constexpr std::size_t kProblems = 200;  // pictures of where something goes wrong
   ProgramWalk out;
-  const machine::Task task = kinematics::task(machine);
   std::size_t points = 0;
   for (const gcode::Move& move : moves) {
     if (!ends_known(move)) continue;
@@ -142,10 +142,7 @@ ProgramWalk walk_program(const AnyMachine& machine, const Pose& X_MW, const gcod
       const double to = double(k) / steps;
       const auto visit = [&](double share, bool asked) {
         const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
-        Pose X{rotation_abc(axes.x(), axes.y(), task.holds(machine::Coordinate::c) ? axes.z() : 0.0),
-               move.point(length * share)};
-        X = X_MW * X;
-        if (task.names_axis()) X.R = rotation_abc(axes.x(), axes.y(), 0);
+        const Pose X{machining::tool_orientation(machine, X_MW, axes), X_MW * move.point(length * share)};
         const kinematics::InverseResult inverse =
             last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
         const kinematics::Solution* best = inverse.reachable();
