@@ -26,7 +26,7 @@ using report::Verdict;
 using units::to_mm;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kShown = 5;    // problems in frames of their own
+constexpr std::size_t kShown = 3;    // problems in frames of their own
 constexpr std::size_t kTable = 300;  // rows of the table of problems
 constexpr std::size_t kSpans = 24;   // lines up to which the curves name them
 
@@ -102,10 +102,16 @@ class Page {
     }
     for (std::size_t i = 0; i < std::min(kShown, result_.problems.size()); ++i) {
       const CheckProblem& p = result_.problems[i];
-      report_.add_verdict(Verdict::bad, fmt::format("Line {}, {}: {}.", p.line, p.kind, p.detail));
+      constexpr std::size_t kLong = 160;  // characters of a detail; the table has it whole
+      std::size_t cut = p.detail.size() > kLong ? p.detail.rfind(", ", kLong) : std::string::npos;
+      report_.add_verdict(Verdict::bad, fmt::format("Line {}, {}: {}{}.", p.line, p.kind, p.detail.substr(0, cut),
+                                                    cut < p.detail.size() ? " and more, see the table" : ""));
     }
-    if (result_.problems.size() > kShown)
-      report_.add_text(fmt::format("{} further problems stand in the table below.", result_.problems.size() - kShown));
+    if (result_.problems.size() > kShown) {
+      const std::size_t more = result_.problems.size() - kShown;
+      report_.add_text(more == 1 ? std::string("One further problem stands in the table below.")
+                                 : fmt::format("{} further problems stand in the table below.", more));
+    }
     if (!all) {
       report_.add_verdict(Verdict::neutral,
                           fmt::format("Not judged: {}{}.", result_.not_judged.size() == 1 ? "line " : "lines ", [&] {

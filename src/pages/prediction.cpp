@@ -34,7 +34,8 @@ void answer(report::Report& report, const Job& job, const Prediction& p, const P
     report.add_verdict(p.all_judged() ? Verdict::good : Verdict::neutral,
                        fmt::format("Yes{}: {}.", p.all_judged() ? "" : ", apart from what was not judged", largest));
   } else {
-    report.add_verdict(Verdict::bad, fmt::format("No, or not surely: {}.", largest));
+    report.add_verdict(Verdict::bad,
+                       fmt::format("{}: {}.", p.largest_with_corners > job.tolerance ? "No" : "Not surely", largest));
   }
   for (const machining::NotJudged& m : p.not_judged)
     report.add_verdict(Verdict::neutral, fmt::format("Not judged: line {}: {}.", m.line, m.why));

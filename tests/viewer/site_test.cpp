@@ -176,6 +176,36 @@ TEST(Site, SaysWhatItDoesNotShow) {
   EXPECT_EQ(Site::of({square + "job.toml"}, "").error().id, "VW102");
   EXPECT_EQ(Site::of({"no-such-machine"}, "").error().id, "MA100");
   EXPECT_TRUE(Site::of({square + "program.ngc", square + "job.toml", "lola50"}, ""));
+  EXPECT_EQ(Site::of({file("a.csv", "time_s\n")}, "").error().id, "VW104");
+  EXPECT_EQ(Site::of({file("a.csv", "time_s\n"), "lola50", "hexapod-strut"}, "").error().id, "VW104");
+}
+
+TEST(Site, ShowsARecordWithItsMachine) {
+  const std::string path = ::testing::TempDir() + "/record.csv";
+  const auto m = machine::load("hexapod-strut");
+  ASSERT_TRUE(m);
+  std::ofstream out(path);
+  out << "time_s,line,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,q1,q2,q3,q4,q5,q6\n";
+  for (int k = 0; k < 20; ++k) {
+    const Vec3 p(1e-4 * k, 0, 75e-3);
+    const auto found = kinematics::inverse(*m, {Mat3::Identity(), p});
+    ASSERT_FALSE(found.solutions.empty());
+    out << 0.001 * k << ",7," << 0.1 * k << ",0,75,0,0,0";
+    for (const double q : found.solutions.front().joints) out << ',' << 1000 * q;
+    out << '\n';
+  }
+  out.close();
+  const auto site = Site::of({path, "hexapod-strut"}, "");
+  ASSERT_TRUE(site);
+  const Response r = site->answer({"GET", "/0", "127.0.0.1:4711", "", ""}, kPort);
+  EXPECT_EQ(r.status, 200);
+  EXPECT_NE(r.body.find("<canvas data-scene"), std::string::npos);
+  EXPECT_NE(r.body.find("20 pictures of 20 rows"), std::string::npos);
+  // A record that is no record is a page that says so.
+  std::ofstream(path) << "time_s,x_mm\n0,1\n";
+  const Response bad = site->answer({"GET", "/0", "127.0.0.1:4711", "", ""}, kPort);
+  EXPECT_EQ(bad.status, 200);
+  EXPECT_NE(bad.body.find("LC120"), std::string::npos);
 }
 
 }  // namespace
