@@ -5,6 +5,7 @@
 #include "machining/examples.hpp"
 #include "paths.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machining/check.hpp"
 
 namespace polypod {
 namespace {

@@ -314,7 +314,8 @@ TEST(Robots, AreNotWrittenWithoutTheirRail) {
   rail.kind = machine::JointKind::prismatic;
   rail.range = {0, 2};
   arm.dh.insert(arm.dh.begin(), rail);
-  const post::Configuration moving{"rail", arm, arm, post::Rotary::none};
+  const machine::AnyMachine machine(arm);
+  const post::Configuration moving{"rail", machine, machine, post::Rotary::none};
   EXPECT_EQ(test::id_of(post::write(Dialect::krl, moving, {}, {})), "PO121");
 }
 
