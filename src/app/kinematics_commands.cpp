@@ -377,7 +377,7 @@ Command fk_command() {
             if (p.contains("whole_pose")) print_whole_pose(p["whole_pose"]);
             if (p.contains("singular")) {
               fmt::print(
-                  "  singular (type 2): the tool can move though the joints stand, so this is one pose of many\n");
+                  "  singular (type 2): the tool can move with all joints locked, so this is one pose of many\n");
             }
           }
           if (poses.empty()) fmt::print("no pose: {}\n", why);

@@ -33,8 +33,9 @@ std::optional<int> SingularNote::refusal(const std::vector<std::string>& figures
   for (const std::string& key : figures) document[key] = Json();
   if (json_) print_json(in(document));
   std::fflush(stdout);
-  fmt::print(stderr, "polypod: there are no figures, because the machine is {} at every pose\n",
-             never_held_ ? "singular: the drives do not constrain the platform" : "close to singular");
+  fmt::print(stderr, "polypod: there are no figures, because {}\n",
+             never_held_ ? "the drives do not constrain the platform at any pose"
+                         : "the machine is close to singular at every pose");
   return kAnswerIsNo;
 }
 

@@ -64,11 +64,11 @@ std::string in_words(HoldOnPath::At at) {
     case HoldOnPath::At::held:
       break;
     case HoldOnPath::At::hardly:
-      return "close to singular (type 2): the drives hardly hold the tool";
+      return "close to singular (type 2): the drives hardly constrain the tool";
     case HoldOnPath::At::passed:
-      return "the way there passes a singular pose (type 2), where the drives do not hold the tool";
+      return "the way there passes a singular pose (type 2), where the drives do not constrain the tool";
     case HoldOnPath::At::lost:
-      return "singular (type 2): the drives do not hold the tool";
+      return "singular (type 2): the drives do not constrain the tool";
   }
   return "";
 }
