@@ -952,6 +952,7 @@ class Corrector {
 
   void outcomes(const Corners& before, const Corners& after) {
     LongVector<MoveOutcome> of(moves_.size());
+    farthest_.assign(moves_.size(), 0);
     std::vector<bool> cuts(moves_.size(), false);
     for (const MovePrediction& m : out_.before.moves) {
       const auto i = static_cast<std::size_t>(m.move);
@@ -969,6 +970,7 @@ class Corrector {
       const auto i = static_cast<std::size_t>(way_.source[c]);
       if (changed_[i]) ++(way_.moves[c].transition ? of[i].transitions : of[i].pieces);
       of[i].corner_after = std::max(of[i].corner_after, after.deviation[c]);
+      farthest_[i] = std::max(farthest_[i], after.with[c]);
       of[i].within = (c == 0 || way_.source[c - 1] != way_.source[c] || of[i].within) && after.with[c] <= inside();
     }
     for (std::size_t i = 0; i < moves_.size(); ++i) {
@@ -1037,7 +1039,7 @@ class Corrector {
 
   void decide() {
     const MoveOutcome* worst = nullptr;
-    const auto reach = [](const MoveOutcome& o) { return o.distance_after + o.corner_after; };
+    const auto reach = [&](const MoveOutcome& o) { return farthest_[static_cast<std::size_t>(o.move)]; };
     for (const MoveOutcome& m : out_.moves) {
       if (!m.within && (worst == nullptr || reach(m) > reach(*worst))) worst = &m;
     }
@@ -1129,6 +1131,7 @@ class Corrector {
   std::vector<bool> merged_;   // by corner, that before the move of this number: shared to save a short block
   std::vector<bool> frozen_;   // their correction was worse than none
   LongVector<double> before_, after_, last_;
+  LongVector<double> farthest_;            // of each move the largest distance with the corner of the same piece
   LongVector<double> before_with_;         // corners counted; found where it is asked for
   std::optional<Job> fine_;                // the job with cells half as large
   cutting::Stock scratch_, fine_scratch_;  // what the passes cut, of either
