@@ -192,7 +192,15 @@ Command predict_command() {
           page.version = POLYPOD_VERSION;
           page.command = command_line();
           page.within = within && collision.has_value();
+          page.collides = !collision;
+          page.with_vibration = o->vibration.counts;
           page.at_rest = o->at_rest;
+          if (!collision) page.against.push_back(to_string(collision.error()));
+          if (const std::string why = o->vibration.against(in.job, p); !why.empty()) page.against.push_back(why);
+          if (!trust) {
+            page.against.push_back("The measured compliance is doubtful: " + in.job.measured->doubts.front().message +
+                                   ".");
+          }
           POLYPOD_TRY(together.add(
               o->report, pages::prediction_page(in.job, in.program, in.interpretation, p, std::move(p.samples), page)));
         }

@@ -294,11 +294,11 @@ void print_modes(const machining::Correction& c) {
              to_um(m.corner_after));
   if (!m.written.empty()) {
     fmt::print("path control   {} was written, which the tolerance needs\n", m.written);
-    if (m.chords > 0) {
-      fmt::print("               {} arc{} written as chords, so that the controller need not stop\n", m.chords,
-                 m.chords > 1 ? "s" : "");
-    }
     for (const int line : m.replaced) fmt::print("               it replaces the mode of line {}\n", line);
+  }
+  if (m.chords > 0) {
+    fmt::print("               {} arc{} written as chords, so that the controller need not stop\n", m.chords,
+               m.chords > 1 ? "s" : "");
   }
   fmt::print("time           {:.1f} s, after {:.1f} s\n", m.time_before, m.time_after);
 }

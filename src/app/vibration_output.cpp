@@ -124,6 +124,15 @@ bool VibrationQuestion::within(const machining::Job& job, const machining::Predi
   return counts && found_ ? found_->within(job, prediction) : prediction.within(job);
 }
 
+std::string VibrationQuestion::against(const machining::Job& job, const machining::Prediction& prediction) const {
+  if (within(job, prediction) || !prediction.within(job)) return "";
+  if (!found_->bounded()) return "The vibration is without bound: an undamped machine in resonance.";
+  const double sum = found_->largest_with(prediction);
+  if (sum <= job.tolerance - machining::resolution(job)) return "Not all of the cut is judged for its vibration.";
+  return fmt::format("With the vibration at tooth passing the tool is up to {:.1f} um from the programmed path.",
+                     to_um(sum));
+}
+
 void VibrationQuestion::add_to(Json& document, const machining::Prediction& prediction) const {
   if (!found_) {
     document["vibration_um"] = Json();

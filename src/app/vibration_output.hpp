@@ -26,6 +26,8 @@ class VibrationQuestion {
 
   /// Whether the prediction is within the tolerance as far as the vibration is asked to count.
   [[nodiscard]] bool within(const machining::Job& job, const machining::Prediction& prediction) const;
+  /// Why the vibration alone makes it a no, as a sentence; empty where it does not.
+  [[nodiscard]] std::string against(const machining::Job& job, const machining::Prediction& prediction) const;
   void add_to(Json& document, const machining::Prediction& prediction) const;
   void print(const machining::Job& job, const machining::Prediction& prediction) const;
 

@@ -12,7 +12,6 @@
 #include "module_text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/stock.hpp"
-#include "polypod/machining/tilted.hpp"
 
 namespace polypod::control {
 namespace {
@@ -191,9 +190,7 @@ Result<ForceLoop> force_loop(const Job& job, const gcode::Program& program, cons
                 "polypod predict and polypod correct judge the program without it");
   };
   if (job.measured) return unknown("a measured compliance: the kinematics module has those of the joints");
-  if (!machining::cutting_orientation(job).isApprox(job.X_MW.R, 1e-9) &&
-      !machining::cutting_orientation(job).isIdentity(1e-9))
-    return unknown("a tilted tool");
+  if (job.tool_frame.tilted) return unknown("a tilted tool");
   ForceLoop out;
   out.method = method;
   out.options = options;

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/families.hpp"
@@ -41,8 +42,8 @@ Hold hold(const machine::AnyMachine& machine, const Pose& X_MT, const machine::J
 }
 
 HoldOnPath::At HoldOnPath::next(const Pose& X_MT, const machine::JointVector& q) {
-  constexpr double kFar = 0.05;                                        // of `control`
-  constexpr double kWay = 1e-3, kTurn = 0.5 * std::numbers::pi / 180;  // m, rad
+  constexpr double kFar = 0.05;                                // of `control`
+  constexpr double kWay = 1e-3, kTurn = units::from_deg(0.5);  // m, rad
   if (serial_) return At::held;
   const bool follows = known_;
   if (follows && last_.control > kFar && (X_MT.p - X_MT_.p).norm() < kWay &&

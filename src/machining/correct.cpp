@@ -897,7 +897,7 @@ class Corrector {
   /// correction.
   [[nodiscard]] bool comes_farther_than(const LongVector<double>& kept) const {
     for (std::size_t i = 0; i < moves_.size(); ++i) {
-      if (worse(i) || (outside(i) && after_[i] > kept[i] + kSameDistance)) return true;
+      if (outside(i) && after_[i] > kept[i] + kSameDistance) return true;
     }
     return is_worse();
   }
@@ -909,7 +909,6 @@ class Corrector {
     const gcode::PathControl control = mode_for(job_, way_, now).control;
     if (control == gcode::PathControl{} && now.breaking.empty()) return {};  // no mode would help
     mode_ = control;
-    out_.modes.chords = static_cast<int>(std::count(chords_.begin(), chords_.end(), true));
     for (const int block : now.breaking) {
       mode_blocks_.push_back(source_block(block));
       out_.modes.replaced.push_back(program_.blocks[static_cast<std::size_t>(mode_blocks_.back())].line);
@@ -930,6 +929,7 @@ class Corrector {
     const Way as_it_was = as_programmed();
     const Corners before = corners_of(job_, program_, as_it_was, out_.before, inside());
     const Corners after = corners_of(job_, out_.program, way_, out_.after, inside());
+    out_.modes.chords = static_cast<int>(std::count(chords_.begin(), chords_.end(), true));
     out_.modes.corner_before = before.largest;
     out_.modes.corner_after = after.largest;
     out_.modes.time_before = before.time;

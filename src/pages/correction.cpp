@@ -9,6 +9,7 @@
 #include <set>
 
 #include "correction_figures.hpp"
+#include "path_answers.hpp"
 #include "path_film.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -40,16 +41,6 @@ constexpr std::size_t kHeaderLines = 12;
 constexpr const char* kUm = "µm";
 
 using Entries = std::vector<std::pair<std::string, std::string>>;
-
-/// A sentence of the answer with the sign that pages have for micrometres.
-std::string with_sign(std::string text) {
-  constexpr std::string_view kPlain = " um";
-  for (std::size_t at = 0; (at = text.find(kPlain, at)) != std::string::npos; at += kPlain.size()) {
-    const std::size_t end = at + kPlain.size();
-    if (end == text.size() || std::isalnum(static_cast<unsigned char>(text[end])) == 0) text.replace(at + 1, 2, kUm);
-  }
-  return text;
-}
 
 std::string um(double metres) {
   return fixed(to_um(metres), 1) + " " + kUm;
@@ -136,38 +127,6 @@ class Page {
 
   [[nodiscard]] bool mirror() const { return options_.method == CorrectMethod::mirror; }
 
-  /// `at`: " with block delete on", or nothing.
-  void not_judged(const machining::Steep& steep, const std::string& at) {
-    if (!(steep.distance > 0)) return;
-    report_.add_verdict(
-        Verdict::neutral,
-        fmt::format(
-            "Not judged{}: {} mm of the cut, where the force changes quickly, as where a cutter comes out of the "
-            "stock. The deflection lags behind it, and the place of the change is known only to the {} mm ahead over "
-            "which the engagement is averaged: the tool may be up to {} {} from the programmed path there (line {}{}).",
-            at, fixed(units::to_mm(steep.length), 1), fixed(units::to_mm(steep.window), 2),
-            fixed(to_um(steep.distance), 0), kUm, steep.line,
-            steep.elsewhere > steep.distance ? "; elsewhere on it " + um(steep.elsewhere) : ""));
-  }
-  void not_judged(const machining::SlowCorners& slow, const std::string& at) {
-    if (slow.count == 0) return;
-    report_.add_verdict(Verdict::neutral, fmt::format("Not judged{}: {}.", at, slow.in_words(kUm)));
-  }
-  void not_judged(const std::vector<machining::Plunge>& plunges, const std::string& at) {
-    if (plunges.empty()) return;
-    const auto worst = std::max_element(plunges.begin(), plunges.end(),
-                                        [](const auto& a, const auto& b) { return a.distance < b.distance; });
-    std::string others;
-    constexpr std::size_t kNamed = 20;
-    for (std::size_t i = 0; i < std::min(kNamed, plunges.size()); ++i) {
-      others += fmt::format("{}{}", i == 0 ? "" : ", ", plunges[i].line);
-    }
-    if (plunges.size() > kNamed) others += fmt::format(" and {} more", plunges.size() - kNamed);
-    report_.add_verdict(Verdict::neutral,
-                        fmt::format("Not judged{}: line {}: {}.{}", at, worst->line, with_sign(worst->why()),
-                                    plunges.size() > 1 ? fmt::format(" Such plunges: lines {}.", others) : ""));
-  }
-
   /// What the uncertainty of the compliances makes of a yes, and what the tube does not hold.
   void with_uncertainty() {
     const auto& reach = options_.uncertainty.reach;
@@ -213,18 +172,7 @@ class Page {
   }
 
   void other_position(const machining::OtherSwitch& other) {
-    const char* position = other.block_delete ? "on" : "off";
-    if (!other.cuts) {
-      report_.add_verdict(Verdict::neutral, fmt::format("With block delete {} nothing is cut.", position));
-    } else if (other.within_tolerance || other.reason.empty()) {
-      report_.add_verdict(
-          other.within_tolerance ? Verdict::good : Verdict::bad,
-          fmt::format("With block delete {} the largest distance is {}{}{}.", position, um(other.distance_after),
-                      other.line > 0 ? fmt::format(" (line {})", other.line) : "",
-                      other.fixed ? ", with a correction for that position" : ""));
-    } else {
-      report_.add_verdict(Verdict::bad, fmt::format("With block delete {}: {}.", position, with_sign(other.reason)));
-    }
+    add_other_position(report_, other, true);
     if (other.fixed) {
       report_.add_verdict(Verdict::neutral,
                           fmt::format("The program that was written is for block delete {}; the switch does not act on "
@@ -275,16 +223,10 @@ class Page {
       outside();
     }
     with_uncertainty();
-    not_judged(c_.after.steep, "");
-    not_judged(c_.after.slow, "");
-    not_judged(c_.after.plunges, "");
-    if (c_.other_switch) {
-      other_position(*c_.other_switch);
-      const std::string at = fmt::format(" with block delete {}", c_.other_switch->block_delete ? "on" : "off");
-      not_judged(c_.other_switch->steep, at);
-      not_judged(c_.other_switch->slow, at);
-      not_judged(c_.other_switch->plunges, at);
-    }
+    add_not_judged(report_, c_.after.steep, "");
+    add_not_judged(report_, c_.after.slow, "");
+    add_not_judged(report_, c_.after.plunges, "");
+    if (c_.other_switch) other_position(*c_.other_switch);
     short_blocks();
     if (c_.largest_after > c_.largest_before) {
       report_.add_verdict(Verdict::bad, "The largest distance is not smaller than that of the program as it is.");
@@ -393,13 +335,7 @@ class Page {
 
   void errors() {
     report_.add_section("Errors along the path");
-    report_.add_figure(error_plot(c_, tracks_, &machining::Sample::distance, "distance from the programmed path"),
-                       "What the answer rests on: the distance of the deflected tool from the programmed move in "
-                       "space, its ends included. Moves that cut are laid end to end; gaps are paths through air.");
-    report_.add_figure(error_plot(c_, tracks_, &machining::Sample::normal, "normal error"),
-                       "Across the path in the plane; above zero material is left, below zero the cutter gouges.");
-    report_.add_figure(error_plot(c_, tracks_, &machining::Sample::vertical, "vertical error"),
-                       "Along the tool axis; above zero the tool is too high.");
+    add_error_plots(report_, c_, tracks_, "What the answer rests on:");
     report_.add_figure(error_histogram(c_, tracks_), "Fraction of the checked points in bins of normal error.");
   }
 

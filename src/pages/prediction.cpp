@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "correction_figures.hpp"
+#include "path_answers.hpp"
 #include "path_film.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/report/html.hpp"
@@ -30,35 +31,38 @@ void answer(report::Report& report, const Job& job, const Prediction& p, const P
       "the largest distance from the programmed path is {} {} with the controller's corners, the tolerance "
       "{:g} {}",
       fixed(to_um(p.largest_with_corners), 1), kUm, tube, kUm);
+  const bool outside = p.largest_with_corners > job.tolerance - machining::resolution(job);
   if (options.within) {
     report.add_verdict(p.all_judged() ? Verdict::good : Verdict::neutral,
                        fmt::format("Yes{}: {}.", p.all_judged() ? "" : ", apart from what was not judged", largest));
   } else {
+    const bool open = !outside && options.against.empty() && !p.not_judged.empty();
     report.add_verdict(Verdict::bad,
-                       fmt::format("{}: {}.", p.largest_with_corners > job.tolerance ? "No" : "Not surely", largest));
+                       fmt::format("No{}: {}.", open ? ", because not all of the cut is judged" : "", largest));
   }
+  for (const std::string& why : options.against) report.add_verdict(Verdict::bad, with_sign(why));
   for (const machining::NotJudged& m : p.not_judged)
-    report.add_verdict(Verdict::neutral, fmt::format("Not judged: line {}: {}.", m.line, m.why));
-  if (p.steep.distance > 0)
-    report.add_verdict(
-        Verdict::neutral,
-        fmt::format("Not judged: {} mm of the cut, where the force changes quickly; the tool may be up "
-                    "to {} {} from the programmed path there (line {}).",
-                    fixed(to_mm(p.steep.length), 1), fixed(to_um(p.steep.distance), 0), kUm, p.steep.line));
-  if (p.slow.count > 0) report.add_verdict(Verdict::neutral, fmt::format("Not judged: {}.", p.slow.in_words(kUm)));
-  for (const machining::Plunge& plunge : p.plunges)
-    report.add_verdict(Verdict::neutral, fmt::format("Not judged: line {}: {}.", plunge.line, plunge.why()));
+    report.add_verdict(Verdict::neutral, fmt::format("Not judged: line {}: {}.", m.line, with_sign(m.why)));
+  add_not_judged(report, p.steep, "");
+  add_not_judged(report, p.slow, "");
+  add_not_judged(report, p.plunges, "");
+  if (p.other_switch) add_other_position(report, *p.other_switch, false);
   report.add_key_figures({{fixed(to_um(p.largest_distance), 1), kUm, "largest distance from the programmed path",
-                           p.largest_distance <= job.tolerance ? Verdict::good : Verdict::bad},
+                           outside          ? Verdict::bad
+                           : options.within ? Verdict::good
+                                            : Verdict::neutral},
                           {fixed(to_um(p.deflection.max), 1), kUm, "largest deflection", Verdict::neutral},
                           {fixed(to_um(p.normal.mean), 1), kUm, "mean normal error", Verdict::neutral},
                           {fixed(p.time, 1), "s", "with the planner's acceleration", Verdict::neutral},
                           {fixed(units::to_mm3(p.pass.removed), 0), "mm³", "removed", Verdict::neutral}});
   report.add_text(
       "The normal error lies across the path in the plane: above zero the cutter leaves material on the wall that it "
-      "cuts, below zero it gouges. The distance is taken in space, to the programmed move with both its ends. This "
-      "answers for static deflection under the mean cutting force and for the controller's corners alone: not for "
-      "collisions of tool, holder and machine, not for vibration, and not for geometric errors of the machine.");
+      "cuts, below zero it gouges. The distance is taken in space, to the programmed move with both its ends.");
+  report.add_text(fmt::format(
+      "This answers for static deflection under the mean cutting force{} and for the controller's corners alone: not "
+      "for collisions of tool, holder and machine, {}not for geometric errors of the machine.",
+      options.with_vibration ? ", the vibration at tooth passing" : "",
+      options.with_vibration ? "and " : "not for vibration, and "));
   if (options.at_rest)
     report.add_text("The force is that at the commanded point, without the feedback of the deflection on the cut.");
   if (!p.notes.empty()) report.add_list(p.notes);
@@ -114,15 +118,9 @@ std::string prediction_page(const Job& job, const gcode::Program& program, const
   answer(report, job, prediction, options);
   if (!tracks.stretches.empty()) {
     const Overview view = overview(job, c, tracks);
-    add_path_film(report, job, program, c, tracks, view.factor, &prediction.stock_left);
+    add_path_film(report, job, program, c, tracks, view.factor, options.collides ? nullptr : &prediction.stock_left);
     report.add_section("Errors along the path");
-    report.add_figure(error_plot(c, tracks, &machining::Sample::distance, "distance from the programmed path"),
-                      "The distance of the deflected tool from the programmed move in space, its ends included. Moves "
-                      "that cut are laid end to end; gaps are paths through air.");
-    report.add_figure(error_plot(c, tracks, &machining::Sample::normal, "normal error"),
-                      "Across the path in the plane; above zero material is left, below zero the cutter gouges.");
-    report.add_figure(error_plot(c, tracks, &machining::Sample::vertical, "vertical error"),
-                      "Along the tool axis; above zero the tool is too high.");
+    add_error_plots(report, c, tracks, "");
     report.add_figure(view.plot,
                       fmt::format("From above, in the workpiece frame. The deflection of the cutter is drawn "
                                   "{:g} times larger than it is.",

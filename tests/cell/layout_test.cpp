@@ -167,34 +167,39 @@ TEST(Layout, ContainersAtRestTouchNothingButTheirPlace) {
       finds(layout(two, none), "collision", "the box in slot 1 of holder runs into the box in slot 1 of other"));
 }
 
+/// The seed's cell with a change.
+template <class Change>
+Layout seed_with(Change&& change) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  EXPECT_TRUE(cell);
+  change(*cell);
+  return layout(*cell, motions(*cell));
+}
+
 // Taken in the middle of its height, a tin has the gripper between its neighbours: 25 deg below the horizontal it meets
 // them. At the rim it passes over.
 TEST(Layout, NeighboursAreInTheWayOfTheHand) {
-  auto cell = read(test::source("cells/kozubik/cell.toml"));
-  ASSERT_TRUE(cell);
-  cell->containers[0].grip = 0.06;
-  const Layout l = layout(*cell, motions(*cell));
+  const Layout l = seed_with([](Cell& cell) { cell.containers[0].grip = 0.06; });
   EXPECT_TRUE(finds(l, "collision", "arm (fetch) comes"));
   EXPECT_TRUE(finds(l, "collision", "into the tin in slot"));
 }
 
 // Raised by less than its height, a tin is drawn through the others.
 TEST(Layout, ATinMustComeOverTheOthers) {
-  auto cell = read(test::source("cells/kozubik/cell.toml"));
-  ASSERT_TRUE(cell);
-  for (Spot& s : cell->spots)
-    if (s.name == "pallet") s.clearance = 0.02;
-  const Layout l = layout(*cell, motions(*cell));
+  const Layout l = seed_with([](Cell& cell) {
+    for (Spot& s : cell.spots)
+      if (s.name == "pallet") s.clearance = 0.02;
+  });
   EXPECT_TRUE(finds(l, "collision", "the tin in arm (return) runs into the tin in slot"));
   EXPECT_TRUE(finds(l, "collision", "the tin in arm (fetch) runs into pallet"));
 }
 
 // Without drawing in, the arm swings a tin through the fence at the front.
 TEST(Layout, FencesAreBodies) {
-  auto cell = read(test::source("cells/kozubik/cell.toml"));
-  ASSERT_TRUE(cell);
-  for (Machine& m : cell->machines) m.folds = false;
-  EXPECT_TRUE(finds(layout(*cell, motions(*cell)), "collision", "into front"));
+  const Layout l = seed_with([](Cell& cell) {
+    for (Machine& m : cell.machines) m.folds = false;
+  });
+  EXPECT_TRUE(finds(l, "collision", "into front"));
 }
 
 TEST(Reach, ContainersArePutUprightAndEmptiedUpsideDown) {

@@ -3,16 +3,20 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "polypod/machining/predict.hpp"
 
 namespace polypod::pages {
 
 struct PredictionPageOptions {
-  std::string version;   ///< of Polypod; default: not named
-  std::string command;   ///< the command line that makes this page again; default: left out
-  bool within = false;   ///< the answer of the command: every cut was judged and stays in the tube
-  bool at_rest = false;  ///< predicted without the feedback of the deflection on the cut
+  std::string version;               ///< of Polypod; default: not named
+  std::string command;               ///< the command line that makes this page again; default: left out
+  bool within = false;               ///< the answer of the command: every cut was judged and stays in the tube
+  bool collides = false;             ///< a rapid goes through material: what is left of the stock is not known
+  bool with_vibration = false;       ///< the answer counts it
+  std::vector<std::string> against;  ///< why it is no yes beside distances and what was not judged, whole sentences
+  bool at_rest = false;              ///< predicted without the feedback of the deflection on the cut
 };
 
 /// One self-contained HTML file: whether the deflected tool stays in the tube, the machine that moves along the program
