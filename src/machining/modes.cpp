@@ -90,12 +90,7 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
 }
 
 PathModeChoice mode_for(const Job& job, const Way& way, const Corners& corners) {
-  // No mode brings back a joint that is outside already; its corner shall not add more than a tube to that.
-  LongVector<double> slack = corners.slack;
-  for (double& s : slack) {
-    if (!(s > 0)) s = job.tolerance - resolution(job);
-  }
-  return choose_path_mode(way.commanded(), slack, job.controller.planner);
+  return choose_path_mode(way.commanded(), corners.slack, job.controller.planner);
 }
 
 }  // namespace polypod::machining

@@ -8,6 +8,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/pages/correction.hpp"
+#include "polypod/pages/prediction.hpp"
 
 namespace polypod {
 namespace {
@@ -170,6 +171,34 @@ TEST(Answers, LinesAreThoseOfTheProgramAtHand) {
   // Its notes, too, though the header with the path mode is longer than the one that was checked.
   const auto pocket = correct(load("milling_pocket.ngc"));
   EXPECT_THAT(pocket.after.notes, ::testing::Contains(HasSubstr("(first in line 8)")));
+}
+
+// It showed the distance alone, in green.
+TEST(Answers, ThePageOfAPredictionSaysWhyItIsNoYes) {
+  auto e = load("milling_slot.ngc");
+  e.job.tolerance = 1e-3;
+  std::string text = gcode::to_text(e.program);
+  const std::size_t retract = text.rfind("G0 Z20");
+  ASSERT_NE(retract, std::string::npos);
+  text.insert(retract, "/");
+  text.insert(text.find("M5"), "G0 X-10\nG0 Z20\n");
+  e = with_text(text);
+  e.job.tolerance = 1e-3;
+  machining::PredictOptions options;
+  options.keep_samples = options.keep_stock = true;
+  auto p = unwrap(machining::predict(e.job, e.program, e.interpretation, options));
+  ASSERT_TRUE(p.other_switch);
+  pages::PredictionPageOptions how;
+  how.within = p.within(e.job);
+  how.collides = true;
+  how.against = {"MC304: a rapid move goes through material, 12 um deep"};
+  const std::string page = pages::prediction_page(e.job, e.program, e.interpretation, p, p.samples, how);
+  EXPECT_THAT(page, HasSubstr("ith block delete on"));
+  EXPECT_THAT(page, HasSubstr("through material, 12 µm deep"));
+  EXPECT_THAT(page, Not(HasSubstr("stock that the deflected tool leaves")));
+  how.collides = false;
+  EXPECT_THAT(pages::prediction_page(e.job, e.program, e.interpretation, p, p.samples, how),
+              HasSubstr("stock that the deflected tool leaves"));
 }
 
 TEST(Answers, TheHeaderSaysThatItIsOutside) {
