@@ -110,7 +110,8 @@ std::vector<std::string> not_judged(const CellResult& r) {
   if (!r.cell.open_sides.empty() && !way_in(r.cell, r.layout.swept).empty())
     out.push_back(fmt::format("what protects where no guard stands: {}", r.cell.open_sides));
   if (!r.layout.complete)
-    out.emplace_back("collisions in all positions of a machine: it has too many, and some were left out");
+    out.emplace_back(
+        "collisions in all positions: some were left out, because there are too many, or because no way was found");
   out.emplace_back("collisions between the positions, and of a machine with itself and what it carries");
   return out;
 }

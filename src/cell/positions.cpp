@@ -115,7 +115,6 @@ class Collector {
 
   /// The joint motions between two stands.
   void way(std::size_t m, std::size_t task, const JointVector& from, const JointVector& to, const std::string& zone) {
-    constexpr double kStride = 0.030;  // m
     const Machine& machine = cell_.machines[m];
     JointVector last = from;
     for (const JointVector& next : stops(machine, motions_.home[m], from, to)) {
@@ -127,7 +126,7 @@ class Collector {
   }
   void down(std::size_t m, std::size_t task, int spot, const Stand& s, const std::string& zone) {
     const Spot& at = cell_.spots[static_cast<std::size_t>(spot)];
-    const int steps = std::clamp(static_cast<int>(std::ceil(at.clearance / 0.030)), 1, 20);
+    const int steps = std::clamp(static_cast<int>(std::ceil(at.clearance / kStride)), 1, 20);
     near_spot_ = spot;
     for (int k = 0; k <= steps; ++k)
       add_joints(m, task, s.above + (s.joints - s.above) * (static_cast<double>(k) / steps), zone);
@@ -135,13 +134,15 @@ class Collector {
   }
 
   /// Slots that are judged: all of up to `most`, else as many evenly, with the first and the last.
-  static std::vector<std::size_t> some(std::size_t count, std::size_t most = 40) {
+  std::vector<std::size_t> some(std::size_t count, std::size_t most = 40) {
     std::vector<std::size_t> out;
+    out_.complete = out_.complete && count <= most;
     for (std::size_t k = 0; k < std::min(count, most); ++k)
       out.push_back(count <= most ? k : k * (count - 1) / (most - 1));
     return out;
   }
   static constexpr std::size_t kMostOfAPair = 20;
+  static constexpr double kStride = 0.030;  ///< m, between two positions
 
   void collect_moves(std::size_t t) {
     const Task& task = cell_.tasks[t];
@@ -252,12 +253,18 @@ class Collector {
     constexpr int kSteps = 20;
     const motion::Cycle cycle{X_MC * from, X_MC * to, machine.lift, machine.blend};
     const Result<motion::Plan> plan = motion::plan(machine.model, cycle, limits_of(machine));
-    if (!plan) return;
+    if (!plan) {
+      out_.complete = false;
+      return;
+    }
     for (int k = 0; k <= kSteps; ++k) {
       Pose X;
       X.p = plan->tool(cycle, plan->time * k / kSteps).p;
       const kinematics::InverseResult q = kinematics::inverse(machine.model, X);
-      if (q.reachable() == nullptr) continue;
+      if (q.reachable() == nullptr) {
+        out_.complete = false;
+        continue;
+      }
       const bool begin = 3 * k<kSteps, end = 3 * k> 2 * kSteps;
       near_conveyor_ = begin && !from_slot ? task.from_conveyor : -1;
       near_spot_ = (from_slot ? begin : end) ? task.to : -1;
@@ -275,9 +282,12 @@ class Collector {
     constexpr double kAway = std::numeric_limits<double>::quiet_NaN(), kDown = std::numbers::pi / 2;
     const Stand at_belt = stand_at(machine, motions_.home[m], pick, kDown, kAway, 0, machine.lift),
                 at_slot = stand_at(machine, motions_.home[m], put, kDown, target.heading, 0, machine.lift);
-    if (!at_belt.ok || !at_slot.ok) return;
+    if (!at_belt.ok || !at_slot.ok) {
+      out_.complete = false;
+      return;
+    }
     const auto straight = [&](const Stand& s, const std::string& zone) {
-      const int steps = std::clamp(static_cast<int>(std::ceil(machine.lift / 0.030)), 1, 20);
+      const int steps = std::clamp(static_cast<int>(std::ceil(machine.lift / kStride)), 1, 20);
       for (int k = 0; k <= steps; ++k)
         add_joints(m, t, s.above + (s.joints - s.above) * (static_cast<double>(k) / steps), zone);
     };

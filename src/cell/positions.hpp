@@ -32,7 +32,7 @@ struct Position {
 
 struct Positions {
   std::vector<std::vector<Position>> of;  ///< each machine
-  bool complete = true;                   ///< false: a machine has more than kMost, which were left out
+  bool complete = true;  ///< false: some were left out: beyond kMost, of many slots, or where no way was found
   static constexpr std::size_t kMost = 100'000;
 };
 Positions positions(const Cell& cell, const Motions& motions);

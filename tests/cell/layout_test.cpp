@@ -194,6 +194,16 @@ TEST(Layout, ATinMustComeOverTheOthers) {
   EXPECT_TRUE(finds(l, "collision", "the tin in arm (fetch) runs into pallet"));
 }
 
+// Of a place with many slots not every pair is gone through, and the answer says so.
+TEST(Layout, WhatIsLeftOutIsSaid) {
+  EXPECT_TRUE(seed_with([](Cell&) {}).complete);
+  EXPECT_FALSE(seed_with([](Cell& cell) {
+                 for (Spot& s : cell.spots)
+                   if (s.name == "pallet")
+                     while (s.slots.size() < 21) s.slots.push_back(s.slots.back());
+               }).complete);
+}
+
 // Without drawing in, the arm swings a tin through the fence at the front.
 TEST(Layout, FencesAreBodies) {
   const Layout l = seed_with([](Cell& cell) {

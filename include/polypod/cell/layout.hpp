@@ -58,7 +58,7 @@ struct Layout {
   Vec3 low = Vec3::Zero(), high = Vec3::Zero();  ///< of all bodies, m
   double floor_area = 0;                         ///< m2, of the rectangle that guards and bodies take
   int positions = 0;                             ///< of machines that were judged
-  bool complete = true;                          ///< false: a machine has too many positions, and some were left out
+  bool complete = true;  ///< false: some positions were left out: too many, slots beyond 20 (40), or no way was found
 };
 
 /// Containers as upright cylinders where they can stand: in each slot of pallets, holders and openings.
