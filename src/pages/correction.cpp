@@ -93,8 +93,11 @@ class Page {
   std::string html() {
     answer();
     if (!tracks_.stretches.empty()) {
-      add_path_film(report_, job_, program_, c_, tracks_, overview(job_, c_, tracks_).factor, &c_.stock_left);
-      paths();
+      const Overview view = overview(job_, c_, tracks_);
+      const bool in_motion = add_path_film(report_, job_, program_, c_, tracks_, view.factor, &c_.stock_left);
+      paths(view);
+      if (!in_motion) in_space(view.factor);
+      corners();
       errors();
       forces();
       machine_round_the_part();
@@ -259,20 +262,21 @@ class Page {
     figures.push_back({count(index(c_.rewritten_moves)), "",
                        fmt::format("of {} rewritten", plural(c_.moves.size(), "cutting move", "cutting moves")),
                        Verdict::neutral});
-    figures.push_back(
-        {fmt::format("{} → {}", count(c_.lines_in), count(c_.lines_out)), "",
-         fmt::format("lines of program: {}, {}", plural(index(c_.pieces), "straight piece", "straight pieces"),
-                     plural(index(c_.transitions), "transition", "transitions")),
-         Verdict::neutral});
+    figures.push_back({fmt::format("{} → {}", count(c_.lines_in), count(c_.lines_out)), "",
+                       fmt::format("lines of program: {}, {}", plural(index(c_.pieces), "piece", "pieces"),
+                                   plural(index(c_.transitions), "transition", "transitions")),
+                       Verdict::neutral});
     if (!mirror()) {
       figures.push_back({fixed(to_um(c_.modes.corner_after), 1), kUm,
                          fmt::format("rounded by the controller at the worst corner, {} before",
                                      fixed(to_um(c_.modes.corner_before), 1)),
                          Verdict::neutral});
-      figures.push_back({fixed(c_.modes.time_after, 1), "s",
-                         fmt::format("with the planner's acceleration, {} before{}", fixed(c_.modes.time_before, 1),
-                                     c_.modes.written.empty() ? "" : "; written: " + c_.modes.written),
-                         Verdict::neutral});
+      figures.push_back(
+          {fixed(c_.modes.time_after, 1), "s",
+           fmt::format("with the planner's acceleration, {} before{}{}", fixed(c_.modes.time_before, 1),
+                       c_.modes.written.empty() ? "" : "; written: " + c_.modes.written,
+                       c_.modes.chords > 0 ? "; as chords: " + plural(index(c_.modes.chords), "arc", "arcs") : ""),
+           Verdict::neutral});
     }
     report_.add_key_figures(figures);
     report_.add_text(
@@ -307,23 +311,16 @@ class Page {
     if (!items.empty()) report_.add_list(items);
   }
 
-  void paths() {
+  void paths(const Overview& view) {
     report_.add_section("Paths");
-    const Overview view = overview(job_, c_, tracks_);
     report_.add_figure(view.plot,
                        fmt::format("From above, in the workpiece frame. The deflection of the cutter and its "
                                    "correction are drawn {:g} times larger than they are. The command goes to one side "
                                    "so that the deflected tool comes back to the programmed path.",
                                    view.factor));
-    constexpr std::size_t kDrawn = 240, kTurns = 4000;
-    const report::Scene drawn = path_scene(c_, tracks_, view.factor, kDrawn),
-                        turns = path_scene(c_, tracks_, view.factor, kTurns);
-    report_.add_scene(
-        drawn,
-        fmt::format("The same in space, enlarged {:g} times here; a slider enlarges more or less where the "
-                    "picture turns, and the colour there is the distance from the programmed path.",
-                    view.factor),
-        &turns);
+  }
+
+  void corners() {
     if (const std::optional<Corner> near = corner(c_, tracks_)) {
       report_.add_heading(near->title);
       report_.add_figure(
@@ -331,6 +328,18 @@ class Page {
           "Nothing is enlarged here: the green tube is the tolerance, with a sphere at each end. Dots are "
           "the end points of the blocks of the new program.");
     }
+  }
+
+  void in_space(double factor) {
+    constexpr std::size_t kDrawn = 240, kTurns = 4000;
+    const report::Scene drawn = path_scene(c_, tracks_, factor, kDrawn),
+                        turns = path_scene(c_, tracks_, factor, kTurns);
+    report_.add_scene(
+        drawn,
+        fmt::format("The same in space, enlarged {:g} times here; a slider enlarges more or less where the "
+                    "picture turns, and the colour there is the distance from the programmed path.",
+                    factor),
+        &turns);
   }
 
   void errors() {

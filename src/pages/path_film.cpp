@@ -73,7 +73,7 @@ void to_machine(report::Scene& scene, const Pose& X_MW) {
 
 }  // namespace
 
-void add_path_film(report::Report& report, const machining::Job& job, const gcode::Program& program,
+bool add_path_film(report::Report& report, const machining::Job& job, const gcode::Program& program,
                    const machining::Correction& c, const Tracks& tracks, double factor, const cutting::Stock* left) {
   const Along before(tracks.before), after(tracks.after);
   ProgramWalkOptions how;
@@ -81,12 +81,12 @@ void add_path_film(report::Report& report, const machining::Job& job, const gcod
   double length = 0;
   for (const gcode::Move& move : c.programmed) length += move.start_known ? move.length() : 0;
   how.step = std::max(kLeastStep, length / kPoints);
-  how.pictures = pictures_for(job.machine);
+  how.pictures = pictures_for(job.machine) / 2;  // the page has the paths and the stock as well
   for (const Dot* d : {before.farthest(), after.farthest()})
     if (d != nullptr) how.wanted.emplace_back(d->move, d->s);
   std::sort(how.wanted.begin(), how.wanted.end());
   const ProgramWalk walk = walk_program(job.machine, job.X_MW, program, c.programmed, how);
-  if (!walk.any()) return;
+  if (!walk.any()) return false;
   const auto place = [&](const ProgramInstant& p) {
     const auto it = std::lower_bound(tracks.stretches.begin(), tracks.stretches.end(), p.move,
                                      [](const Stretch& s, int move) { return s.move < move; });
@@ -125,7 +125,7 @@ void add_path_film(report::Report& report, const machining::Job& job, const gcod
     return scene;
   };
   report.add_section("The machine on its way");
-  constexpr std::size_t kDrawn = 240, kTurns = 2000;
+  constexpr std::size_t kDrawn = 240, kTurns = 1200;
   const report::Scene turns = scene_of(kTurns);
   report::Scene drawn = scene_of(kDrawn);
   drawn.frames.clear();
@@ -139,6 +139,7 @@ void add_path_film(report::Report& report, const machining::Job& job, const gcod
                   hangs(job.machine) ? "The base is above: z of the machine points down. " : "", film_in_words(walk),
                   report::fixed(units::to_mm_per_min(how.rapid_speed), 0)),
       &turns);
+  return true;
 }
 
 }  // namespace polypod::pages

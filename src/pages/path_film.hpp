@@ -9,8 +9,8 @@ namespace polypod::pages {
 
 /// Adds the scene: the machine that moves along the program in M, the deflected paths coloured by their distance and
 /// enlarged by `factor`, the stock before and, where it is known, `left`. The curves over the path in the same page get
-/// a cursor. Nothing where the machine gets nowhere. Cost: an inverse a millimetre, at most 20 000.
-void add_path_film(report::Report& report, const machining::Job& job, const gcode::Program& program,
+/// a cursor. False where the machine gets nowhere, and nothing is added. Cost: an inverse a millimetre, at most 20 000.
+bool add_path_film(report::Report& report, const machining::Job& job, const gcode::Program& program,
                    const machining::Correction& c, const Tracks& tracks, double factor, const cutting::Stock* left);
 
 }  // namespace polypod::pages
