@@ -87,30 +87,46 @@ Vec3 mean_force(const Cutter& cutter, const Material& material, const Engagement
   return cutter.teeth * engagement.depth / (2 * kPi) * (span.edge + chip * span.cut);
 }
 
-Vec3 mean_force_with_runout(const Cutter& cutter, const Material& material, const Engagement& engagement,
-                            double feed_per_tooth, double eccentricity, double phase) {
-  if (!(engagement.exit > engagement.entry) || !(engagement.depth > 0)) return Vec3::Zero();
+Eigen::Matrix<double, 3, 6> unit_forces_with_runout(const Cutter& cutter, double exponent, const Engagement& engagement,
+                                                    double feed_per_tooth, double eccentricity, double phase) {
+  if (!(engagement.exit > engagement.entry) || !(engagement.depth > 0)) return Eigen::Matrix<double, 3, 6>::Zero();
   constexpr int kSteps = 360;
   const int teeth = cutter.teeth;
   const double step = (engagement.exit - engagement.entry) / kSteps;
   const auto radius = [&](int tooth) { return eccentricity * std::cos(phase + tooth * cutter.pitch_angle()); };
-  Vec3 sum = Vec3::Zero();
-  for (int j = 0; j < teeth; ++j) {
-    // What tooth j stands out over the one m places before it: its chip is the least of m s_z sin(phi) and this.
-    std::vector<double> ahead(static_cast<std::size_t>(teeth));
-    for (int m = 1; m <= teeth; ++m) ahead[static_cast<std::size_t>(m - 1)] = radius(j) - radius(j - m);
-    for (int k = 0; k < kSteps; ++k) {
-      const double phi = engagement.entry + (k + 0.5) * step, s = std::sin(phi), c = std::cos(phi);
-      double h = feed_per_tooth * s + ahead[0];
-      for (int m = 2; m <= teeth; ++m) h = std::min(h, m * feed_per_tooth * s + ahead[static_cast<std::size_t>(m - 1)]);
+  // What tooth j stands out over the one m places before it: its chip is the least of m s_z sin(phi) and this.
+  Eigen::MatrixXd ahead(teeth, teeth);
+  for (int j = 0; j < teeth; ++j)
+    for (int m = 1; m <= teeth; ++m) ahead(j, m - 1) = radius(j) - radius(j - m);
+  Vec3 edge = Vec3::Zero(), cut = Vec3::Zero();  // sums of (cos, sin, 1), of the teeth that cut and times the chip
+  for (int k = 0; k < kSteps; ++k) {
+    const double phi = engagement.entry + (k + 0.5) * step, s = std::sin(phi), c = std::cos(phi);
+    double count = 0, chips = 0;
+    for (int j = 0; j < teeth; ++j) {
+      double h = feed_per_tooth * s + ahead(j, 0);
+      for (int m = 2; m <= teeth; ++m) h = std::min(h, m * feed_per_tooth * s + ahead(j, m - 1));
       if (!(h > 0)) continue;
-      const double chip = material.exponent == 1 ? h : std::pow(h, material.exponent);
-      const double ft = material.kte + material.ktc * chip, fr = material.kre + material.krc * chip,
-                   fa = material.kae + material.kac * chip;
-      sum += Vec3(-ft * c - fr * s, ft * s - fr * c, fa);
+      count += 1;
+      chips += exponent == 1 ? h : std::pow(h, exponent);
     }
+    edge += count * Vec3(c, s, 1);
+    cut += chips * Vec3(c, s, 1);
   }
-  return engagement.depth / (2 * kPi) * step * sum;
+  Eigen::Matrix<double, 3, 6> out;
+  int column = 0;
+  for (const Vec3& sum : {cut, edge}) {  // (5.9), (5.10) with dFt, dFr, dFa of one coefficient each
+    out.col(column++) = Vec3(-sum.x(), sum.y(), 0);
+    out.col(column++) = Vec3(-sum.y(), -sum.x(), 0);
+    out.col(column++) = Vec3(0, 0, sum.z());
+  }
+  return engagement.depth / (2 * kPi) * step * out;
+}
+
+Vec3 mean_force_with_runout(const Cutter& cutter, const Material& m, const Engagement& engagement,
+                            double feed_per_tooth, double eccentricity, double phase) {
+  Eigen::Matrix<double, 6, 1> coefficients;
+  coefficients << m.ktc, m.krc, m.kac, m.kte, m.kre, m.kae;
+  return unit_forces_with_runout(cutter, m.exponent, engagement, feed_per_tooth, eccentricity, phase) * coefficients;
 }
 
 void add_disc(const Cutter& cutter, const Material& material, double entry, double exit, double z, double dz,

@@ -134,15 +134,9 @@ RunoutEffect runout_effect(const Cutter& cutter, const std::vector<MeasuredForce
     for (Eigen::Index i = 0; i < n; ++i) {
       const MeasuredForce& row = rows[static_cast<std::size_t>(i)];
       const Engagement e = straight_engagement(cutter, row.side, row.ae, row.ap);
-      const auto shape = [&](std::size_t k) {
-        Material unit;
-        unit.*kCoefficient[k] = 1;
-        return mean_force_with_runout(cutter, unit, e, row.feed_per_tooth, 0.5 * out.reading, phase);
-      };
-      for (const auto& [column, k] : {std::pair<Eigen::Index, std::size_t>{0, 0}, {1, 1}, {2, 3}, {3, 4}})
-        across.block<2, 1>(2 * i, column) = shape(k).head<2>();
-      along(i, 0) = shape(2).z();
-      along(i, 1) = shape(5).z();
+      const auto shape = unit_forces_with_runout(cutter, 1, e, row.feed_per_tooth, 0.5 * out.reading, phase);
+      across.middleRows<2>(2 * i) = shape(Eigen::seqN(0, 2), {0, 1, 3, 4});
+      along.row(i) = shape(2, {2, 5});
       force_across.segment<2>(2 * i) = row.mean.head<2>();
       force_along[i] = row.mean.z();
     }

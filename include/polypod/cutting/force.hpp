@@ -47,12 +47,17 @@ ForceHistory force_history(const Cutter& cutter, const Material& material, const
 /// It does not depend on the helix. Closed form for exponent 1, Gauss-Legendre otherwise. Cost: about 50 ns.
 Vec3 mean_force(const Cutter& cutter, const Material& material, const Engagement& engagement, double feed_per_tooth);
 
-/// The same where the axis of the cutter runs `eccentricity` (m, half of the total indicator reading) beside that of
-/// the spindle, `phase` (rad) from the first tooth on. Tooth j, at the radius r_j = R + eccentricity cos(phase + j
-/// pitch), meets what the teeth before it left:
+/// Mean forces of the coefficients 1, N, columns Ktc, Krc, Kac, Kte, Kre, Kae (units m^2, and m for the last three;
+/// with another exponent m^(1 + exponent) for the first three), where the axis of the cutter runs `eccentricity` (m,
+/// half of the total indicator reading) beside that of the spindle, `phase` (rad) from the first tooth on. Tooth j, at
+/// the radius r_j = R + eccentricity cos(phase + j pitch), meets what the teeth before it left:
 ///   h_j = max(0, min over m = 1 .. N_z of m s_z sin(phi) + r_j - r_(j - m)),
-/// and has an edge force only where it cuts (Kline and DeVor 1983). By 360 steps of the angle. Cost: 5 us for four
-/// teeth.
+/// and has an edge force only where it cuts (Kline and DeVor 1983). By 360 steps of the angle. Cost: 6 us and 1 us a
+/// tooth.
+Eigen::Matrix<double, 3, 6> unit_forces_with_runout(const Cutter& cutter, double exponent, const Engagement& engagement,
+                                                    double feed_per_tooth, double eccentricity, double phase);
+
+/// mean_force of a cutter that runs out: the unit forces times the coefficients. Cost: as they.
 Vec3 mean_force_with_runout(const Cutter& cutter, const Material& material, const Engagement& engagement,
                             double feed_per_tooth, double eccentricity, double phase);
 
