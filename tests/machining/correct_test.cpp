@@ -83,7 +83,7 @@ TEST(Correct, NarrowTubeNeedsMorePieces) {
 }
 
 TEST(Correct, ImpossibleTubeIsSaidWithItsLine) {
-  auto e = load_example("slavkovic_square");
+  auto e = load_example("slavkovic_groove");
   e.job.tolerance = 0.3e-6;
   const auto c = testing::correct(e);
   EXPECT_FALSE(c.within_tolerance);
