@@ -301,12 +301,14 @@ Command predict_command() {
         }
         print_map(in.job, map);
         print_uncertainty(uncertainty, uncertainty.reach && within ? &*uncertainty.reach : nullptr);
-        if (!p.moves.empty()) fmt::print("\n  line   length    normal error um     distance um  force N\n");
+        if (!p.moves.empty()) fmt::print("\n  line   length    normal error um     distance um  mean force N\n");
         constexpr std::size_t kMost = 40;
         for (std::size_t i = 0; i < std::min(kMost, p.moves.size()); ++i) {
           const machining::MovePrediction& m = p.moves[i];
-          fmt::print("  {:>4} {:>8.2f}   {:>7.1f} .. {:<7.1f} {:>9.1f} {:>10.1f}\n", m.line, to_mm(m.length),
-                     to_um(m.normal.min), to_um(m.normal.max), to_um(m.largest_distance), m.mean_force_size);
+          fmt::print("  {:>4} {:>8.2f}   {:>7} .. {:<7} {:>9.1f} {:>13.1f}\n", m.line, to_mm(m.length),
+                     unsigned_zero(fmt::format("{:.1f}", to_um(m.normal.min))),
+                     unsigned_zero(fmt::format("{:.1f}", to_um(m.normal.max))), to_um(m.largest_distance),
+                     m.mean_force_size);
         }
         if (p.moves.size() > kMost) fmt::print("  ... {} more, see --json\n", p.moves.size() - kMost);
         print_not_judged(p.not_judged);
@@ -375,10 +377,12 @@ Command correct_command() {
         options.mirror_points = o->points;
         double tolerance_um = 0;
         if (!o->tolerance.empty()) {
-          POLYPOD_ASSIGN(given, numbers_of(o->tolerance, "--tolerance"));
-          if (given.size() != 1) return fail("AP122", fmt::format("--tolerance {}: not one number", o->tolerance));
-          POLYPOD_TRY(in_range("AP122", "--tolerance", given[0], {kLeastTolerance, kMostTolerance}, "um"));
-          tolerance_um = given[0];
+          const auto given = numbers_of(o->tolerance, "--tolerance");
+          if (!given || given->size() != 1)
+            return fail("AP122", fmt::format("--tolerance {}: not a number", o->tolerance), {},
+                        "one number in um: --tolerance 80");
+          POLYPOD_TRY(in_range("AP122", "--tolerance", given->front(), {kLeastTolerance, kMostTolerance}, "um"));
+          tolerance_um = given->front();
         }
         if (context.given("--chord-tolerance")) {
           POLYPOD_TRY(in_range("AP122", "--chord-tolerance", o->chord_um, {kLeastTolerance, kMostTolerance}, "um"));

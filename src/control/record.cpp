@@ -491,8 +491,10 @@ Status verdict(const fs::path& scratch, const std::string& program) {
   }
   // LinuxCNC reads ahead; its messages name the line that they are about.
   if (const auto at = said.find("on line "); at != std::string::npos) line = std::atoi(said.c_str() + at + 8);
+  const bool tool = said.find("not found in the tool table") != std::string::npos;
   return fail("LC116", "LinuxCNC: " + said, {program, line, 0},
-              "polypod check says where a program leaves what the machine can do");
+              tool ? "add the tool to the tool table of the exported machine, NAME.tbl, as in T2 P2 D6"
+                   : "polypod check says where a program leaves what the machine can do");
 }
 
 }  // namespace

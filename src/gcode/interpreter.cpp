@@ -699,6 +699,9 @@ class Interpreter {
       }
       selected_tool_ = static_cast<int>(t->value);
     }
+    // The tool is changed before the spindle is started, and the change stops it.
+    if (std::any_of(m_.begin(), m_.begin() + m_count_, [](const Code& c) { return c.tenfold == 60; }))
+      spindle_ = Spindle::off;
     for (int i = 0; i < m_count_; ++i) {
       const Code& code = m_[static_cast<std::size_t>(i)];
       const int m = code.tenfold / 10;

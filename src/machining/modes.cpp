@@ -62,6 +62,7 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
       out.kept = false;
       for (const std::size_t m : {c, next}) {
         const int block = control[static_cast<std::size_t>(moves[m].block)];
+        if (moves[m].path.mode != gcode::PathMode::continuous) continue;  // the one beside it does
         if (block >= 0 && std::find(out.breaking.begin(), out.breaking.end(), block) == out.breaking.end()) {
           out.breaking.push_back(block);
         }

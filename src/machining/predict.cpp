@@ -202,6 +202,39 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
   return out;
 }
 
+/// Ways to places of the machine (G28, G30, G53), which no program tells, that begin in the material: where they lead
+/// aside, whether they go through it is not judged. Z alone is taken to go up.
+std::vector<NotJudged> departures(const Job& job, const gcode::Program& program, const LongVector<gcode::Move>& moves) {
+  std::vector<NotJudged> out;
+  std::size_t next = 0;  // the first move behind the block
+  for (std::size_t b = 0; b < program.blocks.size() && !moves.empty(); ++b) {
+    while (next < moves.size() && static_cast<std::size_t>(moves[next].block) < b) ++next;
+    const gcode::Block block = program.blocks[b];
+    if (next == 0 || block.words.empty() || block.after_end || (block.optional && job.block_delete)) continue;
+    const auto is = [&](char letter, double value) {
+      return std::any_of(block.words.begin(), block.words.end(),
+                         [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
+    };
+    const auto names = [&](char letter) {
+      return std::any_of(block.words.begin(), block.words.end(),
+                         [&](const gcode::Word& w) { return w.letter == letter; });
+    };
+    if (!is('G', 28) && !is('G', 30) && !is('G', 53)) continue;
+    if (names('Z') && !names('X') && !names('Y')) continue;
+    gcode::Move here = moves[next - 1];
+    if (!here.known_end[2]) continue;  // behind another of these, which goes up
+    here.kind = gcode::MoveKind::rapid;
+    here.start = here.end;
+    here.axes_start = here.axes_end;
+    if (!meets_stock(job, here)) continue;
+    out.push_back({block.line,
+                   "this rapid goes from within the stock to a place of the machine that the program does not tell: "
+                   "whether it goes through material is not known",
+                   "retract above the stock before, as in G0 Z..."});
+  }
+  return out;
+}
+
 /// Whether an end of the move lies over the stock.
 bool meets_plan(const Job& job, const gcode::Move& move) {
   const Vec3 low = job.stock.min(), high = job.stock.max();
@@ -677,6 +710,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   if (auto leaning = leaning_tool(job, program, way, out.few)) out.not_judged.push_back(std::move(*leaning));
   if (auto higher = stock_too_low(job, way)) out.not_judged.push_back(std::move(*higher));
   for (NotJudged& rapid : unknown_rapids(job, program, commanded)) out.not_judged.push_back(std::move(rapid));
+  for (NotJudged& rapid : departures(job, program, *way.programmed)) out.not_judged.push_back(std::move(rapid));
   return out;
 }
 

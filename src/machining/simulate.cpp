@@ -293,9 +293,14 @@ class Pass {
         const Yielded yielded = tool.ball ? yield_step(tip, sample.command, C, contacts_, passes, stepped)
                                           : yield_step(tip, sample.command, C, around_, passes);
         if (yielded.rest > kSettled) add_unsettled(move, yielded.rest);
-        stepped = yielded.tip - tip;
-        tip = yielded.tip;
-        sample.force = yielded.force;
+        const Vec3 held = tool.ball ? Vec3(Vec3::Zero()) : held_by_floor(tip, yielded.tip, passes, tool);
+        const double lift = (C * held).z();
+        // No more of it than holds the tip where it stood.
+        const double share = lift > 0 ? std::min(1.0, (tip.z() - yielded.tip.z()) / lift) : 0.0;
+        const Vec3 to = yielded.tip + share * lift * Vec3::UnitZ();
+        stepped = to - tip;
+        tip = to;
+        sample.force = yielded.force + share * held;
         result_.removed += sweep(tip, tool, true);
       }
       sample.cutting = thickest > kNoCut || k == 0;
@@ -305,6 +310,15 @@ class Pass {
       tell(sample);
     }
     return {};
+  }
+
+  /// The force of the end of a flat cutter that would go down from one tip to another while `passes` teeth pass.
+  Vec3 held_by_floor(const Vec3& from, const Vec3& to, double passes, const ToolModel& tool) {
+    const double fall = from.z() - to.z();
+    if (!(fall > kLeastFall)) return Vec3::Zero();
+    cutting::look_down(stock_, {to.x(), to.y(), from.z()}, tool.cutter->radius(), Eigen::Vector2d::UnitX(), fall,
+                       footprint_);
+    return tool.end.mean_force(footprint_, fall / passes);
   }
 
   /// What a ball meets at a tip on any way, into `contacts_`; the deepest cut of it, m.
@@ -374,6 +388,32 @@ class Pass {
     return std::max(0.0, -frame_.to_S(next.direction(0)).z()) * std::min(way, next.length());
   }
 
+  /// What the end of the cutter meets at `tip`, into `footprint_`. It cuts as long as the tip goes down, and stops
+  /// doing so at the end of the way down.
+  ///
+  /// A bent tool meets the floor that it left itself: where the command has gone down by less than the thrust bends the
+  /// tool, its end rests on the floor and cuts nothing.
+  void meet_below(std::size_t index, double s, double length, const Vec3& tip, const Vec3& d,
+                  const Eigen::Vector2d& feed, double radius) {
+    footprint_.any = false;
+    const double ahead = look_ahead_length(radius), fall = -d.z() * ahead, left = -d.z() * (length - s);
+    const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
+    if (!(fall > kLeastFall) || !(s < length || ideal || descends_on(index))) return;
+    // Nor does it meet what stands below the end of the way down; where it cuts up to there and the next move goes on
+    // down, what that comes to.
+    const double beyond_end = std::max(0.0, fall - left), next = next_fall(index, ahead - (length - s));
+    const bool bends = options_.bend == Bend::equilibrium;
+    if (!bends || beyond_end > 0) {
+      cutting::look_down(stock_, tip + beyond_end * Vec3::UnitZ(), radius, feed, fall, footprint_);
+      if (!footprint_.any) return;
+    }
+    if (bends) {
+      cutting::look_down(stock_, tip, radius, feed, std::min(fall, left + next), footprint_);
+    } else if (const double more = std::min(beyond_end, next); more > 0) {
+      cutting::look_down(stock_, tip + (beyond_end - more) * Vec3::UnitZ(), radius, feed, fall, footprint_);
+    }
+  }
+
   [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
 
   /// Fills deflection, force and engagement of the point at s.
@@ -395,31 +435,15 @@ class Pass {
     const Vec3 window = p - d * beyond;
     const bool bends = options_.bend == Bend::equilibrium;
 
-    const auto look = [&] { meet(bends ? Vec3(window + deflection_) : window, tool, d, feed, ahead, vertical); };
-    look();
-    if (!profile_.any && bends && !deflection_.isZero(0)) {
-      const Vec3 before = deflection_;
-      deflection_.setZero();  // the last bend may have lifted it out altogether
-      look();
-      if (!profile_.any) deflection_ = before;
-    }
-    // The end cuts as long as the tip goes down; it stops doing so at the end of the way down. What counts is the floor
-    // at the height of the command: where the thrust lifts the tool it leaves that floor higher, and still meets it.
+    const auto look = [&](const Vec3& bend) {
+      meet(bends ? Vec3(window + bend) : window, tool, d, feed, ahead, vertical);
+      if (!tool.ball) meet_below(index, s, length, bends ? Vec3(p + bend) : p, d, feed, radius);
+    };
     footprint_.any = false;
-    const double fall = -d.z() * ahead;
-    const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
-    if (!tool.ball && fall > kLeastFall && (s < length || ideal || descends_on(index))) {
-      Vec3 over = bends ? Vec3(p.x() + deflection_.x(), p.y() + deflection_.y(), p.z()) : p;
-      // Nor does it meet what stands below the end of the way down; where it cuts up to there and the next move goes on
-      // down, what that comes to.
-      const double beyond_end = std::max(0.0, fall + d.z() * (length - s));
-      over.z() += beyond_end;
-      cutting::look_down(stock_, over, radius, feed, fall, footprint_);
-      const double next = std::min(beyond_end, next_fall(index, ahead - (length - s)));
-      if (footprint_.any && next > 0) {
-        over.z() -= next;
-        cutting::look_down(stock_, over, radius, feed, fall, footprint_);
-      }
+    look(deflection_);
+    if (!profile_.any && !footprint_.any && bends && !deflection_.isZero(0)) {
+      look(Vec3::Zero());  // the last bend may have lifted it out altogether
+      if (profile_.any || footprint_.any) deflection_.setZero();
     }
     if (!(profile_.max_depth > kNoCut) && !footprint_.any) {
       deflection_.setZero();
@@ -435,9 +459,8 @@ class Pass {
       if (tool.ball) return tool.ball->mean_force(ball_, d, each);
       return Vec3(of_end + in_S(tool.force.mean_force(profile_, each * horizontal)));
     };
-    const Vec3 end_force = force_of_end(per_tooth);
+    const auto force_here = [&] { return force_of(per_tooth, force_of_end(per_tooth)); };
     end_cuts_ = end_cuts_ || footprint_.any;
-    const auto force_here = [&] { return force_of(per_tooth, end_force); };
     // The ideal command stands off the path by about the last bend.
     Mat3 C;
     POLYPOD_TRY(compliance(move, options_.bend == Bend::corrected ? Vec3(p - deflection_) : p, C));
@@ -456,10 +479,7 @@ class Pass {
       }
       sample.command = p - sample.deflection;
     } else {
-      const auto look_again = [&](const Vec3& tip) {
-        if (!vertical || tool.ball) meet(tip, tool, d, feed, ahead, vertical);
-      };
-      sample.deflection = equilibrium(move, window, look_again, C, force_here, sample.force);
+      sample.deflection = equilibrium(move, look, C, force_here, sample.force);
       sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
     }
     if (at_end_) sample.without_chips = C * force_of(0, force_of_end(0));
@@ -478,12 +498,12 @@ class Pass {
   /// Plain iteration contracts where the cut is wide, since a millimetre of width changes the force by much less than a
   /// millimetre of bend. Where a thin layer is left, one row of cells more or less changes the force by a step and no
   /// cell-wise engagement balances it: then the balance is bracketed on the line between two iterates and bisected; the
-  /// tool stands where it takes part of that row.
+  /// tool stands where it takes part of that row. So it does where the end of the cutter rests on the floor: with the
+  /// thrust of a cut it would stand above the floor, without any below.
   template <class Look, class Force>
-  Vec3 equilibrium(const gcode::Move& move, const Vec3& window, Look&& look_again, const Mat3& C, Force&& force_here,
-                   Vec3& force) {
+  Vec3 equilibrium(const gcode::Move& move, Look&& look, const Mat3& C, Force&& force_here, Vec3& force) {
     const auto bend_at = [&](const Vec3& delta) {
-      look_again(Vec3(window + delta));
+      look(delta);
       force = force_here();
       return Vec3(C * force);
     };
@@ -580,7 +600,8 @@ class Pass {
 
   Status may_cut(const gcode::Move& move) const {
     if (move.spindle == gcode::Spindle::off || !(move.spindle_speed > 0)) {
-      return fail("MC200", "the spindle does not turn in a cut", place(move), "start it with S and M3 before");
+      return fail("MC200", "the spindle does not turn in a cut", place(move),
+                  "start it with S and M3 before; a tool change (M6) stops it");
     }
     if (move.spindle == gcode::Spindle::counterclockwise) {
       return fail("MC203", "the spindle turns backwards (M4) in a cut", place(move), "use M3");

@@ -116,6 +116,14 @@ Status stands_as_set_up(const Job& job, const gcode::Program& program, const gco
   for (const gcode::Move& move : interpretation.moves) {
     if (!is_feed(move) || stands_as_set_up(job, move) || stays_clear(job, move)) continue;
     const Vec3& other = same(move.axes_end, job.tool_frame.axes) ? move.axes_start : move.axes_end;
+    const machine::Task task = kinematics::task(job.machine);
+    for (int k = 0; k < 3; ++k) {
+      if (std::abs(other[k]) < kNoTurn || task.holds(static_cast<machine::Coordinate>(3 + k))) continue;
+      return fail(
+          "MC204",
+          fmt::format("{} {:g} deg in a cut: this machine has no {}", "ABC"[k], units::to_deg(other[k]), "ABC"[k]),
+          place_of(program, move), "leave the word out, or take a machine that has this axis");
+    }
     if (!job.tool_frame.tilted) {
       return fail("MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
                   place_of(program, move),

@@ -291,6 +291,20 @@ TEST(Interpret, PlacesOfTheMachineAreNotKnown) {
   }
 }
 
+// rs274: STOP_SPINDLE_TURNING, CHANGE_TOOL. A start in the same block comes after the change.
+TEST(Interpret, AToolChangeStopsTheSpindle) {
+  const auto spindles = [](const std::string& text) {
+    const Program program = *parse(text, "change.ngc");
+    std::vector<Spindle> out;
+    const Interpretation run = *interpret(program);
+    for (const Move& move : run.moves) out.push_back(move.spindle);
+    return out;
+  };
+  EXPECT_EQ(spindles("S6000 M3\nG0 X0 Y0 Z0\nT2 M6\nG0 X1\nM3\nG0 X2\n"),
+            (std::vector{Spindle::clockwise, Spindle::off, Spindle::clockwise}));
+  EXPECT_EQ(spindles("S6000 T2 M3 M6\nG0 X1\n"), std::vector{Spindle::clockwise});
+}
+
 TEST(Interpret, KnowsWhatPassesThrough) {
   const Program program = *parse(
       "O1000 (PART)\nG17 G40 G49 G80 G94\nT3 M6\nG43 H3\nS6000 M3 M8\nG61\nG4 P1.5\nG0 Z5\nG1 Z1 "

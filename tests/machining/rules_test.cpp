@@ -122,7 +122,7 @@ TEST(Rules, AChangeOfToolInsideAContourCounts) {
     return std::string(kBegin) + "G0 X-25 Y0\nG1 Z-2 F100\nG1 X0 F1800\n" + between + "\nG1 X25\nG0 Z5\nM2\n";
   };
   auto steady = testing::with_program("slavkovic_groove", text(""));
-  auto changed = testing::with_program("slavkovic_groove", text("T2 M6"));
+  auto changed = testing::with_program("slavkovic_groove", text("T2 M6 M3"));
   cutting::Cutter six = changed.job.cutter;
   six.teeth = 6;  // half the feed per tooth, twice the edges
   changed.job.cutters = {{1, changed.job.cutter}, {2, six}};
