@@ -311,7 +311,7 @@ Command errors_command() {
               document["method"] = tolerances ? o->method : "linear";
               if (tolerances) {
                 document["region"] = o->region;
-                document["contributions"] = shares_json(m, case_there);
+                document["contributions"] = std::isfinite(worst.value) ? shares_json(m, case_there) : Json::array();
               }
               if (once) document["one_element_a_joint"] = surveyed_json(m, *once);
               print_json(singular.in(document));
@@ -333,7 +333,7 @@ Command errors_command() {
               fmt::print("{}.\nWith one element a joint: mean {} mm, worst pose seen {} mm\n", kTwoElements,
                          figure(units::to_mm(once->position.mean), 6), figure(units::to_mm(once->worst.value), 6));
             }
-            if (tolerances) print_shares(m, case_there);
+            if (tolerances && std::isfinite(worst.value)) print_shares(m, case_there);  // else the shares are rounding
             o->files.print();
             return kDone;
           }};

@@ -130,6 +130,17 @@ Json axis_json(const control::ControllerAxis& axis, const std::string& name) {
           {"acceleration_max" + unit + "_per_s2", axis.acceleration}};
 }
 
+/// Lets what is there already, and other, appear under its name with a ~ behind; a sentence that says so, or nothing.
+Result<std::string> kept_from(const std::string& file, const std::string& text, files::Outputs& outputs) {
+  std::error_code none;
+  if (!fs::is_regular_file(file, none)) return std::string();
+  POLYPOD_ASSIGN(earlier, files::read(file));
+  if (earlier == text) return std::string();
+  POLYPOD_TRY(outputs.add(file + "~", std::move(earlier)));
+  return fmt::format("{} was there already, and other: it is kept as {}~", one_line(file),
+                     one_line(fs::path(file).filename().string()));
+}
+
 }  // namespace
 
 Command export_linuxcnc_command() {
@@ -205,7 +216,11 @@ Command export_linuxcnc_command() {
           if (!file.empty()) read.push_back(file);
         POLYPOD_TRY(check_files(read, names, context.json));
         files::Outputs outputs;
-        for (std::size_t i = 0; i < names.size(); ++i) POLYPOD_TRY(outputs.add(names[i], made.files[i].text));
+        for (std::size_t i = 0; i < names.size(); ++i) {
+          POLYPOD_ASSIGN(earlier, kept_from(names[i], made.files[i].text, outputs));
+          if (!earlier.empty()) made.notes.push_back(std::move(earlier));
+          POLYPOD_TRY(outputs.add(names[i], made.files[i].text));
+        }
         POLYPOD_TRY(outputs.commit());
         if (context.json) {
           Json axes = Json::array(), joints = Json::array(), list = Json::array();

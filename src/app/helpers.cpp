@@ -64,7 +64,7 @@ void catch_interrupts() {
   std::signal(SIGINT, SIG_DFL);  // a shell that starts a program with & ignores it for the program
   sigset_t ending;
   sigemptyset(&ending);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGXCPU}) {
     struct sigaction now {};
     sigaction(signal, nullptr, &now);
     if (now.sa_handler != SIG_IGN) sigaddset(&ending, signal);  // nohup ignores SIGHUP for the program, and so it stays

@@ -535,6 +535,8 @@ void add_files_named_by(const std::string& path, std::set<std::string>& found) {
 
 std::vector<std::string> files_named_by(const std::string& path) {
   std::set<std::string> found;
+  std::error_code none;
+  if (files::is_standard_input(path) || !std::filesystem::is_regular_file(path, none)) return {};  // read once only
   add_files_named_by(path, found);
   return {found.begin(), found.end()};
 }

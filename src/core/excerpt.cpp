@@ -249,6 +249,14 @@ std::size_t byte_at(std::string_view text, std::size_t character) {
 }
 
 std::string underlined(int number, std::string_view line, std::size_t begin, std::size_t length) {
+  constexpr std::size_t kSide = 1000;  // bytes of a long line on either side of the word that are looked at
+  if (line.size() > 4 * kSide) {
+    std::size_t from = begin > kSide ? begin - kSide : 0;
+    while (from < begin && !leads(line[from])) ++from;
+    line = line.substr(from, begin - from + 2 * kSide);
+    begin -= from;
+    length = std::min(length, kSide);
+  }
   std::size_t first = begin, count = length;
   const std::vector<Cell> cells = cells_of(line, first, count);
   const auto [from, to] = part_of(cells, first, count);

@@ -55,7 +55,7 @@ Slot* take_slot(const std::string& path) {
   return nullptr;
 }
 
-constexpr std::array<int, 3> kEnding = {SIGINT, SIGTERM, SIGHUP};
+constexpr std::array<int, 5> kEnding = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGXCPU};
 
 /// Whether a signal that ends the program has come and waits to be taken.
 bool end_is_pending() {

@@ -36,4 +36,11 @@ std::size_t machine_memory() {
   return machine == 0 ? group : group == 0 ? machine : std::min(machine, group);
 }
 
+std::size_t resident_memory() {
+  std::ifstream file("/proc/self/statm");
+  std::size_t pages = 0, resident = 0;
+  const long page = ::sysconf(_SC_PAGESIZE);
+  return file >> pages >> resident && page > 0 ? resident * static_cast<std::size_t>(page) : 0;
+}
+
 }  // namespace polypod

@@ -105,6 +105,11 @@ class Judge {
       out_.reason = "not kept: " + broken;
       return true;
     }
+    for (const Goal& g : study_.goals) {
+      if (!last || g.maximise || !std::isinf(get(g.figure).value)) continue;
+      refuse(fmt::format("{} is infinite: the workspace holds a singular pose", info_of(g.figure).name));
+      return true;
+    }
     out_.state = State::done;
     for (const Goal& g : study_.goals) {
       if (g.maximise || study_.wants_front() || get(g.figure).value != 0) continue;

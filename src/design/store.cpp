@@ -332,7 +332,9 @@ Result<Store> Store::read(const std::string& folder) {
     return fail("OP116", fmt::format("{}: no study is kept here", folder), {},
                 "give the folder that `polypod optimize STUDY -o FOLDER` wrote");
   }
-  POLYPOD_TRY(impl->connect(SQLITE_OPEN_READONLY));
+  // A journal that a killed search has left is rolled back by whoever may write.
+  const bool journal = std::filesystem::exists(impl->path + "-journal", ec);
+  POLYPOD_TRY(impl->connect(journal ? SQLITE_OPEN_READWRITE : SQLITE_OPEN_READONLY));
   POLYPOD_TRY(impl->check_format());
   POLYPOD_ASSIGN(text, impl->meta("study"));
   POLYPOD_ASSIGN(name, impl->meta("study_file"));

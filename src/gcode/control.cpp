@@ -6,6 +6,7 @@
 
 #include "engine.hpp"
 #include "polypod/core/files.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -13,7 +14,6 @@ namespace {
 /// LinuxCNC's depth of subprograms.
 constexpr std::size_t kDeepestCall = 10;
 /// LinuxCNC refuses lines from this length on.
-constexpr std::size_t kLongestLine = 253;
 constexpr std::size_t kLongestSubprogram = 16 << 20;  // bytes of a file
 
 std::string shown(const std::string& label) {
@@ -28,10 +28,10 @@ Status Engine::run_lines() {
   const long most_lines = options_.most_lines + static_cast<long>(all.size());  // each once is no endless loop
   for (std::size_t i = 0; options_.checks && i < all.size(); ++i) {             // LinuxCNC reads what it skips, too
     other_ = all[i];
-    if (other_.after_end || other_.text.size() < kLongestLine) continue;
+    if (other_.after_end || other_.text.size() <= kLongestLine) continue;
     written_block_ = block_ = &other_;
-    return error(static_cast<int>(kLongestLine), "GC108", "a line of more than 252 characters, which LinuxCNC refuses",
-                 "split the block");
+    return error(static_cast<int>(kLongestLine) + 1, "GC108",
+                 "a line of more than 252 characters, which LinuxCNC refuses", "split the block");
   }
   while (!ends_) {
     Frame& f = frame();
@@ -74,10 +74,10 @@ Status Engine::step() {
     add_plain(block.text, true);
     return {};
   }
-  if (block.text.size() >= kLongestLine && options_.checks) {
+  if (block.text.size() > kLongestLine && options_.checks) {
     block_ = &block;
-    return error(static_cast<int>(kLongestLine), "GC108", "a line of more than 252 characters, which LinuxCNC refuses",
-                 "split the block");
+    return error(static_cast<int>(kLongestLine) + 1, "GC108",
+                 "a line of more than 252 characters, which LinuxCNC refuses", "split the block");
   }
   const bool evaluated = block.construct != Construct::none || block.after_end;
   if (!evaluated) {

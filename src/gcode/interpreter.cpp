@@ -381,6 +381,10 @@ class Interpreter {
   }
 
   Status block() {
+    if (block_->text.size() > kLongestLine) {
+      return fail("GC108", "a line of more than 252 characters, which LinuxCNC refuses",
+                  {program_.path, block_->line, static_cast<int>(kLongestLine) + 1}, "split the block");
+    }
     if (keep_ && block_->text.find_first_of("(;") != std::string_view::npos) {
       for (const std::string_view comment : comments(*block_)) {
         const auto column = static_cast<int>(comment.data() - block_->text.data()) + 1;

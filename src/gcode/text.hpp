@@ -3,9 +3,13 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <string_view>
 
 namespace polypod::gcode {
+
+/// LinuxCNC refuses longer lines, characters.
+inline constexpr std::size_t kLongestLine = 252;
 
 inline char upper(char c) {
   return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;

@@ -16,6 +16,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "reader.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -255,8 +256,24 @@ class Rewriter {
     return reader_.add(line_);
   }
   Status emit(const Block& block, std::string_view line) {
-    if (line != block.text) ++out_.blocks_changed;
-    return put(line, block.ending);
+    if (line == block.text) return put(line, block.ending);
+    ++out_.blocks_changed;
+    return put_changed(block, std::string(line), block.ending);
+  }
+  /// A line that was edited. Where it is longer than LinuxCNC reads, its comments go before it.
+  Status put_changed(const Block& block, std::string line, std::string_view ending) {
+    if (line.size() > kLongestLine) {
+      const std::string_view between = block.ending.ends_with('\n') ? block.ending : std::string_view(ending_);
+      for (const std::string_view comment : comments(block)) {
+        const std::size_t at = line.rfind(comment);
+        if (at == std::string::npos) continue;
+        line.erase(at, comment.size());
+        POLYPOD_TRY(put((block.optional ? "/" : "") + std::string(comment), between));
+        ++out_.blocks_added;
+      }
+      while (!line.empty() && is_blank(line.back())) line.pop_back();
+    }
+    return put(line, ending);
   }
 
   [[nodiscard]] int decimals(const Move& move) const { return move.inches ? decimals_.inch : decimals_.mm; }
@@ -426,7 +443,7 @@ class Rewriter {
     const bool several = pieces.size() > 1;
     const std::string_view between(last_ending.ends_with('\n') ? last_ending : std::string_view(ending_));
     const std::string first_line = edit.line();
-    POLYPOD_TRY(put(first_line, several ? between : last_ending));
+    POLYPOD_TRY(put_changed(block, first_line, several ? between : last_ending));
     if (several || first_line != block.text) ++out_.blocks_changed;
 
     // The others.

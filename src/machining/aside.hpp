@@ -46,7 +46,10 @@ class Aside {
   Aside& operator=(const Aside&) = delete;
   Aside(Aside&&) = delete;
   Aside& operator=(Aside&&) = delete;
-  ~Aside() { stop(); }
+  ~Aside() {
+    stop_ = true;
+    if (running_.valid()) running_.wait();  // an exception of the work, as of no memory, goes nowhere
+  }
 
   /// What became of it; waits, and reports progress meanwhile. Once known it may be asked for again.
   Status result(const Progress& progress) {

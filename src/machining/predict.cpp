@@ -206,7 +206,7 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
 /// aside, whether they go through it is not judged. Z alone is taken to go up.
 std::vector<NotJudged> departures(const Job& job, const gcode::Program& program, const LongVector<gcode::Move>& moves) {
   std::vector<NotJudged> out;
-  std::size_t next = 0;  // the first move behind the block
+  std::size_t next = 0, left = 0;  // the first move behind the block, and behind the last such way
   for (std::size_t b = 0; b < program.blocks.size() && !moves.empty(); ++b) {
     while (next < moves.size() && static_cast<std::size_t>(moves[next].block) < b) ++next;
     const gcode::Block block = program.blocks[b];
@@ -220,9 +220,10 @@ std::vector<NotJudged> departures(const Job& job, const gcode::Program& program,
                          [&](const gcode::Word& w) { return w.letter == letter; });
     };
     if (!is('G', 28) && !is('G', 30) && !is('G', 53)) continue;
+    if (std::exchange(left, next) == next) continue;  // behind another of these
     if (names('Z') && !names('X') && !names('Y')) continue;
     gcode::Move here = moves[next - 1];
-    if (!here.known_end[2]) continue;  // behind another of these, which goes up
+    if (!here.known_end[2]) continue;
     here.kind = gcode::MoveKind::rapid;
     here.start = here.end;
     here.axes_start = here.axes_end;

@@ -274,6 +274,8 @@ class Pass {
     const auto steps = static_cast<std::int64_t>(std::clamp(std::ceil(teeth), kFewestYields, kMostYields));
     const double passes = teeth / static_cast<double>(steps);
     Vec3 tip = frame_.to_S(move.start) + deflection_, looked_at = Vec3::Constant(1e3);
+    // What a plunge has held back before is let go (see Plunge).
+    const bool sinks = !tool.ball && frame_.to_S(move.end).z() < frame_.to_S(move.start).z();
     // The tool goes on as it went: of several balances that counts which follows from this.
     Vec3 stepped = last_way_ * (length / static_cast<double>(steps));
     double thickest = 0;
@@ -293,14 +295,11 @@ class Pass {
         const Yielded yielded = tool.ball ? yield_step(tip, sample.command, C, contacts_, passes, stepped)
                                           : yield_step(tip, sample.command, C, around_, passes);
         if (yielded.rest > kSettled) add_unsettled(move, yielded.rest);
-        const Vec3 held = tool.ball ? Vec3(Vec3::Zero()) : held_by_floor(tip, yielded.tip, passes, tool);
-        const double lift = (C * held).z();
-        // No more of it than holds the tip where it stood.
-        const double share = lift > 0 ? std::min(1.0, (tip.z() - yielded.tip.z()) / lift) : 0.0;
-        const Vec3 to = yielded.tip + share * lift * Vec3::UnitZ();
+        Vec3 to = yielded.tip;
+        sample.force = yielded.force;
+        if (sinks) sample.force += held_by_floor(tip, to, C, passes, tool);
         stepped = to - tip;
         tip = to;
-        sample.force = yielded.force + share * held;
         result_.removed += sweep(tip, tool, true);
       }
       sample.cutting = thickest > kNoCut || k == 0;
@@ -312,13 +311,27 @@ class Pass {
     return {};
   }
 
-  /// The force of the end of a flat cutter that would go down from one tip to another while `passes` teeth pass.
-  Vec3 held_by_floor(const Vec3& from, const Vec3& to, double passes, const ToolModel& tool) {
+  /// The force of the end of a flat cutter that would go down from one tip to another while `passes` teeth pass, and
+  /// how far it comes: a chip a tooth thicker gives more thrust, and that lifts it,
+  ///   fall - down = [C (edge + chip down / passes)]_z,
+  /// or it rests where it is, on less than what the edges push with.
+  Vec3 held_by_floor(const Vec3& from, Vec3& to, const Mat3& C, double passes, const ToolModel& tool) {
     const double fall = from.z() - to.z();
     if (!(fall > kLeastFall)) return Vec3::Zero();
     cutting::look_down(stock_, {to.x(), to.y(), from.z()}, tool.cutter->radius(), Eigen::Vector2d::UnitX(), fall,
                        footprint_);
-    return tool.end.mean_force(footprint_, fall / passes);
+    if (!footprint_.any) return Vec3::Zero();
+    constexpr double kNoChip = 1e-12;  // m
+    const Vec3 edge = tool.end.mean_force(footprint_, kNoChip);
+    const Vec3 chip = (tool.end.mean_force(footprint_, kThinChip) - edge) / kThinChip;
+    const double by_edge = (C * edge).z(), by_chip = (C * chip).z() / passes;
+    const double down = (fall - by_edge) / (1 + by_chip);
+    if (down > 0) {
+      to.z() = from.z() - down;
+      return edge + chip * (down / passes);
+    }
+    to.z() = from.z();
+    return edge * (fall / by_edge);
   }
 
   /// What a ball meets at a tip on any way, into `contacts_`; the deepest cut of it, m.
@@ -408,10 +421,18 @@ class Pass {
       if (!footprint_.any) return;
     }
     if (bends) {
-      cutting::look_down(stock_, tip, radius, feed, std::min(fall, left + next), footprint_);
+      cutting::look_down(stock_, tip, radius, feed, std::max(std::min(fall, left + next), kLeastFall), footprint_);
     } else if (const double more = std::min(beyond_end, next); more > 0) {
       cutting::look_down(stock_, tip + (beyond_end - more) * Vec3::UnitZ(), radius, feed, fall, footprint_);
     }
+  }
+
+  /// Whether something stands higher than the end of the cutter at `tip`; else it only rests there.
+  [[nodiscard]] bool end_takes(const Vec3& tip, const Vec3& d, const Eigen::Vector2d& feed, double radius) const {
+    const double fall = -d.z() * look_ahead_length(radius);
+    cutting::EndFootprint above;
+    cutting::look_down(stock_, tip + fall * Vec3::UnitZ(), radius, feed, fall, above);
+    return above.any;
   }
 
   [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
@@ -480,7 +501,8 @@ class Pass {
       sample.command = p - sample.deflection;
     } else {
       sample.deflection = equilibrium(move, look, C, force_here, sample.force);
-      sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
+      sample.cutting =
+          profile_.max_depth > kNoCut || (footprint_.any && end_takes(p + sample.deflection, d, feed, radius));
     }
     if (at_end_) sample.without_chips = C * force_of(0, force_of_end(0));
     POLYPOD_TRY(flutes_reach(move, p.z(), *tool.cutter));

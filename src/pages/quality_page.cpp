@@ -416,7 +416,9 @@ class Page {
 
   void parts() {
     const std::vector<Part> at_tip = parts_at(worst_.X_MT), at_turn = parts_at(worst_turned_.X_MT);
-    if (at_tip.empty() || at_turn.empty()) return;
+    // Where an error is infinite the shares in it are rounding.
+    if (at_tip.empty() || at_turn.empty() || !std::isfinite(worst_.value) || !std::isfinite(worst_turned_.value))
+      return;
     report_.add_section("Which parts make it");
     report_.add_text(
         question_.tolerances

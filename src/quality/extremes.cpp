@@ -93,6 +93,15 @@ Extreme best_of(const AnyMachine& machine, const Survey& survey, const SurveyOpt
   return best;
 }
 
+/// The quantity at the singular pose of the survey, where it has one.
+std::optional<double> at_singular(const AnyMachine& machine, const Survey& survey, const Anywhere& anywhere,
+                                  std::size_t number) {
+  if (!survey.singular) return {};
+  const auto q = joints_at(machine, *survey.singular);
+  if (!q) return {};
+  return anywhere.at_pose(*survey.singular, *q)[number];
+}
+
 /// The largest (sign 1) or least mean over the directions.
 Extreme mean_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                   const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign) {
@@ -112,10 +121,10 @@ Extreme mean_seen(const AnyMachine& machine, const Survey& survey, const SurveyO
 Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
               bool turn, const PoseValue& value) {
   constexpr double kFirst = 0.5, kLongest = 2, kFinest = 1e-3;
-  // Each step asks all directions: fewer steps where there are many.
-  const int most_steps = std::max(80, 1500 / static_cast<int>(survey.orientations.size()));
-  const int slanting =
-      survey.orientations.size() == 1 ? 10 : 3;  // pairs of pseudo-random directions beside the coordinates
+  // Each step of a mean asks all directions: fewer steps where there are many.
+  const bool one = survey.orientations.size() == 1;
+  const int most_steps = turn ? 800 : std::max(80, 1500 / static_cast<int>(survey.orientations.size()));
+  const int slanting = one || turn ? 10 : 3;  // pairs of pseudo-random directions beside the coordinates
   using Step = Eigen::Matrix<double, 5, 1>;
   const Turned turned(options.workspace.directions);
   const int axes = turn && !turned.fixed() ? 5 : 3;
@@ -128,7 +137,7 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   // A step that leaves the workspace is pulled back to its boundary towards the middle, by no more than its length.
   const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
   const auto pulled_back = [&](Vec3& p) {
-    const int halvings = survey.orientations.size() == 1 ? 12 : 3;
+    const int halvings = one || turn ? 12 : 3;
     const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
     double out = 0, in = 1;
     if (!inside(p + pull)) return false;
@@ -203,6 +212,12 @@ Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, cons
     double& extreme = sign > 0 ? out.max : out.min;
     Vec3& at = sign > 0 ? out.max_at : out.min_at;
     if (!std::isfinite(extreme)) continue;
+    if (const auto singular = at_singular(machine, survey, anywhere, number);
+        singular && survey.orientations.size() == 1 && better(sign * *singular, sign * extreme)) {
+      extreme = *singular;
+      at = survey.singular->p;
+      continue;
+    }
     const Extreme found = mean_seen(machine, survey, options, quantity, anywhere, number, sign);
     extreme = found.value;
     at = found.X_MT.p;
@@ -218,8 +233,13 @@ Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const Survey
     const auto i = static_cast<std::size_t>(beyond - quantity.worst.begin());
     return {pose_at(survey, i, quantity.worst_direction[i]), *beyond};
   }
+  const auto or_singular = [&](const Extreme& found) {
+    const auto value = at_singular(machine, survey, anywhere, number);
+    return value && better(sign * *value, sign * found.value) ? Extreme{*survey.singular, *value} : found;
+  };
   // Of one direction the mean and the worst are the same quantity, and so the same search.
-  if (survey.orientations.size() == 1) return mean_seen(machine, survey, options, quantity, anywhere, number, sign);
+  if (survey.orientations.size() == 1)
+    return or_singular(mean_seen(machine, survey, options, quantity, anywhere, number, sign));
   Search search;
   search.turn = true;
   search.value = [&](const Pose& X) {
@@ -235,7 +255,7 @@ Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const Survey
   }
   Extreme best = best_of(machine, survey, options, search);
   best.value *= sign;
-  return best;
+  return or_singular(best);
 }
 
 }  // namespace polypod::quality

@@ -15,6 +15,8 @@
 #include "plan.hpp"
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/hold.hpp"
+#include "singular_inside.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -82,6 +84,44 @@ void ask_points(const AnyMachine& machine, const Survey& survey, LegQuestion que
     return pose_by_pose(machine, orientations, p, question == LegQuestion::dexterity, {{}, at_pose});
   };
 }
+
+/// Errors that only rounding at a singular pose makes are infinite: the sizes over kNoHold and more.
+class Limits {
+ public:
+  Limits(const AnyMachine& machine, const Survey& survey, const std::vector<Sized>& sizes) {
+    const workspace::Grid& grid = survey.grid;
+    const double length = (grid.at(grid.size() - 1) - grid.at(0)).norm() + grid.at(0).norm();
+    const std::vector<Element> all = elements(machine);
+    double total = 0;
+    for (const Sized& s : sizes)
+      total += std::abs(s.size) * (all[static_cast<std::size_t>(s.element)].unit == "mm" ? 1.0 : length);
+    most_ = {total / kinematics::kNoHold, total / length / kinematics::kNoHold};
+  }
+  /// Position and orientation; with `mean` of the same.
+  void apply(std::array<double, 3>& values, std::array<double, 3>* mean = nullptr) const {
+    for (std::size_t k = 0; k < 2; ++k) {
+      if (!(values[k] > most_[k])) continue;
+      values[k] = std::numeric_limits<double>::infinity();
+      if (mean != nullptr) (*mean)[k] = values[k];
+    }
+  }
+  /// To what is asked anywhere.
+  void apply(Anywhere& anywhere) const {
+    anywhere.at_pose = [limits = *this, ask = std::move(anywhere.at_pose)](const Pose& X, const JointVector& q) {
+      std::array<double, 3> values = ask(X, q);
+      limits.apply(values);
+      return values;
+    };
+    anywhere.at_point = [limits = *this, ask = std::move(anywhere.at_point)](const Vec3& p) {
+      PointValues values = ask(p);
+      limits.apply(values.worst, &values.mean);
+      return values;
+    };
+  }
+
+ private:
+  std::array<double, 2> most_{};
+};
 
 /// The kernel for errors of these sizes, if the machine has one.
 std::optional<LegKernel> kernel_for(const AnyMachine& machine, const Survey& survey, const std::vector<Sized>& sizes,
@@ -162,6 +202,7 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   const bool flat = *std::min_element(points.begin(), points.end()) == 1;  // a section: nobody looks for extremes there
   const bool no_boundary = options.box && out.whole_box;                   // the box's own ends are points of the grid
   if (!flat && !no_boundary) out.tips = tips_of(machine, out, options);
+  out.singular = singular_inside(machine, out, options);
   return out;
 }
 
@@ -225,6 +266,7 @@ Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& su
     return std::array<double, 3>{error.head<3>().norm(), heeded(plan->task, X, error.tail<3>()).norm(), 0};
   };
   ask_points(machine, survey, LegQuestion::known, kernel_for(machine, survey, errors, Region::box), out.anywhere);
+  Limits(machine, survey, errors).apply(out.anywhere);
   POLYPOD_TRY(fill(survey, options, {&out.position, &out.orientation}, out.anywhere));
   return out;
 }
@@ -251,6 +293,7 @@ Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& surv
   auto kernel = tolerance.method == Method::exact ? kernel_for(machine, survey, tolerances, tolerance.region)
                                                   : std::optional<LegKernel>();
   ask_points(machine, survey, LegQuestion::tolerance, std::move(kernel), out.anywhere);
+  Limits(machine, survey, tolerances).apply(out.anywhere);
   POLYPOD_TRY(fill(survey, options, {&out.position, &out.orientation}, out.anywhere));
   if (failure->any) return tl::unexpected(failure->error);
   return out;

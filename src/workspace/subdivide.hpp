@@ -19,6 +19,7 @@
 #include "clip.hpp"
 #include "half_space.hpp"
 #include "patches.hpp"
+#include "polypod/core/memory.hpp"
 #include "polypod/workspace/shape.hpp"
 
 namespace polypod::workspace {
@@ -138,7 +139,8 @@ class Subdivision {
   };
 
  public:
-  Subdivision(const Limits& limits, const Options& options) : limits_(limits), options_(options) {}
+  Subdivision(const Limits& limits, const Options& options)
+      : limits_(limits), options_(options), resident_(resident_memory()) {}
 
   /// Whether every point of the shape is certainly inside: true is a proof; false where a point is certainly outside or
   /// the question is not settled within `max_cells` boxes.
@@ -239,9 +241,14 @@ class Subdivision {
     return state;
   }
 
+  /// What the boxes hold, and where it is a lot, what the process has grown by: it comes in pieces of many sizes.
   [[nodiscard]] std::size_t memory(const State& state, const Volume& out) const {
+    constexpr std::size_t kLot = 200'000'000;
     const std::size_t patch = sizeof(Node) + kHeapBlock + limits_.bytes(root_->data());
-    return state.bytes + out.cells.capacity() * sizeof(Cell) + static_cast<std::size_t>(patches_.load()) * patch;
+    const std::size_t held =
+        state.bytes + out.cells.capacity() * sizeof(Cell) + static_cast<std::size_t>(patches_.load()) * patch;
+    const std::size_t now = held > kLot / 4 ? resident_memory() : 0, grown = now > resident_ ? now - resident_ : 0;
+    return grown > kLot ? std::max(held, grown) : held;
   }
   [[nodiscard]] bool fits(std::size_t bytes) const { return options_.max_memory == 0 || bytes <= options_.max_memory; }
 
@@ -708,6 +715,7 @@ class Subdivision {
 
   const Limits& limits_;
   const Options& options_;
+  std::size_t resident_;                          // bytes, when the run began
   mutable std::atomic<std::int64_t> patches_{0};  ///< that were kept
   std::unique_ptr<Node> root_;
 };

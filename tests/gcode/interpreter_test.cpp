@@ -291,6 +291,17 @@ TEST(Interpret, PlacesOfTheMachineAreNotKnown) {
   }
 }
 
+TEST(Interpret, LinesThatLinuxCncDoesNotReadAreRefused) {
+  const auto program = [](std::size_t length) {
+    return *parse("G0 X1 (" + std::string(length - 8, 'a') + ")\nM2\n", "long.ngc");
+  };
+  EXPECT_TRUE(interpret(program(252)));
+  const auto longer = interpret(program(253));
+  ASSERT_FALSE(longer);
+  EXPECT_EQ(longer.error().id, "GC108");
+  EXPECT_EQ(longer.error().place.line, 1);
+}
+
 // rs274: STOP_SPINDLE_TURNING, CHANGE_TOOL. A start in the same block comes after the change.
 TEST(Interpret, AToolChangeStopsTheSpindle) {
   const auto spindles = [](const std::string& text) {

@@ -49,6 +49,13 @@ TEST(Rewrite, OneMotionBlockBecomesSeveral) {
             "G0 X0 Y0 Z5\nG1 X3.0000 Y0.1000 F100 S500 (cut) M8\nG1 X10.0000 Y0.2000\nG0 Z5\nM2\n");
 }
 
+// rs274 takes 252 characters and refuses 256 ("Command too long").
+TEST(Rewrite, ACommentThatWouldMakeALineTooLongGoesBeforeIt) {
+  const std::string comment = "(" + std::string(230, 'a') + ")";
+  EXPECT_EQ(rewritten("G0 X0 Y0 Z5\n/G1 X10 F100 " + comment + "\nM2\n", {{1, {mm(3, 0.1, 5), mm(10, 0.2, 5)}}}),
+            "G0 X0 Y0 Z5\n/" + comment + "\n/G1 X3.0000 Y0.1000 F100\n/G1 X10.0000 Y0.2000\nM2\n");
+}
+
 TEST(Rewrite, ArcsLoseTheirWordsAndLaterBlocksGetThemBack) {
   EXPECT_EQ(rewritten("F100\nG0X0Y0\nG2 X10 Y0 I5 J0 P1\nX20 I5\nG1 X30\nX40\nM2\n",
                       {{1, {mm(5, 5.1, 0), mm(10, 0, 0)}}, {3, {mm(30, 0, 0)}}}),

@@ -229,5 +229,52 @@ TEST(Bars, OfEqualElementsAreOne) {
   EXPECT_EQ(few[0].elements, 2);
 }
 
+/// Six struts of other lengths from joints that lie irregularly, moved by `by`.
+AnyMachine irregular(const std::string& base, const std::string& more) {
+  const auto m =
+      machine::from_text("family = \"strut-hexapod\"\nbase = { joints_mm = " + base + " }\n" + more, "irregular.toml");
+  EXPECT_TRUE(m) << (m ? "" : to_string(m.error()));
+  return *m;
+}
+
+// Platform and base are similar: with the platform level all legs meet in a point, and what comes out is rounding.
+TEST(Extremes, RoundingAtSingularPosesIsNoFigure) {
+  const AnyMachine m =
+      irregular("[[200,0,0],[110,150,0],[-90,170,0],[-190,30,0],[-120,-160,0],[80,-210,0]]",
+                "platform = { joints_mm = [[100,0,0],[55,75,0],[-45,85,0],[-95,15,0],[-60,-80,0],[40,-105,0]] }\n"
+                "leg = { length_min_mm = 200, length_max_mm = 500 }\njoint = { limit = \"none\" }\n");
+  SurveyOptions options;
+  options.resolution = 8;
+  const Looked l = look(m, options);
+  for (const double mean : l.errors.position.mean) EXPECT_FALSE(std::isfinite(mean)) << mean;
+  for (const double mean : l.errors.orientation.mean) EXPECT_FALSE(std::isfinite(mean)) << mean;
+  EXPECT_TRUE(std::isinf(worst_seen(m, l.survey, options, l.errors.position, l.errors.anywhere, 0).value));
+}
+
+// Its workspace reaches through the plane of the base, where it is singular: between the points of every grid.
+TEST(Extremes, ASingularPoseBetweenThePointsMakesTheErrorInfinite) {
+  const AnyMachine m = irregular(
+      "[[196.96,34.73,0],[-68.4,187.94,0],[-128.56,153.21,0],[-128.56,-153.21,0],[-68.4,-187.94,0],[196.96,-34.73,0]]",
+      "platform = { joints_mm = "
+      "[[76.6,64.28,0],[17.36,98.48,0],[-93.97,34.2,0],[-93.97,-34.2,0],[17.36,-98.48,0],[76.6,-64.28,0]] }\n"
+      "leg = { length_min_mm = 200, length_max_mm = 500 }\njoint = { limit = \"none\" }\n");
+  SurveyOptions options;
+  options.resolution = 12;
+  options.box = {Vec3(-0.42, -0.42, -0.05), Vec3(0.42, 0.42, 0.17)};
+  const Looked l = look(m, options);
+  ASSERT_TRUE(l.survey.singular);
+  const auto q = joints_at(m, *l.survey.singular);
+  ASSERT_TRUE(q);
+  EXPECT_LT(kinematics::dexterity(m, *l.survey.singular, *q).sigma_min, 1e-9);
+  EXPECT_TRUE(std::isinf(worst_seen(m, l.survey, options, l.errors.position, l.errors.anywhere, 0).value));
+  EXPECT_TRUE(std::isinf(statistics_seen(m, l.survey, options, l.errors.position, l.errors.anywhere, 0).max));
+  EXPECT_LT(worst_seen(m, l.survey, options, l.dexterity.sigma_min, l.dexterity.anywhere, 1, -1).value, 1e-9);
+  // Above its singular poses the same machine has figures.
+  options.box = {Vec3(-0.05, -0.05, 0.3), Vec3(0.05, 0.05, 0.4)};
+  const Looked above = look(m, options);
+  EXPECT_FALSE(above.survey.singular);
+  EXPECT_LT(worst_seen(m, above.survey, options, above.errors.position, above.errors.anywhere, 0).value, 1e-3);
+}
+
 }  // namespace
 }  // namespace polypod::quality

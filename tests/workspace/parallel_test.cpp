@@ -3,7 +3,11 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <regex>
+
 #include "machines.hpp"
+#include "paths.hpp"
+#include "polypod/core/files.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -165,6 +169,44 @@ TEST(WorkspaceOfLegs, SaysWhatItCannotAnswer) {
     const auto none = workspace::volume(m, endless);
     ASSERT_FALSE(none.has_value()) << name;
     EXPECT_EQ(none.error().id, "WS108") << name;
+  }
+}
+
+// The least digit of a limit's rounding was absolute: a machine with cranks of 0.2 mm never came to its bounds.
+TEST(WorkspaceOfLegs, AreThoseOfAMachineAThousandTimesSmaller) {
+  const auto volume = [](const AnyMachine& m) {
+    workspace::Options options;
+    options.relative_tolerance = 0.3;
+    options.max_cells = 100'000;
+    const auto v = workspace::volume(m, options);
+    EXPECT_TRUE(v);
+    return *v;
+  };
+  for (const char* name : {"hexa", "delta-par4"}) {
+    const std::string text = *files::read(test::source(std::string("machines/") + name + ".toml"));
+    const std::regex length(R"re(\b(\w*_mm) *= *(\[[^\]]*\]|-?[0-9.]+))re");
+    std::string small;
+    auto from = text.cbegin();
+    for (std::sregex_iterator at(text.begin(), text.end(), length), end; at != end; ++at) {
+      small += std::string(from, (*at)[2].first);
+      const std::string values = (*at)[2];
+      const std::regex number("-?[0-9.]+");
+      auto value = values.cbegin();
+      for (std::sregex_iterator n(values.begin(), values.end(), number); n != end; ++n) {
+        small += std::string(value, (*n)[0].first) + fmt::format("{:.17g}", 1e-3 * std::stod(n->str()));
+        value = (*n)[0].second;
+      }
+      small += std::string(value, values.cend());
+      from = (*at)[2].second;
+    }
+    small += std::string(from, text.cend());
+    const auto large = volume(*machine::load(name));
+    const auto tiny = machine::from_text(small, "small.toml");
+    ASSERT_TRUE(tiny) << to_string(tiny.error());
+    const auto found = volume(*tiny);
+    EXPECT_TRUE(found.converged) << name;
+    EXPECT_NEAR(1e9 * found.lower, large.lower, 1e-6 * large.lower) << name;
+    EXPECT_NEAR(1e9 * found.upper, large.upper, 1e-6 * large.upper) << name;
   }
 }
 

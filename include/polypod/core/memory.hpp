@@ -10,4 +10,7 @@ namespace polypod {
 /// less. 0 where neither is known.
 std::size_t machine_memory();
 
+/// The memory that this process has now, bytes; 0 where the system does not say. Cost: some microseconds.
+std::size_t resident_memory();
+
 }  // namespace polypod

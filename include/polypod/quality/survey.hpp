@@ -33,6 +33,10 @@ struct Survey {
   /// Points of the workspace (and the box) that lie farthest along the axes and diagonals of M, m: where searches for
   /// extremes start beside the grid's points. Seen, not proven.
   std::vector<Vec3> tips;
+  /// A reachable pose at a point or between neighbours at which the drives do not hold the tool (singular, type 2),
+  /// where the determinant of A changes its sign there: errors grow beyond all bounds towards it. None found proves
+  /// nothing.
+  std::optional<Pose> singular;
 };
 
 /// The points of the workspace. Errors: those of workspace::volume(), WS130, QU110 (no point of the grid is inside).
@@ -80,7 +84,8 @@ Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, cons
                            const Quantity& quantity, const Anywhere& anywhere, std::size_t number);
 
 /// The worst pose seen: the same search over the position and both angles of the direction. `sign` 1: the largest is
-/// the worst; -1: the least. Seen, not a bound. Infinite values are as they are. Over one direction it is the least or
+/// the worst; -1: the least. Seen, not a bound. Infinite values are as they are; where the survey holds a singular pose
+/// the worst is there, infinite, or 0 for -1. Over one direction it is the least or
 /// the largest of statistics_seen, the same number at the same place.
 Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                    const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign = 1);
@@ -98,11 +103,12 @@ struct ErrorField {
   Quantity position, orientation;  ///< m, rad
   Anywhere anywhere;
 };
-/// The lengths of known_error at each pose.
+/// The lengths of known_error at each pose. Where they are beyond 1e9 times the sizes, they are rounding at a singular
+/// pose (kinematics::kNoHold), and infinite.
 Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                      const std::vector<Sized>& errors);
-/// worst_case at each pose. Cost a pose: 0.2 us for hexapods whose elements each act on one leg (all but the tool's
-/// length), four at a time; otherwise that of worst_case.
+/// worst_case at each pose, infinite as for known_error_field. Cost a pose: 0.2 us for hexapods whose elements each act
+/// on one leg (all but the tool's length), four at a time; otherwise that of worst_case.
 Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                    const std::vector<Sized>& tolerances, const ToleranceOptions& tolerance = {});
 

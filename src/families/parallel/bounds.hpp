@@ -27,6 +27,9 @@ class ParallelLimits {
       p_domain_.emplace_back(value);
       p_tangent_.emplace_back(value);
     }
+    double reach = 0;
+    for (const machine::ParallelLeg& leg : m.legs) reach = std::max(reach, leg.base.norm() + reach_of(leg));
+    if (reach > 0 && std::isfinite(reach)) reach_ = reach;
     const machine::Task task = m.task;
     for (int k = 0; k < 6; ++k) {
       const auto c = static_cast<machine::Coordinate>(k);
@@ -101,7 +104,7 @@ class ParallelLimits {
 
  private:
   static constexpr int kTurnAboutAxis = 6;
-  static constexpr double kScale = 10;  // no term of a limit is larger, in m, m^2 or as a sine
+  static constexpr double kScale = 10;  // no term of a limit is larger, in units of it
 
   /// Whether no leg sees the turn about the tool axis at all: then it need not be known.
   [[nodiscard]] bool turn_is_unseen() const {
@@ -347,13 +350,15 @@ class ParallelLimits {
         });
   }
 
-  [[nodiscard]] Verdict judged(const DomainNumber& g, int limit, const Domain& d, BoundList& bounds) const {
+  /// `unit`: a power of the machine's reach, as g's terms are, for machines of any size.
+  [[nodiscard]] Verdict judged(const DomainNumber& g, int limit, double unit, const Domain& d,
+                               BoundList& bounds) const {
     if (limit < 64 && (mask_ >> limit & 1U) == 0) return Verdict::inside;
     const FirstOrder& f = g.first_order();
     if (!std::isfinite(g.radius())) return Verdict::open;
     return weigh(
         {f.value, Vec3(f.gradient[0], f.gradient[1], f.gradient[2]), f.gradient[3], f.gradient[4], f.rest, f.rest},
-        limit, kScale, d.half, *d.patch, bounds);
+        limit, kScale * unit, d.half, *d.patch, bounds);
   }
 
   /// The limits of the tool tip.
@@ -362,10 +367,12 @@ class ParallelLimits {
     Verdict verdict = Verdict::inside;
     for (int k = 0; k < 3; ++k) {
       if (std::isfinite(m_.low[k])) {
-        verdict = both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), first + k, d, out));
+        verdict =
+            both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), first + k, reach_ + std::abs(m_.low[k]), d, out));
       }
       if (std::isfinite(m_.high[k])) {
-        verdict = both(verdict, judged(DomainNumber(m_.high[k]) - X.p[k], first + 3 + k, d, out));
+        verdict = both(verdict,
+                       judged(DomainNumber(m_.high[k]) - X.p[k], first + 3 + k, reach_ + std::abs(m_.high[k]), d, out));
       }
     }
     return verdict;
@@ -395,8 +402,9 @@ class ParallelLimits {
 
   Verdict length_within(int j, const DomainNumber& length, const machine::ParallelLeg& leg, const Domain& d,
                         BoundList& out) const {
-    const Verdict low = judged(length - DomainNumber(leg.range.min), 2 * j, d, out);
-    return low == Verdict::dead ? low : both(low, judged(DomainNumber(leg.range.max) - length, 2 * j + 1, d, out));
+    const Verdict low = judged(length - DomainNumber(leg.range.min), 2 * j, reach_, d, out);
+    return low == Verdict::dead ? low
+                                : both(low, judged(DomainNumber(leg.range.max) - length, 2 * j + 1, reach_, d, out));
   }
 
   struct Terms {
@@ -420,12 +428,12 @@ class ParallelLimits {
     const N along = N(leg.rail[0]) * y[0] + N(leg.rail[1]) * y[1] + N(leg.rail[2]) * y[2];
     const N under = N(leg.rod * leg.rod) - (length2 - square(along)), half = sqrt(under);
     BoundList reach_bounds;
-    const Verdict reach = judged(under, 64 + j, d, reach_bounds);
+    const Verdict reach = judged(under, 64 + j, reach_ * reach_, d, reach_bounds);
     const auto root = [&](double side) {
       Terms terms;
       const N q = along + N(side) * half - N(leg.zero_offset);
-      terms.verdict = both(judged(q - N(leg.range.min), 2 * j, d, terms.bounds),
-                           judged(N(leg.range.max) - q, 2 * j + 1, d, terms.bounds));
+      terms.verdict = both(judged(q - N(leg.range.min), 2 * j, reach_, d, terms.bounds),
+                           judged(N(leg.range.max) - q, 2 * j + 1, reach_, d, terms.bounds));
       return terms;
     };
     return either(reach, reach_bounds, root(-1), root(1), out);
@@ -442,9 +450,9 @@ class ParallelLimits {
     const N alpha = N(0.5) * (length2 + N(leg.arm * leg.arm - leg.rod * leg.rod));
     const N under = N(leg.arm * leg.arm) * D2 - square(alpha), beta = sqrt(under);
     BoundList reach_bounds;
-    const Verdict reach = judged(under, 64 + j, d, reach_bounds);
+    const Verdict reach = judged(under, 64 + j, reach_ * reach_ * reach_ * reach_, d, reach_bounds);
     const double low = leg.range.min + leg.zero_offset, high = leg.range.max + leg.zero_offset;
-    const double scale = 1 / (leg.arm * leg.rod);
+    const double scale = 1 / (leg.arm * leg.rod), unit = scale * reach_ * reach_ * reach_;
     const auto root = [&](double side) {
       Terms terms;
       const bool free = high - low >= 2 * std::numbers::pi - 1e-9 || (mask_ >> (2 * j) & 3U) != 3;
@@ -453,7 +461,8 @@ class ParallelLimits {
       const N from_low = N(std::cos(low)) * z - N(std::sin(low)) * x,
               to_high = N(std::sin(high)) * x - N(std::cos(high)) * z;
       BoundList above, below;
-      const Verdict keeps_low = judged(from_low, 2 * j, d, above), keeps_high = judged(to_high, 2 * j + 1, d, below);
+      const Verdict keeps_low = judged(from_low, 2 * j, unit, d, above),
+                    keeps_high = judged(to_high, 2 * j + 1, unit, d, below);
       if (high - low <= std::numbers::pi) {
         terms.verdict = both(keeps_low, keeps_high);
         terms.bounds.append(above);
@@ -482,6 +491,7 @@ class ParallelLimits {
   std::vector<Interval> p_interval_;
   std::vector<DomainNumber> p_domain_;
   std::vector<Tangent<Interval>> p_tangent_;
+  double reach_ = 1;                            ///< m: no distance in a limit is longer
   std::vector<int> free_;                       ///< coordinates that follow
   std::array<int, 3> box_coordinate_{0, 1, 2};  ///< which coordinates the box is of
 };

@@ -1,0 +1,84 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "singular_inside.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "polypod/core/parallel.hpp"
+#include "polypod/kinematics/hold.hpp"
+
+namespace polypod::quality {
+namespace {
+
+constexpr std::size_t kMostPoses = 200'000;
+
+/// The hold at a pose of the survey's task; nothing where it has no joints.
+std::optional<kinematics::Hold> hold_at(const AnyMachine& machine, const Pose& X) {
+  const auto q = joints_at(machine, X);
+  if (!q) return {};
+  return kinematics::hold(machine, kinematics::settled(machine, X, *q), *q);
+}
+
+/// The singular pose between two points of one orientation whose determinants have other signs.
+std::optional<Pose> bisected(const AnyMachine& machine, const SurveyOptions& options, const Mat3& R, Vec3 a, Vec3 b,
+                             double sign_at_a) {
+  constexpr int kHalvings = 60;
+  constexpr double kZero = 1e-7;  // what bisection of rounded numbers leaves
+  for (int k = 0; k < kHalvings; ++k) {
+    const Pose middle{R, 0.5 * (a + b)};
+    if (!workspace::reaches_samples(machine, options.workspace, {R}, middle.p)) return {};
+    const auto here = hold_at(machine, middle);
+    if (!here) return {};
+    if (here->control < kinematics::kNoHold) return middle;
+    (here->determinant * sign_at_a > 0 ? a : b) = middle.p;
+  }
+  const Pose end{R, 0.5 * (a + b)};
+  const auto there = hold_at(machine, end);
+  return there && there->control < kZero ? std::optional(end) : std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Pose> singular_inside(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options) {
+  if (kinematics::is_serial(machine) || survey.inside.empty()) return {};
+  // Points whose indices along the grid are multiples of `every`.
+  const auto every = static_cast<int>(std::ceil(std::cbrt(double(survey.inside.size()) / double(kMostPoses))));
+  const std::array<int, 3>& count = survey.grid.points;
+  const auto nx = static_cast<std::size_t>(count[0]), ny = static_cast<std::size_t>(count[1]);
+  const std::array<std::size_t, 3> stride{1, nx, nx * ny};
+  std::vector<std::size_t> points;
+  for (const std::size_t i : survey.inside) {
+    const std::array<std::size_t, 3> at{i % nx, i / nx % ny, i / (nx * ny)};
+    if (std::all_of(at.begin(), at.end(), [&](std::size_t n) { return n % static_cast<std::size_t>(every) == 0; }))
+      points.push_back(i);
+  }
+  if (points.empty()) return {};
+  const std::size_t directions = std::clamp<std::size_t>(kMostPoses / points.size(), 1, survey.orientations.size());
+  std::vector<double> determinant(points.size());
+  std::vector<char> lost(points.size());
+  for (std::size_t d = 0; d < directions; ++d) {
+    const Mat3& R = survey.orientations[d];
+    for_each_in_rounds(points.size(), {options.workspace.threads, {}, {}}, [&](std::size_t n) {
+      const auto here = hold_at(machine, {R, survey.grid.at(points[n])});
+      determinant[n] = here ? here->determinant : 0.0;
+      lost[n] = here && here->control < kinematics::kNoHold;
+    });
+    if (const auto at = std::find(lost.begin(), lost.end(), true); at != lost.end())
+      return Pose{R, survey.grid.at(points[static_cast<std::size_t>(at - lost.begin())])};
+    for (std::size_t n = 0; n < points.size(); ++n) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::size_t along = points[n] / stride[k] % static_cast<std::size_t>(count[k]);
+        if (along + static_cast<std::size_t>(every) >= static_cast<std::size_t>(count[k])) continue;
+        const std::size_t next = points[n] + static_cast<std::size_t>(every) * stride[k];
+        const auto at = std::lower_bound(points.begin(), points.end(), next);
+        if (at == points.end() || *at != next) continue;
+        if (!(determinant[n] * determinant[static_cast<std::size_t>(at - points.begin())] < 0)) continue;
+        if (auto found = bisected(machine, options, R, survey.grid.at(points[n]), survey.grid.at(next), determinant[n]))
+          return found;
+      }
+    }
+  }
+  return {};
+}
+
+}  // namespace polypod::quality
