@@ -215,8 +215,9 @@ Command info_command() {
               print_json(singular.in(document));
               return kDone;
             }
-            fmt::print("{} ({}): {}\n{} degrees of freedom\n", one_line(machine::name_of(m)), machine::family_of(m),
-                       one_line(machine::description_of(m)), kinematics::degrees_of_freedom(m));
+            const std::string description = one_line(machine::description_of(m));
+            fmt::print("{} ({}){}{}\n{} degrees of freedom\n", one_line(machine::name_of(m)), machine::family_of(m),
+                       description.empty() ? "" : ": ", description, kinematics::degrees_of_freedom(m));
             if (!home.empty()) fmt::print("note: home is not within the limits: {}\n", home);
             if (count) {
               fmt::print("Gruebler: 6 ({} - {} - 1) + {} - {} + {} = {}\n", count->members, count->joints,
@@ -232,9 +233,9 @@ Command info_command() {
             fmt::print("\nparameters\n");
             for (const auto& [key, value] : parameters.items())
               fmt::print("  {:<26} {:>14.10g}\n", key, value.get<double>());
-            fmt::print("\nsources\n");
-            for (const auto& [key, text] : machine::provenance_of(m))
-              fmt::print("  {}: {}\n", one_line(key), one_line(text));
+            const auto sources = machine::provenance_of(m);
+            if (!sources.empty()) fmt::print("\nsources\n");
+            for (const auto& [key, text] : sources) fmt::print("  {}: {}\n", one_line(key), one_line(text));
             if (!o->output.empty()) fmt::print("\nwrote {}\n", o->output);
             return kDone;
           }};

@@ -82,6 +82,16 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
     return fail("AP107", "--interference does nothing here", {},
                 "this machine has no legs that could touch each other");
   }
+  const bool thin = std::visit(
+      [](const auto& one) {
+        if constexpr (requires { one.leg_diameter; }) return !(one.leg_diameter > 0);
+        return false;
+      },
+      m);
+  if (interference && thin) {
+    return fail("AP107", "--interference does nothing here", {},
+                "legs without a thickness never touch; give them one with --set leg.diameter_mm=...");
+  }
   if (interference && pairs != 0 && (off & pairs) == pairs) {
     return fail("AP107", fmt::format("--interference does nothing beside --without {}", without), {},
                 "the one asks for the limits between legs, the other switches them off; leave one of them out");
@@ -253,14 +263,14 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
   return held ? kDone : kAnswerIsNo;
 }
 
-/// What lies beyond singular poses, in a sentence; empty where a sample saw nothing.
-std::string beyond_text(const workspace::BeyondSingular& beyond) {
+/// What lies beyond singular poses, in a sentence; empty where a sample saw nothing. `places`: the task holds x, y, z.
+std::string beyond_text(const workspace::BeyondSingular& beyond, bool places) {
   if (beyond.beyond == 0) return "";
   return fmt::format(
       "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine gets there "
-      "only through a pose at which the drives do not constrain it. Limits leave them out, as `--set "
-      "limits.z_min_mm=...`\n",
-      100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points);
+      "only through a pose at which the drives do not constrain it. Limits leave them out, as `--set {}=...`\n",
+      100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points,
+      places ? "limits.z_min_mm" : "leg[1].max_mm");
 }
 
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
@@ -289,7 +299,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     fmt::print(
         "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
         "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n{}",
-        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_text(beyond));
+        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_text(beyond, false));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }
@@ -358,7 +368,7 @@ Command workspace_command() {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
               fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
-              fmt::print("{}", beyond_text(beyond));
+              fmt::print("{}", beyond_text(beyond, true));
               if (!o->largest.empty()) {
                 const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
                 const Figures mm(sides.minCoeff(), 1);

@@ -113,13 +113,14 @@ Status ended(const AnyMachine& machine, LimitBits off) {
   if (off == 0) return {};
   const std::vector<std::string> names = kinematics::limit_names(machine, off);
   const machine::LimitTable table = kinematics::limit_table(machine);
-  return fail("WS108",
-              fmt::format("without the limit \"{}\" no drive ends this workspace, and its size is not finite, or not "
-                          "known; limits of the tool tip do not take its place",
-                          names.front()),
-              {},
-              fmt::format("leave `{}` on; a box can still be judged without it: --contains",
-                          table[static_cast<std::size_t>(std::countr_zero(off))].group));
+  return fail(
+      "WS108",
+      fmt::format("without the limit \"{}\" no drive ends this workspace, and its size is not finite, or not "
+                  "known; limits of the tool tip do not take its place",
+                  names.front()),
+      {},
+      fmt::format("leave `{}` on{}", table[static_cast<std::size_t>(std::countr_zero(off))].group,
+                  kinematics::task(machine).places() ? "; a box can still be judged without it: --contains" : ""));
 }
 
 }  // namespace

@@ -379,7 +379,9 @@ Status check_held(const config::Table& table, const Parallel& m) {
                   "locked. It can still move by {}",
                   rank.rank,
                   in_mm_and_deg(rank.free / std::max(rank.free.cwiseAbs().maxCoeff(), 1e-300) * units::from_mm(1))),
-      table.place(), "add legs or constraints, or move home off a singular pose");
+      table.place(),
+      "add legs or constraints, or move home off a singular pose; with a platform similar or congruent to the base, or "
+      "two legs that coincide, every pose is singular");
 }
 
 }  // namespace
