@@ -435,6 +435,16 @@ class Subdivision {
   Status bound(State& state, Volume& out) {
     let_go(state);
     std::array<Side, 6> sides;
+    // Each side keeps a list of the boxes; where there is no room for them, the boxes bound the set as they are.
+    if (!fits(memory(state, out) + 2 * sides.size() * state.border.size() * sizeof(typename Side::Candidate))) {
+      Hull all = state.reached;
+      for (const Box& b : state.border) all.add(b.min, b.max);
+      if (all.empty()) return nothing(out);
+      out.min = all.min;
+      out.max = all.max;
+      if (!state.reached.empty()) out.reached = Reached{state.reached.min, state.reached.max};
+      return {};
+    }
     for (std::size_t s = 0; s < sides.size(); ++s) {
       Side& side = sides[s];
       side.axis = static_cast<int>(s / 2);
