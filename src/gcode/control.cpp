@@ -13,7 +13,6 @@ namespace {
 
 /// LinuxCNC's depth of subprograms.
 constexpr std::size_t kDeepestCall = 10;
-/// LinuxCNC refuses lines from this length on.
 constexpr std::size_t kLongestSubprogram = 16 << 20;  // bytes of a file
 
 std::string shown(const std::string& label) {

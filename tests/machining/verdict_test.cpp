@@ -278,14 +278,20 @@ TEST(Verdict, ThePathControlModeThatTheToleranceNeedsIsWritten) {
   EXPECT_LE(to_um(c.largest_after), 100);
 }
 
-TEST(Verdict, AModeThatBreaksTheTubeIsReplaced) {
+/// A slot under G64 P0.3, whose corners leave the tube, and then `moves`.
+Example wide_corners(const std::string& moves) {
   auto e = load(trial("slot.ngc"), trial("slot.toml"));
   e.program =
       unwrap(gcode::parse("G21 G90 G94 G17 G54 G64 P0.3\nT1 M6\nS12000 M3\nG0 X-25 Y0 Z10\nG0 Z2\nG1 Z-2 F60\n"
-                          "G1 X20 F1800\nG1 Y15\nG0 Z10\nM5\nM30\n",
+                          "G1 X20 F1800\n" +
+                              moves + "G0 Z10\nM5\nM30\n",
                           "test.ngc"));
   e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
-  const auto c = correct(e);
+  return e;
+}
+
+TEST(Verdict, AModeThatBreaksTheTubeIsReplaced) {
+  const auto c = correct(wide_corners("G1 Y15\n"));
   EXPECT_THAT(c.modes.replaced, ::testing::ElementsAre(1));
   EXPECT_EQ(c.text().find("P0.3"), std::string::npos);
   EXPECT_THAT(c.text(), HasSubstr("G54 " + c.modes.written));
@@ -294,13 +300,7 @@ TEST(Verdict, AModeThatBreaksTheTubeIsReplaced) {
 
 // G61 rounds nothing: it stays where the G64 before it is replaced.
 TEST(Verdict, AnExactModeBesideOneThatBreaksTheTubeStays) {
-  auto e = load(trial("slot.ngc"), trial("slot.toml"));
-  e.program =
-      unwrap(gcode::parse("G21 G90 G94 G17 G54 G64 P0.3\nT1 M6\nS12000 M3\nG0 X-25 Y0 Z10\nG0 Z2\nG1 Z-2 F60\n"
-                          "G1 X20 F1800\nG61\nG1 Y15\nG1 X10\nG0 Z10\nM5\nM30\n",
-                          "test.ngc"));
-  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
-  EXPECT_THAT(correct(e).modes.replaced, ::testing::ElementsAre(1));
+  EXPECT_THAT(correct(wide_corners("G61\nG1 Y15\nG1 X10\n")).modes.replaced, ::testing::ElementsAre(1));
 }
 
 TEST(Verdict, NoBlockIsTooShortForTheController) {
