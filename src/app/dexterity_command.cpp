@@ -196,12 +196,14 @@ Command dexterity_command() {
                {"volume_upper_mm3", units::to_mm3(survey.volume_upper)},
                {"points", survey.inside.size()},
                {"directions", survey.orientations.size()},
+               {"beyond_singular", beyond_json(survey.beyond)},
                {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}}));
           return kDone;
         }
         print_statistics(
             survey,
             {{"condition", condition, 1, 4, ""}, {"sigma_min", sigma, 1, 4, ""}, {"|det|", determinant, 1, 4, ""}});
+        print_beyond(survey);
         fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at), place_text(condition.max_at));
         fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",
                    figure(largest_condition, 4), pose_text(m, worst.X_MT, 2), figure(least.value, 4),

@@ -304,6 +304,7 @@ Command errors_command() {
               Json document = surveyed_json(m, found);
               document["points"] = survey.inside.size();
               document["directions"] = survey.orientations.size();
+              document["beyond_singular"] = beyond_json(survey.beyond);
               document["volume_mm3"] = units::to_mm3(survey.volume);
               document["volume_lower_mm3"] = units::to_mm3(survey.volume_lower);
               document["volume_upper_mm3"] = units::to_mm3(survey.volume_upper);
@@ -319,6 +320,7 @@ Command errors_command() {
             }
             print_statistics(survey, {{"position", found.position, units::kMmPerMetre, 6, "mm"},
                                       {"orientation", found.orientation, 1, 7, "rad"}});
+            print_beyond(survey);
             if (survey.orientations.size() > 1)
               fmt::print("largest mean seen at {}\n", place_text(found.position.max_at));
             fmt::print("worst pose seen: {} mm at {}\n", figure(units::to_mm(worst.value), 6),

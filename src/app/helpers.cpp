@@ -92,7 +92,9 @@ namespace {
 
 tl::unexpected<Error> not_taken(const std::string& option, const std::string& text, const char* what,
                                 config::Range range, const std::string& unit) {
-  return fail("AP115", fmt::format("{} {}: must be {}, {}", option, text, what, config::in_words(range, unit)), {},
+  const bool any = range.min == kAnyCount.min && range.max == kAnyCount.max;  // what an int holds is no news
+  const std::string bounds = any ? "" : ", " + config::in_words(range, unit);
+  return fail("AP115", fmt::format("{} {}: must be {}{}", option, text, what, bounds), {},
               "`polypod COMMAND --help` says what the option means");
 }
 

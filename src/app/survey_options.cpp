@@ -107,6 +107,24 @@ Result<quality::Region> region_argument(const std::string& text) {
   return fail("AP164", fmt::format("--region {}: unknown", text), {}, "box or sphere");
 }
 
+Json beyond_json(const workspace::BeyondSingular& beyond) {
+  return {{"points", beyond.points}, {"beyond", beyond.beyond}};
+}
+
+std::string beyond_text(const workspace::BeyondSingular& beyond, const char* looked_at, const char* include,
+                        const char* limit) {
+  if (beyond.beyond == 0) return "";
+  return fmt::format(
+      "note: {:.2g} % of {} {} lie beyond a singular pose from home (type 2): the machine gets there only through a "
+      "pose at which the drives do not constrain it. {} them; limits leave them out, as `--set {}=...`\n",
+      100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points, looked_at,
+      include, limit);
+}
+
+void print_beyond(const quality::Survey& survey) {
+  fmt::print("{}", beyond_text(survey.beyond, "poses that were looked at", "These figures include"));
+}
+
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows) {
   if (survey.orientations.size() == 1) {
     fmt::print("one tool direction at {} points of the workspace; min and max are the least and largest seen\n",

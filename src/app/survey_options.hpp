@@ -40,6 +40,12 @@ Result<quality::Region> region_argument(const std::string& text);
 /// proven not to be passed.
 inline constexpr const char* kSeen = "seen";
 inline constexpr const char* kBound = "bound";
+/// {points, beyond}.
+Json beyond_json(const workspace::BeyondSingular& beyond);
+/// A note: how many of what was looked at ("points drawn from it") lie beyond singular poses, which figures include
+/// them ("The volume includes"), and the key of a limit that leaves them out; empty where none do.
+std::string beyond_text(const workspace::BeyondSingular& beyond, const char* looked_at, const char* include,
+                        const char* limit = "limits.z_min_mm");
 /// The statistics of several rows as a table; each row with the unit behind it, in figures of its own scale.
 struct StatisticsRow {
   std::string name;
@@ -49,6 +55,8 @@ struct StatisticsRow {
   std::string unit;
 };
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows);
+/// What of the survey lies beyond singular poses, as a note; nothing where nothing does.
+void print_beyond(const quality::Survey& survey);
 /// Three coordinates in mm.
 std::string place_text(const Vec3& p);
 

@@ -91,7 +91,8 @@ Command tolerances_command() {
                                   {"cost", d.cost},
                                   {"whole_box", survey.whole_box},
                                   {"points", survey.inside.size()},
-                                  {"directions", survey.orientations.size()}}));
+                                  {"directions", survey.orientations.size()},
+                                  {"beyond_singular", beyond_json(survey.beyond)}}));
         } else {
           for (const auto& p : d.parts) {
             fmt::print("{:<24} {:>10} {:<9} {:>3} elements, {:>5.1f} % of the error\n", p.key,
@@ -103,6 +104,7 @@ Command tolerances_command() {
               "judged at {} points (tool directions at each: {}) and between the worst of them: exact at every "
               "pose, but not a bound on the poses between\n",
               survey.inside.size(), survey.orientations.size());
+          print_beyond(survey);
           if (!survey.whole_box && !o->where.box.empty()) {
             fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
                        survey.grid.size());

@@ -264,13 +264,9 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
 }
 
 /// What lies beyond singular poses, in a sentence; empty where a sample saw nothing. `places`: the task holds x, y, z.
-std::string beyond_text(const workspace::BeyondSingular& beyond, bool places) {
-  if (beyond.beyond == 0) return "";
-  return fmt::format(
-      "note: {:.0f} % of {} points drawn from it lie beyond a singular pose from home (type 2): the machine gets there "
-      "only through a pose at which the drives do not constrain it. Limits leave them out, as `--set {}=...`\n",
-      100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points,
-      places ? "limits.z_min_mm" : "leg[1].max_mm");
+std::string beyond_note(const workspace::BeyondSingular& beyond, bool places) {
+  return beyond_text(beyond, "points drawn from it", "The volume includes",
+                     places ? "limits.z_min_mm" : "leg[1].max_mm");
 }
 
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
@@ -283,7 +279,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
   const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
   if (context.json) {
     Json document = region_json(m, v);
-    document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
+    document["beyond_singular"] = beyond_json(beyond);
     print_json(document);
   } else if (v.empty) {
     fmt::print("no coordinates of the task are reachable (proven with {} boxes)\n", v.points);
@@ -299,7 +295,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     fmt::print(
         "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
         "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n{}",
-        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_text(beyond, false));
+        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_note(beyond, false));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }
@@ -340,7 +336,7 @@ Command workspace_command() {
             POLYPOD_ASSIGN(v, workspace::volume(m, options));
             Json document = volume_json(v);
             const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
-            document["beyond_singular"] = {{"points", beyond.points}, {"beyond", beyond.beyond}};
+            document["beyond_singular"] = beyond_json(beyond);
             workspace::Shape shape;
             if (!o->largest.empty()) {
               POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
@@ -368,7 +364,7 @@ Command workspace_command() {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
               fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
-              fmt::print("{}", beyond_text(beyond, true));
+              fmt::print("{}", beyond_note(beyond, true));
               if (!o->largest.empty()) {
                 const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
                 const Figures mm(sides.minCoeff(), 1);

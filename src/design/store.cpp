@@ -255,6 +255,12 @@ std::string database_of(const std::string& folder) {
   return (std::filesystem::path(folder) / "study.sqlite").string();
 }
 
+std::vector<std::string> files_of(const std::string& folder) {
+  const std::string database = database_of(folder);
+  return {database, database + "-journal", database + "-wal", database + "-shm",
+          (std::filesystem::path(folder) / kLock).string()};
+}
+
 Store::Store(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Store::Store(Store&&) noexcept = default;
 Store& Store::operator=(Store&&) noexcept = default;

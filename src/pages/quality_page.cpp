@@ -232,6 +232,30 @@ class Page {
     return s;
   }
 
+  /// What the errors come to. `p` and `o`: over the points; `most`, `most_turned`: mm and mrad.
+  [[nodiscard]] std::string largest_in_words(const Statistics& p, const Statistics& o, double most,
+                                             double most_turned) const {
+    if (!std::isfinite(most) || !std::isfinite(most_turned)) {
+      return fmt::format(
+          "Errors have no bound here: the workspace holds a singular pose, at which the drives do not constrain the "
+          "platform (type 2), and they grow towards it. At a point of the workspace the {} is {} mm and {} mrad on "
+          "average. Set limits that leave such poses out.",
+          question_.tolerances ? "worst case" : "error", shown(p.mean), shown(o.mean));
+    }
+    if (!question_.tolerances) {
+      return fmt::format(
+          "With the errors {} the largest error of the tip that was seen is {} mm and that of the orientation {} mrad; "
+          "on average over the workspace {} mm and {} mrad.",
+          given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean));
+    }
+    return fmt::format(
+        "The largest error of the tip that was seen, whatever the parts do within {}, is {} mm, and the largest of the "
+        "orientation {} mrad: at {} points of the workspace and between the worst of them. Each is exact at its pose; "
+        "poses that were not looked at may have more. At a point of the workspace the worst case is {} mm and {} mrad "
+        "on average.",
+        given(), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean), shown(o.mean));
+  }
+
   void answer() {
     const Statistics p = seen(QualityValue::position), o = seen(QualityValue::orientation);
     const double most = to_mm(worst_.value), most_turned = units::kMradPerRad * worst_turned_.value;
@@ -241,18 +265,8 @@ class Page {
           "No tolerances were given, so this page shows what 0.01 mm (angles: 0.01 deg) on every element would do. "
           "Errors grow in proportion: with 0.02 they are twice as large.");
     }
-    report_.add_verdict(
-        Verdict::neutral,
-        question_.tolerances
-            ? fmt::format("The largest error of the tip that was seen, whatever the parts do within {}, is {} mm, and "
-                          "the largest of the orientation {} mrad: at {} points of the workspace and between the worst "
-                          "of them. Each is exact at its pose; poses that were not looked at may have more. At a point "
-                          "of the workspace the worst case is {} mm and {} mrad on average.",
-                          given(), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean),
-                          shown(o.mean))
-            : fmt::format("With the errors {} the largest error of the tip that was seen is {} mm and that of the "
-                          "orientation {} mrad; on average over the workspace {} mm and {} mrad.",
-                          given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean)));
+    report_.add_verdict(std::isfinite(most) && std::isfinite(most_turned) ? Verdict::neutral : Verdict::bad,
+                        largest_in_words(p, o, most, most_turned));
     report_.add_text(
         "This answers for small errors of the geometry, to first order, with the drives at their commanded positions: "
         "not for deflection under forces, backlash, temperature and errors of the controller (polypod budget adds "
@@ -262,6 +276,12 @@ class Page {
           "A joint and its attachment count as two elements here, and their tolerances add up. With one element a "
           "joint the largest error of the tip that was seen is {} mm.",
           shown(to_mm(once_->value))));
+    }
+    if (const workspace::BeyondSingular& b = fields_.survey.beyond; b.beyond > 0) {
+      report_.add_text(fmt::format(
+          "{:.2g} % of {} poses that were looked at lie beyond a singular pose from home: the machine gets there only "
+          "through a pose at which the drives do not constrain it. The figures include them; limits leave them out.",
+          100.0 * static_cast<double>(b.beyond) / static_cast<double>(b.points), b.points));
     }
     if (const auto count = near_singular_count(); count > 0) {
       report_.add_text(fmt::format(

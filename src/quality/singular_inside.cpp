@@ -39,8 +39,9 @@ std::optional<Pose> bisected(const AnyMachine& machine, const SurveyOptions& opt
 
 }  // namespace
 
-std::optional<Pose> singular_inside(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options) {
-  if (kinematics::is_serial(machine) || survey.inside.empty()) return {};
+SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options) {
+  SingularInside out;
+  if (kinematics::is_serial(machine) || survey.inside.empty()) return out;
   // Points whose indices along the grid are multiples of `every`.
   const auto every = static_cast<int>(std::ceil(std::cbrt(double(survey.inside.size()) / double(kMostPoses))));
   const std::array<int, 3>& count = survey.grid.points;
@@ -52,7 +53,8 @@ std::optional<Pose> singular_inside(const AnyMachine& machine, const Survey& sur
     if (std::all_of(at.begin(), at.end(), [&](std::size_t n) { return n % static_cast<std::size_t>(every) == 0; }))
       points.push_back(i);
   }
-  if (points.empty()) return {};
+  if (points.empty()) return out;
+  const int side = workspace::side_of_home(machine);
   const std::size_t directions = std::clamp<std::size_t>(kMostPoses / points.size(), 1, survey.orientations.size());
   std::vector<double> determinant(points.size());
   std::vector<char> lost(points.size());
@@ -63,22 +65,27 @@ std::optional<Pose> singular_inside(const AnyMachine& machine, const Survey& sur
       determinant[n] = here ? here->determinant : 0.0;
       lost[n] = here && here->control < kinematics::kNoHold;
     });
+    for (std::size_t n = 0; n < points.size() && side != 0; ++n) {
+      if (determinant[n] == 0) continue;
+      ++out.beyond.points;
+      if (determinant[n] * side < 0) ++out.beyond.beyond;
+    }
+    if (out.pose) continue;
     if (const auto at = std::find(lost.begin(), lost.end(), true); at != lost.end())
-      return Pose{R, survey.grid.at(points[static_cast<std::size_t>(at - lost.begin())])};
-    for (std::size_t n = 0; n < points.size(); ++n) {
-      for (std::size_t k = 0; k < 3; ++k) {
+      out.pose = Pose{R, survey.grid.at(points[static_cast<std::size_t>(at - lost.begin())])};
+    for (std::size_t n = 0; n < points.size() && !out.pose; ++n) {
+      for (std::size_t k = 0; k < 3 && !out.pose; ++k) {
         const std::size_t along = points[n] / stride[k] % static_cast<std::size_t>(count[k]);
         if (along + static_cast<std::size_t>(every) >= static_cast<std::size_t>(count[k])) continue;
         const std::size_t next = points[n] + static_cast<std::size_t>(every) * stride[k];
         const auto at = std::lower_bound(points.begin(), points.end(), next);
         if (at == points.end() || *at != next) continue;
         if (!(determinant[n] * determinant[static_cast<std::size_t>(at - points.begin())] < 0)) continue;
-        if (auto found = bisected(machine, options, R, survey.grid.at(points[n]), survey.grid.at(next), determinant[n]))
-          return found;
+        out.pose = bisected(machine, options, R, survey.grid.at(points[n]), survey.grid.at(next), determinant[n]);
       }
     }
   }
-  return {};
+  return out;
 }
 
 }  // namespace polypod::quality

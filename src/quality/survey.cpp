@@ -202,7 +202,9 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   const bool flat = *std::min_element(points.begin(), points.end()) == 1;  // a section: nobody looks for extremes there
   const bool no_boundary = options.box && out.whole_box;                   // the box's own ends are points of the grid
   if (!flat && !no_boundary) out.tips = tips_of(machine, out, options);
-  out.singular = singular_inside(machine, out, options);
+  const SingularInside singular = singular_inside(machine, out, options);
+  out.singular = singular.pose;
+  out.beyond = singular.beyond;
   return out;
 }
 

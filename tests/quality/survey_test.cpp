@@ -163,6 +163,26 @@ TEST(Survey, TheSameForAnyNumberOfThreadsAndInsideTheWorkspace) {
   EXPECT_NEAR(one->volume / workspace::volume(m, volume)->volume, 1, 0.01);  // 2 % and 1 % between bounds
 }
 
+/// Struts without limits of their joints carry the platform mirrored below the base, too: half of the workspace.
+TEST(Survey, WhatLiesBeyondSingularPoses) {
+  const std::string legs = R"(
+family = "strut-hexapod"
+base = { radius_mm = 50, pair_angle_deg = 30 }
+platform = { radius_mm = 25, pair_angle_deg = 30 }
+leg = { length_min_mm = 50, length_max_mm = 90 }
+home = { height_mm = 65 }
+)";
+  SurveyOptions options;
+  options.resolution = 12;
+  const auto both = *survey(*machine::from_text(legs, "test.toml"), options);
+  EXPECT_EQ(both.beyond.points, both.inside.size());
+  EXPECT_EQ(2 * both.beyond.beyond, both.beyond.points) << "the grid is symmetric about z = 0";
+  const auto above = *survey(*machine::from_text(legs + "limits = { z_min_mm = 0 }\n", "test.toml"), options);
+  EXPECT_GT(above.beyond.points, 0U);
+  EXPECT_EQ(above.beyond.beyond, 0U);
+  EXPECT_EQ((*survey(test::load("lola50"), options)).beyond.points, 0U);
+}
+
 TEST(Survey, ABoxAndBadInput) {
   const AnyMachine m = load("hexapod-strut");
   SurveyOptions options = cone(10, 5);

@@ -77,5 +77,7 @@ class Store {
 
 /// `folder`/study.sqlite.
 std::string database_of(const std::string& folder);
+/// Every file that a store keeps in its folder: the database, what SQLite puts beside it, and the lock.
+std::vector<std::string> files_of(const std::string& folder);
 
 }  // namespace polypod::design

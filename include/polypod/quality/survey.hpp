@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "polypod/quality/errors.hpp"
+#include "polypod/workspace/beyond.hpp"
 #include "polypod/workspace/field.hpp"
 
 namespace polypod::quality {
@@ -34,9 +35,9 @@ struct Survey {
   /// extremes start beside the grid's points. Seen, not proven.
   std::vector<Vec3> tips;
   /// A reachable pose at a point or between neighbours at which the drives do not hold the tool (singular, type 2),
-  /// where the determinant of A changes its sign there: errors grow beyond all bounds towards it. None found proves
-  /// nothing.
+  /// and the determinant of A changes its sign: errors grow beyond all bounds towards it. None found proves nothing.
   std::optional<Pose> singular;
+  workspace::BeyondSingular beyond;  ///< of the poses at its points that were looked at (side_of_home)
 };
 
 /// The points of the workspace. Errors: those of workspace::volume(), WS130, QU110 (no point of the grid is inside).

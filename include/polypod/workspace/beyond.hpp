@@ -11,11 +11,14 @@ struct BeyondSingular {
   std::size_t beyond = 0;  ///< of them on the other side of singular poses
 };
 
+/// The sign of the determinant of A (kinematics::hold) at home. No way leads from one sign to the other but through a
+/// singular pose of type 2 (JEL 6.3), where the drives do not hold the platform. 0 where that tells nothing: of chains,
+/// where A is not square, where home is singular or the machine has none.
+int side_of_home(const AnyMachine& machine);
+
 /// Draws points from a workspace (of three coordinates of the task that are not x, y, z: from their region) and
-/// compares the sign of det F_X, F the closure, with that at home: no way leads from one sign to the other but through
-/// a singular pose of type 2 (JEL 6.3), where the drives do not hold the platform. As of a hexapod without limits of
-/// its joints, whose legs reach the platform mirrored below its base, too. A sample, not a proof, and the same sign may
-/// still lie beyond. Nothing for chains, for closures of more or less than six equations, and where home is singular.
+/// compares the sign of the determinant with side_of_home: as of a hexapod without limits of its joints, whose legs
+/// reach the platform mirrored below its base, too. A sample, not a proof, and the same sign may still lie beyond.
 /// Cost: below 10 ms.
 BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options, const Volume& volume);
 
