@@ -596,6 +596,19 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     return fail("PO127", fmt::format("{} start joints for {} joints", options.start_joints->size(), joints), {},
                 "give one a joint that moves, in the order of `polypod info`");
   }
+  constexpr double kRounded = 1e-9;  // of limits written as decimals
+  for (std::size_t i = 0; options.start_joints && i < joints; ++i) {
+    const auto joint = static_cast<int>(i);
+    const machine::JointRange range = kinematics::joint_range(configuration.machine, joint);
+    const double q = (*options.start_joints)[joint];
+    if (q >= range.min - kRounded && q <= range.max + kRounded) continue;
+    const bool turns = kinematics::joint_kind(configuration.machine, joint) == machine::JointKind::revolute;
+    const auto shown = [&](double value) { return turns ? units::to_deg(value) : units::to_mm(value); };
+    return fail("PO127",
+                fmt::format("joint {} cannot start at {:.7g} {}: its limits are {:.7g} and {:.7g}", i + 1, shown(q),
+                            turns ? "deg" : "mm", shown(range.min), shown(range.max)),
+                {}, "give the joints where the machine stands before the program");
+  }
   PlanOptions asked = options;
   if (asked.branch.empty() && asked.start_joints) {
     asked.branch = posture_of(configuration.machine, *asked.start_joints);

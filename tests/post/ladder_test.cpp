@@ -262,6 +262,13 @@ TEST(FreeTurn, CountsOfSpeedsAndJoints) {
   const auto plan = post::plan(six, path, options);
   ASSERT_FALSE(plan);
   EXPECT_EQ(plan.error().id, "PO127");
+  options.joint_speeds.clear();
+  options.start_joints.emplace(6);
+  *options.start_joints << 0, units::from_deg(-90), units::from_deg(90), 0, 0, units::from_deg(4000);
+  const auto beyond = post::plan(six, path, options);
+  ASSERT_FALSE(beyond);
+  EXPECT_EQ(beyond.error().id, "PO127");
+  EXPECT_THAT(beyond.error().message, testing::HasSubstr("joint 6 cannot start at 4000 deg"));
 }
 
 /// A program in X, Y and Z alone leaves C free: the ladder may turn the tool.
