@@ -170,7 +170,7 @@ Command check_command() {
   };
   auto o = std::make_shared<Options>();
   return {
-      "check", "Does a program fit a machine: reach, limits, branches, collisions, time",
+      "check", "Does a program fit a machine: reach, limits, branches, joint speeds, collisions, time",
       "polypod check program.ngc --job job.toml",
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");
@@ -198,6 +198,7 @@ Command check_command() {
         const machine::AnyMachine& m = job.machine;
         machining::CheckOptions options;
         options.rapid_speed = units::from_mm_per_min(o->rapid);
+        options.joint_speeds = job.joint_speeds;
         options.progress = progress_line(context, "checking");
         BodyNotes body_notes;
         if (!o->bodies.empty()) {
@@ -219,9 +220,6 @@ Command check_command() {
         }
         options.progress(1);
         result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
-        if (!job.joint_speeds.empty()) {
-          result.notes.push_back("`joint_speeds` of the job are not judged here: `polypod post` judges them");
-        }
         if (kinematics::joint_count(m) > kinematics::coordinate_count(kinematics::task(m))) {
           result.notes.push_back(
               "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
@@ -235,6 +233,7 @@ Command check_command() {
         if (o->nearest && !result.ok && !interpretation.moves.empty()) {
           machining::NearestOptions search;
           if (other) search.other = &*other;
+          search.joint_speeds = job.joint_speeds;
           search.progress = progress_line(context, "looking for a place");
           POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
           search.progress(1);
@@ -269,6 +268,10 @@ Command check_command() {
           Json document{{"ok", result.ok},          {"problems", problems},  {"all_judged", result.not_judged.empty()},
                         {"not_judged", not_judged}, {"time_s", result.time}, {"length_mm", units::to_mm(result.length)},
                         {"joint_ranges", ranges},   {"notes", result.notes}};
+          if (result.fastest_line > 0) {
+            document["joint_speed_percent"] = 100 * result.fastest.share;
+            document["joint_speed_at"] = {{"joint", result.fastest.joint + 1}, {"line", result.fastest_line}};
+          }
           if (!o->report.empty()) document["report"] = o->report;
           if (!o->bodies.empty()) document["bodies"] = {{"file", o->bodies}, {"notes", body_notes}};
           if (o->nearest) document["nearest"] = nearest;
@@ -286,6 +289,10 @@ Command check_command() {
             };
             fmt::print("  joint {:>2}  {:>9} .. {:<9} {} of {} .. {}\n", r["joint"].get<int>(), shown("min"),
                        shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
+          }
+          if (result.fastest_line > 0) {
+            fmt::print("joint speeds in cuts up to {:.1f} % of `joint_speeds` (joint {}, line {})\n",
+                       100 * result.fastest.share, result.fastest.joint + 1, result.fastest_line);
           }
           for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
           if (!o->report.empty()) fmt::print("report: {}\n", o->report);

@@ -113,11 +113,12 @@ std::string way_in(const Cell& cell, const std::vector<Swept>& space) {
       std::string sides;
       const std::array<std::pair<const char*, Vec2>, 4> kSides{
           {{"front", {0, -1}}, {"right", {1, 0}}, {"back", {0, 1}}, {"left", {-1, 0}}}};
-      for (const auto& [name, d] : kSides) {
-        if (std::any_of(cell.guards.begin(), cell.guards.end(), [&](const Guard& g) { return meets(middle, d, g); }))
+      for (const auto& side : kSides) {
+        if (std::any_of(cell.guards.begin(), cell.guards.end(),
+                        [&](const Guard& g) { return meets(middle, side.second, g); }))
           continue;
         sides += sides.empty() ? "from the " : ", the ";
-        sides += name;
+        sides += side.first;
       }
       if (!sides.empty()) return sides;
       // A gap: where the way comes nearest to guards.

@@ -187,6 +187,8 @@ Status Engine::call(const std::string& label, const std::vector<double>& argumen
   for (std::size_t i = 0; i < 30; ++i) {
     double& slot = parameter(static_cast<int>(i) + 1);
     next.saved[i] = slot;
+    next.saved_told[i] = told_[i + 1];
+    told_[i + 1] = true;
     slot = i < arguments.size() ? arguments[i] : 0;
   }
   returned_ = false;
@@ -270,11 +272,33 @@ Status Engine::leave() {
   return restore(saved, 1);
 }
 
-/// LinuxCNC 2.9 remembers that it has run or, on the way to `endwhile`, passed the `break` of a `while` loop, and ends
-/// the next `do` loop after its first pass.
-void Engine::pass_break(const std::string& label) {
+/// LinuxCNC 2.9 remembers that it has run the `break` of a `while` loop, or passed that of a loop on the way to its end
+/// (as after `continue`), and ends the `do` loop whose `while` comes next.
+void Engine::pass_break(const std::string& label, bool runs) {
   const auto known = frame().labels.find(label);
-  if (known != frame().labels.end() && known->second.keyword == "while") break_passed_ = true;
+  if (known == frame().labels.end()) return;
+  if (known->second.keyword == "while" || (!runs && known->second.keyword == "do")) break_passed_ = true;
+}
+
+void Engine::note_once(std::string note) {
+  if (std::find(notes_.begin(), notes_.end(), note) == notes_.end()) notes_.push_back(std::move(note));
+}
+
+/// LinuxCNC 2.9 remembers a `continue` of a `do` loop until the end of the next other loop that is to be left there:
+/// from it the loop goes back to its head instead.
+Status Engine::leave_loop(const std::string& label, std::string_view end, std::size_t head, const Block& block) {
+  POLYPOD_TRY(skip_to(label, {end}, block));
+  if (!continued_) {
+    ++frame().at;
+    return {};
+  }
+  continued_ = false;
+  frame().at = head;
+  notes_.push_back(fmt::format(
+      "line {}: LinuxCNC 2.9 goes back to the head of {} here instead of leaving it, for a 'continue' of a 'do' "
+      "loop has run before; it may not be what was meant",
+      block.line, shown(label)));
+  return {};
 }
 
 Status Engine::skip_to(const std::string& label, std::initializer_list<std::string_view> keywords, const Block& block) {
@@ -283,7 +307,7 @@ Status Engine::skip_to(const std::string& label, std::initializer_list<std::stri
   for (std::size_t& at = frame().at; at < blocks.size(); ++at) {
     const auto word = o_word_of(blocks[at].text);
     if (!word || word->first != label) continue;
-    if (word->second == "break") pass_break(label);
+    if (word->second == "break") pass_break(label, false);
     if (blocks[at].optional && options_.block_delete) continue;
     if (std::find(keywords.begin(), keywords.end(), word->second) != keywords.end()) {
       lines_ += static_cast<long>((at - from) / 8);  // looking for a line costs less than running it
@@ -341,7 +365,10 @@ Status Engine::control(const Line& line, const Block& block) {
     POLYPOD_TRY(leave());
     returned_ = !line.arguments.empty();
     returned_value_ = returned_ ? line.arguments.front() : 0;
-    for (std::size_t i = 0; i < 30; ++i) parameter(static_cast<int>(i) + 1) = f.saved[i];
+    for (std::size_t i = 0; i < 30; ++i) {
+      parameter(static_cast<int>(i) + 1) = f.saved[i];
+      told_[i + 1] = f.saved_told[i];
+    }
     frames_.pop_back();
     return {};
   }
@@ -353,7 +380,7 @@ Status Engine::control(const Line& line, const Block& block) {
       return bad(fmt::format("the label {} is used a second time", shown(label)),
                  "give each loop and condition its own");
     }
-    f.labels[label] = {word, here, 0};
+    f.labels[label] = {word, here};
     return {};
   };
   const auto expect = [&](std::initializer_list<std::string_view> heads) -> Status {
@@ -389,7 +416,7 @@ Status Engine::control(const Line& line, const Block& block) {
       if (break_passed_) {
         break_passed_ = false;
         if (line.arguments.front() != 0) {
-          notes_.push_back(
+          note_once(
               fmt::format("line {}: LinuxCNC 2.9 ends this loop here, for it has passed the 'break' of a 'while' loop "
                           "before; it may not be what was meant",
                           block.line));
@@ -401,9 +428,7 @@ Status Engine::control(const Line& line, const Block& block) {
     }
     POLYPOD_TRY(claim());
     if (line.arguments.front() != 0) return {};
-    POLYPOD_TRY(skip_to(label, {"endwhile"}, block));
-    ++f.at;
-    return {};
+    return leave_loop(label, "endwhile", here, block);
   }
   if (word == "endwhile") {
     POLYPOD_TRY(expect({"while"}));
@@ -413,33 +438,39 @@ Status Engine::control(const Line& line, const Block& block) {
   if (word == "repeat") {
     POLYPOD_TRY(claim());
     const double count = std::round(line.arguments.front());
-    if (count >= 1) {
-      f.labels[label].left = count < 1e15 ? static_cast<long>(count) : 1'000'000'000'000'000L;
+    const auto [left, begins] = repeats_left_.try_emplace({f.name, label}, 0);
+    if (begins) left->second = static_cast<long>(std::clamp(count, 0.0, 1e15));
+    if (left->second > 0) {
+      --left->second;
       return {};
     }
-    POLYPOD_TRY(skip_to(label, {"endrepeat"}, block));
-    ++f.at;
-    return {};
+    repeats_left_.erase(left);
+    return leave_loop(label, "endrepeat", here, block);
   }
   if (word == "endrepeat") {
     POLYPOD_TRY(expect({"repeat"}));
-    if (--known->second.left > 0) f.at = known->second.line + 1;
+    f.at = known->second.line;
     return {};
   }
   // break and continue
   POLYPOD_TRY(expect({"while", "do"}));
   const bool is_do = known->second.keyword == "do";
-  if (word == "break") pass_break(label);
-  if (word == "continue" && !is_do) {
-    f.at = known->second.line;
-    return {};
-  }
+  if (word == "break") pass_break(label, true);
+  const std::size_t head = known->second.line;
   if (is_do) {
     POLYPOD_TRY(skip_to(label, {"while"}, block));
-  } else {
-    POLYPOD_TRY(skip_to(label, {"endwhile"}, block));
+    if (word == "continue") {
+      continued_ = true;
+    } else {
+      ++f.at;
+      break_passed_ = false;  // its own `while` has heeded it
+    }
+    return {};
   }
-  if (word == "break") ++f.at;
+  if (word == "break") return leave_loop(label, "endwhile", head, block);
+  POLYPOD_TRY(skip_to(label, {"endwhile"}, block));
+  continued_ = false;
+  f.at = head;
   return {};
 }
 

@@ -140,6 +140,7 @@ Status Engine::origin() {
       remember();
       g92_told_ = true;
       parameter(5210) = 1;
+      note_own_offset();
       break;
     }
     case 921:
@@ -147,10 +148,12 @@ Status Engine::origin() {
       remember();
       g92_told_ = true;
       parameter(5210) = 0;
+      plain("G92.1");  // what a run before has left at the controller ends here, too
       break;
     case 922:
       keep_place([&] { g92_ = {}; });
       parameter(5210) = 0;
+      plain("G92.2");
       break;
     default: {
       if (!options_.machine_known && parameter(5210) == 0 && !g92_told_) {
@@ -167,10 +170,21 @@ Status Engine::origin() {
       }
       keep_place([&] { g92_ = next; });
       parameter(5210) = 1;
+      note_own_offset();
     }
   }
   put("SET_G92_OFFSET({})", list(g92_));
   return {};
+}
+
+void Engine::note_own_offset() {
+  if (own_offsets_noted_ || options_.machine_known) return;
+  own_offsets_noted_ = true;
+  notes_.push_back(fmt::format(
+      "the program sets offsets of its own (line {}: G10, G52 or G92): the plain blocks do not, and count in "
+      "those of the job. On the controller they must be as in the job when it starts: take back what a run "
+      "of the original has left there",
+      written_block_ != nullptr ? written_block_->line : 0));
 }
 
 /// G10 L2 and G10 L20.
@@ -236,6 +250,10 @@ Status Engine::set_system(int p, bool from_here) {
     if (r != nullptr) parameter(base + 9) = r->value;
   }
   set_[static_cast<std::size_t>(p - 1)] = true;
+  for (std::size_t k = 0; k < 6 && from_here; ++k) {
+    if (find(kAxisLetters[k]) != nullptr) own_axes_[static_cast<std::size_t>(p - 1)] |= 1U << k;
+  }
+  note_own_offset();
   const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double x) { return x != 0; });
   if (options_.plain && is_active && shifted && (rotation_ != 0 || rotation != 0)) {
     return error(column, "GC125",

@@ -11,6 +11,7 @@ namespace polypod::gcode {
 
 Engine::Engine(const Program& program, EngineOptions options) : options_(std::move(options)) {
   parameters_.assign(static_cast<std::size_t>(kLastParameter) + 1, 0);
+  told_.assign(parameters_.size(), false);
   for (const auto& [index, value] : options_.parameters) {
     if (index >= 1 && index <= kLastParameter) parameter(index) = value;
   }

@@ -98,7 +98,6 @@ class Engine final : private Parameters {
   struct LabelUse {
     std::string keyword;  // if, while, do, repeat
     std::size_t line = 0;
-    long left = 0;  // of repeat
   };
   /// The modes that M70 and M73 save, for M72 and the end of a subprogram.
   struct Modes {
@@ -132,6 +131,7 @@ class Engine final : private Parameters {
     long repeats = 0;                // of M98 L
     std::size_t begin = 0;           // the line after its head
     std::array<double, 30> saved{};  // #1 to #30 of the caller
+    std::array<bool, 30> saved_told{};
     std::map<std::string, double> locals;
     std::map<std::string, LabelUse> labels;
     std::optional<Modes> modes;  // saved by M70 or M73
@@ -151,7 +151,9 @@ class Engine final : private Parameters {
   Status return_from(const Block& block);
   Status leave();
   Status skip_to(const std::string& label, std::initializer_list<std::string_view> keywords, const Block& block);
-  void pass_break(const std::string& label);
+  void note_once(std::string note);
+  Status leave_loop(const std::string& label, std::string_view end, std::size_t head, const Block& block);
+  void pass_break(const std::string& label, bool runs);
   Result<std::pair<std::size_t, std::size_t>> find_sub(const std::string& label, const Block& block, int column,
                                                        bool by_number);
   void search(Source& source);
@@ -171,6 +173,8 @@ class Engine final : private Parameters {
   [[nodiscard]] std::optional<double> predefined(std::string_view name) const;
   [[nodiscard]] double inches(double length) const { return inches_ ? length : length / 25.4; }
   [[nodiscard]] double lengths(double inches) const { return inches_ ? inches : inches * 25.4; }
+  /// Whether the program itself has given #1 to #5000 its value; else the controller holds what a run before has left.
+  [[nodiscard]] bool told(int index) const { return told_[static_cast<std::size_t>(index)]; }
   double& parameter(int index) { return parameters_[static_cast<std::size_t>(index)]; }
   [[nodiscard]] double parameter(int index) const { return parameters_[static_cast<std::size_t>(index)]; }
 
@@ -316,6 +320,13 @@ class Engine final : private Parameters {
   Status cycle(int before);
 
   // --- coordinates.cpp ----------------
+  /// Whether the program itself has said where a work coordinate system lies, in X, Y and Z: then the plain program
+  /// stays in one that the job gives.
+  [[nodiscard]] bool is_own(int system) const {
+    return !options_.machine_known && system != plain_system_ &&
+           (own_axes_[static_cast<std::size_t>(system - 1)] & 7U) == 7U;
+  }
+  void note_own_offset();
   void select(int index);  // takes origin and rotation of a work coordinate system
   void print_system(int index, bool with_g92);
   [[nodiscard]] Axes to_machine(const Axes& p) const;
@@ -361,6 +372,9 @@ class Engine final : private Parameters {
   std::vector<std::unique_ptr<Source>> sources_;
   std::vector<Frame> frames_;
   std::vector<double> parameters_;
+  std::vector<bool> told_;
+  /// What is left of `repeat` loops, by subprogram and label: LinuxCNC 2.9 keeps it where one is left early.
+  std::map<std::pair<std::string, std::string>, long> repeats_left_;
   std::unordered_map<std::string, double> globals_;
   double returned_value_ = 0;
   bool returned_ = false;
@@ -371,6 +385,7 @@ class Engine final : private Parameters {
   long lines_ = 0;
   int until_ = 0;  // the line of the program before which to stop; 0: none
   bool break_passed_ = false;
+  bool continued_ = false;  // by the `continue` of a `do` loop
 
   // The block at hand.
   Block here_;     // the line that runs
@@ -420,10 +435,12 @@ class Engine final : private Parameters {
   double speed_ = 0;
   bool tool_offset_ = false;
 
-  int plain_motion_ = -1;      // the motion word in force in the plain program
-  int motion_before_ = -1;     // the same before the block at hand
-  bool g92_told_ = false;      // whether the program itself has set the offset of G92
-  std::array<bool, 9> set_{};  // work coordinate systems that the program has set itself
+  int plain_motion_ = -1;               // the motion word in force in the plain program
+  int motion_before_ = -1;              // the same before the block at hand
+  bool g92_told_ = false;               // whether the program itself has set the offset of G92
+  std::array<bool, 9> set_{};           // work coordinate systems that the program has set itself
+  std::array<unsigned, 9> own_axes_{};  // a bit for each of their axes that it has set
+  bool own_offsets_noted_ = false;
   std::array<double, 2> spline_tangent_{};
   bool after_spline_ = false;
   bool spline_now_ = false;

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "text.hpp"
+
 namespace polypod::gcode {
 namespace {
 
@@ -98,6 +100,10 @@ class LineReader {
         if (const std::size_t nested = text_.find('(', at_ + 1); nested < close) {
           at_ = nested;
           return error("GC103", "'(' within a comment; comments do not nest", "use other brackets inside");
+        }
+        if (runs_python(text_.substr(at_ + 1))) {
+          return error("GC122", "a comment that LinuxCNC runs as Python",
+                       "take it out, or write what it does as G-code");
         }
         at_ = close + 1;
       } else if (c == ';') {
@@ -335,6 +341,11 @@ class LineReader {
     const auto value = parameters_.numbered(index);
     if (value) return *value;
     at_ = from;
+    if (index <= kLastOwnParameter || index == 5399) {
+      return error("GC162", value.error(),
+                   index == 5399 ? std::string("take the decision out of the program that is judged")
+                                 : fmt::format("set it in the program before, as #{}=0", index));
+    }
     return error("GC169", value.error(), "give X, Y and Z before, in absolute coordinates");
   }
 

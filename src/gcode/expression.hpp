@@ -29,6 +29,8 @@ class Parameters {
 };
 
 constexpr int kLastParameter = 5601;
+/// Up to here parameters are the programs' own; those beyond tell the state of the machine.
+constexpr int kLastOwnParameter = 5000;
 
 /// What a line says once its expressions have values.
 struct Line {

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "polypod/core/units.hpp"
+#include "refusals.hpp"
 #include "text.hpp"
 
 namespace polypod::gcode {
@@ -86,12 +87,6 @@ enum class Group : std::uint8_t {
   unknown
 };
 
-struct Refusal {
-  std::string_view id;
-  std::string_view why;
-  std::string_view hint;
-};
-
 constexpr Refusal kCutter{"GC121", "cutter radius compensation is not supported",
                           "post the program with the path of the cutter's centre"};
 constexpr Refusal kCycle{"GC122", "canned cycles are not supported",
@@ -102,13 +97,6 @@ constexpr Refusal kFrame{"GC125", "it moves, scales, turns or mirrors the coordi
 constexpr Refusal kMachine{"GC126", "it goes to a position of the machine that the program does not hold",
                            "use G0 in workpiece coordinates"};
 constexpr Refusal kSpline{"GC127", "splines are not supported", "post the program with lines and arcs"};
-constexpr Refusal kSynchronous{"GC128", "where the tool is follows the spindle's encoder or a probe, not the program",
-                               "mill threads with helices (G2, G3), tap with G84; leave probing out"};
-constexpr Refusal kFeed{
-    "GC129", "feed per revolution and constant surface speed follow the measured spindle and the radius in X",
-    "use G94 with the feed per minute, and G97 with the speed"};
-constexpr Refusal kLathe{"GC130", "a word of lathes, where X is a radius or a diameter of a part that turns",
-                         "post the program for a mill"};
 constexpr Refusal kPolar{"GC125", "polar coordinates are not supported", "post the program with X, Y and Z"};
 
 Group group_of(int g) {
@@ -176,14 +164,13 @@ Group group_of(int g) {
   }
 }
 
-/// Why a G word that is known and changes motion is refused; an empty id for codes that nobody knows.
-Refusal refusal_of(int g) {
+/// Why a G word that unrolling takes, or that changes motion on other controllers, is refused; an empty id for others.
+Refusal refusal_of_plain(int g) {
   switch (g) {
     case 410:
     case 411:
     case 420:
     case 421:
-    case 401:
       return kCutter;
     case 730:
     case 740:
@@ -201,29 +188,13 @@ Refusal refusal_of(int g) {
     case 842:
     case 843:
       return kCycle;
-    case 650:
-    case 660:
-    case 661:
-    case 670:
-      return kFlow;
     case 100:
-    case 160:
-    case 510:
-    case 511:
     case 520:
-    case 680:
-    case 681:
-    case 682:
     case 920:
     case 923:
     case 591:
     case 592:
     case 593:
-    case 541:
-    case 534:
-    case 432:
-    case 434:
-    case 435:
       return kFrame;
     case 270:
     case 281:
@@ -235,35 +206,7 @@ Refusal refusal_of(int g) {
     case 51:
     case 52:
     case 53:
-    case 61:
-    case 62:
-    case 63:
       return kSpline;
-    case 310:
-    case 330:
-    case 331:
-    case 380:
-    case 382:
-    case 383:
-    case 384:
-    case 385:
-    case 760:
-      return kSynchronous;
-    case 950:
-    case 960:
-      return kFeed;
-    case 70:
-    case 80:
-    case 700:
-    case 710:
-    case 711:
-    case 712:
-    case 720:
-    case 721:
-    case 722:
-    case 320:
-    case 340:
-      return kLathe;
     default:
       return {};
   }
@@ -508,10 +451,8 @@ class Interpreter {
     }
     const Group group = group_of(g);
     if (group == Group::unknown) {
-      const Refusal refusal = refusal_of(g);
-      if (!refusal.id.empty()) return refuse(word, refusal);
-      return error(word, "GC120", fmt::format("{} is not a G code that Polypod knows", text_of(word)),
-                   "it may change motion: remove it, or post the program for LinuxCNC");
+      const Refusal unrolled = refusal_of_plain(g);
+      return refuse(word, unrolled.id.empty() ? refusal_of(g) : unrolled);
     }
     Code& slot = g_groups_[static_cast<std::size_t>(group)];
     // As in LinuxCNC, a G80 beside one other motion word does nothing: `G0 G17 G40 G49 G80 G90` begins half of all
@@ -546,6 +487,8 @@ class Interpreter {
 
   /// Every word must have a use in its block, and a value in its range.
   Status check_words() {
+    if (const auto wrong = wrong_argument(*block_))
+      return error(*wrong->word, "GC132", wrong->what, "see the M word in LinuxCNC's reference");
     const Word* motion_word = g_word(Group::motion);
     motion_code_ = motion_word != nullptr ? g_code(Group::motion) : -1;
     axis_words_ = has('X') || has('Y') || has('Z') || has('A') || has('B') || has('C');

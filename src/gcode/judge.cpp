@@ -144,6 +144,9 @@ Status Engine::check() {
     return error(zero->column, "GC168", "G53 under G91", "write G90 before it");
   }
 
+  if (const auto wrong = wrong_argument(*block_))
+    return error(wrong->word->column, "GC132", wrong->what, "see the M word in LinuxCNC's reference");
+
   std::uint32_t used = 0;
   std::uint32_t shared = 0;
   const auto use = [&](std::string_view list) {

@@ -31,6 +31,14 @@ tl::expected<double, std::string> Engine::numbered(int index) const {
   if (!options_.machine_known && ((index >= 5161 && index <= 5189) || (index >= 5221 && index <= 5390))) {
     return tl::unexpected(fmt::format("#{} holds a position of the machine that the job does not tell", index));
   }
+  if (!options_.machine_known && index == 5399) {
+    return tl::unexpected(
+        fmt::format("#{} holds what M66 has read at the machine: what follows from it cannot be judged", index));
+  }
+  if (!options_.machine_known && index <= kLastOwnParameter && !told(index)) {
+    return tl::unexpected(
+        fmt::format("#{} is read, but the program has not set it: the controller holds what was left in it", index));
+  }
   return parameter(index);
 }
 
@@ -108,6 +116,7 @@ Status Engine::assign(const Line& line, const Block& block) {
                      "use G10 L20 or G92, or G54 to G59 with the offsets of the job");
       }
       parameter(a.index) = a.value;
+      told_[static_cast<std::size_t>(a.index)] = true;
       continue;
     }
     if (!a.name.starts_with('_')) {

@@ -68,6 +68,7 @@ void Engine::add_plain(std::string_view text, bool as_it_is) {
 void Engine::end_plain() {
   if (!options_.plain) return;
   std::string remarks;
+  bool expands = false;
   for (const std::string_view text : comments(*block_)) {
     if (!remarks.empty()) remarks += ' ';
     const std::size_t comma = text.find(',');
@@ -76,7 +77,9 @@ void Engine::end_plain() {
     for (char& c : head) c = upper(c);
     if (head == "(PRINT" || head == "(DEBUG" || head == "(LOG") {
       remarks += text.substr(0, comma + 1);
-      remarks += expanded(text.substr(comma + 1), *this);
+      const std::string message = expanded(text.substr(comma + 1), *this);
+      expands = expands || message != text.substr(comma + 1);
+      remarks += message;
     } else {
       remarks += text;
     }
@@ -108,7 +111,8 @@ void Engine::end_plain() {
     if (rewritten_) {
       if (word.letter == 'N') continue;
       if (word.letter == 'G' &&
-          (is_motion(code) || (is_zero_group(code) && code != 40) || (code >= 591 && code <= 593))) {
+          (is_motion(code) || (is_zero_group(code) && code != 40) || (code >= 591 && code <= 593) ||
+           (code >= 540 && code <= 590 && code % 10 == 0 && is_own(active_)))) {
         continue;
       }
       if (word.letter == 'M' && m_group_of(code / 10) == 4) {
@@ -136,7 +140,7 @@ void Engine::end_plain() {
       before.insert(at, fmt::format("G{} ", motion_ / 10));
     }
     if (named && !moves) plain_motion_ = motion_ < 0 ? -1 : motion_ / 10;
-    if (block_ == written_block_ && !needs_mode && !block_->optional) {
+    if (block_ == written_block_ && !needs_mode && !block_->optional && !expands) {
       add_plain(block_->text, true);
       return;
     }

@@ -12,6 +12,7 @@
 
 #include "polypod/core/file_parts.hpp"
 #include "reader.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -21,9 +22,6 @@ bool is_blank(char c) {
 }
 bool is_digit(char c) {
   return c >= '0' && c <= '9';
-}
-char upper(char c) {
-  return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
 }
 bool is_letter(char c) {
   const char u = upper(c);
@@ -300,6 +298,10 @@ Result<std::size_t> LineReader::skip_comment(const Block& block, std::size_t at)
   }
   if (nested != std::string_view::npos && nested < close) {
     return error(block, nested, "GC103", "'(' within a comment; comments do not nest", "use other brackets inside");
+  }
+  if (runs_python(text.substr(at + 1))) {
+    return error(block, at, "GC122", "a comment that LinuxCNC runs as Python",
+                 "take it out, or write what it does as G-code");
   }
   return close + 1;
 }

@@ -45,7 +45,7 @@ Status Engine::spindle() {
       break;
     case 190:
       turning_ = 0;
-      put("ORIENT_SPINDLE(0, {:.4f}, {})", value('R'), integer('P'));
+      if (find('R') != nullptr) put("ORIENT_SPINDLE(0, {:.4f}, {})", value('R'), integer('P'));
       if (const Word* q = find('Q'); q != nullptr) put("SPINDLE.0.WAIT_ORIENT_COMPLETE({:.4f})", q->value);
       break;
     default:
@@ -133,8 +133,8 @@ Status Engine::settings() {
       scale(canon_, factor);
       scale(g92_, factor);
       scale(origin_, factor);
-      // As in LinuxCNC 2.9, the tool length and the tolerances in force keep their numbers.
-      cycle_level_ *= factor;
+      // As in LinuxCNC 2.9, the tool length, the tolerances in force and the level where a cycle began keep their
+      // numbers.
     }
     put_now(inches_ ? "USE_LENGTH_UNITS(CANON_UNITS_INCHES)" : "USE_LENGTH_UNITS(CANON_UNITS_MM)");
   }
@@ -149,11 +149,11 @@ Status Engine::settings() {
       active_ = next;
       parameter(5220) = next;
       print_system(active_, true);
-      if (next <= 6) plain_system_ = next;
+      if (next <= 6 && !is_own(next)) plain_system_ = next;
     }
-    if (next > 6) {
+    if (next > 6 || is_own(next)) {
       rewritten_ = true;
-      if (!options_.machine_known && !set_[static_cast<std::size_t>(next - 1)]) {
+      if (next > 6 && !options_.machine_known && !set_[static_cast<std::size_t>(next - 1)]) {
         return error(g_word(g)->column, "GC125",
                      fmt::format("G59.{} has an offset that the job does not hold", next - 6),
                      "use G54 to G59 with the offsets of the job, or set it with G10 L20");

@@ -29,4 +29,9 @@ inline bool begins_with(std::string_view text, std::string_view word) {
          std::equal(word.begin(), word.end(), text.begin(), [](char a, char b) { return upper(b) == a; });
 }
 
+/// Whether LinuxCNC runs a comment, given without its bracket, as Python.
+inline bool runs_python(std::string_view comment) {
+  return begins_with(from_first_word(comment), "PY,");
+}
+
 }  // namespace polypod::gcode

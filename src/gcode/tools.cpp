@@ -54,10 +54,10 @@ Status Engine::tools() {
       put("CLEAR_AUX_OUTPUT_BIT({})", p);
       break;
     case 670:
-      put("SET_MOTION_OUTPUT_VALUE({},{:.6f})", e, value('Q'));
+      put("SET_MOTION_OUTPUT_VALUE({},{:.6f})", e, value('Q', -1));
       break;
     case 680:
-      put("SET_AUX_OUTPUT_VALUE({},{:.6f})", e, value('Q'));
+      put("SET_AUX_OUTPUT_VALUE({},{:.6f})", e, value('Q', -1));
       break;
     default:
       break;

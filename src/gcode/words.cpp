@@ -91,49 +91,6 @@ std::string_view arguments_of_m(int m) {
   return m >= 100 ? "PQ" : "";
 }
 
-Refusal refusal_of(int g) {
-  switch (g) {
-    case 401:
-      return {"GC121", "this cutter compensation is not supported", "use G41, G42, G41.1 or G42.1"};
-    case 60:
-    case 61:
-    case 62:
-      return {"GC127", "this spline is not supported", "post the program with lines, arcs, or G5 to G5.3"};
-    case 330:
-    case 331:
-    case 760:
-      return {"GC128", "motion synchronised with the spindle: where the tool is follows an encoder, not the program",
-              "mill the thread with helices (G2, G3), or tap with G84"};
-    case 950:
-    case 960:
-      return {"GC129", "feed per revolution and constant surface speed follow the measured spindle and the radius in X",
-              "use G94 with the feed per minute, and G97 with the speed"};
-    case 70:
-    case 80:
-    case 700:
-    case 710:
-    case 711:
-    case 712:
-    case 720:
-    case 721:
-    case 722:
-      return {"GC130", "a word of lathes, where X is a radius or a diameter of a part that turns",
-              "post the program for a mill"};
-    case 432:
-      return {"GC125", "a second tool length is not supported", "use G43 with the sum"};
-    case 160:
-    case 510:
-    case 511:
-    case 680:
-    case 681:
-      return {"GC125", "scaled, turned or mirrored coordinates are not supported", "post without them"};
-    case 650:
-    case 660:
-      return {"GC123", "macro calls are not supported", "use O words or M98"};
-    default:
-      return {"GC120", "Polypod does not know this G code", "it may change motion: remove it, or post for LinuxCNC"};
-  }
-}
 int m_group_of(int m) {
   switch (m) {
     case 0:

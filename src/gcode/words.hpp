@@ -10,6 +10,7 @@
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/program.hpp"
 #include "polypod/gcode/writer.hpp"
+#include "refusals.hpp"
 #include "text.hpp"
 
 namespace polypod::gcode {
@@ -26,14 +27,6 @@ bool is_motion(int g);
 int group_of(int g);
 /// Modal group of an M code; 0 for those without.
 int m_group_of(int m);
-
-struct Refusal {
-  std::string_view id;
-  std::string_view why;
-  std::string_view hint;
-};
-/// Why a G code of group 0 is refused.
-Refusal refusal_of(int g);
 
 /// The first and second axis of a plane and its normal.
 std::array<std::size_t, 3> axes_of(Plane plane);

@@ -15,6 +15,7 @@
 #include "arm_table.hpp"
 #include "machine_file.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/nearest_word.hpp"
 #include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machine/urdf.hpp"
@@ -352,12 +353,14 @@ Result<AnyMachine> load(const std::string& name_or_path, const std::vector<Overr
   const std::string file = file_of_machine(name_or_path);
   if (!files::is_standard_input(file) && !std::filesystem::exists(file, ec)) {
     std::string names;
+    std::vector<std::string> words;
     for (const CatalogueEntry& entry : catalogue()) {
+      words.emplace_back(entry.name);
       if (entry.name == name_or_path) return from_text(entry.toml, name_or_path + ".toml", overrides);
       names += (names.empty() ? "" : ", ") + std::string(entry.name);
     }
     return fail("MA100", fmt::format("no machine file or catalogue machine \"{}\"", name_or_path), {},
-                "the catalogue has " + names);
+                did_you_mean(name_or_path, words) + "the catalogue has " + names);
   }
   POLYPOD_ASSIGN(text, files::read(file));
   return from_text(text, name_or_path, overrides);

@@ -296,11 +296,14 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
             Place{program.path, 0, 0}, "check that this is the file that was meant"};
   }
   std::string misses;
+  bool touches = true;  // it comes as far as the stock's faces
+  constexpr double kTouch = 0.5e-6;
   for (int k = 0; k < 3; ++k) {
     const double over = path.min()[k] - stock.max()[k], under = stock.min()[k] - path.max()[k];
     // A tip below the stock still cuts with the edges above it.
     const double gap = k == 2 ? over : std::max(over, under);
     if (gap < 0) continue;
+    touches = touches && gap < kTouch;
     misses += fmt::format("{}{} mm in {}", misses.empty() ? "" : ", ", fmt::format("{:.3f}", to_mm(gap)), "XYZ"[k]);
   }
   std::string hint = other_unit(job, interpretation);
@@ -313,10 +316,12 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
           fmt::format(
               "no move of the program cuts{}: its feed moves cover X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} "
               ".. {:.1f} mm with the cutter, the stock X {:.1f} .. {:.1f}, Y {:.1f} .. {:.1f}, Z {:.1f} .. {:.1f} mm",
-              misses.empty() ? "" : "; it misses the stock by " + misses, to_mm(path.min().x()), to_mm(path.max().x()),
-              to_mm(path.min().y()), to_mm(path.max().y()), to_mm(path.min().z()), to_mm(path.max().z()),
-              to_mm(stock.min().x()), to_mm(stock.max().x()), to_mm(stock.min().y()), to_mm(stock.max().y()),
-              to_mm(stock.min().z()), to_mm(stock.max().z())) +
+              misses.empty() ? ""
+              : touches      ? "; it only touches the stock"
+                             : "; it misses the stock by " + misses,
+              to_mm(path.min().x()), to_mm(path.max().x()), to_mm(path.min().y()), to_mm(path.max().y()),
+              to_mm(path.min().z()), to_mm(path.max().z()), to_mm(stock.min().x()), to_mm(stock.max().x()),
+              to_mm(stock.min().y()), to_mm(stock.max().y()), to_mm(stock.min().z()), to_mm(stock.max().z())) +
               (job.tool_frame.tilted ? ", all in the frame of the tilted tool" : ""),
           place_of(program, *first), hint};
 }

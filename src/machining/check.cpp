@@ -63,7 +63,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     }
     ++index;
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
-    bool reach = false, limit = false, singular = false, branch = false, axis = false, touching = false;
+    bool reach = false, limit = false, singular = false, branch = false, axis = false, touching = false, fast = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {
       if (!seen) out.problems.push_back({line, kind, std::move(detail)});
       seen = true;
@@ -91,10 +91,16 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     turns_alone = turns_alone || (move.start_known && !(length > 0) && turn > kNoTurn);
     const int steps = std::max(
         {1, static_cast<int>(std::ceil(length / options.step)), static_cast<int>(std::ceil(turn / options.turn_step))});
-    for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
-      const double share = double(k) / steps;
+    const auto pose_at = [&](double share) {
       const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
-      const Pose X{tool_orientation(machine, X_MW, axes), X_MW * move.point(length * share)};
+      return Pose{tool_orientation(machine, X_MW, axes), X_MW * move.point(length * share)};
+    };
+    const bool judges_speed = !options.joint_speeds.empty() && move.kind != gcode::MoveKind::rapid && move.feed > 0 &&
+                              length > 0 && move.start_known;
+    double fastest_here = 0;  // of this move, beyond the limit
+    std::size_t fast_at = 0;  // its problem
+    for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
+      const Pose X = pose_at(double(k) / steps);
       const kinematics::InverseResult inverse =
           last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
       const auto where = [&] {
@@ -125,6 +131,27 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
       }
       const bool follows = last.size() > 0;
+      if (judges_speed && follows && k > 0 && nearest <= kJump) {
+        const auto way = [&](double s) { return pose_at((k - 1 + s) / steps); };
+        const kinematics::FastestJoint fastest = kinematics::fastest_joint(
+            machine, last, best->joints, length / (steps * move.feed), options.joint_speeds, way);
+        if (out.fastest_line == 0 || fastest.share > out.fastest.share) {
+          out.fastest = fastest;
+          out.fastest_line = line;
+        }
+        if (fastest.share > 1 && fastest.share > fastest_here) {
+          fastest_here = fastest.share;
+          std::string detail = fmt::format("{}: {}; up to F{:.0f} it would keep it", where(),
+                                           kinematics::too_fast(machine, fastest, options.joint_speeds),
+                                           std::floor(units::to_mm_per_min(move.feed / fastest.share)));
+          if (fast) {
+            out.problems[fast_at].detail = std::move(detail);  // the fastest of the move
+          } else {
+            fast_at = out.problems.size();
+            problem(fast, "speed", std::move(detail));
+          }
+        }
+      }
       last = best->joints;
       if (options.touches) {
         const std::string what = options.touches(kinematics::settled(machine, X, last), last, follows, move.tool);

@@ -98,6 +98,7 @@ class Corrector {
 
   /// How near to the wall of the tube a move may come, m: what the cells of the stock leave open is kept free.
   [[nodiscard]] double inside() const { return job_.tolerance - resolution(job_); }
+  [[nodiscard]] std::string kept_free(double distance) const;
 
   /// Corners of move i are shared if they jump by less than this, m.
   [[nodiscard]] double jump(std::size_t i) const;

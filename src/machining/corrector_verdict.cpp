@@ -123,6 +123,13 @@ Status Corrector::judge_other_switch() {
   return {};
 }
 
+/// Why a distance is not inside the tube that is no farther than its radius; empty for others.
+std::string Corrector::kept_free(double distance) const {
+  if (distance > job_.tolerance || distance <= inside()) return "";
+  return fmt::format(", of which {:.1f} um are kept free for what the cells of the stock leave open",
+                     units::to_um(resolution(job_)));
+}
+
 void Corrector::decide() {
   const MoveOutcome* worst = nullptr;
   const auto reach = [&](const MoveOutcome& o) { return farthest_[static_cast<std::size_t>(o.move)]; };
@@ -142,10 +149,7 @@ void Corrector::decide() {
           fmt::format(", and the controller rounds its corner by up to {:.1f} um", units::to_um(worst->corner_after));
     }
     out_.reason += fmt::format("; the tolerance is {:g} um", units::to_um(job_.tolerance));
-    if (worst->distance_after <= job_.tolerance && worst->distance_after > inside()) {
-      out_.reason += fmt::format(", of which {:.1f} um are kept free for what the cells of the stock leave open",
-                                 units::to_um(resolution(job_)));
-    }
+    out_.reason += kept_free(worst->distance_after);
   } else if (!judged) {
     const NotJudged& first =
         out_.after.not_judged.empty() ? out_.before.not_judged.front() : out_.after.not_judged.front();
@@ -167,6 +171,7 @@ void Corrector::decide() {
           "line {}: with block delete {} the deflected tool is up to {:.1f} um from the programmed move; the "
           "tolerance is {:g} um",
           at.line, position, distance, units::to_um(job_.tolerance));
+      out_.reason += kept_free(at.distance_after);
     }
   }
 }

@@ -44,6 +44,7 @@ PlaceFit fit_of_kind(const std::string& kind) {
   if (kind == "limit") return PlaceFit::limit;
   if (kind == "singular") return PlaceFit::singular;
   if (kind == "branch") return PlaceFit::branch;
+  if (kind == "speed") return PlaceFit::speed;
   return PlaceFit::reach;
 }
 
@@ -124,6 +125,7 @@ struct Both {
   const gcode::Program& program;
   const gcode::Interpretation& interpretation;
   const gcode::Understood* other = nullptr;
+  std::vector<double> joint_speeds;  ///< see CheckOptions
 
   [[nodiscard]] Poses poses() const {
     Poses out = poses_of(interpretation, kMostPoints);
@@ -138,6 +140,7 @@ struct Both {
 Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_MW, const Both& both) {
   CheckOptions options;
   options.stop_at_first = true;
+  options.joint_speeds = both.joint_speeds;
   POLYPOD_ASSIGN(checked, check(machine, X_MW, both.program, both.interpretation, options));
   if (checked.problems.empty() && both.other != nullptr) {
     POLYPOD_ASSIGN(other, check(machine, X_MW, both.other->program, both.other->interpretation, options));
@@ -160,7 +163,7 @@ class Search {
         program_(program),
         interpretation_(interpretation),
         options_(options),
-        both_{program, interpretation, options.other},
+        both_{program, interpretation, options.other, job.joint_speeds},
         poses_(both_.poses()) {}
 
   Result<PlaceResult> run() {
@@ -630,7 +633,7 @@ class Nearest {
       : machine_(machine),
         start_{X_MW.p, rotation_of(X_MW)},
         options_(options),
-        both_{program, interpretation, options.other},
+        both_{program, interpretation, options.other, options.joint_speeds},
         poses_(both_.poses()) {}
 
   Result<NearestPlaces> run() {
@@ -788,6 +791,8 @@ const char* name_of(PlaceFit fit) {
       return "singular";
     case PlaceFit::branch:
       return "branch";
+    case PlaceFit::speed:
+      return "speed";
     case PlaceFit::measured:
       break;
   }

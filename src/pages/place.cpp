@@ -63,7 +63,7 @@ report::HeatMap stops_of(const PlaceResult& result) {
   for (const PlacePoint& p : result.map.points) {
     int kind = 0;
     if (p.fit == PlaceFit::reach) kind = 1;
-    if (p.fit == PlaceFit::limit || p.fit == PlaceFit::branch) kind = 2;
+    if (p.fit == PlaceFit::limit || p.fit == PlaceFit::branch || p.fit == PlaceFit::speed) kind = 2;
     if (p.fit == PlaceFit::singular) kind = 3;
     if (p.fit == PlaceFit::measured) kind = 4;
     out.kind.push_back(kind);

@@ -12,6 +12,7 @@
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "turns.hpp"
 
 namespace polypod::post {
@@ -21,13 +22,11 @@ using kinematics::InverseResult;
 using kinematics::Solution;
 using machine::JointVector;
 
-constexpr double kJump = 0.5;        // rad or m, a joint that moves more between two judged poses has changed posture
-constexpr double kSame = 1e-9;       // m and rad, no way
-constexpr double kOpposite = 1e-6;   // rad, axes that are opposite have no shortest way between them
-constexpr int kDeepest = 14;         // halvings of a way
-constexpr double kCloserFrom = 0.2;  // of a joint's speed limit, from which speeds are judged at closer poses
-constexpr int kCloser = 10;          // pieces of the way between two judged poses then
-constexpr double kFlatArc = 0.1;     // an arc whose sagitta is below this share of the tolerance is a line
+constexpr double kJump = 0.5;       // rad or m, a joint that moves more between two judged poses has changed posture
+constexpr double kSame = 1e-9;      // m and rad, no way
+constexpr double kOpposite = 1e-6;  // rad, axes that are opposite have no shortest way between them
+constexpr int kDeepest = 14;        // halvings of a way
+constexpr double kFlatArc = 0.1;    // an arc whose sagitta is below this share of the tolerance is a line
 
 Mat3 rotation_of_angles(const Vec3& a) {
   return rotation_abc(a.x(), a.y(), a.z());
@@ -330,51 +329,19 @@ class Planner {
   template <class PoseAt>
   void judge_speeds(const Step& step, const JointVector& from, double seconds, PoseAt&& pose) {
     if (options_.joint_speeds.empty() || !(seconds > 0) || from.size() == 0 || q_.size() == 0) return;
-    const auto share_of = [&](const JointVector& a, const JointVector& b, double time, int& joint) {
-      double most = 0;
-      for (int i = 0; i < static_cast<int>(b.size()); ++i) {
-        const double share = std::abs(b[i] - a[i]) / (time * options_.joint_speeds[static_cast<std::size_t>(i)]);
-        if (share <= most) continue;
-        most = share;
-        joint = i;
-      }
-      return most;
-    };
-    int joint = 0;
-    double share = share_of(from, q_, seconds, joint);
-    if (share > kCloserFrom) {
-      JointVector last = from;
-      for (int k = 1; k <= kCloser; ++k) {
-        JointVector next = q_;
-        if (k < kCloser) {
-          const InverseResult inverse = kinematics::inverse_near(machine_, pose(double(k) / kCloser), last);
-          const Solution* best = inverse.reachable();
-          if (best == nullptr) continue;
-          next = best->joints;
-        }
-        int which = 0;
-        const double closer = share_of(last, next, seconds / kCloser, which);
-        if (closer > share) {
-          share = closer;
-          joint = which;
-        }
-        last = next;
-      }
-    }
+    const kinematics::FastestJoint fastest =
+        kinematics::fastest_joint(machine_, from, q_, seconds, options_.joint_speeds, pose);
+    const double share = fastest.share;
     if (share > out_.speed_share) {
       out_.speed_share = share;
-      out_.speed_joint = joint + 1;
+      out_.speed_joint = fastest.joint + 1;
       out_.speed_line = step.line;
     }
     if (share <= 1 || (speed_line_ == step.line && share <= speed_share_)) return;
-    const bool turns = kinematics::joint_kind(machine_, joint) == machine::JointKind::revolute;
-    const double limit = options_.joint_speeds[static_cast<std::size_t>(joint)];
-    const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
     const bool worse = speed_line_ == step.line;
     speed_line_ = step.line;
     speed_share_ = share;
-    std::string detail = fmt::format("joint {} would go at {:.1f} {} where its limit is {:.1f}; {}", joint + 1,
-                                     user(share * limit), turns ? "deg/s" : "mm/s", user(limit),
+    std::string detail = fmt::format("{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
                                      step.feed > 0 ? fmt::format("up to F{:.0f} it would keep it",
                                                                  std::floor(units::to_mm_per_min(step.feed / share)))
                                                    : std::string("a slower --turn-speed would keep it"));

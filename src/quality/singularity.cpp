@@ -167,6 +167,11 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
   // The equations y^T A dX = -y^T B dq with y^T B = 0 hold the tool along A^T y.
   const Eigen::Index weakest = few ? sides.B.rows() - 1 : B.singularValues().size() - 1;
   Eigen::VectorXd held = sides.A.transpose() * B.matrixU().col(weakest);
+  // Of that, what the equations without drives allow: they hold the tool whatever the drives do.
+  if (!few && sides.B.rows() > sides.B.cols()) {
+    const Eigen::MatrixXd passive = B.matrixU().rightCols(sides.B.rows() - sides.B.cols()).transpose() * sides.A;
+    held -= passive.completeOrthogonalDecomposition().solve(passive * held);
+  }
   if (held.norm() > 0) held.normalize();
   out.lost_motion = twist_of(machine, X, held, sides.length);
   const Eigen::VectorXd idle = B.matrixV().rightCols<1>();

@@ -195,6 +195,13 @@ TEST(CellCycle, ACameraThatIsTooSlowDoesNotSee) {
   const Outcome seen = run(fast, motions(fast), for_seconds(120));
   EXPECT_EQ(seen.unseen, 0);
   EXPECT_GT(seen.placed, 100);
+  // Items of 40 mm lie anywhere between -50 and 50 mm; across 100 mm of field those between -30 and 30 are seen whole.
+  const std::string narrow_field = "field_mm = [60, 100]";
+  text.replace(text.find("field_mm = [60, 300]"), narrow_field.size(), narrow_field);
+  const Cell narrow = cell_of(text, "interval_ms = 1000", "interval_ms = 100");
+  const Outcome part = run(narrow, motions(narrow), for_seconds(600));
+  const double items = part.unseen + part.placed;
+  EXPECT_NEAR(part.unseen / items, 0.4, 3 * std::sqrt(0.4 * 0.6 / items));
 }
 
 TEST(CellCycle, TheSeedsFourteenSteps) {

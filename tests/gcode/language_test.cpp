@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Programs with parameters, loops, subprograms, offsets and cycles against LinuxCNC's interpreter: the canonical text,
 // and where the moves of the unrolled program end.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
@@ -25,7 +26,7 @@ class Author {
   explicit Author(unsigned seed, bool machine) : random_(seed), machine_(machine) {}
 
   std::string program(int blocks) {
-    text_ = "G21 G90 G17 G94 F100 S100 M3\nG0 X0 Y0 Z20\n#31=1 #32=2.5 #33=-3 #<loc>=1.25 #<_glob>=7\n";
+    text_ = "G21 G90 G17 G94 F100 S100 M3\nG0 X0 Y0 Z20\n#31=1 #32=2.5 #33=-3 #34=0 #<loc>=1.25 #<_glob>=7\n";
     const int subs = pick(0, 2);
     numbered_ = pick(0, 2) == 0;
     for (int i = 0; i < subs; ++i) {
@@ -399,12 +400,9 @@ class Author {
         text_ += fmt::format("#{}=0\no{} while [#{} lt {}]\n#{}=[#{}+1]\n", counter, label, counter, pick(1, 3),
                              counter, counter);
         line(depth + 1);
-        if (pick(0, 2) == 0) {
-          const int inner = ++label_;
-          text_ += fmt::format("o{} if [#{} eq 2]\no{} {}\no{} endif\n", inner, counter, label,
-                               pick(0, 1) == 0 ? "break" : "continue", inner);
-        }
+        leave(label, counter);
         line(depth + 1);
+        leave(label, counter);
         text_ += fmt::format("o{} endwhile\n", label);
         break;
       }
@@ -413,6 +411,8 @@ class Author {
         const int counter = 40 + label;
         text_ += fmt::format("#{}=0\no{} do\n#{}=[#{}+1]\n", counter, label, counter, counter);
         line(depth + 1);
+        leave(label, counter);
+        leave(label, counter);
         text_ += fmt::format("o{} while [#{} lt {}]\n", label, counter, pick(1, 3));
         break;
       }
@@ -435,6 +435,14 @@ class Author {
           text_ += fmt::format("G1{}\n", axes(true));
         }
     }
+  }
+
+  /// Now and then a way out of a loop, or to its next pass.
+  void leave(int label, int counter) {
+    if (pick(0, 2) != 0) return;
+    const int inner = ++label_;
+    text_ += fmt::format("o{} if [#{} eq {}]\no{} {}\no{} endif\n", inner, counter, pick(1, 2), label,
+                         pick(0, 1) == 0 ? "break" : "continue", inner);
   }
 
   std::mt19937 random_;
@@ -535,7 +543,7 @@ TEST(Unroll, WritesWhatRunsWithItsLine) {
   UnrollOptions options;
   options.source_lines = true;
   EXPECT_EQ(plain("#1=2\no1 repeat [2]\nG0 X#1 Z5 (at #1)\n#1=[#1+0.5]\no1 endrepeat\nG1 F100 X[#1*2]\nM2\n", options),
-            "G0 X2 Z5 (at #1) (line 3)\nG0 X2.5 Z5 (at #1) (line 3)\nG1 F100 X6 (line 6)\nM2 (line 7)\n");
+            "G0 X2 Z5 (line 3) (at #1)\nG0 X2.5 Z5 (line 3) (at #1)\nG1 F100 X6 (line 6)\nM2 (line 7)\n");
 }
 
 TEST(Unroll, TheClosingPercentSignStays) {
@@ -562,7 +570,7 @@ TEST(Unroll, WhatWouldBeLeftOutIsRefusedOrWritten) {
 
 TEST(Unroll, ShiftsAreCarriedOut) {
   EXPECT_EQ(plain("G0 X1 Y1 Z1\nG92 X0 Y0\nG0 X5\nG1 F10 Y2\nG2 X7 Y2 I1 J0\nG91 G1 X1\nG90 G92.1\nX3\nM2\n"),
-            "G0 X1 Y1 Z1\nG0 X6\nF10 G1 Y3\nG2 X8 Y3 I1 J0\nG91 G1 X1\nG90\nX3\nM2\n");
+            "G0 X1 Y1 Z1\nG0 X6\nF10 G1 Y3\nG2 X8 Y3 I1 J0\nG91 G1 X1\nG90 G92.1\nX3\nM2\n");
 }
 
 TEST(Unroll, CyclesBecomeMoves) {
@@ -665,6 +673,48 @@ TEST(Unroll, RefusesWhatTheJobDoesNotTell) {
   }
 }
 
+// What the program reads without having set it stands at the controller: a value of M66, or what a run before has left.
+TEST(Unroll, RefusesToGuessWhatTheControllerHolds) {
+  for (const std::string text :
+       {"M66 P0 L3 Q5\n#1=#5399\nM2\n", "o1 if [#4000 EQ 1]\no1 endif\nM2\n", "G0 Z#500\nM2\n", "G0 Z#1\nM2\n"}) {
+    EXPECT_EQ(plain(text).substr(0, 5), "GC162") << text << plain(text);
+  }
+  EXPECT_EQ(plain("#500=3\nG0 Z#500\nM2\n"), "G0 Z3\nM2\n");
+  // The arguments of a call are 0 where they are not given; behind it #1 is again not set.
+  const std::string sub = "o<s> sub\nG0 X#1 Y#2\no<s> endsub\no<s> call [4]\n";
+  EXPECT_EQ(plain(sub + "M2\n"), "G0 X4 Y0\nM2\n");
+  EXPECT_EQ(plain(sub + "G0 Z#1\nM2\n").substr(0, 5), "GC162");
+}
+
+/// LinuxCNC acts on the last comment of a line alone.
+TEST(Unroll, MessagesStayTheLastCommentOfTheirLine) {
+  UnrollOptions options;
+  options.source_lines = true;
+  EXPECT_EQ(
+      plain("#1=2.5\n(MSG, clamp)\nN7 M0 (a) (DEBUG, at #1)\n(LOG, #1 done)\nG0 X#1 ; out\nM2\n", options),
+      "(line 2) (MSG, clamp)\nN7 M0 (line 3) (a) (DEBUG, at 2.500000)\n(line 4) (LOG, 2.500000 done)\nG0 X2.5 ; out\n"
+      "M2 (line 6)\n");
+  EXPECT_EQ(plain("G0 X1\no1 if [1]\n(print, #<_x>)\no1 endif\nM2\n", options).find("#"), std::string::npos);
+}
+
+/// The blocks stand in a work coordinate system that the job gives; one that the program sets itself is not written.
+TEST(Unroll, OffsetsOfTheProgramItselfAreNotInThePlainOne) {
+  EXPECT_EQ(plain("G0 X0 Y0 Z10\nG10 L20 P2 X20 Y0 Z9\nG55 G0 X21\nG54 G0 X5\nM2\n"),
+            "G0 X0 Y0 Z10\nG0 X1\nG54 G0 X5\nM2\n");
+  // Z of G55 is that of the job here.
+  EXPECT_EQ(plain("G0 X0 Y0 Z10\nG10 L20 P2 X20 Y0\nG55 G0 X21\nM2\n").find("G55") == std::string::npos, false);
+  const auto program = parse("G0 X0 Y0 Z10\nG10 L20 P2 X20 Y0\nM2\n", "part.ngc");
+  const auto unrolled = unroll(*program, {});
+  ASSERT_TRUE(unrolled.has_value());
+  EXPECT_THAT(unrolled->notes, testing::Contains(testing::HasSubstr("offsets of its own (line 2")));
+}
+
+TEST(Program, PythonInACommentIsRefused) {
+  for (const std::string text : {"(py, 1+1)\nM2\n", "G0 X1 ( PY,x)\nM2\n", "#1=2 (py,1)\nM2\n"})
+    EXPECT_EQ(plain(text).substr(0, 5), "GC122") << text;
+  EXPECT_EQ(plain("(pylon)\nM2\n"), "(pylon)\nM2\n");
+}
+
 TEST(Unroll, BlockDeleteIsSettled) {
   UnrollOptions options;
   const std::string text = "#1=1\n/#1=2\n/G0 Y1\nG0 X#1\nM2\n";
@@ -739,6 +789,53 @@ TEST(Language, ProgramsOfLinuxCncAreTheSameOrRefused) {
               not_run);
   EXPECT_GE(same, 183);
   EXPECT_LE(refusals, 5);
+}
+
+/// LinuxCNC 2.9 remembers what it passes on the way out of a loop; nothing of that is in its reference.
+TEST(Language, LoopsThatAreLeftEarlyAreAsInLinuxCnc) {
+  const std::string head = "G21 G90 F100\n#1=0 #2=0\n";
+  const std::string continued = "o1 do\n#1=[#1+1]\no1 continue\no1 while [#1 lt 2]\n";
+  const std::string loop = "o9 while [#2 lt 5]\n#2=[#2+1]\nG1 X#2\no8 if [#2 eq 2]\no9 break\no8 endif\no9 endwhile\n";
+  const std::string twice = "o7 repeat [2]\nG1 X9\no7 endrepeat\n";
+  const std::string first_free =
+      "o<f> sub\no4 repeat [3]\nG1 X#1\no5 if [#1 gt 0]\no<f> return [#1]\no5 endif\no4 endrepeat\no<f> endsub [-1]\n";
+  const std::vector<std::string> programs{
+      "o1 do\n#1=[#1+1]\no2 if [#1 MOD 2 eq 0]\no1 continue\no2 endif\no3 if [#1 gt 6]\no1 break\no3 endif\nG1 X#1\n"
+      "o1 while [#1 lt 10]\n" +
+          loop,
+      continued + loop,
+      continued + twice + "o3 repeat [2]\nG1 X8\no3 endrepeat\n",
+      continued + "o6 while [#2 lt 2]\n#2=[#2+1]\nG1 X#2\no6 endwhile\n" + twice,
+      continued + "o6 do\n#2=[#2+1]\nG1 X#2\no6 break\no6 while [#2 lt 4]\n" + twice,
+      "o6 do\no6 break\no6 break\no6 while [#1 lt 2]\no5 do\n#1=[#1+1]\nG1 X#1\no5 while [#1 lt 2]\n",
+      "o6 while [#1 lt 4]\n#1=[#1+1]\no5 do\n#2=[#2+1]\nG1 X#2\no5 while [#2 lt 2]\no6 continue\no6 break\no6 "
+      "endwhile\n",
+      "o6 while [#1 lt 3]\n#1=[#1+1]\no5 repeat [2]\nG1 X#1\no6 continue\no5 endrepeat\no6 endwhile\n",
+      first_free + "o<f> call [1]\no<f> call [2]\no<f> call [3]\no<f> call [4]\no<f> call [5]\n",
+      // The level that cycles go back to keeps its number where the unit changes among them.
+      "G98 G0 X0 Y0 Z25.4\nG81 X10 Y10 Z-3 R2\nG20\nG81 X.8 Y.4 Z-.12 R.1 F4\nX1.2\nG80\n",
+      "S100 M3\nM19\nM19 R20\nM67 E0\nM68 E1\nG1 X1\n",
+  };
+  const Scratch scratch;
+  for (const std::string& body : programs) {
+    const std::string text = head + body + "M2\n", path = scratch / "loops.ngc";
+    std::ofstream(path) << text;
+    const Reference theirs = rs274(scratch, path, {});
+    ASSERT_TRUE(theirs.accepted) << text << theirs.errors;
+    const auto ours = canonical_text(*parse(text, path));
+    ASSERT_TRUE(ours.has_value()) << text << to_string(ours.error());
+    EXPECT_EQ(*ours, theirs.text) << text;
+  }
+  for (const std::string word : {"M19 R400", "M66", "M66 P0 E0", "M62", "M67", "M68 Q1"}) {
+    const std::string text = head + "S100 M3\n" + word + "\nM2\n", path = scratch / "words.ngc";
+    std::ofstream(path) << text;
+    EXPECT_FALSE(rs274(scratch, path, {}).accepted) << word;
+    EXPECT_FALSE(canonical_text(*parse(text, path)).has_value()) << word;
+    const auto as_it_is = interpret(*parse(text.substr(text.find("S100")), path));
+    ASSERT_FALSE(as_it_is.has_value()) << word;
+    EXPECT_EQ(as_it_is.error().id, "GC132") << word;
+    EXPECT_EQ(plain("#1=1\n" + word + "\nM2\n").substr(0, 5), "GC132") << word;
+  }
 }
 
 TEST(Language, RandomProgramsAsLinuxCncPrintsThem) {

@@ -282,6 +282,9 @@ TEST(Spread, AgreesWithItsOwnSquares) {
     options.distribution = Distribution::uniform;
     const auto uniform = spread(m, here.X, here.q, tolerances, options);
     EXPECT_NEAR(uniform->position.mean / s->position.mean, std::sqrt(3.0), 0.05);  // d/sqrt 3 against d/3
+    options.distribution = Distribution::triangular;
+    const auto triangular = spread(m, here.X, here.q, tolerances, options);
+    EXPECT_NEAR(triangular->position.mean / s->position.mean, std::sqrt(1.5), 0.05);  // d/sqrt 6 against d/3
     options.samples = 10;
     EXPECT_EQ(spread(m, here.X, here.q, tolerances, options).error().id, "QU103");
   }

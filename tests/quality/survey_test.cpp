@@ -237,6 +237,17 @@ void expect_lost(const AnyMachine& m, const Pose& X, const machine::JointVector&
     EXPECT_NEAR(scaled(s.lost_motion).dot(scaled(J.col(i))) / J.norm(), 0, within) << i;
 }
 
+/// Rods in parallel pairs, and what keeps an orientation, take rotations away whatever the drives do: none is a motion
+/// that the drives could lose.
+TEST(Singularity, WhatPassiveConstraintsHoldIsNoLostMotion) {
+  const AnyMachine delta = load("delta-brno", {{"limits.z_max_mm", "800"}});
+  for (const Vec3& p : {Vec3(0, 0, 0.714449), Vec3(0.1, 0.05, 0.6)}) {
+    const Pose X{Mat3::Identity(), p};
+    const Singularity s = singularity(delta, X, *joints_at(delta, X));
+    EXPECT_LT(s.lost_motion.tail<3>().norm() * s.length, 1e-9 * s.lost_motion.head<3>().norm()) << in_words(X, s);
+  }
+}
+
 TEST(Singularity, AStretchedArmLosesAMotion) {
   // LOLA 50 with upper arm and forearm in line: the wrist centre cannot go further out.
   const AnyMachine m = load("lola50");

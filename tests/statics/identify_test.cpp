@@ -55,6 +55,26 @@ std::vector<MeasuredPoint> synthetic(const double* c, double noise, std::mt19937
   return points;
 }
 
+/// The asymmetry of the cross displacements tells the noise of a reading where the forces differ from axis to axis,
+/// too.
+TEST(Identify, NoiseUnderUnequalForces) {
+  const double c[] = {1e-6, 2e-6, 2e-6, 4e-6, 4e-6};
+  constexpr double kNoise = 5e-6;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal(0, kNoise);
+  auto points = synthetic(c, 0, random);
+  for (MeasuredPoint& p : points) {
+    const Mat3 C = p.displacement / p.force;
+    p.own_forces = Vec3(400, 400, 50);
+    p.force = 400;
+    p.displacement = p.computed(C);
+    for (double& x : p.displacement.reshaped()) x += normal(random);
+  }
+  const auto r = identify_compliance(lola(), points);
+  ASSERT_TRUE(r) << to_string(r.error());
+  EXPECT_NEAR(r->noise, kNoise, 0.15 * kNoise);  // of 270 differences: 4 % is one standard deviation
+}
+
 // SLAV Table 4.4 is from all 90 points; planes I and V are 30 of them.
 TEST(Identify, PlanesIAndVGiveTable4_4) {
   const auto r = identify_compliance(lola(), both_planes());

@@ -64,6 +64,21 @@ TEST(Judge, NoiseAloneIsNoDoubt) {
   }
 }
 
+// The sign of a small displacement changes little of the whole; it is found where turning it back leaves less than a
+// quarter of what is left over.
+TEST(Judge, ASmallComponentWithTheWrongSign) {
+  auto points = plane("V");
+  Random random(3);
+  for (MeasuredPoint& p : points) {
+    p.displacement = p.computed(*computed_compliance(lola(), p));
+    for (double& d : p.displacement.reshaped()) d += 1e-6 * random.normal();
+    p.displacement(2, 1) *= -1;
+  }
+  const Judgement j = judge(lola(), points);
+  ASSERT_EQ(ids(j.errors), std::vector<std::string>{"ID141"});
+  EXPECT_THAT(j.errors.front().message, HasSubstr("the sign of dz_Fy"));
+}
+
 struct Mistake {
   const char* name;
   std::function<void(std::vector<MeasuredPoint>&)> make;

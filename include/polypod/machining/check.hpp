@@ -8,14 +8,15 @@
 
 #include "polypod/core/error.hpp"
 #include "polypod/gcode/interpreter.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::machining {
 
 struct CheckProblem {
   int line = 0;
-  /// "reach", "limit", "singular", "branch", "axis" (a turn that the machine does not have), "collision" (`touches`),
-  /// "empty"
+  /// "reach", "limit", "singular", "branch", "axis" (a turn that the machine does not have), "speed" (of a joint in a
+  /// cut), "collision" (`touches`), "empty"
   std::string kind;
   std::string detail;
   bool held = true;  ///< false of "singular": no drive holds the tool there, so that no force can be taken (type 2)
@@ -31,13 +32,20 @@ struct CheckResult {
   double length = 0;  ///< m
   std::vector<machine::JointRange>
       joints;  ///< smallest and largest value that each joint takes; empty if none was reached
+  /// The joint that comes nearest to its limit of CheckOptions::joint_speeds in a cut, as share of the limit, and
+  /// where.
+  kinematics::FastestJoint fastest;
+  int fastest_line = 0;  ///< 0: no speed was judged
   std::vector<std::string> notes;
 };
 
 struct CheckOptions {
-  double step = 1e-3;          ///< m, between checked points
-  double turn_step = 0.0175;   ///< rad, the same for A, B and C
-  double rapid_speed = 0.1;    ///< m/s, that G0 is counted with
+  double step = 1e-3;         ///< m, between checked points
+  double turn_step = 0.0175;  ///< rad, the same for A, B and C
+  double rapid_speed = 0.1;   ///< m/s, that G0 is counted with
+  /// How fast each joint may go in cuts, rad/s or m/s; empty: not judged. At the programmed feed, point to point; not
+  /// of rapids, which a controller slows down, nor of moves that only turn the tool.
+  std::vector<double> joint_speeds;
   bool stop_at_first = false;  ///< only whether there is a problem: no other, no ranges, time or length of the rest
   /// Asked at every point that is reached, with the pose that the machine has there, its joints, whether the way leads
   /// there from the point before, and the T number: which bodies touch, empty where none do. Not asked: no "collision".

@@ -31,6 +31,7 @@ enum class PlaceFit : std::uint8_t {
   limit,     ///< no posture keeps the limits at a point
   singular,  ///< a point is singular
   branch,    ///< the machine would have to change its posture on the way
+  speed,     ///< a joint would be faster in a cut than the job allows
   measured   ///< a cut lies outside of what the measured compliance covers
 };
 const char* name_of(PlaceFit fit);
@@ -124,6 +125,7 @@ struct NearestPlaces {
 struct NearestOptions {
   double finest = 0.1e-3;                    ///< m
   double finest_turn = 0.00175;              ///< rad
+  std::vector<double> joint_speeds;          ///< see CheckOptions
   const gcode::Understood* other = nullptr;  ///< see PlaceOptions
   std::function<bool(double)> progress;
 };
