@@ -469,10 +469,9 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
     for (const Error& doubt : judgement.doubts) beside.doubts.push_back(doubt.message);
     map.measured = std::move(beside);
   }
-  if (!statics::has_compliance(m)) {
-    fmt::print(
-        stderr, "polypod: {} has no compliances, only det J is mapped; give {}\n", one_line(machine::name_of(m)),
-        "compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or drive.compliance_rad_per_Nm (deltas)");
+  if (const Status compliant = statics::needs_compliance(m); !compliant) {
+    fmt::print(stderr, "polypod: {} has no compliances, only det J is mapped; {}\n", one_line(machine::name_of(m)),
+               compliant.error().hint);
   }
   POLYPOD_TRY(write_outputs(o, map));
   if (context.json) {

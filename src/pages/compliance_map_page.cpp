@@ -261,11 +261,11 @@ class Page {
     report_.add_text(
         "This answers for the static deflection of the tool centre point by the compliances of the machine that are "
         "known: not for the compliance of tool, workpiece and clamping, not for vibration, and not for collisions.");
-    if (!compliant_) {
+    if (const Status compliant = statics::needs_compliance(map_.machine); !compliant) {
       report_.add_verdict(Verdict::neutral,
                           "The machine's file has no compliances, so this map shows the determinant of the Jacobian "
-                          "alone. Give compliance_rad_per_Nm (arms), leg.compliance_um_per_N (hexapods) or "
-                          "drive.compliance_rad_per_Nm (deltas).");
+                          "alone. For the rest " +
+                              compliant.error().hint + ".");
     }
     Table table;
     const std::string at = fmt::format("at {}, {}", "xyz"[axes_.u], "xyz"[axes_.v]);

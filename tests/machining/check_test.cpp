@@ -5,6 +5,7 @@
 
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod {
 namespace {
@@ -51,6 +52,38 @@ TEST(Check, AMoveFromAnUnknownPlaceIsNamedAndNotCounted) {
   EXPECT_EQ(r.not_judged[0].line, 2);
   EXPECT_EQ(r.not_judged[0].kind, "way");
   EXPECT_EQ(r.not_judged[0].detail, "X, Y and Z are not known where it starts");
+}
+
+/// The speeds of joints in a cut against J^-1 of the tool's speed, at 2000 points of a line.
+TEST(Check, JointSpeedsAreThoseOfTheJacobian) {
+  const auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X-100 Y-50 Z0\nG1 X100 Y60 F60000\nM2\n");
+  const Vec3 origin(0, -1.3, 0), from(-0.1, -0.05, 0), to(0.1, 0.06, 0);
+  Vec6 twist = Vec6::Zero();
+  twist.head<3>() = (to - from).normalized();  // 1 m/s
+  double most = 0;
+  for (int i = 0; i <= 2000; ++i) {
+    const Pose X{Mat3::Identity(), origin + from + i / 2000.0 * (to - from)};
+    const auto q = kinematics::inverse(e.job.machine, X).reachable()->joints;
+    const Eigen::VectorXd speeds =
+        kinematics::jacobian(e.job.machine, X, q).leftCols(5).colPivHouseholderQr().solve(twist);
+    most = std::max(most, speeds.cwiseAbs().maxCoeff());
+  }
+  machining::CheckOptions options;
+  const auto checked = [&](double limit) {
+    options.joint_speeds.assign(5, limit);
+    return testing::unwrap(
+        machining::check(e.job.machine, Pose{Mat3::Identity(), origin}, e.program, e.interpretation, options));
+  };
+  const auto slow = checked(0.5 * most);
+  EXPECT_NEAR(slow.fastest.share, 2, 0.01);
+  EXPECT_EQ(slow.fastest_line, 3);
+  ASSERT_EQ(slow.problems.size(), 1U);
+  EXPECT_EQ(slow.problems[0].kind, "speed");
+  EXPECT_EQ(slow.problems[0].line, 3);
+  EXPECT_THAT(slow.problems[0].detail, ::testing::HasSubstr("would go at"));
+  EXPECT_FALSE(checked(0.99 * most).ok);
+  EXPECT_TRUE(checked(1.01 * most).ok);
+  EXPECT_EQ(check(e, Vec3(0, -1300, 0)).fastest_line, 0) << "no limits, nothing judged";
 }
 
 // The tool stands somewhere over the table when a program begins: its first Z leads to no known place, and not to the
