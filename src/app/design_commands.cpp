@@ -596,8 +596,8 @@ Command study_command() {
           [o](const Context& context) -> Result<int> {
             std::vector<std::string> kept_files = design::files_of(o->folder);
             kept_files.push_back(beside(o->folder, kWinner));
-            POLYPOD_TRY(check_files(kept_files,
-                                    {o->csv, o->output, o->front_svg, o->parallel_svg, o->report}, context.json));
+            POLYPOD_TRY(
+                check_files(kept_files, {o->csv, o->output, o->front_svg, o->parallel_svg, o->report}, context.json));
             if (o->machine.empty() != o->output.empty()) {
               return fail("AP233", "--machine and --output go together", {}, "write --machine best -o best.toml");
             }
