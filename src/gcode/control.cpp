@@ -294,7 +294,7 @@ Status Engine::leave_loop(const std::string& label, std::string_view end, std::s
   }
   continued_ = false;
   frame().at = head;
-  notes_.push_back(fmt::format(
+  note_once(fmt::format(
       "line {}: LinuxCNC 2.9 goes back to the head of {} here instead of leaving it, for a 'continue' of a 'do' "
       "loop has run before; it may not be what was meant",
       block.line, shown(label)));
@@ -417,7 +417,7 @@ Status Engine::control(const Line& line, const Block& block) {
         break_passed_ = false;
         if (line.arguments.front() != 0) {
           note_once(
-              fmt::format("line {}: LinuxCNC 2.9 ends this loop here, for it has passed the 'break' of a 'while' loop "
+              fmt::format("line {}: LinuxCNC 2.9 ends this loop here, for it has passed the 'break' of a loop "
                           "before; it may not be what was meant",
                           block.line));
         }

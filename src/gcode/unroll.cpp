@@ -78,11 +78,16 @@ Result<Unrolled> unroll(Program program, const UnrollOptions& options) {
       }
       const bool remark = block.text.find(';') != std::string::npos;
       const bool full = block.text.size() + file.size() > 220;
-      const std::string from = fmt::format("({}line {})", file.empty() ? "" : file + " ", block.line);
-      // LinuxCNC acts on the last comment of a line alone: a message stays the last.
-      const std::size_t message = text.find('(');
-      if (!remark && !full && message == std::string::npos) text += " " + from;
-      if (!remark && !full && message != std::string::npos) text.insert(message, from + " ");
+      if (!remark && !full) {
+        const std::string from = fmt::format("({}line {})", file.empty() ? "" : file + " ", block.line);
+        // LinuxCNC acts on the last comment of a line alone: a message stays the last.
+        const std::size_t message = text.find('(');
+        if (message == std::string::npos) {
+          text += " " + from;
+        } else {
+          text.insert(message, from + " ");
+        }
+      }
     }
     text += block.ending;
     POLYPOD_TRY(reader.add(text, block.line));

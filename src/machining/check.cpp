@@ -167,7 +167,14 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
     }
   }
-  if (turns_alone) out.notes.emplace_back("moves that only turn the tool are not in the time");
+  if (turns_alone) {
+    out.notes.emplace_back(options.joint_speeds.empty()
+                               ? "moves that only turn the tool are not in the time"
+                               : "moves that only turn the tool are not in the time, and the speeds of the joints in "
+                                 "them are not judged; `polypod post` judges them at its --turn-speed");
+  }
+  if (!options.joint_speeds.empty() && out.fastest_line == 0 && !out.joints.empty())
+    out.notes.emplace_back("no cut was there in which the speeds of the joints could be judged");
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
     out.notes.push_back(fmt::format(

@@ -10,7 +10,7 @@
 namespace polypod::quality {
 namespace {
 
-constexpr std::size_t kMostPoses = 20'000;
+constexpr std::size_t kMostPoses = 200'000;
 
 /// The hold at a pose of the survey's task; nothing where it has no joints.
 std::optional<kinematics::Hold> hold_at(const AnyMachine& machine, const Pose& X) {

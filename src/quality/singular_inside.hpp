@@ -17,7 +17,7 @@ struct SingularInside {
 };
 
 /// Of many points and directions some are looked at. Nothing of serial arms, and where A is not square. Cost: some
-/// 10 us for each of up to 20 000 poses.
+/// 10 us for each of up to 200 000 poses.
 SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options);
 
 }  // namespace polypod::quality

@@ -84,6 +84,13 @@ TEST(Check, JointSpeedsAreThoseOfTheJacobian) {
   EXPECT_FALSE(checked(0.99 * most).ok);
   EXPECT_TRUE(checked(1.01 * most).ok);
   EXPECT_EQ(check(e, Vec3(0, -1300, 0)).fastest_line, 0) << "no limits, nothing judged";
+  // A turn alone, and rapids, are no cuts: what was not judged is said.
+  const auto turn = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0 A0 B0\nG1 A20 F9000\nM2\n");
+  const auto r = testing::unwrap(
+      machining::check(turn.job.machine, Pose{Mat3::Identity(), origin}, turn.program, turn.interpretation, options));
+  EXPECT_EQ(r.fastest_line, 0);
+  EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("speeds of the joints in them are not judged")));
+  EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("no cut was there")));
 }
 
 // The tool stands somewhere over the table when a program begins: its first Z leads to no known place, and not to the
