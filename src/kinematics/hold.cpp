@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <cmath>
 #include <numbers>
 #include <span>
 #include <vector>
@@ -14,7 +15,7 @@
 
 namespace polypod::kinematics {
 
-void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
+void divide_rows(Eigen::Ref<Eigen::MatrixXd> A, Eigen::MatrixXd* B) {
   for (int i = 0; i < A.rows(); ++i) {
     const double along = A.row(i).head(3).norm(), whole = A.row(i).norm();
     const double unit = along > 1e-12 * whole ? along : whole;
@@ -23,22 +24,54 @@ void divide_rows(Eigen::MatrixXd& A, Eigen::MatrixXd* B) {
   }
 }
 
+namespace {
+
+/// A of the closure, angles as lengths on `length`, its rows divided.
+ClosureMatrix rows_of(const machine::AnyMachine& machine, const std::vector<double>& parameters, const Pose& X,
+                      const machine::JointVector& q, double length) {
+  ClosureMatrix A = std::visit(
+      [&](const auto& m) {
+        return closure_by_pose(m, X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())), parameters);
+      },
+      machine);
+  A.rightCols(3) /= length;
+  divide_rows(A);
+  return A;
+}
+
+double least_singular_value(const ClosureMatrix& A) {
+  return A.jacobiSvd().singularValues().tail<1>()[0];
+}
+
+}  // namespace
+
 Hold hold(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
   if (is_serial(machine)) return {};
   const Pose X = settled(machine, X_MT, q);
-  Eigen::MatrixXd A;
-  std::visit(
-      [&](const auto& m) {
-        const std::vector<double> p = nominal_parameters(m);
-        A = closure_by_pose(m, X, std::span<const double>(q.data(), static_cast<std::size_t>(q.size())), p);
-      },
-      machine);
-  A.rightCols(3) /= dexterity(machine, X, q).characteristic_length;
-  divide_rows(A);
-  Hold out;
-  out.determinant = A.rows() == A.cols() ? A.determinant() : 0;
-  out.control = A.jacobiSvd().singularValues().tail<1>()[0];
-  return out;
+  const std::vector<double> p = std::visit([](const auto& m) { return nominal_parameters(m); }, machine);
+  const ClosureMatrix A = rows_of(machine, p, X, q, dexterity(machine, X, q).characteristic_length);
+  return {least_singular_value(A), A.rows() == A.cols() ? A.determinant() : 0};
+}
+
+HoldAnywhere::HoldAnywhere(const machine::AnyMachine& machine) : machine_(machine) {
+  if (is_serial(machine)) return;
+  parameters_ = std::visit([](const auto& m) { return nominal_parameters(m); }, machine);
+  const auto home = home_pose(machine);
+  if (!home) return;
+  const InverseResult there = inverse(machine, *home);
+  if (there.solutions.empty()) return;
+  const machine::JointVector& q = there.solutions.front().joints;
+  length_ = dexterity(machine, *home, q).characteristic_length;
+}
+
+Hold HoldAnywhere::at(const Pose& X, const machine::JointVector& q, double enough) const {
+  if (is_serial(machine_)) return {};
+  const ClosureMatrix A = rows_of(machine_, parameters_, X, q, length_);
+  if (A.rows() != A.cols()) return {least_singular_value(A), 0};
+  const double determinant = A.determinant();
+  const double others = double(A.cols() - 1);
+  const double bound = std::abs(determinant) / std::pow(A.squaredNorm() / others, others / 2);
+  return {bound >= enough ? bound : least_singular_value(A), determinant};
 }
 
 HoldOnPath::At HoldOnPath::next(const Pose& X_MT, const machine::JointVector& q) {

@@ -12,29 +12,38 @@ namespace {
 
 constexpr std::size_t kMostPoses = 200'000;
 
-/// The hold at a pose of the survey's task; nothing where it has no joints.
-std::optional<kinematics::Hold> hold_at(const AnyMachine& machine, const Pose& X) {
-  const auto q = joints_at(machine, X);
-  if (!q) return {};
-  return kinematics::hold(machine, kinematics::settled(machine, X, *q), *q);
-}
+/// Of a machine, at poses of the survey's task.
+class HoldAtTask {
+ public:
+  explicit HoldAtTask(const AnyMachine& machine) : machine_(machine), hold_(machine) {}
+  /// Nothing where it has no joints; `control` exact below kZero.
+  [[nodiscard]] std::optional<kinematics::Hold> at(const Pose& X) const {
+    const auto q = joints_at(machine_, X);
+    if (!q) return {};
+    return hold_.at(kinematics::settled(machine_, X, *q), *q, kZero);
+  }
+  static constexpr double kZero = 1e-7;  // what bisection of rounded numbers leaves of `control`
+
+ private:
+  const AnyMachine& machine_;
+  kinematics::HoldAnywhere hold_;
+};
 
 /// The singular pose between two points of one orientation whose determinants have other signs.
-std::optional<Pose> bisected(const AnyMachine& machine, const SurveyOptions& options, const Mat3& R, Vec3 a, Vec3 b,
-                             double sign_at_a) {
+std::optional<Pose> bisected(const AnyMachine& machine, const HoldAtTask& hold, const SurveyOptions& options,
+                             const Mat3& R, Vec3 a, Vec3 b, double sign_at_a) {
   constexpr int kHalvings = 60;
-  constexpr double kZero = 1e-7;  // what bisection of rounded numbers leaves
   for (int k = 0; k < kHalvings; ++k) {
     const Pose middle{R, 0.5 * (a + b)};
     if (!workspace::reaches_samples(machine, options.workspace, {R}, middle.p)) return {};
-    const auto here = hold_at(machine, middle);
+    const auto here = hold.at(middle);
     if (!here) return {};
     if (here->control < kinematics::kNoHold) return middle;
     (here->determinant * sign_at_a > 0 ? a : b) = middle.p;
   }
   const Pose end{R, 0.5 * (a + b)};
-  const auto there = hold_at(machine, end);
-  return there && there->control < kZero ? std::optional(end) : std::nullopt;
+  const auto there = hold.at(end);
+  return there && there->control < HoldAtTask::kZero ? std::optional(end) : std::nullopt;
 }
 
 }  // namespace
@@ -54,6 +63,7 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
       points.push_back(i);
   }
   if (points.empty()) return out;
+  const HoldAtTask hold(machine);
   const int side = workspace::side_of_home(machine);
   const std::size_t directions = std::clamp<std::size_t>(kMostPoses / points.size(), 1, survey.orientations.size());
   std::vector<double> determinant(points.size());
@@ -61,7 +71,7 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
   for (std::size_t d = 0; d < directions; ++d) {
     const Mat3& R = survey.orientations[d];
     for_each_in_rounds(points.size(), {options.workspace.threads, {}, {}}, [&](std::size_t n) {
-      const auto here = hold_at(machine, {R, survey.grid.at(points[n])});
+      const auto here = hold.at({R, survey.grid.at(points[n])});
       determinant[n] = here ? here->determinant : 0.0;
       lost[n] = here && here->control < kinematics::kNoHold;
     });
@@ -81,7 +91,7 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
         const auto at = std::lower_bound(points.begin(), points.end(), next);
         if (at == points.end() || *at != next) continue;
         if (!(determinant[n] * determinant[static_cast<std::size_t>(at - points.begin())] < 0)) continue;
-        out.pose = bisected(machine, options, R, survey.grid.at(points[n]), survey.grid.at(next), determinant[n]);
+        out.pose = bisected(machine, hold, options, R, survey.grid.at(points[n]), survey.grid.at(next), determinant[n]);
       }
     }
   }

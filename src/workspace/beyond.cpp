@@ -27,6 +27,7 @@ BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options
   const bool places = task.places();
   if (side == 0 || volume.empty || (!places && task.size() != 3)) return out;
   const std::vector<Mat3> orientations = sampled_orientations(options.directions);
+  const kinematics::HoldAnywhere hold(machine);
   Random random(1);
   for (std::size_t draw = 0; draw < kDraws && out.points < kPoints; ++draw) {
     Vec3 p;  // or the three coordinates of the task
@@ -38,7 +39,7 @@ BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options
     if (reached == nullptr) continue;
     const machine::JointVector& q = reached->joints;
     ++out.points;
-    if (kinematics::hold(machine, kinematics::settled(machine, target, q), q).determinant * side < 0) ++out.beyond;
+    if (hold.at(kinematics::settled(machine, target, q), q).determinant * side < 0) ++out.beyond;
   }
   return out;
 }

@@ -2,12 +2,14 @@
 // What must hold for every machine of the catalogue, asked only through the questions that every machine answers.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <numbers>
 #include <random>
 
 #include "machines.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/hold.hpp"
 
 namespace polypod {
 namespace {
@@ -161,6 +163,43 @@ TEST(Catalogue, InvariantsHoldNearSingularPoses) {
     SCOPED_TRACE(angle);
     check(planar, {X, *joints});
   }
+}
+
+// The hold of many poses is that of each: the same determinant but for L, whose sign it does not change; `control`
+// exact below what is asked for, and else never above.
+TEST(Hold, AtManyPosesIsTheHoldOfEach) {
+  std::mt19937 random(5);
+  int bounds = 0;
+  for (const machine::CatalogueEntry& entry : machine::catalogue()) {
+    SCOPED_TRACE(entry.name);
+    const AnyMachine m = test::load(std::string(entry.name));
+    if (kinematics::is_serial(m)) continue;
+    const kinematics::HoldAnywhere anywhere(m);
+    for (int k = 0; k < 20; ++k) {
+      const auto at = standing(m, random, 0.1);
+      if (!at) continue;
+      const Pose X = kinematics::settled(m, at->X_MT, at->q);
+      const kinematics::Hold each = kinematics::hold(m, X, at->q);
+      const kinematics::Hold exact = anywhere.at(X, at->q, std::numeric_limits<double>::infinity());
+      const kinematics::Hold asked = anywhere.at(X, at->q);
+      EXPECT_EQ(asked.determinant, exact.determinant);
+      EXPECT_EQ(std::signbit(each.determinant), std::signbit(exact.determinant));
+      EXPECT_LE(asked.control, exact.control * (1 + 1e-9));
+      if (asked.control < kinematics::kLittleHold || each.determinant == 0) {
+        EXPECT_EQ(asked.control, exact.control);
+      }
+      bounds += asked.control < exact.control;
+    }
+    const auto home = kinematics::home_pose(m);
+    ASSERT_TRUE(home.has_value());
+    const JointVector q = kinematics::inverse(m, *home).solutions.at(0).joints;
+    const kinematics::Hold each = kinematics::hold(m, *home, q);
+    const kinematics::Hold there =
+        anywhere.at(kinematics::settled(m, *home, q), q, std::numeric_limits<double>::infinity());
+    EXPECT_NEAR(there.determinant, each.determinant, 1e-9 * std::abs(each.determinant));
+    EXPECT_NEAR(there.control, each.control, 1e-9);
+  }
+  EXPECT_GT(bounds, 100);
 }
 
 // What forward kinematics gives closes, of every machine and with any joints in their ranges.
