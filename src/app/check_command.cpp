@@ -170,7 +170,7 @@ Command check_command() {
   };
   auto o = std::make_shared<Options>();
   return {
-      "check", "Does a program fit a machine: reach, limits, branches, joint speeds, collisions, time",
+      "check", "Does a program fit a machine: reach, limits, branches, joint speeds and accelerations, collisions, time",
       "polypod check program.ngc --job job.toml",
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");
@@ -198,7 +198,7 @@ Command check_command() {
         const machine::AnyMachine& m = job.machine;
         machining::CheckOptions options;
         options.rapid_speed = units::from_mm_per_min(o->rapid);
-        options.joint_speeds = job.joint_speeds;
+        options.limits = machining::motion_limits(job);
         options.progress = progress_line(context, "checking");
         BodyNotes body_notes;
         if (!o->bodies.empty()) {
@@ -233,7 +233,7 @@ Command check_command() {
         if (o->nearest && !result.ok && !interpretation.moves.empty()) {
           machining::NearestOptions search;
           if (other) search.other = &*other;
-          search.joint_speeds = job.joint_speeds;
+          search.limits = options.limits;
           search.progress = progress_line(context, "looking for a place");
           POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
           search.progress(1);
@@ -272,6 +272,10 @@ Command check_command() {
             document["joint_speed_percent"] = 100 * result.fastest.share;
             document["joint_speed_at"] = {{"joint", result.fastest.joint + 1}, {"line", result.fastest_line}};
           }
+          if (result.hardest_line > 0) {
+            document["joint_acceleration_percent"] = 100 * result.hardest.share;
+            document["joint_acceleration_at"] = {{"joint", result.hardest.joint + 1}, {"line", result.hardest_line}};
+          }
           if (!o->report.empty()) document["report"] = o->report;
           if (!o->bodies.empty()) document["bodies"] = {{"file", o->bodies}, {"notes", body_notes}};
           if (o->nearest) document["nearest"] = nearest;
@@ -293,6 +297,10 @@ Command check_command() {
           if (result.fastest_line > 0) {
             fmt::print("joint speeds in cuts up to {:.1f} % of `joint_speeds` (joint {}, line {})\n",
                        100 * result.fastest.share, result.fastest.joint + 1, result.fastest_line);
+          }
+          if (result.hardest_line > 0) {
+            fmt::print("joint accelerations in cuts up to {:.1f} % of `joint_accelerations` (joint {}, line {})\n",
+                       100 * result.hardest.share, result.hardest.joint + 1, result.hardest_line);
           }
           for (const std::string& note : result.notes) fmt::print("note: {}\n", note);
           if (!o->report.empty()) fmt::print("report: {}\n", o->report);

@@ -55,8 +55,8 @@ struct Asked {
   std::optional<motion::RotationChoice> rotation;
   std::optional<motion::Insertion> insertion;
   std::optional<motion::PathQuality> quality;
-  std::string no_force;     ///< why the forces are not known
-  bool job_speeds = false;  ///< the limits of the drives' speeds are the job's
+  std::string no_force;                                ///< why the forces are not known
+  bool job_speeds = false, job_accelerations = false;  ///< these limits of the drives are the job's
 };
 
 /// "c1,c2,...;c1,c2,..." : poses as --pose has them.
@@ -232,6 +232,11 @@ Status limits_of(const machining::Job& job, const Options& o, const Context& con
     }
   }
   out.limits.drive_acceleration = acceleration;
+  if (!job.joint_accelerations.empty() && !context.given("--drive-acceleration")) {
+    for (Eigen::Index i = 0; i < acceleration.size(); ++i) {
+      out.limits.drive_acceleration[i] = job.joint_accelerations[static_cast<std::size_t>(i)];
+    }
+  }
   out.limits.drive_jerk = jerk;
   return {};
 }
@@ -326,7 +331,8 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
     out.not_judged.emplace_back("near-singular poses");
   }
   const auto add = [&](const std::string& name, double limit, double met, const std::string& unit, const char* option) {
-    const bool given = context.given(option) || (asked.job_speeds && option == std::string_view("--drive-speed"));
+    const bool given = context.given(option) || (asked.job_speeds && option == std::string_view("--drive-speed")) ||
+                       (asked.job_accelerations && option == std::string_view("--drive-acceleration"));
     if (std::isfinite(limit)) out.limits.push_back({name, limit, met, unit, given});
     return std::isfinite(limit);
   };
@@ -719,6 +725,7 @@ Command move_command() {
         }
         POLYPOD_TRY(actuators_of(m, *o, context, options));
         asked.job_speeds = !placed.job.joint_speeds.empty();
+        asked.job_accelerations = !placed.job.joint_accelerations.empty();
         POLYPOD_ASSIGN(masses, o->masses.read(m, placed.file, context));
         options.dynamics = masses.dynamics;
         options.force = masses.force;

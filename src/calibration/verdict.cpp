@@ -10,6 +10,7 @@
 
 #include "model.hpp"
 #include "polypod/calibration/simulate.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::calibration {
@@ -30,14 +31,6 @@ constexpr double kGain = 3;
 constexpr double kOtherErrors = 1.5;
 constexpr double kEnoughFree = 20;
 constexpr double kFewPlaces = 0.05;
-
-/// "x", "x and y", "x, y and z".
-std::string listed(const std::vector<std::string>& words) {
-  std::string out;
-  for (std::size_t i = 0; i < words.size(); ++i)
-    out += (i == 0 ? "" : i + 1 == words.size() ? " and " : ", ") + words[i];
-  return out;
-}
 
 /// "x_mm" -> "x", "a_deg" -> "A", as a person says them.
 std::string spoken(const std::string& coordinate) {

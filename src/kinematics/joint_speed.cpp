@@ -3,7 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "polypod/core/units.hpp"
 
@@ -23,26 +26,71 @@ FastestJoint between(const JointVector& from, const JointVector& to, double seco
   return out;
 }
 
+/// The joints at the ends of `pieces` equal pieces of a way, after those of its start; empty where there are none.
+std::vector<JointVector> joints_along(const AnyMachine& machine, const JointVector& from, const JointVector& to,
+                                      const std::function<Pose(double)>& pose, int pieces) {
+  std::vector<JointVector> out{from};
+  for (int k = 1; k < pieces; ++k) {
+    const InverseResult inverse = inverse_near(machine, pose(double(k) / pieces), out.back());
+    const Solution* best = inverse.reachable();
+    if (best == nullptr) return {};
+    out.push_back(best->joints);
+  }
+  out.push_back(to);
+  return out;
+}
+
+/// |q_x| of each joint: the length of its gradient against the position of the tip, the orientation kept.
+Eigen::VectorXd by_position(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
+  const machine::Task task = kinematics::task(machine);
+  const Pose X = settled(machine, X_MT, q);
+  const Eigen::MatrixXd inverse =
+      task_jacobian(task, jacobian(machine, X, q), X).completeOrthogonalDecomposition().pseudoInverse();
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(q.size());
+  for (int i = 0; i < task.size(); ++i)
+    if (!task.is_angle(i)) squares += inverse.col(i).cwiseAbs2();
+  return squares.cwiseSqrt();
+}
+
 }  // namespace
 
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose) {
   FastestJoint out = between(from, to, seconds, limits);
   if (out.share <= kCloserFrom) return out;
-  JointVector last = from;
-  for (int k = 1; k <= kCloser; ++k) {
-    JointVector next = to;
-    if (k < kCloser) {
-      const InverseResult inverse = inverse_near(machine, pose(double(k) / kCloser), last);
-      const Solution* best = inverse.reachable();
-      if (best == nullptr) continue;
-      next = best->joints;
-    }
-    if (const FastestJoint closer = between(last, next, seconds / kCloser, limits); closer.share > out.share)
-      out = closer;
-    last = next;
+  const std::vector<JointVector> q = joints_along(machine, from, to, pose, kCloser);
+  for (std::size_t k = 1; k < q.size(); ++k) {
+    const FastestJoint closer = between(q[k - 1], q[k], seconds / kCloser, limits);
+    if (closer.share > out.share) out = closer;
   }
   return out;
+}
+
+HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to,
+                           const Stretch& stretch, const std::vector<double>& limits) {
+  constexpr double kShortestPiece = 1e-5;  // m, below which rounding shows in second differences
+  const auto n = static_cast<std::size_t>(to.size());
+  const Eigen::VectorXd along = (to - from).cwiseAbs() / stretch.length;
+  const Eigen::VectorXd by_tip = stretch.tip_acceleration * along.cwiseMax(by_position(machine, stretch.pose(1), to));
+  const auto hardest = [&](int pieces) {
+    HardestJoint out;
+    const std::vector<JointVector> q = joints_along(machine, from, to, stretch.pose, pieces);
+    const double time = stretch.seconds / pieces;
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto at = static_cast<int>(i);
+      double bent = 0;
+      for (std::size_t k = 1; k + 1 < q.size(); ++k)
+        bent = std::max(bent, std::abs(q[k - 1][at] - 2 * q[k][at] + q[k + 1][at]) / (time * time));
+      const double share = (bent + by_tip[at]) / limits[i];
+      if (share > out.share) out = {at, share, bent / limits[i]};
+    }
+    return out;
+  };
+  const int most = std::clamp(static_cast<int>(stretch.length / kShortestPiece), 2, kCloser);
+  const HardestJoint coarse = hardest(2);
+  if (most == 2 || coarse.share <= kCloserFrom) return coarse;
+  const HardestJoint fine = hardest(most);
+  return fine.share > coarse.share ? fine : coarse;
 }
 
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits) {
@@ -51,6 +99,18 @@ std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, con
   const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
   return fmt::format("joint {} would go at {:.1f} {} where its limit is {:.1f}", fastest.joint + 1,
                      user(fastest.share * limit), turns ? "deg/s" : "mm/s", user(limit));
+}
+
+std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, double tip_acceleration,
+                     const std::vector<double>& limits) {
+  const bool turns = joint_kind(machine, hardest.joint) == JointKind::revolute;
+  const double limit = limits[static_cast<std::size_t>(hardest.joint)];
+  const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+  return fmt::format(
+      "joint {} would accelerate with up to {:.0f} {} where its limit is {:.0f} ({:.0f} of them at the feed, the rest "
+      "where the controller accelerates with {:.0f} mm/s2)",
+      hardest.joint + 1, user(hardest.share * limit), turns ? "deg/s2" : "mm/s2", user(limit),
+      user(hardest.of_speed * limit), units::to_mm(tip_acceleration));
 }
 
 }  // namespace polypod::kinematics

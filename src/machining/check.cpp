@@ -2,12 +2,12 @@
 #include "polypod/machining/check.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
@@ -35,13 +35,92 @@ std::string unknown_axes(const std::array<bool, 3>& known) {
   for (std::size_t k = 0; k < 3; ++k) {
     if (!known[k]) names.emplace_back(1, "XYZ"[k]);
   }
-  if (names.size() < 2) return names.empty() ? "" : names[0] + " is";
-  const std::string last = names.back();
-  names.pop_back();
-  return fmt::format("{} and {} are", fmt::join(names, ", "), last);
+  if (names.empty()) return "";
+  return listed(names) + (names.size() == 1 ? " is" : " are");
 }
 
+/// Collects what the cuts ask of the joints. Of each move, the worst of either kind becomes a problem.
+class Demands {
+ public:
+  Demands(const machine::AnyMachine& machine, const MotionLimits& limits, CheckResult& out)
+      : machine_(machine), limits_(limits), out_(out) {}
+  [[nodiscard]] bool judges(const gcode::Move& move, double length) const {
+    return (!limits_.joint_speeds.empty() || !limits_.joint_accelerations.empty()) &&
+           move.kind != gcode::MoveKind::rapid && move.feed > 0 && length > 0 && move.start_known;
+  }
+  /// The stretch of a move on `line`, run with `feed`, that ends at `where`.
+  void look(const machine::JointVector& from, const machine::JointVector& to, const kinematics::Stretch& stretch,
+            int line, double feed, const std::string& where) {
+    if (!limits_.joint_speeds.empty()) {
+      const kinematics::FastestJoint fastest =
+          kinematics::fastest_joint(machine_, from, to, stretch.seconds, limits_.joint_speeds, stretch.pose);
+      if (out_.fastest_line == 0 || fastest.share > out_.fastest.share) {
+        out_.fastest = fastest;
+        out_.fastest_line = line;
+      }
+      if (fastest.share > std::max(1.0, speed_.share)) {
+        worst(speed_, "speed", fastest.share, line,
+              fmt::format("{}: {}; up to F{:.0f} it would keep it", where,
+                          kinematics::too_fast(machine_, fastest, limits_.joint_speeds),
+                          std::floor(units::to_mm_per_min(feed / fastest.share))));
+      }
+    }
+    if (!limits_.joint_accelerations.empty()) {
+      const kinematics::HardestJoint hardest =
+          kinematics::hardest_joint(machine_, from, to, stretch, limits_.joint_accelerations);
+      if (out_.hardest_line == 0 || hardest.share > out_.hardest.share) {
+        out_.hardest = hardest;
+        out_.hardest_line = line;
+      }
+      if (hardest.share > std::max(1.0, acceleration_.share)) {
+        worst(
+            acceleration_, "acceleration", hardest.share, line,
+            fmt::format("{}: {}{}", where,
+                        kinematics::too_hard(machine_, hardest, stretch.tip_acceleration, limits_.joint_accelerations),
+                        remedy(hardest, feed, stretch.tip_acceleration)));
+      }
+    }
+  }
+  void next_move() { speed_ = acceleration_ = {}; }
+
+ private:
+  struct Worst {
+    double share = 0;
+    std::size_t problem = 0;
+  };
+
+  void worst(Worst& of, const char* kind, double share, int line, std::string detail) {
+    if (of.share == 0) {
+      of.problem = out_.problems.size();
+      out_.problems.push_back({line, kind, std::move(detail)});
+    } else {
+      out_.problems[of.problem].detail = std::move(detail);
+    }
+    of.share = share;
+  }
+  /// The feed's part goes with its square, the controller's with its acceleration.
+  static std::string remedy(const kinematics::HardestJoint& hardest, double feed, double tip_acceleration) {
+    const double of_tip = hardest.share - hardest.of_speed;
+    if (of_tip < 1) {
+      return fmt::format("; up to F{:.0f} it would keep it",
+                         std::floor(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed))));
+    }
+    return fmt::format("; it would keep it with `max_acceleration_mm_per_s2` up to {:.0f}{}",
+                       std::floor(units::to_mm(tip_acceleration / of_tip)),
+                       hardest.of_speed > 0.01 ? " and a smaller feed" : "");
+  }
+
+  const machine::AnyMachine& machine_;
+  const MotionLimits& limits_;
+  CheckResult& out_;
+  Worst speed_, acceleration_;  // of this move
+};
+
 }  // namespace
+
+MotionLimits motion_limits(const Job& job) {
+  return {job.joint_speeds, job.joint_accelerations, job.controller.planner.acceleration};
+}
 
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
                           const gcode::Interpretation& interpretation, const CheckOptions& options) {
@@ -52,6 +131,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
   kinematics::HoldOnPath held(machine);
+  Demands demands(machine, options.limits, out);
   bool turns_alone = false;
   std::size_t index = 0;
   double lean = 0;  // of the tool against the direction that the program means, where the machine cannot choose it
@@ -63,7 +143,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     }
     ++index;
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
-    bool reach = false, limit = false, singular = false, branch = false, axis = false, touching = false, fast = false;
+    bool reach = false, limit = false, singular = false, branch = false, axis = false, touching = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {
       if (!seen) out.problems.push_back({line, kind, std::move(detail)});
       seen = true;
@@ -95,10 +175,8 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
       return Pose{tool_orientation(machine, X_MW, axes), X_MW * move.point(length * share)};
     };
-    const bool judges_speed = !options.joint_speeds.empty() && move.kind != gcode::MoveKind::rapid && move.feed > 0 &&
-                              length > 0 && move.start_known;
-    double fastest_here = 0;  // of this move, beyond the limit
-    std::size_t fast_at = 0;  // its problem
+    const bool demands_joints = demands.judges(move, length);
+    demands.next_move();
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
       const Pose X = pose_at(double(k) / steps);
       const kinematics::InverseResult inverse =
@@ -131,26 +209,11 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
       }
       const bool follows = last.size() > 0;
-      if (judges_speed && follows && k > 0 && nearest <= kJump) {
-        const auto way = [&](double s) { return pose_at((k - 1 + s) / steps); };
-        const kinematics::FastestJoint fastest = kinematics::fastest_joint(
-            machine, last, best->joints, length / (steps * move.feed), options.joint_speeds, way);
-        if (out.fastest_line == 0 || fastest.share > out.fastest.share) {
-          out.fastest = fastest;
-          out.fastest_line = line;
-        }
-        if (fastest.share > 1 && fastest.share > fastest_here) {
-          fastest_here = fastest.share;
-          std::string detail = fmt::format("{}: {}; up to F{:.0f} it would keep it", where(),
-                                           kinematics::too_fast(machine, fastest, options.joint_speeds),
-                                           std::floor(units::to_mm_per_min(move.feed / fastest.share)));
-          if (fast) {
-            out.problems[fast_at].detail = std::move(detail);  // the fastest of the move
-          } else {
-            fast_at = out.problems.size();
-            problem(fast, "speed", std::move(detail));
-          }
-        }
+      if (demands_joints && follows && k > 0 && nearest <= kJump) {
+        const auto way = [&](double share) { return pose_at((k - 1 + share) / steps); };
+        const double stretch = length / steps;
+        demands.look(last, best->joints, {stretch / move.feed, stretch, way, options.limits.tip_acceleration}, line,
+                     move.feed, where());
       }
       last = best->joints;
       if (options.touches) {
@@ -167,14 +230,18 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
     }
   }
+  const bool speeds = !options.limits.joint_speeds.empty(), hard = !options.limits.joint_accelerations.empty();
+  const char* what = speeds && hard ? "speeds and accelerations" : hard ? "accelerations" : "speeds";
   if (turns_alone) {
-    out.notes.emplace_back(options.joint_speeds.empty()
-                               ? "moves that only turn the tool are not in the time"
-                               : "moves that only turn the tool are not in the time, and the speeds of the joints in "
-                                 "them are not judged; `polypod post` judges them at its --turn-speed");
+    out.notes.push_back(
+        speeds || hard
+            ? fmt::format("moves that only turn the tool are not in the time, and the {} of the joints in them are not "
+                          "judged{}",
+                          what, speeds ? "; `polypod post` judges the speeds at its --turn-speed" : "")
+            : "moves that only turn the tool are not in the time");
   }
-  if (!options.joint_speeds.empty() && out.fastest_line == 0 && !out.joints.empty())
-    out.notes.emplace_back("no cut was there in which the speeds of the joints could be judged");
+  if ((speeds || hard) && out.fastest_line == 0 && out.hardest_line == 0 && !out.joints.empty())
+    out.notes.push_back(fmt::format("no cut was there in which the {} of the joints could be judged", what));
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
     out.notes.push_back(fmt::format(

@@ -140,7 +140,7 @@ Result<std::vector<double>> by_joint(const config::Table& table, const std::stri
   POLYPOD_ASSIGN(values, table.numbers(key, static_cast<std::size_t>(kinematics::joint_count(machine))));
   for (std::size_t i = 0; i < values.size(); ++i) {
     if (positive && !(values[i] > 0)) {
-      return fail("MC401", fmt::format("{}: {:g} is no speed limit", key, values[i]), table.place_of(key),
+      return fail("MC401", fmt::format("{}: {:g} is no limit", key, values[i]), table.place_of(key),
                   "give a number above 0 for each joint that moves");
     }
     const bool turns = kinematics::joint_kind(machine, static_cast<int>(i)) == machine::JointKind::revolute;
@@ -253,6 +253,8 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_TRY(read_controller(table, job));
   POLYPOD_ASSIGN(speeds, by_joint(table, "joint_speeds", job.machine, true));
   job.joint_speeds = std::move(speeds);
+  POLYPOD_ASSIGN(accelerations, by_joint(table, "joint_accelerations", job.machine, true));
+  job.joint_accelerations = std::move(accelerations);
   POLYPOD_ASSIGN(start, by_joint(table, "start_joints", job.machine, false));
   job.start_joints = std::move(start);
   POLYPOD_TRY(read_measured_key(table, job));

@@ -45,6 +45,7 @@ PlaceFit fit_of_kind(const std::string& kind) {
   if (kind == "singular") return PlaceFit::singular;
   if (kind == "branch") return PlaceFit::branch;
   if (kind == "speed") return PlaceFit::speed;
+  if (kind == "acceleration") return PlaceFit::acceleration;
   return PlaceFit::reach;
 }
 
@@ -125,7 +126,7 @@ struct Both {
   const gcode::Program& program;
   const gcode::Interpretation& interpretation;
   const gcode::Understood* other = nullptr;
-  std::vector<double> joint_speeds;  ///< see CheckOptions
+  MotionLimits limits;
 
   [[nodiscard]] Poses poses() const {
     Poses out = poses_of(interpretation, kMostPoints);
@@ -140,7 +141,7 @@ struct Both {
 Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_MW, const Both& both) {
   CheckOptions options;
   options.stop_at_first = true;
-  options.joint_speeds = both.joint_speeds;
+  options.limits = both.limits;
   POLYPOD_ASSIGN(checked, check(machine, X_MW, both.program, both.interpretation, options));
   if (checked.problems.empty() && both.other != nullptr) {
     POLYPOD_ASSIGN(other, check(machine, X_MW, both.other->program, both.other->interpretation, options));
@@ -163,7 +164,7 @@ class Search {
         program_(program),
         interpretation_(interpretation),
         options_(options),
-        both_{program, interpretation, options.other, job.joint_speeds},
+        both_{program, interpretation, options.other, motion_limits(job)},
         poses_(both_.poses()) {}
 
   Result<PlaceResult> run() {
@@ -633,7 +634,7 @@ class Nearest {
       : machine_(machine),
         start_{X_MW.p, rotation_of(X_MW)},
         options_(options),
-        both_{program, interpretation, options.other, options.joint_speeds},
+        both_{program, interpretation, options.other, options.limits},
         poses_(both_.poses()) {}
 
   Result<NearestPlaces> run() {
@@ -793,6 +794,8 @@ const char* name_of(PlaceFit fit) {
       return "branch";
     case PlaceFit::speed:
       return "speed";
+    case PlaceFit::acceleration:
+      return "acceleration";
     case PlaceFit::measured:
       break;
   }

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "machine_lines.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/machine.hpp"
@@ -130,11 +131,25 @@ class Page {
                              {fixed(double(walk_.moves), 0), "", "moves with known ends", Verdict::neutral},
                              {fixed(double(result_.problems.size()), 0), "", "problems",
                               result_.problems.empty() ? Verdict::good : Verdict::bad}});
-    report_.add_text(
-        fmt::format("This answers for reach, limits and branches of the joints{}: not for forces, deflection and "
-                    "vibration{}.",
-                    options_.with_bodies ? " and for the bodies that are given" : "",
-                    options_.with_bodies ? "" : ", and not for collisions"));
+    std::vector<std::string> judged{"reach, limits and branches of the joints"};
+    std::vector<std::string> beyond;
+    const auto part = [&](bool is_judged, std::string words) {
+      (is_judged ? judged : beyond).push_back(std::move(words));
+    };
+    part(result_.fastest_line > 0, "joint speeds in cuts");
+    part(result_.hardest_line > 0, "joint accelerations in cuts");
+    part(options_.with_bodies, options_.with_bodies ? "the bodies that are given" : "collisions");
+    report_.add_text(fmt::format("This answers for {}: not for {}.", listed(judged), [&] {
+      beyond.insert(beyond.end(), {"forces", "deflection", "vibration"});
+      return listed(beyond);
+    }()));
+    const auto demand = [&](int line, const char* what, int joint, double share) {
+      if (line == 0) return;
+      report_.add_text(fmt::format("The {} in cuts are up to {:.1f} % of the job's limits: joint {} in line {}.", what,
+                                   100 * share, joint + 1, line));
+    };
+    demand(result_.fastest_line, "joint speeds", result_.fastest.joint, result_.fastest.share);
+    demand(result_.hardest_line, "joint accelerations", result_.hardest.joint, result_.hardest.share);
     if (!result_.notes.empty()) report_.add_list(result_.notes);
   }
 

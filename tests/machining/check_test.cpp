@@ -70,7 +70,7 @@ TEST(Check, JointSpeedsAreThoseOfTheJacobian) {
   }
   machining::CheckOptions options;
   const auto checked = [&](double limit) {
-    options.joint_speeds.assign(5, limit);
+    options.limits.joint_speeds.assign(5, limit);
     return testing::unwrap(
         machining::check(e.job.machine, Pose{Mat3::Identity(), origin}, e.program, e.interpretation, options));
   };
@@ -91,6 +91,87 @@ TEST(Check, JointSpeedsAreThoseOfTheJacobian) {
   EXPECT_EQ(r.fastest_line, 0);
   EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("speeds of the joints in them are not judged")));
   EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("no cut was there")));
+}
+
+/// The accelerations of joints on a circle against dense differences of the joints in time, and against J^-1 of the
+/// controller's acceleration in 2000 directions.
+TEST(Check, JointAccelerationsAreThoseOfTheWayAndTheController) {
+  const double feed = 0.4, radius = 0.03;  // m/s, m
+  const auto e =
+      testing::with_program("slavkovic_square", "G21 G90 G94 G17\nG0 X30 Y0 Z0\nG3 X30 Y0 I-30 F24000\nM2\n");
+  const Vec3 origin(0, -1.3, 0);
+  const auto joints = [&](double time) {
+    const double angle = feed * time / radius;
+    const Vec3 p = origin + radius * Vec3(std::cos(angle), std::sin(angle), 0);
+    return kinematics::inverse(e.job.machine, Pose{Mat3::Identity(), p}).reachable()->joints;
+  };
+  constexpr double kPi = std::numbers::pi, dt = 1e-4;
+  double most = 0, by_tip = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const double t = 2 * kPi * radius / feed * i / 2000;
+    const machine::JointVector q = joints(t);
+    most = std::max(most, ((joints(t + dt) - 2 * q + joints(t - dt)) / (dt * dt)).cwiseAbs().maxCoeff());
+    if (i % 10 != 0) continue;
+    const Pose X{Mat3::Identity(), origin + radius * Vec3(std::cos(feed * t / radius), std::sin(feed * t / radius), 0)};
+    const auto solver = kinematics::jacobian(e.job.machine, X, q).leftCols(5).colPivHouseholderQr();
+    for (int k = 0; k < 2000; ++k) {
+      const double up = 1 - 2 * (k + 0.5) / 2000, flat = std::sqrt(1 - up * up), about = 2.4 * k;
+      Vec6 twist = Vec6::Zero();
+      twist.head<3>() = Vec3(flat * std::cos(about), flat * std::sin(about), up);
+      by_tip = std::max(by_tip, solver.solve(twist).cwiseAbs().maxCoeff());
+    }
+  }
+  machining::CheckOptions options;
+  const auto checked = [&](double limit, double tip) {
+    options.limits.joint_accelerations.assign(5, limit);
+    options.limits.tip_acceleration = tip;
+    return testing::unwrap(
+        machining::check(e.job.machine, Pose{Mat3::Identity(), origin}, e.program, e.interpretation, options));
+  };
+  const auto feed_alone = checked(0.5 * most, 0);
+  EXPECT_NEAR(feed_alone.hardest.share, 2, 0.01);
+  EXPECT_NEAR(feed_alone.hardest.of_speed, feed_alone.hardest.share, 1e-12);
+  EXPECT_EQ(feed_alone.hardest_line, 3);
+  EXPECT_EQ(feed_alone.fastest_line, 0) << "no speed limits, no speed judged";
+  ASSERT_EQ(feed_alone.problems.size(), 1U);
+  EXPECT_EQ(feed_alone.problems[0].kind, "acceleration");
+  EXPECT_THAT(feed_alone.problems[0].detail, ::testing::HasSubstr("it would keep it"));
+  EXPECT_FALSE(checked(0.99 * most, 0).ok);
+  EXPECT_TRUE(checked(1.01 * most, 0).ok);
+  // A limit so large that the feed's part hardly counts: the controller's.
+  const double tip = 1e4;
+  const auto both = checked(1, tip);
+  EXPECT_NEAR(both.hardest.share - both.hardest.of_speed, tip * by_tip, 2e-3 * tip * by_tip);
+  EXPECT_LE(both.hardest.of_speed, most * 1.001);
+  EXPECT_GT(both.hardest.share, tip * by_tip * 0.998);
+}
+
+/// Many short lines are straight each: what turns the tool between them is the controller's acceleration.
+TEST(Check, ACircleOfShortLinesAsksForWhatTheControllerTakes) {
+  std::string text = "G21 G90 G94\nG0 X30 Y0 Z0\nF24000\n";
+  for (int i = 1; i <= 720; ++i) {
+    const double angle = i * std::numbers::pi / 360;
+    text += "G1 X" + std::to_string(30 * std::cos(angle)) + " Y" + std::to_string(30 * std::sin(angle)) + "\n";
+  }
+  const auto e = testing::with_program("slavkovic_square", text + "M2\n");
+  machining::CheckOptions options;
+  options.limits.joint_accelerations.assign(5, 1);
+  const auto share = [&](double tip) {
+    options.limits.tip_acceleration = tip;
+    return testing::unwrap(machining::check(e.job.machine, Pose{Mat3::Identity(), Vec3(0, -1.3, 0)}, e.program,
+                                            e.interpretation, options))
+        .hardest.share;
+  };
+  // v^2 / r of the tip: what a controller that keeps the feed takes.
+  const double on_lines = share(0.4 * 0.4 / 0.03);
+  const auto arc =
+      testing::with_program("slavkovic_square", "G21 G90 G94 G17\nG0 X30 Y0 Z0\nG3 X30 Y0 I-30 F24000\nM2\n");
+  options.limits.tip_acceleration = 0;
+  const double on_arc = testing::unwrap(machining::check(arc.job.machine, Pose{Mat3::Identity(), Vec3(0, -1.3, 0)},
+                                                         arc.program, arc.interpretation, options))
+                            .hardest.share;
+  EXPECT_GE(on_lines, on_arc * 0.999);
+  EXPECT_LT(on_lines, on_arc * 2);
 }
 
 // The tool stands somewhere over the table when a program begins: its first Z leads to no known place, and not to the

@@ -4,6 +4,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace polypod {
 
@@ -14,5 +15,8 @@ namespace polypod {
 /// everything else stays as it is. Text without such bytes comes back unchanged, and so does a text that went through
 /// once. Cost: linear.
 std::string one_line(std::string_view text);
+
+/// "x", "x and y", "x, y and z".
+std::string listed(const std::vector<std::string>& words);
 
 }  // namespace polypod

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// How fast joints go along a way, against what they may.
+// How fast joints go along a way and how they accelerate, against what they may.
 #pragma once
 
 #include <functional>
@@ -24,5 +24,33 @@ FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, c
 
 /// "joint 4 would go at 412.1 deg/s where its limit is 180.0"; its speed is limit * share.
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits);
+
+/// A stretch of a way that the tool tip runs at constant speed.
+struct Stretch {
+  double seconds = 0;
+  double length = 0;                 ///< m
+  std::function<Pose(double)> pose;  ///< for 0 <= s <= 1
+  double tip_acceleration = 0;       ///< m/s^2, that the controller may take at any time, in any direction
+};
+
+/// Of the joints, the one whose acceleration is the largest share of its limit.
+struct HardestJoint {
+  int joint = 0;
+  double share = 0;     ///< 1: at its limit
+  double of_speed = 0;  ///< the part of it that the tip's constant speed asks for
+};
+
+/// On a stretch with the joints `from` and `to` at its ends: |q_ss| v^2 + a max(|q_s|, |q_x|), with v the speed of the
+/// tip, s the way, and q_x the joints against the position of the tip with a kept orientation, in the worst direction.
+/// q_ss by second differences: of two pieces, and of ten where a joint comes to a fifth of its limit. An upper figure:
+/// the controller need not accelerate at full speed. `limits`: one a joint, rad/s^2 or m/s^2. Cost: one inverse and one
+/// Jacobian, and nine inverses more where it looks closer.
+HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to,
+                           const Stretch& stretch, const std::vector<double>& limits);
+
+/// "joint 4 would accelerate with 412 deg/s2 where its limit is 180 (400 of them where the controller accelerates with
+/// 1000 mm/s2)".
+std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, double tip_acceleration,
+                     const std::vector<double>& limits);
 
 }  // namespace polypod::kinematics

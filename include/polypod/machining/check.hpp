@@ -10,6 +10,7 @@
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/machine/any_machine.hpp"
+#include "polypod/machining/job.hpp"
 
 namespace polypod::machining {
 
@@ -32,20 +33,32 @@ struct CheckResult {
   double length = 0;  ///< m
   std::vector<machine::JointRange>
       joints;  ///< smallest and largest value that each joint takes; empty if none was reached
-  /// The joint that comes nearest to its limit of CheckOptions::joint_speeds in a cut, as share of the limit, and
+  /// The joint that comes nearest to its limit of CheckOptions::limits in a cut, as share of the limit, and
   /// where.
   kinematics::FastestJoint fastest;
-  int fastest_line = 0;  ///< 0: no speed was judged
+  int fastest_line = 0;              ///< 0: no speed was judged
+  kinematics::HardestJoint hardest;  ///< the same of accelerations
+  int hardest_line = 0;              ///< 0: no acceleration was judged
   std::vector<std::string> notes;
 };
+
+/// What cuts may ask of the joints, one number a joint; empty: not judged. At the programmed feed, point to point; not
+/// of rapids, which a controller slows down, nor of moves that only turn the tool.
+struct MotionLimits {
+  std::vector<double> joint_speeds;         ///< rad/s or m/s
+  std::vector<double> joint_accelerations;  ///< rad/s^2 or m/s^2
+  /// m/s^2, of the tool tip: what the controller may take beside the feed, at any point of a cut and in any direction
+  /// (see kinematics::hardest_joint).
+  double tip_acceleration = 0;
+};
+/// Those of a job, with the acceleration of its controller.
+MotionLimits motion_limits(const Job& job);
 
 struct CheckOptions {
   double step = 1e-3;         ///< m, between checked points
   double turn_step = 0.0175;  ///< rad, the same for A, B and C
   double rapid_speed = 0.1;   ///< m/s, that G0 is counted with
-  /// How fast each joint may go in cuts, rad/s or m/s; empty: not judged. At the programmed feed, point to point; not
-  /// of rapids, which a controller slows down, nor of moves that only turn the tool.
-  std::vector<double> joint_speeds;
+  MotionLimits limits;
   bool stop_at_first = false;  ///< only whether there is a problem: no other, no ranges, time or length of the rest
   /// Asked at every point that is reached, with the pose that the machine has there, its joints, whether the way leads
   /// there from the point before, and the T number: which bodies touch, empty where none do. Not asked: no "collision".

@@ -70,9 +70,10 @@ struct Job {
   double step = 0;       ///< longest distance between evaluated points, m
   bool block_delete = false;
   Controller controller;
-  std::vector<double> joint_speeds;  ///< largest of each joint, rad/s or m/s; empty: not said
-  std::vector<double> start_joints;  ///< where the joints stand before the program, rad or m; empty: not said
-  double rapid_volume = 1e-9;        ///< m^3, of material; a rapid that goes through more is a collision
+  std::vector<double> joint_speeds;         ///< largest of each joint, rad/s or m/s; empty: not said
+  std::vector<double> joint_accelerations;  ///< the same, rad/s^2 or m/s^2
+  std::vector<double> start_joints;         ///< where the joints stand before the program, rad or m; empty: not said
+  double rapid_volume = 1e-9;               ///< m^3, of material; a rapid that goes through more is a collision
 
   [[nodiscard]] const cutting::Cutter& cutter_of(int tool) const {
     const auto it = cutters.find(tool);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/machining/check.hpp"
 #include "polypod/machining/predict.hpp"
 
 namespace polypod::machining {
@@ -27,12 +28,13 @@ Job placed_at(const Job& job, const Placing& at);
 /// Why a program cannot be followed at a place, or that it can.
 enum class PlaceFit : std::uint8_t {
   fits,
-  reach,     ///< a point is out of reach
-  limit,     ///< no posture keeps the limits at a point
-  singular,  ///< a point is singular
-  branch,    ///< the machine would have to change its posture on the way
-  speed,     ///< a joint would be faster in a cut than the job allows
-  measured   ///< a cut lies outside of what the measured compliance covers
+  reach,         ///< a point is out of reach
+  limit,         ///< no posture keeps the limits at a point
+  singular,      ///< a point is singular
+  branch,        ///< the machine would have to change its posture on the way
+  speed,         ///< a joint would be faster in a cut than the job allows
+  acceleration,  ///< a joint would accelerate more in a cut than the job allows
+  measured       ///< a cut lies outside of what the measured compliance covers
 };
 const char* name_of(PlaceFit fit);
 
@@ -123,9 +125,9 @@ struct NearestPlaces {
 };
 
 struct NearestOptions {
-  double finest = 0.1e-3;                    ///< m
-  double finest_turn = 0.00175;              ///< rad
-  std::vector<double> joint_speeds;          ///< see CheckOptions
+  double finest = 0.1e-3;        ///< m
+  double finest_turn = 0.00175;  ///< rad
+  MotionLimits limits;
   const gcode::Understood* other = nullptr;  ///< see PlaceOptions
   std::function<bool(double)> progress;
 };
