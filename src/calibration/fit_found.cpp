@@ -138,7 +138,7 @@ void Fit::set_covariance(const std::vector<double>& weight, double sum, double c
   for (Eigen::Index k = 0; k < all; ++k) {
     auto row = of_all.row(both[static_cast<std::size_t>(k)]);
     row.head(all + n) = root.row(k);
-    if (k < n) row.tail(parts) = shift_.row(k);
+    if (k < n && parts > 0) row.tail(parts) = shift_.row(k);
   }
   error_ = of_all.rowwise().norm();
   error_of_readings_ = of_all.leftCols(all + n).rowwise().norm();
