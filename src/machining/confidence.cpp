@@ -10,6 +10,7 @@
 #include <numbers>
 #include <random>
 
+#include "few.hpp"
 #include "modes.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -40,19 +41,56 @@ std::string name_of(const std::array<double, 6>& variation) {
   return fmt::format("cutting coefficients, {}{}", changed > 1 ? "mostly " : "", kNames[most]);
 }
 
-/// A point of a wall: its error, what the tube leaves of it, and what each compliance shifts it by.
+/// A point of a wall: its error across the path and along the tool, the tube that the controller's corner leaves, and
+/// what each compliance shifts it by, both ways.
 struct Point {
-  double error = 0;
-  double room = 0;
-  Eigen::VectorXd lever;
-  double vertical = 0;
+  double error = 0, vertical = 0, tube = 0;
+  Eigen::VectorXd lever, lever_up;
   bool corner = false;  ///< stands for the farthest point of a block that ends at a corner, its side guessed
+
+  /// What the tube leaves across the path.
+  [[nodiscard]] double room() const { return std::sqrt(std::max(0.0, tube * tube - vertical * vertical)); }
+};
+
+/// The points of a wall that stand for all of it: some at equal distances, and the farthest both ways.
+class Standing {
+ public:
+  Standing(const MovePrediction& m, std::size_t evenly) : move(&m), evenly_(evenly) {}
+  void add(const Sample& sample, const PathError& error) {
+    evenly_.add(sample);
+    const std::array<double, 5> far{-error.normal, error.normal, -error.vertical, error.vertical, error.distance};
+    for (std::size_t k = 0; k < far.size(); ++k) {
+      if (any_ && !(far[k] > far_[k])) continue;
+      far_[k] = far[k];
+      farthest_[k] = sample;
+    }
+    any_ = true;
+  }
+  std::vector<Sample> evenly() { return evenly_.take(); }
+  [[nodiscard]] std::vector<Sample> farthest() const {
+    return any_ ? std::vector<Sample>(farthest_.begin(), farthest_.end()) : std::vector<Sample>{};
+  }
+  /// 1 where the prediction counts normal errors to the left of the feed, as samples do; -1: to the right.
+  [[nodiscard]] double side() const {
+    const double low = -far_[0], high = far_[1];
+    const double left = std::abs(low - move->normal.min) + std::abs(high - move->normal.max);
+    const double right = std::abs(-high - move->normal.min) + std::abs(-low - move->normal.max);
+    return left <= right ? 1 : -1;
+  }
+  const MovePrediction* move;
+
+ private:
+  Few evenly_;
+  std::array<double, 5> far_{};
+  std::array<Sample, 5> farthest_;
+  bool any_ = false;
 };
 
 struct Wall {
   const MovePrediction* move = nullptr;
   std::vector<Point> points;
-  std::vector<double> by_variation;  ///< m, sd of the shift of the whole wall by each variation of the coefficients
+  /// m, the shift of the whole wall by one sd of each variation of the coefficients, across the path and along the tool
+  std::vector<double> by_variation, by_variation_up;
 };
 
 /// The same draws for every question, so that answers compare.
@@ -90,16 +128,21 @@ double probability_of(const Wall& wall, const Draws& draws, int halved) {
   const auto columns = static_cast<int>(draws.compliances.rows());
   Eigen::MatrixXd compliances = draws.compliances;
   if (halved >= 0 && halved < columns) compliances.row(halved) *= 0.5;
-  Eigen::RowVectorXd shift = Eigen::RowVectorXd::Zero(kDraws);
+  Eigen::RowVectorXd shift = Eigen::RowVectorXd::Zero(kDraws), shift_up = shift;
   for (std::size_t v = 0; v < wall.by_variation.size(); ++v) {
-    const double sd = wall.by_variation[v] * (columns + static_cast<int>(v) == halved ? 0.5 : 1.0);
-    shift += sd * draws.variations.row(static_cast<Eigen::Index>(v));
+    const double known = columns + static_cast<int>(v) == halved ? 0.5 : 1.0;
+    const auto drawn = draws.variations.row(static_cast<Eigen::Index>(v));
+    shift += known * wall.by_variation[v] * drawn;
+    shift_up += known * wall.by_variation_up[v] * drawn;
   }
-  Eigen::RowVectorXd left = Eigen::RowVectorXd::Constant(kDraws, 1e9);  // of the room
+  Eigen::RowVectorXd left = Eigen::RowVectorXd::Constant(kDraws, 1e9);  // of the tube
   for (const Point& point : wall.points) {
-    Eigen::RowVectorXd error = shift.array() + point.error;
-    if (columns > 0) error += point.lever.transpose() * compliances;
-    left = left.cwiseMin((point.room - error.array().abs()).matrix());
+    Eigen::RowVectorXd error = shift.array() + point.error, vertical = shift_up.array() + point.vertical;
+    if (columns > 0) {
+      error += point.lever.transpose() * compliances;
+      vertical += point.lever_up.transpose() * compliances;
+    }
+    left = left.cwiseMin((point.tube - (error.array().square() + vertical.array().square()).sqrt()).matrix());
   }
   return static_cast<double>((left.array() >= 0).count()) / kDraws;
 }
@@ -125,72 +168,81 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
   for (const std::array<double, 6>& variation : job.material.spread) names.push_back(name_of(variation));
 
   std::vector<Wall> walls;
+  std::vector<Standing> standing;
   std::vector<int> wall_of(correction.programmed.size(), -1);
+  const auto cut = std::count_if(correction.after.moves.begin(), correction.after.moves.end(),
+                                 [](const MovePrediction& m) { return m.normal.count > 0; });
+  constexpr std::size_t kEvenly = 4000, kMostEvenly = 40;  // of all walls, and of one
+  const std::size_t evenly =
+      std::clamp<std::size_t>(kEvenly / std::max<std::size_t>(1, std::size_t(cut)), 2, kMostEvenly);
   for (const MovePrediction& m : correction.after.moves) {
     if (m.normal.count == 0) continue;
     wall_of[static_cast<std::size_t>(m.move)] = static_cast<int>(walls.size());
-    walls.push_back({&m, {}, std::vector<double>(job.material.spread.size(), 0.0)});
+    const std::vector<double> none(job.material.spread.size(), 0.0);
+    walls.push_back({&m, {}, none, none});
+    standing.emplace_back(m, evenly / 2 * 2);
   }
   const Way way{&program, &correction.programmed, correction.commanded, correction.source};
   const Corners corners = corners_of(job, correction.program, way, correction.after, job.tolerance);
-  const auto room_of = [&](double vertical, double corner) {
-    const double tube = std::max(0.0, job.tolerance - corner);
-    return std::sqrt(std::max(0.0, tube * tube - vertical * vertical));
+  const auto tube_beside = [&](double corner) { return std::max(0.0, job.tolerance - corner); };
+  const Vec3 up = job.tool_frame.axis();
+
+  // The corrected program once more, for the points that `after` has not kept.
+  const double passes = 1.2 + double(job.material.spread.size());
+  const auto share_of_pass = [&](double begun) {
+    return progress ? std::function<bool(double)>(
+                          [&progress, begun, passes](double share) { return progress((begun + share) / passes); })
+                    : std::function<bool(double)>();
   };
-  std::vector<Eigen::VectorXd> all_levers;
-  std::size_t seen = 0;
-  for (const Sample& sample : correction.after.few) {
-    if (progress && ++seen % 16 == 0 && !progress(0.2 * double(seen) / double(correction.after.few.size()))) {
-      return fail("MC299", "cancelled");
-    }
-    if (sample.away.isZero(0)) continue;
-    const int source = correction.source[static_cast<std::size_t>(sample.move)];
+  cutting::Stock scratch = job.stock;
+  PassOptions pass;
+  pass.step = std::min(job.step, kCheckStep);
+  pass.progress = share_of_pass(0);
+  POLYPOD_TRY(run_pass(job, correction.program, PassMoves(correction.commanded), scratch, pass, [&](const Sample& s) {
+    if (!s.cutting || correction.commanded[static_cast<std::size_t>(s.move)].transition || s.away.isZero(0)) return;
+    const int source = correction.source[static_cast<std::size_t>(s.move)];
     const int w = wall_of[static_cast<std::size_t>(source)];
-    if (w < 0) continue;
-    Point point;
+    if (w < 0) return;
     const gcode::Move& move = correction.programmed[static_cast<std::size_t>(source)];
-    const PathError error = path_error(move, sample.bent(), sample.away, job.tool_frame.axis());
-    point.error = error.normal;
-    point.vertical = is_plunge(move, job.tool_frame.axis()) ? 0 : error.vertical;
-    point.room = room_of(point.vertical, corners.deviation[static_cast<std::size_t>(sample.move)]);
-    if (columns > 0) {
-      const Pose X_MT{cutting_orientation(job), job.X_MW * sample.command};
-      const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
-      const kinematics::Solution* solution = inverse.reachable();
-      if (solution == nullptr) continue;
-      const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, solution->joints);
-      const Vec3 F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
-      point.lever.resize(static_cast<Eigen::Index>(columns));
-      for (std::size_t k = 0; k < columns; ++k) point.lever[static_cast<Eigen::Index>(k)] = n.dot(unit[k] * F);
-      all_levers.push_back(point.lever);
-    }
-    walls[static_cast<std::size_t>(w)].points.push_back(std::move(point));
-  }
-  const auto shifts_most = [&](const std::vector<Eigen::VectorXd>& levers) {
-    return *std::max_element(levers.begin(), levers.end(), [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-      return a.dot(covariance * a) < b.dot(covariance * b);
-    });
-  };
-  for (Wall& wall : walls) {
-    // The farthest errors of the wall lie between its points: they go as the points do that are farthest of these. A
-    // short move without a point goes as the one of all that goes most.
-    const auto by_error = [](const Point& a, const Point& b) { return a.error < b.error; };
-    const machining::MovePrediction& m = *wall.move;
-    if (wall.points.empty()) {
-      const Eigen::VectorXd lever =
-          all_levers.empty() ? Eigen::VectorXd::Zero(static_cast<Eigen::Index>(columns)) : shifts_most(all_levers);
-      const double vertical = std::max(std::abs(m.vertical.min), std::abs(m.vertical.max));
-      for (const double error : {m.normal.min, m.normal.max})
-        wall.points.push_back({error, room_of(vertical, 0), lever, vertical});
-      continue;
-    }
-    Point lowest = *std::min_element(wall.points.begin(), wall.points.end(), by_error);
-    Point highest = *std::max_element(wall.points.begin(), wall.points.end(), by_error);
-    lowest.error = m.normal.min;
-    highest.error = m.normal.max;
-    for (Point* farthest : {&lowest, &highest}) {
-      farthest->room = room_of(farthest->vertical, 0);  // its corner, if it has one, is looked at below
-      wall.points.push_back(std::move(*farthest));
+    standing[static_cast<std::size_t>(w)].add(s, path_error(move, s.bent(), s.away, up));
+  }));
+  for (std::size_t w = 0; w < walls.size(); ++w) {
+    if (progress && w % 64 == 0 && !progress((1 + 0.2 * double(w) / double(walls.size())) / passes))
+      return fail("MC299", "cancelled");
+    const gcode::Move& move = correction.programmed[static_cast<std::size_t>(walls[w].move->move)];
+    const bool plunges = is_plunge(move, up);  // what a plunge is held back by along the tool does not count
+    const double side = standing[w].side();
+    const auto stand = [&](const Sample& sample, double corner) {
+      const PathError error = path_error(move, sample.bent(), sample.away, up);
+      Point point;
+      point.error = side * error.normal;
+      point.vertical = plunges ? 0 : error.vertical;
+      point.tube = tube_beside(corner);
+      if (columns > 0) {
+        const Pose X_MT{cutting_orientation(job), job.X_MW * sample.command};
+        const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
+        const kinematics::Solution* solution = inverse.reachable();
+        if (solution == nullptr) return;
+        const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, solution->joints);
+        const Vec3 F = job.X_MW.R * sample.force, n = job.X_MW.R * (side * sample.away);
+        const Vec3 along_tool = plunges ? Vec3::Zero() : Vec3(job.X_MW.R * up);
+        point.lever.resize(static_cast<Eigen::Index>(columns));
+        point.lever_up.resize(static_cast<Eigen::Index>(columns));
+        for (std::size_t k = 0; k < columns; ++k) {
+          const Vec3 shift = unit[k] * F;
+          point.lever[static_cast<Eigen::Index>(k)] = n.dot(shift);
+          point.lever_up[static_cast<Eigen::Index>(k)] = along_tool.dot(shift);
+        }
+      }
+      walls[w].points.push_back(std::move(point));
+    };
+    for (const Sample& sample : standing[w].evenly())
+      stand(sample, corners.deviation[static_cast<std::size_t>(sample.move)]);
+    for (const Sample& sample : standing[w].farthest()) stand(sample, 0);  // a corner is looked at below
+    if (walls[w].points.empty()) {
+      return fail("MC310",
+                  "the prediction does not find this wall again, so nothing can be said of how likely it is inside",
+                  {program.path, walls[w].move->line, 1}, "give a smaller step_mm in the job");
     }
   }
   // What the controller rounds counts with the whole of the block that ends there, as it does for the answer.
@@ -202,31 +254,28 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
       return std::abs(a.error) < std::abs(b.error);
     });
     point.error = std::copysign(correction.after.commanded_distance[c], point.error);
-    point.room = room_of(0, corners.deviation[c]);
+    point.vertical = 0;  // in the distance
+    point.tube = tube_beside(corners.deviation[c]);
     point.corner = true;
     points.push_back(std::move(point));
   }
 
   // Every variation of the coefficients once through the corrected program.
-  cutting::Stock scratch;
   for (std::size_t v = 0; v < job.material.spread.size(); ++v) {
     Job changed = job;
     changed.material = varied(job.material, job.material.spread[v]);
     PredictOptions options;
-    options.step = std::min(job.step, kCheckStep);
-    const double first = 0.2 + 0.8 * double(v) / double(job.material.spread.size());
-    if (progress) {
-      options.progress = [&, first](double share) {
-        return progress(first + 0.8 * share / double(job.material.spread.size()));
-      };
-    }
+    options.step = pass.step;
+    options.progress = share_of_pass(1.2 + double(v));
     POLYPOD_ASSIGN(p, predict_way(changed, correction.program, way, options, scratch));
     std::vector<bool> found(walls.size(), false);
     for (const MovePrediction& move : p.moves) {
       const int w = wall_of[static_cast<std::size_t>(move.move)];
       if (w < 0 || move.normal.count == 0) continue;
       Wall& wall = walls[static_cast<std::size_t>(w)];
-      wall.by_variation[v] = std::abs(move.normal.mean - wall.move->normal.mean) / kHalf95;
+      wall.by_variation[v] = (move.normal.mean - wall.move->normal.mean) / kHalf95;
+      if (!is_plunge(correction.programmed[static_cast<std::size_t>(move.move)], up))
+        wall.by_variation_up[v] = (move.vertical.mean - wall.move->vertical.mean) / kHalf95;
       found[static_cast<std::size_t>(w)] = std::isfinite(wall.by_variation[v]);
     }
     if (const auto lost = std::find(found.begin(), found.end(), false); lost != found.end()) {
@@ -250,8 +299,8 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
     w.line = wall.move->line;
     const Point& nearest = *std::min_element(
         wall.points.begin(), wall.points.end(),
-        [](const Point& a, const Point& b) { return a.room - std::abs(a.error) < b.room - std::abs(b.error); });
-    w.room = nearest.room;
+        [](const Point& a, const Point& b) { return a.room() - std::abs(a.error) < b.room() - std::abs(b.error); });
+    w.room = nearest.room();
     w.by_input.assign(names.size(), 0.0);
     w.low = w.high = wall.points.front().error;
     double of_variations = 0;

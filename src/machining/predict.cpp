@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "aside.hpp"
+#include "few.hpp"
 #include "in_order.hpp"
 #include "modes.hpp"
 #include "plunges.hpp"
@@ -31,26 +32,6 @@ namespace {
 constexpr double kHalf95 = 1.96;
 // A cut as near as this to the end of a move feels that the controller rounds the corner there, m.
 constexpr double kNearCorner = 1e-3;
-
-/// Of any number of points in a row at most 200, at equal distances: where they are too many, every other goes.
-class Few {
- public:
-  void add(const Sample& sample) {
-    if (seen_++ % stride_ != 0) return;
-    if (kept_.size() == kMost) {
-      for (std::size_t i = 0; 2 * i < kMost; ++i) kept_[i] = kept_[2 * i];
-      kept_.resize(kMost / 2);
-      stride_ *= 2;  // kMost is even, so this sample is the next in the wider row
-    }
-    kept_.push_back(sample);
-  }
-  std::vector<Sample> take() { return std::move(kept_); }
-
- private:
-  static constexpr std::size_t kMost = 200;
-  std::vector<Sample> kept_;
-  std::size_t seen_ = 0, stride_ = 1;
-};
 
 /// The length of an error; on a plunge without what is held back.
 double distance_that_counts(const gcode::Move& programmed, const Vec3& off, const Vec3& axis) {

@@ -45,12 +45,13 @@ struct Confidence {
 /// statics::column_names; empty: exact) and by the variations of the cutting coefficients (Material::spread, each half
 /// of a 95 % interval: 1.96 sd), taken as normal and independent of each other.
 ///
-/// The error of a point is e + g^T c + sum_v sd_v x_v: e as it was found, g_k = n^T J_k J_k^T F (compliance_band) with
-/// the drawn compliances c, and for each variation the change of the wall's mean normal error when it goes through the
-/// whole program once more. A wall is inside where all of its points are; the probability is the share of 4096 draws,
-/// the same in every call: its standard error is sqrt(p (1 - p) / 4096), and of 1 or 0 it says no more than that all or
-/// none were inside (95 %: beyond 0.9993). Points: those of Prediction::few, and the farthest
-/// errors of the wall, which go as the nearest of those. Left out: that
+/// The error of a point across the path is e + g^T c + sum_v sd_v x_v: e as it was found, g_k = n^T J_k J_k^T F
+/// (compliance_band) with the drawn compliances c, and for each variation the change of the wall's mean normal error
+/// when it goes through the whole program once more. The error along the tool goes the same way, with the tool's axis
+/// in the place of n and the same draws; of a plunge it does not count. A wall is inside where both together are at all
+/// of its points; the probability is the share of 4096 draws, the same in every call: its standard error is sqrt(p (1 -
+/// p) / 4096), and of 1 or 0 it says no more than that all or none were inside (95 %: beyond 0.9993). Points: those of
+/// Prediction::few, and the farthest errors of the wall both ways, which go as the nearest of those. Left out: that
 /// another deflection changes the force (S a little too wide), the machine's geometry, and everything that the model
 /// leaves out. Cost: one pass a variation, and 10 us a point for an arm. Errors: those of run_pass; MC310 a
 /// variation with which a wall is not found.
