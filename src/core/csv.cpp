@@ -341,7 +341,14 @@ Result<double> Table::number(const Row& row, std::string_view name) const {
     return fail("ID101", fmt::format("{} = \"{}\" is not a finite number", name, cell),
                 column == nullptr ? place_of(row) : place_of_cell(*this, row, column->cell));
   }
-  return column->factor == 1 ? *value : *value * column->factor;
+  const double out = column->factor == 1 ? *value : *value * column->factor;
+  // Lengths as those of machines (1e6 m); of everything else no instrument shows more, and sums and squares stay finite.
+  const double most = name.ends_with("_mm") ? 1e9 : 1e15;
+  if (std::abs(out) > most) {
+    return fail("ID101", fmt::format("{} = \"{}\": beyond {:g}, more than can be measured", name, cell, most),
+                place_of_cell(*this, row, column->cell), "check the unit and the decimal point");
+  }
+  return out;
 }
 
 Result<double> Table::number(const Row& row, std::string_view name, double otherwise) const {

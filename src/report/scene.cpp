@@ -389,7 +389,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
       if (k + 1 == points.size() || !finite(points[k + 1])) continue;
       // Short pieces, so that each is before or behind a triangle as a whole.
       const Point3 way = points[k + 1] - points[k];
-      const int count = std::clamp(static_cast<int>(60 * std::sqrt(dot(way, way)) / longest), 1, 200);
+      const int count = static_cast<int>(std::clamp(60 * std::sqrt(dot(way, way)) / longest, 1.0, 200.0));
       for (int i = 0; i < count; ++i) {
         const Point3 a = points[k] + (double(i) / count) * way, b = points[k] + (double(i + 1) / count) * way;
         const Point p = project(a), q = project(b);

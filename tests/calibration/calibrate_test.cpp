@@ -693,6 +693,7 @@ TEST(Measurements, BadFilesAreNamedWithTheirLine) {
       {q + "x_mm,y_mm\n", "ID100", 1},
       {q + "x_mm,y_mm,z_mm\n", "ID102", 0},
       {q + "x_mm,y_mm,z_mm\n" + values + "1,2,three\n", "ID101", 2},
+      {q + "x_mm,y_mm,z_mm\n" + values + "1,2,1e10\n", "ID101", 2},
       {q + "x_mm,y_mm,z_mm\n" + values + "1,2\n", "ID101", 2},
       {q + "x_mm,y_mm,z_mm\n# remark\n" + values + "1,2,3\n" + values + "1,2,3\n", "ID103", 4},
       {q + "x_mm,y_mm,z_mm,x_mm\n", "ID106", 1},

@@ -46,7 +46,7 @@ class Table {
   [[nodiscard]] Status needs(const std::vector<std::string>& names) const;
   /// The text of a cell; empty where the row is short or there is no such column.
   [[nodiscard]] std::string text(const Row& row, std::string_view name) const;
-  /// Errors: ID101 where the cell is not a finite number.
+  /// Errors: ID101 where the cell is not a finite number, or beyond 1e9 of a name in mm, 1e15 of others.
   [[nodiscard]] Result<double> number(const Row& row, std::string_view name) const;
   /// The same, or `otherwise` where there is no such column or the cell is empty.
   [[nodiscard]] Result<double> number(const Row& row, std::string_view name, double otherwise) const;
