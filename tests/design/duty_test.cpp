@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/design/duty.hpp"
 
+#include <Eigen/LU>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -63,6 +64,33 @@ TEST(Duty, StiffnessForceDeflectionAndLegOfASymmetricHexapodInClosedForm) {
   EXPECT_NEAR(e.figures[1].value, force, kRelative * force);
   EXPECT_NEAR(e.figures[2].value, 120 / stiffness, kRelative * 120 / stiffness);
   EXPECT_NEAR(e.figures[3].value, 70, 70 * kRelative);
+}
+
+/// A force aside and a moment at a turned pose: the struts' forces along their axes balance both, solved here from the
+/// places of their joints alone.
+TEST(Duty, ForcesOfTheStrutsBalanceForceAndMoment) {
+  const double r1 = 50;
+  const Pose X{rotation_abc(8 * kRad, -5 * kRad, 12 * kRad), Vec3(4e-3, -3e-3, 62e-3)};
+  const auto s = study("poses = [[4, -3, 62, 8, -5, 12]]\nload_N = [40, 15, -100]\nload_moment_Nm = [1.5, -2, 0.8]\n" +
+                           kRadius + goal("drive_force_N", "min"),
+                       compliant());
+  ASSERT_TRUE(s) << to_string(s.error());
+  const Evaluation e = evaluated(*s, r1);
+  ASSERT_EQ(e.state, State::done) << e.reason;
+  const auto read = machine::from_text(compliant(), "strut.toml");
+  ASSERT_TRUE(read) << to_string(read.error());
+  const auto& m = std::get<machine::StrutHexapod>(*read);
+  Eigen::Matrix<double, 6, 6> wrenches;
+  for (int i = 0; i < 6; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const Vec3 from_tip = X.R * m.platform_joint[k];  // tool length 0: the tip is the platform's origin
+    const Vec3 along = (X.p + from_tip - m.base_joint[k]).normalized();
+    wrenches.col(i) << along, from_tip.cross(along);
+  }
+  Vec6 load;
+  load << 40, 15, -100, 1.5, -2, 0.8;
+  const double force = wrenches.fullPivLu().solve(load).cwiseAbs().maxCoeff();
+  EXPECT_NEAR(e.figures[0].value, force, 1e-9 * force);
 }
 
 /// A mass at the tip alone swings on the softest direction: w^2 = k / m; and its weight loads the struts.

@@ -9,6 +9,7 @@
 #include "polypod/machining/accept.hpp"
 #include "polypod/pages/correction.hpp"
 #include "polypod/pages/prediction.hpp"
+#include "polypod/statics/compliance.hpp"
 
 namespace polypod {
 namespace {
@@ -133,6 +134,20 @@ TEST(Answers, ADwellCutsWhatIsHeldBack) {
   // A dwell that a switch may skip, or with the spindle at rest, is none.
   EXPECT_EQ(correct(with_text(hole("250", "/G4 P0.5\n"))).after.plunges.size(), 1u);
   EXPECT_EQ(correct(with_text(hole("250", "M5\nG4 P0.5\nM3\n"))).after.plunges.size(), 1u);
+}
+
+/// A dwell is at least one revolution, so that every tooth has passed, however little is held back.
+TEST(Answers, TheAdvisedDwellIsARevolutionAtLeast) {
+  auto e = with_text(hole("250", ""));
+  e.job.tolerance = 30e-6;
+  std::vector<double> stiff = statics::column_compliances(e.job.machine);
+  for (double& c : stiff) c *= 0.02;  // some um are held back
+  e.job.machine = testing::unwrap(statics::with_compliances(e.job.machine, stiff));
+  const auto p = testing::predict(e);
+  ASSERT_EQ(p.plunges.size() + (p.plunge_within.held_back > 0 ? 1 : 0), 1u);
+  const machining::Plunge& plunge = p.plunges.empty() ? p.plunge_within : p.plunges[0];
+  EXPECT_GT(plunge.held_back, 0.2e-6);
+  EXPECT_NEAR(plunge.needed, 60.0 / 8000, 1e-9);
 }
 
 TEST(Answers, EdgesThatPressKeepTheToolUp) {
