@@ -107,8 +107,9 @@ std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, dou
   const double limit = limits[static_cast<std::size_t>(hardest.joint)];
   const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
   return fmt::format(
-      "joint {} would accelerate with up to {:.0f} {} where its limit is {:.0f} ({:.0f} of them at the feed, the rest "
-      "where the controller accelerates with {:.0f} mm/s2)",
+      "joint {} would accelerate with up to {:.0f} {} where its limit is {:.0f}, {:.0f} of them at the feed and the "
+      "rest "
+      "as the controller accelerates with {:.0f} mm/s2",
       hardest.joint + 1, user(hardest.share * limit), turns ? "deg/s2" : "mm/s2", user(limit),
       user(hardest.of_speed * limit), units::to_mm(tip_acceleration));
 }

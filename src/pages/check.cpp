@@ -104,7 +104,12 @@ class Page {
     for (std::size_t i = 0; i < std::min(kShown, result_.problems.size()); ++i) {
       const CheckProblem& p = result_.problems[i];
       constexpr std::size_t kLong = 160;  // characters of a detail; the table has it whole
-      std::size_t cut = p.detail.size() > kLong ? p.detail.rfind(", ", kLong) : std::string::npos;
+      std::size_t cut = std::string::npos;
+      if (p.detail.size() > kLong) {
+        for (const char* end : {", ", "; "})
+          if (const std::size_t at = p.detail.rfind(end, kLong); at != std::string::npos)
+            cut = cut == std::string::npos ? at : std::max(cut, at);
+      }
       report_.add_verdict(Verdict::bad, fmt::format("Line {}, {}: {}{}.", p.line, p.kind, p.detail.substr(0, cut),
                                                     cut < p.detail.size() ? " and more, see the table" : ""));
     }

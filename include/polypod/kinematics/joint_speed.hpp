@@ -48,8 +48,8 @@ struct HardestJoint {
 HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to,
                            const Stretch& stretch, const std::vector<double>& limits);
 
-/// "joint 4 would accelerate with 412 deg/s2 where its limit is 180 (400 of them where the controller accelerates with
-/// 1000 mm/s2)".
+/// "joint 4 would accelerate with up to 412 deg/s2 where its limit is 180, 12 of them at the feed and the rest as the
+/// controller accelerates with 1000 mm/s2".
 std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, double tip_acceleration,
                      const std::vector<double>& limits);
 
