@@ -170,7 +170,8 @@ Command check_command() {
   };
   auto o = std::make_shared<Options>();
   return {
-      "check", "Does a program fit a machine: reach, limits, branches, joint speeds and accelerations, collisions, time",
+      "check",
+      "Does a program fit a machine: reach, limits, branches, joint speeds and accelerations, collisions, time",
       "polypod check program.ngc --job job.toml",
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");

@@ -342,7 +342,8 @@ Result<double> Table::number(const Row& row, std::string_view name) const {
                 column == nullptr ? place_of(row) : place_of_cell(*this, row, column->cell));
   }
   const double out = column->factor == 1 ? *value : *value * column->factor;
-  // Lengths as those of machines (1e6 m); of everything else no instrument shows more, and sums and squares stay finite.
+  // Lengths as those of machines (1e6 m); of everything else no instrument shows more, and sums and squares stay
+  // finite.
   const double most = name.ends_with("_mm") ? 1e9 : 1e15;
   if (std::abs(out) > most) {
     return fail("ID101", fmt::format("{} = \"{}\": beyond {:g}, more than can be measured", name, cell, most),
