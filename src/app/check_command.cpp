@@ -63,6 +63,10 @@ void print_answer(const std::string& program, const machining::CheckResult& resu
   }
   for (std::size_t i = 0; i < std::min(kShown, result.not_judged.size()); ++i) {
     const machining::CheckProblem& p = result.not_judged[i];
+    if (p.line == 0) {
+      fmt::print("  not judged: {} {}\n", p.kind, p.detail);
+      continue;
+    }
     fmt::print("  not judged: {}:{}: {}: {}\n", program, p.line, p.kind == "end" ? "the whole move" : "its way",
                p.detail);
   }

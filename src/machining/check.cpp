@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/machine/assumed.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/tilted.hpp"
 
@@ -253,6 +254,9 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     out.problems.push_back(
         {out.not_judged.front().line, "empty",
          "no move ends where X, Y and Z are known, so there is nothing to judge: give all three with G0"});
+  }
+  if (machine::limits_are_assumed(machine)) {
+    out.not_judged.push_back({0, "limits", fmt::format("of the joints: {}", machine::kAssumedLimits)});
   }
   out.ok = out.problems.empty();
   return out;

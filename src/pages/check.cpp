@@ -118,17 +118,22 @@ class Page {
       report_.add_text(more == 1 ? std::string("One further problem stands in the table below.")
                                  : fmt::format("{} further problems stand in the table below.", more));
     }
-    if (!all) {
-      report_.add_verdict(Verdict::neutral,
-                          fmt::format("Not judged: {}{}.", result_.not_judged.size() == 1 ? "line " : "lines ", [&] {
-                            std::string out;
-                            constexpr std::size_t kNamed = 12;
-                            for (std::size_t i = 0; i < std::min(kNamed, result_.not_judged.size()); ++i)
-                              out += fmt::format("{}{}", i > 0 ? ", " : "", result_.not_judged[i].line);
-                            if (result_.not_judged.size() > kNamed)
-                              out += fmt::format(" and {} more", result_.not_judged.size() - kNamed);
-                            return out + ", where X, Y and Z are not all known";
-                          }()));
+    std::vector<int> unknown;
+    for (const CheckProblem& p : result_.not_judged) {
+      if (p.line > 0) {
+        unknown.push_back(p.line);
+      } else {
+        report_.add_verdict(Verdict::neutral, fmt::format("Not judged: {} {}.", p.kind, p.detail));
+      }
+    }
+    if (!unknown.empty()) {
+      constexpr std::size_t kNamed = 12;
+      std::string named;
+      for (std::size_t i = 0; i < std::min(kNamed, unknown.size()); ++i)
+        named += fmt::format("{}{}", i > 0 ? ", " : "", unknown[i]);
+      if (unknown.size() > kNamed) named += fmt::format(" and {} more", unknown.size() - kNamed);
+      report_.add_verdict(Verdict::neutral, fmt::format("Not judged: {} {}, where X, Y and Z are not all known.",
+                                                        unknown.size() == 1 ? "line" : "lines", named));
     }
     if (!options_.places.empty()) report_.add_list(options_.places);
     report_.add_key_figures({{fixed(result_.time, 1), "s", "time without acceleration", Verdict::neutral},
@@ -267,7 +272,7 @@ class Page {
     table.columns = {{"line", "", -1}, {"kind", "", -1}, {"where and why", "", -1}};
     const auto add = [&](const std::vector<CheckProblem>& all, const char* before) {
       for (const CheckProblem& p : all)
-        if (table.rows.size() < kTable) table.rows.push_back({std::to_string(p.line), before + p.kind, p.detail});
+        if (table.rows.size() < kTable) table.rows.push_back({p.line > 0 ? std::to_string(p.line) : "", before + p.kind, p.detail});
     };
     add(result_.problems, "");
     add(result_.not_judged, "not judged: ");

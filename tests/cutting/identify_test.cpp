@@ -198,7 +198,7 @@ TEST(IdentifyCutting, FilesAreReadAndBadOnesNamedWithTheirLine) {
       {header + "0.05,2,4,sideways,3,1,2\n", "ID120", 2},
       {header + "0,2,4,up,3,1,2\n", "ID120", 2},
       {header + "0.05,2,,up,3,1,2\n", "ID120", 2},
-      {header + "0.05,2,4,down,-1e308,1,2\n", "ID120", 2},
+      {header + "0.05,2,4,down,-1e308,1,2\n", "ID101", 2},
       {header + "0.05,2,4,down,1,1e7,2\n", "ID120", 2},
       {header + "0.05,1e9,4,down,1,1,2\n", "ID120", 2},
       {header + "1e9,2,4,down,1,1,2\n", "ID120", 2},

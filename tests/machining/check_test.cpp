@@ -193,6 +193,28 @@ TEST(Check, AnEndThatIsNotKnownIsNotTakenAsTheOrigin) {
   EXPECT_EQ(nowhere.problems[0].kind, "empty");
 }
 
+/// An arm whose file gives no limits gets a turn each way: that its real joints keep theirs is not known.
+TEST(Check, AssumedLimitsAreNoLimitsThatWereJudged) {
+  const auto e = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0\nG1 X9 F1000\nM2\n");
+  const std::string text = machine::to_toml(e.job.machine);
+  const std::size_t begin = text.find("limits = ["), end = text.find("]\n", begin);
+  ASSERT_NE(end, std::string::npos);
+  const std::string without = text.substr(0, begin) + text.substr(end + 2);
+  const auto limits_not_judged = [&](const std::string& arm) {
+    const auto r =
+        testing::unwrap(machining::check(testing::unwrap(machine::from_text(arm, "arm.toml")),
+                                         Pose{Mat3::Identity(), Vec3(0, -1.3, 0)}, e.program, e.interpretation));
+    EXPECT_TRUE(r.ok);
+    return std::count_if(r.not_judged.begin(), r.not_judged.end(), [](const machining::CheckProblem& p) {
+      return p.kind == "limits" && p.line == 0 && p.detail.find("assumed") != std::string::npos;
+    });
+  };
+  EXPECT_EQ(limits_not_judged(text), 0);
+  EXPECT_EQ(limits_not_judged(without), 1);
+  // Written and read again, they are still assumed.
+  EXPECT_EQ(limits_not_judged(machine::to_toml(testing::unwrap(machine::from_text(without, "arm.toml")))), 1);
+}
+
 TEST(Check, AProgramWithoutAMoveIsNoYes) {
   const auto r = check(testing::with_program("slavkovic_square", "G21 G90\n(nothing)\nM2\n"), Vec3(0, -1300, 0));
   EXPECT_FALSE(r.ok);

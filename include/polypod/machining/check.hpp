@@ -27,7 +27,8 @@ struct CheckResult {
   bool ok = false;                     ///< no problem was found in what was judged
   std::vector<CheckProblem> problems;  ///< the first of each kind of each move
   /// Moves of which X, Y and Z are not known from their start on, since the program has not said where the tool is:
-  /// "end" (neither where it ends nor its way is judged) or "way" (its end is judged).
+  /// "end" (neither where it ends nor its way is judged) or "way" (its end is judged). And "limits", with line 0, where
+  /// those of the joints are assumed.
   std::vector<CheckProblem> not_judged;
   double time = 0;    ///< s, of the feed moves and, at `rapid_speed`, the rapids; without acceleration
   double length = 0;  ///< m

@@ -8,6 +8,7 @@
 #include "../../machine/machine_file.hpp"
 #include "../../machine/parameter_list.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machine/assumed.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -44,7 +45,10 @@ Result<DhRow> row_from(const config::Table& table) {
 
 Status read_limits(const config::Table& table, SerialArm& arm) {
   POLYPOD_ASSIGN(limits, table.tables("limits"));
-  if (limits.empty()) return {};
+  if (limits.empty()) {
+    arm.provenance["limits"] = kAssumedLimits;
+    return {};
+  }
   const bool for_all = limits.size() == arm.dh.size();
   if (!for_all && static_cast<int>(limits.size()) != arm.free_joints()) {
     return fail("MA112",
