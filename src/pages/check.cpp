@@ -272,7 +272,8 @@ class Page {
     table.columns = {{"line", "", -1}, {"kind", "", -1}, {"where and why", "", -1}};
     const auto add = [&](const std::vector<CheckProblem>& all, const char* before) {
       for (const CheckProblem& p : all)
-        if (table.rows.size() < kTable) table.rows.push_back({p.line > 0 ? std::to_string(p.line) : "", before + p.kind, p.detail});
+        if (table.rows.size() < kTable)
+          table.rows.push_back({p.line > 0 ? std::to_string(p.line) : "", before + p.kind, p.detail});
     };
     add(result_.problems, "");
     add(result_.not_judged, "not judged: ");
