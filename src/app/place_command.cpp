@@ -12,6 +12,7 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machine/assumed.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/pages/place.hpp"
 #include "stages_line.hpp"
@@ -66,16 +67,20 @@ Json range_json(const machine::JointRange& r, double (*user)(double)) {
 constexpr const char* kNotJudged =
     "collisions of machine, tool and part with table and fixture are not judged, nor how the part can be clamped";
 
-/// What is said of a program with blocks that begin with /; empty: it has none.
-std::string note_on_switch(const Input& in) {
-  if (!in.other) return {};
-  return fmt::format("places fit with block delete on and off; errors are those with it {}",
-                     in.job.block_delete ? "on" : "off");
+/// What was not judged, and how a program was with blocks that begin with /.
+std::vector<std::string> notes_of(const Input& in) {
+  std::vector<std::string> out{kNotJudged};
+  if (machine::limits_are_assumed(in.job.machine))
+    out.push_back(fmt::format("limits of the joints are not judged: {}", machine::kAssumedLimits));
+  if (in.other) {
+    out.push_back(fmt::format("places fit with block delete on and off; errors are those with it {}",
+                              in.job.block_delete ? "on" : "off"));
+  }
+  return out;
 }
 
-Json answer_json(const PlaceResult& r, const std::string& on_switch) {
-  Json judged = Json::array(), map = Json::array(), rotations = Json::array(), notes = Json::array({kNotJudged});
-  if (!on_switch.empty()) notes.push_back(on_switch);
+Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
+  Json judged = Json::array(), map = Json::array(), rotations = Json::array();
   for (const machining::JudgedPlace& j : r.judged) {
     judged.push_back({{"origin_mm", rounded_mm(j.at.origin)},
                       {"turn_deg", turn_for_user(j.at.turn)},
@@ -120,7 +125,7 @@ std::string in_words(const Placing& at) {
                      unsigned_zero(fmt::format("{:.1f}", to_deg(at.turn))));
 }
 
-void print_answer(const PlaceResult& r, const std::string& on_switch) {
+void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
   if (r.start_error) {
     fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_error), in_words(r.start));
   } else {
@@ -141,8 +146,7 @@ void print_answer(const PlaceResult& r, const std::string& on_switch) {
   if (r.at_border)
     fmt::print("note: the best place lies at the boundary of that box; a larger box may hold a better one\n");
   fmt::print("note: the best that a search found; that there is none better is not proven\n");
-  fmt::print("note: {}\n", kNotJudged);
-  if (!on_switch.empty()) fmt::print("note: {}\n", on_switch);
+  for (const std::string& note : notes) fmt::print("note: {}\n", note);
 }
 
 }  // namespace
@@ -209,9 +213,9 @@ Command place_command() {
               o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));
         }
         if (context.json) {
-          print_json(answer_json(result, note_on_switch(in)));
+          print_json(answer_json(result, notes_of(in)));
         } else {
-          print_answer(result, note_on_switch(in));
+          print_answer(result, notes_of(in));
           if (!o->report.empty() && result.best) fmt::print("wrote {}\n", one_line(o->report));
         }
         return result.best ? kDone : kAnswerIsNo;
