@@ -21,7 +21,7 @@ FastestJoint between(const JointVector& from, const JointVector& to, double seco
   FastestJoint out;
   for (int i = 0; i < static_cast<int>(to.size()); ++i) {
     const double share = std::abs(to[i] - from[i]) / (seconds * limits[static_cast<std::size_t>(i)]);
-    if (share > out.share) out = {i, share};
+    if (share > out.share) out = {i, share, true};
   }
   return out;
 }
@@ -40,16 +40,17 @@ std::vector<JointVector> joints_along(const AnyMachine& machine, const JointVect
   return out;
 }
 
-/// |q_x| of each joint: the length of its gradient against the position of the tip, the orientation kept.
+/// |q_x| + |q_y| + |q_z| of each joint, against the position of the tip in M, the orientation kept: the most that it
+/// takes where each of the three goes by up to 1.
 Eigen::VectorXd by_position(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {
   const machine::Task task = kinematics::task(machine);
   const Pose X = settled(machine, X_MT, q);
   const Eigen::MatrixXd inverse =
       task_jacobian(task, jacobian(machine, X, q), X).completeOrthogonalDecomposition().pseudoInverse();
-  Eigen::VectorXd squares = Eigen::VectorXd::Zero(q.size());
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(q.size());
   for (int i = 0; i < task.size(); ++i)
-    if (!task.is_angle(i)) squares += inverse.col(i).cwiseAbs2();
-  return squares.cwiseSqrt();
+    if (!task.is_angle(i)) sum += inverse.col(i).cwiseAbs();
+  return sum;
 }
 
 }  // namespace
@@ -59,6 +60,7 @@ FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, c
   FastestJoint out = between(from, to, seconds, limits);
   if (out.share <= kCloserFrom) return out;
   const std::vector<JointVector> q = joints_along(machine, from, to, pose, kCloser);
+  out.judged = !q.empty();
   for (std::size_t k = 1; k < q.size(); ++k) {
     const FastestJoint closer = between(q[k - 1], q[k], seconds / kCloser, limits);
     if (closer.share > out.share) out = closer;
@@ -70,11 +72,15 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
                            const Stretch& stretch, const std::vector<double>& limits) {
   constexpr double kShortestPiece = 1e-5;  // m, below which rounding shows in second differences
   const auto n = static_cast<std::size_t>(to.size());
-  const Eigen::VectorXd along = (to - from).cwiseAbs() / stretch.length;
+  // Along the way a controller takes as much as its axes allow: more where the way lies between them.
+  const Vec3 way = stretch.pose(1).p - stretch.pose(0).p;
+  const double most_of_an_axis = way.norm() > 0 ? way.cwiseAbs().maxCoeff() / way.norm() : 1;
+  const Eigen::VectorXd along = (to - from).cwiseAbs() / (stretch.length * most_of_an_axis);
   const Eigen::VectorXd by_tip = stretch.tip_acceleration * along.cwiseMax(by_position(machine, stretch.pose(1), to));
   const auto hardest = [&](int pieces) {
     HardestJoint out;
     const std::vector<JointVector> q = joints_along(machine, from, to, stretch.pose, pieces);
+    out.judged = !q.empty();
     const double time = stretch.seconds / pieces;
     for (std::size_t i = 0; i < n; ++i) {
       const auto at = static_cast<int>(i);
@@ -82,7 +88,7 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
       for (std::size_t k = 1; k + 1 < q.size(); ++k)
         bent = std::max(bent, std::abs(q[k - 1][at] - 2 * q[k][at] + q[k + 1][at]) / (time * time));
       const double share = (bent + by_tip[at]) / limits[i];
-      if (share > out.share) out = {at, share, bent / limits[i]};
+      if (share > out.share) out = {at, share, bent / limits[i], out.judged};
     }
     return out;
   };
@@ -90,7 +96,9 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
   const HardestJoint coarse = hardest(2);
   if (most == 2 || coarse.share <= kCloserFrom) return coarse;
   const HardestJoint fine = hardest(most);
-  return fine.share > coarse.share ? fine : coarse;
+  HardestJoint out = fine.share > coarse.share ? fine : coarse;
+  out.judged = coarse.judged && fine.judged;
+  return out;
 }
 
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits) {
@@ -108,8 +116,7 @@ std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, dou
   const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
   return fmt::format(
       "joint {} would accelerate with up to {:.0f} {} where its limit is {:.0f}, {:.0f} of them at the feed and the "
-      "rest "
-      "as the controller accelerates with {:.0f} mm/s2",
+      "rest as the controller accelerates with {:.0f} mm/s2",
       hardest.joint + 1, user(hardest.share * limit), turns ? "deg/s2" : "mm/s2", user(limit),
       user(hardest.of_speed * limit), units::to_mm(tip_acceleration));
 }

@@ -55,6 +55,7 @@ class Demands {
     if (!limits_.joint_speeds.empty()) {
       const kinematics::FastestJoint fastest =
           kinematics::fastest_joint(machine_, from, to, stretch.seconds, limits_.joint_speeds, stretch.pose);
+      if (!fastest.judged) lost(line, where);
       if (out_.fastest_line == 0 || fastest.share > out_.fastest.share) {
         out_.fastest = fastest;
         out_.fastest_line = line;
@@ -69,6 +70,7 @@ class Demands {
     if (!limits_.joint_accelerations.empty()) {
       const kinematics::HardestJoint hardest =
           kinematics::hardest_joint(machine_, from, to, stretch, limits_.joint_accelerations);
+      if (!hardest.judged) lost(line, where);
       if (out_.hardest_line == 0 || hardest.share > out_.hardest.share) {
         out_.hardest = hardest;
         out_.hardest_line = line;
@@ -82,7 +84,7 @@ class Demands {
       }
     }
   }
-  void next_move() { speed_ = acceleration_ = {}; }
+  void next_move() { speed_ = acceleration_ = between_ = {}; }
 
  private:
   struct Worst {
@@ -99,6 +101,11 @@ class Demands {
     }
     of.share = share;
   }
+  void lost(int line, const std::string& where) {
+    if (between_.share > 0) return;
+    worst(between_, "limit", 1, line,
+          fmt::format("{}: a pose between here and the point before has no joints within the limits", where));
+  }
   /// The feed's part goes with its square, the controller's with its acceleration.
   static std::string remedy(const kinematics::HardestJoint& hardest, double feed, double tip_acceleration) {
     const double of_tip = hardest.share - hardest.of_speed;
@@ -114,7 +121,7 @@ class Demands {
   const machine::AnyMachine& machine_;
   const MotionLimits& limits_;
   CheckResult& out_;
-  Worst speed_, acceleration_;  // of this move
+  Worst speed_, acceleration_, between_;  // of this move
 };
 
 }  // namespace

@@ -13,6 +13,7 @@
 
 #include "not_negative.hpp"
 #include "polypod/core/statistics.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/measured_map.hpp"
 
@@ -72,12 +73,9 @@ std::string in_words(const Mat3& P, const std::string& prefix) {
     if (P.row(i).sum() < 0) reversed.push_back(i);
   }
   const auto names = [&](const std::vector<int>& axes) {
-    std::string out;
-    for (std::size_t k = 0; k < axes.size(); ++k) {
-      if (k > 0) out += k + 1 == axes.size() ? " and " : ", ";
-      out += prefix + kAxes[axes[k]];
-    }
-    return out;
+    std::vector<std::string> out;
+    for (const int axis : axes) out.push_back(prefix + kAxes[axis]);
+    return listed(out);
   };
   std::string out;
   if (moved.size() == 2) out = names(moved) + " are exchanged";

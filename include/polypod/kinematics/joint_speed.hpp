@@ -14,6 +14,8 @@ namespace polypod::kinematics {
 struct FastestJoint {
   int joint = 0;
   double share = 0;  ///< 1: at its limit
+  bool judged =
+      true;  ///< false: a pose between the ends has no joints within the limits, so that more may be asked for
 };
 
 /// Between two poses with the joints `from` and `to`, `seconds` apart: differences over the time. Where a joint comes
@@ -30,7 +32,7 @@ struct Stretch {
   double seconds = 0;
   double length = 0;                 ///< m
   std::function<Pose(double)> pose;  ///< for 0 <= s <= 1
-  double tip_acceleration = 0;       ///< m/s^2, that the controller may take at any time, in any direction
+  double tip_acceleration = 0;       ///< m/s^2, that the controller may take at any time along each of x, y and z of M
 };
 
 /// Of the joints, the one whose acceleration is the largest share of its limit.
@@ -38,13 +40,15 @@ struct HardestJoint {
   int joint = 0;
   double share = 0;     ///< 1: at its limit
   double of_speed = 0;  ///< the part of it that the tip's constant speed asks for
+  bool judged = true;   ///< false: a pose between the ends has no joints within the limits
 };
 
-/// On a stretch with the joints `from` and `to` at its ends: |q_ss| v^2 + a max(|q_s|, |q_x|), with v the speed of the
-/// tip, s the way, and q_x the joints against the position of the tip with a kept orientation, in the worst direction.
-/// q_ss by second differences: of two pieces, and of ten where a joint comes to a fifth of its limit. An upper figure:
-/// the controller need not accelerate at full speed. `limits`: one a joint, rad/s^2 or m/s^2. Cost: one inverse and one
-/// Jacobian, and nine inverses more where it looks closer.
+/// On a stretch with the joints `from` and `to` at its ends: |q_ss| v^2 + a max(|q_s| / m, |q_x| + |q_y| + |q_z|), with
+/// v the speed of the tip, s the way, m the largest of |x_s|, |y_s|, |z_s|, and q_x, q_y, q_z the joints against the
+/// position of the tip in M with a kept orientation. q_ss by second differences: of two pieces, and of ten where a
+/// joint comes to a fifth of its limit; where a pose between has no joints, `judged` is false. An upper figure: the
+/// controller need not accelerate at full speed, nor all axes at once. `limits`: one a joint, rad/s^2 or m/s^2. Cost:
+/// one inverse and one Jacobian, and nine inverses more where it looks closer.
 HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to,
                            const Stretch& stretch, const std::vector<double>& limits);
 

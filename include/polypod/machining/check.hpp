@@ -48,8 +48,8 @@ struct CheckResult {
 struct MotionLimits {
   std::vector<double> joint_speeds;         ///< rad/s or m/s
   std::vector<double> joint_accelerations;  ///< rad/s^2 or m/s^2
-  /// m/s^2, of the tool tip: what the controller may take beside the feed, at any point of a cut and in any direction
-  /// (see kinematics::hardest_joint).
+  /// m/s^2, of the tool tip: what the controller may take beside the feed, at any point of a cut along each of x, y and
+  /// z of M (see kinematics::hardest_joint).
   double tip_acceleration = 0;
 };
 /// Those of a job, with the acceleration of its controller.

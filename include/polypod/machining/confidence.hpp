@@ -50,11 +50,10 @@ struct Confidence {
 /// when it goes through the whole program once more. The error along the tool goes the same way, with the tool's axis
 /// in the place of n and the same draws; of a plunge it does not count. A wall is inside where both together are at all
 /// of its points; the probability is the share of 4096 draws, the same in every call: its standard error is sqrt(p (1 -
-/// p) / 4096), and of 1 or 0 it says no more than that all or none were inside (95 %: beyond 0.9993). Points: those of
-/// Prediction::few, and the farthest errors of the wall both ways, which go as the nearest of those. Left out: that
-/// another deflection changes the force (S a little too wide), the machine's geometry, and everything that the model
-/// leaves out. Cost: one pass a variation, and 10 us a point for an arm. Errors: those of run_pass; MC310 a
-/// variation with which a wall is not found.
+/// p) / 4096), and of 1 or 0 it says no more than that all or none were inside (95 %: beyond 0.9993). Points: some of
+/// each wall at equal distances, and the farthest both ways. Left out: that another deflection changes the force (S a
+/// little too wide), the machine's geometry, and everything that the model leaves out. Cost: a pass, one more a
+/// variation, and 10 us a point for an arm. Errors: those of run_pass; MC310 a wall is not found, as with a variation.
 Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, const Correction& correction,
                                  const Eigen::MatrixXd& covariance, const std::function<bool(double)>& progress = {});
 
