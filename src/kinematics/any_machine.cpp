@@ -12,6 +12,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/rates.hpp"
 
 namespace polypod::kinematics {
 
@@ -460,26 +461,38 @@ Eigen::MatrixXd task_jacobian(Task task, const JacobianMatrix& J, const Pose& X_
   return rows_of_task(task, J, X_MT);
 }
 
-Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
-  Dexterity out;
+RateMatrix rate_matrix(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
+  RateMatrix out;
   out.characteristic_length = std::max(length, 0.0);
-  Small S;
   if (const auto* arm = std::get_if<machine::SerialArm>(&machine)) {
-    const JacobianMatrix J = machine::jacobian(*arm, X_MT, q);
-    const Small square = rows_of_task(task(*arm), J, X_MT);
-    if (square.rows() == square.cols()) out.determinant = square.determinant();
-    S = twist_by_rates(*arm, X_MT, J, out.characteristic_length);
-  } else {
-    const Pose X = settled(machine, X_MT, q);
-    S = std::visit([&](const auto& m) { return rates_by_twist(m, X, q, out.characteristic_length); }, machine);
-    if (S.rows() == S.cols()) out.determinant = std::abs(S.determinant());
+    out.serial = true;
+    out.S = twist_by_rates(*arm, X_MT, machine::jacobian(*arm, X_MT, q), out.characteristic_length);
+    for (int i = 0; i < out.S.rows(); ++i)
+      if (task(*arm).is_angle(i)) out.scale *= out.characteristic_length;
+    return out;
+  }
+  const Pose X = settled(machine, X_MT, q);
+  out.S = std::visit([&](const auto& m) { return rates_by_twist(m, X, q, out.characteristic_length); }, machine);
+  return out;
+}
+
+Dexterity dexterity(const RateMatrix& rates) {
+  const Small& S = rates.S;
+  Dexterity out;
+  out.characteristic_length = rates.characteristic_length;
+  if (S.rows() == S.cols()) {
+    out.determinant = S.determinant() / rates.scale;
+    if (!rates.serial) out.determinant = std::abs(out.determinant);
   }
   out.condition = std::numeric_limits<double>::infinity();
   if (!S.allFinite()) return out;
   const auto [least, largest] = singular_range(S);
-  if (S.rows() <= S.cols() || !std::holds_alternative<machine::SerialArm>(machine)) out.sigma_min = least;
+  if (S.rows() <= S.cols() || !rates.serial) out.sigma_min = least;
   if (out.sigma_min > 0) out.condition = largest / out.sigma_min;
   return out;
+}
+Dexterity dexterity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length) {
+  return dexterity(rate_matrix(machine, X_MT, q, length));
 }
 
 }  // namespace polypod::kinematics

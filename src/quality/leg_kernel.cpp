@@ -6,15 +6,12 @@
 #include <cmath>
 #include <limits>
 
+#include "lane_algebra.hpp"
 #include "plan.hpp"
 
 static_assert(alignof(polypod::quality::LegKernel::Group) == 32);
-#define POLYPOD_INLINE [[gnu::always_inline]] inline
 
 namespace polypod::quality {
-
-using Lanes = LegKernel::Lanes;
-using Mask = long long __attribute__((vector_size(LegKernel::kLanes * sizeof(long long))));
 
 std::optional<machine::LegLayout> six_legs_of(const AnyMachine& machine) {
   return std::visit(
@@ -82,148 +79,10 @@ bool LegKernel::set_sizes(const AnyMachine& machine, const std::vector<Sized>& s
 
 namespace {
 
-POLYPOD_INLINE Lanes all_of(double x) {
-  return Lanes{x, x, x, x};
-}
-POLYPOD_INLINE Lanes root(const Lanes& x) {
-  return Lanes{__builtin_sqrt(x[0]), __builtin_sqrt(x[1]), __builtin_sqrt(x[2]), __builtin_sqrt(x[3])};
-}
-POLYPOD_INLINE Lanes magnitude(const Lanes& x) {
-  return x < 0 ? -x : x;
-}
-POLYPOD_INLINE Lanes larger(const Lanes& a, const Lanes& b) {
-  return a > b ? a : b;
-}
-POLYPOD_INLINE bool any(const Mask& m) {
-  return (m[0] | m[1] | m[2] | m[3]) != 0;
-}
-
 /// Row of one leg and what its sizes weigh.
 struct Leg {
   Lanes w[3], moment[3], along_rail, slider;
 };
-
-/// Solves K X = B for 6 x `Columns` right-hand sides in place: elimination with the largest pivot of each column, lane
-/// by lane.
-template <int Columns>
-POLYPOD_INLINE void solve(Lanes (&K)[6][6], Lanes (&B)[6][Columns]) {
-  for (int c = 0; c < 6; ++c) {
-    for (int r = c + 1; r < 6; ++r) {
-      const Mask swap = magnitude(K[r][c]) > magnitude(K[c][c]);
-      for (int j = c; j < 6; ++j) {
-        const Lanes upper = K[c][j];
-        K[c][j] = swap ? K[r][j] : upper;
-        K[r][j] = swap ? upper : K[r][j];
-      }
-      for (int j = 0; j < Columns; ++j) {
-        const Lanes upper = B[c][j];
-        B[c][j] = swap ? B[r][j] : upper;
-        B[r][j] = swap ? upper : B[r][j];
-      }
-    }
-    const Lanes inverse = 1 / K[c][c];
-    for (int r = c + 1; r < 6; ++r) {
-      const Lanes factor = K[r][c] * inverse;
-      for (int j = c + 1; j < 6; ++j) K[r][j] -= factor * K[c][j];
-      for (int j = 0; j < Columns; ++j) B[r][j] -= factor * B[c][j];
-    }
-    K[c][c] = inverse;
-  }
-  for (int c = 5; c >= 0; --c) {
-    for (int j = 0; j < Columns; ++j) {
-      Lanes x = B[c][j];
-      for (int k = c + 1; k < 6; ++k) x -= K[c][k] * B[k][j];
-      B[c][j] = x * K[c][c];
-    }
-  }
-}
-
-/// The extreme eigenvalue of a symmetric tridiagonal matrix (a the diagonal, b2 the squares beside it, at least 0) from
-/// `start` beyond it: Laguerre's steps on the characteristic polynomial, which never overshoot there. `side` = 1 goes
-/// up to the least, -1 down to the largest.
-POLYPOD_INLINE Lanes extreme(const Lanes (&a)[6], const Lanes (&b2)[5], const Lanes& start, double side,
-                             const Lanes& scale) {
-  Lanes x = start;
-  const Lanes tiny = 1e-15 * scale;
-  for (int k = 0; k < 60; ++k) {
-    // d_i = a_i - x - b_{i-1}^2 / d_{i-1}, whose product is the polynomial, with two derivatives.
-    Lanes d = a[0] - x, d1 = all_of(-1), d2 = all_of(0);
-    Lanes ratio = d1 / d;
-    Lanes G = ratio, H = ratio * ratio;
-    for (int i = 1; i < 6; ++i) {
-      const Lanes inverse = 1 / d, q = b2[i - 1] * inverse * inverse;
-      const Lanes next1 = -1 + q * d1, next2 = q * (d2 - 2 * d1 * d1 * inverse);
-      d = a[i] - x - b2[i - 1] * inverse;
-      d1 = next1;
-      d2 = next2;
-      ratio = d1 / d;
-      G += ratio;
-      H += ratio * ratio - d2 / d;
-    }
-    const Lanes inside = 5 * (6 * H - G * G);
-    const Lanes step = 6 / (magnitude(G) + root(larger(inside, all_of(0))));
-    // Past the end, or at a pole: the eigenvalue is reached (comparisons with what is no number are false).
-    const Mask go = (step > tiny) & (-side * G > 0);
-    if (!any(go)) break;
-    x = go ? x + side * step : x;
-  }
-  return x;
-}
-
-/// sigma_max / sigma_min, sigma_min and |det| of S from S S^T: squares lose what lies below 1e-8 sigma_max.
-POLYPOD_INLINE void dexterity(Lanes (&S)[6][6], Lanes (&out)[3]) {
-  Lanes A[6][6];
-  for (int i = 0; i < 6; ++i)
-    for (int j = 0; j <= i; ++j) {
-      Lanes sum = S[i][0] * S[j][0];
-      for (int k = 1; k < 6; ++k) sum += S[i][k] * S[j][k];
-      A[i][j] = A[j][i] = sum;
-    }
-  // Householder's reflections to a tridiagonal matrix.
-  Lanes b2[5];
-  for (int c = 0; c < 4; ++c) {
-    Lanes tail = all_of(0);
-    for (int i = c + 2; i < 6; ++i) tail += A[i][c] * A[i][c];
-    const Lanes head = A[c + 1][c];
-    const Lanes norm2 = tail + head * head, norm = root(norm2);
-    b2[c] = norm2;
-    Lanes v[6];
-    v[c + 1] = head + (head < 0 ? -norm : norm);
-    for (int i = c + 2; i < 6; ++i) v[i] = A[i][c];
-    const Lanes v2 = tail + v[c + 1] * v[c + 1];
-    const Lanes beta = v2 > 0 ? 2 / v2 : all_of(0);
-    Lanes p[6], vp = all_of(0);
-    for (int i = c + 1; i < 6; ++i) {
-      Lanes sum = A[i][c + 1] * v[c + 1];
-      for (int j = c + 2; j < 6; ++j) sum += A[i][j] * v[j];
-      p[i] = beta * sum;
-      vp += p[i] * v[i];
-    }
-    const Lanes half = 0.5 * beta * vp;
-    for (int i = c + 1; i < 6; ++i) p[i] -= half * v[i];
-    for (int i = c + 1; i < 6; ++i)
-      for (int j = c + 1; j <= i; ++j) {
-        A[i][j] -= v[i] * p[j] + p[i] * v[j];
-        A[j][i] = A[i][j];
-      }
-  }
-  b2[4] = A[5][4] * A[5][4];
-  Lanes a[6], trace = all_of(0);
-  for (int i = 0; i < 6; ++i) {
-    a[i] = A[i][i];
-    trace += a[i];
-  }
-  const Lanes largest = extreme(a, b2, trace, -1, trace), least = extreme(a, b2, all_of(0), 1, trace);
-  out[1] = root(larger(least, all_of(0)));
-  out[0] = root(largest) / out[1];
-  // |det| by elimination on S itself.
-  Lanes none[6][1];
-  for (int i = 0; i < 6; ++i) none[i][0] = all_of(0);
-  solve(S, none);  // leaves the inverse pivots on the diagonal
-  Lanes product = S[0][0];
-  for (int i = 1; i < 6; ++i) product *= S[i][i];
-  out[2] = 1 / magnitude(product);
-}
 
 /// The farthest of the vertices sum +-g_i; G[c][i] is coordinate c of g_i. The last sign stands: the rest is a mirror.
 POLYPOD_INLINE Lanes farthest_of(const Lanes (&G)[6][6], int first) {
@@ -324,8 +183,8 @@ struct LegKernelBody {
           value[1] = farthest_of(B, 3);
         }
       }
-      for (std::size_t lane = 0; lane < LegKernel::kLanes; ++lane) {
-        const std::size_t d = g * LegKernel::kLanes + lane;
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const std::size_t d = g * kLanes + lane;
         if (d >= k.directions_) break;
         for (std::size_t v = 0; v < 3; ++v) {
           const double x = value[v][lane];

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "lanes.hpp"
 #include "polypod/families/hexapod/parts.hpp"
 #include "polypod/quality/survey.hpp"
 
@@ -43,10 +44,7 @@ class LegKernel {
   using Answer = PointValues;
   [[nodiscard]] Answer ask(LegQuestion question, const Vec3& p) const;
 
-  static constexpr int kLanes = 4;
-  /// Numbers of four directions. GCC's and clang's vectors: plain operators, one instruction where the processor has
-  /// it.
-  using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
+  /// Four directions.
   struct alignas(sizeof(Lanes)) Group {
     Lanes R[3][3];    ///< orientations
     Lanes arm[6][3];  ///< R e_i

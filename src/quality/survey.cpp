@@ -11,6 +11,8 @@
 #include <numeric>
 
 #include "compass.hpp"
+#include "four_dexterities.hpp"
+#include "joint_finder.hpp"
 #include "leg_kernel.hpp"
 #include "plan.hpp"
 #include "polypod/core/parallel.hpp"
@@ -45,43 +47,77 @@ Status fill(const Survey& survey, const SurveyOptions& options, const std::vecto
   return {};
 }
 
-/// Over the directions pose by pose. A pose whose joints are not found does not count.
-PointValues pose_by_pose(const AnyMachine& machine, const std::vector<Mat3>& orientations, const Vec3& p,
-                         bool dexterity, const Anywhere& anywhere) {
-  PointValues answer;
-  answer.worst.fill(std::numeric_limits<double>::quiet_NaN());
-  int count = 0;
-  for (std::size_t d = 0; d < orientations.size(); ++d) {
-    const Pose X{orientations[d], p};
-    const auto q = joints_at(machine, X);
-    if (!q) continue;
-    const std::array<double, 3> values = anywhere.at_pose(X, *q);
-    ++count;
+/// The means and the worst of what is put in, direction by direction.
+class Directions {
+ public:
+  explicit Directions(bool dexterity) : dexterity_(dexterity) {
+    answer_.worst.fill(std::numeric_limits<double>::quiet_NaN());
+  }
+  void put(std::size_t direction, const std::array<double, 3>& values) {
+    ++count_;
     for (std::size_t v = 0; v < 3; ++v) {
-      answer.mean[v] += values[v];
-      const bool large = !dexterity || v == 0;
-      if (count == 1 || (large ? !(values[v] <= answer.worst[v]) : values[v] < answer.worst[v])) {
-        answer.worst[v] = values[v];
-        answer.worst_direction[v] = static_cast<int>(d);
-      }
+      answer_.mean[v] += values[v];
+      const bool large = !dexterity_ || v == 0;
+      if (count_ > 1 && (large ? values[v] <= answer_.worst[v] : !(values[v] < answer_.worst[v]))) continue;
+      answer_.worst[v] = values[v];
+      answer_.worst_direction[v] = static_cast<int>(direction);
     }
   }
-  for (double& mean : answer.mean) mean = count > 0 ? mean / count : std::numeric_limits<double>::quiet_NaN();
-  return answer;
+  /// No numbers where nothing was put in.
+  [[nodiscard]] PointValues answer() const {
+    PointValues out = answer_;
+    for (double& mean : out.mean) mean = count_ > 0 ? mean / count_ : std::numeric_limits<double>::quiet_NaN();
+    return out;
+  }
+
+ private:
+  PointValues answer_;
+  int count_ = 0;
+  bool dexterity_;
+};
+
+/// Asks pose by pose; one whose joints are not found does not count.
+std::function<PointValues(const Vec3&)> pose_by_pose(const AnyMachine& machine, const Survey& survey,
+                                                     const Anywhere& anywhere) {
+  return
+      [joints = joint_finder(machine), orientations = survey.orientations, at_pose = anywhere.at_pose](const Vec3& p) {
+        Directions all(false);
+        for (std::size_t d = 0; d < orientations.size(); ++d) {
+          const Pose X{orientations[d], p};
+          if (const auto q = joints(X)) all.put(d, at_pose(X, *q));
+        }
+        return all.answer();
+      };
 }
 
-/// Over the directions by `kernel` where there is one, else pose by pose.
-void ask_points(const AnyMachine& machine, const Survey& survey, LegQuestion question, std::optional<LegKernel> kernel,
-                Anywhere& anywhere) {
-  if (kernel) {
-    anywhere.at_point = [kernel = std::make_shared<const LegKernel>(std::move(*kernel)), question](const Vec3& p) {
-      return kernel->ask(question, p);
-    };
-    return;
-  }
-  anywhere.at_point = [&machine, orientations = survey.orientations, question,
-                       at_pose = anywhere.at_pose](const Vec3& p) {
-    return pose_by_pose(machine, orientations, p, question == LegQuestion::dexterity, {{}, at_pose});
+/// Condition, sigma_min and |det| of some poses at a time.
+std::function<PointValues(const Vec3&)> dexterity_by_poses(const AnyMachine& machine, const Survey& survey,
+                                                           double length) {
+  return [&machine, length, joints = joint_finder(machine), orientations = survey.orientations](const Vec3& p) {
+    Directions all(true);
+    std::array<kinematics::RateMatrix, kLanes> rates;
+    std::array<std::size_t, kLanes> direction{};
+    std::array<std::array<double, 3>, kLanes> values{};
+    std::size_t waiting = 0;
+    for (std::size_t d = 0; d < orientations.size(); ++d) {
+      const Pose X{orientations[d], p};
+      if (const auto q = joints(X)) {
+        rates[waiting] = kinematics::rate_matrix(machine, X, *q, length);
+        direction[waiting++] = d;
+      }
+      if (waiting == 0 || (waiting < kLanes && d + 1 < orientations.size())) continue;
+      dexterities({rates.data(), waiting}, values.data());
+      for (std::size_t i = 0; i < waiting; ++i) all.put(direction[i], values[i]);
+      waiting = 0;
+    }
+    return all.answer();
+  };
+}
+
+/// What `kernel` says.
+std::function<PointValues(const Vec3&)> by_kernel(LegKernel kernel, LegQuestion question) {
+  return [kernel = std::make_shared<const LegKernel>(std::move(kernel)), question](const Vec3& p) {
+    return kernel->ask(question, p);
   };
 }
 
@@ -135,15 +171,28 @@ std::optional<LegKernel> kernel_for(const AnyMachine& machine, const Survey& sur
 
 }  // namespace
 
-std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X) {
+JointFinder joint_finder(const AnyMachine& machine) {
   return std::visit(
-      [&](const auto& m) -> std::optional<JointVector> {
-        if constexpr (requires { joints_of_legs(m, X); }) return joints_of_legs(m, X);
-        const kinematics::InverseResult result = kinematics::inverse(machine, X);
-        if (const kinematics::Solution* s = result.reachable()) return s->joints;
-        return {};
+      [&]<class M>(const M& m) -> JointFinder {
+        const Pose X;
+        if constexpr (requires { joint_finder(m); }) {
+          return joint_finder(m);
+        } else if constexpr (requires { joints_of_legs(m, X); }) {
+          return [&m](const Pose& at) { return joints_of_legs(m, at); };
+        } else if constexpr (requires { reachable_joints(m, X); }) {
+          return [&m](const Pose& at) { return reachable_joints(m, at); };
+        } else {
+          return [&machine](const Pose& at) -> std::optional<JointVector> {
+            const kinematics::InverseResult result = kinematics::inverse(machine, at);
+            if (const kinematics::Solution* s = result.reachable()) return s->joints;
+            return {};
+          };
+        }
       },
       machine);
+}
+std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X) {
+  return joint_finder(machine)(X);
 }
 
 Pose pose_at(const Survey& survey, std::size_t point, int direction) {
@@ -255,7 +304,8 @@ Result<DexterityField> dexterity_field(const AnyMachine& machine, const Survey& 
     const kinematics::Dexterity d = kinematics::dexterity(machine, X, q, length);
     return std::array<double, 3>{d.condition, d.sigma_min, std::abs(d.determinant)};
   };
-  ask_points(machine, survey, LegQuestion::dexterity, std::move(kernel), out.anywhere);
+  out.anywhere.at_point =
+      kernel ? by_kernel(std::move(*kernel), LegQuestion::dexterity) : dexterity_by_poses(machine, survey, length);
   POLYPOD_TRY(fill(survey, options, {&out.condition, &out.sigma_min, &out.determinant}, out.anywhere));
   return out;
 }
@@ -267,7 +317,9 @@ Result<ErrorField> known_error_field(const AnyMachine& machine, const Survey& su
     const Vec6 error = linear_error(machine, X, q, *plan);
     return std::array<double, 3>{error.head<3>().norm(), heeded(plan->task, X, error.tail<3>()).norm(), 0};
   };
-  ask_points(machine, survey, LegQuestion::known, kernel_for(machine, survey, errors, Region::box), out.anywhere);
+  auto kernel = kernel_for(machine, survey, errors, Region::box);
+  out.anywhere.at_point =
+      kernel ? by_kernel(std::move(*kernel), LegQuestion::known) : pose_by_pose(machine, survey, out.anywhere);
   Limits(machine, survey, errors).apply(out.anywhere);
   POLYPOD_TRY(fill(survey, options, {&out.position, &out.orientation}, out.anywhere));
   return out;
@@ -294,7 +346,8 @@ Result<ErrorField> tolerance_field(const AnyMachine& machine, const Survey& surv
   };
   auto kernel = tolerance.method == Method::exact ? kernel_for(machine, survey, tolerances, tolerance.region)
                                                   : std::optional<LegKernel>();
-  ask_points(machine, survey, LegQuestion::tolerance, std::move(kernel), out.anywhere);
+  out.anywhere.at_point =
+      kernel ? by_kernel(std::move(*kernel), LegQuestion::tolerance) : pose_by_pose(machine, survey, out.anywhere);
   Limits(machine, survey, tolerances).apply(out.anywhere);
   POLYPOD_TRY(fill(survey, options, {&out.position, &out.orientation}, out.anywhere));
   if (failure->any) return tl::unexpected(failure->error);

@@ -9,6 +9,8 @@
 
 #include "machines.hpp"
 
+#include "four_dexterities.hpp"
+#include "joint_finder.hpp"
 #include "leg_kernel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -80,6 +82,72 @@ TEST(Survey, SixLegsAreThoseOfTheClosure) {
       EXPECT_NEAR(known->orientation.mean[i] / known_w, 1, kRounding) << name;
       const Pose X = pose_at(*s, i, box->position.worst_direction[i]);
       EXPECT_NEAR(worst_case(m, X, *joints_at(m, X), sizes)->position / worst, 1, kRounding);
+    }
+  }
+}
+
+/// Poses of a machine round its home and beyond, some of them out of reach.
+std::vector<Pose> poses_of(const AnyMachine& m, int count) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> part(-1, 1);
+  const kinematics::InverseResult home = kinematics::inverse(m, *kinematics::home_pose(m));
+  std::vector<Pose> out;
+  for (int k = 0; k < count; ++k) {
+    JointVector q = home.solutions.at(0).joints;
+    for (int i = 0; i < q.size(); ++i) {
+      const auto range = kinematics::joint_range(m, i);
+      const bool open = !(std::isfinite(range.max) && std::isfinite(range.min));
+      q[i] += 0.6 * part(random) * (open ? 0.5 : range.max - range.min);
+    }
+    const auto found = kinematics::forward(m, q);
+    if (!found.poses.empty()) out.push_back(found.poses.front());
+  }
+  return out;
+}
+
+TEST(Survey, JointsOfPoseAfterPoseAreTheFirstWithinTheLimits) {
+  int found = 0, none = 0;
+  for (const char* name : {"lola50", "kuka-kr210", "ur10e", "puma560", "delta-brno", "delta-linear", "delta-par4"}) {
+    const AnyMachine m = load(name);
+    const JointFinder joints = joint_finder(m);
+    for (const Pose& X : poses_of(m, 300)) {
+      const kinematics::InverseResult all = kinematics::inverse(m, X);
+      const kinematics::Solution* first = all.reachable();
+      const auto q = joints(X);
+      ASSERT_EQ(q.has_value(), first != nullptr) << name;
+      ++(q ? found : none);
+      if (!q) continue;
+      EXPECT_LT((*q - first->joints).cwiseAbs().maxCoeff(), 1e-12) << name;
+    }
+  }
+  EXPECT_GT(found, 500);
+  EXPECT_GT(none, 100);
+}
+
+TEST(Survey, DexteritiesAtOnceAreThoseOnePoseAtATime) {
+  for (const char* name : {"lola50", "kuka-kr210", "delta-brno", "delta-par4", "tripod-z3", "hexapod-strut"}) {
+    const AnyMachine m = load(name);
+    std::vector<kinematics::RateMatrix> rates;
+    for (const Pose& X : poses_of(m, 60))
+      if (const auto q = joints_at(m, X)) rates.push_back(kinematics::rate_matrix(m, X, *q));
+    ASSERT_GT(rates.size(), 9u) << name;
+    // A singular one among others: the last row once more.
+    rates[3].S.row(0) = rates[3].S.row(1);
+    for (std::size_t at = 0; at < rates.size(); at += kLanes) {
+      const std::size_t count = std::min<std::size_t>(kLanes, rates.size() - at);
+      std::array<std::array<double, 3>, kLanes> values{};
+      dexterities({rates.data() + at, count}, values.data());
+      for (std::size_t i = 0; i < count; ++i) {
+        const kinematics::Dexterity d = kinematics::dexterity(rates[at + i]);
+        const double cond = std::min(d.condition, 1e4);  // squares blur by the condition's square
+        EXPECT_NEAR(values[i][1], d.sigma_min, 1e-15 * cond * cond * d.sigma_min + 1e-300) << name;
+        EXPECT_NEAR(values[i][2], std::abs(d.determinant), 1e-11 * std::abs(d.determinant) + 1e-18) << name;
+        if (std::isfinite(d.condition) && d.condition < 1e12) {
+          EXPECT_NEAR(values[i][0] / d.condition, 1, 1e-14 * cond * cond) << name;
+        } else {
+          EXPECT_GT(values[i][0], 1e12) << name;
+        }
+      }
     }
   }
 }
