@@ -28,5 +28,7 @@ extern template Result<Volume> subdivided_volume(const ArmLimits&, const Options
 extern template Result<bool> subdivided_holds(const ArmLimits&, const Options&, const Shape&, std::int64_t);
 extern template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&);
 extern template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&);
+extern template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

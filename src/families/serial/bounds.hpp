@@ -11,6 +11,7 @@
 #include "limit_terms.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "six_joint_bounds.hpp"
+#include "three_parallel_bounds.hpp"
 
 namespace polypod::workspace {
 
@@ -399,13 +400,17 @@ class ArmLimits {
   std::array<HalfCircle, 2> elbow_, wrist_;
 };
 
-/// What volume() asks over boxes. Errors: WS102 (neither the wrist of WristInverse nor a right-angled one of
-/// SphericalWristInverse).
-inline Result<std::variant<ArmLimits, SixJointLimits>> bounds_of(const machine::SerialArm& arm,
-                                                                 const Options& options) {
+/// What volume() asks over boxes. Errors: WS102 (neither the wrist of WristInverse, nor a right-angled one of
+/// SphericalWristInverse, nor one of ThreeParallelInverse with joint 3 alone limited).
+inline Result<std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits>> bounds_of(const machine::SerialArm& arm,
+                                                                                      const Options& options) {
   if (const auto closed = machine::WristInverse::of(arm)) return ArmLimits(closed->form(), options.limits);
   if (const auto closed = machine::SphericalWristInverse::of(arm))
     if (const auto form = closed->form()) return SixJointLimits(*form, options.limits);
+  if (const auto closed = machine::ThreeParallelInverse::of(arm)) {
+    const auto form = closed->form();
+    if (form && ThreeParallelLimits::serves(*form, options.limits)) return ThreeParallelLimits(*form, options.limits);
+  }
   return no_bounds(arm.name);
 }
 inline bool bounded(const machine::SerialArm& arm) {

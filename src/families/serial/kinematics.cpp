@@ -8,6 +8,7 @@
 
 #include "polypod/families/serial/frames.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
+#include "polypod/geometry/trigonometry.hpp"
 #include "polypod/kinematics/closure.hpp"
 
 namespace polypod::machine {
@@ -58,13 +59,15 @@ Turn operator+(const Turn& a, const Turn& b) {
   return {a.c * b.c - a.s * b.s, a.s * b.c + a.c * b.s};
 }
 
-/// X times a row's matrix at its joint value: Rz(theta) and Rx(alpha) one after the other, with half the products of
-/// the matrix.
-void pass_row(Pose& X, const DhRow& row, DhConvention convention, double value) {
-  const bool turns = row.kind == JointKind::revolute;
-  const double theta = row.theta_offset + (turns ? row.sign * value : 0.0);
-  const double d = row.d + (turns ? 0.0 : row.sign * value), a = row.a;
-  const double ct = std::cos(theta), st = std::sin(theta);
+/// What a joint makes of its row: the turn theta and the shift d.
+struct RowAt {
+  Turn turn;
+  double d;
+};
+
+/// X times a row's matrix: Rz(theta) and Rx(alpha) one after the other, with half the products of the matrix.
+void pass_row(Pose& X, const DhRow& row, DhConvention convention, const RowAt& at) {
+  const double ct = at.turn.c, st = at.turn.s, d = at.d, a = row.a;
   const auto [ca, sa] = turn_of_twist(row.alpha);
   const bool standard = convention == DhConvention::standard;
   for (int i = 0; i < 3; ++i) {
@@ -87,6 +90,31 @@ void pass_row(Pose& X, const DhRow& row, DhConvention convention, double value) 
     X.R(i, 2) = z;
   }
 }
+
+/// All rows of an arm at its joints.
+class Rows {
+ public:
+  Rows(const SerialArm& arm, const JointVector& q) : arm_(arm) {
+    static_assert(kMaxJoints % 2 == 0);
+    double theta[kMaxJoints] = {};
+    int next = 0;
+    const std::size_t count = arm.dh.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      const DhRow& row = arm.dh[i];
+      const double value = row.sign * (row.locked ? *row.locked : q[next++]);
+      const bool turns = row.kind == JointKind::revolute;
+      theta[i] = row.theta_offset + (turns ? value : 0.0);
+      d_[i] = row.d + (turns ? 0.0 : value);
+    }
+    cosines_and_sines(theta, static_cast<int>(count + count % 2), c_, s_);
+  }
+  /// X times the matrix of row number i.
+  void pass(Pose& X, std::size_t i) const { pass_row(X, arm_.dh[i], arm_.convention, {{c_[i], s_[i]}, d_[i]}); }
+
+ private:
+  const SerialArm& arm_;
+  double c_[kMaxJoints], s_[kMaxJoints], d_[kMaxJoints];  // as many as there are rows
+};
 
 InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
   return kinematics::inverse_damped(
@@ -128,21 +156,19 @@ std::string limit_name(const SerialArm& arm, int limit) {
 
 std::vector<Pose> frames_of_table(const SerialArm& arm, const JointVector& q) {
   std::vector<Pose> out{arm.X_MB};
-  int next = 0;
-  for (const DhRow& row : arm.dh) {
+  out.reserve(arm.dh.size() + 1);
+  const Rows rows(arm, q);
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
     out.push_back(out.back());
-    pass_row(out.back(), row, arm.convention, row.locked ? *row.locked : q[next++]);
+    rows.pass(out.back(), i);
   }
   return out;
 }
 
 Pose forward(const SerialArm& arm, const JointVector& q) {
   Pose X = arm.X_MB;
-  int next = 0;
-  for (const DhRow& row : arm.dh) {
-    const double value = row.locked ? *row.locked : q[next++];
-    pass_row(X, row, arm.convention, value);
-  }
+  const Rows rows(arm, q);
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) rows.pass(X, i);
   return X * arm.X_FT;
 }
 
@@ -150,13 +176,14 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
   ForwardJacobian out;
   Vec3 axis[kMaxJoints], origin[kMaxJoints];
   JointKind kind[kMaxJoints];
-  int columns = 0, next = 0;
+  int columns = 0;
   Pose X = arm.X_MB;
+  const Rows rows(arm, q);
   const bool standard = arm.convention == DhConvention::standard;
-  for (const DhRow& row : arm.dh) {
-    const double value = row.locked ? *row.locked : q[next++];
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
+    const DhRow& row = arm.dh[i];
     const Pose before = X;
-    pass_row(X, row, arm.convention, value);
+    rows.pass(X, i);
     if (row.locked && !locked_too) continue;
     const Pose& frame = standard ? before : X;
     axis[columns] = row.sign * frame.R.col(2);
@@ -179,15 +206,14 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
 }
 
 Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm, const JointVector& q) {
-  const auto rows = static_cast<Eigen::Index>(arm.dh.size());
-  Eigen::Matrix<double, 6, Eigen::Dynamic> out(6, 4 * rows);
+  const auto count = static_cast<Eigen::Index>(arm.dh.size());
+  Eigen::Matrix<double, 6, Eigen::Dynamic> out(6, 4 * count);
   // First the axes with their points, then, the tip known, what they do to it.
   Pose X = arm.X_MB;
-  int next = 0;
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const DhRow& row = arm.dh[static_cast<std::size_t>(i)];
+  const Rows rows(arm, q);
+  for (Eigen::Index i = 0; i < count; ++i) {
     const Pose before = X;
-    pass_row(X, row, arm.convention, row.locked ? *row.locked : q[next++]);
+    rows.pass(X, static_cast<std::size_t>(i));
     // Standard: turn and shift along z of the frame before, then along x of the frame after; modified: the other way.
     const bool standard = arm.convention == DhConvention::standard;
     const Pose &x_frame = standard ? X : before, &z_frame = standard ? before : X;
@@ -197,7 +223,7 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
     out.col(4 * i + 3) << z_frame.p, z_frame.R.col(2);
   }
   const Vec3 tip = (X * arm.X_FT).p;
-  for (Eigen::Index i = 0; i < rows; ++i) {
+  for (Eigen::Index i = 0; i < count; ++i) {
     for (const Eigen::Index c : {4 * i + 1, 4 * i + 3}) {
       const Vec3 point = out.col(c).head<3>(), axis = out.col(c).tail<3>();
       out.col(c).head<3>() = axis.cross(tip - point);
@@ -229,10 +255,11 @@ Result<WristInverse> WristInverse::of(const SerialArm& arm) {
   }
   // The tool in the frame that turns with joint 5: its axis must lie across joint 5 and run through the wrist centre.
   Pose E;
-  DhRow fifth = r[4];
-  fifth.theta_offset = 0;
-  pass_row(E, fifth, arm.convention, 0);
-  for (std::size_t i = 5; i < r.size(); ++i) pass_row(E, r[i], arm.convention, *r[i].locked);
+  pass_row(E, r[4], arm.convention, {{1, 0}, r[4].d});
+  for (std::size_t i = 5; i < r.size(); ++i) {
+    const double theta = r[i].theta_offset + r[i].sign * *r[i].locked;
+    pass_row(E, r[i], arm.convention, {{std::cos(theta), std::sin(theta)}, r[i].d});
+  }
   E = E * arm.X_FT;
   const Vec3 k = E.R.col(2);
   if (std::abs(k.z()) > kSame || (E.p + E.p.norm() * k).norm() > kSame * (1 + E.p.norm())) {
@@ -257,61 +284,70 @@ Result<WristInverse> WristInverse::of(const SerialArm& arm) {
 }
 
 void WristInverse::solve(const Vec3& p_M, const Vec3& k_M, Branches& out) const {
+  // The directions of all angles, those of both shoulders, and of both elbows of each.
+  enum : int { kFirst = 0, kThird = 1, kBetween = 3, kToWrist = 5, kFourth = 8, kFifth = 12, kAngles = 16 };
+  double y[kAngles] = {}, x[kAngles] = {}, angle[kAngles];
   const Vec3 k = X_BM_.R * k_M;
   const Vec3 c = X_BM_ * p_M + reach_ * k;  // wrist centre (2.18)
   const double r = std::sqrt(square(c.x()) + square(c.y()));
   const double height = c.z() - d1_;
   const bool over_axis = r < kSame;
-  const double t1_front = over_axis ? 0.0 : std::atan2(c.y(), c.x());
   const double c1_front = over_axis ? 1.0 : c.x() / r, s1_front = over_axis ? 0.0 : c.y() / r;
-  struct Reach {
-    double s3, c3, t3, between;  ///< elbow up; between: the wrist centre against the upper arm
-    Turn turn_between;
-    bool reached;
-  };
-  const auto reach = [&](double rho) {
-    // s3 by the law of cosines (2.20); the elbow's two sides are the two signs of its cosine (2.21).
-    const double s3_raw = (rho * rho + height * height - a2_ * a2_ - d4_ * d4_) / (2 * a2_ * d4_);
-    const double s3 = std::clamp(s3_raw, -1.0, 1.0), c3 = std::sqrt((1 - s3) * (1 + s3));
-    const double along = a2_ + d4_ * s3, across = d4_ * c3;
-    return Reach{
-        s3, c3, std::asin(s3), std::atan2(across, along), turn_to(along, across), std::abs(s3_raw) <= 1 + 1e-14};
-  };
-  const Reach front = reach(r - a1_), back = a1_ == 0 ? front : reach(-r - a1_);
+  x[kFirst] = c1_front;
+  y[kFirst] = s1_front;
+  bool reached[2] = {}, wrist_free[2][2] = {};
   for (int shoulder = 0; shoulder < 2; ++shoulder) {
     const double side = shoulder == 0 ? 1.0 : -1.0;
-    const double t1 = shoulder == 0 ? t1_front : t1_front + kPi;
-    const double c1 = side * c1_front, s1 = side * s1_front;
-    const double rho = side * r - a1_;
-    const auto& [s3, c3_up, t3_up, between, turn_between, reached] = shoulder == 0 ? front : back;
-    const double to_wrist = std::atan2(height, rho);
-    const Turn turn_to_wrist = turn_to(rho, height);
+    const double c1 = side * c1_front, s1 = side * s1_front, rho = side * r - a1_;
+    // s3 by the law of cosines (2.20); the elbow's two sides are the two signs of its cosine (2.21).
+    const double s3_raw = (rho * rho + height * height - a2_ * a2_ - d4_ * d4_) / (2 * a2_ * d4_);
+    const double s3 = std::clamp(s3_raw, -1.0, 1.0), c3_up = std::sqrt((1 - s3) * (1 + s3));
+    const double along = a2_ + d4_ * s3, across = d4_ * c3_up;  // the wrist centre against the upper arm
+    reached[shoulder] = std::abs(s3_raw) <= 1 + 1e-14;
+    if (!reached[shoulder]) continue;
+    x[kThird + shoulder] = c3_up;
+    y[kThird + shoulder] = s3;
+    x[kBetween + shoulder] = along;
+    y[kBetween + shoulder] = across;
+    x[kToWrist + shoulder] = rho;
+    y[kToWrist + shoulder] = height;
+    const Turn to_wrist = turn_to(rho, height), between = turn_to(along, across);
+    // k in frame 3, whose axes in the base are (c23 x1 + s23 z), (normal n), (s23 x1 - c23 z) (2.24), (2.28).
+    const double k_out = c1 * k.x() + s1 * k.y(), k3y = s1 * k.x() - c1 * k.y();
     for (int elbow = 0; elbow < 2; ++elbow) {
-      const int base = 4 * elbow + 2 * shoulder;
-      out.exists[base] = out.exists[base + 1] = reached;
-      if (!reached) continue;
-      const double t3 = elbow == 0 ? t3_up : kPi - t3_up;
-      const double t2 = to_wrist + (elbow == 0 ? between : -between);  // (2.22)
-      const Turn turn_2 = turn_to_wrist + Turn{turn_between.c, elbow == 0 ? turn_between.s : -turn_between.s};
+      const Turn turn_2 = to_wrist + Turn{between.c, elbow == 0 ? between.s : -between.s};
       const auto [c23, s23] = turn_2 + Turn{elbow == 0 ? c3_up : -c3_up, s3};
-      // k in frame 3, whose axes in the base are (c23 x1 + s23 z), (normal n), (s23 x1 - c23 z) (2.24), (2.28).
-      const double k_out = c1 * k.x() + s1 * k.y();
-      const double k3x = c23 * k_out + s23 * k.z();
-      const double k3y = s1 * k.x() - c1 * k.y();
-      const double k3z = s23 * k_out - c23 * k.z();
+      const double k3x = c23 * k_out + s23 * k.z(), k3z = s23 * k_out - c23 * k.z();
       // k_3 = (c4 c5, s4 c5, -s5), s5 the sine of the axis angle of joint 5 (2.25).
-      const double s5 = std::clamp(-k3z, -1.0, 1.0);
-      const double c5 = std::sqrt(square(k3x) + square(k3y));
-      const bool wrist_free = c5 < 1e-12;
-      const double t4 = wrist_free ? 0.0 : std::atan2(k3y, k3x);
-      const double t5 = std::atan2(s5, c5);
+      const double s5 = std::clamp(-k3z, -1.0, 1.0), c5 = std::sqrt(square(k3x) + square(k3y));
+      wrist_free[shoulder][elbow] = c5 < 1e-12;
+      const int at = 2 * shoulder + elbow;
+      if (!wrist_free[shoulder][elbow]) {
+        x[kFourth + at] = k3x;
+        y[kFourth + at] = k3y;
+      }
+      x[kFifth + at] = c5;
+      y[kFifth + at] = s5;
+    }
+  }
+  angles_of(y, x, angle);
+  for (int shoulder = 0; shoulder < 2; ++shoulder) {
+    const double t1 = shoulder == 0 ? angle[kFirst] : angle[kFirst] + kPi;
+    const double t3_up = angle[kThird + shoulder], between = angle[kBetween + shoulder];
+    for (int elbow = 0; elbow < 2; ++elbow) {
+      const int base = 4 * elbow + 2 * shoulder, at = 2 * shoulder + elbow;
+      out.exists[base] = out.exists[base + 1] = reached[shoulder];
+      if (!reached[shoulder]) continue;
+      const double t3 = elbow == 0 ? t3_up : kPi - t3_up;
+      const double t2 = angle[kToWrist + shoulder] + (elbow == 0 ? between : -between);  // (2.22)
+      const double t4 = angle[kFourth + at], t5 = angle[kFifth + at];
       const double angles[2][5] = {{t1, t2, t3, t4, t5 - axis_angle_}, {t1, t2, t3, t4 + kPi, kPi - t5 - axis_angle_}};
       for (int wrist = 0; wrist < 2; ++wrist) {
         JointVector& q = out.joints[base + wrist];
         q.resize(5);
         for (int i = 0; i < 5; ++i) q[i] = in_range(sign_[i] * (angles[wrist][i] - offset_[i]), min_[i], max_[i]);
-        if (wrist_free) q[3] = 0;
-        out.singular[base + wrist] = wrist_free || over_axis;
+        if (wrist_free[shoulder][elbow]) q[3] = 0;
+        out.singular[base + wrist] = wrist_free[shoulder][elbow] || over_axis;
       }
     }
   }
@@ -369,6 +405,38 @@ InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVe
   if (const auto six = six_joint_inverse(arm)) return solutions_of(*six, X_MT, last.data());
   if (WristInverse::of(arm)) return inverse(arm, X_MT);
   return inverse_from(arm, X_MT, last);
+}
+
+std::function<std::optional<JointVector>(const Pose&)> joint_finder(const SerialArm& arm) {
+  using Found = std::optional<JointVector>;
+  if (const auto six = six_joint_inverse(arm)) {
+    return std::visit(
+        [](const auto& form) -> std::function<Found(const Pose&)> {
+          return [form](const Pose& X_MT) -> Found {
+            SixJointBranches branches;
+            form.solve(X_MT, branches);
+            for (int b = 0; b < SixJointBranches::kCount; ++b) {
+              if (!branches.exists[b] || form.violations(branches.joints[b]) != 0) continue;
+              return JointVector(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(branches.joints[b]));
+            }
+            return {};
+          };
+        },
+        *six);
+  }
+  if (const auto closed = WristInverse::of(arm)) {
+    return [form = *closed](const Pose& X_MT) -> Found {
+      WristInverse::Branches branches;
+      form.solve(X_MT.p, X_MT.R.col(2), branches);
+      const int first = form.first_within_limits(branches);
+      return first < 0 ? Found() : branches.joints[first];
+    };
+  }
+  return [&arm](const Pose& X_MT) -> Found {
+    const InverseResult result = inverse(arm, X_MT);
+    const kinematics::Solution* s = result.reachable();
+    return s != nullptr ? s->joints : Found();
+  };
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {

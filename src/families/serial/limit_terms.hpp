@@ -7,9 +7,11 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <vector>
 
 #include "../../workspace/first_order.hpp"
 #include "../../workspace/linear.hpp"
+#include "polypod/machine/common.hpp"
 
 namespace polypod::workspace::arm {
 
@@ -115,12 +117,80 @@ inline void keep_turn(const Turn& range, int limit, const FirstOrder& x, const F
   either(above, below, limit, terms);
 }
 
+/// The angles t in 0 to 180 deg with offset + sense t in a joint's range, as a range of their cosines.
+struct HalfTurn {
+  Verdict verdict = Verdict::undecided;  ///< dead: none; open: more than one stretch of them
+  bool from = false, to = false;         ///< whether there is something to keep
+  double cosine_from = -1, cosine_to = 1;
+};
+/// `free`: any angle is some turn within the range, or its ends may be passed.
+inline HalfTurn half_turn_of(const machine::JointRange& range, bool free, double offset, double sense) {
+  HalfTurn out;
+  double low = 0, high = kHalfTurn;
+  if (!free) {
+    std::vector<std::array<double, 2>> parts;
+    for (int k = -3; k <= 3; ++k) {
+      const double at_min = sense * (range.min - offset) + k * kTurn, at_max = sense * (range.max - offset) + k * kTurn;
+      const double from = std::max(0.0, std::min(at_min, at_max)), to = std::min(kHalfTurn, std::max(at_min, at_max));
+      if (from <= to) parts.push_back({from, to});
+    }
+    if (parts.empty()) {
+      out.verdict = Verdict::dead;
+      return out;
+    }
+    if (parts.size() > 1) {
+      out.verdict = Verdict::open;
+      return out;
+    }
+    low = parts[0][0];
+    high = parts[0][1];
+  }
+  out.from = high < kHalfTurn;
+  out.to = low > 0;
+  out.cosine_from = std::cos(high);
+  out.cosine_to = std::cos(low);
+  return out;
+}
+inline void keep_within(const HalfTurn& range, int limit, const FirstOrder& cosine, const Domain& d, Terms& terms) {
+  if (range.verdict != Verdict::undecided) {
+    terms.verdict = both(terms.verdict, range.verdict);
+    return;
+  }
+  if (range.from) add(cosine - range.cosine_from, limit, d, terms);
+  if (range.to) add(FirstOrder(range.cosine_to) - cosine, limit + 1, d, terms);
+}
+
 /// f, of which it is known that |f| <= most.
 inline FirstOrder at_most(const FirstOrder& f, double most, const Domain& d) {
   if (f.radius(d) <= most) return f;
   FirstOrder out;
   out.rest = most;
   return out;
+}
+
+/// R_AM R b over a patch of the orientations R.
+inline std::array<FirstOrder, 3> turned(const Mat3& R_AM, const Patch& patch, const Vec3& b_T) {
+  const Vec3 b = patch.R * b_T;
+  const Vec3 value = R_AM * b, by1 = R_AM * patch.omega1.cross(b), by2 = R_AM * patch.omega2.cross(b);
+  std::array<FirstOrder, 3> out;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    out[i].value = value[at];
+    out[i].gradient = {0, 0, 0, by1[at], by2[at]};
+    out[i].rest = patch.bend * b_T.norm();
+  }
+  return out;
+}
+/// from_tip, seen from the tips round `center` in M.
+inline std::array<FirstOrder, 3> moved(std::array<FirstOrder, 3> from_tip, const Mat3& R_AM, const Vec3& p_AM,
+                                       const Vec3& center) {
+  const Vec3 p = R_AM * center + p_AM;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    from_tip[i].value += p[at];
+    for (std::size_t k = 0; k < 3; ++k) from_tip[i].gradient[k] = R_AM(at, static_cast<Eigen::Index>(k));
+  }
+  return from_tip;
 }
 
 }  // namespace polypod::workspace::arm

@@ -32,8 +32,8 @@ class SixJointLimits {
     for (std::size_t i = 0; i < 6; ++i) turn_[i] = arm::Turn(f_.range[i].min, f_.range[i].max, free_turn(i));
     for (std::size_t side = 0; side < 2; ++side) {
       const double sign = side == 0 ? 1 : -1;
-      elbow_[side] = half_turn_of(2, -f_.sense[2] * f_.bend, sign * f_.sense[2]);
-      wrist_[side] = half_turn_of(4, f_.middle, sign);
+      elbow_[side] = arm::half_turn_of(f_.range[2], free_turn(2), -f_.sense[2] * f_.bend, sign * f_.sense[2]);
+      wrist_[side] = arm::half_turn_of(f_.range[4], free_turn(4), f_.middle, sign);
     }
   }
 
@@ -42,8 +42,9 @@ class SixJointLimits {
   [[nodiscard]] static bool slow() { return true; }
   /// As ArmLimits.
   [[nodiscard]] double lever() const {
-    const auto possible = [](const std::array<HalfTurn, 2>& sides) {
-      return std::count_if(sides.begin(), sides.end(), [](const HalfTurn& h) { return h.verdict != Verdict::dead; });
+    const auto possible = [](const std::array<arm::HalfTurn, 2>& sides) {
+      return std::count_if(sides.begin(), sides.end(),
+                           [](const arm::HalfTurn& h) { return h.verdict != Verdict::dead; });
     };
     return (possible(elbow_) * possible(wrist_) > 1 ? 0.5 : 2.0) * (f_.wrist_T.norm() + f_.fore);
   }
@@ -57,31 +58,14 @@ class SixJointLimits {
 
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] Data prepare(const Patch& patch) const {
-    const auto turned = [&](const Vec3& b_T) {
-      const Vec3 b = patch.R * b_T;
-      const Vec3 value = f_.R_AM * b, by1 = f_.R_AM * patch.omega1.cross(b), by2 = f_.R_AM * patch.omega2.cross(b);
-      Vector out;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const auto at = static_cast<Eigen::Index>(i);
-        out[i].value = value[at];
-        out[i].gradient = {0, 0, 0, by1[at], by2[at]};
-        out[i].rest = patch.bend * b_T.norm();
-      }
-      return out;
-    };
+    const auto turned = [&](const Vec3& b_T) { return arm::turned(f_.R_AM, patch, b_T); };
     return {{turned(f_.tool.col(0)), turned(f_.tool.col(1)), turned(f_.tool.col(2))}, turned(f_.wrist_T)};
   }
 
   Verdict judge(int, const Vec3& center, const Vec3& half, double, const Patch& patch, const Data& data,
                 BoundList& out) const {
     const Domain d{half, &patch};
-    Vector c = data.to_wrist;  // the wrist centre in A
-    const Vec3 p = f_.R_AM * center + f_.p_AM;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto at = static_cast<Eigen::Index>(i);
-      c[i].value += p[at];
-      for (std::size_t k = 0; k < 3; ++k) c[i].gradient[k] = f_.R_AM(at, static_cast<Eigen::Index>(k));
-    }
+    const Vector c = arm::moved(data.to_wrist, f_.R_AM, f_.p_AM, center);  // the wrist centre in A
     // What the branches of an elbow or a shoulder have in common is judged once: of conditions that stand in one branch
     // alone there are no bounds from above.
     const Column column(f_, c, d);
@@ -114,50 +98,6 @@ class SixJointLimits {
   /// Any angle is some turn within the range of the joint, or one of its ends may be passed.
   [[nodiscard]] bool free_turn(std::size_t joint) const {
     return f_.range[joint].max - f_.range[joint].min >= arm::kTurn - 1e-9 || (mask_ >> (2 * joint) & 3U) != 3;
-  }
-
-  /// The angles t in 0 to 180 deg with offset + sense t in a joint's range, as a range of their cosines.
-  struct HalfTurn {
-    Verdict verdict = Verdict::undecided;  ///< dead: none; open: more than one stretch of them
-    bool from = false, to = false;         ///< whether there is something to keep
-    double cosine_from = -1, cosine_to = 1;
-  };
-  [[nodiscard]] HalfTurn half_turn_of(std::size_t joint, double offset, double sense) const {
-    HalfTurn out;
-    double low = 0, high = arm::kHalfTurn;
-    if (!free_turn(joint)) {
-      std::vector<std::array<double, 2>> parts;
-      for (int k = -3; k <= 3; ++k) {
-        const double at_min = sense * (f_.range[joint].min - offset) + k * arm::kTurn,
-                     at_max = sense * (f_.range[joint].max - offset) + k * arm::kTurn;
-        const double from = std::max(0.0, std::min(at_min, at_max)),
-                     to = std::min(arm::kHalfTurn, std::max(at_min, at_max));
-        if (from <= to) parts.push_back({from, to});
-      }
-      if (parts.empty()) {
-        out.verdict = Verdict::dead;
-        return out;
-      }
-      if (parts.size() > 1) {
-        out.verdict = Verdict::open;
-        return out;
-      }
-      low = parts[0][0];
-      high = parts[0][1];
-    }
-    out.from = high < arm::kHalfTurn;
-    out.to = low > 0;
-    out.cosine_from = std::cos(high);
-    out.cosine_to = std::cos(low);
-    return out;
-  }
-  static void keep_within(const HalfTurn& range, int limit, const FirstOrder& cosine, const Domain& d, Terms& terms) {
-    if (range.verdict != Verdict::undecided) {
-      terms.verdict = both(terms.verdict, range.verdict);
-      return;
-    }
-    if (range.from) arm::add(cosine - range.cosine_from, limit, d, terms);
-    if (range.to) arm::add(FirstOrder(range.cosine_to) - cosine, limit + 1, d, terms);
   }
 
   /// The wrist centre seen from axis 1.
@@ -258,7 +198,7 @@ class SixJointLimits {
     any.verdict = Verdict::dead;
     for (std::size_t e = 0; e < 2 && any.verdict != Verdict::inside; ++e) {
       Terms all;
-      keep_within(elbow_[e], 4, shoulder.cosine, d, all);
+      arm::keep_within(elbow_[e], 4, shoulder.cosine, d, all);
       if (all.verdict == Verdict::dead) continue;
       const Elbow elbow(f_, shoulder, e == 0 ? 1.0 : -1.0, d);
       arm::keep_turn(turn_[1], 2, elbow.t2_x, f_.sense[1] * elbow.t2_y, d, all);
@@ -275,7 +215,7 @@ class SixJointLimits {
     for (std::size_t k = 0; k < 2 && any.verdict != Verdict::inside; ++k) {
       const double flip = k == 0 ? 1 : -1;
       Terms all;
-      keep_within(wrist_[k], 8, wrist.cosine, d, all);
+      arm::keep_within(wrist_[k], 8, wrist.cosine, d, all);
       if (all.verdict != Verdict::dead) arm::keep_turn(turn_[3], 6, flip * wrist.t4_x, flip * wrist.t4_y, d, all);
       if (all.verdict != Verdict::dead) arm::keep_turn(turn_[5], 10, flip * wrist.t6_x, flip * wrist.t6_y, d, all);
       arm::or_else(all, any);
@@ -286,7 +226,7 @@ class SixJointLimits {
   Form f_;
   LimitBits mask_;
   std::array<arm::Turn, 6> turn_{};
-  std::array<HalfTurn, 2> elbow_, wrist_;
+  std::array<arm::HalfTurn, 2> elbow_, wrist_;
 };
 
 }  // namespace polypod::workspace

@@ -7,8 +7,8 @@
 #include <numbers>
 #include <optional>
 
-#include "angles.hpp"
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/geometry/trigonometry.hpp"
 #include "six_joints.hpp"
 
 namespace polypod::machine {

@@ -9,5 +9,7 @@ template Result<Volume> subdivided_volume(const ArmLimits&, const Options&);
 template Result<bool> subdivided_holds(const ArmLimits&, const Options&, const Shape&, std::int64_t);
 template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&);
 template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
+template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&);
+template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

@@ -126,6 +126,14 @@ void ThreeParallelInverse::solve(const Pose& X_MT, Branches& out, const double* 
   }
 }
 
+std::optional<ThreeParallelInverse::Form> ThreeParallelInverse::form() const {
+  if (std::abs(w5_.y()) > kSame || std::abs(w5_.dot(w6_)) > kSame) return std::nullopt;
+  // Joint 5 turns axis 6 in the plane of y and this direction, joints 2 to 4 turn it in the arm's plane.
+  const Vec3 lean = w5_.cross(Vec3::UnitY()).normalized();
+  const Complex hand = Complex{P_.x() - fourth_.x(), P_.z() - fourth_.z()} * conjugate(Complex{lean.x(), lean.z()});
+  return Form{range_, sense_[2], R_AM_, p_AM_, P_T_, R_TA_ * w6_, {hand.re, hand.im}, a1_, b_, upper_, fore_, bend_};
+}
+
 kinematics::LimitBits ThreeParallelInverse::violations(const double* joints) const {
   return six::violations(range_, joints);
 }

@@ -41,6 +41,20 @@ class ThreeParallelInverse {
   /// Two bits a joint, in the order of `limits`.
   [[nodiscard]] kinematics::LimitBits violations(const double* joints) const;
 
+  /// What workspaces need of the table, all in the arm's frame A but what stands in the tool frame T.
+  struct Form {
+    std::array<JointRange, 6> range;
+    double sense_3;  ///< of joint 3
+    Mat3 R_AM;
+    Vec3 p_AM;
+    Vec3 P_T, w6_T;              ///< P, and the direction of axis 6
+    std::array<double, 2> hand;  ///< P from axis 4 in the arm's plane (x, z), seen from the direction into which axis 6
+                                 ///< leans out of axis 4
+    double a1, b, upper, fore, bend;
+  };
+  /// Of a wrist whose axes 4, 5 and 6 are each square to the next; nothing of others.
+  [[nodiscard]] std::optional<Form> form() const;
+
  private:
   std::array<JointRange, 6> range_;
   std::array<double, 4> sense_{};  ///< +1 or -1: of joint 1 against z, of joints 2 to 4 against the turn from x to z
