@@ -115,14 +115,17 @@ bool starts_with_keyword(std::string_view text, std::size_t at) {
          std::ranges::any_of(kKeywords, [&](std::string_view word) { return name.starts_with(word); });
 }
 
-/// Whether a value other than a number begins at `at`: `#5`, `-#5`, `[1 + 2]`, `sin[30]`.
+/// Whether a value other than a number begins at `at`: `#5`, `-#5`, `[1 + 2]`, `sin[30]`, a number with several signs.
 Construct construct_at(std::string_view text, std::size_t at) {
   const auto skip_blanks = [&] {
     while (at < text.size() && is_blank(text[at])) ++at;
   };
-  while (at < text.size() && (is_blank(text[at]) || text[at] == '+' || text[at] == '-')) ++at;
+  int signs = 0;
+  for (; at < text.size() && (is_blank(text[at]) || text[at] == '+' || text[at] == '-'); ++at)
+    signs += is_blank(text[at]) ? 0 : 1;
   if (at >= text.size()) return Construct::none;
   if (text[at] == '#') return Construct::parameter;
+  if (signs > 1 && (is_digit(text[at]) || text[at] == '.')) return Construct::expression;
   std::size_t letters = 0;
   for (; at < text.size() && is_letter(text[at]); ++letters) {
     ++at;

@@ -331,6 +331,9 @@ class Planner {
     if (options_.joint_speeds.empty() || !(seconds > 0) || from.size() == 0 || q_.size() == 0) return;
     const kinematics::FastestJoint fastest =
         kinematics::fastest_joint(machine_, from, q_, seconds, options_.joint_speeds, pose);
+    if (!fastest.judged) {
+      problem(step.line, "limit", "a pose between two that were judged has no joints within the limits");
+    }
     const double share = fastest.share;
     if (share > out_.speed_share) {
       out_.speed_share = share;

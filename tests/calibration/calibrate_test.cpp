@@ -378,7 +378,7 @@ TEST(Calibrate, GaugesOnThreePlanesAndContacts) {
 TEST(Calibrate, RowsNearSingularPosesAreLeftOutAndNamed) {
   const AnyMachine nominal = named("hexapod-slider");
   std::size_t lost = 0;
-  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const AnyMachine truth = *perturbed(nominal, kLengthError, units::from_deg(0.05), seed);
     const Calibration c = calibrated(nominal, measured(nominal, truth, Kind::point, 70, kNoise, seed));
     EXPECT_LT(c.held_back.rms_after, 2 * kNoise) << seed;
@@ -389,7 +389,7 @@ TEST(Calibrate, RowsNearSingularPosesAreLeftOutAndNamed) {
     }
   }
   EXPECT_GT(lost, 0u);
-  EXPECT_LT(lost, 12u);
+  EXPECT_LT(lost, 6u);
 }
 
 // Points leave the tilt of the platform open, poses do not; of a delta there is nothing to tell. What is left open is

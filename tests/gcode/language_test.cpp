@@ -815,6 +815,8 @@ TEST(Language, LoopsThatAreLeftEarlyAreAsInLinuxCnc) {
       // The level that cycles go back to keeps its number where the unit changes among them.
       "G98 G0 X0 Y0 Z25.4\nG81 X10 Y10 Z-3 R2\nG20\nG81 X.8 Y.4 Z-.12 R.1 F4\nX1.2\nG80\n",
       "S100 M3\nM19\nM19 R20\nM67 E0\nM68 E1\nG1 X1\n",
+      // Each further sign turns the number over once more.
+      "G1 X--1.5 Y+-3 Z---.4 F--120\nG1 X- -6 Y-+5\n#1=--8\nG1 X#1 Y[3--2]\n",
   };
   const Scratch scratch;
   for (const std::string& body : programs) {

@@ -412,7 +412,9 @@ TEST(Verdict, WhatCanBeImprovedIsBesideWhatCannot) {
   auto rounded = e;
   rounded.program = unwrap(gcode::parse("G64\n" + gcode::to_text(e.program), "rounded.ngc"));
   rounded.interpretation = unwrap(gcode::interpret(rounded.program, rounded.job.interpret_options()));
-  const auto r = correct(rounded);
+  machining::CorrectOptions quick;
+  quick.rounds = 2;
+  const auto r = correct(rounded, quick);
   EXPECT_FALSE(r.within_tolerance);
   EXPECT_LT(to_um(r.modes.corner_after), 80);
 }

@@ -136,7 +136,7 @@ TEST(QualityPage, LeadsWithErrors) {
 }
 
 TEST(QualityPage, SameBytesForAnyNumberOfThreads) {
-  Case one(*machine::load("hexapod-slider"), 6, 8), three = one;
+  Case one(*machine::load("hexapod-slider"), 0, 8), three = one;
   one.options.workspace.threads = 1;
   three.options.workspace.threads = 3;
   EXPECT_EQ(one.page(), three.page());

@@ -178,10 +178,10 @@ TEST(Plane, EveryMachineOfTheCatalogueHasADefault) {
       const double at = kinematics::middle_of_work(*m)[axes_of(plane).normal];
       const auto rectangle = reached_rectangle(*m, plane, at, Mat3::Identity());
       ASSERT_TRUE(rectangle) << entry.name << " " << name_of(plane);
-      const Map map = compliance_map(*m, plane_grid(plane, at, *rectangle, 21, 21), Mat3::Identity());
+      const Map map = compliance_map(*m, plane_grid(plane, at, *rectangle, 11, 11), Mat3::Identity());
       const auto reached =
           std::count_if(map.points.begin(), map.points.end(), [](const MapPoint& p) { return p.compliance.reachable; });
-      EXPECT_GT(reached, 21 * 21 / 10) << entry.name << " " << name_of(plane);
+      EXPECT_GT(reached, 11 * 11 / 10) << entry.name << " " << name_of(plane);
     }
   }
 }

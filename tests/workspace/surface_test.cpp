@@ -139,7 +139,7 @@ TEST(Surface, ClosedAndBetweenTheBoundsForEveryMachine) {
     const AnyMachine m = load(name);
     const Options options = at_tilt(tilt);
     SurfaceOptions surface_options;
-    surface_options.resolution = 40;
+    surface_options.resolution = 28;
     const Surface s = value_of(surface(m, options, surface_options));
     EXPECT_EQ(flaws_of(s), Flaws{});
     Options coarse = options;

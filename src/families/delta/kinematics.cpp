@@ -13,6 +13,7 @@ namespace polypod::machine {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kTurned = 1e-9;  // a platform that is turned farther is no delta's
 
 /// The platform joint less the base joint (or the rail's start).
 Vec3 from_base(const RotaryDelta& m, int i, const Vec3& X) {
@@ -130,11 +131,17 @@ DeltaJacobians jacobians_of(const M& m, const Vec3& X, const JointVector& q) {
 template <class M>
 JacobianMatrix jacobian_of(const M& m, const Pose& X, const JointVector& q) {
   DeltaJacobians pair = jacobians_of(m, X.p, q);
+  JacobianMatrix J = JacobianMatrix::Zero(6, m.arms);
+  // Rows of unit length: their determinant is the volume that they span.
+  constexpr double kFarFromSingular = 1e-3;
+  if (m.arms == 3 && std::abs(pair.determinant_A()) > kFarFromSingular) {
+    J.topRows<3>() = Mat3(pair.A).inverse() * pair.B.asDiagonal();
+    return J;
+  }
   for (int i = 0; i < m.arms; ++i) {  // rows of the closure: lengths times w
     pair.A.row(i) *= m.rod_length[i];
     pair.B[i] *= m.rod_length[i];
   }
-  JacobianMatrix J = JacobianMatrix::Zero(6, m.arms);
   const Eigen::MatrixXd B = pair.B.asDiagonal();
   J.topRows<3>() = Eigen::MatrixXd(pair.A).completeOrthogonalDecomposition().solve(B);
   return J;
@@ -180,12 +187,34 @@ struct Elbow {
   [[nodiscard]] double cosine(double side) const { return side * r - alpha * h; }
 };
 
-/// The drive's angle within half a turn of the middle of its range.
-double drive_angle(const RotaryDelta& m, int i, const Elbow& elbow, double side) {
-  const double q = std::atan2(elbow.sine(side), elbow.cosine(side)) - m.zero[i];
+/// The drive's angle within half a turn of the middle of its range, from the arm's angle.
+double drive_of(const RotaryDelta& m, int i, double angle) {
+  const double q = angle - m.zero[i];
   const double off = q - 0.5 * (m.range.min + m.range.max);
   return std::abs(off) < 0.5 * kTurn ? q : q - kTurn * std::round(off / kTurn);
 }
+double drive_angle(const RotaryDelta& m, int i, const Elbow& elbow, double side) {
+  return drive_of(m, i, std::atan2(elbow.sine(side), elbow.cosine(side)));
+}
+
+/// The angles of all arms at once.
+class ArmAngles {
+ public:
+  void set(int i, const Elbow& elbow, double side) {
+    sine_[i] = elbow.sine(side);
+    cosine_[i] = elbow.cosine(side);
+  }
+  /// Passes the number and the angle of each drive to `each`.
+  template <class Each>
+  void drives(const RotaryDelta& m, Each&& each) const {
+    double angle[kMaxArms];
+    angles_of(sine_, cosine_, angle);
+    for (int i = 0; i < m.arms; ++i) each(i, drive_of(m, i, angle[i]));
+  }
+
+ private:
+  double sine_[kMaxArms] = {}, cosine_[kMaxArms] = {1, 1, 1, 1};
+};
 
 /// The foot of a platform joint on its rail, and how far off the carriage may be.
 struct Foot {
@@ -202,27 +231,37 @@ struct TwoChains {
   DriveRoots roots;
   Chain chain[2];
 };
-TwoChains two_chains(const RotaryDelta& m, int i, const Pose& X) {
-  const Elbow elbow(m, i, from_base(m, i, X.p));
-  const double beta = elbow.beta(), unit = 1 / (m.arm_length[i] * elbow.D2);
-  TwoChains out;
-  out.roots = {drive_angle(m, i, elbow, beta), drive_angle(m, i, elbow, -beta), elbow.under()};
-  const Vec3 platform = X * Vec3(m.platform_joint[i] - m.tool);
-  for (int k = 0; k < 2; ++k) {
-    const double side = k == 0 ? beta : -beta, out_part = unit * elbow.sine(side);
-    const Vec3 arm(out_part * m.outward[i].x(), out_part * m.outward[i].y(), -unit * elbow.cosine(side));
-    out.chain[k] = {m.base_joint[i], arm,       m.base_joint[i] + m.arm_length[i] * arm,
-                    platform,        m.axis[i], m.rod_length[i]};
+PerArm<TwoChains> two_chains(const RotaryDelta& m, const Pose& X) {
+  PerArm<TwoChains> out;
+  ArmAngles first, second;
+  for (int i = 0; i < m.arms; ++i) {
+    const Elbow elbow(m, i, from_base(m, i, X.p));
+    const double beta = elbow.beta(), unit = 1 / (m.arm_length[i] * elbow.D2);
+    out[i].roots.under = elbow.under();
+    first.set(i, elbow, beta);
+    second.set(i, elbow, -beta);
+    const Vec3 platform = X * Vec3(m.platform_joint[i] - m.tool);
+    for (int k = 0; k < 2; ++k) {
+      const double side = k == 0 ? beta : -beta, out_part = unit * elbow.sine(side);
+      const Vec3 arm(out_part * m.outward[i].x(), out_part * m.outward[i].y(), -unit * elbow.cosine(side));
+      out[i].chain[k] = {m.base_joint[i], arm,       m.base_joint[i] + m.arm_length[i] * arm,
+                         platform,        m.axis[i], m.rod_length[i]};
+    }
   }
+  first.drives(m, [&](int i, double q) { out[i].roots.first = q; });
+  second.drives(m, [&](int i, double q) { out[i].roots.second = q; });
   return out;
 }
-TwoChains two_chains(const LinearDelta& m, int i, const Pose& X) {
-  TwoChains out;
-  out.roots = drive_roots(m, i, X.p);
-  const Vec3 platform = X * Vec3(m.platform_joint[i] - m.tool);
-  for (int k = 0; k < 2; ++k) {
-    const double q = k == 0 ? out.roots.first : out.roots.second;
-    out.chain[k] = {m.rail_start[i], m.rail_direction[i], driven_end(m, i, q), platform, m.axis[i], m.rod_length[i]};
+PerArm<TwoChains> two_chains(const LinearDelta& m, const Pose& X) {
+  PerArm<TwoChains> out;
+  for (int i = 0; i < m.arms; ++i) {
+    out[i].roots = drive_roots(m, i, X.p);
+    const Vec3 platform = X * Vec3(m.platform_joint[i] - m.tool);
+    for (int k = 0; k < 2; ++k) {
+      const double q = k == 0 ? out[i].roots.first : out[i].roots.second;
+      out[i].chain[k] = {m.rail_start[i], m.rail_direction[i], driven_end(m, i, q),
+                         platform,        m.axis[i],           m.rod_length[i]};
+    }
   }
   return out;
 }
@@ -252,6 +291,19 @@ LimitBits own_violations(const M& m, const delta_detail::RodLimits& rod, const P
   return bits;
 }
 
+/// Those that the tool tip breaks.
+LimitBits tip_violations(const Delta& m, const Pose& X) {
+  LimitBits bits = 0;
+  delta_detail::tip_limits(m, X, [&](int limit, double value) {
+    if (value < -delta_detail::kLimitSlack) bits |= LimitBits{1} << limit;
+  });
+  return bits;
+}
+LimitBits mode_violation(const Delta& m, const Vec3& y_1, const Vec3& y_2, const Vec3& y_3) {
+  const bool other = delta_detail::mode_limit(m, y_1, y_2, y_3) < -delta_detail::kLimitSlack;
+  return other ? LimitBits{1} << DeltaLimits::kMode : 0;
+}
+
 /// Those that chains i < j break together.
 template <class M>
 LimitBits common_violations(const M& m, const Chain& a, const Chain& b, int i, int j) {
@@ -277,15 +329,13 @@ LimitBits common_violations(const M& m, const Chain& a, const Chain& b, int i, i
 template <class M>
 InverseResult inverse_of(const M& m, const Pose& X) {
   InverseResult out;
-  constexpr double kTurned = 1e-9;
   if (!(X.R - Mat3::Identity()).isZero(kTurned)) {
     out.reason = "a delta holds its platform parallel to the base: R must be 1";
     return out;
   }
-  PerArm<TwoChains> two;
+  const PerArm<TwoChains> two = two_chains(m, X);
   bool singular = false;
   for (int i = 0; i < m.arms; ++i) {
-    two[i] = two_chains(m, i, X);
     if (!two[i].roots.real()) {
       out.reason += fmt::format("{}rod {} does not reach", out.reason.empty() ? "" : ", ", i + 1);
     }
@@ -294,11 +344,9 @@ InverseResult inverse_of(const M& m, const Pose& X) {
   if (!out.reason.empty()) return out;
   // What each root breaks alone and each two together is worked out once, not for every choice.
   const delta_detail::RodLimits rod(m.joint);
-  LimitBits own[kMaxArms][2], common[kMaxArms][2][kMaxArms][2], tip = 0;
+  LimitBits own[kMaxArms][2], common[kMaxArms][2][kMaxArms][2];
+  const LimitBits tip = tip_violations(m, X);
   Vec3 y[kMaxArms][2];
-  delta_detail::tip_limits(m, X, [&](int limit, double value) {
-    if (value < -delta_detail::kLimitSlack) tip |= LimitBits{1} << limit;
-  });
   for (int i = 0; i < m.arms; ++i) {
     for (int a = 0; a < 2; ++a) {
       const Chain& chain = two[i].chain[a];
@@ -321,11 +369,35 @@ InverseResult inverse_of(const M& m, const Pose& X) {
       s.violations |= own[i][of(i)];
       for (int j = 0; j < i; ++j) s.violations |= common[j][of(j)][i][of(i)];
     }
-    const double mode = delta_detail::mode_limit(m, y[0][of(0)], y[1][of(1)], y[2][of(2)]);
-    if (mode < -delta_detail::kLimitSlack) s.violations |= LimitBits{1} << DeltaLimits::kMode;
+    s.violations |= mode_violation(m, y[0][of(0)], y[1][of(1)], y[2][of(2)]);
     out.solutions.push_back(s);
   }
   return out;
+}
+
+template <class M>
+std::optional<JointVector> reachable_of(const M& m, const Pose& X) {
+  if (!(X.R - Mat3::Identity()).isZero(kTurned)) return {};
+  const PerArm<TwoChains> two = two_chains(m, X);
+  for (int i = 0; i < m.arms; ++i)
+    if (!two[i].roots.real()) return {};
+  // All first roots, as a rule; and only where they break a limit, every choice.
+  const delta_detail::RodLimits rod(m.joint);
+  LimitBits broken = tip_violations(m, X);
+  JointVector q(m.arms);
+  Vec3 y[kMaxArms];
+  for (int i = 0; i < m.arms; ++i) {
+    const Chain& chain = two[i].chain[0];
+    q[i] = two[i].roots.first;
+    y[i] = chain.platform - chain.end;
+    broken |= own_violations(m, rod, X, chain, q[i], i);
+    for (int j = 0; j < i; ++j) broken |= common_violations(m, two[j].chain[0], chain, j, i);
+  }
+  broken |= mode_violation(m, y[0], y[1], y[2]);
+  if (broken == 0) return q;
+  const InverseResult result = inverse_of(m, X);
+  const kinematics::Solution* s = result.reachable();
+  return s != nullptr ? s->joints : std::optional<JointVector>();
 }
 
 std::string branch_of(const Delta& m, unsigned branch, const char* first, const char* second) {
@@ -391,6 +463,22 @@ bool drive_position(const LinearDelta& m, int i, const Vec3& X, double& q) {
   q = foot.along - foot.half();
   return foot.under >= 0;
 }
+bool drive_positions(const RotaryDelta& m, const Vec3& X, double* q) {
+  ArmAngles angles;
+  bool real = true;
+  for (int i = 0; i < m.arms; ++i) {
+    const Elbow elbow(m, i, from_base(m, i, X));
+    angles.set(i, elbow, elbow.beta());
+    real = real && elbow.under() >= 0;
+  }
+  angles.drives(m, [&](int i, double angle) { q[i] = angle; });
+  return real;
+}
+bool drive_positions(const LinearDelta& m, const Vec3& X, double* q) {
+  bool real = true;
+  for (int i = 0; i < m.arms; ++i) real = drive_position(m, i, X, q[i]) && real;
+  return real;
+}
 
 double reach_of(const RotaryDelta& m, int i, const Vec3& X) {
   const Vec3 y = from_base(m, i, X);
@@ -409,6 +497,12 @@ InverseResult inverse(const RotaryDelta& m, const Pose& X) {
 }
 InverseResult inverse(const LinearDelta& m, const Pose& X) {
   return inverse_of(m, X);
+}
+std::optional<JointVector> reachable_joints(const RotaryDelta& m, const Pose& X) {
+  return reachable_of(m, X);
+}
+std::optional<JointVector> reachable_joints(const LinearDelta& m, const Pose& X) {
+  return reachable_of(m, X);
 }
 std::string branch_name(const RotaryDelta& m, unsigned branch) {
   return branch_of(m, branch, "outer", "inner");
