@@ -125,6 +125,11 @@ std::string in_words(const Placing& at) {
                      unsigned_zero(fmt::format("{:.1f}", to_deg(at.turn))));
 }
 
+std::string gain_in_words(double gain_um) {
+  return gain_um < 0 ? fmt::format("; the start, which lies beside the box, is better by {:.1f} um", -gain_um)
+                     : fmt::format("; the gain is {:.1f} um", gain_um);
+}
+
 void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
   if (r.start_error) {
     fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_error), in_words(r.start));
@@ -133,14 +138,19 @@ void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
   }
   if (!r.best) {
     fmt::print("no place was found at which the program fits the machine\n");
+    if (r.failed > 0) {
+      fmt::print("       {} of {} places are within reach and limits; of them {} were checked whole, and fail ({})\n",
+                 r.fitting, r.places, r.failed, machining::name_of(r.failed_by));
+    }
+    for (const std::string& note : notes) fmt::print("note: {}\n", note);
     return;
   }
   fmt::print("best   {:.1f} um  {}\n", to_um(r.best->error), in_words(r.best->at));
   fmt::print("       largest normal errors, as predict gives them there{}\n",
-             r.start_error ? fmt::format("; the gain is {:.1f} um", to_um(*r.start_error - r.best->error)) : "");
+             r.start_error ? gain_in_words(to_um(*r.start_error - r.best->error)) : "");
   fmt::print(
       "searched x {:.1f} .. {:.1f}, y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm, rotations {:.1f} .. {:.1f} deg: "
-      "{} of {} places fit\n",
+      "{} of {} places are within reach and limits\n",
       to_mm(r.box[0].min), to_mm(r.box[0].max), to_mm(r.box[1].min), to_mm(r.box[1].max), to_mm(r.box[2].min),
       to_mm(r.box[2].max), to_deg(r.turns.min), to_deg(r.turns.max), r.fitting, r.places);
   if (r.at_border)

@@ -209,14 +209,14 @@ Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v)
 namespace {
 
 /// "123 mm3, certainly between 122 and 124": two digits more than the bounds agree in, four at least.
-std::string volume_text(const workspace::Volume& v) {
+std::string volume_text(const workspace::Volume& v, bool bounded) {
   if (!v.proven) {
     const double error = units::to_mm3(std::max(v.upper - v.volume, 1e-30));
     const double unit = std::pow(10.0, std::floor(std::log10(error)) - 1);  // two digits of the error
     const int decimals = std::clamp(static_cast<int>(-std::log10(unit)), 0, 9);
-    return fmt::format("{:.{}f} +- {:.{}f} mm3 (95 % of the sample); nothing is proven: no bounds are known",
+    return fmt::format("{:.{}f} +- {:.{}f} mm3 (95 % of the sample); nothing is proven: {}",
                        unit * std::round(units::to_mm3(v.volume) / unit), decimals, unit * std::round(error / unit),
-                       decimals);
+                       decimals, bounded ? "bounds would take too many boxes" : "no bounds are known");
   }
   constexpr int kLeast = 4, kMost = 9;
   const double gap = (v.upper - v.lower) / v.volume;
@@ -359,7 +359,7 @@ Command workspace_command() {
             } else if (v.empty) {
               fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
             } else {
-              fmt::print("volume   {}\n", volume_text(v));
+              fmt::print("volume   {}\n", volume_text(v, workspace::has_bounds(machine)));
               for (int k = 0; k < 3; ++k) {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }

@@ -210,7 +210,8 @@ class Search {
     return std::move(*prediction);
   }
 
-  /// The reference: the start, or the nearest place that fits.
+  /// The reference of the forces: the start, or the nearest place within reach. It is an answer where all of `check`
+  /// passes, speeds and accelerations of the joints included.
   Status look_at_start() {
     POLYPOD_TRY(report(0, "predicting at the start"));
     std::optional<Placing> at;
@@ -236,8 +237,13 @@ class Search {
     reference_ = at;
     out_.reference = *at;
     const JudgedPlace judged{*at, largest_normal_error(*prediction), estimate(*at).error};
-    out_.judged.push_back(judged);
-    if (out_.start_fit == PlaceFit::fits) out_.start_error = judged.error;
+    if (out_.start_fit == PlaceFit::fits) {
+      out_.start_error = judged.error;
+      out_.judged.push_back(judged);
+      return {};
+    }
+    POLYPOD_ASSIGN(fit, check_whole(job_.machine, at->pose(), both_));
+    if (fit == PlaceFit::fits) out_.judged.push_back(judged);
     return {};
   }
 
@@ -388,7 +394,7 @@ class Search {
   }
 
   /// Fitting places of the grid, the best first, that are no neighbours of each other, and pass the whole check.
-  Result<std::vector<PlacePoint>> candidates() const {
+  Result<std::vector<PlacePoint>> candidates() {
     std::vector<std::size_t> order;
     for (std::size_t i = 0; i < grid_.size(); ++i)
       if (grid_[i].fit == PlaceFit::fits) order.push_back(i);
@@ -411,7 +417,11 @@ class Search {
       ++checks;
       POLYPOD_TRY(report(double(out.size()) / options_.judged, "checking the best places"));
       POLYPOD_ASSIGN(fit, check_whole(job_.machine, grid_[i].at.pose(), both_));
-      if (fit == PlaceFit::fits) out.push_back(grid_[i]);
+      if (fit == PlaceFit::fits) {
+        out.push_back(grid_[i]);
+      } else if (out_.failed++ == 0) {
+        out_.failed_by = fit;
+      }
     }
     return out;
   }
@@ -560,14 +570,11 @@ class Search {
   }
 
   Status finish() {
-    // A reference that does not belong to the box is no answer, unless it is where the part is.
-    for (const JudgedPlace& j : out_.judged) {
-      const bool start = out_.start_error && coordinates_of(j.at) == coordinates_of(out_.start);
-      if (!start && !in_box(j.at)) continue;
-      out_.best = j;
-      break;
-    }
-    if (!out_.best) return {};
+    // A start or a reference beside the box is no answer: only within it the part can stand.
+    const auto inside =
+        std::find_if(out_.judged.begin(), out_.judged.end(), [&](const JudgedPlace& j) { return in_box(j.at); });
+    if (inside == out_.judged.end()) return {};
+    out_.best = *inside;
     const Coordinates c = coordinates_of(out_.best->at);
     for (int k = 0; k < (whole_turn() ? 3 : 4); ++k) {
       const double near = 0.02 * (high(k) - low(k));

@@ -88,10 +88,13 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   if (result.start_error) {
     const double gain = *result.start_error - best.error;
     page.add_verdict(report::Verdict::good,
-                     gain > 0 ? fmt::format("The best place that was found is {}: the largest normal error there is "
-                                            "{:.1f} µm, {:.1f} µm less than at the start.",
-                                            in_words(best.at), to_um(best.error), to_um(gain))
-                              : std::string("No place that was looked at is better than the start."));
+                     gain > 0   ? fmt::format("The best place that was found is {}: the largest normal error there is "
+                                                "{:.1f} µm, {:.1f} µm less than at the start.",
+                                              in_words(best.at), to_um(best.error), to_um(gain))
+                     : gain < 0 ? fmt::format("No place within the box is as good as the start: the best of it is {}, "
+                                              "{:.1f} µm, {:.1f} µm more.",
+                                              in_words(best.at), to_um(best.error), to_um(-gain))
+                                : std::string("No place that was looked at is better than the start."));
   } else {
     page.add_verdict(
         report::Verdict::bad,
@@ -103,7 +106,8 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   if (result.start_error)
     figures.push_back({report::fixed(to_um(*result.start_error), 1), "µm", "largest normal error at the start"});
   figures.push_back({report::fixed(to_um(best.error), 1), "µm", "at the best place", report::Verdict::good});
-  figures.push_back({std::to_string(result.fitting), "", fmt::format("of {} places fit", result.places)});
+  figures.push_back(
+      {std::to_string(result.fitting), "", fmt::format("of {} places are within reach and limits", result.places)});
   page.add_key_figures(figures);
   if (result.at_border)
     page.add_text(

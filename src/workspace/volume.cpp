@@ -99,13 +99,13 @@ Result<Volume> proven_or_sampled(const AnyMachine& machine, const Limits& limits
   return sampled_volume(machine, options);
 }
 constexpr std::int64_t kFewBoxes = 150'000;
-/// Of one direction a box of an arm takes 8 us, of a cone up to a hundred times as long.
-std::int64_t boxes_of_an_arm(const Directions& directions) {
+/// Of a cone a box takes up to a hundred times as long as of one direction.
+std::int64_t boxes_of(std::int64_t of_one_direction, const Directions& directions) {
   const auto one = [](const std::optional<std::array<double, 2>>& range) {
     return !range || (*range)[0] == (*range)[1];
   };
-  constexpr std::int64_t kOfOneDirection = 1'200'000;
-  return directions.tilt == 0 && one(directions.a_range) && one(directions.b_range) ? kOfOneDirection : kFewBoxes;
+  const bool single = directions.tilt == 0 && one(directions.a_range) && one(directions.b_range);
+  return single ? of_one_direction : of_one_direction / 8;
 }
 
 /// Refuses what has no end where these limits are off.
@@ -186,8 +186,8 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
         if (!has_bounds(machine)) return sampled_volume(machine, options);
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
           POLYPOD_TRY(ended(machine, limits.ends() & ~options.limits));
-          if constexpr (requires { limits.slow(); }) {
-            return proven_or_sampled(machine, limits, options, boxes_of_an_arm(options.directions));
+          if constexpr (requires { limits.few_boxes(); }) {
+            return proven_or_sampled(machine, limits, options, boxes_of(limits.few_boxes(), options.directions));
           } else {
             return subdivided_volume(limits, options);
           }

@@ -152,6 +152,24 @@ TEST(Place, NothingFitsInABoxOutOfReach) {
   EXPECT_EQ(r.best->at.origin, e.job.X_MW.p);
 }
 
+/// No place is an answer where joints are too fast, that of the forces included; and none beside the box.
+TEST(Place, AnAnswerPassesTheWholeCheckAndLiesInTheBox) {
+  Example e = load_example("slavkovic_square");
+  e.job.joint_speeds.assign(5, from_deg(0.01));
+  const PlaceResult none = best(e, small_box());
+  EXPECT_FALSE(none.best);
+  EXPECT_EQ(none.start_fit, PlaceFit::speed);
+  EXPECT_EQ(none.failed_by, PlaceFit::speed);
+  EXPECT_GT(none.failed, 0u);
+  e.job.joint_speeds.clear();
+  PlaceOptions beside = small_box();
+  beside.box[0] = mm(250, 300);  // the start is at 0
+  beside.turns = machine::JointRange{0, 0};
+  const PlaceResult r = best(e, beside);
+  ASSERT_TRUE(r.best && r.start_error);
+  EXPECT_GE(r.best->at.origin.x(), from_mm(250) - 1e-9);
+}
+
 TEST(Place, RefusesAReversedBox) {
   const Example e = load_example("slavkovic_square");
   PlaceOptions options = small_box();

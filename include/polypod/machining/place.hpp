@@ -93,20 +93,22 @@ struct PlaceResult {
   Placing reference;                  ///< where the forces come from
   std::array<machine::JointRange, 3> box;
   machine::JointRange turns;
-  std::vector<JudgedPlace> judged;    ///< by predict, the best first
-  std::size_t places = 0;             ///< estimated
-  std::size_t fitting = 0;            ///< of them, places where the points that were looked at can be reached
-  std::size_t looked_at = 0;          ///< points of the program that are looked at for an estimate
-  PlaceMap map;                       ///< round the best place
-  std::vector<PlacePoint> rotations;  ///< at its position, over all rotations
-  bool at_border = false;             ///< the best place lies at an end of the box
+  std::vector<JudgedPlace> judged;      ///< by predict, the best first
+  std::size_t places = 0;               ///< estimated
+  std::size_t fitting = 0;              ///< of them, places where the points that were looked at can be reached
+  std::size_t failed = 0;               ///< of these, checked whole and found not to fit
+  PlaceFit failed_by = PlaceFit::fits;  ///< the first of them
+  std::size_t looked_at = 0;            ///< points of the program that are looked at for an estimate
+  PlaceMap map;                         ///< round the best place
+  std::vector<PlacePoint> rotations;    ///< at its position, over all rotations
+  bool at_border = false;               ///< the best place lies at an end of the box
 };
 
 /// Looks for the place at which the largest normal error of a program is smallest, over a box of positions and
 /// rotations about z: a grid of estimates, the best of them judged by `check` and `predict`, a search by ever smaller
 /// steps from the best five, and `predict` at the best three of what was found. Only a place where `check` finds no
-/// problem counts. A search over a box has no proof: the place is the best that was found, never worse than the start
-/// where that fits.
+/// problem counts. A search over a box has no proof: the place is the best that was found within it, never worse than
+/// the start where that fits and lies within.
 ///
 /// An estimate puts the forces F of one prediction to other compliances, delta = R^T C(X p) R F, at its 400 points at
 /// most; what another deflection changes of the force is left out of it (some per cent). The same input gives the same
