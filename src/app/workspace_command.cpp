@@ -359,7 +359,7 @@ Command workspace_command() {
             } else if (v.empty) {
               fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
             } else {
-              fmt::print("volume   {}\n", volume_text(v, workspace::has_bounds(machine)));
+              fmt::print("volume   {}\n", volume_text(v, workspace::has_bounds(m)));
               for (int k = 0; k < 3; ++k) {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
