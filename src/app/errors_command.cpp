@@ -306,8 +306,8 @@ Command errors_command() {
               document["directions"] = survey.orientations.size();
               document["beyond_singular"] = beyond_json(survey.beyond);
               document["volume_mm3"] = units::to_mm3(survey.volume);
-              document["volume_lower_mm3"] = units::to_mm3(survey.volume_lower);
-              document["volume_upper_mm3"] = units::to_mm3(survey.volume_upper);
+              document["volume_lower_mm3"] = number_json(proven_mm3(survey, survey.volume_lower));
+              document["volume_upper_mm3"] = number_json(proven_mm3(survey, survey.volume_upper));
               if (!singular_there.empty()) document["worst"]["singular"] = singular_there;
               document["method"] = tolerances ? o->method : "linear";
               if (tolerances) {

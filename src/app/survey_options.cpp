@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
@@ -57,6 +58,10 @@ Status SurveyArguments::refuse_at_pose(const Context& context) const {
 
 Json number_json(double value) {
   return std::isfinite(value) ? Json(value) : Json();
+}
+
+double proven_mm3(const quality::Survey& survey, double bound) {
+  return survey.volume_lower < survey.volume_upper ? units::to_mm3(bound) : std::numeric_limits<double>::quiet_NaN();
 }
 
 Json statistics_json(const quality::Statistics& s, double scale) {

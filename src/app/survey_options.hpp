@@ -26,6 +26,8 @@ Json statistics_json(const quality::Statistics& s, double scale = 1);
 Json constant_json(double value);
 /// A number, or null where it is not finite.
 Json number_json(double value);
+/// A bound of a survey's volume, mm^3; no number where its points were counted and nothing is proven.
+double proven_mm3(const quality::Survey& survey, double bound);
 /// "KEY=value" as key and number. Errors: AP160.
 Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
                                                                   const char* option);

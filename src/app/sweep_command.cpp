@@ -144,8 +144,8 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
                     {"determinant_mean", det.mean},
                     {"determinant_mean_max", det.max},
                     {"volume_mm3", volume},
-                    {"volume_lower_mm3", units::to_mm3(survey.volume_lower)},
-                    {"volume_upper_mm3", units::to_mm3(survey.volume_upper)}},
+                    {"volume_lower_mm3", proven_mm3(survey, survey.volume_lower)},
+                    {"volume_upper_mm3", proven_mm3(survey, survey.volume_upper)}},
                    true,
                    {},
                    {},
@@ -166,8 +166,8 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
                   {"orientation_mean_max_rad", turn.max},
                   {"orientation_max_rad", worst_turned.value},
                   {"volume_mm3", volume},
-                  {"volume_lower_mm3", units::to_mm3(survey.volume_lower)},
-                  {"volume_upper_mm3", units::to_mm3(survey.volume_upper)}},
+                  {"volume_lower_mm3", proven_mm3(survey, survey.volume_lower)},
+                  {"volume_upper_mm3", proven_mm3(survey, survey.volume_upper)}},
                  true,
                  {},
                  {},
@@ -290,7 +290,9 @@ Command sweep_command() {
             for (std::size_t row = 0; row < rows; ++row) {
               csv += fmt::format("{}", fmt::join(keys[row], ","));
               for (std::size_t k = 0; k < names.size(); ++k)
-                csv += found[row].values.empty() ? "," : fmt::format(",{:.6g}", found[row].values[k].second);
+                csv += found[row].values.empty() || std::isnan(found[row].values[k].second)
+                           ? ","
+                           : fmt::format(",{:.6g}", found[row].values[k].second);
               csv += "\n";
             }
             if (!o->csv.empty()) POLYPOD_TRY(files::write_whole(o->csv, csv));
@@ -302,7 +304,8 @@ Command sweep_command() {
               fmt::print("\n");
               for (std::size_t row = 0; row < rows; ++row) {
                 for (const std::string& key : keys[row]) fmt::print("{:>24}", key);
-                for (const auto& [name, value] : found[row].values) fmt::print(" {:>24.6g}", value);
+                for (const auto& [name, value] : found[row].values)
+                  fmt::print(" {:>24}", std::isnan(value) ? "-" : fmt::format("{:.6g}", value));
                 const std::string& singular = found[row].singular;
                 fmt::print("  {}{}\n",
                            found[row].values.empty() ? found[row].missing : bar(found[row].values[0].second, largest),

@@ -14,7 +14,14 @@ namespace polypod::kinematics {
 namespace {
 
 constexpr double kCloserFrom = 0.2;  // of a joint's limit, from which its speed is judged at closer poses
-constexpr int kCloser = 10;          // pieces of the way then
+constexpr int kCloser = 10;          // pieces of the way then, at least
+constexpr int kClosest = 200;
+constexpr double kOfAPiece = 0.05;  // rad or m, about what a joint may change in one of them
+
+/// Pieces of a way in which the joints change by so much.
+int closer_pieces(const JointVector& change) {
+  return std::clamp(static_cast<int>(std::ceil(change.cwiseAbs().maxCoeff() / kOfAPiece)), kCloser, kClosest);
+}
 
 FastestJoint between(const JointVector& from, const JointVector& to, double seconds,
                      const std::vector<double>& limits) {
@@ -53,16 +60,36 @@ Eigen::VectorXd by_position(const AnyMachine& machine, const Pose& X_MT, const J
   return sum;
 }
 
+/// From s_0 with the joints `from` to s_1.
+std::optional<JointVector> follow(const AnyMachine& machine, const JointVector& from,
+                                  const std::function<Pose(double)>& pose, double jump, double s_0, double s_1) {
+  constexpr double kFinest = 1.0 / 256;
+  const InverseResult inverse = inverse_near(machine, pose(s_1), from);
+  const Solution* best = inverse.reachable();
+  if (best == nullptr) return {};
+  if ((best->joints - from).cwiseAbs().maxCoeff() <= jump) return best->joints;
+  if (s_1 - s_0 <= kFinest) return {};
+  const double middle = (s_0 + s_1) / 2;
+  const auto half = follow(machine, from, pose, jump, s_0, middle);
+  return half ? follow(machine, *half, pose, jump, middle, s_1) : half;
+}
+
 }  // namespace
+
+std::optional<JointVector> followed(const AnyMachine& machine, const JointVector& from,
+                                    const std::function<Pose(double)>& pose, double jump) {
+  return follow(machine, from, pose, jump, 0, 1);
+}
 
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose) {
   FastestJoint out = between(from, to, seconds, limits);
   if (out.share <= kCloserFrom) return out;
-  const std::vector<JointVector> q = joints_along(machine, from, to, pose, kCloser);
+  const int pieces = closer_pieces(to - from);
+  const std::vector<JointVector> q = joints_along(machine, from, to, pose, pieces);
   out.judged = !q.empty();
   for (std::size_t k = 1; k < q.size(); ++k) {
-    const FastestJoint closer = between(q[k - 1], q[k], seconds / kCloser, limits);
+    const FastestJoint closer = between(q[k - 1], q[k], seconds / pieces, limits);
     if (closer.share > out.share) out = closer;
   }
   return out;
@@ -92,7 +119,7 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
     }
     return out;
   };
-  const int most = std::clamp(static_cast<int>(stretch.length / kShortestPiece), 2, kCloser);
+  const int most = std::clamp(static_cast<int>(stretch.length / kShortestPiece), 2, closer_pieces(to - from));
   const HardestJoint coarse = hardest(2);
   if (most == 2 || coarse.share <= kCloserFrom) return coarse;
   const HardestJoint fine = hardest(most);

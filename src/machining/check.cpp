@@ -49,9 +49,12 @@ class Demands {
     return (!limits_.joint_speeds.empty() || !limits_.joint_accelerations.empty()) &&
            move.kind != gcode::MoveKind::rapid && move.feed > 0 && length > 0 && move.start_known;
   }
-  /// The stretch of a move on `line`, run with `feed`, that ends at `where`.
-  void look(const machine::JointVector& from, const machine::JointVector& to, const kinematics::Stretch& stretch,
-            int line, double feed, const std::string& where) {
+  /// Whether quick joints are judged by their speed.
+  [[nodiscard]] bool speeds() const { return !limits_.joint_speeds.empty(); }
+  /// The stretch of a move on `line`, run with `feed`, that ends at `where`. Accelerations count with the speed that
+  /// the controller's own acceleration across the path leaves on an arc of this radius (0: a line).
+  void look(const machine::JointVector& from, const machine::JointVector& to, kinematics::Stretch stretch, int line,
+            double feed, double radius, const std::string& where) {
     if (!limits_.joint_speeds.empty()) {
       const kinematics::FastestJoint fastest =
           kinematics::fastest_joint(machine_, from, to, stretch.seconds, limits_.joint_speeds, stretch.pose);
@@ -62,12 +65,15 @@ class Demands {
       }
       if (fastest.share > std::max(1.0, speed_.share)) {
         worst(speed_, "speed", fastest.share, line,
-              fmt::format("{}: {}; up to F{:.0f} it would keep it", where,
-                          kinematics::too_fast(machine_, fastest, limits_.joint_speeds),
-                          std::floor(units::to_mm_per_min(feed / fastest.share))));
+              fmt::format("{}: {}", where, kinematics::too_fast(machine_, fastest, limits_.joint_speeds)),
+              fmt::format("; up to F{:.0f} it would keep it", std::floor(units::to_mm_per_min(feed / fastest.share))));
       }
     }
     if (!limits_.joint_accelerations.empty()) {
+      if (stretch.tip_acceleration > 0 && radius > 0 && feed * feed > stretch.tip_acceleration * radius) {
+        feed = std::sqrt(stretch.tip_acceleration * radius);
+        stretch.seconds = stretch.length / feed;
+      }
       const kinematics::HardestJoint hardest =
           kinematics::hardest_joint(machine_, from, to, stretch, limits_.joint_accelerations);
       if (!hardest.judged) lost(line, where);
@@ -78,27 +84,36 @@ class Demands {
       if (hardest.share > std::max(1.0, acceleration_.share)) {
         worst(
             acceleration_, "acceleration", hardest.share, line,
-            fmt::format("{}: {}{}", where,
-                        kinematics::too_hard(machine_, hardest, stretch.tip_acceleration, limits_.joint_accelerations),
-                        remedy(hardest, feed, stretch.tip_acceleration)));
+            fmt::format("{}: {}", where,
+                        kinematics::too_hard(machine_, hardest, stretch.tip_acceleration, limits_.joint_accelerations)),
+            remedy(hardest, feed, stretch.tip_acceleration));
       }
     }
   }
   void next_move() { speed_ = acceleration_ = between_ = {}; }
+  /// Where a joint jumps, or the machine is singular, no feed helps.
+  void no_remedies() {
+    for (Worst* of : {&speed_, &acceleration_}) {
+      of->hopeless = true;
+      if (of->share > 0) out_.problems[of->problem].detail = of->detail;
+    }
+  }
 
  private:
   struct Worst {
     double share = 0;
     std::size_t problem = 0;
+    std::string detail;
+    bool hopeless = false;
   };
 
-  void worst(Worst& of, const char* kind, double share, int line, std::string detail) {
+  void worst(Worst& of, const char* kind, double share, int line, std::string detail, const std::string& remedy = "") {
     if (of.share == 0) {
       of.problem = out_.problems.size();
-      out_.problems.push_back({line, kind, std::move(detail)});
-    } else {
-      out_.problems[of.problem].detail = std::move(detail);
+      out_.problems.push_back({line, kind, ""});
     }
+    of.detail = std::move(detail);
+    out_.problems[of.problem].detail = of.detail + (of.hopeless ? "" : remedy);
     of.share = share;
   }
   void lost(int line, const std::string& where) {
@@ -113,9 +128,11 @@ class Demands {
       return fmt::format("; up to F{:.0f} it would keep it",
                          std::floor(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed))));
     }
+    constexpr double kLeast = 10e-3;  // m/s^2, below which nobody sets a controller
+    const double most = tip_acceleration / of_tip;
+    if (most < kLeast) return "";
     return fmt::format("; it would keep it with `max_acceleration_mm_per_s2` up to {:.0f}{}",
-                       std::floor(units::to_mm(tip_acceleration / of_tip)),
-                       hardest.of_speed > 0.01 ? " and a smaller feed" : "");
+                       std::floor(units::to_mm(most)), hardest.of_speed > 0.01 ? " and a smaller feed" : "");
   }
 
   const machine::AnyMachine& machine_;
@@ -205,25 +222,43 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         continue;
       }
       lean = std::max(lean, angle_between(kinematics::settled(machine, X).value_or(X).R.col(2), X.R.col(2)));
+      const bool follows = last.size() > 0;
+      const auto way = [&](double share) { return pose_at((k - 1 + share) / steps); };
+      machine::JointVector joints = best->joints;
+      const double nearest = follows ? (joints - last).cwiseAbs().maxCoeff() : 0.0;
+      bool jumps = false;
+      if (nearest > kJump && k > 0) {
+        // A joint that hurries and does not jump is judged by its speed, where that is known.
+        const auto closely = kinematics::followed(machine, last, way, kJump);
+        jumps = !closely.has_value();
+        if (closely) joints = *closely;
+        if (jumps) {
+          problem(branch, "branch",
+                  fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
+        } else if (!demands_joints || !demands.speeds()) {
+          problem(branch, "branch",
+                  fmt::format("{}: a joint would turn by {:.1f} deg on the last {}; its speed is judged in cuts where "
+                              "the job gives joint_speeds",
+                              where(), units::to_deg((joints - last).cwiseAbs().maxCoeff()),
+                              length > 0 ? fmt::format("{:.3g} mm", units::to_mm(length / steps))
+                                         : fmt::format("{:.3g} deg of A, B, C", units::to_deg(turn / steps))));
+        }
+      }
       if (best->singular) problem(singular, "singular", where());
       using At = kinematics::HoldOnPath::At;
-      if (last.size() == 0) held.leave();
-      if (const At at = held.next(X, best->joints); at != At::held && !singular) {
+      if (!follows) held.leave();
+      if (const At at = held.next(X, joints); at != At::held && !singular) {
         problem(singular, "singular", fmt::format("{}: {}", where(), in_words(at)));
         out.problems.back().held = at == At::hardly;
       }
-      const double nearest = last.size() > 0 ? (best->joints - last).cwiseAbs().maxCoeff() : 0.0;
-      if (nearest > kJump && k > 0) {
-        problem(branch, "branch", fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
-      }
-      const bool follows = last.size() > 0;
-      if (demands_joints && follows && k > 0 && nearest <= kJump) {
-        const auto way = [&](double share) { return pose_at((k - 1 + share) / steps); };
+      if (jumps || singular) demands.no_remedies();
+      if (demands_joints && follows && k > 0 && !jumps) {
         const double stretch = length / steps;
-        demands.look(last, best->joints, {stretch / move.feed, stretch, way, options.limits.tip_acceleration}, line,
-                     move.feed, where());
+        const bool arc = move.kind == gcode::MoveKind::arc;
+        demands.look(last, joints, {stretch / move.feed, stretch, way, options.limits.tip_acceleration}, line,
+                     move.feed, arc ? (move.start - move.centre).norm() : 0.0, where());
       }
-      last = best->joints;
+      last = joints;
       if (options.touches) {
         const std::string what = options.touches(kinematics::settled(machine, X, last), last, follows, move.tool);
         if (!what.empty()) problem(touching, "collision", fmt::format("{}: {}", where(), what));

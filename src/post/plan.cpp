@@ -269,8 +269,9 @@ class Planner {
     return best == nullptr ? X.R : kinematics::settled(machine_, X, best->joints).R;
   }
 
-  /// The joints at a pose, after those before it; problems are named. False where there are none.
-  bool solve(const Step& step, const Pose& X) {
+  /// The joints at a pose, after those before it; problems are named. False where there are none. `way` leads there
+  /// from the pose before, where the speed of its joints is judged: those that hurry on it then do not count as a jump.
+  bool solve(const Step& step, const Pose& X, const std::function<Pose(double)>& way = {}) {
     const bool follows = q_.size() > 0;
     InverseResult inverse = follows ? kinematics::inverse_near(machine_, X, q_) : kinematics::inverse(machine_, X);
     const auto where = [&] {
@@ -292,17 +293,25 @@ class Planner {
       q_.resize(0);
       return false;
     }
+    JointVector joints = best->joints;
+    bool judged_by_speed = false;
+    if (way && follows && !lost_ && (joints - q_).cwiseAbs().maxCoeff() > kJump) {
+      if (const auto closely = kinematics::followed(machine_, q_, way, kJump)) {
+        joints = *closely;
+        judged_by_speed = true;
+      }
+    }
     if (best->singular) problem(step.line, "singular", where());
     if (!follows || lost_) held_.leave();
-    if (const auto at = held_.next(X, best->joints); at != kinematics::HoldOnPath::At::held && !best->singular) {
+    if (const auto at = held_.next(X, joints); at != kinematics::HoldOnPath::At::held && !best->singular) {
       problem(step.line, "singular", fmt::format("{}: {}", where(), in_words(at)));
     }
     if (follows && !lost_) {
-      name_jump(step, best->joints - q_, where());
+      if (!judged_by_speed) name_jump(step, joints - q_, where());
     } else if (!follows && out_.branch.empty()) {
       out_.branch = kinematics::branch_name(machine_, best->branch);
     }
-    q_ = best->joints;
+    q_ = joints;
     if (!placed_ && first_turns_ != 0) {
       const int last = static_cast<int>(q_.size()) - 1;
       const double turned = q_[last] + 2 * std::numbers::pi * first_turns_;
@@ -323,6 +332,11 @@ class Planner {
   [[nodiscard]] double seconds_of(const PlannedMove& m, const Step& step) const {
     const double speed = m.kind == StepKind::rapid ? options_.rapid_speed : step.feed;
     return m.length > kSame ? (speed > 0 ? m.length / speed : 0) : m.turn / options_.turn_speed;
+  }
+
+  /// The way, where the speeds of the joints on it are judged.
+  [[nodiscard]] std::function<Pose(double)> judged_way(double seconds, std::function<Pose(double)> way) const {
+    return options_.joint_speeds.empty() || !(seconds > 0) ? nullptr : std::move(way);
   }
 
   /// Whether the joints may go from `from` to where they are in this time; `pose(s)` is the way between them.
@@ -407,8 +421,9 @@ class Planner {
       const double seconds = kind == StepKind::rapid ? 0 : seconds_of(m, step);
       for (int i = 1; i <= n; ++i) {
         const JointVector from = q_;
-        solved = solve(step, pose(double(i) / n));
-        judge_speeds(step, from, seconds / n, [&](double s) { return pose((i - 1 + s) / n); });
+        const auto way = [&](double s) { return pose((i - 1 + s) / n); };
+        solved = solve(step, pose(double(i) / n), judged_way(seconds, way));
+        judge_speeds(step, from, seconds / n, way);
       }
     }
     finish(step, std::move(m), commanded, solved);
@@ -436,9 +451,9 @@ class Planner {
     for (int i = 1; i <= n; ++i) {
       const Vec3 p = way.tip(s_0 + (s_1 - s_0) * i / n);
       const JointVector from = q_;
-      solved = solve(step, in_machine(commanded, p));
-      judge_speeds(step, from, seconds / n,
-                   [&](double s) { return in_machine(commanded, way.tip(s_0 + (s_1 - s_0) * (i - 1 + s) / n)); });
+      const auto piece = [&](double s) { return in_machine(commanded, way.tip(s_0 + (s_1 - s_0) * (i - 1 + s) / n)); };
+      solved = solve(step, in_machine(commanded, p), judged_way(seconds, piece));
+      judge_speeds(step, from, seconds / n, piece);
       if (2 * i == n && solved) m.R_via = kinematics::settled(machine_, in_machine(commanded, p), q_).R;
     }
     finish(step, std::move(m), commanded, solved);

@@ -107,10 +107,29 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
     seen.max = seen.max.cwiseMax(hits.high);
     return hits;
   };
-  // Where it is: the box of what is reached, one cell wider, looked at again where it is much smaller.
+  // Where it is: the box of what is reached, one cell wider, looked at again where it is much smaller, or where what is
+  // reached comes to a side of it: a few points of a large box say little of how far it goes.
   const machine::Reach reach = kinematics::reach(machine);
   Vec3 low = reach.low, high = reach.high;
-  for (int round = 0; round < 4; ++round) {
+  const auto fit = [&](const Hits& hits, const Vec3& cell) {
+    const Vec3 size = high - low;
+    Vec3 from = hits.low - cell, to = hits.high + cell;
+    bool grows = false;
+    for (int k = 0; k < 3; ++k) {
+      if (hits.low[k] < low[k] + cell[k] && low[k] > reach.low[k]) {
+        from[k] = low[k] - size[k] / 2;
+        grows = true;
+      }
+      if (hits.high[k] > high[k] - cell[k] && high[k] < reach.high[k]) {
+        to[k] = high[k] + size[k] / 2;
+        grows = true;
+      }
+    }
+    low = reach.low.cwiseMax(from);
+    high = reach.high.cwiseMin(to);
+    return grows;
+  };
+  for (int round = 0; round < 12; ++round) {
     constexpr int kScout = 12, kFiner = 20;
     Sample sample(low, high, kScout);
     POLYPOD_ASSIGN(hits, take(sample));
@@ -123,10 +142,8 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
       out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       return out;
     }
-    const Vec3 old = high - low;
-    low = low.cwiseMax(hits.low - sample.cell());
-    high = high.cwiseMin(hits.high + sample.cell());
-    if ((high - low).prod() > 0.5 * old.prod()) break;
+    const double old = (high - low).prod();
+    if (!fit(hits, sample.cell()) && (high - low).prod() > 0.5 * old) break;
   }
   out.converged = false;
   const std::int64_t most = std::min(kMostPoints, options.max_cells);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/machining/check.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "machining/examples.hpp"
@@ -91,6 +92,53 @@ TEST(Check, JointSpeedsAreThoseOfTheJacobian) {
   EXPECT_EQ(r.fastest_line, 0);
   EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("speeds of the joints in them are not judged")));
   EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("no cut was there")));
+}
+
+/// A line that passes 1 mm beside the poses at which joint 5 of a spherical wrist is straight: joint 4 turns by some 50
+/// deg within the millimetre there, but does not jump. Where its speed is judged, that is what counts.
+TEST(Check, AJointThatHurriesDoesNotJump) {
+  auto e = testing::load_example("slavkovic_square");
+  e.job.machine = *machine::load("kuka-kr210");
+  machine::JointVector straight(6);
+  straight << 0, units::from_deg(-100), units::from_deg(110), 0, 0, 0;
+  const Pose X_0 = kinematics::forward(e.job.machine, straight).poses.front();
+  const Vec3 abc = angles_abc(X_0.R) * 180 / std::numbers::pi, p = X_0.p + Vec3(0, 1e-3, 0);
+  const auto program = [&](const char* feed) {
+    const std::string at = fmt::format("G0 X{:.9f} Y{:.9f} Z{:.9f} A{:.9f} B{:.9f} C{:.9f}\n", 1e3 * p.x(), 1e3 * p.y(),
+                                       1e3 * p.z() - 10, abc.x(), abc.y(), abc.z());
+    return testing::with_program("slavkovic_square",
+                                 "G21 G90 G94\n" + at + fmt::format("G1 Z{:.9f} {}\nM2\n", 1e3 * p.z() + 10, feed));
+  };
+  // Followed in steps of 2 um.
+  double most = 0;
+  machine::JointVector last;
+  for (int i = -5000; i <= 5000; ++i) {
+    const Pose X{X_0.R, p + Vec3(0, 0, 2e-6 * i)};
+    const auto all =
+        last.size() > 0 ? kinematics::inverse_near(e.job.machine, X, last) : kinematics::inverse(e.job.machine, X);
+    const machine::JointVector q = all.reachable()->joints;
+    if (last.size() > 0) most = std::max(most, (q - last).cwiseAbs().maxCoeff() / 2e-6);  // rad/m
+    last = q;
+  }
+  ASSERT_GT(most, 500);
+  machining::CheckOptions options;
+  const auto checked = [&](const char* feed, double limit) {
+    const auto with = program(feed);
+    options.limits.joint_speeds.assign(limit > 0 ? 6 : 0, limit);
+    return testing::unwrap(machining::check(e.job.machine, Pose(), with.program, with.interpretation, options));
+  };
+  const double fast = most * 0.02;  // rad/s at F1200
+  const auto r = checked("F1200", fast / 2);
+  EXPECT_NEAR(r.fastest.share, 2, 0.02);
+  ASSERT_EQ(r.problems.size(), 1u);
+  EXPECT_EQ(r.problems[0].kind, "speed");
+  EXPECT_FALSE(checked("F1200", 0.98 * fast).ok);
+  EXPECT_TRUE(checked("F1200", 1.02 * fast).ok);
+  // Without limits nothing judges it, and it is named.
+  const auto unjudged = checked("F1200", 0);
+  ASSERT_EQ(unjudged.problems.size(), 1u);
+  EXPECT_EQ(unjudged.problems[0].kind, "branch");
+  EXPECT_THAT(unjudged.problems[0].detail, ::testing::HasSubstr("joint_speeds"));
 }
 
 /// The accelerations of joints on a circle against dense differences of the joints in time, and against J^-1 of the

@@ -90,10 +90,11 @@ TEST(Survey, SixLegsAreThoseOfTheClosure) {
 std::vector<Pose> poses_of(const AnyMachine& m, int count) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> part(-1, 1);
-  const kinematics::InverseResult home = kinematics::inverse(m, *kinematics::home_pose(m));
+  JointVector home = JointVector::Constant(kinematics::joint_count(m), 0.3);
+  if (const auto X = kinematics::home_pose(m)) home = kinematics::inverse(m, *X).solutions.at(0).joints;
   std::vector<Pose> out;
   for (int k = 0; k < count; ++k) {
-    JointVector q = home.solutions.at(0).joints;
+    JointVector q = home;
     for (int i = 0; i < q.size(); ++i) {
       const auto range = kinematics::joint_range(m, i);
       const bool open = !(std::isfinite(range.max) && std::isfinite(range.min));

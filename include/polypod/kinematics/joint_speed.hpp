@@ -3,12 +3,20 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "polypod/kinematics/any_machine.hpp"
 
 namespace polypod::kinematics {
+
+/// The joints at the end of a way that begins with the joints `from`: the way is halved down to 1/256 of it until no
+/// joint changes by more than `jump` (rad or m) from pose to pose. Nothing where one still does, which is a jump and no
+/// quick joint, or where a pose between has no joints within the limits. Cost: one inverse, and up to 510 where the
+/// joints hurry.
+std::optional<JointVector> followed(const AnyMachine& machine, const JointVector& from,
+                                    const std::function<Pose(double)>& pose, double jump);
 
 /// Of the joints, the one whose speed is the largest share of its limit.
 struct FastestJoint {
@@ -19,8 +27,9 @@ struct FastestJoint {
 };
 
 /// Between two poses with the joints `from` and `to`, `seconds` apart: differences over the time. Where a joint comes
-/// to a fifth of its limit, ten pieces of the way are looked at, since joints hurry near singular poses; `pose(s)` is
-/// the way for 0 <= s <= 1. `limits`: one a joint, rad/s or m/s. Cost: some ns, and ten inverses where it looks closer.
+/// to a fifth of its limit, ten pieces of the way are looked at, since joints hurry near singular poses, and up to 200
+/// where one turns by more than half a radian; `pose(s)` is the way for 0 <= s <= 1. `limits`: one a joint, rad/s or
+/// m/s. Cost: some ns, and ten inverses and more where it looks closer.
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose);
 
