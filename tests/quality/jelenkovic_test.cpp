@@ -64,7 +64,7 @@ struct Within {
 };
 constexpr Within kStruts{0.04, 0.10}, kRails{0.08, 0.10};
 
-DexterityField dexterity_of(const AnyMachine& m, Surveyed& s, int resolution = 28) {
+DexterityField dexterity_of(const AnyMachine& m, Surveyed& s, int resolution = 22) {
   s = surveyed(m, resolution);
   auto field = dexterity_field(m, s.survey, s.options);
   EXPECT_TRUE(field);
@@ -78,7 +78,7 @@ struct Rows {
   std::vector<std::string> keys;
   bool moved = false;
   Within within;
-  int resolution = 28;
+  int resolution = 22;
   /// Rows whose means are made of a few poses near singular ones, in the source or here.
   std::function<bool(const jelenkovic::Row&)> singular = [](const jelenkovic::Row&) { return false; };
 };
@@ -204,7 +204,7 @@ TEST(JelenkovicDexterity, Table8_47_Tool) {
 }
 TEST(JelenkovicDexterity, Table8_49_PairAngle) {
   check_dexterity(
-      {"8_49", kSlider, kRails15, {"platform.pair_angle_deg"}, false, kRails, 28, [](const jelenkovic::Row& r) {
+      {"8_49", kSlider, kRails15, {"platform.pair_angle_deg"}, false, kRails, 22, [](const jelenkovic::Row& r) {
          return std::stod(r.keys[0]) >= 60;
        }});
 }
@@ -212,7 +212,7 @@ TEST(JelenkovicDexterity, Table8_50_Slope) {
   check_dexterity({"8_50", kSlider, kRails15, {"rail.inner_height_mm"}, false, kRails});
 }
 TEST(JelenkovicDexterity, Table8_51_Spacing) {
-  check_dexterity({"8_51", kSlider, kRails15, {"rail.spacing_mm"}, false, kRails, 28, [](const jelenkovic::Row& r) {
+  check_dexterity({"8_51", kSlider, kRails15, {"rail.spacing_mm"}, false, kRails, 22, [](const jelenkovic::Row& r) {
                      return std::stod(r.keys[0]) >= 15;
                    }});
 }
@@ -350,7 +350,7 @@ void check_sweep(const Sweep& sweep) {
     const Overrides overrides = joined(sweep.fixed, keyed(sweep.keys, row));
     const AnyMachine m =
         sweep.machine == kStrut ? strut(overrides, sweep.moved) : jelenkovic::machine_of(kSlider, overrides);
-    const Surveyed s = surveyed(m, sweep.machine == kStrut ? 16 : 24);
+    const Surveyed s = surveyed(m, sweep.machine == kStrut ? 16 : 20);
     const auto f =
         tolerance_field(m, s.survey, s.options, *sized(m, {{"all", 0.01}}, true), {Method::search, Region::box});
     ASSERT_TRUE(f);

@@ -129,8 +129,8 @@ TEST(Survey, DexteritiesAtOnceAreThoseOnePoseAtATime) {
   for (const char* name : {"lola50", "kuka-kr210", "delta-brno", "delta-par4", "tripod-z3", "hexapod-strut"}) {
     const AnyMachine m = load(name);
     std::vector<kinematics::RateMatrix> rates;
-    for (const Pose& X : poses_of(m, 60))
-      if (const auto q = joints_at(m, X)) rates.push_back(kinematics::rate_matrix(m, X, *q));
+    for (const Pose& X : poses_of(m, 600))
+      if (const auto q = joints_at(m, X); q && rates.size() < 60) rates.push_back(kinematics::rate_matrix(m, X, *q));
     ASSERT_GT(rates.size(), 9u) << name;
     // A singular one among others: the last row once more.
     rates[3].S.row(0) = rates[3].S.row(1);

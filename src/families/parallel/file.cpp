@@ -226,9 +226,30 @@ void measure(Parallel& m) {
 }
 
 std::string in_mm_and_deg(const Vec6& twist) {
-  return fmt::format("({:.3g}, {:.3g}, {:.3g}) mm with a turn of ({:.3g}, {:.3g}, {:.3g}) deg", units::to_mm(twist[0]),
-                     units::to_mm(twist[1]), units::to_mm(twist[2]), units::to_deg(twist[3]), units::to_deg(twist[4]),
-                     units::to_deg(twist[5]));
+  // What is rounding beside the rest is 0.
+  const double least = 1e-9 * twist.cwiseAbs().maxCoeff();
+  const auto at = [&](int i) { return std::abs(twist[i]) > least ? twist[i] : 0.0; };
+  return fmt::format("({:.3g}, {:.3g}, {:.3g}) mm with a turn of ({:.3g}, {:.3g}, {:.3g}) deg", units::to_mm(at(0)),
+                     units::to_mm(at(1)), units::to_mm(at(2)), units::to_deg(at(3)), units::to_deg(at(4)),
+                     units::to_deg(at(5)));
+}
+
+/// "passive leg 4", "constraint 2 (square)": whose equation is met least, and where it stands in the file.
+std::pair<std::string, Place> least_met(const Parallel& m, const ClosureVector& F,
+                                        const std::vector<config::Table>& legs,
+                                        const std::vector<config::Table>& constraints) {
+  Eigen::Index worst = 0, row = 0;
+  F.cwiseAbs().maxCoeff(&worst);
+  for (std::size_t i = 0; i < m.legs.size(); ++i) {
+    if (!m.legs[i].driven() && row++ == worst) return {fmt::format("passive leg {}", i + 1), legs[i].place()};
+  }
+  for (std::size_t i = 0; i < m.constraints.size(); ++i) {
+    row += equations_of(m.constraints[i]);
+    if (worst >= row) continue;
+    const char* kind = kConstraints[static_cast<std::size_t>(m.constraints[i].kind)];
+    return {fmt::format("constraint {} ({})", i + 1, kind), constraints[i].place()};
+  }
+  return {};
 }
 
 /// Rank of rows by twists [v; w] whose angular columns count `size` metres a radian, and the twist that they hold
@@ -328,17 +349,19 @@ void find_references(Parallel& m) {
 }
 
 /// Home: the following coordinates, the joints, the root of each leg.
-Status find_home(const config::Table& table, Parallel& m) {
+Status find_home(const config::Table& table, const std::vector<config::Table>& legs,
+                 const std::vector<config::Table>& constraints, Parallel& m) {
   const Place place = table.place_of("home");
   const Pose given = m.home;
   const auto home = settled(m, given);
   if (!home) {
-    const ClosureVector F = passive_rows(m, given).F;
+    const auto [least, at] = least_met(m, passive_rows(m, given).F, legs, constraints);
     return fail("MA155",
-                fmt::format("the machine does not close at home: no following coordinates meet constraints and passive "
-                            "rods; at those given they are off by up to {:.4g} mm",
-                            units::to_mm(F.size() > 0 ? F.cwiseAbs().maxCoeff() : 0.0)),
-                place, "check rod_mm of passive rods and the points of constraints, or move home");
+                fmt::format("the machine does not close at home: no coordinates that follow meet all constraints and "
+                            "passive rods; at those of `home` {} is the farthest off",
+                            least.empty() ? "the turn of the platform" : least),
+                least.empty() ? place : at,
+                "check the lengths of passive rods, the points and the axes of constraints, or move home");
   }
   m.home = *home;
   m.home_angles = angles_abc(m.home.R);
@@ -346,6 +369,10 @@ Status find_home(const config::Table& table, Parallel& m) {
   m.takes_high.assign(m.legs.size(), false);
   for (std::size_t i = 0; i < m.legs.size(); ++i) {
     ParallelLeg& leg = m.legs[i];
+    if (leg.drive == LegDrive::strut && (leg_end(m, leg, m.home) - leg.base).norm() < 1e-9 * m.size) {
+      return fail("MA155", fmt::format("leg {} has no length at home: its joints on base and platform coincide", i + 1),
+                  legs[i].place(), "check base_mm and platform_mm of this leg, or move home");
+    }
     const LegRoots roots = leg_roots(m, leg, m.home);
     if (!leg.two_roots()) continue;
     if (!roots.real()) {
@@ -428,12 +455,12 @@ Result<Parallel> Parallel::from(const config::Table& table) {
   }
   find_references(m);
   POLYPOD_TRY(check_constraints(table, m));
-  POLYPOD_TRY(find_home(table, m));
-  POLYPOD_TRY(check_held(table, m));
+  POLYPOD_TRY(find_home(table, legs, constraints, m));
   if (static_cast<int>(m.driven.size()) < m.task.size()) {
     return fail("MA156", fmt::format("{} drives cannot prescribe {} coordinates", m.driven.size(), m.task.size()),
                 table.place_of("task"), "take a coordinate out of the task, or drive another leg");
   }
+  POLYPOD_TRY(check_held(table, m));
   POLYPOD_TRY(check_agreement(table, m));
   return m;
 }
