@@ -27,7 +27,25 @@ struct Sides {
   /// Where a chain behind closed loops turns the tool about its own axis, which the task leaves free: the speed that
   /// the task sees by the joints'. The equations do not show what that turn takes away.
   Eigen::MatrixXd seen;
+  /// Of serial arms: the twists [v / L; w] in M, as rows, whose speeds the equations are about.
+  Eigen::MatrixXd motions;
 };
+
+/// What a task sees of a twist [v / L; w] in M as rows square to each other, each of length 1: one that sees an angle
+/// alone counts the turn that changes it and leaves the other two as they are, whatever speed that angle has.
+Eigen::MatrixXd motions_of_task(machine::Task task, const Pose& X) {
+  Eigen::MatrixXd out = machine::task_rows(task, X, 1.0);
+  for (Eigen::Index i = 0; i < out.rows(); ++i) {
+    const double before = out.row(i).norm();
+    for (Eigen::Index k = 0; k < i; ++k) out.row(i) -= out.row(i).dot(out.row(k)) * out.row(k);
+    const double left = out.row(i).norm();
+    if (left > kRankLost * before)
+      out.row(i) /= left;  // else two angles turn about one axis: no motion of its own
+    else
+      out.row(i).setZero();
+  }
+  return out;
+}
 
 /// The task's speed [v / L; w] by the joints', prismatic ones on L.
 Eigen::MatrixXd speed_of_task(const AnyMachine& machine, const Pose& X, const JointVector& q, double L) {
@@ -48,16 +66,13 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
   std::visit(
       [&](const auto& m) {
         if constexpr (requires { forward_jacobian(m, q); }) {
-          // What the task sees, in the tool's frame, so that the turn about its axis is the row to leave out.
-          const auto fj = forward_jacobian(m, q);
-          const int rows = kinematics::coordinate_count(kinematics::task(machine));
-          Eigen::MatrixXd J(6, fj.J.cols());
-          J.topRows(3) = fj.X_MT.R.transpose() * fj.J.topRows(3) / L;
-          J.bottomRows(3) = fj.X_MT.R.transpose() * fj.J.bottomRows(3);
-          for (int i = 0; i < J.cols(); ++i)
-            if (joint_kind(m, i) == machine::JointKind::prismatic) J.col(i) *= L;
-          out.A = Eigen::MatrixXd::Identity(rows, rows);
-          out.B = -J.topRows(rows);
+          auto fj = forward_jacobian(m, q);
+          fj.J.topRows(3) /= L;
+          for (int i = 0; i < fj.J.cols(); ++i)
+            if (joint_kind(m, i) == machine::JointKind::prismatic) fj.J.col(i) *= L;
+          out.motions = motions_of_task(task(m), fj.X_MT);
+          out.A = Eigen::MatrixXd::Identity(out.motions.rows(), out.motions.rows());
+          out.B = -out.motions * fj.J;
           return;
         }
         const std::vector<double> p = kinematics::nominal_parameters(m);
@@ -84,15 +99,15 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
   return out;
 }
 
-/// [v / L; w] of the task's rows in the tool's frame as a twist in M; of parallel machines already in M.
-Vec6 twist_of(const AnyMachine& machine, const Pose& X, const Eigen::VectorXd& scaled, double L) {
-  Vec6 out = Vec6::Zero();
-  out.head(scaled.size()) = scaled;
-  if (kinematics::is_serial(machine)) {
-    out.head<3>() = L * (X.R * Vec3(out.head<3>()));
-    out.tail<3>() = X.R * Vec3(out.tail<3>());
+/// The twist [v; w] in M of one that the equations are about: of serial arms the speeds along `motions`, else [v; L w].
+Vec6 twist_of(const Sides& sides, const Eigen::VectorXd& scaled) {
+  Vec6 out;
+  if (sides.motions.size() > 0) {
+    out = sides.motions.transpose() * scaled;
+    out.head<3>() *= sides.length;
   } else {
-    out.tail<3>() /= L;
+    out = scaled;
+    out.tail<3>() /= sides.length;
   }
   return out;
 }
@@ -158,7 +173,7 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
 
   const Eigen::JacobiSVD<Eigen::MatrixXd> A(sides.A, Eigen::ComputeFullV);
   out.control = A.singularValues().tail<1>()[0];
-  out.free_motion = twist_of(machine, X, A.matrixV().rightCols<1>(), sides.length);
+  out.free_motion = twist_of(sides, A.matrixV().rightCols<1>());
 
   const Eigen::JacobiSVD<Eigen::MatrixXd> B(sides.B, Eigen::ComputeFullU | Eigen::ComputeFullV);
   // Fewer drives than equations of a serial task: the tool has lost motions everywhere.
@@ -173,7 +188,7 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
     held -= passive.completeOrthogonalDecomposition().solve(passive * held);
   }
   if (held.norm() > 0) held.normalize();
-  out.lost_motion = twist_of(machine, X, held, sides.length);
+  out.lost_motion = twist_of(sides, held);
   const Eigen::VectorXd idle = B.matrixV().rightCols<1>();
   out.idle_joints = idle / idle.cwiseAbs().maxCoeff();
 
@@ -218,7 +233,7 @@ std::string motion_in_words(const Pose& X, const Vec6& twist, double length) {
 std::string in_words(const Pose& X, const Singularity& s) {
   std::string out;
   if (s.kind == 0) {
-    const bool by_mobility = s.mobility < s.control;
+    const bool by_mobility = s.mobility <= s.control;
     return fmt::format("regular: smallest singular values {:.3g} (B) and {:.3g} (A); in the {} the tool {}", s.mobility,
                        s.control, by_mobility ? "motion that is nearest to lost" : "least constrained motion",
                        motion_in_words(X, by_mobility ? s.lost_motion : s.free_motion, s.length));

@@ -141,5 +141,83 @@ TEST(SingularEverywhere, AnArmWithTwoJointsOnOneAxis) {
   EXPECT_FALSE(pose_independent_singularity(arm("200")).everywhere());
 }
 
+machine::AnyMachine arm(const std::string& text) {
+  return *machine::from_text("family = \"serial\"\n" + text, "arm.toml");
+}
+
+const char* const kScara = R"(task = ["x", "y", "z", "C"]
+convention = "standard"
+dh = [ { a_mm = 325, d_mm = 300 }, { a_mm = 275, alpha_deg = 180 }, { joint = "prismatic" }, { } ]
+tool = { a_deg = 180 }
+limits = [ { min_deg = -140, max_deg = 140 }, { min_deg = -145, max_deg = 145 }, { min_mm = 0, max_mm = 210 },
+  { min_deg = -360, max_deg = 360 } ]
+)";
+
+TEST(SingularEverywhere, NoArmWhoseTaskListsWhatItMoves) {
+  const std::string gantry = R"(dh = [ { joint = "prismatic", alpha_deg = 90, theta_offset_deg = 90 },
+  { joint = "prismatic", alpha_deg = 90, theta_offset_deg = 90 }, { joint = "prismatic" }, { } ]
+limits = [ { min_mm = 0, max_mm = 1000 }, { min_mm = 0, max_mm = 1000 }, { min_mm = 0, max_mm = 500 },
+  { min_deg = -180, max_deg = 180 } ]
+)";
+  for (const std::string& text : {
+           std::string(kScara),
+           // In a plane, the angle not the fourth coordinate.
+           std::string("task = [\"x\", \"y\", \"C\"]\ndh = [ { a_mm = 325 }, { a_mm = 275 }, { a_mm = 100 } ]\n"),
+           // No whole position.
+           std::string("task = [\"x\", \"y\"]\ndh = [ { a_mm = 325 }, { a_mm = 275 } ]\n"),
+           std::string("task = [\"z\"]\ndh = [ { joint = \"prismatic\" } ]\nlimits = [ { min_mm = 0, max_mm = 9 } ]\n"),
+           // Turns its tool about M's y; its base turned by 90 deg about z it still changes B alone, but about M's x.
+           "task = [\"x\", \"y\", \"z\", \"B\"]\n" + gantry,
+           "task = [\"x\", \"y\", \"z\", \"B\"]\nbase = { c_deg = 90 }\n" + gantry,
+       }) {
+    const machine::AnyMachine m = arm(text);
+    const PoseIndependentSingularity s = pose_independent_singularity(m);
+    EXPECT_EQ(s.type1, 0) << text;
+    EXPECT_EQ(s.type2, 0) << text;
+    EXPECT_EQ(in_words(s), "") << text;
+  }
+}
+
+TEST(SingularArm, OfAScaraWhereItsElbowIsStraight) {
+  const machine::AnyMachine m = arm(kScara);
+  const double a1 = 0.325, a2 = 0.275;
+  const auto at = [&](double elbow) -> JointVector { return (JointVector(4) << 0.3, elbow, 0.05, -0.7).finished(); };
+  for (const double elbow : {0.4, 1.5, -2.0}) {
+    const JointVector q = at(elbow);
+    const Pose X = kinematics::forward(m, q).poses.front();
+    const Singularity s = singularity(m, X, q);
+    // By hand: the tip's speed over the joints', the third counted on L, the first and the second about upward axes,
+    // the fourth about a downward one.
+    const Vec3 to_tip = X.p / s.length, forearm = Vec3(std::cos(0.3 + elbow), std::sin(0.3 + elbow), 0) * a2 / s.length;
+    Eigen::Matrix4d J;
+    J << -to_tip.y(), -forearm.y(), 0, 0,  //
+        to_tip.x(), forearm.x(), 0, 0,     //
+        0, 0, -1, 0,                       //
+        1, 1, 0, -1;
+    EXPECT_NEAR(s.mobility, Eigen::JacobiSVD<Eigen::Matrix4d>(J).singularValues()[3], 1e-12) << elbow;
+    EXPECT_EQ(s.control, 1);
+    EXPECT_EQ(s.kind, 0);
+    EXPECT_EQ(in_words(X, s).find("loses"), std::string::npos);
+
+    // The nearest singular pose is the straight arm.
+    const auto near = nearest(m, X, q);
+    ASSERT_TRUE(near);
+    const double reach = near->X_MT.p.head<2>().norm();
+    EXPECT_LT(std::min(std::abs(reach - a1 - a2), std::abs(reach - a1 + a2)), 1e-6) << elbow;
+  }
+  const JointVector q = at(0);
+  const Pose X = kinematics::forward(m, q).poses.front();
+  const Singularity s = singularity(m, X, q);
+  EXPECT_EQ(s.kind, 1);
+  EXPECT_LT(s.mobility, 1e-15);
+  // It cannot move along itself; the joints that leave the tip where it is turn against each other.
+  Vec6 along = Vec6::Zero();
+  along.head<3>() = X.p.cwiseProduct(Vec3(1, 1, 0)).normalized() * s.length;
+  EXPECT_LT(std::min((s.lost_motion - along).norm(), (s.lost_motion + along).norm()), 1e-12);
+  EXPECT_NEAR(s.idle_joints[1] / s.idle_joints[0], -(a1 + a2) / a2, 1e-12);
+  EXPECT_NEAR(s.idle_joints[2], 0, 1e-12);
+  EXPECT_NEAR(s.idle_joints[3], s.idle_joints[0] + s.idle_joints[1], 1e-12);
+}
+
 }  // namespace
 }  // namespace polypod::quality
