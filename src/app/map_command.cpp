@@ -424,19 +424,21 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
         fmt::format("{} does not hold x, y, z in its task: there is no map over positions", machine::name_of(m)), {},
         "`polypod compliance --pose` answers for one pose");
   }
-  const auto angle_count = static_cast<std::size_t>(kinematics::coordinate_count(task) - 3);
-  std::vector<double> coordinates(3 + angle_count, 0.0);
+  std::vector<std::size_t> turned;  // the coordinates that are angles
+  for (int i = 0; i < task.size(); ++i)
+    if (task.is_angle(i)) turned.push_back(static_cast<std::size_t>(i));
+  std::vector<double> coordinates(static_cast<std::size_t>(task.size()), 0.0);
   if (!measured.empty()) coordinates = kinematics::coordinates_of(task, measured.front().X_MT);
-  for (std::size_t i = 3; i < coordinates.size(); ++i) map.angles_deg.push_back(units::to_deg(coordinates[i]) + 0.0);
+  for (const std::size_t i : turned) map.angles_deg.push_back(units::to_deg(coordinates[i]) + 0.0);
   if (!o.angles.empty()) {
     POLYPOD_ASSIGN(angles, numbers_of(o.angles, "--angles"));
-    if (angles.size() > angle_count) {
+    if (angles.size() > turned.size()) {
       return fail("AP147", fmt::format("--angles {}: {} numbers, but this machine turns its tool by {}", o.angles,
-                                       angles.size(), angle_count));
+                                       angles.size(), turned.size()));
     }
     map.angles_deg = angles;
-    map.angles_deg.resize(angle_count, 0.0);
-    for (std::size_t i = 0; i < angle_count; ++i) coordinates[3 + i] = units::from_deg(map.angles_deg[i]);
+    map.angles_deg.resize(turned.size(), 0.0);
+    for (std::size_t i = 0; i < turned.size(); ++i) coordinates[turned[i]] = units::from_deg(map.angles_deg[i]);
   }
   const Mat3 R_MT = kinematics::pose_of(task, coordinates).R;
   if (!measured.empty()) POLYPOD_TRY(same_axis(R_MT, measured.front(), map));

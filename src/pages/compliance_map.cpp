@@ -162,8 +162,11 @@ std::string place_of(const ComplianceMap& map) {
 
 std::string orientation_of(const ComplianceMap& map) {
   std::string out;
-  for (std::size_t i = 0; i < map.angles_deg.size(); ++i) {
-    out += fmt::format("{}{} = {:g}", i == 0 ? "" : ", ", "ABC"[i], map.angles_deg[i]);
+  const machine::Task task = kinematics::task(map.machine);
+  std::size_t k = 0;
+  for (int i = 0; i < task.size() && k < map.angles_deg.size(); ++i) {
+    if (!task.is_angle(i)) continue;
+    out += fmt::format("{}{} = {:g}", out.empty() ? "" : ", ", machine::name_of(task[i]), map.angles_deg[k++]);
   }
   return out.empty() ? out : out + " deg";
 }

@@ -27,7 +27,7 @@ struct ComplianceMap {
   statics::Plane plane = statics::Plane::xy;
   double at = 0;                   ///< m, the third coordinate
   statics::Rectangle rectangle;    ///< m
-  std::vector<double> angles_deg;  ///< A, B, C as far as the machine has them
+  std::vector<double> angles_deg;  ///< the angles of the machine's task, in its order
   statics::Map map;
   std::vector<LoadedPath> paths;
   std::optional<MeasuredCompliance> measured = {};  ///< to be shown beside the computed one
