@@ -100,9 +100,10 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, double lengt
     return kDone;
   }
   if (!words.empty()) fmt::print("singular, or close to it: it {}\n", words);
-  fmt::print("condition    {}\nsigma_min    {:.6g}\n|det|        {:.6g}\nangles on    {} mm\n",
-             std::isfinite(d.condition) ? fmt::format("{:.6g}", d.condition) : "infinite", d.sigma_min, d.determinant,
-             figure(units::to_mm(d.characteristic_length), 2));
+  const bool redundant = kinematics::is_serial(m) && joints > kinematics::task(m).size();
+  fmt::print("condition    {}\nsigma_min    {:.6g}\n{:<12} {:.6g}\nangles on    {} mm\n",
+             std::isfinite(d.condition) ? fmt::format("{:.6g}", d.condition) : "infinite", d.sigma_min,
+             redundant ? "sqrt(det(J J^T))" : "|det|", d.determinant, figure(units::to_mm(d.characteristic_length), 2));
   if (ellipsoids) print_ellipsoids(shown(m, *ellipsoids, joints));
   if (o.ellipsoids && !ellipsoids)
     fmt::print("\nno ellipsoids: at a singular pose the tool moves with all drives locked\n");

@@ -468,11 +468,12 @@ Command jacobian_command() {
                 ? ""
                 : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
         constexpr double kBeyondDouble = 1e15;
-        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\ndeterminant {:.6g}\n",
+        const char* determinant_name = serial && J.cols() > square.rows() ? "sqrt(det(J J^T))" : "determinant";
+        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\n{} {:.6g}\n",
                    d.condition < kBeyondDouble ? fmt::format("{:.4f}", d.condition) : "infinite", d.sigma_min,
                    serial ? " m/rad" : "",
                    serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,
-                   d.determinant);
+                   determinant_name, d.determinant);
         return kDone;
       }};
 }

@@ -476,6 +476,13 @@ RateMatrix rate_matrix(const AnyMachine& machine, const Pose& X_MT, const JointV
   return out;
 }
 
+namespace {
+/// The product of the singular values of a matrix with more rows than columns, sqrt(det(A^T A)).
+double volume_of(const Small& A) {
+  return std::abs(A.householderQr().matrixQR().diagonal().prod());
+}
+}  // namespace
+
 Dexterity dexterity(const RateMatrix& rates) {
   const Small& S = rates.S;
   Dexterity out;
@@ -483,6 +490,10 @@ Dexterity dexterity(const RateMatrix& rates) {
   if (S.rows() == S.cols()) {
     out.determinant = S.determinant() / rates.scale;
     if (!rates.serial) out.determinant = std::abs(out.determinant);
+  } else if (rates.serial && S.cols() > S.rows()) {
+    out.determinant = volume_of(S.transpose()) / rates.scale;
+  } else if (!rates.serial && S.rows() > S.cols()) {
+    out.determinant = volume_of(S);
   }
   out.condition = std::numeric_limits<double>::infinity();
   if (!S.allFinite()) return out;

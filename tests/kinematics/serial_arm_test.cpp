@@ -221,6 +221,27 @@ TEST(SerialArm, JacobianOfEquation4_44) {
   EXPECT_TRUE(((J - printed).cwiseAbs().array() <= half_digit.array()).all()) << J;
 }
 
+TEST(SerialArm, MoreJointsThanCoordinatesHaveAManipulability) {
+  const auto arm = machine::from_text(R"(family = "serial"
+convention = "standard"
+dh = [ { d_mm = 340, alpha_deg = -90 }, { alpha_deg = 90 }, { d_mm = 400, alpha_deg = 90 }, { alpha_deg = -90 },
+  { d_mm = 400, alpha_deg = -90 }, { alpha_deg = 90 }, { d_mm = 126 } ]
+)",
+                                      "seven.toml");
+  ASSERT_TRUE(arm);
+  const machine::JointVector q = (machine::JointVector(7) << 0.3, 0.7, -0.4, -1.2, 0.5, 0.9, 0.1).finished();
+  const Pose X = kinematics::forward(*arm, q).poses.front();
+  const Mat6 JJ = [&] {
+    const Eigen::MatrixXd J = kinematics::jacobian(*arm, X, q);
+    return Mat6(J * J.transpose());
+  }();
+  ASSERT_GT(JJ.determinant(), 1e-6);
+  EXPECT_NEAR(kinematics::dexterity(*arm, X, q).determinant, std::sqrt(JJ.determinant()), 1e-12);
+  // Stretched, with the wrist straight, it is singular.
+  const machine::JointVector zero = machine::JointVector::Zero(7);
+  EXPECT_LT(kinematics::dexterity(*arm, kinematics::forward(*arm, zero).poses.front(), zero).determinant, 1e-12);
+}
+
 TEST(SerialArm, ForwardMatchesEquation2_17) {
   const SerialArm arm = lola();
   const double a2 = 0.85, d4 = 1.1, a5 = 0.407;

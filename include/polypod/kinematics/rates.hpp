@@ -17,7 +17,9 @@ struct RateMatrix {
 /// A `length` above 0 replaces L. Cost: 0.1 us (deltas) to 1 us.
 RateMatrix rate_matrix(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0);
 
-/// Of its S.
+/// Of its S. Where the machine has more joints than its task has coordinates, the determinant is the product of the
+/// singular values of the matrix: of serial arms sqrt(det(J J^T)), the manipulability (Yoshikawa 1985), SI, without
+/// sign; of parallel machines sqrt(det(S^T S)). Serial arms with fewer joints have none, 0.
 Dexterity dexterity(const RateMatrix& rates);
 
 }  // namespace polypod::kinematics
