@@ -40,13 +40,16 @@ struct MachineOptions {
 /// number that has it: "1.0000, 2.0000 mm, 30.0000 deg".
 std::string measured(const std::vector<double>& values, const std::function<bool(std::size_t)>& length, int width = 0) {
   constexpr int kDecimals = 4, kSignificant = 6;
+  constexpr double kRounding = 1e-9;  // mm, a hundredth of an atom
   double largest = 0;
   for (std::size_t i = 0; i < values.size(); ++i)
     if (length(i)) largest = std::max(largest, std::abs(values[i]));
+  if (largest < kRounding) largest = 0;
   const Figures mm(largest, kDecimals, kSignificant);
   std::string out;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::string text = unsigned_zero(length(i) ? mm(values[i]) : fmt::format("{:.{}f}", values[i], kDecimals));
+    const std::string text =
+        unsigned_zero(length(i) ? mm(largest > 0 ? values[i] : 0.0) : fmt::format("{:.{}f}", values[i], kDecimals));
     out += fmt::format("{}{:>{}}", out.empty() ? "" : ", ", text, width);
     if (i + 1 == values.size() || length(i + 1) != length(i)) out += length(i) ? " mm" : " deg";
   }
