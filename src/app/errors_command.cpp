@@ -126,6 +126,8 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     document["error"] = twist_json(linear);
     document["error_exact"] = exact ? twist_json(*exact) : Json();
     document["linear_minus_exact_mm"] = exact ? Json(units::to_mm((linear - *exact).head<3>().norm())) : Json();
+    const double turned_apart = exact ? quality::orientation_error(m, here.X_MT, linear - *exact) : 0;
+    document["linear_minus_exact_rad"] = exact ? Json(turned_apart) : Json();
     if (context.json) {
       print_json(singular.in(document));
       return kDone;
@@ -138,8 +140,12 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     fmt::print("position     {} mm  ({}, {}, {})\n", mm(position), mm(p.x()), mm(p.y()), mm(p.z()));
     fmt::print("orientation  {} rad ({}, {}, {})\n", rad(clean(orientation)), rad(w.x()), rad(w.y()), rad(w.z()));
     if (exact) {
+      const double turned = clean(quality::orientation_error(m, here.X_MT, *exact));
       fmt::print("exactly      {} mm, {:.3g} mm from the linear error\n", mm(units::to_mm(exact->head<3>().norm())),
-                 units::to_mm((linear - *exact).head<3>().norm()));
+                 clean(units::to_mm((linear - *exact).head<3>().norm())));
+      if (kinematics::task(m).turns() || clean(orientation) != 0 || turned != 0) {
+        fmt::print("             {} rad, {:.3g} rad from the linear error\n", rad(turned), clean(turned_apart));
+      }
     } else {
       fmt::print("exactly      the erroneous machine has no pose near this one: it is close to singular\n");
     }
