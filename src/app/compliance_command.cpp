@@ -1,90 +1,137 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "survey_options.hpp"
 
 namespace polypod::app {
+namespace {
+
+constexpr double kUradPerRad = 1e6;
+
+/// "x,y,z" of a load in M, each at most `most`; 0 where nothing is given. Errors: AP104.
+Result<Vec3> load_argument(const char* option, const std::string& text, double most, const char* unit) {
+  if (text.empty()) return Vec3(Vec3::Zero());
+  POLYPOD_ASSIGN(n, numbers_of(text, option));
+  if (n.size() != 3) return fail("AP104", fmt::format("{} {}: not three numbers", option, text));
+  const Vec3 out(n[0], n[1], n[2]);
+  if (!(out.cwiseAbs().maxCoeff() <= most))
+    return fail("AP104", fmt::format("{} {}: at most {:g} {} along each axis", option, text, most, unit));
+  return out;
+}
+
+/// What rounding leaves of the tip's compliance where the machine has none, m/N: a load that turns the tool moves the
+/// tip by less than a billionth of what that turn moves a point as far away as the machine is large, and the load's arm
+/// is as short.
+double rounding_of(const machine::AnyMachine& m, const statics::Compliance& c) {
+  constexpr double kOfSize = 1e-9;
+  const double length = kinematics::dexterity(m, c.X_MT, c.joints).characteristic_length;
+  const double tip = c.linear().diagonal().maxCoeff(), turn = c.C.diagonal().tail<3>().maxCoeff();
+  return kOfSize * kOfSize * std::max(tip, square(length) * turn);
+}
+
+}  // namespace
 
 Command compliance_command() {
   struct Options {
-    std::string machine, pose, force;
+    std::string machine, pose, force, moment;
     std::vector<std::string> sets;
   };
   auto o = std::make_shared<Options>();
-  return {"compliance",
-          "Static compliance (inverse of stiffness) of the tool centre point (TCP, tool tip) at a pose, each joint's "
-          "contribution, deflection under a force",
-          "polypod compliance lola50 --pose 0,-1300,0 --force 0,100,0",
-          [o](Arguments& a) {
-            declare_machine(a, o->machine, o->sets);
-            a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
-            a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
-          },
-          [o](const Context& context) -> Result<int> {
-            POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
-            Vec3 force = Vec3::Zero();
-            if (!o->force.empty()) {
-              POLYPOD_ASSIGN(f, numbers_of(o->force, "--force"));
-              if (f.size() != 3) return fail("AP104", fmt::format("--force {}: not three numbers", o->force));
-              force = Vec3(f[0], f[1], f[2]);
-              constexpr double kMost = 1e6;  // N: beyond, no machine of this kind is elastic
-              if (!(force.cwiseAbs().maxCoeff() <= kMost))
-                return fail("AP104", fmt::format("--force {}: at most {:g} N along each axis", o->force, kMost));
+  return {
+      "compliance",
+      "Static compliance (inverse of stiffness) of the tool centre point (TCP, tool tip) at a pose, each joint's "
+      "contribution, deflection under a force",
+      "polypod compliance lola50 --pose 0,-1300,0 --force 0,100,0",
+      [o](Arguments& a) {
+        declare_machine(a, o->machine, o->sets);
+        a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
+        a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
+        a.option("--moment", o->moment, "Mx,My,Mz on the tool in M, Nm");
+      },
+      [o](const Context& context) -> Result<int> {
+        POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
+        POLYPOD_ASSIGN(X, pose_argument(m, o->pose));
+        constexpr double kMost = 1e6;  // N, Nm: beyond, no machine of this kind is elastic
+        POLYPOD_ASSIGN(force, load_argument("--force", o->force, kMost, "N"));
+        POLYPOD_ASSIGN(moment, load_argument("--moment", o->moment, kMost, "Nm"));
+        POLYPOD_TRY(needs_compliance(m));
+        if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;
+        const statics::Compliance c = statics::compliance_at(m, X);
+        Json document = Json::object();
+        if (c.joints.size() > 0) {
+          const PoseJoints here{X, c.joints, true, {}};
+          if (const auto no =
+                  said_of_singular_pose(m, here, context, document, {"compliance_um_per_N", "displacement_um"}))
+            return *no;
+        }
+        if (!c.reachable) return cannot_take(context, c.reason);
+        const Mat3 C = c.linear() * units::kUmPerMetre;  // m/N to um/N
+        Vec6 load;
+        load << force, moment;
+        const double noise = rounding_of(m, c);
+        const auto moved_by = [&](const Mat6& part) -> Vec3 { return part.topRows<3>() * load * units::kUmPerMetre; };
+        const auto turned_by = [&](const Mat6& part) -> Vec3 { return part.bottomRows<3>() * load * kUradPerRad; };
+        if (context.json) {
+          Json shares = Json::array();
+          for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
+            const Mat3 share = c.by_joint[i].topLeftCorner<3, 3>();
+            shares.push_back({{"joint", c.joint[i]},
+                              {"compliance_um_per_N", matrix_json(share * units::kUmPerMetre)},
+                              {"displacement_um", vector_json(moved_by(c.by_joint[i]))},
+                              {"rotation_urad", vector_json(turned_by(c.by_joint[i]))}});
+          }
+          document.update({{"pose", pose_for_user(m, X)},
+                           {"joints", joints_for_user(m, c.joints)},
+                           {"compliance_um_per_N", matrix_json(C)},
+                           {"compliance_6x6_SI", matrix_json(c.C)},
+                           {"by_joint", shares},
+                           {"force_N", vector_json(force)},
+                           {"moment_Nm", vector_json(moment)},
+                           {"displacement_um", vector_json(moved_by(c.C))},
+                           {"rotation_urad", vector_json(turned_by(c.C))}});
+          print_json(document);
+          return kDone;
+        }
+        const auto shown = [](double x, int digits) { return unsigned_zero(fmt::format("{:.{}f}", x, digits)); };
+        const auto vector = [&](const Vec3& v) {
+          return fmt::format("{}, {}, {}", shown(v.x(), 1), shown(v.y(), 1), shown(v.z(), 1));
+        };
+        fmt::print("compliance of the tip in M, um/N\n");
+        for (int i = 0; i < 3; ++i) {
+          fmt::print(" {:>9} {:>9} {:>9}\n", shown(C(i, 0), 4), shown(C(i, 1), 4), shown(C(i, 2), 4));
+        }
+        if (c.C.diagonal().head<3>().maxCoeff() <= noise) {
+          fmt::print("\nThe tool tip does not move at this pose, whatever the load: the tool only turns about it.\n");
+        } else {
+          fmt::print("\ncontributions to C_xx, C_yy, C_zz\n");
+          for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
+            fmt::print("  {:<9}", c.joint[i]);
+            for (int k = 0; k < 3; ++k) {
+              const double part = c.by_joint[i](k, k), whole = c.C(k, k);
+              fmt::print(" {:>9} ({:>4} %)", shown(part * units::kUmPerMetre, 4),
+                         whole > noise ? shown(100 * part / whole, 1) : "-");
             }
-            POLYPOD_TRY(needs_compliance(m));
-            if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;
-            const statics::Compliance c = statics::compliance_at(m, X);
-            Json document = Json::object();
-            if (c.joints.size() > 0) {
-              const PoseJoints here{X, c.joints, true, {}};
-              if (const auto no =
-                      said_of_singular_pose(m, here, context, document, {"compliance_um_per_N", "displacement_um"}))
-                return *no;
-            }
-            if (!c.reachable) return cannot_take(context, c.reason);
-            const Mat3 C = c.linear() * units::kUmPerMetre;  // m/N to um/N
-            const Vec3 moved = c.displacement(force) * units::kUmPerMetre;
-            if (context.json) {
-              Json shares = Json::array();
-              for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
-                const Mat3 share = c.by_joint[i].topLeftCorner<3, 3>();
-                shares.push_back({{"joint", c.joint[i]},
-                                  {"compliance_um_per_N", matrix_json(share * units::kUmPerMetre)},
-                                  {"displacement_um", vector_json(share * force * units::kUmPerMetre)}});
-              }
-              document.update({{"pose", pose_for_user(m, X)},
-                               {"joints", joints_for_user(m, c.joints)},
-                               {"compliance_um_per_N", matrix_json(C)},
-                               {"compliance_6x6_SI", matrix_json(c.C)},
-                               {"by_joint", shares},
-                               {"force_N", vector_json(force)},
-                               {"displacement_um", vector_json(moved)}});
-              print_json(document);
-              return kDone;
-            }
-            fmt::print("compliance of the tip in M, um/N\n");
-            for (int i = 0; i < 3; ++i) fmt::print(" {:>9.4f} {:>9.4f} {:>9.4f}\n", C(i, 0), C(i, 1), C(i, 2));
-            fmt::print("\ncontributions to C_xx, C_yy, C_zz\n");
-            for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
-              fmt::print("  {:<9}", c.joint[i]);
-              for (int k = 0; k < 3; ++k) {
-                fmt::print(" {:>9.4f} ({:4.1f} %)", c.by_joint[i](k, k) * units::kUmPerMetre,
-                           100 * c.by_joint[i](k, k) / c.C(k, k));
-              }
-              fmt::print("\n");
-            }
-            if (!o->force.empty()) {
-              fmt::print("\ndisplacement under {:g}, {:g}, {:g} N: {:.1f}, {:.1f}, {:.1f} um\n", force.x(), force.y(),
-                         force.z(), moved.x(), moved.y(), moved.z());
-            }
-            return kDone;
-          }};
+            fmt::print("\n");
+          }
+        }
+        if (!o->force.empty() || !o->moment.empty()) {
+          std::vector<std::string> loads;
+          if (!o->force.empty()) loads.push_back(fmt::format("{:g}, {:g}, {:g} N", force.x(), force.y(), force.z()));
+          if (!o->moment.empty())
+            loads.push_back(fmt::format("{:g}, {:g}, {:g} Nm", moment.x(), moment.y(), moment.z()));
+          const std::string under = fmt::format("{}", fmt::join(loads, " and "));
+          fmt::print("\ndisplacement under {}: {} um\n", under, vector(moved_by(c.C)));
+          if (!o->moment.empty()) fmt::print("rotation under {}: {} urad\n", under, vector(turned_by(c.C)));
+        }
+        return kDone;
+      }};
 }
 
 }  // namespace polypod::app
