@@ -200,11 +200,14 @@ tl::unexpected<Error> Table::missing(std::string_view key) const {
   return fail("CF106", fmt::format("{} is missing", full(name_, key)), place_, "add this key");
 }
 
+// A key that is only looked for is known, but a value that nobody reads is not taken.
 bool Table::has(std::string_view key) const {
+  asked_->try_emplace(std::string(key), false);
   return values_.contains(std::string(key));
 }
 
 bool Table::holds_text(std::string_view key) const {
+  asked_->try_emplace(std::string(key), false);
   const auto it = values_.find(std::string(key));
   return it != values_.end() && std::holds_alternative<std::string>(it->second.data);
 }
@@ -351,7 +354,8 @@ Status Table::finish() const {
   const Value* first = nullptr;
   std::string name;
   for (const auto& [key, value] : values_) {
-    if (asked_->contains(key)) continue;
+    const auto it = asked_->find(key);
+    if (it != asked_->end() && it->second) continue;
     if (first == nullptr || value.place.line < first->place.line) {
       first = &value;
       name = key;
@@ -360,7 +364,8 @@ Status Table::finish() const {
   if (first == nullptr) return {};
   std::string listed;
   std::vector<std::string> known;
-  for (const auto& [key, yes] : *asked_) {
+  for (const auto& [key, read] : *asked_) {
+    if (key == name) continue;
     listed += (listed.empty() ? "" : ", ") + key;
     known.push_back(key);
   }

@@ -109,6 +109,19 @@ TEST(Config, CF103UnknownKeys) {
   EXPECT_THAT(status.error().hint, HasSubstr("known"));
 }
 
+/// What was only looked for is known as well: the list is whole, and a near miss of it is found.
+TEST(Config, CF103ListsKeysThatWereOnlyLookedFor) {
+  const Table t = table_of("tolerance = 1\njoint_acceleration = [1, 2]\n");
+  EXPECT_TRUE(t.number("tolerance"));
+  EXPECT_FALSE(t.has("joint_accelerations"));
+  EXPECT_FALSE(t.holds_text("cutter"));
+  EXPECT_THAT(t.finish().error().hint,
+              "did you mean joint_accelerations? known here: cutter, joint_accelerations, tolerance");
+  // It does not count as read: a value that nobody takes is refused.
+  EXPECT_TRUE(t.has("joint_acceleration"));
+  EXPECT_EQ(where(t.finish()), "CF103 2:22");
+}
+
 TEST(Config, CF103NamesTheTableOfTheKey) {
   const Table t = table_of("[tool]\nlength_mm = 1\nlenth_mm = 2\n");
   const auto tool = t.table("tool");
