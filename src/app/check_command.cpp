@@ -111,7 +111,11 @@ std::vector<std::string> nearest_in_words(const Json& nearest) {
     out.push_back(fmt::format("it fits with the part turned by {:.1f} deg about its origin, to rotation_deg = {:g}",
                               turn["turn_by_deg"].get<double>(), turn["rotation_deg"].get<double>()));
   }
-  out.emplace_back("the smallest that a search found; both were checked whole");
+  if (!shift.is_null() && !turn.is_null()) {
+    out.emplace_back("the smallest that a search found; both were checked whole");
+  } else if (!shift.is_null() || !turn.is_null()) {
+    out.emplace_back("the smallest that a search found; it was checked whole");
+  }
   return out;
 }
 

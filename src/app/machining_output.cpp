@@ -344,8 +344,9 @@ void print_confidence(const machining::Confidence& c) {
                    [](const auto& a, const auto& b) { return a.probability < b.probability; });
   for (std::size_t i = 0; i < std::min(kMost, walls.size()); ++i) {
     const machining::WallConfidence& w = walls[i];
-    fmt::print("  line {:>4}  normal error {:>7.1f} .. {:<7.1f} um (95 %), room {:.1f} um: {}\n", w.line, to_um(w.low),
-               to_um(w.high), to_um(w.room), percent(w.probability));
+    const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
+    fmt::print("  line {:>4}  normal error {:>7} .. {:<7} um (95 %), room {} um: {}\n", w.line, um(w.low), um(w.high),
+               um(w.room), percent(w.probability));
   }
   if (walls.size() > kMost) fmt::print("  and {} walls more, likelier than these\n", walls.size() - kMost);
   if (c.inputs.empty() || c.walls.empty()) return;
