@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
@@ -26,10 +27,29 @@ constexpr double kJump = 0.5;       // rad or m, a joint that moves more between
 constexpr double kSame = 1e-9;      // m and rad, no way
 constexpr double kOpposite = 1e-6;  // rad, axes that are opposite have no shortest way between them
 constexpr int kDeepest = 14;        // halvings of a way
-constexpr double kFlatArc = 0.1;    // an arc whose sagitta is below this share of the tolerance is a line
+constexpr unsigned kClosedBranches = 8;  // of the closed inverses of arms
+constexpr double kFlatArc = 0.1;         // an arc whose sagitta is below this share of the tolerance is a line
 
 Mat3 rotation_of_angles(const Vec3& a) {
   return rotation_abc(a.x(), a.y(), a.z());
+}
+
+void add_name(std::vector<std::string>& names, std::string name) {
+  if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(std::move(name));
+}
+
+/// All branches of an arm with a closed inverse; of another machine none, for they depend on the pose.
+std::vector<std::string> branches_of(const machine::AnyMachine& machine) {
+  const auto* arm = std::get_if<machine::SerialArm>(&machine);
+  std::vector<std::string> out;
+  for (unsigned branch = 0; arm != nullptr && machine::has_closed_inverse(*arm) && branch < kClosedBranches; ++branch)
+    out.push_back(kinematics::branch_name(machine, branch));
+  return out;
+}
+
+bool is_a_branch(const machine::AnyMachine& machine, const std::string& name) {
+  const std::vector<std::string> all = branches_of(machine);
+  return std::find(all.begin(), all.end(), name) != all.end();
 }
 
 /// One step from where the tool stands.
@@ -103,10 +123,8 @@ class Planner {
 
   /// The solutions within the limits at the first point.
   [[nodiscard]] std::vector<unsigned> branches(int turn, double c) const {
-    const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.placed(); });
-    const Vec3 angles = first_angles(first, c, turn);
     std::vector<unsigned> out;
-    for (const Solution& s : kinematics::inverse(machine_, in_machine(rotation_of_angles(angles), first.tip)).solutions)
+    for (const Solution& s : first_solutions(turn, c))
       if (s.violations == 0) out.push_back(s.branch);
     return out;
   }
@@ -116,7 +134,24 @@ class Planner {
   [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + R_MW_ * tip}; }
 
   /// Whether the source gives angles; where C is chosen, those of a program without A, B and C are none.
+  /// "the branches of this machine are ...": of an arm whose inverse names them all, else those of the first point.
+  [[nodiscard]] std::string branches_in_words(int turns, double c) const {
+    std::vector<std::string> names = branches_of(machine_);
+    const bool all = !names.empty();
+    for (int turn = 0; turn < turns && !all; ++turn)
+      for (const Solution& s : first_solutions(turn, c)) add_name(names, kinematics::branch_name(machine_, s.branch));
+    if (names.empty()) return "`polypod ik` lists the branches of a pose";
+    return fmt::format("the branches of this machine{} are {}", all ? "" : " at this point, in or beyond its limits,",
+                       listed(names));
+  }
+
   [[nodiscard]] bool says_angles(const Step& step) const { return step.angles && (step.turned || !chooses_c_); }
+  [[nodiscard]] std::vector<Solution> first_solutions(int turn, double c) const {
+    const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.placed(); });
+    const Vec3 angles = first_angles(first, c, turn);
+    return kinematics::inverse(machine_, in_machine(rotation_of_angles(angles), first.tip)).solutions;
+  }
+
 
   /// Whether the source's own angles are words of this configuration.
   [[nodiscard]] bool fits(const Step& step) const {
@@ -527,7 +562,7 @@ Result<std::vector<Start>> chosen_starts(const Configuration& configuration, con
     double cost;
   };
   std::vector<Posture> postures;
-  for (unsigned branch = 0; branch < 8; ++branch) {
+  for (unsigned branch = 0; branch < kClosedBranches; ++branch) {
     if (!options.branch.empty() && kinematics::branch_name(configuration.machine, branch) != options.branch) continue;
     postures.push_back({branch, first_look(configuration, path, options, branch)});
   }
@@ -601,7 +636,6 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   Planner planner(configuration, path, asked);
   const bool choose = configuration.rotary == Rotary::abc && !asked.c;
   std::vector<Planner::Start> starts;
-  const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;
   if (choose) {
     const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
     if (arm == nullptr || !machine::six_joint_inverse(*arm)) {
@@ -613,19 +647,26 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     for (int turn = 0; turn < turns; ++turn) {
       for (const unsigned branch : planner.branches(turn, asked.c.value_or(0))) {
         if (asked.branch.empty() || kinematics::branch_name(configuration.machine, branch) == asked.branch) {
+  const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;
+  const auto not_there = [&](const std::string& reached) {
+    return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`{}", asked.branch, reached),
+                {path.file}, planner.branches_in_words(turns, asked.c.value_or(0)));
+  };
           starts.push_back({turn, branch, {}});
         }
       }
     }
     if (starts.empty() && !asked.branch.empty()) {
-      return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`", asked.branch),
-                  {path.file}, "`polypod ik` lists the branches of a pose");
+      return not_there(reached.empty() ? "" : fmt::format("; it can with {}", listed(reached)));
     }
+    if (!asked.branch.empty() && !is_a_branch(configuration.machine, asked.branch)) return not_there("");
     if (starts.empty()) starts.push_back({});
   }
   // The last joint of an arm may begin a turn on or back, which leaves it more of its range.
+    std::vector<std::string> reached;
   const int last = kinematics::joint_count(configuration.machine) - 1;
   const machine::JointRange range = kinematics::joint_range(configuration.machine, last);
+        add_name(reached, kinematics::branch_name(configuration.machine, branch));
   if (kinematics::is_serial(configuration.machine) && range.max - range.min > 2 * std::numbers::pi &&
       kinematics::joint_kind(configuration.machine, last) == machine::JointKind::revolute) {
     const std::size_t count = starts.size();
