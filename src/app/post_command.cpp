@@ -303,7 +303,7 @@ void print_answer(const Options& o, const Answer& answer) {
   fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", plan.time, o.rapid,
              units::to_mm(plan.length));
   if (plan.speed_joint > 0) {
-    fmt::print("joint speeds   up to {:.0f} % of a limit in a cut (joint {}, line {})\n", 100 * plan.speed_share,
+    fmt::print("joint speeds   up to {} % of a limit in a cut (joint {}, line {})\n", percent(plan.speed_share),
                plan.speed_joint, plan.speed_line);
   }
   for (std::size_t i = 0; i < plan.problems.size() && i < kShownProblems; ++i) {
@@ -398,6 +398,12 @@ Command post_command() {
           POLYPOD_TRY(refuse(context, {"--c"}, "it serves machines with A, B and C (--config six)"));
         }
         if (!ngc && kinematics::is_serial(machine) == false) {
+/// Two digits of what is below 10 %, so that a slow joint does not seem to stand.
+std::string percent(double share) {
+  const double whole = 9.95;
+  return 100 * share < whole ? fmt::format("{:.2g}", 100 * share) : fmt::format("{:.0f}", 100 * share);
+}
+
           return fail("PO121",
                       fmt::format("--to {}: {} is no arm, so no robot's controller moves it", o->to, job.machine_name),
                       {}, "use --to ngc");
