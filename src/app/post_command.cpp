@@ -291,6 +291,12 @@ Json answer_json(const Options& o, const Answer& answer) {
       {"notes", answer.notes}};
 }
 
+/// Two digits of what is below 10 %, so that a slow joint does not seem to stand.
+std::string percent(double share) {
+  const double whole = 9.95;
+  return 100 * share < whole ? fmt::format("{:.2g}", 100 * share) : fmt::format("{:.0f}", 100 * share);
+}
+
 void print_answer(const Options& o, const Answer& answer) {
   const post::Plan& plan = answer.plan;
   fmt::print("{}: {} lines, {} moves, {} points inserted\n", answer.configuration.name, answer.written.lines,
@@ -398,12 +404,6 @@ Command post_command() {
           POLYPOD_TRY(refuse(context, {"--c"}, "it serves machines with A, B and C (--config six)"));
         }
         if (!ngc && kinematics::is_serial(machine) == false) {
-/// Two digits of what is below 10 %, so that a slow joint does not seem to stand.
-std::string percent(double share) {
-  const double whole = 9.95;
-  return 100 * share < whole ? fmt::format("{:.2g}", 100 * share) : fmt::format("{:.0f}", 100 * share);
-}
-
           return fail("PO121",
                       fmt::format("--to {}: {} is no arm, so no robot's controller moves it", o->to, job.machine_name),
                       {}, "use --to ngc");

@@ -129,11 +129,6 @@ class Planner {
     return out;
   }
 
- private:
-  /// The tool's orientation is given along the axes of M, its tip in W.
-  [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + R_MW_ * tip}; }
-
-  /// Whether the source gives angles; where C is chosen, those of a program without A, B and C are none.
   /// "the branches of this machine are ...": of an arm whose inverse names them all, else those of the first point.
   [[nodiscard]] std::string branches_in_words(int turns, double c) const {
     std::vector<std::string> names = branches_of(machine_);
@@ -145,13 +140,18 @@ class Planner {
                        listed(names));
   }
 
-  [[nodiscard]] bool says_angles(const Step& step) const { return step.angles && (step.turned || !chooses_c_); }
+ private:
   [[nodiscard]] std::vector<Solution> first_solutions(int turn, double c) const {
     const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.placed(); });
     const Vec3 angles = first_angles(first, c, turn);
     return kinematics::inverse(machine_, in_machine(rotation_of_angles(angles), first.tip)).solutions;
   }
 
+  /// The tool's orientation is given along the axes of M, its tip in W.
+  [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + R_MW_ * tip}; }
+
+  /// Whether the source gives angles; where C is chosen, those of a program without A, B and C are none.
+  [[nodiscard]] bool says_angles(const Step& step) const { return step.angles && (step.turned || !chooses_c_); }
 
   /// Whether the source's own angles are words of this configuration.
   [[nodiscard]] bool fits(const Step& step) const {
@@ -634,6 +634,11 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     asked.branch = posture_of(configuration.machine, *asked.start_joints);
   }
   Planner planner(configuration, path, asked);
+  const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;
+  const auto not_there = [&](const std::string& reached) {
+    return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`{}", asked.branch, reached),
+                {path.file}, planner.branches_in_words(turns, asked.c.value_or(0)));
+  };
   const bool choose = configuration.rotary == Rotary::abc && !asked.c;
   std::vector<Planner::Start> starts;
   if (choose) {
@@ -641,17 +646,15 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     if (arm == nullptr || !machine::six_joint_inverse(*arm)) {
       return fail("PO123", "C cannot be chosen on this machine: its inverse names no postures", {}, "give --c DEG");
     }
+    if (!asked.branch.empty() && !is_a_branch(configuration.machine, asked.branch)) return not_there("");
     POLYPOD_ASSIGN(chosen, chosen_starts<Planner::Start>(configuration, path, asked, planner));
     starts = std::move(chosen);
   } else {
+    std::vector<std::string> reached;
     for (int turn = 0; turn < turns; ++turn) {
       for (const unsigned branch : planner.branches(turn, asked.c.value_or(0))) {
+        add_name(reached, kinematics::branch_name(configuration.machine, branch));
         if (asked.branch.empty() || kinematics::branch_name(configuration.machine, branch) == asked.branch) {
-  const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;
-  const auto not_there = [&](const std::string& reached) {
-    return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`{}", asked.branch, reached),
-                {path.file}, planner.branches_in_words(turns, asked.c.value_or(0)));
-  };
           starts.push_back({turn, branch, {}});
         }
       }
@@ -659,14 +662,11 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     if (starts.empty() && !asked.branch.empty()) {
       return not_there(reached.empty() ? "" : fmt::format("; it can with {}", listed(reached)));
     }
-    if (!asked.branch.empty() && !is_a_branch(configuration.machine, asked.branch)) return not_there("");
     if (starts.empty()) starts.push_back({});
   }
   // The last joint of an arm may begin a turn on or back, which leaves it more of its range.
-    std::vector<std::string> reached;
   const int last = kinematics::joint_count(configuration.machine) - 1;
   const machine::JointRange range = kinematics::joint_range(configuration.machine, last);
-        add_name(reached, kinematics::branch_name(configuration.machine, branch));
   if (kinematics::is_serial(configuration.machine) && range.max - range.min > 2 * std::numbers::pi &&
       kinematics::joint_kind(configuration.machine, last) == machine::JointKind::revolute) {
     const std::size_t count = starts.size();
