@@ -207,7 +207,7 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
     out.push_back(
         fmt::format("{} tools: reach and limits are judged with the one tool of the machine file", tools.size()));
   }
-  if (path.program && !turned && plan.moves.size() > 0 && ngc)
+  if (path.program && !turned && !plan.sets_c && plan.moves.size() > 0 && ngc)
     out.emplace_back("the program commands X, Y and Z alone: rotary axes, if there are any, must stand at 0");
   if (plan.chorded > 0) {
     out.push_back(fmt::format("{} {} written as chords, off by up to {:.1f} um", plan.chorded,
@@ -355,8 +355,10 @@ Command post_command() {
             "--config", o->config,
             "Which machine tool the machine is programmed as: auto (as its file says), vertical-ab (joint 6 locked), "
             "horizontal-ab (joint 4 locked), vertical-ac or six (all six joints)");
-        a.option("--c", o->c,
-                 "six: C in deg, the rotation about the tool axis (default 0), or `free`: chosen along the program");
+        a.option(
+            "--c", o->c,
+            "six: C in deg, the rotation about the tool axis (default 0), or `free`: chosen along the program; not "
+            "for programs that command C");
         a.option("--branch", o->branch, "Posture at the first point (default: the first in which the program fits)");
         a.option(
             "--joint-speeds", o->joint_speeds,
@@ -415,6 +417,10 @@ Command post_command() {
                       "post for a machine without C (--config vertical-ab), or without a rotation");
         }
         POLYPOD_ASSIGN(path, path_of(*o, given, job));
+        if (context.given("--c") && path.c_line > 0) {
+          return fail("PO129", fmt::format("the program commands C itself, so --c {} cannot act", o->c),
+                      Place{path.file, path.c_line, 1}, "leave --c out, or the C words of the program");
+        }
         POLYPOD_TRY(corrected_here(path, given));
         POLYPOD_ASSIGN(plan, post::plan(configuration, path, plan_with));
         plan_with.progress(1);

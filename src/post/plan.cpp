@@ -85,7 +85,11 @@ struct Way {
 class Planner {
  public:
   Planner(const Configuration& configuration, const Path& path, const PlanOptions& options)
-      : configuration_(configuration), machine_(configuration.machine), path_(path), options_(options) {}
+      : configuration_(configuration),
+        machine_(configuration.machine),
+        path_(path),
+        options_(options),
+        sets_c_(configuration.rotary == Rotary::abc && path.leaves_c() && options.c.value_or(1) != 0) {}
 
   struct Start {
     int turn = 0;                    // which of the two pairs of rotary angles
@@ -97,6 +101,7 @@ class Planner {
   /// `all`: goes on behind the first problem. False where it was cancelled.
   bool run(const Start& start, bool all) {
     out_ = {};
+    out_.sets_c = sets_c_;
     placed_ = lost_ = false;
     speed_line_ = 0;
     chooses_c_ = !start.c.empty();
@@ -150,8 +155,10 @@ class Planner {
   /// The tool's orientation is given along the axes of M, its tip in W.
   [[nodiscard]] Pose in_machine(const Mat3& R, const Vec3& tip) const { return {R, options_.origin + R_MW_ * tip}; }
 
-  /// Whether the source gives angles; where C is chosen, those of a program without A, B and C are none.
-  [[nodiscard]] bool says_angles(const Step& step) const { return step.angles && (step.turned || !chooses_c_); }
+  /// Whether the source gives angles; where C is chosen or given, those of a program without C are none.
+  [[nodiscard]] bool says_angles(const Step& step) const {
+    return step.angles && !sets_c_ && (step.turned || !chooses_c_);
+  }
 
   /// Whether the source's own angles are words of this configuration.
   [[nodiscard]] bool fits(const Step& step) const {
@@ -519,6 +526,7 @@ class Planner {
   const machine::AnyMachine& machine_;
   const Path& path_;
   const PlanOptions& options_;
+  const bool sets_c_;
   Plan out_;
   bool placed_ = false;
   std::optional<unsigned> first_branch_;

@@ -121,6 +121,7 @@ class BlockReader {
   }
 
   [[nodiscard]] bool turns() const { return find('A') || find('B') || find('C'); }
+  [[nodiscard]] bool says_c() const { return find('C') != nullptr; }
 
  private:
   [[nodiscard]] const gcode::Word* by_machine() const {
@@ -367,6 +368,7 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
     POLYPOD_TRY(reader.before(moving && moves[next].kind == gcode::MoveKind::arc, path));
     POLYPOD_TRY(reader.leave_out(state.motion > 0, moving));
     turned = turned || (moving && reader.turns());
+    if (moving && reader.says_c()) name(out.c_line, block);
     for (; next < moves.size() && moves[next].block == static_cast<int>(b); ++next) {
       const gcode::Move& move = moves[next];
       POLYPOD_ASSIGN(s, judged_step(move, Place{file, block.line, 1}));

@@ -213,7 +213,7 @@ std::vector<LadderPoint> points_of(const Path& path, const PlanOptions& options,
     LadderPoint point;
     point.p = options.origin + R_MW * step.tip;
     point.axis = step.axis;
-    if (step.turned) point.angles = step.angles;  // a program without A, B and C leaves C free
+    if (step.turned && !path.leaves_c()) point.angles = step.angles;  // a program without C leaves C free
     point.rapid = step.kind == StepKind::rapid;
     if (before != nullptr) {
       Vec3 along = step.tip - before->tip;

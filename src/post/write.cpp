@@ -145,7 +145,7 @@ class NgcWriter {
     std::string block;
     const Vec3 start = tip_;
     for (int i = 0; i < 3; ++i) word(block, "XYZ"[i], units::to_mm(m.tip[i]));
-    if (rotary_ != Rotary::none && step.turned) {
+    if (rotary_ != Rotary::none && (step.turned || plan_.sets_c)) {
       word(block, 'A', units::to_deg(m.angles.x()));
       if (rotary_ != Rotary::ac) word(block, 'B', units::to_deg(m.angles.y()));
       if (rotary_ != Rotary::ab) word(block, 'C', units::to_deg(m.angles.z()));

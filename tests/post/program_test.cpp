@@ -341,6 +341,53 @@ TEST(Programs, TheHeaderOfACorrectedProgramIsKept) {
   EXPECT_FALSE(post::corrected_for(value(Source(kStop).read())));
 }
 
+/// C of a program that does not command it is what is asked for; the tool axes stay.
+TEST(Programs, CIsTakenWhereTheProgramHasNone) {
+  const machine::AnyMachine six = test::load(test::example("lola50_six.toml"));
+  const auto with = [&](Dialect dialect, const std::string& text, std::optional<double> c_deg) {
+    post::PlanOptions planning;
+    planning.c = c_deg ? std::optional(units::from_deg(*c_deg)) : std::nullopt;
+    return test::post_to(dialect, six, "six", value(Source(text).read()), kOrigin_mm, planning);
+  };
+  const std::string plain = "G21 G90 G54 G61.1\nG0 X0 Y0 Z30\nG1 X20 F300\nM2\n";
+  const std::string tilted = "G21 G90 G54 G61.1\nG0 X0 Y0 Z30 A5 B10\nG1 X20 F300\nM2\n";
+  for (const std::string& text : {plain, tilted}) {
+    const Posted at_20 = with(Dialect::krl, text, 20), at_0 = with(Dialect::krl, text, 0);
+    EXPECT_TRUE(at_20.plan.ok());
+    EXPECT_TRUE(at_20.plan.sets_c);
+    EXPECT_FALSE(at_0.plan.sets_c);
+    ASSERT_EQ(at_20.plan.moves.size(), at_0.plan.moves.size());
+    for (std::size_t i = 0; i < at_20.plan.moves.size(); ++i) {
+      EXPECT_NEAR(at_20.plan.moves[i].angles.z(), units::from_deg(20), 1e-12);
+      EXPECT_LT((at_20.plan.moves[i].R.col(2) - at_0.plan.moves[i].R.col(2)).norm(), 1e-9);
+      EXPECT_GT((at_20.plan.moves[i].R.col(0) - at_0.plan.moves[i].R.col(0)).norm(), 0.3);
+    }
+    EXPECT_THAT(with(Dialect::ngc, text, 20).written.text, HasSubstr(" C20"));
+    EXPECT_TRUE(with(Dialect::krl, text, {}).plan.sets_c);
+  }
+  EXPECT_THAT(with(Dialect::ngc, plain, 0).written.text, Not(HasSubstr("C0")));
+  const Posted own = with(Dialect::krl, "G21 G90 G54 G61.1\nG0 X0 Y0 Z30 C5\nG1 X20 F300\nM2\n", 20);
+  EXPECT_EQ(own.path.c_line, 2);
+  EXPECT_NEAR(own.plan.moves.back().angles.z(), units::from_deg(5), 1e-12);
+}
+
+TEST(Programs, ABranchThatIsNoneIsNamedWithThoseThatAre) {
+  const post::Path path = value(Source("G21 G90 G54 G61.1\nG0 X0 Y0 Z30\nG1 X20 F300\nM2\n").read());
+  const auto refused = [&](const machine::AnyMachine& machine, std::optional<double> c) {
+    post::PlanOptions planning;
+    planning.origin = 1e-3 * kOrigin_mm;
+    planning.branch = "up";
+    planning.c = c;
+    const auto plan = post::plan(value(post::configure(machine, "auto")), path, planning);
+    EXPECT_EQ(test::id_of(plan), "PO122");
+    return plan ? "" : to_string(plan.error());
+  };
+  const std::string all = "back elbow-down and back elbow-down wrist-flipped";
+  EXPECT_THAT(refused(test::load("lola50"), 0), HasSubstr("`up`; it can with front elbow-up"));
+  EXPECT_THAT(refused(test::load("lola50"), 0), HasSubstr(all));
+  EXPECT_THAT(refused(test::load(test::example("lola50_six.toml")), {}), HasSubstr(all));
+}
+
 TEST(Programs, ACompensatedContourTakesTheCutter) {
   const std::string text =
       "G21 G90 G17 G54\nT1 M6\nM3 S12000\nG0 X-20 Y-20 Z15\nG41 D1\nG1 X-8 Y-8 F1200\nX0 Y0\nY70\nG40\nX-20 Y-20\nM2\n";

@@ -76,6 +76,10 @@ struct Path {
   bool program = false;            ///< G-code: `words` steps say what is switched, not the state of each step
   std::string end = "M2";          ///< the word that ends it
   std::vector<LeftOut> left_out;   ///< moves in machine coordinates behind the last other move (G53, G28, G30)
+  int c_line = 0;                  ///< of a G-code program the first line that commands C; 0: none does
+
+  /// Whether it is a G-code program that says nothing of C: what is chosen or given for C then counts.
+  [[nodiscard]] bool leaves_c() const { return program && c_line == 0; }
 };
 
 /// Reads an APT CL file (cutter location data, ISO 3592 words as CAM systems print them).

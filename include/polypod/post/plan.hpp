@@ -56,8 +56,10 @@ struct PlanOptions {
   bool length_offsets = true;      ///< whether G43 moves the tip; not where the language has one TCP for all
   bool arcs_in_any_plane = false;  ///< circles of robots; LinuxCNC's lie along two of x, y, z
   double largest_sweep = 0;        ///< rad, arcs are split into pieces of at most this; 0: one piece
-  std::optional<double> c = 0.0;   ///< Rotary::abc: C, rad; empty: chosen along the program
-  std::string branch;              ///< the posture to begin with; empty: the first in which all is well
+  /// Rotary::abc: C, rad; empty: chosen along the program. A G-code program that commands C keeps its own; of one that
+  /// commands A or B alone the tool axes count, where this is not 0.
+  std::optional<double> c = 0.0;
+  std::string branch;        ///< the posture to begin with; empty: the first in which all is well
   /// Largest speed of each joint, rad/s or m/s, one a joint of the configuration; empty: not judged. Cuts are judged at
   /// their feed; rapids go as fast as the joints let them.
   std::vector<double> joint_speeds;
@@ -99,6 +101,7 @@ struct Plan {
   std::vector<PlanProblem> problems;  ///< the first of each kind of each line
   std::vector<std::string> notes;
   std::string branch;                                ///< the posture of the first point
+  bool sets_c = false;                               ///< C is not that of the source, a program without C
   int inserted = 0;                                  ///< points between the ends of steps, chords of arcs among them
   double chord_error = 0;                            ///< m, the largest of arcs that are written as chords
   int chorded = 0;                                   ///< arcs that are written as chords
