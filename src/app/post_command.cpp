@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <set>
 
@@ -91,10 +92,21 @@ Result<post::Path> path_of(const Options& o, const machining::Job& given, const 
   return post::read_path(o.file, options);
 }
 
+/// What `correct` has written over the program; that of a program that it looked at and left as it was is no
+/// correction.
+struct Header : post::CorrectedFor {
+  bool corrected = false;
+};
+std::optional<Header> header_of(const post::Path& path) {
+  const auto corrected = post::corrected_for(path), looked_at = post::corrected_for(path, machining::kLookedAtMark);
+  if (looked_at && (!corrected || looked_at->line < corrected->line)) return Header{*looked_at, false};
+  if (corrected) return Header{*corrected, true};
+  return {};
+}
+
 /// A corrected program is right for one machine at one place.
-Status corrected_here(const post::Path& path, const machining::Job& job) {
-  const std::optional<post::CorrectedFor> header = post::corrected_for(path);
-  if (!header) return {};
+Status corrected_here(const std::optional<Header>& header, const post::Path& path, const machining::Job& job) {
+  if (!header || !header->corrected) return {};
   const std::string machine = machine::name_of(job.machine), origin = machining::place_in_words(job.X_MW);
   const Place place{path.file, header->line, 1};
   if (header->machine != machine) {
@@ -112,6 +124,101 @@ Status corrected_here(const post::Path& path, const machining::Job& job) {
                 place, "post it at that place, or correct the program of the CAM system for this one");
   }
   return {};
+}
+
+constexpr const char* kCorrectForPosture =
+    "`correct` takes the first posture within the joints' limits: correct the program of the CAM system with limits "
+    "that leave the other posture alone, or at another place, and post the result";
+constexpr const char* kCorrectForC = "correct the program of the CAM system with this C in it, and post the result";
+
+Error not_as_corrected(const Header& header, const post::Path& path, std::string message, std::string hint) {
+  return {"PO128", std::move(message), Place{path.file, header.line, 1}, std::move(hint)};
+}
+
+/// A header's verdict holds for one posture and one C. They are taken over where the command line does not say others;
+/// false where the header says nothing of them.
+Result<bool> take_hold(const std::optional<Header>& header, const post::Path& path, const machining::Job& job,
+                       const post::Configuration& configuration, const Options& o, const Context& context,
+                       post::PlanOptions& p) {
+  if (!header || (header->posture.empty() && !header->c)) return false;
+  if (header->machine != machine::name_of(job.machine) || header->origin != machining::place_in_words(job.X_MW))
+    return false;  // looked at for another place
+  const std::string was = header->corrected ? "the program was corrected" : "the program was found within its tube";
+  const auto refused = [&](std::string message, std::string hint) {
+    return tl::unexpected(not_as_corrected(*header, path, std::move(message), std::move(hint)));
+  };
+  const int joints = kinematics::joint_count(job.machine), now = kinematics::joint_count(configuration.machine);
+  if (joints != now) {
+    return refused(fmt::format("{} with {} joints that move, and --config {} moves {}", was, joints, o.config, now),
+                   "leave --config out, or correct the program of the CAM system with a machine file that locks the "
+                   "same joint");
+  }
+  if (!header->posture.empty() && !o.branch.empty() && o.branch != header->posture) {
+    return refused(fmt::format("{} for the posture {}, not for --branch {}", was, header->posture, o.branch),
+                   std::string("leave --branch out; for another posture: ") + kCorrectForPosture);
+  }
+  if (header->c && context.given("--c")) {
+    constexpr double kWritten = units::from_deg(1e-4);  // a header has as many digits
+    if (!p.c || std::abs(std::remainder(*p.c - *header->c, 2 * std::numbers::pi)) > kWritten) {
+      return refused(fmt::format("{} for a tool that is held at C {:.7g} deg, not for --c {}", was,
+                                 units::to_deg(*header->c), o.c),
+                     std::string("leave --c out; for another C: ") + kCorrectForC);
+    }
+  }
+  if (header->c) p.c = header->c;
+  if (!header->posture.empty()) {
+    p.branch = header->posture;
+    p.keep_branch = true;
+  }
+  return true;
+}
+
+/// Whether a cut is planned with the tool turned about its axis against what its program says.
+const post::Step* turned_cut(const post::Path& path, const post::Plan& plan) {
+  constexpr double kTurned = 1e-6;  // rad
+  for (const post::PlannedMove& m : plan.moves) {
+    const post::Step& step = path.steps[static_cast<std::size_t>(m.step)];
+    if (m.kind == post::StepKind::rapid || !step.angles || plan.sets_c) continue;
+    const auto R = [](const Vec3& a) { return rotation_abc(a.x(), a.y(), a.z()); };
+    if (angle_between(R(m.angles).col(0), R(*step.angles).col(0)) > kTurned) return &step;
+  }
+  return nullptr;
+}
+
+/// The plan of a program whose header says how the machine held the tool.
+Result<post::Plan> plan_held(const Header& header, const post::Path& path, const post::Configuration& configuration,
+                             const post::PlanOptions& with, bool allow_problems) {
+  const std::string was = header.corrected ? "the program was corrected" : "the program was found within its tube";
+  Result<post::Plan> plan = post::plan(configuration, path, with);
+  if (!plan && plan.error().id == "PO122") {
+    return tl::unexpected(not_as_corrected(
+        header, path, fmt::format("{} for the posture {}: {}", was, header.posture, plan.error().message),
+        kCorrectForPosture));
+  }
+  if (!plan) return plan;
+  if (const post::Step* step = header.c ? turned_cut(path, *plan) : nullptr) {
+    return tl::unexpected(not_as_corrected(
+        header, path,
+        fmt::format("{} for a tool that is held at C {:.7g} deg, and this configuration turns it about its axis in the "
+                    "cut of line {}",
+                    was, units::to_deg(*header.c), step->line),
+        "use --config six, or auto"));
+  }
+  if (plan->ok() || !with.keep_branch || allow_problems) return plan;
+  post::PlanOptions free = with;
+  free.branch.clear();
+  free.keep_branch = false;
+  POLYPOD_ASSIGN(other, post::plan(configuration, path, free));
+  if (!other.ok()) return plan;  // it is not the posture
+  const post::PlanProblem& first = plan->problems.front();
+  return tl::unexpected(not_as_corrected(
+      header, path,
+      fmt::format(
+          "{} for the posture {}, in which the machine cannot take every move: line {}: {}: {}{}; the posture {} "
+          "takes all, but the tool deflects otherwise there",
+          was, header.posture, first.line, first.kind, first.detail,
+          plan->problems.size() > 1 ? fmt::format(" (and {} more)", plan->problems.size() - 1) : "", other.branch),
+      kCorrectForPosture));
 }
 
 post::PlanOptions plan_place(const machining::Job& job) {
@@ -359,7 +466,10 @@ Command post_command() {
             "--c", o->c,
             "six: C in deg, the rotation about the tool axis (default 0), or `free`: chosen along the program; not "
             "for programs that command C");
-        a.option("--branch", o->branch, "Posture at the first point (default: the first in which the program fits)");
+        a.option(
+            "--branch", o->branch,
+            "Posture at the first point (default: that of a corrected program, else the first in which the program "
+            "fits)");
         a.option(
             "--joint-speeds", o->joint_speeds,
             "Largest speed of each joint that moves, deg/s (mm/s): no cut may need more (default: those of the job, "
@@ -421,8 +531,11 @@ Command post_command() {
           return fail("PO129", fmt::format("the program commands C itself, so --c {} cannot act", o->c),
                       Place{path.file, path.c_line, 1}, "leave --c out, or the C words of the program");
         }
-        POLYPOD_TRY(corrected_here(path, given));
-        POLYPOD_ASSIGN(plan, post::plan(configuration, path, plan_with));
+        const std::optional<Header> header = header_of(path);
+        POLYPOD_TRY(corrected_here(header, path, given));
+        POLYPOD_ASSIGN(held, take_hold(header, path, given, configuration, *o, context, plan_with));
+        POLYPOD_ASSIGN(plan, held ? plan_held(*header, path, configuration, plan_with, o->allow_problems)
+                                  : post::plan(configuration, path, plan_with));
         plan_with.progress(1);
         post::WriteOptions write_with;
         write_with.name = std::filesystem::path(o->output).stem().string();
@@ -445,6 +558,9 @@ Command post_command() {
         std::vector<std::string> notes = path.notes;
         notes.insert(notes.end(), plan.notes.begin(), plan.notes.end());
         notes.insert(notes.end(), written.notes.begin(), written.notes.end());
+        if (held && plan_with.keep_branch && !plan.ok()) {
+          notes.push_back(fmt::format("the program is judged in the posture {}, that of its header", plan_with.branch));
+        }
         const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc);
         notes.insert(notes.end(), own.begin(), own.end());
         const Answer answer{configuration, path, plan, written, writes, std::move(notes)};

@@ -155,6 +155,11 @@ class Corrector {
 
   [[nodiscard]] std::vector<std::string> header_lines() const;
 
+  /// The posture of the first cut and the rotation about the tool axis, for which the compliances were taken: "posture
+  /// front elbow-up, tool held at C 0 deg" or what of it the machine has; nothing where a measured compliance
+  /// takes their place.
+  [[nodiscard]] std::string hold_in_words() const;
+
   /// The block of the original that a block of the written program stands for.
   [[nodiscard]] int source_block(int written) const;
 

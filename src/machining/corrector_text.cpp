@@ -8,6 +8,8 @@
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/ball_stock.hpp"
 #include "polypod/gcode/unroll.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/tilted.hpp"
 
 namespace polypod::machining {
 
@@ -139,6 +141,7 @@ std::vector<std::string> Corrector::header_lines() const {
   header.push_back(changed > 0
                        ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                        : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
+  if (const std::string hold = hold_in_words(); !hold.empty()) header.push_back("Polypod: " + hold);
   if (fixed_other_ != nullptr) {
     header.push_back(fmt::format("Polypod: written with block delete {}; the switch does not act on this program",
                                  fixed_other_->block_delete ? "off" : "on"));
@@ -150,6 +153,28 @@ std::vector<std::string> Corrector::header_lines() const {
     if (!job_.measured->doubts.empty()) header.push_back("Polypod: these are doubtful, NOT judged against the tube");
   }
   return header;
+}
+
+std::string Corrector::hold_in_words() const {
+  if (job_.measured) return {};
+  std::string out;
+  if (!out_.before.moves.empty()) {
+    const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
+    const kinematics::InverseResult inverse =
+        kinematics::inverse(job_.machine, {cutting_orientation(job_), job_.X_MW * first.start});
+    const kinematics::Solution* s = inverse.reachable();
+    // Branches of numeric inverses are numbers of the search, and names of nothing.
+    if (s != nullptr && s->branch < kinematics::kNumericBranch) {
+      const std::string name = kinematics::branch_name(job_.machine, s->branch);
+      if (name != "only") out = "posture " + name;
+    }
+  }
+  if (kinematics::task(job_.machine).holds(machine::Coordinate::c)) {
+    constexpr int kDecimals = 4;
+    out += fmt::format("{}tool held at C {} deg", out.empty() ? "" : ", ",
+                       gcode::number(units::to_deg(job_.tool_frame.axes.z()), kDecimals));
+  }
+  return out;
 }
 
 int Corrector::source_block(int written) const {

@@ -343,6 +343,12 @@ class Planner {
         judged_by_speed = true;
       }
     }
+    if (placed_ && first_branch_ && options_.keep_branch && step.kind != StepKind::rapid &&
+        best->branch != *first_branch_) {
+      problem(step.line, "branch",
+              fmt::format("{}: a cut in the posture {}, not in {}", where(),
+                          kinematics::branch_name(machine_, best->branch), options_.branch));
+    }
     if (best->singular) problem(step.line, "singular", where());
     if (!follows || lost_) held_.leave();
     if (const auto at = held_.next(X, joints); at != kinematics::HoldOnPath::At::held && !best->singular) {

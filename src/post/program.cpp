@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <initializer_list>
 
@@ -304,6 +305,22 @@ Result<Step> judged_step(const gcode::Move& move, const Place& place) {
   return s;
 }
 
+/// "Polypod: posture front elbow-up, tool held at C 30 deg", or either of the two.
+void read_hold(const std::string& text, CorrectedFor& out) {
+  constexpr std::string_view kPosture = "Polypod: posture ", kHeld = "tool held at C ", kComma = ", ";
+  const std::size_t posture = text.find(kPosture), held = text.find(kHeld);
+  if (posture != std::string::npos) {
+    const std::size_t begin = posture + kPosture.size();
+    out.posture = text.substr(begin, held == std::string::npos ? held : held - kComma.size() - begin);
+  }
+  if (held == std::string::npos || (posture == std::string::npos && text.find("Polypod: tool") == std::string::npos))
+    return;
+  const char* number = text.c_str() + held + kHeld.size();
+  double deg = 0;
+  const auto [end, code] = std::from_chars(number, text.c_str() + text.size(), deg);
+  if (code == std::errc{} && std::isfinite(deg)) out.c = units::from_deg(deg);
+}
+
 /// The first line, if any, of what a note tells.
 struct Firsts {
   int incomplete = 0, length_change = 0, other_offset = 0, plain_turn = 0;
@@ -398,20 +415,22 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
   return out;
 }
 
-std::optional<CorrectedFor> corrected_for(const Path& path) {
-  const std::string mark = std::string(gcode::kCorrectedMark) + ' ';
+std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mark) {
+  constexpr std::string_view kAnyMark = " for the static compliance of ";  // of whatever header
+  const std::string begin = std::string(mark) + ' ';
   std::optional<CorrectedFor> out;
   for (const Step& s : path.steps) {
-    if (s.kind != StepKind::comment) continue;
-    if (const std::size_t at = s.text.find(mark); at != std::string::npos) {
-      out = CorrectedFor{s.line, s.text.substr(at + mark.size()), ""};
+    if (s.kind != StepKind::comment || s.text.find("Polypod: ") == std::string::npos) continue;
+    if (out && s.text.find(kAnyMark) != std::string::npos) break;
+    if (const std::size_t at = s.text.find(begin); at != std::string::npos) {
+      out = CorrectedFor{s.line, s.text.substr(at + begin.size()), "", "", {}};
       continue;
     }
+    if (!out) continue;
     constexpr std::string_view kOrigin = "origin X";
-    const std::size_t at = s.text.find(kOrigin);
-    if (!out || !out->origin.empty() || at == std::string::npos || s.text.find("Polypod: ") == std::string::npos)
-      continue;
-    out->origin = s.text.substr(at + kOrigin.size() - 1);
+    if (const std::size_t at = s.text.find(kOrigin); at != std::string::npos && out->origin.empty())
+      out->origin = s.text.substr(at + kOrigin.size() - 1);
+    read_hold(s.text, *out);
   }
   return out;
 }

@@ -73,6 +73,12 @@ TEST(Correct, WideTubeLeavesTheProgramAlone) {
   EXPECT_EQ(without_header, before);
 }
 
+/// The header says the posture for which it holds, and of a machine with C how the tool was turned.
+TEST(Correct, TheHeaderSaysThePosture) {
+  auto e = load_example("slavkovic_square");
+  EXPECT_THAT(testing::correct(e).text(), ::testing::HasSubstr("\n(Polypod: posture front elbow-up)\n"));
+}
+
 TEST(Correct, NarrowTubeNeedsMorePieces) {
   auto e = load_example("slavkovic_square");
   const auto wide = testing::correct(e);

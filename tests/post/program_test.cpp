@@ -341,6 +341,41 @@ TEST(Programs, TheHeaderOfACorrectedProgramIsKept) {
   EXPECT_FALSE(post::corrected_for(value(Source(kStop).read())));
 }
 
+TEST(Programs, TheHeaderSaysHowTheToolWasHeld) {
+  const auto header = [](const std::string& lines) {
+    return post::corrected_for(value(Source(lines + "G21 G90 G54 G61.1\nG0 X0 Y0 Z30\nG1 X20 F300\nM2\n").read()));
+  };
+  const std::string mark = "(Polypod: corrected for the static compliance of lola50)\n";
+  const std::string place = "(Polypod: tube radius 100 um, cutter 5 mm with 3 teeth, origin X-50 Y-1335 Z0 mm)\n";
+  const auto both = header(mark + place + "(Polypod: posture 1 low, 2 high, tool held at C -30.5 deg)\n");
+  ASSERT_TRUE(both && both->c);
+  EXPECT_EQ(both->posture, "1 low, 2 high");
+  EXPECT_NEAR(*both->c, units::from_deg(-30.5), 1e-12);
+  const auto posture = header(mark + place + "(Polypod: posture front elbow-up)\n");
+  ASSERT_TRUE(posture);
+  EXPECT_EQ(posture->posture, "front elbow-up");
+  EXPECT_FALSE(posture->c);
+  const auto held = header(mark + place + "(Polypod: tool held at C 0 deg)\n");
+  ASSERT_TRUE(held && held->c);
+  EXPECT_EQ(held->posture, "");
+  EXPECT_EQ(*held->c, 0);
+  // Headers from before say nothing of it, and neither does what stands elsewhere.
+  for (const char* other :
+       {"", "(posture front elbow-up, tool held at C 3 deg)\n", "(Polypod: a tool held at C x)\n"}) {
+    const auto old = header(mark + place + other);
+    ASSERT_TRUE(old);
+    EXPECT_EQ(old->posture, "");
+    EXPECT_FALSE(old->c);
+  }
+  // Of a program that was corrected again the first header counts, and only its own lines.
+  const auto again = header(mark + place + "(Polypod: corrected for the static compliance of hexapod-strut)\n" +
+                            "(Polypod: origin X1 Y2 Z3 mm)\n(Polypod: posture front elbow-down)\n");
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->machine, "lola50");
+  EXPECT_EQ(again->origin, "X-50 Y-1335 Z0 mm");
+  EXPECT_EQ(again->posture, "");
+}
+
 /// C of a program that does not command it is what is asked for; the tool axes stay.
 TEST(Programs, CIsTakenWhereTheProgramHasNone) {
   const machine::AnyMachine six = test::load(test::example("lola50_six.toml"));

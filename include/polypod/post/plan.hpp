@@ -60,6 +60,7 @@ struct PlanOptions {
   /// commands A or B alone the tool axes count, where this is not 0.
   std::optional<double> c = 0.0;
   std::string branch;        ///< the posture to begin with; empty: the first in which all is well
+  bool keep_branch = false;  ///< a cut in another posture than `branch` is a problem of kind "branch"
   /// Largest speed of each joint, rad/s or m/s, one a joint of the configuration; empty: not judged. Cuts are judged at
   /// their feed; rapids go as fast as the joints let them.
   std::vector<double> joint_speeds;
