@@ -137,7 +137,7 @@ void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
     fmt::print("start  does not fit ({})  {}\n", machining::name_of(r.start_fit), in_words(r.start));
   }
   if (!r.best) {
-    fmt::print("no place was found within the box at which the program fits the machine\n");
+    fmt::print("no place was found {}at which the program fits the machine\n", r.places > 0 ? "within the box " : "");
     if (r.failed > 0) {
       fmt::print("       {} of {} places are within reach and limits; of them {} were checked whole, and fail ({})\n",
                  r.fitting, r.places, r.failed, machining::name_of(r.failed_by));
