@@ -46,13 +46,14 @@ void say_interrupted() {
   [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
 }
 
-/// Waits for a signal, and 150 ms later or at the next one for nobody.
+/// Waits for a signal, and 100 ms later or at the next one for nobody: the kernel takes up to 60 ms more to take back
+/// the memory of a large run.
 void end_on_signal(sigset_t ending) {
   int signal = 0;
   if (sigwait(&ending, &signal) != 0) return;
   files::close_outputs();
   ending_signal = signal;
-  constexpr timespec kGrace{0, 150'000'000};
+  constexpr timespec kGrace{0, 100'000'000};
   sigtimedwait(&ending, nullptr, &kGrace);
   say_interrupted();
   files::remove_temporaries();

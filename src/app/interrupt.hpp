@@ -8,7 +8,7 @@ namespace polypod::app {
 
 /// Call first in `main`, before there are other threads. From now on SIGINT, SIGTERM and SIGHUP are taken by a thread
 /// of their own: `interrupted` is true at once, and long work that asks for it ends by itself. What has not ended
-/// 150 ms later, or at a second signal, is ended where it stands: temporary files are removed and the process exits.
+/// 100 ms later, or at a second signal, is ended where it stands: temporary files are removed and the process exits.
 /// So the program ends within 0.2 s whatever it does, and as outputs appear by rename, none is half written. After a
 /// signal was taken no output begins to appear. Throws NoThreads.
 void catch_interrupts();
