@@ -7,6 +7,7 @@
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machining/accept.hpp"
 
 namespace polypod {
 namespace {
@@ -139,6 +140,15 @@ TEST(Check, AJointThatHurriesDoesNotJump) {
   ASSERT_EQ(unjudged.problems.size(), 1u);
   EXPECT_EQ(unjudged.problems[0].kind, "branch");
   EXPECT_THAT(unjudged.problems[0].detail, ::testing::HasSubstr("joint_speeds"));
+  // What may be predicted and corrected goes with it.
+  auto with = program("F1200");
+  with.job.machine = e.job.machine;
+  with.job.X_MW = Pose();
+  const auto accepted = [&] { return machining::accept_reach(with.job, with.program, with.interpretation, {}); };
+  ASSERT_FALSE(accepted().has_value());
+  EXPECT_EQ(accepted().error().id, "MC210");
+  with.job.joint_speeds.assign(6, fast / 2);
+  EXPECT_TRUE(accepted().has_value()) << "speeds are the answer of check";
 }
 
 /// The accelerations of joints on a circle against dense differences of the joints in time, and against J^-1 of the
