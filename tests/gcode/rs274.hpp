@@ -54,7 +54,8 @@ struct Reference {
   std::string errors;
 };
 
-/// What rs274 prints. The parameter file is copied, for rs274 writes it.
+/// What rs274 prints. The parameter file is copied, for rs274 writes it. A loop without end is cut off after 5 s of the
+/// processor, far more than any program here takes.
 inline Reference rs274(const Scratch& scratch, const std::string& program, const CanonOptions& options,
                        const std::string& folder = "") {
   const std::string parameters = scratch / "p.var";
@@ -66,7 +67,8 @@ inline Reference rs274(const Scratch& scratch, const std::string& program, const
     fs::copy_file(options.parameters, parameters, ignored);
   }
   const std::string command = fmt::format(
-      "cd '{5}' && HOME='{0}' timeout 20 '{1}' {2} {3} -v '{0}/p.var' -g '{4}' >'{0}/out.txt' 2>'{0}/err.txt' "
+      "cd '{5}' && ulimit -t 5 && HOME='{0}' timeout 20 '{1}' {2} {3} -v '{0}/p.var' -g '{4}' >'{0}/out.txt' "
+      "2>'{0}/err.txt' "
       "</dev/null",
       scratch.string(), POLYPOD_RS274, options.tool_table.empty() ? "" : "-t '" + options.tool_table + "'",
       options.block_delete ? "-b" : "", program, folder.empty() ? scratch.string() : folder);
