@@ -1,19 +1,17 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <memory>
 
 #include "commands.hpp"
 #include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "polypod/statics/rounding.hpp"
 #include "survey_options.hpp"
 
 namespace polypod::app {
 namespace {
-
-constexpr double kUradPerRad = 1e6;
 
 /// "x,y,z" of a load in M, each at most `most`; 0 where nothing is given. Errors: AP104.
 Result<Vec3> load_argument(const char* option, const std::string& text, double most, const char* unit) {
@@ -24,16 +22,6 @@ Result<Vec3> load_argument(const char* option, const std::string& text, double m
   if (!(out.cwiseAbs().maxCoeff() <= most))
     return fail("AP104", fmt::format("{} {}: at most {:g} {} along each axis", option, text, most, unit));
   return out;
-}
-
-/// What rounding leaves of the tip's compliance where the machine has none, m/N: a load that turns the tool moves the
-/// tip by less than a billionth of what that turn moves a point as far away as the machine is large, and the load's arm
-/// is as short.
-double rounding_of(const machine::AnyMachine& m, const statics::Compliance& c) {
-  constexpr double kOfSize = 1e-9;
-  const double length = kinematics::dexterity(m, c.X_MT, c.joints).characteristic_length;
-  const double tip = c.linear().diagonal().maxCoeff(), turn = c.C.diagonal().tail<3>().maxCoeff();
-  return kOfSize * kOfSize * std::max(tip, square(length) * turn);
 }
 
 }  // namespace
@@ -75,9 +63,11 @@ Command compliance_command() {
         const Mat3 C = c.linear() * units::kUmPerMetre;  // m/N to um/N
         Vec6 load;
         load << force, moment;
-        const double noise = rounding_of(m, c);
+        const double noise = statics::rounding_of_tip(m, c);
         const auto moved_by = [&](const Mat6& part) -> Vec3 { return part.topRows<3>() * load * units::kUmPerMetre; };
-        const auto turned_by = [&](const Mat6& part) -> Vec3 { return part.bottomRows<3>() * load * kUradPerRad; };
+        const auto turned_by = [&](const Mat6& part) -> Vec3 {
+          return part.bottomRows<3>() * load * units::kMradPerRad;
+        };
         if (context.json) {
           Json shares = Json::array();
           for (std::size_t i = 0; i < c.by_joint.size(); ++i) {
@@ -85,7 +75,7 @@ Command compliance_command() {
             shares.push_back({{"joint", c.joint[i]},
                               {"compliance_um_per_N", matrix_json(share * units::kUmPerMetre)},
                               {"displacement_um", vector_json(moved_by(c.by_joint[i]))},
-                              {"rotation_urad", vector_json(turned_by(c.by_joint[i]))}});
+                              {"rotation_mrad", vector_json(turned_by(c.by_joint[i]))}});
           }
           document.update({{"pose", pose_for_user(m, X)},
                            {"joints", joints_for_user(m, c.joints)},
@@ -95,13 +85,13 @@ Command compliance_command() {
                            {"force_N", vector_json(force)},
                            {"moment_Nm", vector_json(moment)},
                            {"displacement_um", vector_json(moved_by(c.C))},
-                           {"rotation_urad", vector_json(turned_by(c.C))}});
+                           {"rotation_mrad", vector_json(turned_by(c.C))}});
           print_json(document);
           return kDone;
         }
         const auto shown = [](double x, int digits) { return unsigned_zero(fmt::format("{:.{}f}", x, digits)); };
-        const auto vector = [&](const Vec3& v) {
-          return fmt::format("{}, {}, {}", shown(v.x(), 1), shown(v.y(), 1), shown(v.z(), 1));
+        const auto vector = [&](const Vec3& v, int digits) {
+          return fmt::format("{}, {}, {}", shown(v.x(), digits), shown(v.y(), digits), shown(v.z(), digits));
         };
         fmt::print("compliance of the tip in M, um/N\n");
         for (int i = 0; i < 3; ++i) {
@@ -127,8 +117,8 @@ Command compliance_command() {
           if (!o->moment.empty())
             loads.push_back(fmt::format("{:g}, {:g}, {:g} Nm", moment.x(), moment.y(), moment.z()));
           const std::string under = fmt::format("{}", fmt::join(loads, " and "));
-          fmt::print("\ndisplacement under {}: {} um\n", under, vector(moved_by(c.C)));
-          if (!o->moment.empty()) fmt::print("rotation under {}: {} urad\n", under, vector(turned_by(c.C)));
+          fmt::print("\ndisplacement under {}: {} um\n", under, vector(moved_by(c.C), 1));
+          if (!o->moment.empty()) fmt::print("rotation under {}: {} mrad\n", under, vector(turned_by(c.C), 4));
         }
         return kDone;
       }};

@@ -173,18 +173,6 @@ Result<bool> take_hold(const std::optional<Header>& header, const post::Path& pa
   return true;
 }
 
-/// Whether a cut is planned with the tool turned about its axis against what its program says.
-const post::Step* turned_cut(const post::Path& path, const post::Plan& plan) {
-  constexpr double kTurned = 1e-6;  // rad
-  for (const post::PlannedMove& m : plan.moves) {
-    const post::Step& step = path.steps[static_cast<std::size_t>(m.step)];
-    if (m.kind == post::StepKind::rapid || !step.angles || plan.sets_c) continue;
-    const auto R = [](const Vec3& a) { return rotation_abc(a.x(), a.y(), a.z()); };
-    if (angle_between(R(m.angles).col(0), R(*step.angles).col(0)) > kTurned) return &step;
-  }
-  return nullptr;
-}
-
 /// The plan of a program whose header says how the machine held the tool.
 Result<post::Plan> plan_held(const Header& header, const post::Path& path, const post::Configuration& configuration,
                              const post::PlanOptions& with, bool allow_problems) {
@@ -196,7 +184,7 @@ Result<post::Plan> plan_held(const Header& header, const post::Path& path, const
         kCorrectForPosture));
   }
   if (!plan) return plan;
-  if (const post::Step* step = header.c ? turned_cut(path, *plan) : nullptr) {
+  if (const post::Step* step = header.c ? post::turned_cut(path, *plan) : nullptr) {
     return tl::unexpected(not_as_corrected(
         header, path,
         fmt::format("{} for a tool that is held at C {:.7g} deg, and this configuration turns it about its axis in the "

@@ -70,71 +70,6 @@ bodies::Shape shrunk(const Vec3& bottom, const Vec3& top, double radius) {
   return bodies::cylinder(bottom + by, top - by, std::max(radius - kTouch, radius / 2));
 }
 
-/// Positions of a machine in one of its tasks and one zone, one after the other, as a tree of balls.
-class Balls {
- public:
-  using Key = std::tuple<std::size_t, std::size_t, std::string>;  ///< tasks of two machines and the zone of both
-  struct Ball {
-    Vec3 middle = Vec3::Zero();
-    double radius = 0;
-    const Position* position = nullptr;  ///< of a leaf
-    std::array<int, 2> part{-1, -1};     ///< of the others
-  };
-
-  static std::vector<Balls> of(const std::vector<Position>& positions) {
-    std::map<std::pair<std::size_t, std::string>, std::vector<const Position*>> groups;
-    for (const Position& p : positions) groups[{p.task, p.zone}].push_back(&p);
-    std::vector<Balls> out;
-    for (const auto& [key, group] : groups) out.emplace_back(key.first, key.second, group);
-    return out;
-  }
-  Balls(std::size_t task, std::string zone, const std::vector<const Position*>& group)
-      : task_(task), zone_(std::move(zone)) {
-    balls_.reserve(2 * group.size());
-    grow(group, 0, group.size());
-  }
-
-  [[nodiscard]] std::size_t task() const { return task_; }
-  [[nodiscard]] const std::string& zone() const { return zone_; }
-  [[nodiscard]] const Ball& ball(int i) const { return balls_[static_cast<std::size_t>(i)]; }
-
- private:
-  /// The ball of the positions from `first` to before `last`.
-  int grow(const std::vector<const Position*>& group, std::size_t first, std::size_t last) {
-    const int at = static_cast<int>(balls_.size());
-    balls_.emplace_back();
-    Ball out;
-    if (last - first == 1) {
-      out = {group[first]->middle, group[first]->radius, group[first], {-1, -1}};
-    } else {
-      const std::size_t half = (first + last) / 2;
-      out.part = {grow(group, first, half), grow(group, half, last)};
-      const Ball &a = ball(out.part[0]), &b = ball(out.part[1]);
-      out.middle = (a.middle + b.middle) / 2;
-      out.radius = std::max((a.middle - out.middle).norm() + a.radius, (b.middle - out.middle).norm() + b.radius);
-    }
-    balls_[static_cast<std::size_t>(at)] = out;
-    return at;
-  }
-
-  std::size_t task_;
-  std::string zone_;
-  std::vector<Ball> balls_;  ///< the first holds all
-};
-
-/// Passes pairs of positions whose balls are nearer than `limit`, which may shrink on the way.
-template <class Each>
-void each_nearer(const Balls& A, const Balls& B, const double& limit, Each&& each, int a = 0, int b = 0) {
-  const Balls::Ball &ball_a = A.ball(a), &ball_b = B.ball(b);
-  if ((ball_a.middle - ball_b.middle).norm() - ball_a.radius - ball_b.radius > limit) return;
-  if (ball_a.position != nullptr && ball_b.position != nullptr) return each(*ball_a.position, *ball_b.position);
-  if (ball_b.position != nullptr || (ball_a.position == nullptr && ball_a.radius > ball_b.radius)) {
-    for (const int part : ball_a.part) each_nearer(A, B, limit, each, part, b);
-  } else {
-    for (const int part : ball_b.part) each_nearer(A, B, limit, each, a, part);
-  }
-}
-
 class Judge {
  public:
   Judge(const Cell& cell, const Motions& motions) : cell_(cell), solids_(solids(cell)) {
@@ -475,17 +410,30 @@ class Judge {
   void against_each_other() {
     for (std::size_t m = 0; m < positions_.size(); ++m) {
       for (std::size_t o = m + 1; o < positions_.size(); ++o) {
-        std::map<Balls::Key, Conflict> worst;
-        const std::vector<Balls> of_m = Balls::of(positions_[m]), of_o = Balls::of(positions_[o]);
-        for (const Balls& a : of_m) {
-          for (const Balls& b : of_o) {
-            const std::string zone = a.zone() == b.zone() ? a.zone() : "";
-            const auto key = std::tuple{a.task(), b.task(), zone};
-            const auto found = worst.find(key);
-            Conflict nearest{"", "", found == worst.end() ? cell_.clearance : found->second.distance, {}, zone};
-            each_nearer(a, b, nearest.distance,
-                        [&](const Position& p, const Position& q) { come_near(p, q, m, o, nearest); });
-            if (!nearest.first.empty()) worst[key] = nearest;
+        std::map<std::tuple<std::size_t, std::size_t, std::string>, Conflict> worst;
+        for (const Position& p : positions_[m]) {
+          for (const Position& q : positions_[o]) {
+            if ((p.middle - q.middle).norm() > p.radius + q.radius + cell_.clearance) continue;
+            const bool together = !p.zone.empty() && p.zone == q.zone;
+            const auto key = std::tuple{p.task, q.task, together ? p.zone : std::string()};
+            auto found = worst.find(key);
+            double limit = found == worst.end() ? cell_.clearance : found->second.distance;
+            for (const Capsule& a : p.links) {
+              const double from_ball = ((a.from + a.to) / 2 - q.middle).norm() - q.radius;
+              if (from_ball - (a.to - a.from).norm() / 2 - a.radius > cell_.clearance) continue;
+              for (const Capsule& b : q.links) {
+                if (!nearer_than(a.from, a.to, b.from, b.to, limit + a.radius + b.radius)) continue;
+                const double d = a.cargo || b.cargo
+                                     ? bodies::distance(shape_of(a), Pose{}, shape_of(b), Pose{}, limit).high
+                                     : segment_distance(a.from, a.to, b.from, b.to) - a.radius - b.radius;
+                if (d >= limit) continue;
+                limit = d;
+                const ClosestParameters c = closest_parameters(a.from, a.to - a.from, b.from, b.to - b.from);
+                const Vec3 at =
+                    (a.from + c.s * (a.to - a.from) + b.from + c.t * (b.to - b.from)) / 2;  // between their axes
+                worst[key] = {called(m, p.task, a), called(o, q.task, b), d, at, together ? p.zone : ""};
+              }
+            }
           }
         }
         for (const auto& [key, conflict] : worst) {
@@ -496,26 +444,6 @@ class Judge {
                                                             conflict.first, conflict.second,
                                                             units::to_mm(conflict.distance), place_text(conflict.at))});
         }
-      }
-    }
-  }
-
-  /// Where two machines in these positions are nearer than `nearest`, takes that down.
-  void come_near(const Position& p, const Position& q, std::size_t m, std::size_t o, Conflict& nearest) const {
-    double& limit = nearest.distance;
-    for (const Capsule& a : p.links) {
-      const double from_ball = ((a.from + a.to) / 2 - q.middle).norm() - q.radius;
-      if (from_ball - (a.to - a.from).norm() / 2 - a.radius > limit) continue;
-      for (const Capsule& b : q.links) {
-        if (!nearer_than(a.from, a.to, b.from, b.to, limit + a.radius + b.radius)) continue;
-        const double d = a.cargo || b.cargo ? bodies::distance(shape_of(a), Pose{}, shape_of(b), Pose{}, limit).high
-                                            : segment_distance(a.from, a.to, b.from, b.to) - a.radius - b.radius;
-        if (d >= limit) continue;
-        limit = d;
-        const ClosestParameters c = closest_parameters(a.from, a.to - a.from, b.from, b.to - b.from);
-        nearest.at = (a.from + c.s * (a.to - a.from) + b.from + c.t * (b.to - b.from)) / 2;  // between their axes
-        nearest.first = called(m, p.task, a);
-        nearest.second = called(o, q.task, b);
       }
     }
   }

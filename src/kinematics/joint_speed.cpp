@@ -128,6 +128,13 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
   return out;
 }
 
+std::string largest_change(const AnyMachine& machine, const JointVector& change) {
+  int joint = 0;
+  const double most = change.cwiseAbs().maxCoeff(&joint);
+  return joint_kind(machine, joint) == JointKind::revolute ? fmt::format("{:.1f} deg", units::to_deg(most))
+                                                           : fmt::format("{:.1f} mm", units::to_mm(most));
+}
+
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits) {
   const bool turns = joint_kind(machine, fastest.joint) == JointKind::revolute;
   const double limit = limits[static_cast<std::size_t>(fastest.joint)];

@@ -233,13 +233,14 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         jumps = !closely.has_value();
         if (closely) joints = *closely;
         if (jumps) {
-          problem(branch, "branch",
-                  fmt::format("{}: a joint would jump by {:.1f} deg", where(), units::to_deg(nearest)));
+          problem(
+              branch, "branch",
+              fmt::format("{}: a joint would jump by {}", where(), kinematics::largest_change(machine, joints - last)));
         } else if (!demands_joints || !demands.speeds()) {
           problem(branch, "branch",
-                  fmt::format("{}: a joint would turn by {:.1f} deg on the last {}; its speed is judged in cuts where "
-                              "the job gives joint_speeds",
-                              where(), units::to_deg((joints - last).cwiseAbs().maxCoeff()),
+                  fmt::format("{}: a joint would move by {} on the last {}; its speed is judged in cuts where the "
+                              "job gives joint_speeds",
+                              where(), kinematics::largest_change(machine, joints - last),
                               length > 0 ? fmt::format("{:.3g} mm", units::to_mm(length / steps))
                                          : fmt::format("{:.3g} deg of A, B, C", units::to_deg(turn / steps))));
         }

@@ -431,7 +431,7 @@ class Planner {
     }
     if (rest.cwiseAbs().maxCoeff() > kJump) {
       return problem(step.line, "branch",
-                     fmt::format("{}: a joint would jump by {:.1f} deg", where, units::to_deg(jump)));
+                     fmt::format("{}: a joint would jump by {}", where, kinematics::largest_change(machine_, change)));
     }
     const machine::JointRange range = kinematics::joint_range(machine_, joint);
     problem(step.line, "rewind",
@@ -705,6 +705,18 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     }
   }
   return first;
+}
+
+const Step* turned_cut(const Path& path, const Plan& plan) {
+  constexpr double kTurned = 1e-6;  // rad
+  if (plan.sets_c) return nullptr;
+  for (const PlannedMove& m : plan.moves) {
+    const Step& step = path.steps[static_cast<std::size_t>(m.step)];
+    if (m.kind == StepKind::rapid || !step.angles) continue;
+    const auto x_axis = [](const Vec3& a) -> Vec3 { return rotation_abc(a.x(), a.y(), a.z()).col(0); };
+    if (angle_between(x_axis(m.angles), x_axis(*step.angles)) > kTurned) return &step;
+  }
+  return nullptr;
 }
 
 }  // namespace polypod::post

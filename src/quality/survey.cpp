@@ -172,24 +172,22 @@ std::optional<LegKernel> kernel_for(const AnyMachine& machine, const Survey& sur
 }  // namespace
 
 JointFinder joint_finder(const AnyMachine& machine) {
-  return std::visit(
-      [&]<class M>(const M& m) -> JointFinder {
+  JointFinder own = std::visit(
+      [](const auto& m) -> JointFinder {
         const Pose X;
-        if constexpr (requires { joint_finder(m); }) {
-          return joint_finder(m);
-        } else if constexpr (requires { joints_of_legs(m, X); }) {
-          return [&m](const Pose& at) { return joints_of_legs(m, at); };
-        } else if constexpr (requires { reachable_joints(m, X); }) {
+        if constexpr (requires { joint_finder(m); }) return joint_finder(m);
+        if constexpr (requires { joints_of_legs(m, X); }) return [&m](const Pose& at) { return joints_of_legs(m, at); };
+        if constexpr (requires { reachable_joints(m, X); })
           return [&m](const Pose& at) { return reachable_joints(m, at); };
-        } else {
-          return [&machine](const Pose& at) -> std::optional<JointVector> {
-            const kinematics::InverseResult result = kinematics::inverse(machine, at);
-            if (const kinematics::Solution* s = result.reachable()) return s->joints;
-            return {};
-          };
-        }
+        return {};
       },
       machine);
+  if (own) return own;
+  return [&machine](const Pose& at) -> std::optional<JointVector> {
+    const kinematics::InverseResult result = kinematics::inverse(machine, at);
+    if (const kinematics::Solution* s = result.reachable()) return s->joints;
+    return {};
+  };
 }
 std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X) {
   return joint_finder(machine)(X);

@@ -33,6 +33,9 @@ struct FastestJoint {
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose);
 
+/// "30.7 deg", or "512.0 mm" of a slide: of the joint that changes most, in its own number (rad or m).
+std::string largest_change(const AnyMachine& machine, const JointVector& change);
+
 /// "joint 4 would go at 412.1 deg/s where its limit is 180.0"; its speed is limit * share.
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits);
 

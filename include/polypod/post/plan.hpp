@@ -130,4 +130,8 @@ struct Plan {
 /// chosen along this program or on this machine, PO199 cancelled. Cost: one inverse a judged pose.
 Result<Plan> plan(const Configuration& configuration, const Path& path, const PlanOptions& options = {});
 
+/// The first cut that is planned with the tool turned about its axis against what its program says, by more than 1e-6
+/// rad; nullptr where there is none, or where the plan sets C for a program without it.
+const Step* turned_cut(const Path& path, const Plan& plan);
+
 }  // namespace polypod::post

@@ -134,9 +134,8 @@ class ArmLimits {
   static constexpr double kHalfTurn = arm::kHalfTurn, kTurn = arm::kTurn, kScale = arm::kScale;
   static constexpr double kSlack = arm::kSlack, kInfinity = arm::kInfinity;
 
-  /// Any angle is some turn within the range, or one of its ends may be passed.
   [[nodiscard]] bool free_turn(std::size_t joint) const {
-    return f_.max[joint] - f_.min[joint] >= kTurn - 1e-9 || (mask_ >> (2 * joint) & 3U) != 3;
+    return arm::turns_freely(f_.min[joint], f_.max[joint], mask_, joint);
   }
   /// The range of joint i as angles of the Denavit-Hartenberg table, rising.
   [[nodiscard]] std::array<double, 2> range(std::size_t i) const {

@@ -65,6 +65,14 @@ struct RowAt {
   double d;
 };
 
+/// theta and d of a row at its joint's value.
+double theta_of(const DhRow& row, double value) {
+  return row.theta_offset + (row.kind == JointKind::revolute ? row.sign * value : 0.0);
+}
+double d_of(const DhRow& row, double value) {
+  return row.d + (row.kind == JointKind::revolute ? 0.0 : row.sign * value);
+}
+
 /// X times a row's matrix: Rz(theta) and Rx(alpha) one after the other, with half the products of the matrix.
 void pass_row(Pose& X, const DhRow& row, DhConvention convention, const RowAt& at) {
   const double ct = at.turn.c, st = at.turn.s, d = at.d, a = row.a;
@@ -101,10 +109,9 @@ class Rows {
     const std::size_t count = arm.dh.size();
     for (std::size_t i = 0; i < count; ++i) {
       const DhRow& row = arm.dh[i];
-      const double value = row.sign * (row.locked ? *row.locked : q[next++]);
-      const bool turns = row.kind == JointKind::revolute;
-      theta[i] = row.theta_offset + (turns ? value : 0.0);
-      d_[i] = row.d + (turns ? 0.0 : value);
+      const double value = row.locked ? *row.locked : q[next++];
+      theta[i] = theta_of(row, value);
+      d_[i] = d_of(row, value);
     }
     cosines_and_sines(theta, static_cast<int>(count + count % 2), c_, s_);
   }
@@ -257,7 +264,7 @@ Result<WristInverse> WristInverse::of(const SerialArm& arm) {
   Pose E;
   pass_row(E, r[4], arm.convention, {{1, 0}, r[4].d});
   for (std::size_t i = 5; i < r.size(); ++i) {
-    const double theta = r[i].theta_offset + r[i].sign * *r[i].locked;
+    const double theta = theta_of(r[i], *r[i].locked);
     pass_row(E, r[i], arm.convention, {{std::cos(theta), std::sin(theta)}, r[i].d});
   }
   E = E * arm.X_FT;
@@ -432,11 +439,7 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
       return first < 0 ? Found() : branches.joints[first];
     };
   }
-  return [&arm](const Pose& X_MT) -> Found {
-    const InverseResult result = inverse(arm, X_MT);
-    const kinematics::Solution* s = result.reachable();
-    return s != nullptr ? s->joints : Found();
-  };
+  return {};
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {

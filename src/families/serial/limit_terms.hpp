@@ -85,6 +85,11 @@ inline void or_else(const Terms& branch, Terms& possible) {
   possible = some;
 }
 
+/// Whether any angle is some turn within the range of a joint, or one of its ends may be passed.
+inline bool turns_freely(double low, double high, LimitBits heeded, std::size_t joint) {
+  return high - low >= kTurn - 1e-9 || (heeded >> (2 * joint) & 3U) != 3;
+}
+
 /// The angle of a vector (x, y) of any length within a range. A range of up to half a turn is the common part of two
 /// half planes, a longer one their union.
 struct Turn {

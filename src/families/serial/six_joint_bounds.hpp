@@ -96,9 +96,8 @@ class SixJointLimits {
   using Terms = arm::Terms;
   static constexpr int kReach = 12, kBesideAxis = 14;  // beyond the labels of the joints' limits
 
-  /// Any angle is some turn within the range of the joint, or one of its ends may be passed.
   [[nodiscard]] bool free_turn(std::size_t joint) const {
-    return f_.range[joint].max - f_.range[joint].min >= arm::kTurn - 1e-9 || (mask_ >> (2 * joint) & 3U) != 3;
+    return arm::turns_freely(f_.range[joint].min, f_.range[joint].max, mask_, joint);
   }
 
   /// The wrist centre seen from axis 1.

@@ -102,7 +102,7 @@ class ThreeParallelLimits {
   static constexpr int kReach = 12, kBesideAxis = 14;  // beyond the labels of the joints' limits
 
   [[nodiscard]] static bool free_turn(const Form& f, LimitBits mask, std::size_t joint) {
-    return f.range[joint].max - f.range[joint].min >= arm::kTurn - 1e-9 || (mask >> (2 * joint) & 3U) != 3;
+    return arm::turns_freely(f.range[joint].min, f.range[joint].max, mask, joint);
   }
   [[nodiscard]] Terms any_elbow(const FirstOrder& cosine, const Domain& d) const {
     Terms any;

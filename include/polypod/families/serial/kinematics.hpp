@@ -129,8 +129,8 @@ InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
 /// `arm-4 [wrist-flipped]` of PieperInverse; else "numeric-1"...
 std::string branch_name(const SerialArm& arm, unsigned branch);
 
-/// For pose after pose of one arm: the first solution of inverse() within the limits, nothing where there is none. What
-/// follows from the table alone is worked out once. The arm must outlive it. Cost: 0.5 us a pose with a closed form.
+/// For pose after pose of one arm with a closed form: the first solution of inverse() within the limits, nothing where
+/// there is none. What follows from the table alone is worked out once. Empty where the arm has no closed form.
 std::function<std::optional<JointVector>(const Pose& X_MT)> joint_finder(const SerialArm& arm);
 
 /// The solution next to `start` by damped Newton steps from there: the same posture on the way along a path. At most
