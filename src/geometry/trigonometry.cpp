@@ -13,9 +13,7 @@ using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
 using Bits = long long __attribute__((vector_size(kLanes * sizeof(double))));
 
 Lanes lanes_at(const double* x) {
-  Lanes out;
-  std::memcpy(&out, x, sizeof out);
-  return out;
+  return Lanes{x[0], x[1]};  // each by itself: both were stored by themselves a moment ago
 }
 void put(const Lanes& lanes, double* out) {
   std::memcpy(out, &lanes, sizeof lanes);

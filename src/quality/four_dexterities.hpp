@@ -11,8 +11,7 @@
 namespace polypod::quality {
 
 /// kinematics::dexterity of each: condition, sigma_min, |determinant|. Square matrices of the same size are worked out
-/// four at a time by the eigenvalues of S S^T; those that its squares blur (condition above 1e4) one by one. Cost: 0.15
-/// us each for six rows.
+/// four at a time by the eigenvalues of S S^T; those that its squares blur (condition above 1e4) one by one.
 /// @param rates  1 to kLanes of one machine
 void dexterities(std::span<const kinematics::RateMatrix> rates, std::array<double, 3>* out);
 

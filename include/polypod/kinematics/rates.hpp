@@ -14,7 +14,7 @@ struct RateMatrix {
   double scale = 1;                  ///< det S over Dexterity::determinant
   bool serial = false;               ///< takes joint speeds to the tool's; fewer than the task has: all is singular
 };
-/// A `length` above 0 replaces L. Cost: 0.1 us (deltas) to 1 us.
+/// A `length` above 0 replaces L.
 RateMatrix rate_matrix(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0);
 
 /// Of its S. Where the machine has more joints than its task has coordinates, the determinant is the product of the

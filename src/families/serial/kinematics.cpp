@@ -104,7 +104,7 @@ class Rows {
  public:
   Rows(const SerialArm& arm, const JointVector& q) : arm_(arm) {
     static_assert(kMaxJoints % 2 == 0);
-    double theta[kMaxJoints] = {};
+    double theta[kMaxJoints];
     int next = 0;
     const std::size_t count = arm.dh.size();
     for (std::size_t i = 0; i < count; ++i) {
@@ -113,6 +113,7 @@ class Rows {
       theta[i] = theta_of(row, value);
       d_[i] = d_of(row, value);
     }
+    if (count % 2 != 0) theta[count] = 0;
     cosines_and_sines(theta, static_cast<int>(count + count % 2), c_, s_);
   }
   /// X times the matrix of row number i.
