@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "masses_options.hpp"
 #include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -28,7 +29,7 @@ Result<Vec3> load_argument(const char* option, const std::string& text, double m
 
 Command compliance_command() {
   struct Options {
-    std::string machine, pose, force, moment;
+    std::string machine, pose, force, moment, dynamics;
     std::vector<std::string> sets;
   };
   auto o = std::make_shared<Options>();
@@ -42,6 +43,10 @@ Command compliance_command() {
         a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
         a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
         a.option("--moment", o->moment, "Mx,My,Mz on the tool in M, Nm");
+        a.option(
+            "--dynamics", o->dynamics,
+            "A file with the table `dynamics`: masses, whose weight deflects the tip as well (default: that of the "
+            "machine file)");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
@@ -49,7 +54,11 @@ Command compliance_command() {
         constexpr double kMost = 1e6;  // N, Nm: beyond, no machine of this kind is elastic
         POLYPOD_ASSIGN(force, load_argument("--force", o->force, kMost, "N"));
         POLYPOD_ASSIGN(moment, load_argument("--moment", o->moment, kMost, "Nm"));
+        POLYPOD_TRY(check_files({o->machine, o->dynamics == o->machine ? "" : o->dynamics}, {}, context.json));
         POLYPOD_TRY(needs_compliance(m));
+        MassesOptions file;
+        file.dynamics = o->dynamics;
+        POLYPOD_ASSIGN(masses, file.read(m, o->machine, context));
         if (const auto no = refused_as_singular(m, context, {"compliance_um_per_N", "displacement_um"})) return *no;
         const statics::Compliance c = statics::compliance_at(m, X);
         Json document = Json::object();
@@ -64,6 +73,9 @@ Command compliance_command() {
         Vec6 load;
         load << force, moment;
         const double noise = statics::rounding_of_tip(m, c);
+        Vec6 by_weight = Vec6::Zero();
+        if (masses.dynamics)
+          by_weight = motion::weight_twist(m, *masses.dynamics, kinematics::settled(m, X, c.joints), c.joints);
         const auto moved_by = [&](const Mat6& part) -> Vec3 { return part.topRows<3>() * load * units::kUmPerMetre; };
         const auto turned_by = [&](const Mat6& part) -> Vec3 {
           return part.bottomRows<3>() * load * units::kMradPerRad;
@@ -86,6 +98,10 @@ Command compliance_command() {
                            {"moment_Nm", vector_json(moment)},
                            {"displacement_um", vector_json(moved_by(c.C))},
                            {"rotation_mrad", vector_json(turned_by(c.C))}});
+          if (masses.dynamics) {
+            document["weight"] = {{"displacement_um", vector_json(by_weight.head<3>() * units::kUmPerMetre)},
+                                  {"rotation_mrad", vector_json(by_weight.tail<3>() * units::kMradPerRad)}};
+          }
           print_json(document);
           return kDone;
         }
@@ -119,6 +135,10 @@ Command compliance_command() {
           const std::string under = fmt::format("{}", fmt::join(loads, " and "));
           fmt::print("\ndisplacement under {}: {} um\n", under, vector(moved_by(c.C), 1));
           if (!o->moment.empty()) fmt::print("rotation under {}: {} mrad\n", under, vector(turned_by(c.C), 4));
+        }
+        if (masses.dynamics) {
+          fmt::print("\ndisplacement by the weight of the machine, which is there without a load: {} um\n",
+                     vector(by_weight.head<3>() * units::kUmPerMetre, 1));
         }
         return kDone;
       }};

@@ -26,6 +26,7 @@
 #include "polypod/pages/correction.hpp"
 #include "polypod/pages/prediction.hpp"
 #include "vibration_output.hpp"
+#include "weight_output.hpp"
 
 namespace polypod::app {
 namespace {
@@ -123,6 +124,7 @@ Command predict_command() {
     double step_mm = 0;
     bool at_rest = false, again = false;
     VibrationQuestion vibration;
+    WeightQuestion weight;
   };
   auto o = std::make_shared<Options>();
   return {
@@ -139,6 +141,7 @@ Command predict_command() {
         a.flag("--at-rest", o->at_rest,
                "Force at the commanded point, without the feedback of the deflection on the cut");
         o->vibration.declare(a);
+        o->weight.declare(a);
       },
       [o](const Context& context) -> Result<int> {
         if (context.given("--step"))
@@ -166,6 +169,7 @@ Command predict_command() {
         options.other = in.other_position();
         options.progress = progress_line(context, "predicting");
         POLYPOD_TRY(o->vibration.prepare(in.job, context));
+        POLYPOD_TRY(o->weight.prepare(in.job, o->vibration.dynamics, context));
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
         const machining::MapBand map = machining::map_band(in.job, p);
@@ -173,6 +177,7 @@ Command predict_command() {
             machining::uncertainty_of(in.job, p, pointer_to(known.compliances), pointer_to(known.parameters));
         options.progress(1);
         POLYPOD_TRY(o->vibration.answer(in.job, in.program, in.interpretation, p, options, context));
+        POLYPOD_TRY(o->weight.answer(in.job, p));
         if (corrected) {
           p.notes.insert(
               p.notes.begin(),
@@ -251,6 +256,7 @@ Command predict_command() {
           }
           add_other_switch(document, p.other_switch, trust);
           o->vibration.add_to(document, p);
+          o->weight.add_to(document);
           if (!collision) document["collision"] = to_string(collision.error());
           if (!o->report.empty()) document["report"] = o->report;
           if (leaves) {
@@ -294,6 +300,7 @@ Command predict_command() {
         print_plunges(p.plunges, p.plunge_within, p.largest_distance);
         print_other_switch(p.other_switch, trust, false);
         o->vibration.print(in.job, p);
+        o->weight.print();
         if (spread) {
           fmt::print(
               "coefficients   +- {:.1f} um of the mean normal error, +- {:.1f} um of the largest deflection (95 %)\n",
@@ -328,9 +335,10 @@ Command correct_command() {
     std::string program, job, output, report, stock_left, method = "tube";
     std::vector<std::string> measured, covariances;
     int points = 10;
-    std::string tolerance;
+    std::string tolerance, dynamics;
     double chord_um = 0;
     bool again = false, allow_outside = false, all = false, verify = false, confidence = false;
+    WeightQuestion weight;
   };
   auto o = std::make_shared<Options>();
   return {
@@ -360,6 +368,9 @@ Command correct_command() {
         a.option("--method", o->method,
                  "tube, or mirror: one step at --points points a move, for comparison and written in any case");
         a.option("--points", o->points, "Pieces a move for --method mirror");
+        a.option("--dynamics", o->dynamics,
+                 "A file with the table `dynamics`: masses (default: that of the machine file)");
+        o->weight.declare(a);
       },
       [o](const Context& context) -> Result<int> {
         machining::CorrectOptions options;
@@ -392,7 +403,7 @@ Command correct_command() {
         options.all = o->all;
         options.verify = o->verify;
         std::vector<std::string> inputs = o->measured;
-        inputs.insert(inputs.end(), {o->program, o->job});
+        inputs.insert(inputs.end(), {o->program, o->job, o->dynamics});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
@@ -410,6 +421,7 @@ Command correct_command() {
         options.keep_samples = !o->report.empty();
         options.keep_stock = !o->stock_left.empty() || (!o->report.empty() && !in.job.tool_frame.tilted);
         options.other = in.other_position();
+        POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
         const char* current = "";
         std::function<bool(double)> line;
         options.progress = [&](const char* what, double share) {
@@ -419,6 +431,7 @@ Command correct_command() {
         };
         POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
         if (line) line(1);
+        POLYPOD_TRY(o->weight.answer(in.job, c.before));
         if (!trusted(in.job)) {
           c.within_tolerance = c.only_not_judged = false;
           c.reason = "the measured compliance is doubtful: " + in.job.measured->doubts.front().message;
@@ -513,6 +526,7 @@ Command correct_command() {
                         {"moves", Json::array()},
                         {"notes", notes},
                         {"report", o->report}};
+          o->weight.add_to(document);
           add_other_switch(document, c.other_switch, trusted(in.job));
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
@@ -530,6 +544,7 @@ Command correct_command() {
                      c.verified ? ", and again with finer cells" : "");
           print_modes(c);
           fmt::print("vibration      {}\n", kVibrationOfCorrect);
+          o->weight.print();
           print_short_blocks(c.short_blocks, writes);
           print_other_switch(c.other_switch, trusted(in.job), true);
           print_map(in.job, map);

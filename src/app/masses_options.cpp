@@ -3,7 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "messages.hpp"
+#include "polypod/core/config.hpp"
+#include "polypod/machine/urdf.hpp"
 
 namespace polypod::app {
 
@@ -42,6 +46,18 @@ Result<Masses> MassesOptions::read(const machine::AnyMachine& m, const std::stri
     out.force[i] = f;
   }
   return out;
+}
+
+std::string machine_file_of(const machining::Job& job) {
+  const std::string beside = machine::file_of_machine(config::beside(job.path, job.machine_name));
+  std::error_code none;
+  return std::filesystem::exists(beside, none) ? beside : job.machine_name;
+}
+
+Result<Masses> masses_of_job(const machining::Job& job, const std::string& dynamics, const Context& context) {
+  MassesOptions file;
+  file.dynamics = dynamics;
+  return file.read(job.machine, machine_file_of(job), context);
 }
 
 }  // namespace polypod::app

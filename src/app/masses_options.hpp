@@ -5,6 +5,7 @@
 #include <string>
 
 #include "commands.hpp"
+#include "polypod/machining/job.hpp"
 #include "polypod/motion/dynamics.hpp"
 
 namespace polypod::app {
@@ -23,5 +24,10 @@ struct MassesOptions {
   [[nodiscard]] Result<Masses> read(const machine::AnyMachine& m, const std::string& machine_file,
                                     const Context& context) const;
 };
+
+/// The file of a job's machine, or its name in the catalogue.
+std::string machine_file_of(const machining::Job& job);
+/// The masses of a job's machine, of the file `dynamics` if it is named.
+Result<Masses> masses_of_job(const machining::Job& job, const std::string& dynamics, const Context& context);
 
 }  // namespace polypod::app

@@ -5,15 +5,12 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
-#include <filesystem>
 
 #include "machining_output.hpp"
 #include "masses_options.hpp"
 #include "messages.hpp"
-#include "polypod/core/config.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/machine/urdf.hpp"
 
 namespace polypod::app {
 namespace {
@@ -87,12 +84,7 @@ void VibrationQuestion::declare(Arguments& a) {
 }
 
 Status VibrationQuestion::prepare(const machining::Job& job, const Context& context) {
-  const std::string beside = machine::file_of_machine(config::beside(job.path, job.machine_name));
-  std::error_code none;
-  const std::string machine_file = std::filesystem::exists(beside, none) ? beside : job.machine_name;
-  MassesOptions file;
-  file.dynamics = dynamics;
-  POLYPOD_ASSIGN(masses, file.read(job.machine, machine_file, context));
+  POLYPOD_ASSIGN(masses, masses_of_job(job, dynamics, context));
   why_not_ = masses.why_not;
   if (masses.dynamics && why_not_.empty()) why_not_ = machining::no_vibration(job);
   if (!why_not_.empty()) {
@@ -101,7 +93,7 @@ Status VibrationQuestion::prepare(const machining::Job& job, const Context& cont
                 "give masses in the machine file or by --dynamics (docs/motion.md), or leave --vibration out");
   }
   masses_ = std::move(masses.dynamics);
-  POLYPOD_ASSIGN(damping, motion::read_damping(dynamics.empty() ? machine_file : dynamics));
+  POLYPOD_ASSIGN(damping, motion::read_damping(dynamics.empty() ? machine_file_of(job) : dynamics));
   damping_ = damping;
   return {};
 }

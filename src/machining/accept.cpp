@@ -186,6 +186,29 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
   return {};
 }
 
+/// Lines that the machine follows and `check` does not accept.
+class Followed {
+ public:
+  void add(const CheckProblem& problem) {
+    if (first_.empty()) {
+      first_ = problem.detail;
+      line_ = problem.line;
+    } else if (problem.line != line_) {
+      lines_.insert(problem.line);
+    }
+  }
+  void note(const char* what, std::vector<std::string>& notes) const {
+    if (first_.empty()) return;
+    notes.push_back(fmt::format("line {}: {}, and `polypod check` answers no: {}{}", line_, what, first_,
+                                others({lines_.begin(), lines_.end()})));
+  }
+
+ private:
+  std::string first_;
+  int line_ = 0;
+  std::set<int> lines_;  // the others
+};
+
 }  // namespace
 
 Status known_offsets(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
@@ -204,20 +227,32 @@ Status known_offsets(const Job& job, const gcode::Program& program, const gcode:
 }
 
 Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
-                    const std::function<bool(double)>& progress) {
+                    const std::function<bool(double)>& progress, std::vector<std::string>* notes) {
   CheckOptions options;
   options.progress = progress;
   options.limits.joint_speeds = job.joint_speeds;  // with them a joint that hurries is none that jumps
   POLYPOD_ASSIGN(checked, check(job.machine, job.X_MW, program, interpretation, options));
   std::optional<CheckProblem> first;
   std::set<int> lines;
+  Followed singular, fast;
   for (const CheckProblem& problem : checked.problems) {
-    if (problem.kind == "singular" && problem.held) continue;  // such a pose can be reached
-    if (problem.kind == "speed") continue;                     // the answer of `check`
-    if (!first) first = problem;
-    lines.insert(problem.line);
+    if (problem.kind == "singular" && problem.held) {
+      singular.add(problem);
+    } else if (problem.kind == "speed") {
+      fast.add(problem);
+    } else {
+      if (!first) first = problem;
+      lines.insert(problem.line);
+    }
   }
-  if (!first) return {};
+  if (!first) {
+    if (notes != nullptr) {
+      singular.note("a singular pose, which the machine reaches; what its joints must do there is not judged here",
+                    *notes);
+      fast.note("too fast for a joint, which is not judged here", *notes);
+    }
+    return {};
+  }
   lines.erase(first->line);
   const std::string unit = other_unit(job, interpretation);
   return fail(
@@ -246,7 +281,7 @@ Result<Accepted> accept_but_reach(const Job& job, const gcode::Program& program,
 Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                         const AcceptOptions& options) {
   POLYPOD_ASSIGN(out, accept_but_reach(job, program, interpretation, options.again));
-  POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress));
+  POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress, &out.notes));
   return out;
 }
 

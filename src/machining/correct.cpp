@@ -51,8 +51,11 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
+  std::vector<std::string> of_reach;
   Aside reach(
-      [&](const Aside::Progress& report) { return accept_reach(job, program, accepted.interpretation(), report); },
+      [&](const Aside::Progress& report) {
+        return accept_reach(job, program, accepted.interpretation(), report, &of_reach);
+      },
       progress);
   const Result<std::optional<OtherSwitch>> other_found = other_unrolled(job, options);
   if (!other_found) POLYPOD_TRY(reach.result(progress));
@@ -78,7 +81,9 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   if (!out.within_tolerance && options.method == CorrectMethod::tube) {
     out.remedies = remedies_for(job, program, accepted, options, out);
   }
+  POLYPOD_TRY(reach.result(progress));
   std::vector<std::string> notes = std::move(accepted.notes);
+  notes.insert(notes.end(), of_reach.begin(), of_reach.end());
   if (out.other_switch) gcode::drop_block_delete_note(notes);
   if (fixed_other) {
     notes.push_back(

@@ -147,6 +147,7 @@ std::vector<std::string> Corrector::header_lines() const {
                                  fixed_other_->block_delete ? "off" : "on"));
   }
   if (!warning_.empty()) header.push_back("Polypod: " + warning_);
+  if (job_.weights) header.push_back("Polypod: the weight of the machine counts, against that at the origin");
   if (job_.measured) {
     header.push_back(
         fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));

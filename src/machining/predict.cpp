@@ -396,6 +396,11 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
                     "machine: [factors] of the job",
                     job.factors.force, job.factors.compliance));
   }
+  if (job.weights) {
+    notes.emplace_back(
+        "the deflection by the machine's own weight is counted, against that at the origin of the workpiece; where an "
+        "uncertainty is said, that of this part is not in it");
+  }
   if (!job.cutters.empty()) {
     std::set<int> without;
     for (const MovePrediction& m : prediction.moves) {
@@ -789,8 +794,11 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
+  std::vector<std::string> of_reach;
   Aside reach(
-      [&](const Aside::Progress& report) { return accept_reach(job, program, accepted.interpretation(), report); },
+      [&](const Aside::Progress& report) {
+        return accept_reach(job, program, accepted.interpretation(), report, &of_reach);
+      },
       options.progress);
   PredictOptions of_pass = options;
   of_pass.progress = reach.unless_failed(options.progress);
@@ -808,6 +816,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   POLYPOD_ASSIGN(other, other_switch_of(job, program, options));
   out.other_switch = other;
   out.notes = std::move(accepted.notes);
+  out.notes.insert(out.notes.end(), of_reach.begin(), of_reach.end());
   if (other) gcode::drop_block_delete_note(out.notes);
   for (std::string& note : condition_notes(job, accepted.interpretation().moves, out)) {
     out.notes.push_back(std::move(note));

@@ -14,6 +14,7 @@
 #include "polypod/cutting/end_force.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/machining/vibration.hpp"
+#include "polypod/machining/weights.hpp"
 #include "polypod/machining/yielding.hpp"
 #include "polypod/statics/compliance.hpp"
 
@@ -75,6 +76,10 @@ class Pass {
 
   Result<PassResult> run() {
     POLYPOD_TRY(affordable());
+    if (job_.weights) {
+      POLYPOD_ASSIGN(weight, WeightDeflection::of(job_, job_.weights));
+      weight_.emplace(std::move(weight));
+    }
     const std::size_t report_every = std::clamp<std::size_t>(moves_.size() / 200, 1, kReportMoves);
     for (std::size_t i = 0; i < moves_.size(); ++i) {
       if (i % report_every == 0) POLYPOD_TRY(report(i));
@@ -180,15 +185,24 @@ class Pass {
     last_.move = -1;
   }
 
-  /// Hands a sample over, whose vectors are in S until then.
+  /// Hands a sample over, whose vectors are in S until then. The weight, which changes over centimetres, shifts the cut
+  /// and what is there to be cut alike: it counts in the path alone.
   void tell(const Sample& sample) {
-    if (!frame_.tilted) return visit_(sample);
+    if (!frame_.tilted && !weight_) return visit_(sample);
     Sample out = sample;
-    out.command = frame_.to_W(sample.command);
-    out.deflection = frame_.to_W(sample.deflection);
-    out.without_chips = frame_.to_W(sample.without_chips);
-    out.force = frame_.to_W(sample.force);
-    out.away = frame_.to_W(sample.away);
+    if (frame_.tilted) {
+      out.command = frame_.to_W(sample.command);
+      out.deflection = frame_.to_W(sample.deflection);
+      out.without_chips = frame_.to_W(sample.without_chips);
+      out.force = frame_.to_W(sample.force);
+      out.away = frame_.to_W(sample.away);
+    }
+    if (weight_) {
+      const Vec3 by_weight =
+          weight_->at(out.command).value_or(Vec3::Zero());  // what is out of reach is refused elsewhere
+      out.deflection += by_weight;
+      out.without_chips += by_weight;
+    }
     visit_(out);
   }
 
@@ -673,6 +687,7 @@ class Pass {
   const ToolFrame& frame_;
   const Pose X_MS_;
   statics::Probe probe_;
+  std::optional<WeightDeflection> weight_;
   std::map<int, ToolModel> models_;
   cutting::EngagementProfile profile_;
   cutting::BallEngagement ball_;

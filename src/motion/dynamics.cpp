@@ -369,18 +369,25 @@ JointVector drive_forces(const AnyMachine& machine, const Dynamics& d, const Joi
 }
 
 namespace {
-/// Sum of m (dP/dx)^T dP/dx over the mass points.
-Eigen::MatrixXd mass_by(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
-                        const Eigen::MatrixXd& J, const std::vector<int>& joint) {
-  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(J.cols(), J.cols());
+/// visit(m, dP/dx) for each mass point.
+template <class Visit>
+void mass_points(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
+                 const Eigen::MatrixXd& J, const std::vector<int>& joint, Visit&& visit) {
   std::visit(
       [&](const auto& m) {
         std::vector<Series> joints(q.data(), q.data() + q.size());
         const std::vector<MassPoint> points = points_of(m, d, X.cast<Series>(), std::span<const Series>(joints));
         const auto rates = rates_of(m, d, X, q, J, joint);
-        for (std::size_t k = 0; k < points.size(); ++k) M += points[k].mass * rates[k].transpose() * rates[k];
+        for (std::size_t k = 0; k < points.size(); ++k) visit(points[k].mass, rates[k]);
       },
       machine);
+}
+/// Sum of m (dP/dx)^T dP/dx over the mass points.
+Eigen::MatrixXd mass_by(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
+                        const Eigen::MatrixXd& J, const std::vector<int>& joint) {
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(J.cols(), J.cols());
+  mass_points(machine, d, X, q, J, joint,
+              [&](double mass, const auto& rates) { M += mass * rates.transpose() * rates; });
   return M;
 }
 }  // namespace
@@ -414,18 +421,18 @@ Energy energy_of(const AnyMachine& machine, const Dynamics& d, const JointSeries
 
 namespace {
 /// The machine on the compliances of its elements, its drives locked: x = C^(1/2) y, (1 - w^2 S) y = 0 with
-/// S = C^(1/2) M C^(1/2).
+/// S = C^(1/2) M C^(1/2), which is scaled_mass.
 struct Yielding {
   Pose X_MT;
-  Eigen::MatrixXd J;     ///< twist of the tool by x, [m; rad] in M
-  Eigen::VectorXd root;  ///< of the compliances
-  Eigen::MatrixXd S;
+  Eigen::MatrixXd J;         ///< twist of the tool by x, [m; rad] in M
+  Eigen::VectorXd root;      ///< of the compliances
+  std::vector<int> joint;    ///< that moves with each
   Mat6 held = Mat6::Zero();  ///< compliance of the tool by locked joints, which move no mass here
 };
-Yielding yielding_of(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q) {
+Yielding yielding_of(const AnyMachine& machine, const Pose& X, const JointVector& q) {
   const std::vector<machine::Element> elements = kinematics::elements(machine);
   const machine::ElementColumns columns = kinematics::element_columns(machine, q, &X);
-  std::vector<int> joint, used;
+  std::vector<int> used;
   std::vector<double> root;  // of the compliances
   Yielding out;
   out.X_MT = columns.X_MT;
@@ -438,15 +445,17 @@ Yielding yielding_of(const AnyMachine& machine, const Dynamics& d, const Pose& X
     }
     if (!(c > 0)) continue;
     used.push_back(k);
-    joint.push_back(moves);
+    out.joint.push_back(moves);
     root.push_back(std::sqrt(c));
   }
   if (used.empty()) return out;
   out.J.resize(6, static_cast<Eigen::Index>(used.size()));
   for (std::size_t k = 0; k < used.size(); ++k) out.J.col(static_cast<Eigen::Index>(k)) = columns.J.col(used[k]);
   out.root = Eigen::Map<const Eigen::VectorXd>(root.data(), static_cast<Eigen::Index>(root.size()));
-  out.S = out.root.asDiagonal() * mass_by(machine, d, columns.X_MT, q, out.J, joint) * out.root.asDiagonal();
   return out;
+}
+Eigen::MatrixXd scaled_mass(const AnyMachine& machine, const Dynamics& d, const JointVector& q, const Yielding& soft) {
+  return soft.root.asDiagonal() * mass_by(machine, d, soft.X_MT, q, soft.J, soft.joint) * soft.root.asDiagonal();
 }
 // Of the largest 1 / w^2: what moves less mass than that moves none, and has no frequency.
 constexpr double kNone = 1e-12;
@@ -454,10 +463,11 @@ constexpr double kNone = 1e-12;
 
 std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamics& d, const Pose& X,
                                         const JointVector& q) {
-  const Yielding soft = yielding_of(machine, d, X, q);
+  const Yielding soft = yielding_of(machine, X, q);
   std::vector<double> out;
   if (soft.root.size() == 0) return out;
-  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(soft.S).eigenvalues();
+  const Eigen::VectorXd values =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled_mass(machine, d, q, soft)).eigenvalues();
   for (Eigen::Index k = values.size(); k-- > 0;) {
     if (values[k] > kNone * values[values.size() - 1]) out.push_back(1 / (2 * std::numbers::pi * std::sqrt(values[k])));
   }
@@ -465,12 +475,12 @@ std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamic
 }
 
 ModalModel modal_model(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q) {
-  const Yielding soft = yielding_of(machine, d, X, q);
+  const Yielding soft = yielding_of(machine, X, q);
   ModalModel out;
   out.X_MT = soft.X_MT;
   out.rest = soft.held;
   if (soft.root.size() == 0) return out;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(soft.S);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled_mass(machine, d, q, soft));
   const Eigen::VectorXd& values = solver.eigenvalues();
   const Eigen::MatrixXd shapes = soft.J * soft.root.asDiagonal() * solver.eigenvectors();  // of unit y
   const double largest = values[values.size() - 1];
@@ -485,6 +495,15 @@ ModalModel modal_model(const AnyMachine& machine, const Dynamics& d, const Pose&
     }
   }
   return out;
+}
+
+Vec6 weight_twist(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q) {
+  const Yielding soft = yielding_of(machine, X, q);
+  if (soft.root.size() == 0) return Vec6::Zero();
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(soft.root.size());
+  mass_points(machine, d, soft.X_MT, q, soft.J, soft.joint,
+              [&](double mass, const auto& rates) { weight += mass * rates.transpose() * d.gravity; });
+  return soft.J * soft.root.cwiseAbs2().cwiseProduct(weight);
 }
 
 }  // namespace polypod::motion

@@ -41,7 +41,10 @@ Colour colour_of(const std::string& kind) {
   return Colour::muted;
 }
 
-/// Solids, machines at home, guards and dimensions as seen from one side.
+// More containers than this are drawn as the points where the gripper takes them.
+constexpr std::size_t kDrawnContainers = 200;
+
+/// Solids, containers, machines at home, guards and dimensions as seen from one side.
 report::PathPlot picture(const CellResult& r, const View& view, bool dimensions) {
   report::PathPlot out;
   out.title = fmt::format("{}, seen from the {}", r.cell.name, view.name);
@@ -49,15 +52,31 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
   out.x_label = view.right_label;
   out.y_label = view.up_label;
   out.max_aspect = 0.75;
-  std::vector<cell::Solid> solids = cell::solids(r.cell);
-  std::stable_sort(solids.begin(), solids.end(), [&](const cell::Solid& a, const cell::Solid& b) {
-    return view.eye.dot(a.middle) < view.eye.dot(b.middle);
-  });
-  std::set<std::string> named;
-  for (const cell::Solid& s : solids) {
+  struct Shape {
+    double near;  // m, towards the eye
+    std::string kind;
+    std::vector<report::Point> outline;
+    Colour colour;
+  };
+  std::vector<Shape> shapes;
+  for (const cell::Solid& s : cell::solids(r.cell)) {
     std::vector<report::Point> outline;
     for (const Vec3& p : s.corners()) outline.push_back(seen(view, p));
-    out.areas.push_back({named.insert(s.kind).second ? s.kind : "", hull(outline), colour_of(s.kind)});
+    shapes.push_back({view.eye.dot(s.middle), s.kind, hull(outline), colour_of(s.kind)});
+  }
+  const std::vector<cell::StandingContainer> standing = cell::standing_containers(r.cell);
+  if (standing.size() <= kDrawnContainers) {
+    const cell::Container* c = standing.empty() ? nullptr : &r.cell.containers[0];
+    for (const cell::StandingContainer& at : standing) {
+      shapes.push_back({view.eye.dot(at.bottom + Vec3(0, 0, c->height)), c->name,
+                        cylinder(view, at.bottom, c->diameter, c->height), Colour::sky});
+    }
+  }
+  std::stable_sort(shapes.begin(), shapes.end(), [](const Shape& a, const Shape& b) { return a.near < b.near; });
+  std::set<std::string> named;
+  for (Shape& s : shapes) {
+    const std::string name = named.insert(s.kind).second ? s.kind : "";
+    out.areas.push_back({name, std::move(s.outline), s.colour});
   }
   for (const cell::Guard& g : r.cell.guards) {
     const Vec3 up(0, 0, g.height);

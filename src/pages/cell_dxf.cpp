@@ -177,17 +177,13 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
       out.line(kBelts, see(c.point(0.9 * c.length - units::from_mm(kArrow), side * units::from_mm(0.4 * kArrow))),
                see(to));
   }
-  const double radius = r.cell.containers.empty() ? 0 : to_mm(r.cell.containers[0].diameter) / 2;
   const bool from_above = plane && view.eye.z() > 0.5;
-  for (const cell::Spot& s : r.cell.spots) {
-    for (const Vec3& p : s.slots) {
-      if (from_above) {
-        out.circle(kContainers, see(p), radius);
-        continue;
-      }
-      const Point at = see(p);
-      out.line(kContainers, {at.x - radius / 2, at.y}, {at.x + radius / 2, at.y});
-      out.line(kContainers, {at.x, at.y - radius / 2}, {at.x, at.y + radius / 2});
+  for (const cell::StandingContainer& c : cell::standing_containers(r.cell)) {
+    const cell::Container& kind = r.cell.containers[0];
+    if (from_above) {
+      out.circle(kContainers, see(c.bottom), to_mm(kind.diameter) / 2);
+    } else {
+      out.polyline(kContainers, cylinder(view, c.bottom, kind.diameter, kind.height), true);
     }
   }
   if (!plane) return;

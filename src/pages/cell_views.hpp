@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "polypod/core/units.hpp"
@@ -55,6 +57,19 @@ inline std::vector<report::Point> hull(std::vector<report::Point> points) {
     std::reverse(points.begin(), points.end());
   }
   return out;
+}
+
+/// An upright cylinder as it is seen: the hull of its two rims.
+inline std::vector<report::Point> cylinder(const View& view, const Vec3& bottom, double diameter, double height) {
+  constexpr int kCorners = 24;
+  std::vector<report::Point> points;
+  for (int k = 0; k < kCorners; ++k) {
+    const double angle = 2 * std::numbers::pi * k / kCorners;
+    const Vec3 rim = bottom + 0.5 * diameter * Vec3(std::cos(angle), std::sin(angle), 0);
+    points.push_back(seen(view, rim));
+    points.push_back(seen(view, rim + Vec3(0, 0, height)));
+  }
+  return hull(std::move(points));
 }
 
 }  // namespace polypod::pages

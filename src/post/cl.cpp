@@ -544,7 +544,7 @@ class Reader {
 
   Status spindle(const Statement& s) {
     gcode::Spindle turn = now_.spindle == gcode::Spindle::off ? gcode::Spindle::clockwise : now_.spindle;
-    bool off = false;
+    bool off = false, says_way = now_.spindle != gcode::Spindle::off;
     double speed = now_.spindle_speed;
     for (const Item& item : s.items) {
       if (item.number) {
@@ -554,10 +554,9 @@ class Reader {
         }
         speed = units::from_per_min(*item.number);
         if (*item.number == 0) off = true;
-      } else if (item.text == "CLW") {
-        turn = gcode::Spindle::clockwise;
-      } else if (item.text == "CCLW") {
-        turn = gcode::Spindle::counterclockwise;
+      } else if (item.text == "CLW" || item.text == "CCLW") {
+        turn = item.text == "CLW" ? gcode::Spindle::clockwise : gcode::Spindle::counterclockwise;
+        says_way = true;
       } else if (item.text == "OFF" || item.text == "STOP") {
         off = true;
       } else if (item.text != "RPM" && item.text != "ON") {
@@ -568,6 +567,8 @@ class Reader {
     if (s.items.empty() || (!off && !(speed > 0))) {
       return error("PO109", "SPINDL without a speed", s.spot, "write SPINDL/RPM,speed,CLW, or SPINDL/OFF");
     }
+    if (!off && !says_way)
+      note_once(fmt::format("line {}: SPINDL without CLW or CCLW turns clockwise (M3)", s.spot.line));
     now_.spindle = off ? gcode::Spindle::off : turn;
     if (speed > 0) now_.spindle_speed = speed;
     return {};

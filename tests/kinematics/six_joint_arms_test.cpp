@@ -471,5 +471,50 @@ TEST(SixJointArms, TurnsWithinTheRangesAreTheNearestToTheReference) {
   EXPECT_NEAR(branches.joints[0][3], q[3], 1e-9);
 }
 
+/// The form of the arm that was asked for last is kept: whatever figure of it is another, it is another arm.
+TEST(SixJointArms, AnArmThatDiffersInAnyFigureIsNotTakenForTheLast) {
+  for (const char* name : {"kuka-kr210", "ur10e", "lola50"}) {
+    const SerialArm arm = catalogue_arm(name);
+    std::vector<SerialArm> others;
+    const auto with = [&](auto&& change) {
+      others.push_back(arm);
+      change(others.back());
+    };
+    for (std::size_t row = 0; row < 2; ++row) {
+      with([&](SerialArm& a) { a.dh[row].a += 0.01; });
+      with([&](SerialArm& a) { a.dh[row].theta_offset += 0.1; });
+      with([&](SerialArm& a) { a.dh[row].sign = -a.dh[row].sign; });
+    }
+    with([](SerialArm& a) { a.dh[0].d += 0.02; });
+    with([](SerialArm& a) { a.dh[1].alpha += 0.2; });  // no longer of the form
+    with([](SerialArm& a) { a.X_MB.p.x() += 0.1; });
+    with([](SerialArm& a) { a.X_MB.R = rotation_abc(0, 0, 0.3) * a.X_MB.R; });
+    with([](SerialArm& a) { a.X_FT.p += 0.05 * a.X_FT.R.col(2); });
+    JointVector q = JointVector::Zero(arm.free_joints());
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      const auto range = machine::joint_range(arm, static_cast<int>(i));
+      q[i] = range.min + (0.55 + 0.02 * static_cast<double>(i)) * (range.max - range.min);
+    }
+    for (const SerialArm& other : others) {
+      ASSERT_FALSE(machine::inverse(arm, machine::forward(arm, q)).solutions.empty()) << name;  // the last arm
+      const Pose X = machine::forward(other, q);
+      const auto found = machine::inverse(other, X);
+      ASSERT_FALSE(found.solutions.empty()) << name << ' ' << &other - others.data();
+      for (const auto& s : found.solutions) {
+        const Pose back = machine::forward(other, s.joints);
+        EXPECT_LT((back.p - X.p).norm(), 1e-9) << name << ' ' << &other - others.data();
+        EXPECT_LT((back.R.col(2) - X.R.col(2)).norm(), 1e-9) << name << ' ' << &other - others.data();
+      }
+    }
+    // Limits alone: the same joints, and one that breaks them.
+    SerialArm narrow = arm;
+    narrow.dh[0].range = {q[0] + 0.1, q[0] + 0.2};
+    const Pose X = machine::forward(arm, q);
+    ASSERT_NE(machine::inverse(arm, X).reachable(), nullptr) << name;
+    for (const auto& s : machine::inverse(narrow, X).solutions)
+      EXPECT_TRUE(s.violations != 0 || std::abs(s.joints[0] - q[0]) > 0.05) << name;
+  }
+}
+
 }  // namespace
 }  // namespace polypod

@@ -253,5 +253,79 @@ compliance_rad_per_Nm = [4e-6, 9e-6]
   }
 }
 
+/// A mass at the tool tip hangs on the static compliance there, whatever the machine is made of.
+TEST(Weight, OfAMassAtTheTipIsItsForceTimesTheStaticCompliance) {
+  struct Case {
+    const char* name;
+    std::vector<machine::Override> sets;
+  };
+  for (const Case& c : {Case{"lola50", {}}, Case{"hexapod-tornado", {}}, Case{"tricept", {}}, Case{"tripod-z3", {}},
+                        Case{"hexapod-slider", {{"leg.compliance_um_per_N", "0.05"}}}}) {
+    const AnyMachine m = load(c.name, c.sets);
+    Dynamics d;
+    d.gravity = Vec3(1.5, -0.7, -9.4);
+    d.payload.emplace();
+    d.payload->mass = 12;
+    JointVector q = JointVector::Zero(kinematics::joint_count(m));
+    Pose X;
+    if (const auto home = kinematics::home_pose(m)) {
+      q = kinematics::inverse(m, *home).solutions.front().joints;
+      X = kinematics::settled(m, *home, q);
+    } else {
+      q << 0.3, -0.4, 0.6, 0.2, 0.7;
+      X = kinematics::forward(m, q).poses.front();
+    }
+    const statics::Compliance compliance = statics::compliance_at(m, X);
+    ASSERT_TRUE(compliance.reachable) << c.name;
+    Vec6 load;
+    load << 12 * d.gravity, Vec3::Zero();
+    const Vec6 want = compliance.C * load, got = weight_twist(m, d, X, compliance.joints);
+    EXPECT_GT(want.norm(), 1e-9) << c.name;
+    EXPECT_LT((got - want).norm(), 1e-9 * want.norm()) << c.name;
+  }
+}
+
+/// Two links stretched out: the moment at each joint is the sum of weights times levers, its turn times its lever the
+/// drop of the tip.
+TEST(Weight, OfTwoLinksByTheirMoments) {
+  const double a1 = 0.7, a2 = 0.4, m1 = 30, m2 = 11, g = 9.81, c1 = 2e-6, c2 = 5e-6, in_front = 0.1;
+  const AnyMachine m(
+      test::arm_of("family = \"serial\"\ntask = [\"x\", \"y\"]\ndh = [{ a_mm = 700 }, { a_mm = 400 }]\n"
+                   "limits = [{ min_deg = -90, max_deg = 90 }, { min_deg = -90, max_deg = 90 }]\n"
+                   "compliance_rad_per_Nm = [2e-6, 5e-6]\n"));
+  Dynamics d;
+  d.gravity = Vec3(0, -g, 0);
+  for (const double mass : {m1, m2}) {
+    Body b;
+    b.mass = mass;
+    b.center = Vec3(-in_front, 0, 0);  // from the end of the link
+    d.links.emplace_back(b);
+  }
+  for (const double bent : {0.0, 0.5}) {
+    JointVector q(2);
+    q << 0, bent;
+    const double lever1 = a1 - in_front, reach2 = (a2 - in_front) * std::cos(bent);
+    const double moment1 = -g * (m1 * lever1 + m2 * (a1 + reach2)), moment2 = -g * m2 * reach2;
+    const Vec6 got = weight_twist(m, d, kinematics::forward(m, q).poses.front(), q);
+    const double tip_x = a1 + a2 * std::cos(bent), tip_y = a2 * std::sin(bent);
+    const double turn1 = c1 * moment1, turn2 = c2 * moment2;
+    EXPECT_NEAR(got[0], -tip_y * (turn1 + turn2), 1e-15);
+    EXPECT_NEAR(got[1], tip_x * turn1 + (tip_x - a1) * turn2, 1e-15);
+    EXPECT_NEAR(got[5], turn1 + turn2, 1e-15);
+    EXPECT_NEAR(got[2], 0, 1e-18);
+  }
+}
+
+TEST(Weight, NothingWithoutMassesOrCompliances) {
+  const AnyMachine m = load("hexapod-tornado");
+  const Pose home = *kinematics::home_pose(m);
+  const JointVector q = kinematics::inverse(m, home).solutions.front().joints;
+  EXPECT_EQ(weight_twist(m, Dynamics{}, home, q).norm(), 0);
+  const AnyMachine stiff = load("hexapod-strut");
+  const Pose at = *kinematics::home_pose(stiff);
+  EXPECT_EQ(weight_twist(stiff, legs_with_masses(), at, kinematics::inverse(stiff, at).solutions.front().joints).norm(),
+            0);
+}
+
 }  // namespace
 }  // namespace polypod::motion

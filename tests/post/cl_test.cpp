@@ -52,6 +52,17 @@ TEST(Cl, InchesFeedsPerRevolutionAndTheirUnits) {
   EXPECT_THAT(read("RAPID\nGOTO/1,2,3\nFINI\n").notes, ::testing::Contains(::testing::HasSubstr("taken as mm")));
 }
 
+TEST(Cl, ASpindleWithoutADirectionTurnsClockwiseAndANoteSaysSo) {
+  using ::testing::Contains, ::testing::HasSubstr, ::testing::Not;
+  const post::Path path = read("UNITS/MM\nSPINDL/5000\nRAPID\nGOTO/1,2,3\nFINI\n");
+  EXPECT_EQ(path.steps[0].spindle, gcode::Spindle::clockwise);
+  EXPECT_THAT(path.notes, Contains(HasSubstr("line 2: SPINDL without CLW or CCLW turns clockwise (M3)")));
+  // Another speed of a spindle that turns needs none.
+  for (const char* text : {"UNITS/MM\nSPINDL/5000,CCLW\nRAPID\nGOTO/1,2,3\nSPINDL/6000\nGOTO/1,2,4\nFINI\n",
+                           "UNITS/MM\nSPINDL/OFF\nRAPID\nGOTO/1,2,3\nFINI\n"})
+    EXPECT_THAT(read(text).notes, Not(Contains(HasSubstr("SPINDL")))) << text;
+}
+
 TEST(Cl, ArcsTurnCounterclockwiseAboutTheirAxis) {
   const std::string head = "UNITS/MM\nFROM/10,0,0\nFEDRAT/100\nCIRCLE/0,0,0,0,0,";
   const post::Path ccw = read(head + "1,10\nGOTO/0,10,0\nFINI\n"), cw = read(head + "-1,10\nGOTO/0,10,0\nFINI\n"),

@@ -18,6 +18,10 @@
 #include "polypod/machining/tool_frame.hpp"
 #include "polypod/statics/measured_map.hpp"
 
+namespace polypod::motion {
+struct Dynamics;
+}
+
 namespace polypod::machining {
 
 /// A compliance that was measured near the work, and the files that it comes from.
@@ -63,6 +67,8 @@ struct Job {
   cutting::Cutter cutter;                  ///< for every tool number that has none of its own
   std::map<int, cutting::Cutter> cutters;  ///< by T number
   cutting::Material material;
+  /// Masses of the machine, whose weight then counts in all deflections (WeightDeflection); null: it does not.
+  std::shared_ptr<const motion::Dynamics> weights;
   Factors factors;       ///< `material` and `machine` are already multiplied by them
   cutting::Stock stock;  ///< in the frame S of `tool_frame`, which is W unless `set_up` tilted it
   ToolFrame tool_frame;

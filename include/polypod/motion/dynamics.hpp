@@ -67,4 +67,11 @@ Energy energy_of(const AnyMachine& machine, const Dynamics& dynamics, const Join
 std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamics& dynamics, const Pose& X,
                                         const JointVector& q);
 
+/// The twist of the tool (m, rad, in M) by the weight of what moves, its drives held at q and its elements yielding
+/// (kinematics::elements): for the compliances c_e, the twist J_e of the tool and the way dP_k/dx_e of the mass points,
+///   sum_e J_e c_e sum_k m_k dP_k/dx_e . g.
+/// What hangs on locked joints pulls at the drives alone. In first order: the change of the weights' levers by the
+/// deflection is left out. Zero where the machine has no compliances or no masses. Cost: as natural_frequencies.
+Vec6 weight_twist(const AnyMachine& machine, const Dynamics& dynamics, const Pose& X, const JointVector& q);
+
 }  // namespace polypod::motion

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -376,15 +377,64 @@ int WristInverse::first_within_limits(const Branches& branches) const {
   return -1;
 }
 
+namespace {
+
+/// The closed inverse of an arm, if it has one.
+struct ClosedInverse {
+  std::optional<WristInverse> five;
+  std::optional<SixJointInverse> six;
+};
+
+bool same_row(const DhRow& a, const DhRow& b) {
+  return a.a == b.a && a.alpha == b.alpha && a.d == b.d && a.theta_offset == b.theta_offset && a.sign == b.sign &&
+         a.kind == b.kind && a.locked == b.locked && a.range.min == b.range.min && a.range.max == b.range.max;
+}
+
+/// What the closed inverses of an arm follow from.
+struct Geometry {
+  DhConvention convention;
+  Task task;
+  std::vector<DhRow> dh;
+  Pose X_MB, X_FT;
+
+  explicit Geometry(const SerialArm& arm)
+      : convention(arm.convention), task(arm.task), dh(arm.dh), X_MB(arm.X_MB), X_FT(arm.X_FT) {}
+  [[nodiscard]] bool is_of(const SerialArm& arm) const {
+    return convention == arm.convention && task == arm.task && std::ranges::equal(dh, arm.dh, same_row) &&
+           X_MB.R == arm.X_MB.R && X_MB.p == arm.X_MB.p && X_FT.R == arm.X_FT.R && X_FT.p == arm.X_FT.p;
+  }
+};
+
+/// That of the arm which this thread asked for last is at hand: comparing its figures takes a tenth of finding its
+/// form. Good until the next call.
+const ClosedInverse& closed_inverse(const SerialArm& arm) {
+  thread_local std::optional<Geometry> known;
+  thread_local ClosedInverse closed;
+  if (known && known->is_of(arm)) return closed;
+  known.reset();
+  closed = {};
+  if (const auto spherical = SphericalWristInverse::of(arm)) {
+    closed.six = *spherical;
+  } else if (const auto parallel = ThreeParallelInverse::of(arm)) {
+    closed.six = *parallel;
+  } else if (const auto pieper = PieperInverse::of(arm)) {
+    closed.six = *pieper;
+  } else if (const auto five = WristInverse::of(arm)) {
+    closed.five = *five;
+  }
+  known.emplace(arm);
+  return closed;
+}
+
+}  // namespace
+
 std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm) {
-  if (const auto spherical = SphericalWristInverse::of(arm)) return *spherical;
-  if (const auto parallel = ThreeParallelInverse::of(arm)) return *parallel;
-  if (const auto pieper = PieperInverse::of(arm)) return *pieper;
-  return std::nullopt;
+  return closed_inverse(arm).six;
 }
 
 bool has_closed_inverse(const SerialArm& arm) {
-  return WristInverse::of(arm).has_value() || six_joint_inverse(arm).has_value();
+  const ClosedInverse& closed = closed_inverse(arm);
+  return closed.five || closed.six;
 }
 
 std::string branch_name(const SerialArm& arm, unsigned branch) {
@@ -392,7 +442,7 @@ std::string branch_name(const SerialArm& arm, unsigned branch) {
       "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
       "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
   if (branch >= WristInverse::kBranches) return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
-  const auto six = six_joint_inverse(arm);
+  const std::optional<SixJointInverse>& six = closed_inverse(arm).six;
   const bool numbered = six && std::holds_alternative<PieperInverse>(*six);
   return numbered ? fmt::format("arm-{}{}", branch / 2 + 1, branch % 2 == 0 ? "" : " wrist-flipped") : kNames[branch];
 }
@@ -410,14 +460,16 @@ InverseResult solutions_of(const SixJointInverse& inverse, const Pose& X_MT, con
 }  // namespace
 
 InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVector& last) {
-  if (const auto six = six_joint_inverse(arm)) return solutions_of(*six, X_MT, last.data());
-  if (WristInverse::of(arm)) return inverse(arm, X_MT);
+  const ClosedInverse& closed = closed_inverse(arm);
+  if (closed.six) return solutions_of(*closed.six, X_MT, last.data());
+  if (closed.five) return inverse(arm, X_MT);
   return inverse_from(arm, X_MT, last);
 }
 
 std::function<std::optional<JointVector>(const Pose&)> joint_finder(const SerialArm& arm) {
   using Found = std::optional<JointVector>;
-  if (const auto six = six_joint_inverse(arm)) {
+  const ClosedInverse& closed = closed_inverse(arm);
+  if (closed.six) {
     return std::visit(
         [](const auto& form) -> std::function<Found(const Pose&)> {
           return [form](const Pose& X_MT) -> Found {
@@ -430,10 +482,10 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
             return {};
           };
         },
-        *six);
+        *closed.six);
   }
-  if (const auto closed = WristInverse::of(arm)) {
-    return [form = *closed](const Pose& X_MT) -> Found {
+  if (closed.five) {
+    return [form = *closed.five](const Pose& X_MT) -> Found {
       WristInverse::Branches branches;
       form.solve(X_MT.p, X_MT.R.col(2), branches);
       const int first = form.first_within_limits(branches);
@@ -444,17 +496,17 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
-  if (const auto six = six_joint_inverse(arm)) return solutions_of(*six, X_MT, nullptr);
-  const Result<WristInverse> closed = WristInverse::of(arm);
-  if (!closed) return inverse_numerically(arm, X_MT, {});
+  const ClosedInverse& closed = closed_inverse(arm);
+  if (closed.six) return solutions_of(*closed.six, X_MT, nullptr);
+  if (!closed.five) return inverse_numerically(arm, X_MT, {});
   InverseResult out;
   out.solutions.reserve(WristInverse::kBranches);
   WristInverse::Branches branches;
-  closed->solve(X_MT.p, X_MT.R.col(2), branches);
+  closed.five->solve(X_MT.p, X_MT.R.col(2), branches);
   for (int b = 0; b < WristInverse::kBranches; ++b) {
     if (!branches.exists[b]) continue;
     const JointVector& q = branches.joints[b];
-    out.solutions.push_back({q, unsigned(b), closed->violations(q), branches.singular[b]});
+    out.solutions.push_back({q, unsigned(b), closed.five->violations(q), branches.singular[b]});
   }
   if (out.solutions.empty()) out.reason = "the wrist centre is out of reach of the two links";
   return out;

@@ -16,7 +16,7 @@ namespace polypod::machine {
 using SixJointInverse = std::variant<SphericalWristInverse, ThreeParallelInverse, PieperInverse>;
 
 /// The first of them, in this order, that the arm's axes have: the forms with named postures before the one with
-/// numbered ones. Nothing if the arm has none. Follows from the table anew each time: keep it for inner loops.
+/// numbered ones. Nothing if the arm has none. That of this thread's last arm is at hand.
 std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm);
 
 }  // namespace polypod::machine

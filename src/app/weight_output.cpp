@@ -1,0 +1,74 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "weight_output.hpp"
+
+#include <fmt/format.h>
+
+#include "machining_output.hpp"
+#include "masses_options.hpp"
+#include "messages.hpp"
+
+namespace polypod::app {
+
+using units::to_mm, units::to_um;
+
+void WeightQuestion::declare(Arguments& a) {
+  a.flag("--gravity", counts,
+         "Count the deflection by the machine's own weight, against that at the origin of the workpiece (default: its "
+         "size stands beside the answer)");
+}
+
+Status WeightQuestion::prepare(machining::Job& job, const std::string& dynamics, const Context& context) {
+  POLYPOD_ASSIGN(masses, masses_of_job(job, dynamics, context));
+  why_not_ = masses.why_not;
+  if (masses.dynamics && !statics::has_compliance(job.machine))
+    why_not_ = "the parts of the machine have no compliances";
+  if (!why_not_.empty()) {
+    if (!counts) return {};
+    return fail("AP283", "--gravity cannot be counted: " + why_not_, {},
+                "give masses in the machine file or by --dynamics (docs/motion.md), or leave --gravity out");
+  }
+  masses_ = std::make_shared<motion::Dynamics>(std::move(*masses.dynamics));
+  if (counts) job.weights = masses_;
+  return {};
+}
+
+Status WeightQuestion::answer(const machining::Job& job, const machining::Prediction& prediction) {
+  if (!masses_) return {};
+  Result<machining::WeightOnCuts> found = machining::weight_on_cuts(job, prediction, masses_);
+  if (found) {
+    found_ = *found;
+    return {};
+  }
+  if (counts) return tl::unexpected(found.error());
+  why_not_ = found.error().message;
+  return {};
+}
+
+void WeightQuestion::add_to(Json& document) const {
+  if (!found_) {
+    document["weight"] = {{"judged", false}, {"counted", false}, {"why_not", why_not_}};
+    return;
+  }
+  document["weight"] = {{"judged", true},
+                        {"counted", counts},
+                        {"largest_um", to_um(found_->largest)},
+                        {"at_mm", vector_json(found_->place * units::kMmPerMetre)},
+                        {"at_origin_um", to_um(found_->at_origin)}};
+}
+
+void WeightQuestion::print() const {
+  if (!masses_) return;
+  if (!found_) {
+    fmt::print("weight         not judged: {}\n", why_not_);
+    return;
+  }
+  const Vec3 place = found_->place * units::kMmPerMetre;
+  fmt::print(
+      "weight         of the machine deflects the tip by {:.0f} um at the origin of the workpiece, and on the cuts by "
+      "up to "
+      "{:.1f} um otherwise (x {:.1f} y {:.1f} z {:.1f} mm), {}\n",
+      to_um(found_->at_origin), to_um(found_->largest), place.x(), place.y(), place.z(),
+      counts ? "counted" : "not counted in the answer (--gravity counts it)");
+}
+
+}  // namespace polypod::app

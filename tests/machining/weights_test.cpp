@@ -1,0 +1,118 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The weight of the machine in the path of its tool: a closed form of three slides, the twist at each point, and a
+// correction that holds where its own pass counts the weight.
+#include "polypod/machining/weights.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <random>
+
+#include "examples.hpp"
+#include "machines.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/machining/tilted.hpp"
+
+namespace polypod::machining {
+namespace {
+
+using testing::unwrap;
+
+std::shared_ptr<const motion::Dynamics> masses_of(const Job& job, double factor = 1) {
+  auto read = unwrap(motion::read_dynamics(testing::example_path("slavkovic_square", "masses.toml"), job.machine));
+  motion::Dynamics d = *read;
+  for (auto& link : d.links) link->mass *= factor;
+  d.platform->mass *= factor;
+  return std::make_shared<motion::Dynamics>(d);
+}
+
+/// A slide deflects alike wherever it stands, so that nothing is left of its weight but what is in the offset.
+TEST(Weights, OfSlidesAreInTheOffset) {
+  testing::Example e = testing::load_example("slavkovic_square");
+  e.job.machine = machine::AnyMachine(test::arm_of(R"(
+family = "serial"
+task = ["x", "y", "z"]
+dh = [ { joint = "prismatic", alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = 90, alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = 180 } ]
+limits = [ { min_mm = -5000, max_mm = 5000 }, { min_mm = -5000, max_mm = 5000 }, { min_mm = -5000, max_mm = 5000 } ]
+base = { b_deg = 90 }
+compliance_rad_per_Nm = [5e-8, 2.5e-8, 4e-8]
+)"));
+  motion::Dynamics d;
+  for (const double mass : {10.0, 12.0, 8.0}) {
+    motion::Body b;
+    b.mass = mass;
+    d.links.emplace_back(b);
+  }
+  const auto masses = std::make_shared<motion::Dynamics>(d);
+  WeightDeflection weight = unwrap(WeightDeflection::of(e.job, masses));
+  const double g = 9.80665;
+  EXPECT_LT((weight.at_origin() - Vec3(0, 0, -4e-8 * 8 * g)).norm(), 1e-15);
+  EXPECT_LT(weight.at(Vec3(0.31, -0.2, 0.07))->norm(), 1e-15);
+}
+
+TEST(Weights, AreThoseOfThePointWithinTheCells) {
+  const testing::Example e = testing::load_example("slavkovic_square");
+  const auto masses = masses_of(e.job);
+  WeightDeflection weight = unwrap(WeightDeflection::of(e.job, masses));
+  const Mat3 R = cutting_orientation(e.job);
+  statics::Probe probe(e.job.machine, R);
+  const auto whole = [&](const Vec3& p_W) {
+    const Vec3 p = e.job.X_MW * p_W;
+    Mat3 C;
+    EXPECT_TRUE(probe.at(p, C));
+    const Pose X = kinematics::forward(e.job.machine, probe.joints()).poses.front();
+    return Vec3(e.job.X_MW.R.transpose() * motion::weight_twist(e.job.machine, *masses, X, probe.joints()).head<3>());
+  };
+  const Vec3 origin = whole(Vec3::Zero());
+  EXPECT_LT((weight.at_origin() - origin).norm(), 1e-12);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> side(-0.12, 0.12);
+  double largest = 0;
+  for (int k = 0; k < 200; ++k) {
+    const Vec3 p(side(random), side(random), 0.1 * side(random));
+    const Vec3 want = whole(p) - origin;
+    largest = std::max(largest, want.norm());
+    EXPECT_LT((*weight.at(p) - want).norm(), 1e-5 * origin.norm());
+  }
+  EXPECT_GT(largest, 20e-6) << "an arm deflects differently from place to place";
+}
+
+/// What a prediction says with the weight is what it says without, and the weight.
+TEST(Weights, AddToTheDeflection) {
+  testing::Example e = testing::load_example("slavkovic_square");
+  PredictOptions options;
+  options.keep_samples = true;
+  const Prediction without = testing::predict(e, options);
+  e.job.weights = masses_of(e.job);
+  const Prediction with = testing::predict(e, options);
+  WeightDeflection weight = unwrap(WeightDeflection::of(e.job, e.job.weights));
+  ASSERT_EQ(with.samples.size(), without.samples.size());
+  for (std::size_t k = 0; k < with.samples.size(); ++k) {
+    const Vec3 added = with.samples[k].deflection - without.samples[k].deflection;
+    ASSERT_LT((added - *weight.at(with.samples[k].command)).norm(), 1e-12) << k;
+  }
+  EXPECT_GT(std::abs(with.largest_distance - without.largest_distance), 1e-6);
+  const WeightOnCuts size = unwrap(weight_on_cuts(e.job, without, e.job.weights));
+  EXPECT_GT(size.largest, 20e-6);
+  EXPECT_NEAR(size.at_origin, weight.at_origin().norm(), 1e-15);
+}
+
+TEST(Weights, AreCorrectedWithTheForces) {
+  testing::Example e = testing::load_example("slavkovic_square");
+  const Correction forces_alone = testing::correct(e);
+  ASSERT_TRUE(forces_alone.within_tolerance);
+  e.job.weights = masses_of(e.job, 0.5);
+  const Correction both = testing::correct(e);
+  testing::expect_in_tube(e, both);
+}
+
+TEST(Weights, AnOriginOutOfReachIsNamed) {
+  testing::Example e = testing::load_example("slavkovic_square");
+  e.job.X_MW.p.y() -= 5;
+  const auto weight = WeightDeflection::of(e.job, masses_of(e.job));
+  ASSERT_FALSE(weight);
+  EXPECT_EQ(weight.error().id, "MC212");
+}
+
+}  // namespace
+}  // namespace polypod::machining
