@@ -143,7 +143,7 @@ class Pass {
     const gcode::Move& move = moves_[index];
     ToolModel& tool = tool_model(move.tool);
     if (!move.start_known) {  // where it comes from is not known: nothing can be said of the way
-      last_bent_ = frame_.to_S(move.end);
+      last_bent_ = unloaded(move.end);
       deflection_.setZero();
       return {};
     }
@@ -157,7 +157,7 @@ class Pass {
     const double radius = tool.cutter->radius();
     // When the cut ends the deflected tool springs back to where it is commanded, before it moves: no collision.
     result_.removed += stock_.settle();
-    const Vec3 from = frame_.to_S(move.start), to = frame_.to_S(move.end);
+    const Vec3 from = unloaded(move.start), to = unloaded(move.end);
     result_.removed += tool.ball ? cutting::cut_ball(stock_, from, from, radius) : stock_.cut_disc(from, radius);
     const double volume =
         tool.ball ? cutting::cut_ball(stock_, from, to, radius) : stock_.cut_line(from, to, radius, true);
@@ -172,7 +172,7 @@ class Pass {
   Status other_orientation(const gcode::Move& move) {
     if (move.kind != gcode::MoveKind::rapid && !stays_clear(job_, move)) POLYPOD_TRY(may_cut(move));
     result_.removed += stock_.settle();
-    free_at(frame_.to_S(move.end));
+    free_at(unloaded(move.end));
     return {};
   }
 
@@ -185,24 +185,40 @@ class Pass {
     last_.move = -1;
   }
 
-  /// Hands a sample over, whose vectors are in S until then. The weight, which changes over centimetres, shifts the cut
-  /// and what is there to be cut alike: it counts in the path alone.
+  /// What the weight of the machine does to a tool that is commanded to a point of W, in S.
+  Vec3 by_weight(const Vec3& p_W) {
+    if (!weight_) return Vec3::Zero();
+    return frame_.to_S(weight_->at(p_W).value_or(Vec3::Zero()));  // where it is out of reach, that is refused elsewhere
+  }
+  /// Where the tool stands without forces, in S, for a command in W. A correction that holds stands where it should.
+  Vec3 unloaded(const Vec3& p_W) {
+    if (!weight_ || options_.bend == Bend::corrected) return frame_.to_S(p_W);
+    return frame_.to_S(p_W) + by_weight(p_W);
+  }
+  /// The command of a sample, whose tool stands at Sample::command until then; all in S.
+  Vec3 command_of(const Sample& sample) {
+    if (options_.bend != Bend::corrected)
+      return frame_.to_S(moves_[static_cast<std::size_t>(sample.move)].point(sample.s));
+    Vec3 out =
+        sample.command;  // c + w(c) is where it stands; w changes by some thousandths of a millimetre a millimetre
+    for (int round = 0; round < 3; ++round) out = sample.command - by_weight(frame_.to_W(out));
+    return out;
+  }
+
+  /// Hands a sample over, whose vectors are in S until then, and whose command is where the unloaded tool stands.
   void tell(const Sample& sample) {
     if (!frame_.tilted && !weight_) return visit_(sample);
     Sample out = sample;
-    if (frame_.tilted) {
-      out.command = frame_.to_W(sample.command);
-      out.deflection = frame_.to_W(sample.deflection);
-      out.without_chips = frame_.to_W(sample.without_chips);
-      out.force = frame_.to_W(sample.force);
-      out.away = frame_.to_W(sample.away);
-    }
     if (weight_) {
-      const Vec3 by_weight =
-          weight_->at(out.command).value_or(Vec3::Zero());  // what is out of reach is refused elsewhere
-      out.deflection += by_weight;
-      out.without_chips += by_weight;
+      out.command = command_of(sample);
+      out.deflection += sample.command - out.command;
+      out.without_chips += sample.command - out.command;
     }
+    out.command = frame_.to_W(out.command);
+    out.deflection = frame_.to_W(out.deflection);
+    out.without_chips = frame_.to_W(out.without_chips);
+    out.force = frame_.to_W(sample.force);
+    out.away = frame_.to_W(sample.away);
     visit_(out);
   }
 
@@ -232,7 +248,7 @@ class Pass {
       // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
       // at the end looks at is cut last.
       if (k == 0 || k == steps || s <= length - look_ahead_length(radius)) {
-        const Vec3 at = sweeps_bent() ? sample.bent() : frame_.to_S(move.point(s));
+        const Vec3 at = sweeps_bent() ? sample.bent() : unloaded(move.point(s));
         volume += sweep(at, tool, k > 0);
       }
       deflection_ = sample.deflection;
@@ -287,7 +303,8 @@ class Pass {
         std::clamp(length / move.feed * move.spindle_speed * tool.cutter->teeth, kFewestTeeth, kMostTeeth);
     const auto steps = static_cast<std::int64_t>(std::clamp(std::ceil(teeth), kFewestYields, kMostYields));
     const double passes = teeth / static_cast<double>(steps);
-    Vec3 tip = frame_.to_S(move.start) + deflection_, looked_at = Vec3::Constant(1e3);
+    const bool in_cut = !deflection_.isZero(0);
+    Vec3 tip = unloaded(move.start) + deflection_, looked_at = Vec3::Constant(1e3);
     // What a plunge has held back before is let go (see Plunge).
     const bool sinks = !tool.ball && frame_.to_S(move.end).z() < frame_.to_S(move.start).z();
     // The tool goes on as it went: of several balances that counts which follows from this.
@@ -297,7 +314,7 @@ class Pass {
       Sample sample;
       sample.move = static_cast<int>(index);
       sample.s = length * static_cast<double>(k) / static_cast<double>(steps);
-      sample.command = frame_.to_S(move.point(sample.s));
+      sample.command = unloaded(move.point(sample.s));
       if (k > 0) {
         if (tool.ball || (tip - looked_at).norm() > kNearTip) {
           thickest = tool.ball ? look_around_ball(tip, tool) : look_around(tip, tool);
@@ -316,7 +333,8 @@ class Pass {
         tip = to;
         result_.removed += sweep(tip, tool, true);
       }
-      sample.cutting = thickest > kNoCut || k == 0;
+      // By its weight alone a tool may be off the path, in the air.
+      sample.cutting = thickest > kNoCut || (k == 0 && (!weight_ || in_cut));
       sample.depth = static_cast<float>(thickest);
       deflection_ = sample.deflection = tip - sample.command;
       ++result_.points;
@@ -454,7 +472,7 @@ class Pass {
   /// Fills deflection, force and engagement of the point at s.
   Status evaluate(std::size_t index, double s, double length, ToolModel& tool, Sample& sample) {
     const gcode::Move &move = moves_[index], &followed = moves_.followed(index);
-    const Vec3 p_W = move.point(s), p = frame_.to_S(p_W);
+    const Vec3 p_W = move.point(s), p = unloaded(p_W);
     const Vec3 d = frame_.to_S(followed.direction(&followed != &move ? followed.nearest(p_W) : s));
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());

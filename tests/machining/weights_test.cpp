@@ -77,23 +77,36 @@ TEST(Weights, AreThoseOfThePointWithinTheCells) {
   EXPECT_GT(largest, 20e-6) << "an arm deflects differently from place to place";
 }
 
-/// What a prediction says with the weight is what it says without, and the weight.
-TEST(Weights, AddToTheDeflection) {
+/// Where the force counts at the commanded point, what the tool is off by is C F and the weight, and a level cut is as
+/// much deeper as the weight pulls the tool down.
+TEST(Weights, AddToTheDeflectionAndToTheDepth) {
   testing::Example e = testing::load_example("slavkovic_square");
+  e.job.weights = masses_of(e.job);
   PredictOptions options;
   options.keep_samples = true;
-  const Prediction without = testing::predict(e, options);
-  e.job.weights = masses_of(e.job);
+  options.bend = Bend::at_rest;
   const Prediction with = testing::predict(e, options);
   WeightDeflection weight = unwrap(WeightDeflection::of(e.job, e.job.weights));
-  ASSERT_EQ(with.samples.size(), without.samples.size());
-  for (std::size_t k = 0; k < with.samples.size(); ++k) {
-    const Vec3 added = with.samples[k].deflection - without.samples[k].deflection;
-    ASSERT_LT((added - *weight.at(with.samples[k].command)).norm(), 1e-12) << k;
+  statics::Probe probe(e.job.machine, cutting_orientation(e.job));
+  const double programmed = e.job.stock.top() - (-2e-3);
+  double largest = 0, shallow = 1, deep = 0;
+  for (const Sample& s : with.samples) {
+    if (!s.cutting) continue;
+    Mat3 C;
+    ASSERT_TRUE(probe.at(e.job.X_MW * s.command, C));
+    const Vec3 by_weight = *weight.at(s.command), by_force = C * s.force;
+    largest = std::max(largest, by_weight.norm());
+    ASSERT_LT((s.deflection - by_weight - by_force).norm(), 1e-6);  // C is that a millimetre beside
+    if (s.s < 0.03 || s.s > 0.22) continue;  // where the cut of the move before is, or the edge of the part
+    const double depth = static_cast<double>(s.depth);
+    ASSERT_LT(std::abs(depth - (programmed - by_weight.z())), 60e-6) << s.s;  // of the way ahead that is looked at
+    shallow = std::min(shallow, depth);
+    deep = std::max(deep, depth);
   }
-  EXPECT_GT(std::abs(with.largest_distance - without.largest_distance), 1e-6);
-  const WeightOnCuts size = unwrap(weight_on_cuts(e.job, without, e.job.weights));
-  EXPECT_GT(size.largest, 20e-6);
+  EXPECT_GT(largest, 500e-6);
+  EXPECT_GT(deep - shallow, 1e-3);
+  const WeightOnCuts size = unwrap(weight_on_cuts(e.job, with, e.job.weights));
+  EXPECT_NEAR(size.largest, largest, 0.02 * largest);
   EXPECT_NEAR(size.at_origin, weight.at_origin().norm(), 1e-15);
 }
 
@@ -101,7 +114,7 @@ TEST(Weights, AreCorrectedWithTheForces) {
   testing::Example e = testing::load_example("slavkovic_square");
   const Correction forces_alone = testing::correct(e);
   ASSERT_TRUE(forces_alone.within_tolerance);
-  e.job.weights = masses_of(e.job, 0.5);
+  e.job.weights = masses_of(e.job);
   const Correction both = testing::correct(e);
   testing::expect_in_tube(e, both);
 }

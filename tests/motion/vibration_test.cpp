@@ -261,7 +261,7 @@ TEST(Weight, OfAMassAtTheTipIsItsForceTimesTheStaticCompliance) {
   };
   for (const Case& c : {Case{"lola50", {}}, Case{"hexapod-tornado", {}}, Case{"tricept", {}}, Case{"tripod-z3", {}},
                         Case{"hexapod-slider", {{"leg.compliance_um_per_N", "0.05"}}}}) {
-    const AnyMachine m = load(c.name, c.sets);
+    const AnyMachine m = test::load(c.name, c.sets);
     Dynamics d;
     d.gravity = Vec3(1.5, -0.7, -9.4);
     d.payload.emplace();
