@@ -64,9 +64,8 @@ void WeightQuestion::print() const {
   }
   const Vec3 place = found_->place * units::kMmPerMetre;
   fmt::print(
-      "weight         of the machine deflects the tip by {:.0f} um at the origin of the workpiece, and on the cuts by "
-      "up to "
-      "{:.1f} um otherwise (x {:.1f} y {:.1f} z {:.1f} mm), {}\n",
+      "weight         of the machine deflects the tip by {:.0f} um at the origin of the workpiece; on the cuts this "
+      "differs by up to {:.1f} um (x {:.1f} y {:.1f} z {:.1f} mm), {}\n",
       to_um(found_->at_origin), to_um(found_->largest), place.x(), place.y(), place.z(),
       counts ? "counted" : "not counted in the answer (--gravity counts it)");
 }

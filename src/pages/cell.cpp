@@ -69,7 +69,7 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
     const cell::Container* c = standing.empty() ? nullptr : &r.cell.containers[0];
     for (const cell::StandingContainer& at : standing) {
       shapes.push_back({view.eye.dot(at.bottom + Vec3(0, 0, c->height)), c->name,
-                        cylinder(view, at.bottom, c->diameter, c->height), Colour::sky});
+                        cylinder(view, at.bottom, c->diameter, c->height), Colour::green});
     }
   }
   std::stable_sort(shapes.begin(), shapes.end(), [](const Shape& a, const Shape& b) { return a.near < b.near; });

@@ -555,10 +555,16 @@ class Page {
         "ripple "
         "from tooth to tooth.");
     items.push_back(
-        fmt::format("{} Cutter, spindle, workpiece and clamping are taken as rigid; play, friction, weight, heat "
+        fmt::format("{} Cutter, spindle, workpiece and clamping are taken as rigid; play, friction, {}heat "
                     "and geometric errors are left out.",
                     job_.measured ? "The machine deflects as it did where it was measured, in proportion to the force."
-                                  : "Only the joints (or legs) deflect, in proportion to their load."));
+                                  : "Only the joints (or legs) deflect, in proportion to their load.",
+                    job_.weights ? "" : "weight, "));
+    if (job_.weights) {
+      items.emplace_back(
+          "The machine's own weight counts, against that at the origin of the workpiece, where the part was touched "
+          "off.");
+    }
     if (band_.normal.count > 0) {
       items.push_back(fmt::format(
           "The measured compliance is not known exactly: the deflection across the path is uncertain by ± {} on "
