@@ -187,7 +187,7 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
 }
 
 /// Lines that the machine follows and `check` does not accept.
-class Followed {
+class LinesFollowed {
  public:
   void add(const CheckProblem& problem) {
     if (first_.empty()) {
@@ -197,6 +197,8 @@ class Followed {
       lines_.insert(problem.line);
     }
   }
+  /// "line 12: ...", the first of them.
+  [[nodiscard]] std::string first() const { return first_.empty() ? "" : fmt::format("line {}: {}", line_, first_); }
   void note(const char* what, std::vector<std::string>& notes) const {
     if (first_.empty()) return;
     notes.push_back(fmt::format("line {}: {}, and `polypod check` answers no: {}{}", line_, what, first_,
@@ -227,14 +229,14 @@ Status known_offsets(const Job& job, const gcode::Program& program, const gcode:
 }
 
 Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
-                    const std::function<bool(double)>& progress, std::vector<std::string>* notes) {
+                    const std::function<bool(double)>& progress, FollowedAnyway* anyway) {
   CheckOptions options;
   options.progress = progress;
   options.limits.joint_speeds = job.joint_speeds;  // with them a joint that hurries is none that jumps
   POLYPOD_ASSIGN(checked, check(job.machine, job.X_MW, program, interpretation, options));
   std::optional<CheckProblem> first;
   std::set<int> lines;
-  Followed singular, fast;
+  LinesFollowed singular, fast;
   for (const CheckProblem& problem : checked.problems) {
     if (problem.kind == "singular" && problem.held) {
       singular.add(problem);
@@ -246,10 +248,11 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
     }
   }
   if (!first) {
-    if (notes != nullptr) {
+    if (anyway != nullptr) {
       singular.note("a singular pose, which the machine reaches; what its joints must do there is not judged here",
-                    *notes);
-      fast.note("too fast for a joint, which is not judged here", *notes);
+                    anyway->notes);
+      fast.note("too fast for a joint, which is not judged here", anyway->notes);
+      anyway->too_fast = fast.first();
     }
     return {};
   }
@@ -281,7 +284,9 @@ Result<Accepted> accept_but_reach(const Job& job, const gcode::Program& program,
 Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                         const AcceptOptions& options) {
   POLYPOD_ASSIGN(out, accept_but_reach(job, program, interpretation, options.again));
-  POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress, &out.notes));
+  FollowedAnyway anyway;
+  POLYPOD_TRY(accept_reach(job, program, out.interpretation(), options.progress, &anyway));
+  out.notes.insert(out.notes.end(), anyway.notes.begin(), anyway.notes.end());
   return out;
 }
 

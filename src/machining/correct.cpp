@@ -35,7 +35,10 @@ Status is_flat_or_ball(const Job& job, const cutting::Cutter& cutter) {
 
 std::string Correction::answer(const std::string& proviso) const {
   if (!within_tolerance)
-    return (only_not_judged ? "no, not all of the cut is judged: " : "not within the tolerance: ") + reason;
+    return (joint_too_fast    ? "no: "
+            : only_not_judged ? "no, not all of the cut is judged: "
+                              : "not within the tolerance: ") +
+           reason;
   return fmt::format(
       "yes{}{}: the deflected tool stays within {:.1f} um of the programmed path{} (tube {:g} um)", proviso,
       all_judged() ? "" : ", apart from what was not judged",
@@ -51,7 +54,7 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
-  std::vector<std::string> of_reach;
+  FollowedAnyway of_reach;
   Aside reach(
       [&](const Aside::Progress& report) {
         return accept_reach(job, program, accepted.interpretation(), report, &of_reach);
@@ -64,7 +67,7 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
     Corrector corrector(job, program, accepted, how);
     if (before != nullptr) corrector.take_before(*before);
     corrector.take_other(fixed_other);
-    corrector.take_reach(&reach);
+    corrector.take_reach(&reach, &of_reach);
     return corrector.run();
   };
   POLYPOD_ASSIGN(out, corrected(options, nullptr));
@@ -78,12 +81,12 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
     POLYPOD_ASSIGN(again, corrected(other, &out.before));
     if (closer(again, out)) out = std::move(again);
   }
-  if (!out.within_tolerance && options.method == CorrectMethod::tube) {
+  if (!out.within_tolerance && options.method == CorrectMethod::tube && out.remedies.empty()) {
     out.remedies = remedies_for(job, program, accepted, options, out);
   }
   POLYPOD_TRY(reach.result(progress));
   std::vector<std::string> notes = std::move(accepted.notes);
-  notes.insert(notes.end(), of_reach.begin(), of_reach.end());
+  notes.insert(notes.end(), of_reach.notes.begin(), of_reach.notes.end());
   if (out.other_switch) gcode::drop_block_delete_note(notes);
   if (fixed_other) {
     notes.push_back(

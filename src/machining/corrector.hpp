@@ -48,8 +48,11 @@ class Corrector {
   /// What was found of the program unrolled for the other position of block delete.
   void take_other(const std::optional<OtherSwitch>& other) { fixed_other_ = other ? &*other : nullptr; }
 
-  /// The check of the reach that is under way; none where it is done.
-  void take_reach(Aside* reach) { reach_ = reach; }
+  /// The check of the reach that is under way, and what it will have found; none where it is done.
+  void take_reach(Aside* reach, const FollowedAnyway* as_programmed) {
+    reach_ = reach;
+    as_programmed_ = as_programmed;
+  }
 
   /// What the program does as it is, where that is known.
   void take_before(const Prediction& before) { known_before_ = &before; }
@@ -285,6 +288,8 @@ class Corrector {
   std::vector<double> feed_scale_;  // empty: all 1
   const OtherSwitch* fixed_other_ = nullptr;
   Aside* reach_ = nullptr;
+  const FollowedAnyway* as_programmed_ = nullptr;
+  FollowedAnyway as_written_;
   const Prediction* known_before_ = nullptr;
   DeflectionsOfMoves deflections_;
   double sample_step_ = job_.step;

@@ -12,7 +12,11 @@ Status Corrector::judge() {
   POLYPOD_TRY(rapids_);
   gcode::Interpretation written;
   for (const PassMove& move : way_.moves) written.moves.push_back(move.move);
-  POLYPOD_TRY(accept_reach(job_, named_, written));
+  if (const Status follows = accept_reach(job_, named_, written, {}, &as_written_); !follows) {
+    Error error = follows.error();
+    error.message = "once corrected, " + error.message;
+    return tl::unexpected(std::move(error));
+  }
   const Way as_it_was = as_programmed();
   const Corners before = corners_of(job_, program_, as_it_was, out_.before, inside());
   const Corners after = corners_of(job_, out_.program, way_, out_.after, inside());
@@ -173,6 +177,20 @@ void Corrector::decide() {
           at.line, position, distance, units::to_um(job_.tolerance));
       out_.reason += kept_free(at.distance_after);
     }
+  }
+  const bool made_too_fast =
+      as_programmed_ != nullptr && as_programmed_->too_fast.empty() && !as_written_.too_fast.empty();
+  if (out_.within_tolerance && made_too_fast) {
+    out_.within_tolerance = false;
+    out_.joint_too_fast = true;
+    warning_ = "a joint is TOO FAST here, and is not in the original";
+    out_.reason =
+        "a joint of the corrected program would be too fast, which it is not as programmed: " + as_written_.too_fast;
+    out_.remedies = {
+        "that feed in the program, or the part at a place where the machine is not near a singular pose "
+        "(polypod place)"};
+  } else {
+    after_notes_.insert(after_notes_.end(), as_written_.notes.begin(), as_written_.notes.end());
   }
 }
 

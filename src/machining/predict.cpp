@@ -794,7 +794,7 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
-  std::vector<std::string> of_reach;
+  FollowedAnyway of_reach;
   Aside reach(
       [&](const Aside::Progress& report) {
         return accept_reach(job, program, accepted.interpretation(), report, &of_reach);
@@ -816,7 +816,7 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
   POLYPOD_ASSIGN(other, other_switch_of(job, program, options));
   out.other_switch = other;
   out.notes = std::move(accepted.notes);
-  out.notes.insert(out.notes.end(), of_reach.begin(), of_reach.end());
+  out.notes.insert(out.notes.end(), of_reach.notes.begin(), of_reach.notes.end());
   if (other) gcode::drop_block_delete_note(out.notes);
   for (std::string& note : condition_notes(job, accepted.interpretation().moves, out)) {
     out.notes.push_back(std::move(note));

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include "machines.hpp"
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -293,6 +294,42 @@ TEST(Check, AnAxisThatTheMachineDoesNotHaveIsNoYes) {
       testing::unwrap(machining::check(tricept, Pose{Mat3::Identity(), Vec3(0, 0, 1.2)}, e.program, e.interpretation));
   EXPECT_FALSE(tripod.ok);
   EXPECT_EQ(tripod.problems.at(0).kind, "axis");
+}
+
+/// A straight wrist that the program passes exactly, so that no joint hurries; corrected by a tenth of a millimetre
+/// aside, joint 6 would have to turn by half a turn there. A yes would make it worse.
+TEST(Check, ACorrectionThatMakesAJointTooFastIsNoYes) {
+  testing::Example e =
+      testing::with_program("slavkovic_square",
+                            "G17 G21 G40 G49 G80 G90 G94\nG54\nT1 M6\nS8000 M3\nG0 X0 Y-170 Z10\nG0 Z-1\n"
+                            "G1 Y170 F1000\nG0 Z10\nM2\n");
+  auto arm = std::get<machine::SerialArm>(test::load("kuka-kr210"));
+  arm.X_FT.R = rotation_abc(units::from_deg(90), 0, 0);
+  arm.X_MB.R = rotation_abc(0, 0, units::from_deg(90));
+  for (std::size_t i = 0; i < 6; ++i) arm.dh[i].compliance = i < 3 ? 1e-6 : 2e-6;
+  e.job.machine = machine::AnyMachine(arm);
+  e.job.X_MW.p = Vec3(0, 1.4, 1.7);
+  e.job.stock = testing::unwrap(cutting::Stock::block(Vec3(-0.04, -0.15, -0.02), Vec3(0.04, 0.15, 0), 0.5e-3));
+  e.job.joint_speeds = std::vector<double>(6, units::from_deg(100));
+  const machining::Correction no = testing::correct(e);
+  EXPECT_FALSE(no.within_tolerance);
+  EXPECT_TRUE(no.joint_too_fast);
+  EXPECT_LT(no.largest_after, e.job.tolerance);
+  EXPECT_THAT(no.answer(), ::testing::StartsWith("no: a joint of the corrected program would be too fast"));
+  EXPECT_THAT(no.answer(), ::testing::HasSubstr("joint 6 would go at"));
+  ASSERT_EQ(no.remedies.size(), 1U);
+  // As programmed it is fast already: a note says so, and the correction makes it no worse.
+  e.job.joint_speeds = std::vector<double>(6, units::from_deg(0.01));
+  const machining::Correction noted = testing::correct(e);
+  EXPECT_FALSE(noted.joint_too_fast);
+  EXPECT_THAT(noted.before.notes, ::testing::Contains(::testing::HasSubstr("too fast for a joint")));
+  EXPECT_THAT(testing::predict(e).notes, ::testing::Contains(::testing::HasSubstr("`polypod check` answers no")));
+  // Where no speed is known the joint would jump.
+  e.job.joint_speeds.clear();
+  const auto refused = machining::correct(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().id, "MC210");
+  EXPECT_THAT(refused.error().message, ::testing::StartsWith("once corrected, "));
 }
 
 }  // namespace

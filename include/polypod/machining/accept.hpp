@@ -38,11 +38,15 @@ struct Accepted {
 Result<Accepted> accept(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                         const AcceptOptions& options = {});
 
+/// What the machine follows and `check` answers with no all the same.
+struct FollowedAnyway {
+  std::vector<std::string> notes;  ///< singular poses that can be reached, joints that are too fast
+  std::string too_fast;            ///< the first place where a joint is; empty: none
+};
+
 /// Whether the machine can follow every move; MC210 with the first line where it cannot and how many others there are.
-/// What is followed and `check` answers with no all the same (singular poses that can be reached, joints that are too
-/// fast) goes into `notes`.
 Status accept_reach(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
-                    const std::function<bool(double)>& progress = {}, std::vector<std::string>* notes = nullptr);
+                    const std::function<bool(double)>& progress = {}, FollowedAnyway* anyway = nullptr);
 
 /// Whether the cutter of a feed move may meet the stock: boxes overlap, or where the move starts is not known.
 bool may_cut(const Job& job, const gcode::Interpretation& interpretation);

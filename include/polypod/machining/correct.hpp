@@ -87,6 +87,7 @@ struct Correction {
   PathModes modes;                               ///< what the controller does with the blocks
   bool within_tolerance = false;  ///< every move is: judged, inside the tube, at both switch positions; see all_judged
   bool only_not_judged = false;   ///< it is not, but nothing that was judged is outside
+  bool joint_too_fast = false;    ///< it is not, though all is inside: once corrected, a joint would be (joint_speeds)
   std::string reason;             ///< where and why not
   std::vector<std::string> remedies;        ///< what would help, if it is not
   std::optional<OtherSwitch> other_switch;  ///< where the program has blocks with /
