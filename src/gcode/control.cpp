@@ -122,11 +122,23 @@ Status Engine::execute(const Block& block) {
   return this->block(block);
 }
 
+std::optional<std::pair<std::string, std::string>> Engine::o_word(std::string_view text) const {
+  if (auto written = o_word_of(text)) return written;
+  // A label that is computed: O[#1+100] sub.
+  const std::size_t o = text.find_first_not_of(" \t/nN0123456789.");
+  if (o == std::string_view::npos || (text[o] != 'o' && text[o] != 'O')) return std::nullopt;
+  const std::size_t next = text.find_first_not_of(" \t", o + 1);
+  if (next == std::string_view::npos || text[next] != '[') return std::nullopt;
+  const Result<Line> line = read_line(text, *this, {});
+  if (!line || line->keyword.empty()) return std::nullopt;
+  return std::pair{line->label, line->keyword};
+}
+
 void Engine::search(Source& source) {
   source.searched = true;
   const auto& blocks = source.program->blocks;
   for (std::size_t i = 0; i < blocks.size(); ++i) {
-    auto word = o_word_of(blocks[i].text);
+    auto word = o_word(blocks[i].text);
     if (!word || (word->second != "sub" && !word->second.empty())) continue;
     source.subs.emplace(std::move(word->first), i);
   }
@@ -176,7 +188,7 @@ Status Engine::call(const std::string& label, const std::vector<double>& argumen
                  "check the condition that ends the recursion");
   }
   POLYPOD_ASSIGN(place, find_sub(label, block, column, false));
-  const auto head = o_word_of(sources_[place.first]->program->blocks[place.second].text);
+  const auto head = o_word(sources_[place.first]->program->blocks[place.second].text);
   if (!head || head->second != "sub") {
     return error(column, "GC163", fmt::format("{} is a program with a number; M98 calls it", shown(label)), "use M98");
   }
@@ -220,7 +232,7 @@ Status Engine::call_by_number(const Block& block) {
   }
   const std::string label = fmt::format("{:.0f}", p->value);
   POLYPOD_ASSIGN(place, find_sub(label, block, p->column, true));
-  const auto head = o_word_of(sources_[place.first]->program->blocks[place.second].text);
+  const auto head = o_word(sources_[place.first]->program->blocks[place.second].text);
   if (head && head->second == "sub") {
     return error(p->column, "GC163",
                  fmt::format("{} is a subprogram with 'sub'; a call with an O word calls it", shown(label)),
@@ -305,7 +317,7 @@ Status Engine::skip_to(const std::string& label, std::initializer_list<std::stri
   const auto& blocks = source().program->blocks;
   const std::size_t from = frame().at;
   for (std::size_t& at = frame().at; at < blocks.size(); ++at) {
-    const auto word = o_word_of(blocks[at].text);
+    const auto word = o_word(blocks[at].text);
     if (!word || word->first != label) continue;
     if (word->second == "break") pass_break(label, false);
     if (blocks[at].optional && options_.block_delete) continue;
@@ -335,7 +347,7 @@ Status Engine::control(const Line& line, const Block& block) {
     return [&]() -> Status {
       const auto& blocks = source().program->blocks;
       for (std::size_t i = f.at; i < blocks.size(); ++i) {
-        const auto other = o_word_of(blocks[i].text);
+        const auto other = o_word(blocks[i].text);
         if (!other) continue;
         if (other->second == "sub") {
           other_ = blocks[i];
@@ -396,7 +408,7 @@ Status Engine::control(const Line& line, const Block& block) {
       POLYPOD_TRY(skip_to(label, {"else", "elseif", "endif"}, block));
       other_ = source().program->blocks[f.at++];
       const Block& next = other_;
-      const auto found = o_word_of(next.text);
+      const auto found = o_word(next.text);
       if (found->second != "elseif") return {};
       written_block_ = &next;
       POLYPOD_ASSIGN(again, read_line(next.text, *this, Place{source().program->path, next.line, 0}));

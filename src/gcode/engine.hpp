@@ -156,6 +156,8 @@ class Engine final : private Parameters {
   void pass_break(const std::string& label, bool runs);
   Result<std::pair<std::size_t, std::size_t>> find_sub(const std::string& label, const Block& block, int column,
                                                        bool by_number);
+  /// The label and the keyword of a line with an O word, a computed label with the parameters as they are now.
+  [[nodiscard]] std::optional<std::pair<std::string, std::string>> o_word(std::string_view text) const;
   void search(Source& source);
   Status assign(const Line& line, const Block& block);
   Frame& frame() { return frames_.back(); }
