@@ -186,6 +186,19 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
       out.polyline(kContainers, cylinder(view, c.bottom, kind.diameter, kind.height), true);
     }
   }
+  const double radius = r.cell.containers.empty() ? 0 : to_mm(r.cell.containers[0].diameter) / 2;
+  for (const cell::Spot& s : r.cell.spots) {  // where one is turned over, none stands
+    if (s.kind != cell::Spot::Kind::pour) continue;
+    for (const Vec3& p : s.slots) {
+      if (from_above) {
+        out.circle(kContainers, see(p), radius);
+        continue;
+      }
+      const Point at = see(p);
+      out.line(kContainers, {at.x - radius / 2, at.y}, {at.x + radius / 2, at.y});
+      out.line(kContainers, {at.x, at.y - radius / 2}, {at.x, at.y + radius / 2});
+    }
+  }
   if (!plane) return;
   for (const cell::Conveyor& c : r.cell.conveyors) out.text(kTexts, see(c.point(c.length / 2, 0)), kHeight, c.name);
   for (const cell::Machine& m : r.cell.machines) out.text(kTexts, see(m.X_CM.p), kHeight, m.name);

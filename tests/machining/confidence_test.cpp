@@ -79,7 +79,7 @@ TEST(Confidence, AgainstDrawsThroughTheProgram) {
   ASSERT_EQ(found.walls.size(), 4u);
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  constexpr int kDraws = 100;
+  constexpr int kDraws = 40;
   const std::vector<double> nominal = statics::column_compliances(e.job.machine);
   std::vector<int> inside(e.interpretation.moves.size(), 0);
   std::vector<machining::Spread> mean(e.interpretation.moves.size()), square(e.interpretation.moves.size());
@@ -100,7 +100,7 @@ TEST(Confidence, AgainstDrawsThroughTheProgram) {
     if (mean[i].count == 0) continue;
     ASSERT_LT(w, found.walls.size());
     const double share = double(inside[i]) / kDraws;
-    // The shift of the wall's mean scatters a little less than the point that shifts most; its sd is known to an eighth
+    // The shift of the wall's mean scatters a little less than the point that shifts most; its sd is known to a ninth
     // from so many draws.
     const double sd = std::sqrt(square[i].mean - mean[i].mean * mean[i].mean);
     EXPECT_LT(sd, 1.3 * found.walls[w].sd) << "wall " << w;

@@ -58,7 +58,7 @@ TEST(Cl, ASpindleWithoutADirectionTurnsClockwiseAndANoteSaysSo) {
   EXPECT_EQ(path.steps[0].spindle, gcode::Spindle::clockwise);
   EXPECT_THAT(path.notes, Contains(HasSubstr("line 2: SPINDL without CLW or CCLW turns clockwise (M3)")));
   // Another speed of a spindle that turns needs none.
-  for (const char* text : {"UNITS/MM\nSPINDL/5000,CCLW\nRAPID\nGOTO/1,2,3\nSPINDL/6000\nGOTO/1,2,4\nFINI\n",
+  for (const char* text : {"UNITS/MM\nSPINDL/5000,CCLW\nRAPID\nGOTO/1,2,3\nSPINDL/6000\nRAPID\nGOTO/1,2,4\nFINI\n",
                            "UNITS/MM\nSPINDL/OFF\nRAPID\nGOTO/1,2,3\nFINI\n"})
     EXPECT_THAT(read(text).notes, Not(Contains(HasSubstr("SPINDL")))) << text;
 }
