@@ -14,6 +14,7 @@
 #include "examples.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "slides.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -21,29 +22,6 @@ namespace {
 using testing::Scratch;
 using testing::unwrap;
 constexpr double kTurn = 2 * std::numbers::pi;
-
-// Three slides: x carries y, which carries z. Stiffnesses 2e7, 4e7 and 3e7 N/m.
-constexpr const char* kSlides = R"(
-name = "slides"
-family = "serial"
-task = ["x", "y", "z"]
-dh = [ { joint = "prismatic", alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = 90, alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = 180 } ]
-limits = [ { min_mm = -500, max_mm = 500 }, { min_mm = -500, max_mm = 500 }, { min_mm = -500, max_mm = 500 } ]
-base = { b_deg = 90 }
-compliance_rad_per_Nm = [5e-8, 2.5e-8, 3.3333333333333334e-8]
-)";
-constexpr double kStiffnessX = 2e7, kStiffnessY = 4e7, kStiffnessZ = 3e7;
-constexpr double kMassX = 10, kMassY = 12, kMassZ = 8;  // each slide's own, kg
-
-motion::Dynamics masses_of_slides() {
-  motion::Dynamics out;
-  for (const double mass : {kMassX, kMassY, kMassZ}) {
-    motion::Body b;
-    b.mass = mass;
-    out.links.emplace_back(b);
-  }
-  return out;
-}
 
 /// A wall that stands along x from 0 to 40 mm, 2 mm thick and 1.5 mm deep, cut by a straight-edged cutter of 10 mm.
 std::string job_text(const std::string& machine, double helix) {

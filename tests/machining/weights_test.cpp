@@ -5,48 +5,34 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <random>
 
 #include "examples.hpp"
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "slides.hpp"
 
 namespace polypod::machining {
 namespace {
 
 using testing::unwrap;
 
-std::shared_ptr<const motion::Dynamics> masses_of(const Job& job, double factor = 1) {
-  auto read = unwrap(motion::read_dynamics(testing::example_path("slavkovic_square", "masses.toml"), job.machine));
-  motion::Dynamics d = *read;
-  for (auto& link : d.links) link->mass *= factor;
-  d.platform->mass *= factor;
-  return std::make_shared<motion::Dynamics>(d);
+std::shared_ptr<const motion::Dynamics> masses_of(const Job& job) {
+  const auto read =
+      unwrap(motion::read_dynamics(testing::example_path("slavkovic_square", "masses.toml"), job.machine));
+  return std::make_shared<motion::Dynamics>(*read);
 }
 
 /// A slide deflects alike wherever it stands, so that nothing is left of its weight but what is in the offset.
 TEST(Weights, OfSlidesAreInTheOffset) {
   testing::Example e = testing::load_example("slavkovic_square");
-  e.job.machine = machine::AnyMachine(test::arm_of(R"(
-family = "serial"
-task = ["x", "y", "z"]
-dh = [ { joint = "prismatic", alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = 90, alpha_deg = -90 }, { joint = "prismatic", theta_offset_deg = 180 } ]
-limits = [ { min_mm = -5000, max_mm = 5000 }, { min_mm = -5000, max_mm = 5000 }, { min_mm = -5000, max_mm = 5000 } ]
-base = { b_deg = 90 }
-compliance_rad_per_Nm = [5e-8, 2.5e-8, 4e-8]
-)"));
-  motion::Dynamics d;
-  for (const double mass : {10.0, 12.0, 8.0}) {
-    motion::Body b;
-    b.mass = mass;
-    d.links.emplace_back(b);
-  }
-  const auto masses = std::make_shared<motion::Dynamics>(d);
+  e.job.machine = machine::AnyMachine(test::arm_of(kSlides));
+  e.job.X_MW.p.setZero();
+  const auto masses = std::make_shared<motion::Dynamics>(masses_of_slides());
   WeightDeflection weight = unwrap(WeightDeflection::of(e.job, masses));
   const double g = 9.80665;
-  EXPECT_LT((weight.at_origin() - Vec3(0, 0, -4e-8 * 8 * g)).norm(), 1e-15);
+  EXPECT_LT((weight.at_origin() - Vec3(0, 0, -kMassZ * g / kStiffnessZ)).norm(), 1e-15);
   EXPECT_LT(weight.at(Vec3(0.31, -0.2, 0.07))->norm(), 1e-15);
 }
 
