@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "common.hpp"
+#include "extent.hpp"
 #include "fit.hpp"
 #include "groups.hpp"
 #include "mixed_up.hpp"
@@ -246,6 +247,13 @@ Result<Calibration> calibrate(const AnyMachine& nominal, const std::vector<Measu
                             rows.size() - taken.size(), rows.size()),
                 untaken->place, likely.empty() ? "check the joints and the machine" : "the likely mistake: " + likely);
   }
+  std::optional<Pose> frame;
+  if (options.estimate_frame) frame = fitted_frame(taken, poses, options.X_TR);
+  POLYPOD_TRY(check_extent(taken, poses, frame.value_or(options.X_SM), options.X_TR));
+  // No search is needed where one exchange explains nearly all of what lies between the readings and the drawing.
+  constexpr double kNearlyAll = 100;
+  if (const std::string likely = mixed_up(nominal, taken, options, kNearlyAll); !likely.empty())
+    return fail("CA119", "the readings are far from the machine as drawn", {}, "the likely mistake: " + likely);
   setting.pose = poses_of(nominal, taken);
   setting.share.assign(taken.size(), 1);
   Result<Fitted> result = validated(nominal, taken, setting, options);

@@ -117,7 +117,7 @@ Fit::Fit(const AnyMachine& machine, const std::vector<Measurement>& rows, const 
 }
 
 Result<Calibration> Fit::run() {
-  POLYPOD_TRY(place_rows());
+  place_rows();
   POLYPOD_TRY(start());
   POLYPOD_TRY(choose_rows());
   POLYPOD_TRY(search_without_lost());
@@ -135,11 +135,10 @@ Result<Calibration> Fit::run() {
   return std::move(out_);
 }
 
-Status Fit::place_rows() {
+void Fit::place_rows() {
   out_.X_SM = options_.X_SM;
   out_.X_TR = options_.X_TR;
   if (options_.estimate_frame) out_.X_SM = fitted_frame(rows_, problem_.seed, out_.X_TR).value_or(out_.X_SM);
-  return check_extent(rows_, problem_.seed, out_.X_SM, out_.X_TR);
 }
 
 Status Fit::start() {

@@ -56,7 +56,7 @@ class Fit {
 
   // The search (fit.cpp)
   /// The frames, and whether what was measured can be of this machine.
-  Status place_rows();
+  void place_rows();
   /// The unknowns, where they begin, and which of them are asked for.
   Status start();
   /// What is known before anything is measured: of parameters the priors that were stated, else the default ones, whose

@@ -80,9 +80,8 @@ void look_at_coordinates(const Points& drawing, const Points& measured, bool any
 
 }  // namespace
 
-std::string mixed_up(const AnyMachine& nominal, const std::vector<Measurement>& rows,
-                     const CalibrationOptions& options) {
-  constexpr double kCloser = 0.1;
+std::string mixed_up(const AnyMachine& nominal, const std::vector<Measurement>& rows, const CalibrationOptions& options,
+                     double closer) {
   const Readings readings = coordinates_in(rows);
   const auto n = readings.measured.cols();
   if (n < 4) return {};
@@ -112,7 +111,7 @@ std::string mixed_up(const AnyMachine& nominal, const std::vector<Measurement>& 
       if (const auto points = drawn([&](JointVector& q) { std::swap(q[i], q[j]); }))
         best.look(apart(*points, readings.measured, any_frame), fmt::format("q{} and q{} exchanged", i + 1, j + 1));
   }
-  if (!(best.least < kCloser * before)) return {};
+  if (!(closer * best.least < before)) return {};
   return std::isfinite(before)
              ? fmt::format("with {} the readings would be {:.2g} mm from the drawing; as they are, {:.2g} mm",
                            best.what, 1e3 * best.least, 1e3 * before)

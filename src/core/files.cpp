@@ -151,15 +151,19 @@ int write_all(int fd, std::string_view bytes) {
   return 0;
 }
 
-/// Errors by errno's codes; EFBIG where there is more than kMostBytes, as /dev/zero has. Ends where `take` says no.
+/// Errors by errno's codes; EFBIG where there is more than a gigabyte, or more than 64 MB of a device, as /dev/zero has.
+/// Ends where `take` says no.
 template <class Take>
 int read_all(int fd, Take&& take) {
-  constexpr std::size_t kMostBytes = std::size_t{1} << 30;
+  std::size_t most = std::size_t{1} << 30;
   struct stat info {};
-  if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size > static_cast<off_t>(kMostBytes)) return EFBIG;
+  if (::fstat(fd, &info) == 0) {
+    if (S_ISREG(info.st_mode) && info.st_size > static_cast<off_t>(most)) return EFBIG;
+    if (S_ISCHR(info.st_mode)) most >>= 4U;
+  }
   std::array<char, 1 << 16> buffer;
   std::size_t bytes = 0;
-  while (bytes <= kMostBytes) {
+  while (bytes <= most) {
     const ssize_t n = ::read(fd, buffer.data(), buffer.size());
     if (n == 0) return 0;
     if (n > 0) {

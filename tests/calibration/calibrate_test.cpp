@@ -462,7 +462,10 @@ TEST(Calibrate, HopelessResidualsAreRefused) {
   const AnyMachine lola = named("lola50");
   auto rows = measured(lola, off(lola), Kind::point, 70, kNoise);
   for (Measurement& row : rows) std::swap(row.X_SR.p.x(), row.X_SR.p.y());
-  EXPECT_EQ(calibrate(lola, rows).error().id, "CA118");
+  const auto swapped = calibrate(lola, rows);
+  ASSERT_FALSE(swapped);
+  EXPECT_EQ(swapped.error().id, "CA119");
+  EXPECT_THAT(swapped.error().hint, HasSubstr("x_mm and y_mm exchanged"));
   const auto elsewhere = measured(lola, off(lola), Kind::point, 70, kNoise, 3, [](SimulationOptions& s) {
     s.X_SM = {rotation_z(0.5), Vec3(1, -0.5, 0.3)};
   });
