@@ -147,7 +147,10 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
         fmt::print("             {} rad, {:.3g} rad from the linear error\n", rad(turned), clean(turned_apart));
       }
     } else {
-      fmt::print("exactly      the erroneous machine has no pose near this one: it is close to singular\n");
+      fmt::print("exactly      the erroneous machine has no pose near this one: {}\n",
+                 kinematics::joint_count(m) > kinematics::coordinate_count(kinematics::task(m))
+                     ? "it has more legs than freedoms, and with this error they do not agree without strain"
+                     : "it is close to singular");
     }
     return kDone;
   }

@@ -19,7 +19,9 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/twist.hpp"
+#include "polypod/motion/dynamics.hpp"
 #include "polypod/quality/singularity.hpp"
 
 namespace polypod::app {
@@ -173,6 +175,49 @@ std::string home_beyond_limits(const machine::AnyMachine& m) {
   return result.reachable() != nullptr ? "" : kinematics::reason_of(m, result);
 }
 
+/// The masses of the machine's file, a row a part; null where it has none. Errors: those of the table `dynamics`.
+Result<Json> masses_json(const machine::AnyMachine& m, const std::string& file) {
+  if (files::is_standard_input(file) || !motion::no_dynamics(m).empty()) return Json();
+  POLYPOD_ASSIGN(read, motion::read_dynamics(file, m));
+  if (!read) return Json();
+  Json out = Json::array();
+  const auto add = [&](const std::string& part, double mass) {
+    if (mass > 0) out.push_back({{"part", part}, {"mass_kg", mass}});
+  };
+  const auto body = [&](const std::string& part, const std::optional<motion::Body>& of) {
+    if (of) add(part, of->mass);
+  };
+  body("platform", read->platform);
+  body("payload", read->payload);
+  for (std::size_t i = 0; i < read->links.size(); ++i) body(fmt::format("link {}", i + 1), read->links[i]);
+  add("strut, half at the base", read->strut_fixed);
+  add("strut, half at the platform", read->strut_moving);
+  add("rod", read->rod);
+  add("slider", read->slider);
+  add("arm", read->arm);
+  return out;
+}
+
+Json compliances_json(const machine::AnyMachine& m) {
+  constexpr double kMicro = 1e6;
+  Json out = Json::array();
+  for (const machine::Element& e : kinematics::elements(m))
+    out.push_back({{"element", e.name},
+                   {"compliance", e.turns ? kMicro * e.compliance : units::to_um_per_N(e.compliance)},
+                   {"unit", e.turns ? "urad/Nm" : "um/N"}});
+  return out;
+}
+void print_compliances(const Json& compliances) {
+  if (std::all_of(compliances.begin(), compliances.end(), [](const Json& c) { return c["compliance"] == 0.0; })) {
+    fmt::print("\nno compliances: it is rigid\n");
+    return;
+  }
+  fmt::print("\ncompliances\n");
+  for (const Json& c : compliances)
+    fmt::print("  {:<26} {:>14.10g} {}\n", one_line(c["element"].get<std::string>()), c["compliance"].get<double>(),
+               c["unit"].get<std::string>());
+}
+
 }  // namespace
 
 Command info_command() {
@@ -203,7 +248,10 @@ Command info_command() {
                           {"degrees_of_freedom", kinematics::degrees_of_freedom(m)},
                           {"joints", joint_ranges_json(m)},
                           {"parameters", parameters},
+                          {"compliances", compliances_json(m)},
                           {"provenance", machine::provenance_of(m)}};
+            POLYPOD_ASSIGN(masses, masses_json(m, o->machine));
+            document["masses"] = masses;
             const std::optional<machine::Mobility> count = kinematics::mobility(m);
             if (count) {
               document["mobility"] = {{"members", count->members},   {"joints", count->joints},
@@ -236,6 +284,10 @@ Command info_command() {
             fmt::print("\nparameters\n");
             for (const auto& [key, value] : parameters.items())
               fmt::print("  {:<26} {:>14.10g}\n", key, value.get<double>());
+            print_compliances(document["compliances"]);
+            if (!masses.empty()) fmt::print("\nmasses\n");
+            for (const Json& mass : masses)
+              fmt::print("  {:<28} {:>12.10g} kg\n", mass["part"].get<std::string>(), mass["mass_kg"].get<double>());
             const auto sources = machine::provenance_of(m);
             if (!sources.empty()) fmt::print("\nsources\n");
             for (const auto& [key, text] : sources) fmt::print("  {}: {}\n", one_line(key), one_line(text));
@@ -472,11 +524,11 @@ Command jacobian_command() {
                 : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
         constexpr double kBeyondDouble = 1e15;
         const char* determinant_name = serial && J.cols() > square.rows() ? "sqrt(det(J J^T))" : "determinant";
-        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\n{} {:.6g}\n",
+        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\n{} {:.6g}{}\n",
                    d.condition < kBeyondDouble ? fmt::format("{:.4f}", d.condition) : "infinite", d.sigma_min,
                    serial ? " m/rad" : "",
                    serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,
-                   determinant_name, d.determinant);
+                   determinant_name, d.determinant, serial ? "" : " of the inverse of this matrix");
         return kDone;
       }};
 }

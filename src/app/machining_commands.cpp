@@ -199,6 +199,7 @@ Command predict_command() {
           page.within = within && collision.has_value();
           page.collides = !collision;
           page.with_vibration = o->vibration.counts;
+          page.weight = o->weight.in_words();
           page.at_rest = o->at_rest;
           if (!collision) page.against.push_back(to_string(collision.error()));
           if (const std::string why = o->vibration.against(in.job, p); !why.empty()) page.against.push_back(why);
@@ -453,6 +454,7 @@ Command correct_command() {
         if (writes) POLYPOD_TRY(together.add(o->output, c.text()));
         if (!o->report.empty()) {
           pages::CorrectionPageOptions page;
+          page.weight = o->weight.in_words();
           page.version = POLYPOD_VERSION;
           page.output = writes ? o->output : "";
           page.method = options.method;

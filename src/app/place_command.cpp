@@ -16,6 +16,7 @@
 #include "polypod/machining/place.hpp"
 #include "polypod/pages/place.hpp"
 #include "stages_line.hpp"
+#include "weight_output.hpp"
 
 namespace polypod::app {
 namespace {
@@ -68,8 +69,9 @@ constexpr const char* kNotJudged =
     "collisions of machine, tool and part with table and fixture are not judged, nor how the part can be clamped";
 
 /// What was not judged, and how a program was with blocks that begin with /.
-std::vector<std::string> notes_of(const Input& in) {
+std::vector<std::string> notes_of(const Input& in, const WeightQuestion& weight) {
   std::vector<std::string> out{kNotJudged};
+  if (const auto said = weight.note()) out.push_back(*said);
   if (machine::limits_are_assumed(in.job.machine))
     out.push_back(fmt::format("limits of the joints are not judged: {}", machine::kAssumedLimits));
   if (in.other) {
@@ -163,7 +165,8 @@ void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
 
 Command place_command() {
   struct Options {
-    std::string program, job, report;
+    std::string program, job, report, dynamics;
+    WeightQuestion weight;
     std::vector<std::string> measured;
     std::array<std::string, 3> box;
     std::string turn;
@@ -190,6 +193,9 @@ Command place_command() {
         a.option("--rotations", o->rotations, {2, 360}, "Rotations in the first grid (default: 12)");
         a.option("--threads", o->threads, {0, 1024}, "How many threads; the result is the same (default: all)");
         a.option("--report", o->report, "An HTML page with the maps");
+        a.option("--dynamics", o->dynamics,
+                 "A file with the table `dynamics`: masses (default: that of the machine file)");
+        o->weight.declare(a);
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
       },
       [o](const Context& context) -> Result<int> {
@@ -206,8 +212,10 @@ Command place_command() {
         }
         std::vector<std::string> inputs = o->measured;
         inputs.insert(inputs.end(), {o->program, o->job});
+        if (!o->dynamics.empty()) inputs.push_back(o->dynamics);
         POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
         options.resolution = o->resolution;
         options.rotations = o->rotations;
         options.threads = o->threads;
@@ -222,10 +230,11 @@ Command place_command() {
           POLYPOD_TRY(files::write_whole(
               o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));
         }
+        const std::vector<std::string> notes = notes_of(in, o->weight);
         if (context.json) {
-          print_json(answer_json(result, notes_of(in)));
+          print_json(answer_json(result, notes));
         } else {
-          print_answer(result, notes_of(in));
+          print_answer(result, notes);
           if (!o->report.empty() && result.best) fmt::print("wrote {}\n", one_line(o->report));
         }
         return result.best ? kDone : kAnswerIsNo;

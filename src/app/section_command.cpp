@@ -12,6 +12,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "survey_options.hpp"
 
 namespace polypod::app {
@@ -81,7 +82,7 @@ Command section_command() {
             const SingularNote singular(m, context);
             options.progress = nullptr;
             workspace::FieldOptions field_options;
-            field_options.tilt = kinematics::task(m).turns();
+            field_options.tilt = workspace::tilts(kinematics::task(m));
             field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
             POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);

@@ -13,20 +13,25 @@ using units::to_mm, units::to_um;
 
 void WeightQuestion::declare(Arguments& a) {
   a.flag("--gravity", counts,
-         "Count the deflection by the machine's own weight, against that at the origin of the workpiece (default: its "
-         "size stands beside the answer)");
+         "Count the deflection by the machine's own weight, against that at the origin of the workpiece (default: "
+         "it is named beside the answer)");
 }
 
 Status WeightQuestion::prepare(machining::Job& job, const std::string& dynamics, const Context& context) {
   POLYPOD_ASSIGN(masses, masses_of_job(job, dynamics, context));
   why_not_ = masses.why_not;
-  if (masses.dynamics && !statics::has_compliance(job.machine))
+  std::string hint = "give masses in the machine file or by --dynamics (docs/motion.md)";
+  if (masses.dynamics && !statics::has_compliance(job.machine)) {
     why_not_ = "the parts of the machine have no compliances";
+    hint = "give the machine its compliances (docs/machine-files.md)";
+  } else if (masses.dynamics && machining::total_mass(*masses.dynamics) == 0) {
+    why_not_ = "all masses are 0";
+  }
   if (!why_not_.empty()) {
     if (!counts) return {};
-    return fail("AP283", "--gravity cannot be counted: " + why_not_, {},
-                "give masses in the machine file or by --dynamics (docs/motion.md), or leave --gravity out");
+    return fail("AP283", "--gravity cannot be counted: " + why_not_, {}, hint + ", or leave --gravity out");
   }
+  tilted_ = job.tool_frame.tilted;
   masses_ = std::make_shared<motion::Dynamics>(std::move(*masses.dynamics));
   if (counts) job.weights = masses_;
   return {};
@@ -44,6 +49,12 @@ Status WeightQuestion::answer(const machining::Job& job, const machining::Predic
   return {};
 }
 
+std::optional<std::string> WeightQuestion::note() const {
+  if (!masses_) return std::nullopt;
+  return counts ? "the weight of the machine counts, against that at the origin of the workpiece"
+                : "the weight of the machine is not counted (--gravity counts it)";
+}
+
 void WeightQuestion::add_to(Json& document) const {
   if (!found_) {
     document["weight"] = {{"judged", false}, {"counted", false}, {"why_not", why_not_}};
@@ -56,6 +67,17 @@ void WeightQuestion::add_to(Json& document) const {
                         {"at_origin_um", to_um(found_->at_origin)}};
 }
 
+std::string WeightQuestion::in_words() const {
+  if (!masses_) return "";
+  if (!found_) return "What the weight of the machine does is not judged: " + why_not_ + ".";
+  const Vec3 place = found_->place * units::kMmPerMetre;
+  return fmt::format(
+      "The weight of the machine deflects the tip by {:.0f} um at the origin of the workpiece, with the tool as in the "
+      "cuts; on the cuts this differs by up to {:.1f} um (x {:.1f} y {:.1f} z {:.1f} mm), {}.",
+      to_um(found_->at_origin), to_um(found_->largest), place.x(), place.y(), place.z(),
+      counts ? "counted" : "not counted in the answer (--gravity counts it)");
+}
+
 void WeightQuestion::print() const {
   if (!masses_) return;
   if (!found_) {
@@ -64,10 +86,10 @@ void WeightQuestion::print() const {
   }
   const Vec3 place = found_->place * units::kMmPerMetre;
   fmt::print(
-      "weight         of the machine deflects the tip by {:.0f} um at the origin of the workpiece; on the cuts this "
+      "weight         of the machine deflects the tip by {:.0f} um at the origin of the workpiece{}; on the cuts this "
       "differs by up to {:.1f} um (x {:.1f} y {:.1f} z {:.1f} mm), {}\n",
-      to_um(found_->at_origin), to_um(found_->largest), place.x(), place.y(), place.z(),
-      counts ? "counted" : "not counted in the answer (--gravity counts it)");
+      to_um(found_->at_origin), tilted_ ? ", touched off with the tool as in the cuts" : "", to_um(found_->largest),
+      place.x(), place.y(), place.z(), counts ? "counted" : "not counted in the answer (--gravity counts it)");
 }
 
 }  // namespace polypod::app

@@ -22,6 +22,10 @@ class WeightQuestion {
   /// After the prediction, where there are masses. Errors: those of machining::weight_on_cuts where the weight counts.
   Status answer(const machining::Job& job, const machining::Prediction& prediction);
 
+  /// For commands that predict at many places: a line of whether it counts; nothing where there are no masses.
+  [[nodiscard]] std::optional<std::string> note() const;
+  /// A sentence for a page; empty where there are no masses.
+  [[nodiscard]] std::string in_words() const;
   void add_to(Json& document) const;
   /// Nothing where there are no masses.
   void print() const;
@@ -30,6 +34,7 @@ class WeightQuestion {
   std::shared_ptr<const motion::Dynamics> masses_;
   std::optional<machining::WeightOnCuts> found_;
   std::string why_not_;
+  bool tilted_ = false;
 };
 
 }  // namespace polypod::app

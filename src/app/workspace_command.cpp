@@ -263,10 +263,13 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
   return held ? kDone : kAnswerIsNo;
 }
 
-/// What lies beyond singular poses, in a sentence; empty where a sample saw nothing. `places`: the task holds x, y, z.
-std::string beyond_note(const workspace::BeyondSingular& beyond, bool places) {
+/// What lies beyond singular poses, in a sentence; empty where a sample saw nothing.
+std::string beyond_note(const machine::AnyMachine& m, const workspace::BeyondSingular& beyond) {
+  const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
   return beyond_text(beyond, "points drawn from it", "The volume includes",
-                     places ? "limits.z_min_mm" : "leg[1].max_mm");
+                     kinematics::task(m).holds(machine::Coordinate::z) ? "limits.z_min_mm"
+                     : turns                                           ? "leg[1].max_deg"
+                                                                       : "leg[1].max_mm");
 }
 
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
@@ -295,7 +298,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     fmt::print(
         "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
         "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n{}",
-        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_note(beyond, false));
+        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_note(m, beyond));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }
@@ -364,7 +367,7 @@ Command workspace_command() {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
               fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
-              fmt::print("{}", beyond_note(beyond, true));
+              fmt::print("{}", beyond_note(m, beyond));
               if (!o->largest.empty()) {
                 const Vec3 sides = 2 * shape.half * units::kMmPerMetre;
                 const Figures mm(sides.minCoeff(), 1);

@@ -2,6 +2,7 @@
 #include "polypod/core/parallel.hpp"
 
 #include <tbb/blocked_range.h>
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -13,7 +14,9 @@ bool for_each_in_rounds(std::size_t count, const ParallelOptions& options, const
                         std::size_t grain) {
   constexpr std::size_t kLeastRound = 256;
   const std::size_t round = std::max(kLeastRound, count / 100 + 1);
-  tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
+  // More threads than cores serve nobody, and TBB says so on stderr.
+  const int cores = tbb::info::default_concurrency();
+  tbb::task_arena arena(options.threads > 0 ? std::min(options.threads, cores) : cores);
   for (std::size_t first = 0; first < count; first += round) {
     if (options.cancelled && options.cancelled()) return false;
     const std::size_t end = std::min(count, first + round);

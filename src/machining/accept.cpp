@@ -232,16 +232,18 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
                     const std::function<bool(double)>& progress, FollowedAnyway* anyway) {
   CheckOptions options;
   options.progress = progress;
-  options.limits.joint_speeds = job.joint_speeds;  // with them a joint that hurries is none that jumps
+  options.limits = motion_limits(job);  // with them a joint that hurries is none that jumps
   POLYPOD_ASSIGN(checked, check(job.machine, job.X_MW, program, interpretation, options));
   std::optional<CheckProblem> first;
   std::set<int> lines;
-  LinesFollowed singular, fast;
+  LinesFollowed singular, fast, hard;
   for (const CheckProblem& problem : checked.problems) {
     if (problem.kind == "singular" && problem.held) {
       singular.add(problem);
     } else if (problem.kind == "speed") {
       fast.add(problem);
+    } else if (problem.kind == "acceleration") {
+      hard.add(problem);
     } else {
       if (!first) first = problem;
       lines.insert(problem.line);
@@ -252,7 +254,9 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
       singular.note("a singular pose, which the machine reaches; what its joints must do there is not judged here",
                     anyway->notes);
       fast.note("too fast for a joint, which is not judged here", anyway->notes);
+      hard.note("more acceleration than a joint has, which is not judged here", anyway->notes);
       anyway->too_fast = fast.first();
+      anyway->too_hard = hard.first();
     }
     return {};
   }

@@ -22,10 +22,10 @@ constexpr std::size_t kLargestSecondStock = 200'000'000;
 constexpr std::size_t kPointsOfABall = 60;
 
 /// What is to be corrected of a deflection: on a plunge not what is held back.
-Vec3 to_correct(const gcode::Move& move, const Vec3& deflection, const Vec3& axis) {
-  if (!is_plunge(move, axis)) return deflection;
+Vec3 to_correct(const gcode::Move& move, const Sample& sample, const Vec3& axis) {
+  if (!is_plunge(move, axis)) return sample.deflection;
   const Vec3 d = move.direction(0);
-  return deflection - d * d.dot(deflection);
+  return sample.deflection - d * d.dot(sample.deflection - sample.weight);
 }
 
 }  // namespace
@@ -46,6 +46,10 @@ void Corrector::scale_feeds(const std::vector<bool>& which, double factor) {
   }
 }
 
+Vec3 Corrector::weight_at(const Vec3& p_W) const {
+  return weight_ ? weight_->at(p_W).value_or(Vec3::Zero()) : Vec3::Zero();
+}
+
 double Corrector::check_step() const {
   return std::min(job_.step, kCheckStep);
 }
@@ -54,6 +58,10 @@ Result<Correction> Corrector::run() {
   out_.tolerance = job_.tolerance;
   out_.lines_in = program_.blocks.size();
   out_.programmed = moves_;
+  if (job_.weights) {
+    POLYPOD_ASSIGN(weight, WeightDeflection::of(job_, job_.weights));
+    weight_.emplace(std::move(weight));
+  }
   POLYPOD_TRY(predict_and_find());
   fit_.assign(moves_.size(), options_.fit_share * job_.tolerance);
   choose_moves();
@@ -191,9 +199,13 @@ Status Corrector::find_deflections(cutting::Stock& scratch, const std::function<
   pass.bend = options_.method == CorrectMethod::mirror ? Bend::at_rest : Bend::corrected;
   pass.step = sample_step_;
   pass.progress = report;
+  int at = -1;
+  bool beside = false;
   const auto visit = [&](const Sample& sample) {
     const auto i = static_cast<std::size_t>(sample.move);
-    deflections_.add(i, sample.s, to_correct(moves_[i], sample.deflection, job.tool_frame.axis()), sample.cutting);
+    if (sample.move != std::exchange(at, sample.move)) beside = job.weights && meets_stock(job, moves_[i]);
+    // The weight of the machine acts in the air as well, and would sink the tool into what was cut before.
+    deflections_.add(i, sample.s, to_correct(moves_[i], sample, job.tool_frame.axis()), sample.cutting || beside);
   };
   POLYPOD_ASSIGN(result, run_pass(job, program_, way.commanded(), scratch, pass, visit));
   return no_rapid_cuts(job_, program_, result);
@@ -208,7 +220,8 @@ void Corrector::choose_moves() {
   frozen_.assign(moves_.size(), false);
   for (std::size_t i = 0; i < moves_.size(); ++i) {
     if (!deflections_.cuts(i)) continue;
-    rewritten_[i] = options_.method == CorrectMethod::mirror || before_[i] > inside();
+    rewritten_[i] = options_.method == CorrectMethod::mirror || before_[i] > inside() ||
+                    (job_.weights && deflections_.largest(i) > inside());
   }
   spread_choice();
 }
@@ -266,9 +279,12 @@ void Corrector::plan(std::size_t i, Vec3& stands, Deflections& d, Plan& plan) co
     last = move.end - d.delta.back();
     release = !next_too;  // let the load go on the spot before the tool leaves
   }
-  stands = release ? move.end : last;
+  // Without the load of the cut the tool still yields to the weight of the machine.
+  const Vec3 free = move.end - weight_at(move.end);
+  if (release && job_.weights && (last - free).norm() <= shared(i + 1, i, 1)) release = false;
+  stands = release ? free : last;
   for (Piece& piece : pieces_of(i, d, first, last)) plan.push_back(std::move(piece));
-  if (release) plan.push_back({move.end, true, {}});
+  if (release) plan.push_back({free, true, {}});
 }
 
 Status Corrector::check() {

@@ -15,6 +15,7 @@
 #include "polypod/gcode/writer.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/correct.hpp"
+#include "polypod/machining/weights.hpp"
 #include "way.hpp"
 
 namespace polypod::machining {
@@ -116,6 +117,9 @@ class Corrector {
   /// Up to which jump move `of` shares the corner before the move of number `corner`, m. To save a short block it goes
   /// beyond `jump`, as far as the tube may hold it: so much a side of it, in shares of the tolerance.
   [[nodiscard]] double shared(std::size_t corner, std::size_t of, double sides) const;
+
+  /// What the weight of the machine does to a tool that is commanded there, m, in W; 0 where it does not count.
+  [[nodiscard]] Vec3 weight_at(const Vec3& p_W) const;
 
   [[nodiscard]] Plan pieces_of(std::size_t i, const Deflections& d, const Vec3& first, const Vec3& last) const;
 
@@ -290,7 +294,9 @@ class Corrector {
   Aside* reach_ = nullptr;
   const FollowedAnyway* as_programmed_ = nullptr;
   FollowedAnyway as_written_;
+  std::string too_fast_at_other_switch_;  ///< once corrected, and not as programmed; empty: none
   const Prediction* known_before_ = nullptr;
+  mutable std::optional<WeightDeflection> weight_;  // keeps what it has computed
   DeflectionsOfMoves deflections_;
   double sample_step_ = job_.step;
   // Pieces of a ball that are shorter than the way ahead which is looked at end in corners of their own.

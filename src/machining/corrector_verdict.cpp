@@ -92,6 +92,13 @@ Status Corrector::judge_other_switch() {
   if (!programmed) return here(programmed.error());
   POLYPOD_ASSIGN(position, OtherPosition::of(job_, program_, *programmed, {}));
   POLYPOD_ASSIGN(written, gcode::interpret(out_.program, options));
+  FollowedAnyway programmed_anyway, written_anyway;
+  POLYPOD_TRY(accept_reach(job_, program_, *programmed, {}, &programmed_anyway));
+  if (Status follows = accept_reach(job_, named_, written, {}, &written_anyway); !follows) {
+    follows.error().message = "once corrected, " + follows.error().message;
+    return here(follows.error());
+  }
+  too_fast_at_other_switch_ = written_anyway.beyond(programmed_anyway);
   const LongVector<gcode::Move>& moves = position.moves();
   const LongVector<int> move_of_block = moves_by_block(moves);
   const Way as_it_was = way_as_programmed(program_, moves);
@@ -178,14 +185,15 @@ void Corrector::decide() {
       out_.reason += kept_free(at.distance_after);
     }
   }
-  const bool made_too_fast =
-      as_programmed_ != nullptr && as_programmed_->too_fast.empty() && !as_written_.too_fast.empty();
-  if (out_.within_tolerance && made_too_fast) {
+  std::string beyond = as_programmed_ != nullptr ? as_written_.beyond(*as_programmed_) : "";
+  if (beyond.empty() && !too_fast_at_other_switch_.empty())
+    beyond = fmt::format("{} (with block delete {})", too_fast_at_other_switch_,
+                         out_.other_switch->block_delete ? "on" : "off");
+  if (out_.within_tolerance && !beyond.empty()) {
     out_.within_tolerance = false;
     out_.joint_too_fast = true;
     warning_ = "a joint is TOO FAST here, and is not in the original";
-    out_.reason =
-        "a joint of the corrected program would be too fast, which it is not as programmed: " + as_written_.too_fast;
+    out_.reason = "a joint of the corrected program would be too fast, which it is not as programmed: " + beyond;
     out_.remedies = {
         "that feed in the program, or the part at a place where the machine is not near a singular pose "
         "(polypod place)"};

@@ -2,6 +2,7 @@
 // The fewest blocks that stand for a corrected move: lines for a line, arcs for an arc.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -35,6 +36,12 @@ class DeflectionsOfMoves {
     delta_.push_back(delta);
   }
   [[nodiscard]] bool cuts(std::size_t move) const { return of_[move].cuts; }
+  /// The largest deflection on a move, m; 0 where there is no sample.
+  [[nodiscard]] double largest(std::size_t move) const {
+    double out = 0;
+    for (std::size_t k = 0; k < of_[move].count; ++k) out = std::max(out, delta_[of_[move].first + k].norm());
+    return out;
+  }
   [[nodiscard]] Vec3 at_start(std::size_t move) const { return delta_[of_[move].first]; }
   [[nodiscard]] Vec3 at_end(std::size_t move) const { return delta_[of_[move].first + of_[move].count - 1]; }
   void get(std::size_t move, Deflections& out) const {

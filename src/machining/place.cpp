@@ -20,6 +20,7 @@
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "polypod/motion/dynamics.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {
@@ -204,7 +205,7 @@ class Search {
     auto prediction = predict(moved, program_, interpretation_, options);
     if (!prediction) {
       const std::string& id = prediction.error().id;
-      if (id == "MC210" || id == "MC211") return std::nullopt;
+      if (id == "MC210" || id == "MC211" || id == "MC212") return std::nullopt;
       return tl::unexpected(prediction.error());
     }
     return std::move(*prediction);
@@ -272,10 +273,22 @@ class Search {
     const Pose X_MW = at.pose();
     out.fit = look(job_.machine, poses_, X_MW, &out.margin);
     if (out.fit != PlaceFit::fits) return out;
-    statics::Probe probe(job_.machine, tool_orientation(job_.machine, X_MW, Vec3::Zero()));
+    const Mat3 R = tool_orientation(job_.machine, X_MW, Vec3::Zero());
+    statics::Probe probe(job_.machine, R);
+    // How far the weight of the machine deflects the tip where the probe stands.
+    const auto by_weight = [&](const Vec3& p) -> Vec3 {
+      if (!job_.weights) return Vec3::Zero();
+      const Pose X = kinematics::settled(job_.machine, Pose{R, p}, probe.joints());
+      return motion::weight_twist(job_.machine, *job_.weights, X, probe.joints()).head<3>();
+    };
+    Mat3 C;
+    if (job_.weights && !probe.at(X_MW.p, C)) {  // where it would be taken as known
+      out.fit = PlaceFit::limit;
+      return out;
+    }
+    const Vec3 at_origin = by_weight(X_MW.p);
     for (const Cut& cut : cuts_) {
       const Vec3 p = X_MW * cut.p, F = X_MW.R * cut.force, n = X_MW.R * cut.away;
-      Mat3 C;
       if (!probe.at(p, C)) {
         out.fit = PlaceFit::limit;
         return out;
@@ -287,7 +300,7 @@ class Search {
         }
         C = job_.measured->map.at(p);
       }
-      out.error = std::max(out.error, std::abs(n.dot(C * F)));
+      out.error = std::max(out.error, std::abs(n.dot(C * F + by_weight(p) - at_origin)));
       out.compliance = std::max(out.compliance, n.dot(C * n));
     }
     return out;

@@ -33,7 +33,7 @@ void HeldBack::see(std::size_t i, const Sample& sample) {
   if (move.length() - move.nearest(sample.command) > std::max(ahead, 1.01 * step_)) return;
   const Vec3 d = move.direction(0), off = sample.bent() - move.end;
   End& end = ends_[i];
-  end.held_back = std::max(end.held_back, -d.dot(sample.deflection));
+  end.held_back = std::max(end.held_back, -d.dot(sample.deflection - sample.weight));
   end.aside = std::max(end.aside, (off - d * d.dot(off)).norm());
 }
 

@@ -493,7 +493,8 @@ Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassRe
       fmt::format("this rapid move (G0) goes through {} mm3 of material{}", volume_in_words(worst->volume),
                   others > 1 ? fmt::format(", and {} others through some", others - 1) : ""),
       Place{program.path, program.blocks[static_cast<std::size_t>(worst->block)].line, 1},
-      fmt::format("retract first, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
+      fmt::format("{}, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
+                  job.weights ? "retract first, farther than the weight of the machine deflects it" : "retract first",
                   units::to_mm3(job.rapid_volume)));
 }
 
@@ -597,11 +598,23 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   Sides sides(programmed.size());
   SteepPlaces steep(job, way);
   HeldBack held_back(job, way, options.step > 0 ? options.step : job.step);
+  // Where the tool stands in the end: after the move that takes the load off, and where it does not go on cutting.
+  const auto ends_plunge = [&](std::size_t c, std::size_t i, const Sample& sample) {
+    return is_plunge(programmed[i], axis) && sample.s >= commanded[c].length() &&
+           (c + 1 == commanded.size() || commanded[c + 1].kind == gcode::MoveKind::rapid);
+  };
   const auto visit = [&](const Sample& sample) {
     const auto c = static_cast<std::size_t>(sample.move);
     const auto i = static_cast<std::size_t>(source(c));
     const Vec3 bent = sample.bent();
     ends.pass(i, bent);
+    if (job.weights && index[i] >= 0 && ends_plunge(c, i, sample)) {
+      // The thrust goes in the dwell, the weight of the machine stays.
+      const double off = (sample.command + sample.weight - programmed[i].end).norm();
+      entry(i).largest_distance = std::max(entry(i).largest_distance, off);
+      out.commanded_distance[c] = std::max(out.commanded_distance[c], off);
+      out.largest_distance = std::max(out.largest_distance, off);
+    }
     if (!sample.cutting) {
       if (options.keep_samples) out.samples.push_back(sample);
       return;

@@ -211,11 +211,13 @@ class Pass {
     Sample out = sample;
     if (weight_) {
       out.command = command_of(sample);
-      out.deflection += sample.command - out.command;
-      out.without_chips += sample.command - out.command;
+      out.weight = sample.command - out.command;
+      out.deflection += out.weight;
+      out.without_chips += out.weight;
     }
     out.command = frame_.to_W(out.command);
     out.deflection = frame_.to_W(out.deflection);
+    out.weight = frame_.to_W(out.weight);
     out.without_chips = frame_.to_W(out.without_chips);
     out.force = frame_.to_W(sample.force);
     out.away = frame_.to_W(sample.away);
@@ -500,6 +502,13 @@ class Pass {
     }
     if (!(profile_.max_depth > kNoCut) && !footprint_.any) {
       deflection_.setZero();
+      if (weight_ && options_.bend != Bend::corrected) {
+        const Vec3 meant = frame_.to_S(&followed != &move ? followed.point(followed.nearest(p_W)) : p_W);
+        meet(meant - d * beyond, tool, d, feed, ahead, vertical);
+        if (!tool.ball) meet_below(index, s, length, meant, d, feed, radius);
+        sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
+        if (sample.cutting) describe(sample);
+      }
       return {};
     }
     POLYPOD_TRY(may_cut(move));
@@ -649,7 +658,10 @@ class Pass {
                           "stock, but the flute length of the cutter is {:.3f} mm",
                           depth, units::to_mm(under), flutes)
             : fmt::format("the cut is {:.3f} mm deep, but the flute length of the cutter is {:.3f} mm", depth, flutes),
-        place(move), "check the heights of the stock, the depth of the program and the cutter's length_mm");
+        place(move),
+        weight_ ? "the weight of the machine counts: check the masses, the heights of the stock, the depth of the "
+                  "program and the cutter's length_mm"
+                : "check the heights of the stock, the depth of the program and the cutter's length_mm");
   }
 
   Status may_cut(const gcode::Move& move) const {

@@ -559,8 +559,10 @@ class Page {
                     "and geometric errors are left out.",
                     job_.measured ? "The machine deflects as it did where it was measured, in proportion to the force."
                                   : "Only the joints (or legs) deflect, in proportion to their load.",
-                    job_.weights ? "" : "weight, "));
-    if (job_.weights) {
+                    job_.weights || !options_.weight.empty() ? "" : "weight, "));
+    if (!options_.weight.empty()) {
+      items.push_back(with_sign(options_.weight));
+    } else if (job_.weights) {
       items.emplace_back(
           "The machine's own weight counts, against that at the origin of the workpiece, where the part was touched "
           "off.");

@@ -60,9 +60,11 @@ void answer(report::Report& report, const Job& job, const Prediction& p, const P
       "cuts, below zero it gouges. The distance is taken in space, to the programmed move with both its ends.");
   report.add_text(fmt::format(
       "This answers for static deflection under the mean cutting force{} and for the controller's corners alone: not "
-      "for collisions of tool, holder and machine, {}not for geometric errors of the machine.",
+      "for collisions of tool, holder and machine, {}{}and not for geometric errors of the machine.",
       options.with_vibration ? ", the vibration at tooth passing" : "",
-      options.with_vibration ? "and " : "not for vibration, and "));
+      options.with_vibration ? "" : "not for vibration, ",
+      options.weight.empty() ? "not for the machine's own weight, " : ""));
+  if (!options.weight.empty()) report.add_text(with_sign(options.weight));
   if (options.at_rest)
     report.add_text("The force is that at the commanded point, without the feedback of the deflection on the cut.");
   if (!p.notes.empty()) report.add_list(p.notes);

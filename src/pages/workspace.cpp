@@ -19,6 +19,7 @@
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
 #include "polypod/report/stl.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -448,7 +449,7 @@ class Page {
                 : "Areas are those inside the black line.");
   }
 
-  [[nodiscard]] bool tilts() const { return kinematics::task(machine_).turns(); }
+  [[nodiscard]] bool tilts() const { return workspace::tilts(kinematics::task(machine_)); }
 
   /// A proven volume with few boxes.
   [[nodiscard]] Result<Volume> quick(Options options) const {

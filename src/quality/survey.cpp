@@ -18,6 +18,7 @@
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "singular_inside.hpp"
 
 namespace polypod::quality {
@@ -200,7 +201,9 @@ Pose pose_at(const Survey& survey, std::size_t point, int direction) {
 Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   Survey out;
   out.orientations = workspace::sampled_orientations(options.workspace.directions);
-  if (!kinematics::task(machine).turns()) out.orientations = {Mat3::Identity()};
+  const machine::Task task = kinematics::task(machine);
+  if (task.places()) POLYPOD_TRY(workspace::held_by(task, machine::name_of(machine), options.workspace.directions));
+  if (!task.turns()) out.orientations = {Mat3::Identity()};
   if (options.box) {
     const auto& [low, high] = *options.box;
     if (options.resolution < 2 || options.resolution > 512) {

@@ -292,7 +292,10 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
     return fail("WS107",
                 fmt::format("{} does not hold x, y, z in its task: there is no field over positions",
                             machine::name_of(machine)),
-                {}, "`polypod workspace` measures machines of legs in the coordinates of their task");
+                {},
+                kinematics::task(machine).size() == 3
+                    ? "`polypod workspace` measures machines of legs in the coordinates of their task"
+                    : "ask for single poses: ik, fk, jacobian, singularities, compliance, errors --pose");
   }
   // What is wrong with directions or machine, volume() says before its first box.
   Options probe = options;

@@ -59,15 +59,6 @@ struct Hits {
 
 Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options) {
   const auto begin = std::chrono::steady_clock::now();
-  const Directions& d = options.directions;
-  constexpr std::array<double, 2> kNone{0, 0};
-  const bool tilted = d.tilt != 0 || d.a_range.value_or(kNone) != kNone || d.b_range.value_or(kNone) != kNone;
-  if (tilted && !kinematics::task(machine).turns()) {
-    return fail("WS104",
-                fmt::format("{} cannot choose the tilt of its tool: the task does not contain the angles",
-                            machine::name_of(machine)),
-                {}, "leave out the tilt and the ranges of A and B");
-  }
   if (!kinematics::task(machine).places()) {
     return fail("WS106",
                 fmt::format("{}: no bounds are known for its workspace, and a sample needs x, y, z in the task",

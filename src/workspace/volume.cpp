@@ -13,6 +13,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::workspace {
 namespace {
@@ -49,6 +50,8 @@ Status check(const AnyMachine& machine, const Options& options) {
                                        units::to_deg(low), units::to_deg(high)));
     }
   }
+  const machine::Task task = kinematics::task(machine);
+  if (task.places()) POLYPOD_TRY(held_by(task, machine::name_of(machine), d));
   if (!(options.relative_tolerance >= 1e-6 && options.relative_tolerance <= 1)) {
     return fail("WS101", fmt::format("the relative tolerance {:g} must be 1e-6 to 1", options.relative_tolerance));
   }

@@ -181,7 +181,7 @@ TEST_P(MachinesOfLegs, TakesEveryParameterThatItShows) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Catalogue, MachinesOfLegs,
-                         ::testing::Values("tricept", "pentapod", "tripod-z3", "hexa", "planar-3rrr"),
+                         ::testing::Values("tricept", "exechon", "pentapod", "tripod-z3", "hexa", "planar-3rrr"),
                          [](const auto& machine_name) {
                            std::string name = machine_name.param;
                            for (char& c : name)
@@ -421,6 +421,30 @@ TEST(Tricept, TiltsWithThePositionOfItsTip) {
       const double angle = units::from_deg(90 + 120 * i);
       const Vec3 u(std::cos(angle), std::sin(angle), 0);
       EXPECT_NEAR(q[i], (p + X->R * (0.12 * u - Vec3(0, 0, 0.3)) - 0.27 * u).norm(), 1e-9);
+    }
+  }
+}
+
+/// Struts 1 and 2 lie in a plane through x of the base, turned by a, in which the platform turns by b: R = Rx(a) Ry(b),
+/// its middle Rx(a) (s, 0, h). Strut 3 lies in the plane of y and z of the platform: s = (h + B sin a) tan b, with its
+/// base joint at y = B.
+TEST(Exechon, HasThePlatformOfItsClosedForm) {
+  const AnyMachine m = test::load("exechon");
+  const double B = 0.280, tool = 0.250;
+  for (const double a : {-0.3, -0.1, 0.0, 0.2}) {
+    for (const double b : {-0.25, 0.0, 0.1, 0.3}) {
+      const double h = 0.97, s = (h + B * std::sin(a)) * std::tan(b);
+      const Mat3 R = rotation_x(a) * rotation_y(b);
+      const Vec3 middle = rotation_x(a) * Vec3(s, 0, h);
+      const Pose tip{Mat3::Identity(), middle + tool * R.col(2)};
+      const auto X = kinematics::settled(m, tip);
+      ASSERT_TRUE(X.has_value());
+      EXPECT_LT((X->R - R).norm(), 1e-10);
+      const JointVector q = kinematics::inverse(m, tip).solutions.at(0).joints;
+      const std::array<Vec3, 3> base{Vec3(0.3, 0, 0), Vec3(-0.3, 0, 0), Vec3(0, B, 0)};
+      const std::array<Vec3, 3> joint{Vec3(0.11, 0, 0), Vec3(-0.11, 0, 0), Vec3(0, 0.1, 0)};
+      for (std::size_t i = 0; i < 3; ++i)
+        EXPECT_NEAR(q[static_cast<Eigen::Index>(i)], (middle + R * joint[i] - base[i]).norm(), 1e-10);
     }
   }
 }

@@ -330,6 +330,18 @@ TEST(Check, ACorrectionThatMakesAJointTooFastIsNoYes) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().id, "MC210");
   EXPECT_THAT(refused.error().message, ::testing::StartsWith("once corrected, "));
+  // The other position of block delete is judged as well: there the feed is larger.
+  e.program = testing::unwrap(
+      gcode::parse("G17 G21 G40 G49 G80 G90 G94\nG54\nT1 M6\nS8000 M3\nG0 X0 Y-170 Z10\nG0 Z-1\nF1000\n/F1300\n"
+                   "G1 Y170\nG0 Z10\nM2\n",
+                   "both.ngc"));
+  e.job.tolerance = 60e-6;
+  e.job.block_delete = true;
+  e.interpretation = testing::unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  e.job.joint_speeds = std::vector<double>(6, units::from_deg(4800));  // 4192 and 1.3 times that
+  const machining::Correction both = testing::correct(e);
+  EXPECT_TRUE(both.joint_too_fast) << both.answer();
+  EXPECT_THAT(both.answer(), ::testing::HasSubstr("(with block delete off)"));
 }
 
 }  // namespace

@@ -79,6 +79,9 @@ void expect_bounds_hold(const char* name, workspace::Options options, int count,
 TEST(WorkspaceOfLegs, TriceptHoldsItsSamples) {
   expect_bounds_hold("tricept", {}, 20'000);
 }
+TEST(WorkspaceOfLegs, ExechonHoldsItsSamples) {
+  expect_bounds_hold("exechon", {}, 20'000);
+}
 TEST(WorkspaceOfLegs, PentapodHoldsItsSamples) {
   expect_bounds_hold("pentapod", {}, 20'000);
 }

@@ -41,7 +41,13 @@ Result<Accepted> accept(const Job& job, const gcode::Program& program, const gco
 /// What the machine follows and `check` answers with no all the same.
 struct FollowedAnyway {
   std::vector<std::string> notes;  ///< singular poses that can be reached, joints that are too fast
-  std::string too_fast;            ///< the first place where a joint is; empty: none
+  std::string too_fast, too_hard;  ///< the first place where a joint is, and where it would accelerate so; empty: none
+
+  /// Where this asks of a joint what it may not, and `before` did not; empty: nowhere.
+  [[nodiscard]] std::string beyond(const FollowedAnyway& before) const {
+    if (!too_fast.empty() && before.too_fast.empty()) return too_fast;
+    return before.too_hard.empty() ? too_hard : "";
+  }
 };
 
 /// Whether the machine can follow every move; MC210 with the first line where it cannot and how many others there are.

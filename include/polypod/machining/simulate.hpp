@@ -33,6 +33,7 @@ struct Sample {
   double s = 0;  ///< arc length along the move, m
   Vec3 command = Vec3::Zero();
   Vec3 deflection = Vec3::Zero();  ///< delta; the deflected tip is command + deflection
+  Vec3 weight = Vec3::Zero();      ///< what of it the weight of the machine does, where that counts
   /// At the ends of moves what delta is without chips, by the edges alone: nearly where the controller stops.
   Vec3 without_chips = Vec3::Zero();
   Vec3 force = Vec3::Zero();  ///< mean force on the tool
@@ -42,6 +43,7 @@ struct Sample {
   bool wall_left = false;     ///< only the left side of the cutter meets a wall
   float depth = 0;            ///< largest axial depth of engagement, m
   float entry = 0, exit = 0;  ///< first and last engaged tooth angle, rad
+  /// Takes material, or, by the weight of the machine alone, misses what the program would have it take.
   bool cutting = false;
   /// How the deflected tip was judged against the programmed move, m: filled by predict and correct (see PathError).
   float normal = 0, vertical = 0, distance = 0;

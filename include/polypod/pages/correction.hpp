@@ -15,7 +15,8 @@ struct CorrectionPageOptions {
   std::string command;  ///< the command line that makes this page again; default: left out
   std::string output;   ///< where the corrected program was written; empty: it was not
   machining::CorrectMethod method = machining::CorrectMethod::tube;
-  machining::Uncertainty uncertainty;               ///< of compliances and machine, where their covariances are known
+  std::string weight;                  ///< what the weight of the machine does, a sentence; empty: not known
+  machining::Uncertainty uncertainty;  ///< of compliances and machine, where their covariances are known
   std::optional<machining::Confidence> confidence;  ///< how likely the walls are inside; default: left out
 };
 

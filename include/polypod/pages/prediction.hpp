@@ -16,6 +16,7 @@ struct PredictionPageOptions {
   bool collides = false;             ///< a rapid goes through material: what is left of the stock is not known
   bool with_vibration = false;       ///< the answer counts it
   std::vector<std::string> against;  ///< why it is no yes beside distances and what was not judged, whole sentences
+  std::string weight;                ///< what the weight of the machine does, a sentence; empty: not known
   bool at_rest = false;              ///< predicted without the feedback of the deflection on the cut
 };
 

@@ -367,15 +367,9 @@ class DeltaBounds {
   std::vector<Pair> pairs_;
 };
 
-/// What volume() asks over boxes. Errors: WS104 (a delta cannot tilt its tool).
+/// What volume() asks over boxes.
 template <machine::DeltaFamily M>
 Result<DeltaBounds<M>> bounds_of(const M& m, const Options& options) {
-  const Directions& d = options.directions;
-  constexpr std::array<double, 2> kNone{0, 0};
-  if (d.tilt != 0 || d.a_range.value_or(kNone) != kNone || d.b_range.value_or(kNone) != kNone) {
-    return fail("WS104", fmt::format("{} is a delta and cannot tilt its tool", m.name), {},
-                "leave out the tilt and the ranges of A and B");
-  }
   return DeltaBounds<M>(m, options);
 }
 

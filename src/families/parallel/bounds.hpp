@@ -9,7 +9,7 @@
 
 #include "../../workspace/domain_number.hpp"
 #include "../../workspace/linear.hpp"
-#include "../../workspace/task_directions.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "polypod/families/parallel/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 

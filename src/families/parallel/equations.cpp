@@ -76,6 +76,11 @@ void add_constraint(Rows& rows, const Parallel& m, const PlatformConstraint& c, 
       rows.add(c.base_axis.dot(X.p + arm - c.base), c.base_axis, arm.cross(c.base_axis));
       return;
     }
+    case ConstraintKind::platform_plane: {
+      const Vec3 u = c.base - X.p, normal = X.R * c.platform_axis;
+      rows.add(normal.dot(u) - c.platform_axis.dot(c.platform - m.tool), -normal, normal.cross(u));
+      return;
+    }
     case ConstraintKind::line: {
       const Vec3 u = c.base - X.p, d = X.R.transpose() * u - (c.platform - m.tool);
       for (const Vec3& e : across(c.platform_axis)) {

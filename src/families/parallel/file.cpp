@@ -20,7 +20,7 @@ namespace {
 constexpr double kRankLost = 1e-8;
 
 constexpr std::array<const char*, 4> kDrives{"strut", "rail", "crank", "none"};
-constexpr std::array<const char*, 4> kConstraints{"plane", "line", "square", "orientation"};
+constexpr std::array<const char*, 5> kConstraints{"plane", "platform-plane", "line", "square", "orientation"};
 
 Result<Vec3> point(const config::Table& table, const char* key) {
   POLYPOD_ASSIGN(v, table.numbers(key, 3));
@@ -144,7 +144,7 @@ Result<PlatformConstraint> read_constraint(const config::Table& table) {
   PlatformConstraint c;
   POLYPOD_ASSIGN(kind, one_of(table, "kind", kConstraints));
   c.kind = static_cast<ConstraintKind>(kind);
-  if (c.kind == ConstraintKind::plane || c.kind == ConstraintKind::line) {
+  if (c.has_points()) {
     POLYPOD_ASSIGN(platform, point(table, "platform_mm"));
     POLYPOD_ASSIGN(base, point(table, "base_mm"));
     c.platform = platform;
@@ -154,7 +154,7 @@ Result<PlatformConstraint> read_constraint(const config::Table& table) {
     POLYPOD_ASSIGN(normal, direction(table, "normal"));
     c.base_axis = normal;
   }
-  if (c.kind == ConstraintKind::line) {
+  if (c.kind == ConstraintKind::line || c.kind == ConstraintKind::platform_plane) {
     POLYPOD_ASSIGN(axis, direction(table, "axis"));
     c.platform_axis = axis;
   }
@@ -203,8 +203,8 @@ bool turns_idly(const Parallel& m) {
   for (const PlatformConstraint& c : m.constraints) {
     if (c.kind == ConstraintKind::orientation) return false;
     if (c.kind == ConstraintKind::plane && !on(c.platform)) return false;
-    if (c.kind == ConstraintKind::line && (!on(c.platform) || !along_z(c.platform_axis))) return false;
-    if (c.kind == ConstraintKind::square && !along_z(c.platform_axis)) return false;
+    if (c.kind == ConstraintKind::line && !on(c.platform)) return false;
+    if (c.has_platform_axis() && !along_z(c.platform_axis)) return false;
   }
   return on(m.tool);
 }
@@ -493,12 +493,12 @@ std::vector<Parameter> parameters(const Parallel& m) {
   for (std::size_t k = 0; k < m.constraints.size(); ++k) {
     const PlatformConstraint& c = m.constraints[k];
     const auto key = [&](const char* name) { return fmt::format("constraint.{}[{}]", name, k + 1); };
-    if (c.kind == ConstraintKind::plane || c.kind == ConstraintKind::line) {
+    if (c.has_points()) {
       vector(key("platform"), c.platform, "mm");
       vector(key("base"), c.base, "mm");
     }
-    if (c.kind == ConstraintKind::plane || c.kind == ConstraintKind::square) vector(key("normal"), c.base_axis, "");
-    if (c.kind == ConstraintKind::line || c.kind == ConstraintKind::square) vector(key("axis"), c.platform_axis, "");
+    if (c.has_base_axis()) vector(key("normal"), c.base_axis, "");
+    if (c.has_platform_axis()) vector(key("axis"), c.platform_axis, "");
   }
   vector("tool", m.tool, "mm");
   return out;
@@ -565,11 +565,12 @@ std::string leg_toml(const ParallelLeg& leg) {
 
 std::string constraint_toml(const PlatformConstraint& c) {
   std::string out = fmt::format("\n[[constraint]]\nkind = \"{}\"\n", kConstraints[static_cast<std::size_t>(c.kind)]);
-  if (c.kind == ConstraintKind::plane || c.kind == ConstraintKind::line) {
+  if (c.has_points()) {
     out += fmt::format("platform_mm = {}\nbase_mm = {}\n", list(c.platform, true), list(c.base, true));
   }
   if (c.kind == ConstraintKind::plane) out += fmt::format("normal = {}\n", list(c.base_axis, false));
-  if (c.kind == ConstraintKind::line) out += fmt::format("axis = {}\n", list(c.platform_axis, false));
+  if (c.kind == ConstraintKind::line || c.kind == ConstraintKind::platform_plane)
+    out += fmt::format("axis = {}\n", list(c.platform_axis, false));
   if (c.kind == ConstraintKind::square) {
     out += fmt::format("base_axis = {}\nplatform_axis = {}\n", list(c.base_axis, false), list(c.platform_axis, false));
   }
@@ -617,12 +618,12 @@ Result<Parallel> with_parameters(const Parallel& m, std::span<const double> p) {
     if (leg.two_roots()) number(leg.zero_offset);
   }
   for (PlatformConstraint& c : out.constraints) {
-    if (c.kind == ConstraintKind::plane || c.kind == ConstraintKind::line) {
+    if (c.has_points()) {
       vector(c.platform);
       vector(c.base);
     }
-    if (c.kind == ConstraintKind::plane || c.kind == ConstraintKind::square) vector(c.base_axis);
-    if (c.kind == ConstraintKind::line || c.kind == ConstraintKind::square) vector(c.platform_axis);
+    if (c.has_base_axis()) vector(c.base_axis);
+    if (c.has_platform_axis()) vector(c.platform_axis);
   }
   vector(out.tool);
   POLYPOD_ASSIGN(table, config::parse(to_toml(out), m.name));

@@ -149,7 +149,8 @@ namespace {
 
 kinematics::NewtonResult newton(const Parallel& m, const JointVector& q, const Pose& seed) {
   constexpr int kSteps = 60;
-  constexpr double kLongest = 0.5, kDone = 1e-14, kCloses = 1e-9;
+  // More legs than freedoms close only as far as their readings have digits.
+  constexpr double kLongest = 0.5, kDone = 1e-14, kCloses = 1e-9, kAgrees = 1e-6;
   kinematics::NewtonResult out{seed, 0, 0, false};
   bool settled = false;
   for (; out.iterations < kSteps && !settled; ++out.iterations) {
@@ -165,8 +166,10 @@ kinematics::NewtonResult newton(const Parallel& m, const JointVector& q, const P
     const double small = kDone * (1 + out.X_MT.p.norm() / m.size);
     settled = share == 1 && std::max(turn, way) < (out.iterations > 5 ? 100 * small : small);
   }
-  out.residual = closure_rows(m, out.X_MT, q).F.cwiseAbs().maxCoeff();
-  out.converged = out.residual < kCloses * (m.size + out.X_MT.p.norm()) && keeps_orientation(m, out.X_MT);
+  const ClosureVector F = closure_rows(m, out.X_MT, q).F;
+  out.residual = F.cwiseAbs().maxCoeff();
+  out.converged = out.residual < (F.size() > 6 ? kAgrees : kCloses) * (m.size + out.X_MT.p.norm()) &&
+                  keeps_orientation(m, out.X_MT);
   return out;
 }
 

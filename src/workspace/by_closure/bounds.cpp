@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "../task_directions.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "branches.hpp"
 #include "system.hpp"
 

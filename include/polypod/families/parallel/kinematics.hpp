@@ -106,6 +106,12 @@ void constraint_equations(const Parallel& m, const PlatformConstraint& c, const 
       push(dot(normal, Vector3<T>(Vector3<T>(X * at) - base)));
       return;
     }
+    case ConstraintKind::platform_plane: {
+      const Vector3<T> at = Vector3<T>(p.vector() - tool), base = p.vector(), axis = p.vector();
+      const Vector3<T> u = base - X.p;
+      push(dot(axis, Vector3<T>(Vector3<T>(X.R.transpose() * u) - at)));
+      return;
+    }
     case ConstraintKind::line: {
       const Vector3<T> at = Vector3<T>(p.vector() - tool), base = p.vector(), axis = p.vector();
       const Vector3<T> u = base - X.p;

@@ -54,15 +54,23 @@ struct ParallelLeg {
 };
 
 enum class ConstraintKind : std::uint8_t {
-  plane,        ///< 1 equation: the point `platform` of P stays in the plane of M through `base` across `base_axis`
-  line,         ///< 2: the line of P through `platform` along `platform_axis` passes through the point `base` of M
-  square,       ///< 1: `base_axis` of M stays square to `platform_axis` of P
-  orientation,  ///< 3: as at home
+  plane,           ///< 1 equation: the point `platform` of P stays in the plane of M through `base` across `base_axis`
+  platform_plane,  ///< 1: the point `base` of M stays in the plane of P through `platform` across `platform_axis`
+  line,            ///< 2: the line of P through `platform` along `platform_axis` passes through the point `base` of M
+  square,          ///< 1: `base_axis` of M stays square to `platform_axis` of P
+  orientation,     ///< 3: as at home
 };
 struct PlatformConstraint {
   ConstraintKind kind = ConstraintKind::orientation;
   Vec3 base = Vec3::Zero(), platform = Vec3::Zero();              ///< m
   Vec3 base_axis = Vec3::UnitZ(), platform_axis = Vec3::UnitZ();  ///< unit
+
+  /// What of these the kind has.
+  [[nodiscard]] bool has_points() const { return kind < ConstraintKind::square; }
+  [[nodiscard]] bool has_base_axis() const { return kind == ConstraintKind::plane || kind == ConstraintKind::square; }
+  [[nodiscard]] bool has_platform_axis() const {
+    return kind != ConstraintKind::plane && kind != ConstraintKind::orientation;
+  }
 };
 
 /// A machine of legs. The joints are the drives in the order of their legs. The task says which coordinates a pose

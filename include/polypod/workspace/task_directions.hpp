@@ -14,6 +14,11 @@
 
 namespace polypod::workspace {
 
+/// Whether a task chooses the direction of the tool at a place.
+inline bool tilts(const machine::Task& task) {
+  return task.places() && task.holds(machine::Coordinate::a) && task.holds(machine::Coordinate::b);
+}
+
 /// Errors: WS104 (directions that the task does not hold), WS106 (a task that has no volume).
 inline Status held_by(const machine::Task& task, std::string_view name, const Directions& d) {
   if (!task.places() && task.size() != 3) {
@@ -24,8 +29,7 @@ inline Status held_by(const machine::Task& task, std::string_view name, const Di
     return range && *range != std::array<double, 2>{0, 0};
   };
   const auto holds = [&](machine::Coordinate angle) { return task.places() && task.holds(angle); };
-  const bool whole = task.size() == 6 || task.names_axis();
-  if ((d.tilt != 0 && !whole) || (asks(d.a_range) && !holds(machine::Coordinate::a)) ||
+  if ((d.tilt != 0 && !tilts(task)) || (asks(d.a_range) && !holds(machine::Coordinate::a)) ||
       (asks(d.b_range) && !holds(machine::Coordinate::b))) {
     return fail("WS104",
                 fmt::format("{} cannot choose the tilt of its tool: the task does not contain the angles", name), {},
