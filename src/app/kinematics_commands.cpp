@@ -209,7 +209,7 @@ Json compliances_json(const machine::AnyMachine& m) {
 }
 void print_compliances(const Json& compliances) {
   if (std::all_of(compliances.begin(), compliances.end(), [](const Json& c) { return c["compliance"] == 0.0; })) {
-    fmt::print("\nno compliances: it is rigid\n");
+    fmt::print("\nno compliances are given: it counts as rigid\n");
     return;
   }
   fmt::print("\ncompliances\n");

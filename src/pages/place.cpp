@@ -178,7 +178,7 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
       {"Whether machine, tool and part collide with a table, a fixture or each other.",
        "Whether the part can be clamped there, and how exactly.",
        job.weights
-           ? "How the part bends under its own weight; that of the machine counts, against the deflection at the "
+           ? "How the part deflects under its own weight; that of the machine counts, against the deflection at the "
              "origin of the workpiece."
            : "What the weights of machine and part do.",
        fmt::format("Places outside of the box x {}, y {}, z {} mm, rotations {} deg.", range(result.box[0], to_mm),

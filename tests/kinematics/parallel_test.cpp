@@ -468,6 +468,31 @@ constraint = [{ kind = "orientation" }]
   EXPECT_TRUE(kinematics::forward(m, q).poses.empty());
 }
 
+/// Readings of four decimals of a millimetre, as `polypod ik` prints them, close seven legs; a tenth of one does not.
+TEST(Redundant, ReadingsCloseAsFarAsTheyHaveDigits) {
+  std::string text = "family = \"parallel\"\nhome = { z_mm = 420 }\ntool = { z_mm = 60 }\n";
+  for (int i = 0; i < 7; ++i) {
+    const double base = units::from_deg(60 * (i / 2 * 2) + (i % 2 == 0 ? -10 : 10)),
+                 platform = units::from_deg(60 * (i / 2 * 2) + (i % 2 == 0 ? -50 : 50));
+    const Vec3 B = i < 6 ? Vec3(0.25 * std::cos(base), 0.25 * std::sin(base), 0) : Vec3(Vec3::Zero());
+    const Vec3 P = i < 6 ? Vec3(0.11 * std::cos(platform), 0.11 * std::sin(platform), 0) : Vec3(Vec3::Zero());
+    text += fmt::format("[[leg]]\ndrive = \"strut\"\nbase_mm = {}\nplatform_mm = {}\nmin_mm = 200\nmax_mm = 600\n",
+                        list(B), list(P));
+  }
+  const AnyMachine m = read(text);
+  Poses poses(m, 0.03, 0.1, 5);
+  for (int k = 0; k < 10; ++k) {
+    const Pose X = poses.next();
+    JointVector q = kinematics::inverse(m, X).solutions.at(0).joints;
+    for (double& length : q) length = 1e-7 * std::round(1e7 * length);
+    const auto found = kinematics::forward(m, q);
+    ASSERT_EQ(found.poses.size(), 1U) << found.reason;
+    EXPECT_LT((found.poses[0].p - X.p).norm(), 1e-6);
+    q[6] += 1e-4;
+    EXPECT_TRUE(kinematics::forward(m, q).poses.empty());
+  }
+}
+
 const std::string kThreeStruts = R"(
 leg = [
   { drive = "strut", base_mm = [300, 0, 0], platform_mm = [100, 0, 0], min_mm = 100, max_mm = 900 },

@@ -6,6 +6,7 @@
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/quality/survey.hpp"
 #include "polypod/workspace/beyond.hpp"
 #include "polypod/workspace/field.hpp"
 #include "polypod/workspace/shape.hpp"
@@ -28,6 +29,31 @@ workspace::Volume volume(const AnyMachine& m, double tolerance) {
   const auto v = workspace::volume(m, options);
   if (!v) throw std::runtime_error(to_string(v.error()));
   return *v;
+}
+
+/// An arm that turns its tool about the vertical alone has no workspace at a tilt; neither has a section a largest
+/// tilt.
+TEST(Sampled, ATaskWithCAloneChoosesNoTilt) {
+  const AnyMachine scara = read(R"(family = "serial"
+task = ["x", "y", "z", "C"]
+dh = [{ a_mm = 325, d_mm = 400 }, { a_mm = 275, alpha_deg = 180 }, { joint = "prismatic" }, {}]
+limits = [{ min_deg = -130, max_deg = 130 }, { min_deg = -145, max_deg = 145 }, { min_mm = 0, max_mm = 200 }, { min_deg = -360, max_deg = 360 }]
+tool = { a_deg = 180 }
+)");
+  workspace::Options tilted;
+  tilted.directions.tilt = units::from_deg(20);
+  workspace::Options ranges;
+  ranges.directions.a_range = {-0.1, 0.1};
+  for (const workspace::Options& options : {tilted, ranges}) {
+    const auto none = workspace::volume(scara, options);
+    ASSERT_FALSE(none);
+    EXPECT_EQ(none.error().id, "WS104");
+    quality::SurveyOptions survey;
+    survey.workspace = options;
+    survey.box = {Vec3(0.3, -0.1, 0.25), Vec3(0.4, 0.1, 0.35)};
+    EXPECT_FALSE(quality::survey(scara, survey));
+  }
+  EXPECT_GT(volume(scara, 0.2).lower, 0.15);
 }
 
 /// Three struts to a platform that does not turn, and one turning joint on it: the workspace of the struts, 60 mm
