@@ -151,8 +151,8 @@ int write_all(int fd, std::string_view bytes) {
   return 0;
 }
 
-/// Errors by errno's codes; EFBIG where there is more than a gigabyte, or more than 64 MB of a device, as /dev/zero has.
-/// Ends where `take` says no.
+/// Errors by errno's codes; EFBIG where there is more than a gigabyte, or more than 64 MB of a device, as /dev/zero
+/// has. Ends where `take` says no.
 template <class Take>
 int read_all(int fd, Take&& take) {
   std::size_t most = std::size_t{1} << 30;

@@ -9,9 +9,9 @@
 
 #include "../../workspace/domain_number.hpp"
 #include "../../workspace/linear.hpp"
-#include "polypod/workspace/task_directions.hpp"
 #include "polypod/families/parallel/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::workspace {
 

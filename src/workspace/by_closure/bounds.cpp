@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 
-#include "polypod/workspace/task_directions.hpp"
 #include "branches.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "system.hpp"
 
 namespace polypod::workspace {
