@@ -455,7 +455,9 @@ Command jacobian_command() {
         declare_machine(a, o->machine, o->sets);
         a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
         a.option("--length", o->length_mm, kLength_mm,
-                 "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip)");
+                 "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip; of "
+                 "machines "
+                 "in series 1000)");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));

@@ -230,21 +230,22 @@ class Writer {
     }
     for (const machine::PlatformConstraint& c : m.constraints) {
       using enum ConstraintKind;
-      const std::string to = c.kind == plane    ? constraint("PLANE", 1)
-                             : c.kind == line_k ? constraint("LINE", 2)
-                             : c.kind == square ? constraint("SQUARE", 1)
-                                                : constraint("ORIENTATION", 3);
-      if (c.kind == plane || c.kind == line_k) {
+      const std::string to = c.kind == plane            ? constraint("PLANE", 1)
+                             : c.kind == platform_plane ? constraint("PLATFORM_PLANE", 1)
+                             : c.kind == line_k         ? constraint("LINE", 2)
+                             : c.kind == square         ? constraint("SQUARE", 1)
+                                                        : constraint("ORIENTATION", 3);
+      if (c.has_points()) {
         vector(to + ".at", at);
         less(to + ".at", tool);
         vector(to + ".base", at + 3);
         at += 6;
       }
-      if (c.kind == plane || c.kind == square) {
+      if (c.has_base_axis()) {
         vector(to + ".base_axis", at);
         at += 3;
       }
-      if (c.kind == line_k || c.kind == square) {
+      if (c.has_platform_axis()) {
         vector(to + ".platform_axis", at);
         at += 3;
       }

@@ -54,7 +54,7 @@ static int solve_rows(int rows, int unknowns, const double A[][6], const double 
 }
 
 enum { STRUT, RAIL, CRANK, ROD };
-enum { PLANE, LINE, SQUARE, ORIENTATION };
+enum { PLANE, PLATFORM_PLANE, LINE, SQUARE, ORIENTATION };
 
 /* A leg's length is that between its driven end and its end on the platform; `end` from the tool tip. */
 typedef struct {
@@ -169,6 +169,13 @@ static void constraint_rows(const Constraint *c, const Pose *X, double *values, 
     for (k = 0; k < 3; k++) d[k] = X->p[k] + r[k] - c->base[k];
     cross(r, c->base_axis, angular);
     add_row(dot(c->base_axis, d), c->base_axis, angular, values, rows, n);
+  } else if (c->kind == PLATFORM_PLANE) {
+    double u[3], normal[3], back[3];
+    for (k = 0; k < 3; k++) u[k] = c->base[k] - X->p[k];
+    rotate(X->R, c->platform_axis, normal);
+    cross(normal, u, angular);
+    for (k = 0; k < 3; k++) back[k] = -normal[k];
+    add_row(dot(normal, u) - dot(c->platform_axis, c->at), back, angular, values, rows, n);
   } else if (c->kind == LINE) {
     double u[3], d[3], E[3];
     for (k = 0; k < 3; k++) u[k] = c->base[k] - X->p[k];

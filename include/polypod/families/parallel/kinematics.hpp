@@ -231,12 +231,12 @@ std::vector<T> parameter_rules(const Parallel& m, std::span<const T> p) {
     if (leg.two_roots()) c.number();
   }
   for (const PlatformConstraint& k : m.constraints) {
-    if (k.kind == ConstraintKind::plane || k.kind == ConstraintKind::line) {
+    if (k.has_points()) {
       c.vector();
       c.vector();
     }
-    if (k.kind == ConstraintKind::plane || k.kind == ConstraintKind::square) unit();
-    if (k.kind == ConstraintKind::line || k.kind == ConstraintKind::square) unit();
+    if (k.has_base_axis()) unit();
+    if (k.has_platform_axis()) unit();
   }
   return out;
 }
