@@ -324,6 +324,27 @@ TEST(Check, ACorrectionThatMakesAJointTooFastIsNoYes) {
   EXPECT_FALSE(noted.joint_too_fast);
   EXPECT_THAT(noted.before.notes, ::testing::Contains(::testing::HasSubstr("too fast for a joint")));
   EXPECT_THAT(testing::predict(e).notes, ::testing::Contains(::testing::HasSubstr("`polypod check` answers no")));
+  // So is a joint that would accelerate too fast: half a millimetre from the straight wrist the correction comes
+  // nearer.
+  testing::Example beside = e;
+  beside.program = testing::unwrap(
+      gcode::parse("G17 G21 G40 G49 G80 G90 G94\nG54\nT1 M6\nS8000 M3\nG0 X-0.5 Y-170 Z10\nG0 Z-1\nG1 Y170 F1000\nG0 "
+                   "Z10\nM2\n",
+                   "beside.ngc"));
+  beside.interpretation = testing::unwrap(gcode::interpret(beside.program, e.job.interpret_options()));
+  beside.job.joint_speeds = std::vector<double>(6, units::from_deg(1e5));
+  beside.job.joint_accelerations = std::vector<double>(6, units::from_deg(1e6));
+  EXPECT_TRUE(testing::correct(beside).within_tolerance);
+  for (const double room : {2.0, 1.1}) {  // the nearer a joint is to its limit, the closer it is looked at
+    machining::CheckOptions options;
+    options.limits = machining::motion_limits(beside.job);
+    const auto programmed = testing::unwrap(
+        machining::check(beside.job.machine, beside.job.X_MW, beside.program, beside.interpretation, options));
+    for (double& limit : beside.job.joint_accelerations) limit *= room * programmed.hardest.share;
+  }
+  const machining::Correction harder = testing::correct(beside);
+  EXPECT_TRUE(harder.joint_too_fast) << harder.answer();
+  EXPECT_THAT(harder.answer(), ::testing::HasSubstr("joint 6 would accelerate with up to"));
   // Where no speed is known the joint would jump.
   e.job.joint_speeds.clear();
   const auto refused = machining::correct(e.job, e.program, e.interpretation);
