@@ -1,7 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -15,6 +14,7 @@
 #include "polypod/core/named_files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/place.hpp"
@@ -168,21 +168,6 @@ Result<gcode::Understood> judge_other_switch(gcode::Program source, const machin
   return std::move(judged.understood);
 }
 
-/// Whether the drives can move while the tool stays. More legs than freedoms cannot: they no longer agree.
-bool leaves_a_joint_free(const machine::AnyMachine& m) {
-  if (kinematics::joint_count(m) <= kinematics::coordinate_count(kinematics::task(m))) return false;
-  const std::optional<Pose> home = kinematics::home_pose(m);
-  if (!home) return true;
-  const kinematics::InverseResult at_home = kinematics::inverse(m, *home);
-  if (at_home.solutions.empty()) return true;
-  constexpr double kFar = 1e-3;  // rad or m
-  const kinematics::JointVector& q = at_home.solutions.front().joints;
-  const Eigen::MatrixXd J = kinematics::jacobian(m, kinematics::settled(m, *home).value_or(*home), q);
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(J, Eigen::ComputeFullV);
-  const kinematics::JointVector moved = q + kFar * svd.matrixV().rightCols<1>();
-  return !kinematics::forward(m, moved).poses.empty();
-}
-
 }  // namespace
 
 Command check_command() {
@@ -245,7 +230,7 @@ Command check_command() {
         }
         options.progress(1);
         result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
-        if (leaves_a_joint_free(m)) {
+        if (kinematics::leaves_a_joint_free(m)) {
           result.notes.push_back(
               "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
         }

@@ -137,8 +137,7 @@ Command dexterity_command() {
         declare_machine(a, o->machine, o->sets);
         a.option("--length", o->length_mm,
                  "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip; of "
-                 "machines "
-                 "in series 1000)");
+                 "machines in series 1000)");
         a.flag("--ellipsoids", o->ellipsoids, "With --pose: ellipsoids of velocity and force of the tool");
         a.option("--tolerance", o->tolerances,
                  "KEY=mm (angles deg): for the errors in the files (repeatable, default all=0.01)");

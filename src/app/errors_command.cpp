@@ -8,6 +8,7 @@
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/surplus.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "quality_files.hpp"
 
@@ -148,7 +149,7 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
       }
     } else {
       fmt::print("exactly      the erroneous machine has no pose near this one: {}\n",
-                 kinematics::joint_count(m) > kinematics::coordinate_count(kinematics::task(m))
+                 kinematics::has_more_legs_than_freedoms(m)
                      ? "it has more legs than freedoms, and with this error they do not agree without strain"
                      : "it is close to singular");
     }

@@ -21,7 +21,7 @@
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/twist.hpp"
-#include "polypod/motion/dynamics.hpp"
+#include "polypod/motion/masses.hpp"
 #include "polypod/quality/singularity.hpp"
 
 namespace polypod::app {
@@ -181,30 +181,18 @@ Result<Json> masses_json(const machine::AnyMachine& m, const std::string& file) 
   POLYPOD_ASSIGN(read, motion::read_dynamics(file, m));
   if (!read) return Json();
   Json out = Json::array();
-  const auto add = [&](const std::string& part, double mass) {
-    if (mass > 0) out.push_back({{"part", part}, {"mass_kg", mass}});
-  };
-  const auto body = [&](const std::string& part, const std::optional<motion::Body>& of) {
-    if (of) add(part, of->mass);
-  };
-  body("platform", read->platform);
-  body("payload", read->payload);
-  for (std::size_t i = 0; i < read->links.size(); ++i) body(fmt::format("link {}", i + 1), read->links[i]);
-  add("strut, half at the base", read->strut_fixed);
-  add("strut, half at the platform", read->strut_moving);
-  add("rod", read->rod);
-  add("slider", read->slider);
-  add("arm", read->arm);
+  for (const motion::PartMass& of : motion::part_masses(*read))
+    out.push_back({{"part", of.part}, {"mass_kg", of.mass}});
   return out;
 }
 
 Json compliances_json(const machine::AnyMachine& m) {
-  constexpr double kMicro = 1e6;
   Json out = Json::array();
   for (const machine::Element& e : kinematics::elements(m))
-    out.push_back({{"element", e.name},
-                   {"compliance", e.turns ? kMicro * e.compliance : units::to_um_per_N(e.compliance)},
-                   {"unit", e.turns ? "urad/Nm" : "um/N"}});
+    out.push_back(
+        {{"element", e.name},
+         {"compliance", e.turns ? 0.1 * units::to_tenth_urad(e.compliance) : units::to_um_per_N(e.compliance)},
+         {"unit", e.turns ? "urad/Nm" : "um/N"}});
   return out;
 }
 void print_compliances(const Json& compliances) {
@@ -456,8 +444,7 @@ Command jacobian_command() {
         a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
         a.option("--length", o->length_mm, kLength_mm,
                  "Characteristic length, mm (default: mean distance of platform joints or joint axes from the tip; of "
-                 "machines "
-                 "in series 1000)");
+                 "machines in series 1000)");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));

@@ -6,6 +6,7 @@
 #include "machining_output.hpp"
 #include "masses_options.hpp"
 #include "messages.hpp"
+#include "polypod/motion/masses.hpp"
 
 namespace polypod::app {
 
@@ -24,7 +25,7 @@ Status WeightQuestion::prepare(machining::Job& job, const std::string& dynamics,
   if (masses.dynamics && !statics::has_compliance(job.machine)) {
     why_not_ = "the parts of the machine have no compliances";
     hint = "give the machine its compliances (docs/machine-files.md)";
-  } else if (masses.dynamics && machining::total_mass(*masses.dynamics) == 0) {
+  } else if (masses.dynamics && motion::part_masses(*masses.dynamics).empty()) {
     why_not_ = "all masses are 0";
   }
   if (!why_not_.empty()) {
@@ -67,29 +68,23 @@ void WeightQuestion::add_to(Json& document) const {
                         {"at_origin_um", to_um(found_->at_origin)}};
 }
 
-std::string WeightQuestion::in_words() const {
-  if (!masses_) return "";
-  if (!found_) return "What the weight of the machine does is not judged: " + why_not_ + ".";
+std::string WeightQuestion::said() const {
   const Vec3 place = found_->place * units::kMmPerMetre;
   return fmt::format(
-      "The weight of the machine deflects the tip by {:.0f} um at the origin of the workpiece, with the tool as in the "
-      "cuts; on the cuts this differs by up to {:.1f} um (x {:.1f} y {:.1f} z {:.1f} mm), {}.",
-      to_um(found_->at_origin), to_um(found_->largest), place.x(), place.y(), place.z(),
-      counts ? "counted" : "not counted in the answer (--gravity counts it)");
+      "of the machine deflects the tip by {:.0f} um at the origin of the workpiece{}; on the cuts this differs by up "
+      "to "
+      "{:.1f} um (x {:.1f} y {:.1f} z {:.1f} mm), {}",
+      to_um(found_->at_origin), tilted_ ? ", touched off with the tool as in the cuts" : "", to_um(found_->largest),
+      place.x(), place.y(), place.z(), counts ? "counted" : "not counted in the answer (--gravity counts it)");
+}
+
+std::string WeightQuestion::in_words() const {
+  if (!masses_) return "";
+  return found_ ? "The weight " + said() + "." : "What the weight of the machine does is not judged: " + why_not_ + ".";
 }
 
 void WeightQuestion::print() const {
-  if (!masses_) return;
-  if (!found_) {
-    fmt::print("weight         not judged: {}\n", why_not_);
-    return;
-  }
-  const Vec3 place = found_->place * units::kMmPerMetre;
-  fmt::print(
-      "weight         of the machine deflects the tip by {:.0f} um at the origin of the workpiece{}; on the cuts this "
-      "differs by up to {:.1f} um (x {:.1f} y {:.1f} z {:.1f} mm), {}\n",
-      to_um(found_->at_origin), tilted_ ? ", touched off with the tool as in the cuts" : "", to_um(found_->largest),
-      place.x(), place.y(), place.z(), counts ? "counted" : "not counted in the answer (--gravity counts it)");
+  if (masses_) fmt::print("weight         {}\n", found_ ? said() : "not judged: " + why_not_);
 }
 
 }  // namespace polypod::app

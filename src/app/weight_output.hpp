@@ -31,6 +31,8 @@ class WeightQuestion {
   void print() const;
 
  private:
+  [[nodiscard]] std::string said() const;
+
   std::shared_ptr<const motion::Dynamics> masses_;
   std::optional<machining::WeightOnCuts> found_;
   std::string why_not_;

@@ -9,6 +9,7 @@
 #include "model.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/surplus.hpp"
 
 namespace polypod::calibration {
 namespace {
@@ -42,11 +43,11 @@ Result<std::vector<Stand>> common_stands(const AnyMachine& nominal, const AnyMac
     out.push_back(std::move(stand));
   }
   if (out.size() < count) {
-    const bool strained = kinematics::joint_count(real) > kinematics::coordinate_count(kinematics::task(real));
     return fail("CA121", fmt::format("only {} of {} poses found within the limits", out.size(), count), {},
-                strained ? "a machine with more legs than freedoms has no pose where its errors do not agree without "
-                           "strain: give --perturb-mm 0 --perturb-deg 0"
-                         : "widen the limits of the machine, or ask for fewer rows");
+                kinematics::has_more_legs_than_freedoms(nominal)
+                    ? "a machine with more legs than freedoms has no pose where its errors do not agree without "
+                      "strain: give --perturb-mm 0 --perturb-deg 0"
+                    : "widen the limits of the machine, or ask for fewer rows");
   }
   return out;
 }

@@ -598,6 +598,11 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   Sides sides(programmed.size());
   SteepPlaces steep(job, way);
   HeldBack held_back(job, way, options.step > 0 ? options.step : job.step);
+  const auto off_by = [&](std::size_t i, std::size_t c, double distance) {
+    entry(i).largest_distance = std::max(entry(i).largest_distance, distance);
+    out.commanded_distance[c] = std::max(out.commanded_distance[c], distance);
+    out.largest_distance = std::max(out.largest_distance, distance);
+  };
   // Where the tool stands in the end: after the move that takes the load off, and where it does not go on cutting.
   const auto ends_plunge = [&](std::size_t c, std::size_t i, const Sample& sample) {
     return is_plunge(programmed[i], axis) && sample.s >= commanded[c].length() &&
@@ -610,10 +615,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     ends.pass(i, bent);
     if (job.weights && index[i] >= 0 && ends_plunge(c, i, sample)) {
       // The thrust goes in the dwell, the weight of the machine stays.
-      const double off = (sample.command + sample.weight - programmed[i].end).norm();
-      entry(i).largest_distance = std::max(entry(i).largest_distance, off);
-      out.commanded_distance[c] = std::max(out.commanded_distance[c], off);
-      out.largest_distance = std::max(out.largest_distance, off);
+      off_by(i, c, (sample.command + sample.weight - programmed[i].end).norm());
     }
     if (!sample.cutting) {
       if (options.keep_samples) out.samples.push_back(sample);
@@ -688,11 +690,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   };
   std::for_each(out.samples.begin(), out.samples.end(), turn);
   std::for_each(out.few.begin(), out.few.end(), turn);
-  ends.each_miss([&](std::size_t i, std::size_t c, double miss) {
-    entry(i).largest_distance = std::max(entry(i).largest_distance, miss);
-    out.commanded_distance[c] = std::max(out.commanded_distance[c], miss);
-    out.largest_distance = std::max(out.largest_distance, miss);
-  });
+  ends.each_miss(off_by);
   for (const Unsettled& u : out.pass.unsettled) {
     if (u.rest <= resolution(job)) continue;
     out.not_judged.push_back(

@@ -81,13 +81,6 @@ std::optional<Vec3> WeightDeflection::at(const Vec3& p_W) {
   return Vec3(sum - origin_);
 }
 
-double total_mass(const motion::Dynamics& d) {
-  double out = d.strut_fixed + d.strut_moving + d.rod + d.slider + d.arm;
-  for (const auto& body : {d.platform, d.payload}) out += body ? body->mass : 0;
-  for (const auto& link : d.links) out += link ? link->mass : 0;
-  return out;
-}
-
 Result<WeightOnCuts> weight_on_cuts(const Job& job, const Prediction& prediction,
                                     const std::shared_ptr<const motion::Dynamics>& weights) {
   POLYPOD_ASSIGN(deflection, WeightDeflection::of(job, weights));

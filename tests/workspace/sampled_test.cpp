@@ -10,6 +10,7 @@
 #include "polypod/workspace/beyond.hpp"
 #include "polypod/workspace/field.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod {
@@ -53,6 +54,7 @@ tool = { a_deg = 180 }
     survey.box = {Vec3(0.3, -0.1, 0.25), Vec3(0.4, 0.1, 0.35)};
     EXPECT_FALSE(quality::survey(scara, survey));
   }
+  EXPECT_FALSE(workspace::tilts(kinematics::task(scara)));
   EXPECT_GT(volume(scara, 0.2).lower, 0.15);
 }
 

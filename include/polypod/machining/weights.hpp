@@ -43,9 +43,6 @@ class WeightDeflection {
   std::map<std::array<int, 3>, std::optional<Vec3>> corners_;
 };
 
-/// Of all parts that are named, kg; of struts, rods, arms and sliders one of each.
-double total_mass(const motion::Dynamics& dynamics);
-
 /// The size of it on the cuts of a program, at Prediction::few.
 struct WeightOnCuts {
   double largest = 0;         ///< m, against that at the origin of the workpiece
