@@ -52,7 +52,9 @@ Status WeightQuestion::answer(const machining::Job& job, const machining::Predic
 
 std::optional<std::string> WeightQuestion::note() const {
   if (!masses_) return std::nullopt;
-  return counts ? "the weight of the machine counts, against that at the origin of the workpiece"
+  return counts ? "the weight of the machine counts, against that at the origin of the workpiece, in the normal "
+                  "errors: what it "
+                  "does along the tool is not in them (`predict --gravity` at the place has it)"
                 : "the weight of the machine is not counted (--gravity counts it)";
 }
 

@@ -179,7 +179,7 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
        "Whether the part can be clamped there, and how exactly.",
        job.weights
            ? "How the part deflects under its own weight; that of the machine counts, against the deflection at the "
-             "origin of the workpiece."
+             "origin of the workpiece, in the normal errors and not along the tool."
            : "What the weights of machine and part do.",
        fmt::format("Places outside of the box x {}, y {}, z {} mm, rotations {} deg.", range(result.box[0], to_mm),
                    range(result.box[1], to_mm), range(result.box[2], to_mm), range(result.turns, to_deg)),
