@@ -245,18 +245,31 @@ InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const Jo
       },
       machine);
   if (out.reachable() == nullptr) out = inverse(machine, X_MT);
+  if (out.solutions.empty()) return out;
   constexpr double kTurn = 2 * std::numbers::pi;
-  for (Solution& s : out.solutions) {
-    for (int i = 0; i < static_cast<int>(s.joints.size()); ++i) {
-      if (joint_kind(machine, i) != JointKind::revolute) continue;
-      const machine::JointRange range = joint_range(machine, i);
-      const double near = s.joints[i] + kTurn * std::round((last[i] - s.joints[i]) / kTurn);
+  for (int i = 0; i < static_cast<int>(last.size()); ++i) {
+    if (joint_kind(machine, i) != JointKind::revolute) continue;
+    const machine::JointRange range = joint_range(machine, i);
+    for (Solution& s : out.solutions) {
+      const double away = last[i] - s.joints[i];
+      if (std::abs(away) <= 0.5 * kTurn) continue;
+      const double near = s.joints[i] + kTurn * std::round(away / kTurn);
       if (near >= range.min && near <= range.max) s.joints[i] = near;
     }
   }
+  // By insertion: there are few, and often in order already.
   const auto change = [&](const Solution& s) { return (s.joints - last).cwiseAbs().maxCoeff(); };
-  std::stable_sort(out.solutions.begin(), out.solutions.end(),
-                   [&](const Solution& a, const Solution& b) { return change(a) < change(b); });
+  std::vector<double> changes;
+  changes.reserve(out.solutions.size());
+  for (std::size_t i = 0; i < out.solutions.size(); ++i) {
+    const double mine = change(out.solutions[i]);
+    const auto place = std::upper_bound(changes.begin(), changes.end(), mine) - changes.begin();
+    changes.insert(changes.begin() + place, mine);
+    if (const auto at = static_cast<std::ptrdiff_t>(i); place < at) {
+      const auto first = out.solutions.begin();
+      std::rotate(first + place, first + at, first + at + 1);
+    }
+  }
   return out;
 }
 

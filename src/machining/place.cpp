@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <mutex>
 #include <numbers>
 #include <numeric>
@@ -22,6 +23,7 @@
 #include "polypod/machining/tilted.hpp"
 #include "polypod/motion/dynamics.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "way.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -194,6 +196,37 @@ class Search {
     return check_whole(job_.machine, at.pose(), both_);
   }
 
+  /// What one prediction after the other needs, which with a large stock takes as long to make as a prediction.
+  struct Bench {
+    Job job;
+    cutting::Stock scratch;
+  };
+  /// A bench of this search's, as long as it is needed: one made before, if it is free.
+  class Loan {
+   public:
+    explicit Loan(const Search& search) : search_(search) {
+      {
+        const std::lock_guard lock(search_.benches_in_use_);
+        if (!search_.benches_.empty()) {
+          bench_ = std::move(search_.benches_.back());
+          search_.benches_.pop_back();
+        }
+      }
+      if (!bench_) bench_ = std::make_unique<Bench>(Bench{search_.job_, {}});
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    ~Loan() {
+      const std::lock_guard lock(search_.benches_in_use_);
+      search_.benches_.push_back(std::move(bench_));
+    }
+    Bench* operator->() const { return bench_.get(); }
+
+   private:
+    const Search& search_;
+    std::unique_ptr<Bench> bench_;
+  };
+
   /// The prediction at a place; none where the machine cannot follow the program, or no compliance is known.
   Result<std::optional<Prediction>> predict_at(const Placing& at, bool keep_samples = false) const {
     PredictOptions options;
@@ -201,8 +234,9 @@ class Search {
     options.again = options_.again;
     options.one_position = true;
     options.progress = [this](double) { return !stop_; };
-    const Job moved = placed_at(job_, at);
-    auto prediction = predict(moved, program_, interpretation_, options);
+    const Loan bench(*this);
+    bench->job.X_MW = at.pose();
+    auto prediction = predict_in(bench->job, program_, interpretation_, options, bench->scratch);
     if (!prediction) {
       const std::string& id = prediction.error().id;
       if (id == "MC210" || id == "MC211" || id == "MC212") return std::nullopt;
@@ -630,6 +664,8 @@ class Search {
   std::vector<Cut> cuts_;
   std::optional<Placing> reference_;
   std::vector<PlacePoint> grid_;
+  mutable std::mutex benches_in_use_;
+  mutable std::vector<std::unique_ptr<Bench>> benches_;
   mutable std::atomic<bool> stop_{false};
   PlaceResult out_;
 };

@@ -804,6 +804,15 @@ Result<std::optional<OtherSwitch>> other_switch_of(const Job& job, const gcode::
 
 Result<Prediction> predict(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const PredictOptions& options) {
+  cutting::Stock scratch;
+  POLYPOD_ASSIGN(out, predict_in(job, program, interpretation, options, scratch));
+  if (options.keep_stock) out.stock_left = std::move(scratch);
+  return out;
+}
+
+Result<Prediction> predict_in(const Job& job, const gcode::Program& program,
+                              const gcode::Interpretation& interpretation, const PredictOptions& options,
+                              cutting::Stock& scratch) {
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));
   FollowedAnyway of_reach;
   Aside reach(
@@ -813,11 +822,9 @@ Result<Prediction> predict(const Job& job, const gcode::Program& program, const 
       options.progress);
   PredictOptions of_pass = options;
   of_pass.progress = reach.unless_failed(options.progress);
-  cutting::Stock left;
-  Result<Prediction> predicted = predict_accepted(job, program, accepted.interpretation(), of_pass, left);
+  Result<Prediction> predicted = predict_accepted(job, program, accepted.interpretation(), of_pass, scratch);
   POLYPOD_TRY(reach.result(options.progress));  // it says more than what stops a pass
   POLYPOD_ASSIGN(out, std::move(predicted));
-  if (options.keep_stock) out.stock_left = std::move(left);
   const Way way = way_as_programmed(program, accepted.interpretation().moves);
   const Corners corners = corners_of(job, program, way, out, job.tolerance - resolution(job));
   out.corner = corners.largest;

@@ -42,6 +42,12 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options);
 
+/// `predict`, whose pass cuts the stock of the job in `scratch`: of many predictions one after the other the memory
+/// serves again.
+Result<Prediction> predict_in(const Job& job, const gcode::Program& program,
+                              const gcode::Interpretation& interpretation, const PredictOptions& options,
+                              cutting::Stock& scratch);
+
 /// `predict` for a program that `accept` has taken.
 Result<Prediction> predict_accepted(const Job& job, const gcode::Program& program,
                                     const gcode::Interpretation& interpretation, const PredictOptions& options);
