@@ -97,6 +97,7 @@ Status no_stock_of_a_tilted_tool(const machining::Job& job, const std::string& f
 
 /// `tool_axes_deg`, where the tool is tilted.
 void add_tool(Json& document, const machining::Job& job) {
+  if (job.tool_frame.turns) document["tool_turns"] = true;
   if (job.tool_frame.tilted) document["tool_axes_deg"] = vector_json(job.tool_frame.axes * units::to_deg(1));
 }
 
@@ -276,6 +277,8 @@ Command predict_command() {
         fmt::print("stock          {}\n", box_in_words(in.job));
         if (in.job.tool_frame.tilted)
           fmt::print("tool           {} in every cut\n", machining::orientation_in_words(in.job.tool_frame.axes));
+        if (in.job.tool_frame.turns)
+          fmt::print("tool           a ball that turns in cuts, or cuts in several orientations\n");
         fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
                    units::to_mm3(p.pass.removed));
         fmt::print("deflection     up to {:.1f} um, mean {:.1f} um\n", to_um(p.deflection.max),

@@ -190,7 +190,7 @@ Result<ForceLoop> force_loop(const Job& job, const gcode::Program& program, cons
                 "polypod predict and polypod correct judge the program without it");
   };
   if (job.measured) return unknown("a measured compliance: the kinematics module has those of the joints");
-  if (job.tool_frame.tilted) return unknown("a tilted tool");
+  if (job.tool_frame.tilted || job.tool_frame.turns) return unknown("a tilted tool");
   ForceLoop out;
   out.method = method;
   out.options = options;

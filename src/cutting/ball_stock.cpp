@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 namespace polypod::cutting {
 namespace {
@@ -12,6 +13,7 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kNothing = 1e-8;  // m: heights are kept in single precision
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kCrosses = 0.6;  // of the height of a part of a ring: half of it and a little
 using Point = Eigen::Vector2d;
 
 /// Height of the surface above the tip at the distance rho from the axis; infinite beyond the ball.
@@ -106,6 +108,39 @@ double cut_ball(Stock& stock, const Vec3& a, const Vec3& b, double radius) {
   return removed;
 }
 
+double cut_shaft(Stock& stock, const Vec3& a, const Vec3& b, const Vec3& axis, double radius, double length) {
+  const double leans = axis.head<2>().norm();
+  if (!a.allFinite() || !b.allFinite() || !(radius > 0) || !(axis.z() > 0) || !(leans > 1e-9)) return 0;
+  const double cell = stock.cell(), x0 = stock.x_min() + 0.5 * cell, y0 = stock.y_min() + 0.5 * cell;
+  const auto index = [](double v, int count) { return static_cast<int>(std::clamp(v, -1.0, double(count))); };
+  const int places = std::max(1, static_cast<int>(std::ceil((b - a).norm() / (0.5 * cell))));
+  double removed = 0;
+  for (int k = 0; k <= places; ++k) {
+    const Vec3 middle = a + double(k) / places * (b - a) + radius * Vec3::UnitZ();
+    // How far along the axis some of it is below the top of the stock.
+    const double way = std::min(length, (stock.top() - (middle.z() - radius * leans)) / axis.z());
+    if (!(way > 0)) continue;
+    const Point from = middle.head<2>(), to = from + way * axis.head<2>();
+    const int j0 = std::max(0, index(std::ceil((std::min(from.y(), to.y()) - radius - y0) / cell), stock.rows()));
+    const int j1 = std::min(stock.rows() - 1, index((std::max(from.y(), to.y()) + radius - y0) / cell, stock.rows()));
+    const int i0 = std::max(0, index(std::ceil((std::min(from.x(), to.x()) - radius - x0) / cell), stock.columns()));
+    const int i1 =
+        std::min(stock.columns() - 1, index((std::max(from.x(), to.x()) + radius - x0) / cell, stock.columns()));
+    for (int j = j0; j <= j1; ++j) {
+      for (int i = i0; i <= i1; ++i) {
+        const Point w(x0 + i * cell - from.x(), y0 + j * cell - from.y());
+        const double along = w.dot(axis.head<2>()), half = axis.z() * along;
+        const double rest = half * half - leans * leans * (w.squaredNorm() - along * along - radius * radius);
+        if (!(rest > 0)) continue;
+        const double z = (half - std::sqrt(rest)) / (leans * leans), s = along + z * axis.z();
+        if (!(s >= 0 && s <= length)) continue;
+        removed += stock.lower(i, j, middle.z() + z);
+      }
+    }
+  }
+  return removed;
+}
+
 void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& direction, double ahead,
                 BallEngagement& engagement) {
   engagement = BallEngagement{};
@@ -157,6 +192,83 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& 
   }
 }
 
+void look_ahead(const Stock& stock, const Vec3& lowest, const Mat3& R, double radius, const Vec3& direction,
+                double ahead, BallEngagement& engagement) {
+  engagement = BallEngagement{};
+  if (!lowest.allFinite() || !R.allFinite() || !(radius > 0) || !(ahead > 0) || !(direction.squaredNorm() > 0.5))
+    return;
+  const Vec3 middle = lowest + radius * Vec3::UnitZ(), next = middle + ahead * direction, axis = R.col(2);
+  const double over = stock.top() - (next.z() - radius), now = stock.top() - lowest.z();
+  if (!(over > 0) || !(now > 0)) return;
+  const double cell = stock.cell(), lean = std::acos(std::clamp(axis.z(), -1.0, 1.0));
+  // Rings up to where the material can reach, as for an upright ball, and as far as the tool leans beyond.
+  const double reach = std::acos(std::clamp(1 - std::max(over, now) / radius, 0.0, 1.0));
+  engagement.ring = std::min(reach + lean, 0.5 * kPi) / BallEngagement::kRings;
+  const double ring = engagement.ring, sector = 2 * kPi / BallEngagement::kSectors;
+  // The share of a part of the surface with the middle (kappa, phi), `part` of a ring and a sector wide.
+  struct Seen {
+    double share = 0;
+    double over = 0;    ///< m, of its middle over the material
+    double height = 0;  ///< m, how high it is: along the ring and across it
+    double depth = 0;   ///< m, of the material above the ball's lowest point
+  };
+  const auto look = [&](double kappa, double phi, double part) -> std::optional<Seen> {
+    const double s = std::sin(kappa), c = std::cos(kappa);
+    const Vec3 out(std::sin(phi), std::cos(phi), 0), n = R * Vec3(s * out.x(), s * out.y(), -c);
+    if (!(n.dot(direction) > 0)) return std::nullopt;
+    const Vec3 p = next + radius * n;
+    const double after = p.z();
+    const double before = middle.z() - radius + surface((p - middle).head<2>().squaredNorm(), radius);
+    if (!(before > after)) return std::nullopt;
+    Seen seen;
+    seen.height = part * radius *
+                  (ring * std::abs((R * Vec3(c * out.x(), c * out.y(), s)).z()) +
+                   sector * s * std::abs((R * Vec3(out.y(), -out.x(), 0)).z()));
+    const double down = -n.z(), rho = radius * std::sqrt(std::max(0.0, 1 - down * down));
+    const bool steep = down <= 0 || rho > radius - 1.5 * cell;
+    const double bow = steep ? 0 : cell * cell / (8 * radius) * (1 / (down * down * down) + 1 / down) + kNothing;
+    const Column material = column_at(stock, p.x(), p.y(), steep);
+    const double high = std::min(material.high - bow, before), low = std::max(material.low, after);
+    seen.share = std::clamp((high - low) / std::max(kNothing, std::min(before - after, 0.5 * seen.height)), 0.0, 1.0);
+    seen.over = after - material.high;
+    seen.depth = material.high - (next.z() - radius);
+    return seen;
+  };
+  for (int r = 0; r < BallEngagement::kRings; ++r) {
+    for (int j = 0; j < BallEngagement::kSectors; ++j) {
+      const double kappa = (r + 0.5) * ring, phi = (j + 0.5) * sector;
+      const std::optional<Seen> whole = look(kappa, phi, 1);
+      if (!whole) continue;
+      double share = whole->share;
+      // Rings do not follow the top of the material here: where it crosses a part of one, ninths of that are looked at.
+      if (std::abs(whole->over) < kCrosses * whole->height) {
+        share = 0;
+        for (int i = -1; i <= 1; ++i)
+          for (int k = -1; k <= 1; ++k)
+            if (const auto ninth = look(kappa + i * ring / 3, phi + k * sector / 3, 1.0 / 3)) share += ninth->share / 9;
+      }
+      if (!(share > 1e-3)) continue;
+      engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)] = static_cast<float>(share);
+      engagement.any = true;
+      engagement.max_depth = std::max(engagement.max_depth, whole->depth);
+    }
+  }
+  const double step = std::max(cell, 0.1 * radius);
+  for (int j = 0; j < BallEngagement::kSectors; ++j) {
+    const Vec3& out = outwards_of(static_cast<std::size_t>(j));
+    const Vec3 n = R * Vec3(out.x(), out.y(), 0);
+    if (!(n.dot(direction) > 0) || !(axis.z() > 0)) continue;
+    double side = 0;
+    for (Vec3 p = next + radius * n + 0.5 * step * axis; p.z() < stock.top(); p += step * axis) {
+      const Column material = column_at(stock, p.x(), p.y(), true);
+      if (p.z() > material.low && p.z() < material.high - kNothing) side += step;
+    }
+    if (!(side > 0)) continue;
+    engagement.side[static_cast<std::size_t>(j)] = static_cast<float>(side);
+    engagement.any = true;
+  }
+}
+
 BallForce::BallForce(const Cutter& cutter, const Material& material) : cutter_(cutter), material_(material) {}
 
 Vec3 BallForce::mean_force(const BallEngagement& engagement, const Vec3& direction, double feed_per_tooth) const {
@@ -193,6 +305,16 @@ Vec3 BallForce::mean_force(const BallEngagement& engagement, const Vec3& directi
 }
 
 void BallForce::contacts(const Stock& stock, const Vec3& tip, double reach, std::vector<BallContact>& out) const {
+  find_contacts(stock, tip, nullptr, reach, out);
+}
+
+void BallForce::contacts(const Stock& stock, const Vec3& lowest, const Mat3& R, double reach,
+                         std::vector<BallContact>& out) const {
+  find_contacts(stock, lowest, &R, reach, out);
+}
+
+void BallForce::find_contacts(const Stock& stock, const Vec3& tip, const Mat3* R, double reach,
+                              std::vector<BallContact>& out) const {
   out.clear();
   const double radius = cutter_.radius(), over = stock.top() - tip.z();
   if (!tip.allFinite() || !(reach > 0) || !(over > 0)) return;
@@ -201,22 +323,24 @@ void BallForce::contacts(const Stock& stock, const Vec3& tip, double reach, std:
   constexpr double kThinChip = 20e-6;
   const Material& m = material_;
   const double per_chip = m.exponent == 1 ? 1 : std::pow(kThinChip, m.exponent - 1);
-  const double ring = std::acos(std::clamp(1 - over / radius, 0.0, 1.0)) / kRings;
+  const double lean = R == nullptr ? 0 : std::acos(std::clamp((*R)(2, 2), -1.0, 1.0));
+  const double ring = std::min(std::acos(std::clamp(1 - over / radius, 0.0, 1.0)) + lean, 0.5 * kPi) / kRings;
+  const auto in_stock = [R](const Vec3& v) { return R == nullptr ? v : Vec3(*R * v); };
   const auto weight = static_cast<double>(kEvery) / BallEngagement::kSectors * cutter_.teeth;
   const auto add = [&](const Vec3& outwards, double s, double c, double length, double gap, double depth) {
     const Vec3 n = s * outwards - c * Vec3::UnitZ(), along = c * outwards + s * Vec3::UnitZ(),
                motion(outwards.y(), -outwards.x(), 0);
     const auto force = [&](double kt, double kr, double ka) {
-      return Vec3(weight * length * (ka * along - kt * motion - kr * n));
+      return in_stock(weight * length * (ka * along - kt * motion - kr * n));
     };
-    out.push_back({n, gap, depth, force(m.kte, m.kre, m.kae), per_chip * force(m.ktc, m.krc, m.kac)});
+    out.push_back({in_stock(n), gap, depth, force(m.kte, m.kre, m.kae), per_chip * force(m.ktc, m.krc, m.kac)});
   };
   for (std::size_t j = 0; j < BallEngagement::kSectors; j += kEvery) {
     const Vec3 outwards = (outwards_of(j) + outwards_of(j + 1)).normalized();
     for (int r = 0; r < kRings; ++r) {
       const double kappa = (r + 0.5) * ring, s = std::sin(kappa), c = std::cos(kappa);
-      const Vec3 here = tip + Vec3::UnitZ() * radius + radius * (s * outwards - c * Vec3::UnitZ()),
-                 there = here + reach * (s * outwards - c * Vec3::UnitZ());
+      const Vec3 n = in_stock(s * outwards - c * Vec3::UnitZ());
+      const Vec3 here = tip + Vec3::UnitZ() * radius + radius * n, there = here + reach * n;
       const Column far = column_at(stock, there.x(), there.y(), false);
       const double over_far = there.z() - far.high;
       if (!(over_far < 0) || there.z() < far.low) continue;
@@ -224,7 +348,7 @@ void BallForce::contacts(const Stock& stock, const Vec3& tip, double reach, std:
       const double over_near = std::max(0.0, here.z() - near.high);
       add(outwards, s, c, radius * ring, reach * over_near / (over_near - over_far), far.high - tip.z());
     }
-    if (!(over > radius)) continue;
+    if (!(over > radius) || R != nullptr) continue;
     const Vec3 beside = tip + (radius + 0.5 * reach) * outwards;
     const Column wall = column_at(stock, beside.x(), beside.y(), true);
     const double side = wall.high - std::max(wall.low, tip.z() + radius);

@@ -65,6 +65,10 @@ Box swept_box(const gcode::Move& move, double radius) {
 
 /// The same in the frame of the stock.
 Box swept_box_in_S(const Job& job, const gcode::Move& move, double radius) {
+  if (job.tool_frame.turns) {  // the middle of a ball may be beside its tip by as much
+    const Box box = swept_box(move, 2 * radius);
+    return {box.min() - radius * Vec3::UnitZ(), box.max()};
+  }
   if (!job.tool_frame.tilted) return swept_box(move, radius);
   Box box;
   const Box in_W = swept_box(move, 0);
@@ -151,10 +155,11 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
   std::vector<int> further;
   for (std::size_t i = 0; i < out.given->moves.size(); ++i) {
     const gcode::Move& move = out.given->moves[i];
-    if (move.start_known || !feeds(move) || (job.tool_frame.tilted && stays_clear(job, move))) continue;
+    const bool tilted = job.tool_frame.tilted || job.tool_frame.turns;
+    if (move.start_known || !feeds(move) || (tilted && stays_clear(job, move))) continue;
     const auto& [x, y, z] = move.known_start;
     const Place place = place_of(program, move);
-    const bool vertical = !job.tool_frame.tilted && move.kind == gcode::MoveKind::line && x && y &&
+    const bool vertical = !tilted && move.kind == gcode::MoveKind::line && x && y &&
                           std::abs(move.start.x() - move.end.x()) < kSame &&
                           std::abs(move.start.y() - move.end.y()) < kSame;
     if (vertical && move.known_end[2]) {
@@ -162,7 +167,7 @@ Status known_starts(const Job& job, const gcode::Program& program, Accepted& out
       if (!out.changed) out.changed = *out.given;
       out.changed->moves[i].start.z() = std::max(top, move.end.z());
       out.changed->moves[i].start_known = true;
-    } else if (!job.tool_frame.tilted && z && std::min(move.start.z(), move.end.z()) >= top) {
+    } else if (!tilted && z && std::min(move.start.z(), move.end.z()) >= top) {
       continue;  // an approach above the stock, from wherever it comes
     } else if (!first) {
       first = place;

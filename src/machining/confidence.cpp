@@ -219,7 +219,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
       point.vertical = plunges ? 0 : error.vertical;
       point.tube = tube_beside(corner);
       if (columns > 0) {
-        const Pose X_MT{cutting_orientation(job), job.X_MW * sample.command};
+        const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
         const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
         const kinematics::Solution* solution = inverse.reachable();
         if (solution == nullptr) return;

@@ -12,6 +12,18 @@
 #include "polypod/machining/tilted.hpp"
 
 namespace polypod::machining {
+namespace {
+
+/// Where a block ends along a move, m: beside its nearest point, and not before `from`, where the block begins. On a
+/// way that closes the end of a line near its begin is not taken for one near its end.
+double end_along(const gcode::Move& move, const Piece& piece, double from) {
+  constexpr double kRoundabout = 2;  // lines beside an arc: half its circumference over its diameter is less
+  const double s = move.nearest(piece.end), way = (piece.end - move.point(from)).norm();
+  if (s < from || (!piece.centre && s - from > kRoundabout * way)) return from;
+  return s;
+}
+
+}  // namespace
 
 Status Corrector::write_and_check() {
   POLYPOD_TRY(write());
@@ -65,11 +77,14 @@ bool Corrector::replace(std::size_t i, const Plan& plan, const gcode::Decimals& 
     stands = moves_[i].end;
     return false;
   }
+  const bool turns = moves_[i].axes_start != moves_[i].axes_end;
+  double s = 0;  // along the move, where a block ends
   for (std::size_t j = 0; j < plan.size(); ++j) {
     const Piece& piece = plan[j];
     const bool needed = j + 1 == plan.size() && r.points.empty();
     if (same(piece.end, stands) && !needed) continue;
-    r.points.push_back({piece.end, moves_[i].axes_end, piece.centre});
+    if (turns) s = j + 1 == plan.size() ? moves_[i].length() : end_along(moves_[i], piece, s);
+    r.points.push_back({piece.end, turns ? axes_at(moves_[i], s) : moves_[i].axes_end, piece.centre});
     transitions_.push_back(piece.transition);
     stands = piece.end;
   }
@@ -162,7 +177,7 @@ std::string Corrector::hold_in_words() const {
   if (!out_.before.moves.empty()) {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
     const kinematics::InverseResult inverse =
-        kinematics::inverse(job_.machine, {cutting_orientation(job_), job_.X_MW * first.start});
+        kinematics::inverse(job_.machine, {cutting_orientation(job_, first.axes_start), job_.X_MW * first.start});
     const kinematics::Solution* s = inverse.reachable();
     // Branches of numeric inverses are numbers of the search, and names of nothing.
     if (s != nullptr && s->branch < kinematics::kNumericBranch) {
@@ -170,7 +185,7 @@ std::string Corrector::hold_in_words() const {
       if (name != "only") out = "posture " + name;
     }
   }
-  if (kinematics::task(job_.machine).holds(machine::Coordinate::c)) {
+  if (kinematics::task(job_.machine).holds(machine::Coordinate::c) && !job_.tool_frame.turns) {
     constexpr int kDecimals = 4;
     out += fmt::format("{}tool held at C {} deg", out.empty() ? "" : ", ",
                        gcode::number(units::to_deg(job_.tool_frame.axes.z()), kDecimals));

@@ -130,8 +130,8 @@ std::optional<NotJudged> leaning_tool(const Job& job, const gcode::Program& prog
   constexpr double kUpright = units::from_deg(0.1);
   double most = 0;
   int move = -1;
-  const Mat3 R_MT = cutting_orientation(job);
   for (const Sample& sample : samples) {
+    const Mat3 R_MT = cutting_orientation(job, sample.axes);
     const Pose target{R_MT, job.X_MW * sample.command};
     const double lean = angle_between(kinematics::settled(job.machine, target).value_or(target).R.col(2), R_MT.col(2));
     if (lean > most) {
@@ -158,7 +158,7 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
   for (std::size_t i = 0; i < moves.size(); ++i) {
     const gcode::Move& move = moves[i];
     if (move.kind != gcode::MoveKind::rapid) continue;
-    if (job.tool_frame.tilted || !stands_as_set_up(job, move)) {
+    if (job.tool_frame.tilted || job.tool_frame.turns || !stands_as_set_up(job, move)) {
       if ((move.start_known && stands_as_set_up(job, move)) || stays_clear(job, move)) continue;
       out.push_back({program.blocks[static_cast<std::size_t>(move.block)].line,
                      move.start_known
@@ -629,15 +629,18 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
       if (first && sample.s == 0) ends.cuts_at_start(i, c);
       if (last && sample.s >= length) ends.cuts_at_end(i, c);
     }
-    PathError e = path_error(programmed[i], bent, sample.away, axis);
+    const auto error_against = [&](const gcode::Move& move) {
+      return path_error(move, bent + middle_beside_tip(job, move, bent, sample.axes), sample.away, axis);
+    };
+    PathError e = error_against(programmed[i]);
     MovePrediction& m = entry(i);
     if (transition || options.beside) {
       // A transition belongs to the moves that it joins.
       if (i > 0 && programmed[i - 1].kind != gcode::MoveKind::rapid) {
-        e.distance = std::min(e.distance, path_error(programmed[i - 1], bent, sample.away, axis).distance);
+        e.distance = std::min(e.distance, error_against(programmed[i - 1]).distance);
       }
       if (i + 1 < programmed.size() && programmed[i + 1].kind != gcode::MoveKind::rapid) {
-        e.distance = std::min(e.distance, path_error(programmed[i + 1], bent, sample.away, axis).distance);
+        e.distance = std::min(e.distance, error_against(programmed[i + 1]).distance);
       }
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);

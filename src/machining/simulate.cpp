@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -53,11 +54,16 @@ constexpr double kFewestTeeth = 1e-6, kMostTeeth = 1e6;
 constexpr int kDirections = 32;
 // A tip within this of the last one meets the same, m.
 constexpr double kNearTip = 5e-6;
+// The cosine of the lean of an upright tool is 1 but for this.
+constexpr double kUpright = 1e-12;
+// Over which way the heading of a ball that turns is taken, m, and below which share of its tip's way it has none.
+constexpr double kHeadingStep = 0.05e-3, kNoHeading = 1e-6;
 // The chip for which forces are taken to grow in proportion, m.
 constexpr double kThinChip = 20e-6;
 
 /// The cutter on its way: stock, machine and the state between two points. Vectors are in the frame S of the stock,
-/// which is W unless the tool is tilted.
+/// which is W unless the tool is tilted. Of a ball that turns in cuts, what it removes and meets is that of its lowest
+/// point, which lies off its tip by lowest_.
 class Pass {
  public:
   Pass(const Job& job, const gcode::Program& program, const PassMoves& moves, cutting::Stock& stock,
@@ -76,6 +82,10 @@ class Pass {
 
   Result<PassResult> run() {
     POLYPOD_TRY(affordable());
+    if (job_.weights && frame_.turns) {
+      return fail("MC214", "the weight of the machine is not known for a tool that turns in cuts", {program_.path},
+                  "leave --gravity out");
+    }
     if (job_.weights) {
       POLYPOD_ASSIGN(weight, WeightDeflection::of(job_, job_.weights));
       weight_.emplace(std::move(weight));
@@ -143,7 +153,8 @@ class Pass {
     const gcode::Move& move = moves_[index];
     ToolModel& tool = tool_model(move.tool);
     if (!move.start_known) {  // where it comes from is not known: nothing can be said of the way
-      last_bent_ = unloaded(move.end);
+      turn_to(move, move.length());
+      last_bent_ = unloaded(move.end) + lowest_;
       deflection_.setZero();
       return {};
     }
@@ -158,9 +169,27 @@ class Pass {
     // When the cut ends the deflected tool springs back to where it is commanded, before it moves: no collision.
     result_.removed += stock_.settle();
     const Vec3 from = unloaded(move.start), to = unloaded(move.end);
-    result_.removed += tool.ball ? cutting::cut_ball(stock_, from, from, radius) : stock_.cut_disc(from, radius);
-    const double volume =
-        tool.ball ? cutting::cut_ball(stock_, from, to, radius) : stock_.cut_line(from, to, radius, true);
+    double volume = 0;
+    if (tool.ball) {
+      turn_to(move, 0);
+      const Vec3 first = from + lowest_;
+      result_.removed += cut_ball(first, first, tool);
+      // The ball goes straight where the tool does not turn.
+      constexpr double kTurnStep = units::from_deg(1);
+      const double turn = frame_.turns ? (move.axes_end - move.axes_start).cwiseAbs().maxCoeff() : 0;
+      const int steps = std::max(1, static_cast<int>(std::ceil(turn / kTurnStep)));
+      Vec3 at = first;
+      for (int k = 1; k <= steps; ++k) {
+        const double share = double(k) / steps;
+        turn_to(move, Vec3(move.axes_start + share * (move.axes_end - move.axes_start)));
+        const Vec3 next = from + share * (to - from) + lowest_;
+        volume += cut_ball(at, next, tool);
+        at = next;
+      }
+    } else {
+      result_.removed += stock_.cut_disc(from, radius);
+      volume = stock_.cut_line(from, to, radius, true);
+    }
     if (volume > 0) result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
     result_.removed += volume;
     free_at(to);
@@ -172,13 +201,56 @@ class Pass {
   Status other_orientation(const gcode::Move& move) {
     if (move.kind != gcode::MoveKind::rapid && !stays_clear(job_, move)) POLYPOD_TRY(may_cut(move));
     result_.removed += stock_.settle();
+    turn_to(move, move.length());
     free_at(unloaded(move.end));
     return {};
   }
 
+  /// The tool stands as at the arc length s of a move.
+  void turn_to(const gcode::Move& move, double s) {
+    if (frame_.turns) turn_to(move, axes_at(move, s));
+  }
+  void turn_to(const gcode::Move& move, const Vec3& axes) {
+    if (!frame_.turns || (axes == axes_now_ && move.tool == tool_now_)) return;
+    axes_now_ = axes;
+    tool_now_ = move.tool;
+    const Mat3 R_MT = tool_orientation(job_, axes);
+    probe_.turn_to(R_MT);
+    R_ST_ = job_.X_MW.R.transpose() * R_MT;
+    lowest_ = lowest_of(move, R_ST_.col(2));
+  }
+  /// From the tip to the lowest point of a ball whose axis is `axis`, in S.
+  [[nodiscard]] Vec3 lowest_of(const gcode::Move& move, const Vec3& axis) const {
+    const cutting::Cutter& cutter = job_.cutter_of(move.tool);
+    if (!cutting::is_ball(cutter)) return Vec3::Zero();
+    return cutter.radius() * (axis - Vec3::UnitZ());
+  }
+  [[nodiscard]] bool stands_upright() const { return !frame_.turns || R_ST_(2, 2) >= 1 - kUpright; }
+
+  /// Where a move goes at s, as a unit vector in S, and how much farther the middle of the cutter comes than its tip:
+  /// of a ball that turns, the middle's way.
+  struct Heading {
+    Vec3 d = Vec3::Zero();
+    double rate = 1;
+  };
+  [[nodiscard]] Heading heading(const gcode::Move& move, double s) const {
+    if (!frame_.turns || move.axes_start == move.axes_end) return {frame_.to_S(move.direction(s)), 1};
+    const double length = move.length(), h = std::min(kHeadingStep, 0.25 * length);
+    const auto middle = [&](double at) {
+      const Vec3 axis = job_.X_MW.R.transpose() * tool_orientation(job_, axes_at(move, at)).col(2);
+      return Vec3(move.point(at) + lowest_of(move, axis));
+    };
+    const double from = std::max(0.0, s - h), to = std::min(length, s + h);
+    if (!(to > from)) return {frame_.to_S(move.direction(s)), 1};
+    const Vec3 way = (middle(to) - middle(from)) / (to - from);
+    const double rate = way.norm();
+    if (!(rate > kNoHeading)) return {frame_.to_S(move.direction(s)), rate};
+    return {way / rate, rate};
+  }
+
   /// The tool is free of forces, with its tip at `tip`.
   void free_at(const Vec3& tip) {
-    last_bent_ = tip;
+    last_bent_ = tip + lowest_;
     deflection_.setZero();
     last_way_.setZero();
     last_ = Sample{};
@@ -245,6 +317,8 @@ class Pass {
       }
       sample.move = index;
       sample.s = s;
+      turn_to(move, s);
+      if (frame_.turns) sample.axes = axes_now_;
       at_end_ = k == 0 || k == steps;
       POLYPOD_TRY(evaluate(static_cast<std::size_t>(index), s, length, tool, sample));
       // The bent cutter sweeps from where it was last; a jog at the start of a move is swept as well. What the window
@@ -259,25 +333,32 @@ class Pass {
       if (k == steps) last_ = sample;
     }
     const gcode::Move& followed = moves_.followed(static_cast<std::size_t>(index));
-    last_way_ = frame_.to_S(followed.direction(&followed != &move ? followed.nearest(move.end) : length));
+    last_way_ = heading(followed, &followed != &move ? followed.nearest(move.end) : length).d;
     if (!descends_on(static_cast<std::size_t>(index))) volume += stock_.settle();
     result_.removed += volume;
     if (end_cuts_) result_.incidents.push_back({Incident::Kind::end_cut, move.block, volume});
     return {};
   }
 
-  /// The bent cutter goes straight on to `to`; the removed volume. A step that is level but for less than what counts
-  /// as a cut is swept level, which costs a fifth.
-  double sweep(const Vec3& to, const ToolModel& tool, bool start_done) {
+  /// The bent cutter goes straight on with its tip to `tip`; the removed volume. A step that is level but for less than
+  /// what counts as a cut is swept level, which costs a fifth.
+  double sweep(const Vec3& tip, const ToolModel& tool, bool start_done) {
     const double radius = tool.cutter->radius();
+    const Vec3 to = tip + lowest_;
     Vec3 from = last_bent_, at = to;
-    if (tool.ball) {
-      last_bent_ = to;
-      return cutting::cut_ball(stock_, from, at, radius);
-    }
-    if (std::abs(to.z() - from.z()) < kNoCut) from.z() = at.z() = 0.5 * (to.z() + from.z());
     last_bent_ = to;
+    if (tool.ball) return cut_ball(from, at, tool);
+    if (std::abs(to.z() - from.z()) < kNoCut) from.z() = at.z() = 0.5 * (to.z() + from.z());
     return stock_.cut_step(from, at, radius, start_done);
+  }
+
+  /// A ball with its lowest point on the way from a to b, and, where it leans, the straight part above it.
+  double cut_ball(const Vec3& a, const Vec3& b, const ToolModel& tool) {
+    const double radius = tool.cutter->radius();
+    double removed = cutting::cut_ball(stock_, a, b, radius);
+    if (!stands_upright())
+      removed += cutting::cut_shaft(stock_, a, b, R_ST_.col(2), radius, tool.cutter->length - radius);
+    return removed;
   }
 
   /// Whether this move goes on smoothly from the one before, under the same conditions: then its first point is the
@@ -292,7 +373,7 @@ class Pass {
     }
     const gcode::Move &a = moves_.followed(i - 1), &b = moves_.followed(i);
     if (&a == &b) return true;
-    return a.direction(a.length()).dot(b.direction(0)) > std::cos(options_.smooth_angle);
+    return heading(a, a.length()).d.dot(heading(b, 0).d) > std::cos(options_.smooth_angle);
   }
 
   /// A joint of the correction, in steps: the command goes from one place to the other at its feed, and the tool
@@ -306,7 +387,9 @@ class Pass {
     const auto steps = static_cast<std::int64_t>(std::clamp(std::ceil(teeth), kFewestYields, kMostYields));
     const double passes = teeth / static_cast<double>(steps);
     const bool in_cut = !deflection_.isZero(0);
-    Vec3 tip = unloaded(move.start) + deflection_, looked_at = Vec3::Constant(1e3);
+    turn_to(move, 0);
+    // Of a ball that turns, the lowest point.
+    Vec3 tip = unloaded(move.start) + lowest_ + deflection_, looked_at = Vec3::Constant(1e3);
     // What a plunge has held back before is let go (see Plunge).
     const bool sinks = !tool.ball && frame_.to_S(move.end).z() < frame_.to_S(move.start).z();
     // The tool goes on as it went: of several balances that counts which follows from this.
@@ -316,7 +399,10 @@ class Pass {
       Sample sample;
       sample.move = static_cast<int>(index);
       sample.s = length * static_cast<double>(k) / static_cast<double>(steps);
+      turn_to(move, sample.s);
+      if (frame_.turns) sample.axes = axes_now_;
       sample.command = unloaded(move.point(sample.s));
+      const Vec3 command = sample.command + lowest_;
       if (k > 0) {
         if (tool.ball || (tip - looked_at).norm() > kNearTip) {
           thickest = tool.ball ? look_around_ball(tip, tool) : look_around(tip, tool);
@@ -325,20 +411,20 @@ class Pass {
         }
         Mat3 C;
         POLYPOD_TRY(compliance(move, sample.command, C));
-        const Yielded yielded = tool.ball ? yield_step(tip, sample.command, C, contacts_, passes, stepped)
-                                          : yield_step(tip, sample.command, C, around_, passes);
+        const Yielded yielded = tool.ball ? yield_step(tip, command, C, contacts_, passes, stepped)
+                                          : yield_step(tip, command, C, around_, passes);
         if (yielded.rest > kSettled) add_unsettled(move, yielded.rest);
         Vec3 to = yielded.tip;
         sample.force = yielded.force;
         if (sinks) sample.force += held_by_floor(tip, to, C, passes, tool);
         stepped = to - tip;
         tip = to;
-        result_.removed += sweep(tip, tool, true);
+        result_.removed += sweep(tip - lowest_, tool, true);
       }
       // By its weight alone a tool may be off the path, in the air.
       sample.cutting = thickest > kNoCut || (k == 0 && (!weight_ || in_cut));
       sample.depth = static_cast<float>(thickest);
-      deflection_ = sample.deflection = tip - sample.command;
+      deflection_ = sample.deflection = tip - command;
       ++result_.points;
       tell(sample);
     }
@@ -368,9 +454,14 @@ class Pass {
     return edge * (fall / by_edge);
   }
 
-  /// What a ball meets at a tip on any way, into `contacts_`; the deepest cut of it, m.
-  double look_around_ball(const Vec3& tip, const ToolModel& tool) {
-    tool.ball->contacts(stock_, tip, look_ahead_length(tool.cutter->radius()), contacts_);
+  /// What a ball meets at its lowest point on any way, into `contacts_`; the deepest cut of it, m.
+  double look_around_ball(const Vec3& lowest, const ToolModel& tool) {
+    const double reach = look_ahead_length(tool.cutter->radius());
+    if (stands_upright()) {
+      tool.ball->contacts(stock_, lowest, reach, contacts_);
+    } else {
+      tool.ball->contacts(stock_, lowest, R_ST_, reach, contacts_);
+    }
     double deepest = 0;
     for (const cutting::BallContact& contact : contacts_) deepest = std::max(deepest, contact.depth);
     return deepest;
@@ -406,7 +497,8 @@ class Pass {
   void meet(const Vec3& tip, const ToolModel& tool, const Vec3& d, const Eigen::Vector2d& feed, double ahead,
             bool vertical) {
     const double radius = tool.cutter->radius();
-    if (tool.ball) cutting::look_ahead(stock_, tip, radius, d, ahead, ball_);
+    if (tool.ball && stands_upright()) cutting::look_ahead(stock_, tip + lowest_, radius, d, ahead, ball_);
+    if (tool.ball && !stands_upright()) cutting::look_ahead(stock_, tip + lowest_, R_ST_, radius, d, ahead, ball_);
     if (vertical || tool.ball) {
       profile_ = cutting::EngagementProfile{};
       std::fill(profile_.depth, profile_.depth + cutting::EngagementProfile::kBins, 0.0f);
@@ -471,11 +563,18 @@ class Pass {
 
   [[nodiscard]] bool sweeps_bent() const { return options_.bend == Bend::equilibrium; }
 
+  /// Horizontally to the left of a way; none where it is vertical.
+  static Vec3 beside(const Vec3& d) {
+    const double horizontal = std::hypot(d.x(), d.y());
+    return horizontal < kVertical ? Vec3(Vec3::Zero()) : Vec3(-d.y() / horizontal, d.x() / horizontal, 0);
+  }
+
   /// Fills deflection, force and engagement of the point at s.
   Status evaluate(std::size_t index, double s, double length, ToolModel& tool, Sample& sample) {
     const gcode::Move &move = moves_[index], &followed = moves_.followed(index);
     const Vec3 p_W = move.point(s), p = unloaded(p_W);
-    const Vec3 d = frame_.to_S(followed.direction(&followed != &move ? followed.nearest(p_W) : s));
+    const Heading heads = heading(followed, &followed != &move ? followed.nearest(p_W) : s);
+    const Vec3& d = heads.d;
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());
     const bool vertical = horizontal < kVertical;
@@ -484,10 +583,11 @@ class Pass {
     const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
     const double radius = tool.cutter->radius(), ahead = look_ahead_length(radius);
     if (!vertical) sample.away = left;
+    if (frame_.turns) sample.away = beside(followed.direction(&followed != &move ? followed.nearest(p_W) : s));
     // What counts is what the cutter takes on its way, never what stands beyond the end: near the end the window that
     // is looked at stays behind it.
     const double beyond = std::clamp(s + ahead - length, 0.0, s);
-    const Vec3 window = p - d * beyond;
+    const Vec3 window = p - d * (heads.rate * beyond);
     const bool bends = options_.bend == Bend::equilibrium;
 
     const auto look = [&](const Vec3& bend) {
@@ -512,13 +612,15 @@ class Pass {
       return {};
     }
     POLYPOD_TRY(may_cut(move));
-    const double per_tooth = move.feed / (move.spindle_speed * tool.cutter->teeth);
+    POLYPOD_TRY(only_flutes_meet(move, tool));
+    const double per_tooth = heads.rate * move.feed / (move.spindle_speed * tool.cutter->teeth);
     const auto in_S = [&](const Vec3& f) { return Vec3(along * f.x() + left * f.y() + Vec3::UnitZ() * f.z()); };
     const auto force_of_end = [&](double each) {
       return footprint_.any ? in_S(tool.end.mean_force(footprint_, -d.z() * each)) : Vec3(Vec3::Zero());
     };
     const auto force_of = [&](double each, const Vec3& of_end) {
-      if (tool.ball) return tool.ball->mean_force(ball_, d, each);
+      if (tool.ball && stands_upright()) return tool.ball->mean_force(ball_, d, each);
+      if (tool.ball) return tool.ball->mean_force(ball_, R_ST_, d, each);
       return Vec3(of_end + in_S(tool.force.mean_force(profile_, each * horizontal)));
     };
     const auto force_here = [&] { return force_of(per_tooth, force_of_end(per_tooth)); };
@@ -546,7 +648,7 @@ class Pass {
           profile_.max_depth > kNoCut || (footprint_.any && end_takes(p + sample.deflection, d, feed, radius));
     }
     if (at_end_) sample.without_chips = C * force_of(0, force_of_end(0));
-    POLYPOD_TRY(flutes_reach(move, p.z(), *tool.cutter));
+    POLYPOD_TRY(flutes_reach(move, p.z() + lowest_.z(), *tool.cutter));
     describe(sample);
     if (tool.ball) {
       describe_ball(along, left, sample);
@@ -628,7 +730,8 @@ class Pass {
     double most = -1, least = 1, of_left = 0, of_right = 0;  // cosines of the angles from the left
     for (int j = 0; j < cutting::BallEngagement::kSectors; ++j) {
       const double phi = 2 * std::numbers::pi * (j + 0.5) / cutting::BallEngagement::kSectors;
-      const Vec3 out(std::sin(phi), std::cos(phi), 0);
+      Vec3 out(std::sin(phi), std::cos(phi), 0);
+      if (!stands_upright()) out = R_ST_ * out;
       double met = ball_.side[static_cast<std::size_t>(j)];
       for (const auto& ring : ball_.share) met += ring[static_cast<std::size_t>(j)];
       if (!(met > 0) || out.dot(along) < 0) continue;
@@ -662,6 +765,21 @@ class Pass {
         weight_ ? "the weight of the machine counts: check the masses, the heights of the stock, the depth of the "
                   "program and the cutter's length_mm"
                 : "check the heights of the stock, the depth of the program and the cutter's length_mm");
+  }
+
+  /// Of a tool that leans, what lies beside its straight part is within the flutes.
+  [[nodiscard]] Status only_flutes_meet(const gcode::Move& move, const ToolModel& tool) const {
+    if (!tool.ball || stands_upright()) return {};
+    double side = 0;
+    for (const float length : ball_.side) side = std::max<double>(side, length);
+    const double flutes = tool.cutter->length - tool.cutter->radius();
+    if (side <= flutes) return {};
+    return fail(
+        "MC215",
+        fmt::format("the tool is tilted, at {}, and meets material beside {:.1f} mm above its ball; its flutes end "
+                    "{:.1f} mm above it",
+                    orientation_in_words(axes_now_), units::to_mm(side), units::to_mm(flutes)),
+        place(move), "tilt it away from the wall, or take less depth at once");
   }
 
   Status may_cut(const gcode::Move& move) const {
@@ -731,6 +849,11 @@ class Pass {
   cutting::EndFootprint footprint_;
   bool end_cuts_ = false;  // on the move at hand
   bool at_end_ = false;    // of it
+  // Where the tool turns in cuts: how it stands in S, and from its tip to the lowest point of a ball.
+  Mat3 R_ST_ = Mat3::Identity();
+  Vec3 lowest_ = Vec3::Zero();
+  Vec3 axes_now_ = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
+  int tool_now_ = 0;
 };
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "polypod/core/units.hpp"
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/turned_block.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -57,6 +57,49 @@ bool is_feed(const gcode::Move& move) {
   return move.kind != gcode::MoveKind::rapid && (move.length() > 0 || turns(move));
 }
 
+/// The largest angle between the tool axis and z of W on a move, rad.
+double largest_tilt(const Job& job, const gcode::Move& move) {
+  const double turn = (move.axes_end - move.axes_start).cwiseAbs().maxCoeff();
+  const int steps = std::max(1, static_cast<int>(std::ceil(turn / kTurnStep)));
+  double most = 0;
+  for (int i = 0; i <= steps; ++i) {
+    const Vec3 at = move.axes_start + double(i) / steps * (move.axes_end - move.axes_start);
+    const Vec3 axis = job.X_MW.R.transpose() * tool_orientation(job, at).col(2);
+    most = std::max(most, std::acos(std::clamp(axis.z(), -1.0, 1.0)));
+  }
+  return most;
+}
+
+/// For balls that turn in cuts, or cut in several orientations.
+Status set_up_turning(Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
+  for (const gcode::Move& move : interpretation.moves) {
+    if (!is_feed(move) || stays_clear(job, move) || !cutting::is_ball(job.cutter_of(move.tool))) continue;
+    const auto tilted = [](const Vec3& axes) { return !axes.isZero(kNoTurn); };
+    if (job.measured && (tilted(move.axes_start) || tilted(move.axes_end))) {
+      return fail("MC208",
+                  fmt::format("the tool cuts at {}, and the measured compliance holds for a tool along z of M",
+                              orientation_in_words(move.axes_end)),
+                  place_of(program, move), "leave measured_compliance and --measured out, and take that of the joints");
+    }
+    if (!(move.length() > 0)) {
+      return fail("MC206",
+                  fmt::format("the tool turns on the spot from {} to {} where it may cut",
+                              orientation_in_words(move.axes_start), orientation_in_words(move.axes_end)),
+                  place_of(program, move), "what only turns the tool goes above the stock");
+    }
+    if (const double tilt = largest_tilt(job, move); tilt > kLargestTilt) {
+      return fail("MC213",
+                  fmt::format("the tool is tilted by {:.1f} deg against z of the workpiece in a cut; up to {:g} deg "
+                              "are known",
+                              units::to_deg(tilt), units::to_deg(kLargestTilt)),
+                  place_of(program, move), "set the part up so that the tool is tilted less");
+    }
+  }
+  job.tool_frame = ToolFrame{};
+  job.tool_frame.turns = true;
+  return {};
+}
+
 }  // namespace
 
 Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, const Vec3& axes) {
@@ -72,6 +115,24 @@ Mat3 cutting_orientation(const Job& job) {
   return job.tool_frame.tilted ? job.tool_frame.R_MT : tool_orientation(job, Vec3::Zero());
 }
 
+Vec3 axes_at(const gcode::Move& move, double s) {
+  if (!turns(move)) return move.axes_end;
+  const double length = move.length();
+  const double share = length > 0 ? std::clamp(s / length, 0.0, 1.0) : 1.0;
+  return move.axes_start + share * (move.axes_end - move.axes_start);
+}
+Mat3 cutting_orientation(const Job& job, const Vec3& axes) {
+  return job.tool_frame.turns ? tool_orientation(job, axes) : cutting_orientation(job);
+}
+
+Vec3 middle_beside_tip(const Job& job, const gcode::Move& programmed, const Vec3& tip, const Vec3& axes) {
+  if (!job.tool_frame.turns || !cutting::is_ball(job.cutter_of(programmed.tool))) return Vec3::Zero();
+  const Vec3 meant = axes_at(programmed, programmed.nearest(tip));
+  if (meant == axes) return Vec3::Zero();
+  const Vec3 apart = tool_orientation(job, axes).col(2) - tool_orientation(job, meant).col(2);
+  return job.cutter_of(programmed.tool).radius() * (job.X_MW.R.transpose() * apart);
+}
+
 std::string orientation_in_words(const Vec3& axes) {
   const auto deg = [](double x) { return gcode::number(units::to_deg(x), 4); };
   std::string out = fmt::format("A {} B {}", deg(axes.x()), deg(axes.y()));
@@ -80,6 +141,7 @@ std::string orientation_in_words(const Vec3& axes) {
 }
 
 bool stands_as_set_up(const Job& job, const gcode::Move& move) {
+  if (job.tool_frame.turns && cutting::is_ball(job.cutter_of(move.tool))) return true;
   return same(move.axes_start, job.tool_frame.axes) && same(move.axes_end, job.tool_frame.axes);
 }
 
@@ -125,10 +187,11 @@ Status stands_as_set_up(const Job& job, const gcode::Program& program, const gco
           place_of(program, move), "leave the word out, or take a machine that has this axis");
     }
     if (!job.tool_frame.tilted) {
-      return fail("MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
-                  place_of(program, move),
-                  "predict and correct take programs whose cuts all have one orientation; else set the part up so that "
-                  "the tool is vertical in each cut");
+      return fail(
+          "MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
+          place_of(program, move),
+          "predict and correct take programs whose cuts all have one orientation, and balls that turn; else set "
+          "the part up so that the tool is vertical in each cut");
     }
     return fail("MC204",
                 fmt::format("the tool stands at {} in what may be a cut; the other cuts have {}",
@@ -155,18 +218,30 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
     const gcode::Move* first;
   };
   std::vector<Seen> seen;
+  const gcode::Move* turning = nullptr;
   for (const gcode::Move& move : interpretation.moves) {
     if (!is_feed(move) || stays_clear(job, move)) continue;
-    if (turns(move)) {
-      return fail("MC206",
-                  fmt::format("the tool turns from {} to {} in a move that may cut",
-                              orientation_in_words(move.axes_start), orientation_in_words(move.axes_end)),
-                  place_of(program, move),
-                  "cuts need one orientation of the tool; what only turns it goes above the stock");
-    }
+    if (turns(move) && turning == nullptr) turning = &move;
     const bool known =
         std::any_of(seen.begin(), seen.end(), [&](const Seen& s) { return same(s.axes, move.axes_end); });
     if (!known) seen.push_back({move.axes_end, &move});
+  }
+  // A block is seen along the tool where all cuts have one orientation; else balls turn over what there is.
+  const bool one = turning == nullptr && seen.size() <= 1;
+  if (!one || (!seen.empty() && !seen[0].axes.isZero(kNoTurn) && !cutting::is_block(job.stock))) {
+    const bool balls = std::all_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const auto& move) {
+      return !is_feed(move) || stays_clear(job, move) || cutting::is_ball(job.cutter_of(move.tool)) ||
+             (move.axes_start.isZero(kNoTurn) && move.axes_end.isZero(kNoTurn));
+    });
+    if (balls) return set_up_turning(job, program, interpretation);
+  }
+  if (turning != nullptr) {
+    return fail("MC206",
+                fmt::format("the tool turns from {} to {} in a move that may cut",
+                            orientation_in_words(turning->axes_start), orientation_in_words(turning->axes_end)),
+                place_of(program, *turning),
+                "cuts need one orientation of the tool, or a ball end mill (corner_radius_mm of half its diameter); "
+                "what only turns the tool goes above the stock");
   }
   if (seen.size() > 1) {
     const int before = place_of(program, *seen[0].first).line;
@@ -175,7 +250,8 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
                             "one of them, and what is cut is not carried over to another",
                             orientation_in_words(seen[1].axes), before, orientation_in_words(seen[0].axes)),
                 place_of(program, *seen[1].first),
-                "one program for each orientation, each with the stock that it meets");
+                "one program for each orientation, each with the stock that it meets, or a ball end mill "
+                "(corner_radius_mm of half its diameter)");
   }
   if (seen.empty() || seen[0].axes.isZero(kNoTurn)) return {};
   const gcode::Move& first = *seen[0].first;
@@ -191,7 +267,7 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
         fmt::format("the tool cuts at {}, and the stock is no whole block: only that can be seen along a tilted "
                     "tool",
                     orientation_in_words(seen[0].axes)),
-        place_of(program, first), "give the stock as kind = \"block\"");
+        place_of(program, first), "give the stock as kind = \"block\", or take a ball end mill");
   }
   ToolFrame tool;
   tool.tilted = true;

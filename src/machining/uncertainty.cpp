@@ -53,7 +53,7 @@ ComplianceBand compliance_band(const Job& job, const Prediction& prediction, con
   ComplianceBand out;
   std::vector<double> of_move;  // by index into the moves of the program; below 0: no point on it
   for (const Sample& sample : prediction.few) {
-    const Pose X_MT{cutting_orientation(job), job.X_MW * sample.command};
+    const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
     const auto q = joints_at(job, X_MT);
     if (!q) continue;
     const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
@@ -82,7 +82,7 @@ PlaceBand place_band(const Job& job, const Prediction& prediction, const Eigen::
   PlaceBand out;
   int farthest = -1;
   for (const Sample& sample : prediction.few) {
-    const Pose X_MT{cutting_orientation(job), job.X_MW * sample.command};
+    const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
     const auto q = joints_at(job, X_MT);
     if (!q) continue;
     const double U = kCoverageFactor * largest_deviation(kinematics::tip_covariance(job.machine, X_MT, *q, covariance));

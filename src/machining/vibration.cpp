@@ -175,6 +175,7 @@ std::string no_vibration(const Job& job) {
   if (!statics::has_compliance(job.machine)) {
     return "the machine has no compliances of its own, from which its modes follow";
   }
+  if (job.tool_frame.turns) return "the tool turns in cuts, and the modes are known for A = B = C = 0 alone";
   if (job.tool_frame.tilted) return "the tool is tilted, and the modes are known for A = B = C = 0 alone";
   const auto rounded = [](const auto& tool) { return tool.second.corner_radius > 0; };
   if (job.cutter.corner_radius > 0 || std::any_of(job.cutters.begin(), job.cutters.end(), rounded))

@@ -623,6 +623,9 @@ class Page {
       if (job_.work_offsets[i].isZero(0)) continue;
       job.emplace_back(fmt::format("origin of G{} in W", 54 + i), vector_mm(job_.work_offsets[i]));
     }
+    if (job_.tool_frame.turns)
+      job.emplace_back("tool",
+                       "a ball that turns in cuts, or cuts in several orientations; normal errors are horizontal");
     if (job_.tool_frame.tilted) {
       job.emplace_back("tool in every cut",
                        machining::orientation_in_words(job_.tool_frame.axes) +

@@ -155,6 +155,10 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
   return true;
 }
 
+void Probe::turn_to(const Mat3& R_MT) {
+  impl_->R_MT = R_MT;
+}
+
 std::string Probe::why() const {
   const Compliance c = compliance_at(impl_->machine, Pose{impl_->R_MT, impl_->last});
   return c.reason;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -189,7 +190,175 @@ TEST(BallStock, ALineBesideAGroove) {
   }
 }
 
-// A block under a tilted tool is the same block: a groove square to its face through the middle of its upper side.
+// --- A tool that leans: what the ball takes is the same, and other parts of its edges take it.
+
+Mat3 leaning(double forwards_deg, double sideways_deg) {
+  return rotation_y(forwards_deg * kPi / 180) * rotation_x(sideways_deg * kPi / 180);
+}
+
+Vec3 found(const Stock& stock, const Vec3& lowest, const Mat3& R, const Vec3& d) {
+  BallEngagement engagement;
+  look_ahead(stock, lowest, R, kR, d, kAhead, engagement);
+  for (const float side : engagement.side) EXPECT_EQ(side, 0);
+  return BallForce(ball(), samples::aluminium()).mean_force(engagement, R, d, kFeed);
+}
+
+/// As by_points with the tool turned by R; `met` sees points of the frame of the stock, from the ball's lowest point.
+template <class Met>
+Vec3 by_points(const Cutter& cutter, const Material& m, const Mat3& R, const Vec3& d, Met&& met) {
+  const Vec3 up = kR * Vec3::UnitZ();
+  return R * by_points(cutter, m, Vec3(R.transpose() * d), [&](const Vec3& p) { return met(Vec3(R * (p - up) + up)); });
+}
+
+TEST(LeaningBall, UprightItIsTheOtherFunction) {
+  for (const double ap : {0.3e-3, 1.5e-3, 3.5e-3}) {
+    for (const Vec3& way : {Vec3(1, 0, 0), Vec3(0.6, 0.8, 0), Vec3(-0.9, 0.3, 0)}) {
+      const Vec3 d = way.normalized(), tip(0.1e-3, 0.05e-3, -ap);
+      Stock s = block();
+      cut_ball(s, tip - 0.01 * d, tip, kR);
+      BallEngagement a, b;
+      look_ahead(s, tip, kR, d, kAhead, a);
+      look_ahead(s, tip, Mat3::Identity(), kR, d, kAhead, b);
+      const BallForce force(ball(), samples::aluminium());
+      const Vec3 one = force.mean_force(a, d, kFeed), other = force.mean_force(b, Mat3::Identity(), d, kFeed);
+      EXPECT_GT(one.norm(), 10);
+      EXPECT_LT((one - other).norm(), 0.03 * one.norm()) << one.transpose() << " and " << other.transpose();
+      EXPECT_NEAR(a.max_depth, b.max_depth, 1e-6);
+    }
+  }
+}
+
+TEST(LeaningBall, GroovesAndRampsAreTheSumOverPoints) {
+  for (const double slope_deg : {0.0, -10.0, 5.0}) {
+    for (const auto& lean : {std::array{15.0, 0.0}, std::array{-15.0, 0.0}, std::array{0.0, 30.0},
+                             std::array{30.0, -20.0}, std::array{50.0, 10.0}}) {
+      SCOPED_TRACE(::testing::Message() << slope_deg << " at " << lean[0] << ", " << lean[1]);
+      const Mat3 R = leaning(lean[0], lean[1]);
+      const double slope = slope_deg * kPi / 180, ap = 0.8e-3;
+      const Vec3 d(std::cos(slope), 0, std::sin(slope)), lowest(0.1e-3, 0.05e-3, -ap);
+      Stock s = block();
+      cut_ball(s, lowest - 15e-3 * d, lowest, kR);
+      // What it looks at lies ahead, where a ball that climbs stands higher.
+      const double there = std::min(ap, ap - kAhead * d.z());
+      const Vec3 expected = by_points(ball(), samples::aluminium(), R, d, [&](const Vec3& p) { return p.z() < there; });
+      const Vec3 f = found(s, lowest, R, d);
+      EXPECT_LT((f - expected).norm(), 0.05 * expected.norm()) << f.transpose() << " for " << expected.transpose();
+    }
+  }
+}
+
+// The tip of an upright ball, where the edges stand still, rubs; leaning lifts it out of the floor.
+TEST(LeaningBall, LeaningChangesTheForce) {
+  const Vec3 d(1, 0, 0), lowest(0.1e-3, 0.05e-3, -0.5e-3);
+  Stock s = block();
+  cut_ball(s, lowest - 15e-3 * d, lowest, kR);
+  const Vec3 upright = found(s, lowest, d), leaned = found(s, lowest, leaning(30, 0), d);
+  EXPECT_GT((upright - leaned).norm(), 0.2 * upright.norm());
+}
+
+TEST(LeaningBall, AWayThatIsRunAgainMeetsNothing) {
+  Stock s = block();
+  const Vec3 a(-15e-3, -3e-3, -0.7e-3), b(12e-3, 5e-3, -1.2e-3), d = (b - a).normalized();
+  cut_ball(s, a, b, kR);
+  for (int k = 1; k < 40; ++k) {
+    BallEngagement engagement;
+    look_ahead(s, a + k / 50.0 * (b - a), leaning(25, -15), kR, d, kAhead, engagement);
+    EXPECT_FALSE(engagement.any) << k;
+  }
+}
+
+TEST(LeaningBall, ContactsAddUpToTheForceOfAWay) {
+  constexpr double kTouches = 5e-6;  // m: beyond the top of the block contacts are before material, not in it
+  constexpr double kCoarse = 0.11;   // 16 rings, of which one more or less is in the block
+  const BallForce force(ball(), samples::aluminium());
+  for (const Mat3& R : {leaning(20, 0), leaning(-20, 25), leaning(0, 45)}) {
+    for (const Vec3& d : {Vec3(1, 0, 0), Vec3(0.6, 0.8, 0), Vec3(std::cos(0.2), 0, -std::sin(0.2))}) {
+      Stock s = block();
+      const Vec3 lowest(0.1e-3, 0.2e-3, -0.9e-3);
+      cut_ball(s, lowest - 5e-3 * d, lowest, kR);
+      std::vector<BallContact> contacts;
+      force.contacts(s, lowest, R, kAhead, contacts);
+      Vec3 sum = Vec3::Zero();
+      for (const BallContact& c : contacts) {
+        const double chip = kFeed * c.n.dot(d);
+        if (chip > 0 && c.gap < kTouches) sum += c.edge + chip * c.chip;
+      }
+      const Vec3 expected =
+          by_points(ball(), samples::aluminium(), R, d, [&](const Vec3& p) { return p.z() < -lowest.z(); });
+      EXPECT_LT((sum - expected).norm(), kCoarse * expected.norm())
+          << sum.transpose() << " and " << expected.transpose();
+    }
+  }
+}
+
+// How the tool is turned about its own axis is nothing to the force.
+TEST(LeaningBall, ATurnAboutTheAxisIsNothing) {
+  const BallForce force(ball(), samples::aluminium());
+  for (const double ap : {1e-3, 3e-3, 5e-3}) {
+    for (const double slope_deg : {0.0, -34.0}) {
+      const double slope = slope_deg * kPi / 180;
+      const Vec3 d(std::cos(slope), 0, std::sin(slope)), lowest(0.1e-3, 0.05e-3, -ap);
+      const Mat3 R = leaning(30, 15);
+      Stock s = block();
+      for (int k = 0; k < 20; ++k) {
+        const Vec3 a = lowest - (20 - k) * 0.5e-3 * d, b = a + 0.5e-3 * d;
+        cut_ball(s, a, b, kR);
+        cut_shaft(s, a, b, R.col(2), kR, 20e-3);
+      }
+      BallEngagement engagement;
+      look_ahead(s, lowest, R, kR, d, kAhead, engagement);
+      const Vec3 one = force.mean_force(engagement, R, d, kFeed);
+      for (const double turn : {0.3, 1.6, 4.0}) {
+        const Mat3 turned = R * rotation_z(turn);
+        look_ahead(s, lowest, turned, kR, d, kAhead, engagement);
+        const Vec3 other = force.mean_force(engagement, turned, d, kFeed);
+        EXPECT_LT((one - other).norm(), 0.02 * one.norm()) << ap << ": " << one.transpose() << " " << other.transpose();
+      }
+    }
+  }
+}
+
+// The straight part above the ball, where it leans over the block.
+TEST(LeaningBall, TheSideIsSeen) {
+  Stock s = block();
+  const Vec3 d(1, 0, 0), lowest(0.1e-3, 0.05e-3, -3e-3);
+  cut_ball(s, lowest - 15e-3 * d, lowest, kR);
+  const auto side = [&](double forwards) {
+    BallEngagement engagement;
+    look_ahead(s, lowest, leaning(forwards, 0), kR, d, kAhead, engagement);
+    return *std::max_element(engagement.side.begin(), engagement.side.end());
+  };
+  EXPECT_EQ(side(-20), 0);  // it leans back over what it has cut
+  EXPECT_GT(side(45), 0.5e-3);
+}
+
+// The straight part takes what a sum over spheres along its axis takes, and after that it meets only what lies ahead.
+TEST(LeaningBall, TheShaftIsTheLowestOfItsPlaces) {
+  const Mat3 R = leaning(40, 10);
+  const Vec3 a(-3e-3, 1e-3, -3e-3), b(-2e-3, 1.3e-3, -3.1e-3);
+  Stock s = block(0.4e-3), spheres = s;
+  EXPECT_GT(cut_shaft(s, a, b, R.col(2), kR, 20e-3), 0);
+  for (int k = 0; k <= 10; ++k)
+    for (int along = 0; along <= 2000; ++along) {
+      const Vec3 lowest = a + k / 10.0 * (b - a) + along * 10e-6 * R.col(2);
+      if (lowest.z() < 0) cut_ball(spheres, lowest, lowest, kR);
+    }
+  const double half = 0.5 * s.cell();
+  int compared = 0;
+  for (int j = 0; j < s.rows(); ++j)
+    for (int i = 0; i < s.columns(); ++i) {
+      // Spheres reach beyond the cylinder at its lower end, below the plane through the middle of the ball.
+      const Vec3 w = Vec3(s.x_min() + i * s.cell() + half, s.y_min() + j * s.cell() + half, spheres.height(i, j)) - a -
+                     kR * Vec3::UnitZ();
+      if (w.dot(R.col(2)) < 1.2e-3 || spheres.height(i, j) > -0.05e-3) continue;
+      ++compared;
+      EXPECT_NEAR(s.height(i, j), spheres.height(i, j), 20e-6);
+    }
+  EXPECT_GT(compared, 20);
+  EXPECT_LT(cut_shaft(s, a, b, R.col(2), kR, 20e-3), 1e-14);  // m^3: heights are kept in single precision
+  EXPECT_EQ(cut_shaft(s, a, b, Vec3::UnitZ(), kR, 20e-3), 0);
+}
+
 TEST(BallStock, AirAndForeignPlacesMeetNothing) {
   const Stock s = block();
   BallEngagement engagement;

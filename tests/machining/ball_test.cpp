@@ -221,12 +221,12 @@ TEST(Ball, ATiltedBallIsTheSame) {
   EXPECT_EQ(upright.pieces, turned.pieces);
 }
 
-// A tool that turns in a cut is refused, whatever its shape.
-TEST(Ball, ATurningBallIsRefused) {
+// A ball that turns while it lies on its side.
+TEST(Ball, ABallThatLiesIsRefused) {
   Example e = groove("G21 G90 S12000 M3\nG0 X-45 Y-10 Z-3 A90\nG0 Y2\nG1 X45 Z4 A80 F1800\nG0 Y-10\nM2\n");
   const auto set = machining::set_up(e.job, e.program, e.interpretation);
   ASSERT_FALSE(set);
-  EXPECT_EQ(set.error().id, "MC206");
+  EXPECT_EQ(set.error().id, "MC213");
 }
 
 TEST(Ball, ABullNoseInAJobIsRefused) {

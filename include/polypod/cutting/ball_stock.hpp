@@ -21,9 +21,16 @@ bool is_ball(const Cutter& cutter);
 /// m^3. Cost: 10 ns a cell under the way.
 double cut_ball(Stock& stock, const Vec3& a, const Vec3& b, double radius);
 
+/// Removes what the straight part of a ball end mill above its ball takes where the tool leans: a cylinder along `axis`
+/// (a unit vector whose z is above 0) from the middle of the ball on, `length` long (m). Over the middle of a cell its
+/// lower surface is the lower root z of |w|^2 - (w . axis)^2 = R^2, w from the middle of the ball, where
+/// 0 <= w . axis <= length; the lowest of its places every half cell on the way counts. `a`, `b`: the lowest points of
+/// the ball, m. Returns the removed volume, m^3. Nothing for an upright tool, whose ball takes all that is above it.
+double cut_shaft(Stock& stock, const Vec3& a, const Vec3& b, const Vec3& axis, double radius, double length);
+
 /// What a ball meets: which share of the edges that pass over each of kRings rings of equal kappa and kSectors tooth
-/// angles cuts, and the length of the side above the ball. Tooth angles are those of the frame of the stock: from +y
-/// (0) over +x (90 deg) all the way round.
+/// angles cuts, and the length of the side above the ball. Tooth angles are those of the frame of the tool, which is
+/// that of the stock unless the tool is turned: from +y (0) over +x (90 deg) all the way round.
 struct BallEngagement {
   static constexpr int kRings = 32, kSectors = 64;
   std::array<std::array<float, kSectors>, kRings> share{};
@@ -38,6 +45,15 @@ struct BallEngagement {
 /// between the middles of four cells. Nothing is removed; what was cut on the same way is not met again. Cost: 30 us.
 void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& direction, double ahead,
                 BallEngagement& engagement);
+
+/// The same with the tool turned by `R` (its z axis from the tip to the spindle, in the frame of the stock) about the
+/// middle of the ball: `lowest` is the ball's lowest point, `direction` that of its middle. What a ball takes does not
+/// depend on how it is turned (cut_ball with its lowest points), as long as its lowest point lies on it: R's z axis
+/// points up. `side` is what the straight part of the tool above the ball cuts (cut_shaft).
+/// Above the middle of the ball, where a stock of heights knows no more than that there is material, all of a ring cuts
+/// that lies before it. Cost: 60 us.
+void look_ahead(const Stock& stock, const Vec3& lowest, const Mat3& R, double radius, const Vec3& direction,
+                double ahead, BallEngagement& engagement);
 
 /// A part of a ball's surface with material before it, and the mean force of what the teeth take there, which is
 /// edge + chip * h, h being the chip (m) that the motion of the ball leaves them along n.
@@ -62,8 +78,19 @@ class BallForce {
   /// proportion to those of 20 um. Summed over what lies before a way it is mean_force, to the width of a ring.
   /// Cost: 20 us.
   void contacts(const Stock& stock, const Vec3& tip, double reach, std::vector<BallContact>& out) const;
+  /// The same two with the tool turned by `R`, as in look_ahead; without a side above the ball.
+  [[nodiscard]] Vec3 mean_force(const BallEngagement& engagement, const Mat3& R, const Vec3& direction,
+                                double feed_per_tooth) const {
+    return R * mean_force(engagement, R.transpose() * direction, feed_per_tooth);
+  }
+  void contacts(const Stock& stock, const Vec3& lowest, const Mat3& R, double reach,
+                std::vector<BallContact>& out) const;
 
  private:
+  /// `R`: null for a tool that is not turned.
+  void find_contacts(const Stock& stock, const Vec3& tip, const Mat3* R, double reach,
+                     std::vector<BallContact>& out) const;
+
   Cutter cutter_;
   Material material_;
 };

@@ -40,6 +40,7 @@ struct Sample {
   /// Unit normal of the path in the plane, to the left of the feed. predict and correct turn it away from the wall that
   /// is cut along most of the move; in a slot, which has two, it stays.
   Vec3 away = Vec3::Zero();
+  Vec3 axes = Vec3::Zero();   ///< A, B, C where the tool turns in cuts, rad; else 0
   bool wall_left = false;     ///< only the left side of the cutter meets a wall
   float depth = 0;            ///< largest axial depth of engagement, m
   float entry = 0, exit = 0;  ///< first and last engaged tooth angle, rad

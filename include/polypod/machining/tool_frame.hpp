@@ -8,11 +8,14 @@
 
 namespace polypod::machining {
 
-/// One orientation of the tool in every cut (3 + 2 axes), and the frame S in which the stock is a height map: its
-/// origin is that of W, its z axis the tool axis, its x and y axes those of T for a workpiece that is not turned. By
-/// default the tool
-/// stands along z of M (cutting_orientation says how it is turned about it) and S is W.
+/// How the tool stands in cuts: in one orientation in all of them (3 + 2 axes) or in that of each move, and the frame S
+/// in which the stock is a height map: its origin is that of W, its z axis the tool axis, its x and y axes those of T
+/// for a workpiece that is not turned. By default the tool stands along z of M (cutting_orientation says how it is
+/// turned about it) and S is W.
 struct ToolFrame {
+  /// Whether the tool turns in cuts, or cuts in several orientations: a ball, whose way is that of its middle. S is W
+  /// then, and the orientation that of the move (cutting_orientation).
+  bool turns = false;
   bool tilted = false;               ///< whether S is another frame than W
   Vec3 axes = Vec3::Zero();          ///< A, B, C in every cut, rad
   Mat3 R_MT = Mat3::Identity();      ///< the orientation of the tool in M; only where the tool is tilted

@@ -70,6 +70,8 @@ class Probe {
   /// Compliance at the tip position p_M, m/N. False where the pose is out of reach or breaks a limit; then `why()` says
   /// which. Cost: below 1 us for an arm with a closed inverse.
   bool at(const Vec3& p_M, Mat3& C);
+  /// From here on with the tool in another orientation in M.
+  void turn_to(const Mat3& R_MT);
   [[nodiscard]] std::string why() const;
   /// Joints of the last pose that `at` reached.
   [[nodiscard]] const machine::JointVector& joints() const;

@@ -1,0 +1,307 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Balls that turn while they cut.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "machining/examples.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/machining/tilted.hpp"
+#include "polypod/machining/uncertainty.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace polypod {
+namespace {
+
+using testing::Example;
+using ::testing::HasSubstr;
+using testing::with_program;
+
+constexpr double kR = 4e-3;  // of the ball
+
+Example ball(const std::string& program) {
+  Example e = with_program("slavkovic_groove", program);
+  e.job.cutter.corner_radius = e.job.cutter.radius();
+  return e;
+}
+
+Status set_up(Example& e) {
+  return machining::set_up(e.job, e.program, e.interpretation);
+}
+
+/// The axis of the tool of a machine with A and B of its own.
+Vec3 axis(const Vec3& axes) {
+  return rotation_abc(axes.x(), axes.y(), 0).col(2);
+}
+
+/// Lines over a spherical cap of radius 250 mm with its top 0.3 mm below the block's, to and fro, from outside of the
+/// block to outside, of blocks of 2 mm. The tool leads: it leans by `lead_deg` from the normal of the surface in the
+/// direction of the feed, and turns with both. All of it turned by Q.
+std::string cap(double half, double between_lines, double lead_deg, const Mat3& Q = Mat3::Identity()) {
+  constexpr double kRadius = 250, kTop = -0.3, kBall = 4, kReach = 36, kBlock = 2;
+  const double lead = units::from_deg(lead_deg);
+  std::string out = "G21 G90 S12000 M3\n";
+  int line = 0;
+  for (double y = -half; y <= half + 1e-9; y += between_lines, ++line) {
+    const double sense = line % 2 == 0 ? 1 : -1;
+    const auto steps = static_cast<int>(2 * kReach / kBlock);
+    for (int i = 0; i <= steps; ++i) {
+      const double x = sense * (-kReach + kBlock * i);
+      const Vec3 n = Vec3(x, y, std::sqrt(kRadius * kRadius - x * x - y * y)) / kRadius;
+      Vec3 along(sense, 0, 0);
+      along = (along - n * n.dot(along)).normalized();
+      const Vec3 u = Q * (std::cos(lead) * n + std::sin(lead) * along);
+      const Vec3 tip = Q * (kRadius * n + Vec3(0, 0, kTop - kRadius) + kBall * n) - kBall * u;
+      const double A = -units::to_deg(std::asin(u.y())), B = units::to_deg(std::atan2(u.x(), u.z()));
+      if (i == 0) {
+        out += fmt::format("G0 X{:.4f} Y{:.4f} Z20 A{:.4f} B{:.4f}\nG0 Z{:.4f}\nG1 F1200\n", tip.x(), tip.y(), A, B,
+                           tip.z());
+      } else {
+        out += fmt::format("G1 X{:.4f} Y{:.4f} Z{:.4f} A{:.4f} B{:.4f}\n", tip.x(), tip.y(), tip.z(), A, B);
+      }
+    }
+    out += "G0 Z20\n";
+  }
+  return out + "M2\n";
+}
+
+TEST(FiveAxes, ABallThatTurnsIsSetUp) {
+  Example e = ball(cap(4, 2, 15));
+  ASSERT_TRUE(set_up(e));
+  EXPECT_TRUE(e.job.tool_frame.turns);
+  EXPECT_FALSE(e.job.tool_frame.tilted);
+}
+
+// A turn by a thousandth of a degree changes nothing; the way there goes through the functions of a tool that leans.
+TEST(FiveAxes, ATurnOfNothingIsTheUprightTool) {
+  constexpr const char* kWay =
+      "G21 G90 S12000 M3\nG0 X-45 Y-3 Z10\nG0 Z-1.5\nG1 X-10 Y4{} F1800\nG1 X20 Y-5 Z-1\nG1 X45\nG0 Z10\nM2\n";
+  const Example flat = ball(fmt::format(fmt::runtime(kWay), ""));
+  Example turning = ball(fmt::format(fmt::runtime(kWay), " A0.001 B-0.001"));
+  ASSERT_TRUE(set_up(turning));
+  ASSERT_TRUE(turning.job.tool_frame.turns);
+  const machining::Prediction a = testing::predict(flat), b = testing::predict(turning);
+  ASSERT_EQ(a.moves.size(), b.moves.size());
+  constexpr double kSame = 1.5e-6;  // rings and sectors meet the cells a little differently
+  for (std::size_t i = 0; i < a.moves.size(); ++i) {
+    EXPECT_NEAR(a.moves[i].normal.mean, b.moves[i].normal.mean, kSame);
+    EXPECT_NEAR(a.moves[i].vertical.mean, b.moves[i].vertical.mean, kSame);
+    EXPECT_NEAR(a.moves[i].largest_distance, b.moves[i].largest_distance, 2 * kSame);
+  }
+  EXPECT_NEAR(a.pass.removed, b.pass.removed, 2e-3 * a.pass.removed);
+}
+
+// The force of a groove by a sum over points of the leaning ball, and the compliance of the machine in its orientation.
+TEST(FiveAxes, ForceAndComplianceAreThoseOfTheOrientation) {
+  // B turns from 10 to 30 deg while the middle of the ball goes along x at y 0, z 2.5: a groove of 1.5 mm.
+  std::string program = "G21 G90 S12000 M3\n";
+  for (int i = 0; i <= 60; ++i) {
+    const double B = 10 + 20 * i / 60.0, x = -30 + i;
+    const Vec3 tip = Vec3(x, 0, 2.5) - 4 * axis({0, units::from_deg(B), 0});
+    program +=
+        fmt::format("G{} X{:.5f} Y0 Z{:.5f} B{:.5f} {}\n", i == 0 ? 0 : 1, tip.x(), tip.z(), B, i == 1 ? "F1800" : "");
+  }
+  Example e = ball(program + "G0 Z20\nM2\n");
+  ASSERT_TRUE(set_up(e));
+  machining::PredictOptions options;
+  options.bend = machining::Bend::at_rest;
+  options.keep_samples = true;
+  const machining::Prediction p = testing::predict(e, options);
+  int compared = 0;
+  for (const machining::Sample& s : p.samples) {
+    if (!s.cutting || std::abs(s.command.x()) > 15e-3 || ++compared % 10 != 0) continue;
+    const gcode::Move& move = e.interpretation.moves[static_cast<std::size_t>(s.move)];
+    const Mat3 R = rotation_abc(s.axes.x(), s.axes.y(), 0);
+    EXPECT_NEAR(s.axes.y(), units::from_deg(10 + 20 * (s.command.x() + kR * R.col(2).x() + 30e-3) / 60e-3), 1e-4);
+    // The middle goes 1 mm a block, in the time in which the tip goes its length.
+    const double per_tooth = move.feed / (move.spindle_speed * 3) * 1e-3 / move.length();
+    constexpr int kSteps = 300;
+    Vec3 force = Vec3::Zero();
+    const cutting::Material& m = e.job.material;
+    for (int i = 0; i < kSteps; ++i) {
+      const double kappa = M_PI / 2 * (i + 0.5) / kSteps;
+      for (int j = 0; j < kSteps; ++j) {
+        const double phi = 2 * M_PI * (j + 0.5) / kSteps;
+        const Vec3 out(std::sin(phi), std::cos(phi), 0);
+        const Vec3 n = std::sin(kappa) * out - std::cos(kappa) * Vec3::UnitZ();
+        const double h = per_tooth * (R * n).x();
+        if (!(h > 0) || !(2.5e-3 + kR * (R * n).z() < 0)) continue;
+        const Vec3 motion = out.cross(Vec3::UnitZ()), along = motion.cross(n);
+        force += R * (-(m.kte + m.ktc * h) * motion - (m.kre + m.krc * h) * n + (m.kae + m.kac * h) * along);
+      }
+    }
+    force *= 3 / (2 * M_PI) * (2 * M_PI / kSteps) * (kR * M_PI / 2 / kSteps);
+    EXPECT_LT((s.force - force).norm(), 0.05 * force.norm()) << s.force.transpose() << " for " << force.transpose();
+    const auto c = statics::compliance_at(e.job.machine, Pose{R, e.job.X_MW * s.command});
+    EXPECT_LT((s.deflection - c.displacement(s.force)).norm(), 1e-9);
+  }
+  EXPECT_GT(compared, 50);
+}
+
+/// Where the middle of the ball really goes against the programmed middle, by passes of its own and plain searches.
+double farthest_middle(const Example& e, const machining::Correction& c) {
+  cutting::Stock stock = e.job.stock;
+  machining::PassOptions options;
+  options.step = 0.4e-3;  // not the corrector's own step
+  double worst = 0;
+  std::size_t points = 0;
+  const auto visit = [&](const machining::Sample& s) {
+    if (!s.cutting) return;
+    ++points;
+    double nearest = 1;
+    const int source = c.source[static_cast<std::size_t>(s.move)];
+    const Vec3 middle = s.bent() + kR * axis(s.axes);
+    for (int i = std::max(0, source - 1); i <= source + 1; ++i) {
+      if (i >= static_cast<int>(e.interpretation.moves.size())) continue;
+      const gcode::Move& move = e.interpretation.moves[static_cast<std::size_t>(i)];
+      if (move.kind == gcode::MoveKind::rapid) continue;
+      constexpr int kPlaces = 2000;
+      for (int k = 0; k <= kPlaces; ++k) {
+        const double share = double(k) / kPlaces;
+        const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
+        nearest = std::min(nearest, (middle - move.point(share * move.length()) - kR * axis(axes)).norm());
+      }
+    }
+    worst = std::max(worst, nearest);
+  };
+  const auto result = machining::run_pass(e.job, c.program, c.commanded, stock, options, visit);
+  EXPECT_TRUE(result) << to_string(result.error());
+  EXPECT_GT(points, 200u);
+  return worst;
+}
+
+// A spherical cap in five axes: every dense point within the tube, of the middle of the ball too, after re-reading.
+TEST(FiveAxes, ASphericalCapIsCorrected) {
+  Example e = ball(cap(4, 2, 15));
+  ASSERT_TRUE(set_up(e));
+  const machining::Correction c = testing::correct(e);
+  EXPECT_GT(c.before.largest_distance, 2 * e.job.tolerance);
+  EXPECT_GT(c.rewritten_moves, 50);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_TRUE(c.all_judged()) << c.answer();
+  EXPECT_THAT(c.text(), HasSubstr(" A"));
+  constexpr double kSlack = 4e-6;  // another step meets other cells of the stock
+  EXPECT_LE(farthest_middle(e, c), e.job.tolerance + kSlack);
+  for (const machining::MoveOutcome& m : c.moves)
+    EXPECT_LE(m.distance_after, std::max(m.distance_before + 1e-6, e.job.tolerance)) << "line " << m.line;
+}
+
+// Lines in all directions at several depths, with turns in some of them: never worse, and what is called within is.
+TEST(FiveAxes, RandomProgramsAreNeverWorseAndWithinIsTrue) {
+  int within = 0;
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const auto between = [&](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    std::string program =
+        fmt::format("G21 G90 S12000 M3\nG0 X-40 Y{:.3f} Z10 A{:.3f} B{:.3f}\nG0 Z{:.3f}\nG1 F{:.0f}\n",
+                    between(-10, 10), between(-15, 15), between(-15, 15), between(-1.2, -0.4), between(800, 1600));
+    double x = -40;
+    while (x < 38) {
+      x += between(5, 14);
+      program += fmt::format("X{:.3f} Y{:.3f} Z{:.3f}", x, between(-10, 10), between(-1.5, -0.3));
+      if (between(0, 1) < 0.7) program += fmt::format(" A{:.3f} B{:.3f}", between(-15, 15), between(-15, 15));
+      program += "\n";
+    }
+    Example e = ball(program + "G0 Z20\nM2\n");
+    ASSERT_TRUE(set_up(e));
+    const machining::Correction c = testing::correct(e);
+    EXPECT_LE(c.largest_distance, c.before.largest_distance + 1e-6);
+    for (const machining::MoveOutcome& m : c.moves)
+      EXPECT_LE(m.distance_after, std::max(m.distance_before + 1e-6, e.job.tolerance)) << "line " << m.line;
+    if (!c.within_tolerance) continue;
+    ++within;
+    EXPECT_LE(farthest_middle(e, c), e.job.tolerance + 4e-6);
+  }
+  EXPECT_GT(within, 1);
+}
+
+// The whole turned about z: base of the machine, block and program, whose A and B become others. Nothing physical has
+// changed; the sectors in which the tool is seen lie elsewhere.
+TEST(FiveAxes, TheWholeTurnedIsTheSame) {
+  const Mat3 Q = rotation_z(units::from_deg(90));
+  Example straight = ball(cap(4, 2, 15)), turned = ball(cap(4, 2, 15, Q));
+  turned.job.stock =
+      testing::unwrap(cutting::Stock::block({-20e-3, -30e-3, -20e-3}, {20e-3, 30e-3, 0}, straight.job.stock.cell()));
+  auto arm = std::get<machine::SerialArm>(turned.job.machine);
+  const Vec3 o = turned.job.X_MW.p;
+  arm.X_MB = Pose{Q, o - Q * o} * arm.X_MB;
+  turned.job.machine = machine::AnyMachine(arm);
+  ASSERT_TRUE(set_up(straight));
+  ASSERT_TRUE(set_up(turned));
+  const machining::Prediction a = testing::predict(straight), b = testing::predict(turned);
+  ASSERT_EQ(a.moves.size(), b.moves.size());
+  EXPECT_GT(a.largest_distance, 100e-6);
+  EXPECT_NEAR(a.pass.removed, b.pass.removed, 1e-3 * a.pass.removed);
+  for (std::size_t i = 0; i < a.moves.size(); ++i) {
+    EXPECT_EQ(a.moves[i].line, b.moves[i].line);
+    EXPECT_NEAR(a.moves[i].largest_distance, b.moves[i].largest_distance, 0.03 * a.moves[i].largest_distance + 1e-6);
+    EXPECT_NEAR(a.moves[i].vertical.mean, b.moves[i].vertical.mean, 0.03 * a.moves[i].deflection.mean + 1e-6)
+        << "line " << a.moves[i].line;
+  }
+}
+
+TEST(FiveAxes, WhatIsNotKnownIsRefused) {
+  const struct {
+    const char* program;
+    const char* id;
+    const char* says;
+  } cases[] = {
+      {"G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-1.5\nG1 X-10 F1800\nG1 B20\nG1 X45\nG0 Z10\nM2\n", "MC206",
+       "on the spot"},
+      {"G21 G90 S12000 M3\nG0 X-45 Y0 Z10 B70\nG0 Z-1.5\nG1 X45 B85 F1800\nG0 Z10\nM2\n", "MC213",
+       "tilted by 85.0 deg"},
+  };
+  for (const auto& test : cases) {
+    Example e = ball(test.program);
+    const Status set = set_up(e);
+    ASSERT_FALSE(set) << test.program;
+    EXPECT_EQ(set.error().id, test.id);
+    EXPECT_THAT(set.error().message, HasSubstr(test.says));
+  }
+  // A cylinder that turns; the ball of the same program does not mind.
+  Example flat =
+      with_program("slavkovic_groove", "G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-1.5\nG1 X45 B5 F1800\nG0 Z10\nM2\n");
+  const Status set = set_up(flat);
+  ASSERT_FALSE(set);
+  EXPECT_EQ(set.error().id, "MC206");
+  EXPECT_THAT(set.error().hint, HasSubstr("ball end mill"));
+}
+
+// One orientation over a stock that is no block: what an earlier program has left.
+TEST(FiveAxes, AStockThatIsNoBlockIsTaken) {
+  const char* const kWay = "G21 G90 S12000 M3\nG0 X-45 Y0 Z10 A20\nG0 Z-1.5\nG1 X45 F1800\nG0 Z10\nM2\n";
+  Example block = ball(kWay), left = block;
+  left.job.stock.cut_disc({0, 0, -1e-3}, 10e-3);
+  ASSERT_TRUE(set_up(block));
+  EXPECT_TRUE(block.job.tool_frame.tilted);
+  ASSERT_TRUE(set_up(left));
+  EXPECT_TRUE(left.job.tool_frame.turns);
+  const machining::Prediction a = testing::predict(block), b = testing::predict(left);
+  EXPECT_LT(b.pass.removed, 0.8 * a.pass.removed);
+  // Both see the same groove where nothing was taken before.
+  EXPECT_NEAR(a.deflection.max, b.deflection.max, 0.05 * a.deflection.max);
+}
+
+// A wall that is higher than the flutes, and the tool leans into it.
+TEST(FiveAxes, AShankThatMeetsMaterialIsNamed) {
+  Example e = ball("G21 G90 S12000 M3\nG0 X-45 Y0 Z10 B40\nG0 Z-9\nG1 X0 B50 F600\nG0 Z10\nM2\n");
+  e.job.cutter.length = 9e-3;
+  ASSERT_TRUE(set_up(e));
+  const auto p = machining::predict(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(p);
+  EXPECT_EQ(p.error().id, "MC215");
+  EXPECT_EQ(p.error().place.line, 4);
+}
+
+}  // namespace
+}  // namespace polypod
