@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "busy_line.hpp"
 #include "commands.hpp"
 #include "json_rows.hpp"
 #include "polypod/core/text.hpp"
@@ -102,12 +103,15 @@ Command canon_command() {
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(check_files({o->program, o->canon.tool_table, o->canon.parameters}, {}));
+        BusyLine busy(context, "reading and running the program");
         POLYPOD_ASSIGN(program, gcode::read(o->program));
         if (context.given("--explain")) {
           POLYPOD_ASSIGN(explanation, gcode::explain(program, o->explain, o->canon));
+          busy.end();
           return print_explanation(explanation, context.json);
         }
         POLYPOD_ASSIGN(text, gcode::long_canonical_text(program, o->canon));
+        busy.end();
         if (!context.json) {
           constexpr std::size_t kPart = 1 << 16;
           for (std::size_t at = 0; at < text.size(); at += kPart) {

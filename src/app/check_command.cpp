@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "busy_line.hpp"
 #include "check_bodies.hpp"
 #include "commands.hpp"
 #include "machining_output.hpp"
@@ -209,7 +210,13 @@ Command check_command() {
         machining::CheckOptions options;
         options.rapid_speed = units::from_mm_per_min(o->rapid);
         options.limits = machining::motion_limits(job);
-        options.progress = progress_line(context, "checking");
+        BusyLine reading(context, "reading the program");
+        std::function<bool(double)> line;
+        options.progress = [&](double share) {
+          reading.end();
+          if (!line) line = progress_line(context, "checking");
+          return line(share);
+        };
         BodyNotes body_notes;
         if (!o->bodies.empty()) {
           POLYPOD_TRY(

@@ -2,6 +2,7 @@
 // What a command of the program is. One file a command; no mathematics here.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -142,7 +143,9 @@ Json error_json(const Error& error);
 int cannot_take(const Context& context, const std::string& reason, const char* which = "this pose");
 /// An argument as a shell reads it back.
 std::string for_shell(const std::string& argument);
-/// A progress line on stderr, if it is a terminal; false if the user pressed Ctrl-C.
-std::function<bool(double)> progress_line(const Context& context, std::string what);
+/// A progress line on stderr, if it is a terminal; false if the user pressed Ctrl-C. `since`: when all of the work
+/// began of which this is a stage; a line of two seconds' work is not drawn.
+std::function<bool(double)> progress_line(const Context& context, std::string what,
+                                          std::optional<std::chrono::steady_clock::time_point> since = std::nullopt);
 
 }  // namespace polypod::app

@@ -97,7 +97,7 @@ Command compare_command() {
             std::vector<std::string> inputs = o->measured;
             inputs.insert(inputs.end(), {o->program, o->job});
             POLYPOD_TRY(check_files(inputs, {}, context.json));
-            POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+            POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
             machining::CompareOptions options;
             options.mirror_points = o->points;
             options.abele_rounds = o->rounds;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "busy_line.hpp"
 #include "commands.hpp"
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
@@ -86,6 +87,7 @@ Command delta_command() {
         options.d_min = units::from_mm(o->d_min);
         options.h_min = o->h_min;
         options.border = units::from_mm(o->border);
+        BusyLine busy(context, "computing the workspace");
         POLYPOD_ASSIGN(study, workspace::delta_study(m, options));
         files::Outputs together;
         if (!o->csv.empty()) POLYPOD_TRY(together.add(o->csv, points_csv(study)));
@@ -100,6 +102,7 @@ Command delta_command() {
           POLYPOD_TRY(together.add(o->report, std::move(page)));
         }
         POLYPOD_TRY(together.commit());
+        busy.end();
         if (context.json) {
           Json apart = Json::array();
           constexpr std::size_t kMost = 100;

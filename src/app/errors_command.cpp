@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "busy_line.hpp"
 #include "commands.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
@@ -190,7 +191,9 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
                   "uniform, normal or triangular");
     POLYPOD_TRY(in_range("QU103", "--samples", o.samples, {100, 10'000'000}, "machines"));
     POLYPOD_TRY(in_range("QU103", "--confidence", o.confidence, {50, 99.99}, "%"));
+    BusyLine busy(context, "drawing machines");
     POLYPOD_ASSIGN(found, quality::spread(m, here.X_MT, here.joints, sizes, options));
+    busy.end();
     spread = found;
     const auto json = [](const quality::Spread::Sampled& s, double scale, double rss) {
       return Json{{"rss", rss * scale},

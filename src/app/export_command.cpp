@@ -43,7 +43,7 @@ Result<control::ForceLoop> loop_of(const machine::AnyMachine& machine, const Opt
     return fail("AP223", fmt::format("--method is {}; must be none, off-line, on-line or both", one_line(o.method)));
   }
   POLYPOD_TRY(check_files({o.program, o.online}, {}, context.json));
-  POLYPOD_ASSIGN(in, read_input(o.program, o.online));
+  POLYPOD_ASSIGN(in, read_input(context, o.program, o.online));
   if (machine::to_toml(in.job.machine) != machine::to_toml(machine)) {
     return fail("LC132", "the machine of the job is another than the one that is exported", {o.online},
                 "export the job's machine, without --set");

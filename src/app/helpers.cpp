@@ -441,16 +441,20 @@ void keep_command_line(const std::vector<std::string>& words) {
   for (std::size_t i = 1; i < words.size(); ++i) kept_command_line() += " " + for_shell(words[i]);
 }
 
-std::function<bool(double)> progress_line(const Context& context, std::string what) {
+std::function<bool(double)> progress_line(const Context& context, std::string what,
+                                          std::optional<std::chrono::steady_clock::time_point> since) {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds kQuiet{2000}, kBetween{200};
   constexpr double kLeastShare = 0.01;  // from less nobody can say how long the rest takes
-  return [shown = context.progress, what = std::move(what), begin = Clock::now(), last = Clock::now(),
+  return [shown = context.progress, what = std::move(what), since, begin = Clock::now(), last = Clock::now(),
           drawn = false](double share) mutable {
     const auto now = Clock::now();
-    if (shown && now - begin > kQuiet && now - last > kBetween && share < 1) {
+    if (shown && now - since.value_or(begin) > kQuiet && now - last > kBetween && share < 1) {
       const std::chrono::duration<double> passed = now - begin;
-      const std::string left = share < kLeastShare ? "" : fmt::format(", {} left", in_words(passed * (1 / share - 1)));
+      const std::string left =
+          share < kLeastShare || passed < std::chrono::seconds(1)
+              ? ""
+              : fmt::format(", {} left{}", in_words(passed * (1 / share - 1)), since ? " of this stage" : "");
       fmt::print(stderr, "\r{} {:.0f} %{}\x1b[K", what, 100 * share, left);
       std::fflush(stderr);
       last = now;

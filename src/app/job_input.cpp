@@ -1,13 +1,15 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "job_input.hpp"
 
+#include "busy_line.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/unrolling.hpp"
 
 namespace polypod::app {
 
-Result<Input> read_input(const std::string& program_path, const std::string& job_path,
+Result<Input> read_input(const Context& context, const std::string& program_path, const std::string& job_path,
                          const std::vector<std::string>& measured, bool source_lines) {
+  const BusyLine busy(context, "reading the program and the job");
   POLYPOD_ASSIGN(job, machining::read_job(job_path));
   if (!measured.empty()) {
     POLYPOD_ASSIGN(compliance, machining::read_measured(measured, {}, &job.machine));

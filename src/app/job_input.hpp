@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "command.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/machining/job.hpp"
 
@@ -26,7 +27,7 @@ inline constexpr const char* kMeasuredHelp =
     "without the joints' (repeatable; default: the job's)";
 
 /// `measured`: files in the place of the job's measured compliance, if there are any.
-Result<Input> read_input(const std::string& program_path, const std::string& job_path,
+Result<Input> read_input(const Context& context, const std::string& program_path, const std::string& job_path,
                          const std::vector<std::string>& measured = {}, bool source_lines = false);
 
 /// Fills `other` of a program that was not unrolled, too.

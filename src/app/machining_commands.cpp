@@ -25,6 +25,7 @@
 #include "polypod/machining/uncertainty.hpp"
 #include "polypod/pages/correction.hpp"
 #include "polypod/pages/prediction.hpp"
+#include "stages_line.hpp"
 #include "vibration_output.hpp"
 #include "weight_output.hpp"
 
@@ -151,7 +152,7 @@ Command predict_command() {
         inputs.insert(inputs.end(), {o->program, o->job, o->vibration.dynamics});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->stock_left, o->report}, context.json));
-        POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
         const bool corrected = machining::corrected_line(in.program) > 0;
@@ -410,7 +411,7 @@ Command correct_command() {
         inputs.insert(inputs.end(), {o->program, o->job, o->dynamics});
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
-        POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured, true));
+        POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured, true));
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));
@@ -426,15 +427,10 @@ Command correct_command() {
         options.keep_stock = !o->stock_left.empty() || (!o->report.empty() && !in.job.tool_frame.tilted);
         options.other = in.other_position();
         POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
-        const char* current = "";
-        std::function<bool(double)> line;
-        options.progress = [&](const char* what, double share) {
-          if (what != current) line = progress_line(context, what);
-          current = what;
-          return line(share);
-        };
+        StagesLine line(context);
+        options.progress = [&](const char* what, double share) { return line(what, share); };
         POLYPOD_ASSIGN(c, machining::correct(in.job, in.program, in.interpretation, options));
-        if (line) line(1);
+        line.end();
         POLYPOD_TRY(o->weight.answer(in.job, c.before));
         if (!trusted(in.job)) {
           c.within_tolerance = c.only_not_judged = false;

@@ -214,7 +214,7 @@ Command place_command() {
         inputs.insert(inputs.end(), {o->program, o->job});
         if (!o->dynamics.empty()) inputs.push_back(o->dynamics);
         POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
-        POLYPOD_ASSIGN(in, read_input(o->program, o->job, o->measured));
+        POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
         POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
         options.resolution = o->resolution;
         options.rotations = o->rotations;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "busy_line.hpp"
 #include "calibration_options.hpp"
 #include "commands.hpp"
 #include "polypod/calibration/poses.hpp"
@@ -236,6 +237,7 @@ Command poses_command() {
                                                                  options.X_TR)
                             : calibration::geometry_candidates(m, many, seed, measured_kind, anchors, options, site);
         };
+        BusyLine busy(context, "choosing among the candidates");
         POLYPOD_ASSIGN(from, make());
         const auto pick = [&](const std::vector<std::size_t>& chosen) {
           std::vector<Eigen::MatrixXd> out;
@@ -283,6 +285,7 @@ Command poses_command() {
           point["count"] = some.size();
           curve.push_back(point);
         }
+        busy.end();
         if (!o->out.empty()) POLYPOD_TRY(files::write_whole(o->out, stands_csv(m, from.stands, ordered)));
         if (context.json) {
           Json list = Json::array();

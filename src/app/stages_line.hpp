@@ -2,6 +2,7 @@
 // The progress line of work that has stages of its own.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <string>
 
@@ -19,7 +20,7 @@ class StagesLine {
     if (stage_ != what) {
       end();
       stage_ = what;
-      line_ = progress_line(context_, stage_);
+      line_ = progress_line(context_, stage_, begin_);
     }
     return line_(share);
   }
@@ -29,6 +30,7 @@ class StagesLine {
 
  private:
   const Context& context_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
   std::string stage_;
   std::function<bool(double)> line_;
 };

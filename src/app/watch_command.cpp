@@ -222,10 +222,10 @@ Result<Judgement> judgement_of(const Context& context, const Options& o, const S
   }
   std::optional<Input> ran;
   if (!o.program.empty()) {
-    POLYPOD_ASSIGN(input, read_input(o.program, o.job));
+    POLYPOD_ASSIGN(input, read_input(context, o.program, o.job));
     j.input = std::move(input);
     if (!o.ran.empty()) {
-      POLYPOD_ASSIGN(other, read_input(o.ran, o.job));
+      POLYPOD_ASSIGN(other, read_input(context, o.ran, o.job));
       ran = std::move(other);
     }
     if (machining::has_optional_blocks(j.input->program)) {

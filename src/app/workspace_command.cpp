@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <memory>
@@ -24,8 +25,21 @@
 
 namespace polypod::app {
 namespace {
-constexpr double kMbPerByte = 1e-6;
+
+/// What `text` says of the progress, on stderr, ten times a second at most.
+std::function<void(const workspace::Progress&)> drawn_now_and_then(
+    std::function<std::string(const workspace::Progress&)> text) {
+  using Clock = std::chrono::steady_clock;
+  return [text = std::move(text), last = Clock::time_point{}](const workspace::Progress& p) mutable {
+    constexpr std::chrono::milliseconds kBetween{100};
+    if (Clock::now() - last < kBetween) return;
+    last = Clock::now();
+    fmt::print(stderr, "\r{}\x1b[K", text(p));
+    std::fflush(stderr);
+  };
 }
+constexpr double kMbPerByte = 1e-6;
+}  // namespace
 
 void WorkspaceOptions::declare(Arguments& a) {
   declare_directions(a);
@@ -99,12 +113,10 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   out.limits &= ~off;
   out.cancelled = [] { return interrupted(); };
   if (context.progress) {
-    out.progress = [](const workspace::Progress& p) {
-      fmt::print(stderr, "\rworkspace {:.0f} .. {:.0f} mm3, {} boxes, {:.0f} of about {:.0f} MB\x1b[K",
-                 units::to_mm3(p.lower), units::to_mm3(p.upper), p.cells, kMbPerByte * p.bytes,
-                 kMbPerByte * p.bytes_estimate);
-      std::fflush(stderr);
-    };
+    out.progress = drawn_now_and_then([](const workspace::Progress& p) {
+      return fmt::format("workspace {:.0f} .. {:.0f} mm3, {} boxes, {:.0f} of about {:.0f} MB", units::to_mm3(p.lower),
+                         units::to_mm3(p.upper), p.cells, kMbPerByte * p.bytes, kMbPerByte * p.bytes_estimate);
+    });
   }
   return out;
 }
@@ -277,8 +289,14 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
   POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--report", "--stl", "--vtp", "--vti"},
                      "it serves machines whose task holds x, y and z"));
   workspace::Options quiet = options;
-  quiet.progress = nullptr;
+  if (options.progress) {  // in shares: the region is in no mm3
+    quiet.progress = drawn_now_and_then([](const workspace::Progress& p) {
+      return fmt::format("workspace: bounds {:.1f} % apart, {} boxes",
+                         p.upper > 0 ? 100 * (p.upper - p.lower) / p.upper : 100.0, p.cells);
+    });
+  }
   POLYPOD_ASSIGN(v, workspace::volume(m, quiet));
+  if (options.progress) fmt::print(stderr, "\r\x1b[K");
   const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
   if (context.json) {
     Json document = region_json(m, v);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 
 #include "aside.hpp"
 #include "corrector.hpp"
@@ -24,6 +25,12 @@ bool closer(const Correction& a, const Correction& b) {
   };
   const auto of_a = outside(a), of_b = outside(b);
   return of_a != of_b ? of_a < of_b : a.largest_after < b.largest_after - kSameDistance;
+}
+
+/// Whether other pieces may do: what is far outside is so whatever the pieces.
+bool near_misses(const Correction& c) {
+  constexpr double kFar = 2;  // tolerances
+  return c.largest_after < kFar * c.tolerance;
 }
 
 Status is_flat_or_ball(const Job& job, const cutting::Cutter& cutter) {
@@ -74,10 +81,16 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   // Where the pieces end decides what the cells make of a corner: other pieces may do. The best of them stays.
   // What is not judged of the program as it is no correction answers.
   const bool small = is_quick(job, out) && options.method == CorrectMethod::tube && out.before.not_judged.empty();
-  for (const double share : {0.9, 0.65, 1.4, 2.0}) {
-    if (out.within_tolerance || !small) break;
+  constexpr std::array kOthers{0.9, 0.65, 1.4, 2.0};
+  for (std::size_t k = 0; k < kOthers.size(); ++k) {
+    if (out.within_tolerance || !small || !near_misses(out)) break;
     CorrectOptions other = options;
-    other.fit_share = share;
+    other.fit_share = kOthers[k];
+    if (options.progress) {
+      other.progress = [&](const char*, double) {
+        return options.progress("fitting it in other pieces", double(k) / kOthers.size());
+      };
+    }
     POLYPOD_ASSIGN(again, corrected(other, &out.before));
     if (closer(again, out)) out = std::move(again);
   }

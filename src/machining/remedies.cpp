@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <unordered_map>
 #include <utility>
@@ -16,7 +17,7 @@ namespace {
 
 // Remedies are tried out where a correction takes no longer than this many points, and until all tries together have
 // taken this many.
-constexpr std::size_t kTryRemediesBelow = 200'000, kMostTried = 4'000'000;
+constexpr std::size_t kTryRemediesBelow = 200'000, kMostTried = 2'000'000;
 
 }  // namespace
 
@@ -75,6 +76,11 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   constexpr int kRounds = 3;
   quiet.rounds = std::min(quiet.rounds, kRounds);
   std::size_t tried = 0;
+  if (options.progress) {
+    quiet.progress = [&](const char*, double) {
+      return options.progress("trying what would help", std::min(0.99, double(tried) / kMostTried));
+    };
+  }
   const auto holds = [&](const Result<Correction>& c) {
     if (c) tried += static_cast<std::size_t>(c->rounds + 1) * cost_of(job, *c);
     return c && c->within_tolerance;

@@ -12,23 +12,23 @@
 namespace polypod::workspace {
 
 // Each compiles for half a minute: src/families/<family>/subdivide.cpp.
-extern template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const ParallelLimits&, const Options&, const Shape&, std::int64_t);
-extern template Result<Volume> subdivided_volume(const StrutLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const StrutLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const StrutLimits&, const Options&, const Shape&, std::int64_t);
-extern template Result<Volume> subdivided_volume(const SliderLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const SliderLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const SliderLimits&, const Options&, const Shape&, std::int64_t);
-extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::RotaryDelta>&, const Options&);
+extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::RotaryDelta>&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const DeltaBounds<machine::RotaryDelta>&, const Options&, const Shape&,
                                               std::int64_t);
-extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&);
+extern template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const DeltaBounds<machine::LinearDelta>&, const Options&, const Shape&,
                                               std::int64_t);
-extern template Result<Volume> subdivided_volume(const ArmLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const ArmLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const ArmLimits&, const Options&, const Shape&, std::int64_t);
-extern template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
-extern template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

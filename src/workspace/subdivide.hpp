@@ -175,7 +175,7 @@ class Subdivision {
     return true;
   }
 
-  Result<Volume> run() {
+  Result<Volume> run(bool unfinished_sides) {
     const auto start = std::chrono::steady_clock::now();
     plant();
     Volume out;
@@ -185,7 +185,7 @@ class Subdivision {
       if (options_.keep_cells) out.cells.push_back({b.center, b.half, b.lower, b.upper, CellState::border});
     }
     out.empty = state.border.empty() && state.inside_volume == 0;
-    if (!out.empty) POLYPOD_TRY(bound(state, out));
+    if (!out.empty && (unfinished_sides || out.stopped != Stopped::cells)) POLYPOD_TRY(bound(state, out));
     out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return out;
   }
@@ -468,7 +468,7 @@ class Subdivision {
       const double near = options_.bounds_tolerance * (out.max - out.min).maxCoeff();
       const bool more = std::any_of(sides.begin(), sides.end(), [&](const Side& side) { return open(side, near); });
       if (!more || !(options_.bounds_tolerance > 0) || examined > budget || !fits(bytes)) return {};
-      if (options_.cancelled && options_.cancelled()) return fail("WS110", "the workspace run was cancelled");
+      POLYPOD_TRY(report(state, out));
       tbb::parallel_for(std::size_t{0}, sides.size(), [&](std::size_t s) { advance(sides[s], near); });
       examined = 0;
       for (const Side& side : sides) examined += side.examined;
@@ -730,12 +730,13 @@ class Subdivision {
   std::unique_ptr<Node> root_;
 };
 
-/// Subdivision::run and ::holds of one family's limits. They take long to compile: those of most families are in
-/// source files of their own.
+/// Subdivision::run and ::holds of one family's limits. `unfinished_sides`: the sides are looked for though so many
+/// boxes did not reach the tolerance; else `min` to `max` say nothing then. They take long to compile: those of most
+/// families are in source files of their own.
 template <class Limits>
-Result<Volume> subdivided_volume(const Limits& limits, const Options& options) {
+Result<Volume> subdivided_volume(const Limits& limits, const Options& options, bool unfinished_sides) {
   tbb::task_arena arena(options.threads > 0 ? options.threads : tbb::task_arena::automatic);
-  return arena.execute([&] { return Subdivision<Limits>(limits, options).run(); });
+  return arena.execute([&] { return Subdivision<Limits>(limits, options).run(unfinished_sides); });
 }
 template <class Limits>
 Result<bool> subdivided_holds(const Limits& limits, const Options& options, const Shape& shape,

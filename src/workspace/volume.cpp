@@ -96,19 +96,19 @@ Result<Volume> proven_or_sampled(const AnyMachine& machine, const Limits& limits
   if (options.bounds_tolerance > 0) some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
   // A sample needs places; without, what is proven is the only answer.
   if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, most_boxes);
-  POLYPOD_ASSIGN(proven, subdivided_volume(limits, some));
-  const bool as_asked = some.max_cells == options.max_cells || proven.stopped == Stopped::memory;
-  if (proven.converged || options.keep_cells || as_asked) return proven;
+  const bool all = options.keep_cells || some.max_cells == options.max_cells;
+  POLYPOD_ASSIGN(proven, subdivided_volume(limits, some, all));
+  if (proven.converged || all || proven.stopped == Stopped::memory) return proven;
   return sampled_volume(machine, options);
 }
 constexpr std::int64_t kFewBoxes = 150'000;
-/// Of a cone a box takes up to a hundred times as long as of one direction.
-std::int64_t boxes_of(std::int64_t of_one_direction, const Directions& directions) {
+/// Of a cone a box takes up to a hundred times as long as of one direction: so many times fewer are taken.
+constexpr std::int64_t kConeCosts = 8;
+bool one_direction(const Directions& directions) {
   const auto one = [](const std::optional<std::array<double, 2>>& range) {
     return !range || (*range)[0] == (*range)[1];
   };
-  const bool single = directions.tilt == 0 && one(directions.a_range) && one(directions.b_range);
-  return single ? of_one_direction : of_one_direction / 8;
+  return directions.tilt == 0 && one(directions.a_range) && one(directions.b_range);
 }
 
 /// Refuses what has no end where these limits are off.
@@ -190,9 +190,17 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
           POLYPOD_TRY(ended(machine, limits.ends() & ~options.limits));
           if constexpr (requires { limits.few_boxes(); }) {
-            return proven_or_sampled(machine, limits, options, boxes_of(limits.few_boxes(), options.directions));
+            std::int64_t few = limits.few_boxes();
+            if (!one_direction(options.directions)) {
+              if constexpr (requires { limits.few_boxes_of_a_cone(); }) {
+                few = limits.few_boxes_of_a_cone();
+              } else {
+                few /= kConeCosts;
+              }
+            }
+            return proven_or_sampled(machine, limits, options, few);
           } else {
-            return subdivided_volume(limits, options);
+            return subdivided_volume(limits, options, true);
           }
         });
       },

@@ -5,10 +5,10 @@
 
 namespace polypod::workspace {
 
-template Result<Volume> subdivided_volume(const DeltaBounds<machine::RotaryDelta>&, const Options&);
+template Result<Volume> subdivided_volume(const DeltaBounds<machine::RotaryDelta>&, const Options&, bool);
 template Result<bool> subdivided_holds(const DeltaBounds<machine::RotaryDelta>&, const Options&, const Shape&,
                                        std::int64_t);
-template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&);
+template Result<Volume> subdivided_volume(const DeltaBounds<machine::LinearDelta>&, const Options&, bool);
 template Result<bool> subdivided_holds(const DeltaBounds<machine::LinearDelta>&, const Options&, const Shape&,
                                        std::int64_t);
 

@@ -5,9 +5,9 @@
 
 namespace polypod::workspace {
 
-template Result<Volume> subdivided_volume(const StrutLimits&, const Options&);
+template Result<Volume> subdivided_volume(const StrutLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const StrutLimits&, const Options&, const Shape&, std::int64_t);
-template Result<Volume> subdivided_volume(const SliderLimits&, const Options&);
+template Result<Volume> subdivided_volume(const SliderLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const SliderLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

@@ -5,7 +5,7 @@
 
 namespace polypod::workspace {
 
-template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&);
+template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const ParallelLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

@@ -5,11 +5,11 @@
 
 namespace polypod::workspace {
 
-template Result<Volume> subdivided_volume(const ArmLimits&, const Options&);
+template Result<Volume> subdivided_volume(const ArmLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const ArmLimits&, const Options&, const Shape&, std::int64_t);
-template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&);
+template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
-template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&);
+template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

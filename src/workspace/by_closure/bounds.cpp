@@ -246,7 +246,7 @@ Verdict ClosureLimits::judge(int, const Vec3& center, const Vec3& half, double, 
   return judge_->judge({center, half, &patch}, out);
 }
 
-template Result<Volume> subdivided_volume(const ClosureLimits&, const Options&);
+template Result<Volume> subdivided_volume(const ClosureLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const ClosureLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

@@ -47,7 +47,7 @@ class ClosureLimits {
   std::shared_ptr<const by_closure::Judge> judge_;
 };
 
-extern template Result<Volume> subdivided_volume(const ClosureLimits&, const Options&);
+extern template Result<Volume> subdivided_volume(const ClosureLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const ClosureLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace
