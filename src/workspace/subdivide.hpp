@@ -295,14 +295,14 @@ class Subdivision {
   }
 
   /// Boxes that hold more than half their share of the gap are split, the others may stay as they are; in waves, so
-  /// that the memory is watched and a cancelled run ends soon.
+  /// that the memory is watched, progress is told and a cancelled run ends soon.
   Status split_largest(State& state, Volume& out, double target) {
     const double share = 0.5 * target / static_cast<double>(state.border.size());
     std::vector<std::size_t> split;
     for (std::size_t k = 0; k < state.border.size(); ++k) {
       if (state.border[k].upper - state.border[k].lower > share) split.push_back(k);
     }
-    constexpr std::size_t kWave = 4096;
+    constexpr std::size_t kWave = 1024;
     std::size_t done = 0;
     while (done < split.size()) {
       std::size_t wave = std::min(kWave, split.size() - done);
@@ -313,7 +313,7 @@ class Subdivision {
       if (wave == 0) break;
       refine_all(std::span(split).subspan(done, wave), state, out);
       done += wave;
-      if (options_.cancelled && options_.cancelled()) return fail("WS110", "the workspace run was cancelled");
+      POLYPOD_TRY(report(state, out));
     }
     if (done < split.size()) out.stopped = Stopped::memory;
     split.resize(done);
