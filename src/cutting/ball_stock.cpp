@@ -261,7 +261,10 @@ void look_ahead(const Stock& stock, const Vec3& lowest, const Mat3& R, double ra
     double side = 0;
     for (Vec3 p = next + radius * n + 0.5 * step * axis; p.z() < stock.top(); p += step * axis) {
       const Column material = column_at(stock, p.x(), p.y(), true);
-      if (p.z() > material.low && p.z() < material.high - kNothing) side += step;
+      if (!(p.z() > material.low && p.z() < material.high - kNothing)) continue;
+      side += step;
+      engagement.side_reach = std::max(engagement.side_reach, (p - next).dot(axis) + 0.5 * step);
+      engagement.max_depth = std::max(engagement.max_depth, p.z() - (next.z() - radius));
     }
     if (!(side > 0)) continue;
     engagement.side[static_cast<std::size_t>(j)] = static_cast<float>(side);

@@ -65,8 +65,8 @@ Box swept_box(const gcode::Move& move, double radius) {
 
 /// The same in the frame of the stock.
 Box swept_box_in_S(const Job& job, const gcode::Move& move, double radius) {
-  if (job.tool_frame.turns) {  // the middle of a ball may be beside its tip by as much
-    const Box box = swept_box(move, 2 * radius);
+  if (job.tool_frame.turns) {  // the middle of a ball may be beside its tip by as much, and its flutes are over more
+    const Box box = swept_box(move, 2 * radius + job.cutter_of(move.tool).length);
     return {box.min() - radius * Vec3::UnitZ(), box.max()};
   }
   if (!job.tool_frame.tilted) return swept_box(move, radius);

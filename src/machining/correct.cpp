@@ -27,12 +27,6 @@ bool closer(const Correction& a, const Correction& b) {
   return of_a != of_b ? of_a < of_b : a.largest_after < b.largest_after - kSameDistance;
 }
 
-/// Whether other pieces may do: what is far outside is so whatever the pieces.
-bool near_misses(const Correction& c) {
-  constexpr double kFar = 2;  // tolerances
-  return c.largest_after < kFar * c.tolerance;
-}
-
 Status is_flat_or_ball(const Job& job, const cutting::Cutter& cutter) {
   if (cutting::is_ball(cutter)) return {};
   return cutting::is_flat(cutter, {job.path}, "correct takes flat cutters and balls");
@@ -83,7 +77,7 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
   const bool small = is_quick(job, out) && options.method == CorrectMethod::tube && out.before.not_judged.empty();
   constexpr std::array kOthers{0.9, 0.65, 1.4, 2.0};
   for (std::size_t k = 0; k < kOthers.size(); ++k) {
-    if (out.within_tolerance || !small || !near_misses(out)) break;
+    if (out.within_tolerance || !small) break;
     CorrectOptions other = options;
     other.fit_share = kOthers[k];
     if (options.progress) {

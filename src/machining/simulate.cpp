@@ -58,6 +58,8 @@ constexpr double kNearTip = 5e-6;
 constexpr double kUpright = 1e-12;
 // Over which way the heading of a ball that turns is taken, m, and below which share of its tip's way it has none.
 constexpr double kHeadingStep = 0.05e-3, kNoHeading = 1e-6;
+// A shank of the cutter's diameter beyond its flutes, for what a rapid move meets, m.
+constexpr double kShank = 1;
 // The chip for which forces are taken to grow in proportion, m.
 constexpr double kThinChip = 20e-6;
 
@@ -171,7 +173,7 @@ class Pass {
     const Vec3 from = unloaded(move.start), to = unloaded(move.end);
     double volume = 0;
     if (tool.ball) {
-      turn_to(move, 0);
+      turn_to(move, move.axes_start);
       const Vec3 first = from + lowest_;
       result_.removed += cut_ball(first, first, tool);
       // The ball goes straight where the tool does not turn.
@@ -183,7 +185,7 @@ class Pass {
         const double share = double(k) / steps;
         turn_to(move, Vec3(move.axes_start + share * (move.axes_end - move.axes_start)));
         const Vec3 next = from + share * (to - from) + lowest_;
-        volume += cut_ball(at, next, tool);
+        volume += cut_ball(at, next, tool, kShank);
         at = next;
       }
     } else {
@@ -353,11 +355,11 @@ class Pass {
   }
 
   /// A ball with its lowest point on the way from a to b, and, where it leans, the straight part above it.
-  double cut_ball(const Vec3& a, const Vec3& b, const ToolModel& tool) {
-    const double radius = tool.cutter->radius();
+  /// `shank`: how much of it counts beyond the flutes, m.
+  double cut_ball(const Vec3& a, const Vec3& b, const ToolModel& tool, double shank = 0) {
+    const double radius = tool.cutter->radius(), straight = tool.cutter->length - radius + shank;
     double removed = cutting::cut_ball(stock_, a, b, radius);
-    if (!stands_upright())
-      removed += cutting::cut_shaft(stock_, a, b, R_ST_.col(2), radius, tool.cutter->length - radius);
+    if (!stands_upright()) removed += cutting::cut_shaft(stock_, a, b, R_ST_.col(2), radius, straight);
     return removed;
   }
 
@@ -770,16 +772,13 @@ class Pass {
   /// Of a tool that leans, what lies beside its straight part is within the flutes.
   [[nodiscard]] Status only_flutes_meet(const gcode::Move& move, const ToolModel& tool) const {
     if (!tool.ball || stands_upright()) return {};
-    double side = 0;
-    for (const float length : ball_.side) side = std::max<double>(side, length);
-    const double flutes = tool.cutter->length - tool.cutter->radius();
+    const double side = ball_.side_reach, flutes = tool.cutter->length - tool.cutter->radius();
     if (side <= flutes) return {};
-    return fail(
-        "MC215",
-        fmt::format("the tool is tilted, at {}, and meets material beside {:.1f} mm above its ball; its flutes end "
-                    "{:.1f} mm above it",
-                    orientation_in_words(axes_now_), units::to_mm(side), units::to_mm(flutes)),
-        place(move), "tilt it away from the wall, or take less depth at once");
+    return fail("MC215",
+                fmt::format("the tool is tilted, at {}, and meets material {:.1f} mm above the middle of its ball; its "
+                            "flutes end {:.1f} mm above it",
+                            orientation_in_words(axes_now_), units::to_mm(side), units::to_mm(flutes)),
+                place(move), "tilt it away from the wall, or take less depth at once");
   }
 
   Status may_cut(const gcode::Move& move) const {

@@ -229,11 +229,21 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
   // A block is seen along the tool where all cuts have one orientation; else balls turn over what there is.
   const bool one = turning == nullptr && seen.size() <= 1;
   if (!one || (!seen.empty() && !seen[0].axes.isZero(kNoTurn) && !cutting::is_block(job.stock))) {
-    const bool balls = std::all_of(interpretation.moves.begin(), interpretation.moves.end(), [&](const auto& move) {
-      return !is_feed(move) || stays_clear(job, move) || cutting::is_ball(job.cutter_of(move.tool)) ||
-             (move.axes_start.isZero(kNoTurn) && move.axes_end.isZero(kNoTurn));
-    });
-    if (balls) return set_up_turning(job, program, interpretation);
+    const gcode::Move* other = nullptr;
+    for (const gcode::Move& move : interpretation.moves) {
+      const bool upright = move.axes_start.isZero(kNoTurn) && move.axes_end.isZero(kNoTurn);
+      if (upright || cutting::is_ball(job.cutter_of(move.tool)) || !is_feed(move) || stays_clear(job, move)) continue;
+      other = &move;
+      break;
+    }
+    if (other == nullptr) return set_up_turning(job, program, interpretation);
+    if (turning != nullptr && cutting::is_ball(job.cutter_of(turning->tool))) {
+      return fail("MC206",
+                  fmt::format("the tool is at {} in a move that may cut, and is no ball end mill; in line {} a ball "
+                              "turns in a cut",
+                              orientation_in_words(other->axes_end), place_of(program, *turning).line),
+                  place_of(program, *other), "beside a ball that turns other tools are at zero tilt in their cuts");
+    }
   }
   if (turning != nullptr) {
     return fail("MC206",

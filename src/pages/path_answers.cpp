@@ -99,8 +99,9 @@ void add_error_plots(report::Report& report, const machining::Correction& c, con
                         "that cut are laid end to end; gaps are paths through air.");
   report.add_figure(error_plot(c, tracks, &machining::Sample::normal, "normal error"),
                     "Across the path in the plane; above zero material is left, below zero the cutter gouges.");
-  report.add_figure(error_plot(c, tracks, &machining::Sample::vertical, "vertical error"),
-                    "Along the tool axis; above zero the tool is too high.");
+  report.add_figure(
+      error_plot(c, tracks, &machining::Sample::vertical, "vertical error"),
+      "Along the tool axis, or along z of W where a ball turns in cuts; above zero the tool is too high.");
 }
 
 }  // namespace polypod::pages

@@ -292,6 +292,43 @@ TEST(FiveAxes, AStockThatIsNoBlockIsTaken) {
   EXPECT_NEAR(a.deflection.max, b.deflection.max, 0.05 * a.deflection.max);
 }
 
+// A move in which the flutes alone meet the block, beside the ball.
+TEST(FiveAxes, WhatOnlyTheFlutesCutIsJudged) {
+  Example e = ball(
+      "G21 G90 S12000 M3\nG0 X-36 Y-40 Z40 A0 B20\nG0 Z-15\nG1 Y40 B21 F1200\nG0 Z40\nG0 X-40 Y0 A0 B0\n"
+      "G0 Z-1\nG1 X40 B5 F1200\nG0 Z40\nM2\n");
+  ASSERT_TRUE(set_up(e));
+  const machining::Prediction p = testing::predict(e);
+  ASSERT_EQ(p.moves.size(), 2u);
+  EXPECT_EQ(p.moves[0].line, 4);
+  EXPECT_GT(p.moves[0].mean_force_size, 10);
+  EXPECT_FALSE(p.within(e.job));
+}
+
+// Rapids that only turn the tool take the flutes, and the shank, through the block.
+TEST(FiveAxes, ARapidThatTurnsOnTheSpotIsACollision) {
+  for (const char* turn :
+       {"G0 X-40 Y0 A0 B0\nG0 Z-15\nG0 B80\nG0 B0\n", "G0 X-70 Y0 A0 B0\nG0 Z-15\nG0 B75\nG0 B0\n"}) {
+    Example e = ball(std::string("G21 G90 S12000 M3\nG0 Z40\n") + turn +
+                     "G0 Z40\nG0 X-40 Y12\nG0 Z-1\nG1 X40 B5 F1200\nG0 Z40\nM2\n");
+    ASSERT_TRUE(set_up(e));
+    const machining::Prediction p = testing::predict(e);
+    EXPECT_FALSE(p.within(e.job) && machining::no_rapid_cuts(e.job, e.program, p.pass)) << turn;
+    ASSERT_FALSE(p.pass.incidents.empty()) << turn;
+    EXPECT_EQ(p.pass.incidents[0].kind, machining::Incident::Kind::rapid_through_stock);
+    EXPECT_GT(p.pass.incidents[0].volume, 10e-9) << turn;  // m^3
+  }
+}
+
+// Neither ball nor flutes meet the block, but what is beyond them does.
+TEST(FiveAxes, AShankBeyondTheFlutesIsNamed) {
+  Example e = ball("G21 G90 S12000 M3\nG0 Z40\nG0 X-54 Y-40 A0 B65\nG0 Z-15\nG1 Y40 B66 F1200\nG0 Z40\nM2\n");
+  ASSERT_TRUE(set_up(e));
+  const auto p = machining::predict(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(p);
+  EXPECT_EQ(p.error().id, "MC215") << p.error().message;
+}
+
 // A wall that is higher than the flutes, and the tool leans into it.
 TEST(FiveAxes, AShankThatMeetsMaterialIsNamed) {
   Example e = ball("G21 G90 S12000 M3\nG0 X-45 Y0 Z10 B40\nG0 Z-9\nG1 X0 B50 F600\nG0 Z10\nM2\n");

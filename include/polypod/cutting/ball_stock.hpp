@@ -37,6 +37,7 @@ struct BallEngagement {
   std::array<float, kSectors> side{};  ///< m
   double ring = 0;                     ///< rad, of kappa: a ring is as wide; together they reach to the stock's top
   double max_depth = 0;                ///< m, of what is met above the tip
+  double side_reach = 0;               ///< m, along a tilted tool from the middle of the ball to what its side meets
   bool any = false;
 };
 

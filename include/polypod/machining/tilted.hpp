@@ -40,13 +40,13 @@ bool stays_clear(const Job& job, const gcode::Move& move);
 /// turn for, stays as it is. What may cut: feed moves that do not stay clear.
 ///
 /// Where moves that may cut have several orientations, the tool turns in them, or the stock is no whole block
-/// (ToolFrame::turns), the stock stays what it is: what a ball takes does not depend on how it is turned as long as its axis points upwards. Tools that are
-/// no ball stand upright in their cuts then.
+/// (ToolFrame::turns), the stock stays what it is: what a ball takes does not depend on how it is turned as long as its
+/// axis points upwards. Tools that are no ball stand upright in their cuts then.
 ///
 /// Errors, with the line: MC206 a tool that is no ball turns in a move that may cut, or turns there without a way;
 /// MC207 tools that are no balls may cut in several orientations, of which none is carried over to the other; MC213 a
-/// ball that turns is tilted by more than kLargestTilt in W; MC208 a measured compliance, which holds for a tool along z of M;
-/// MC209 a stock that is not a whole block, and a tool that is no ball; CT111 of its cells.
+/// ball that turns is tilted by more than kLargestTilt in W; MC208 a measured compliance, which holds for a tool along
+/// z of M; MC209 a stock that is not a whole block, and a tool that is no ball; CT111 of its cells.
 Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation);
 
 /// Error: MC204 for the first feed move that may cut in another orientation than the job is set up for.
@@ -57,7 +57,7 @@ Status stands_as_set_up(const Job& job, const gcode::Program& program, const gco
 bool stands_as_set_up(const Job& job, const gcode::Move& move);
 
 /// The largest angle between the axis of a ball that turns in cuts and z of W.
-inline constexpr double kLargestTilt = units::from_deg(80);
+inline constexpr double kLargestTilt = units::from_deg(70);
 
 /// "A 20 B 0 deg", and C where the machine turns it or it is not 0.
 std::string orientation_in_words(const Vec3& axes);
