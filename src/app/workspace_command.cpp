@@ -26,6 +26,8 @@
 namespace polypod::app {
 namespace {
 
+constexpr double kMbPerByte = 1e-6;
+
 /// What `text` says of the progress, on stderr, ten times a second at most.
 std::function<void(const workspace::Progress&)> drawn_now_and_then(
     std::function<std::string(const workspace::Progress&)> text) {
@@ -38,7 +40,6 @@ std::function<void(const workspace::Progress&)> drawn_now_and_then(
     std::fflush(stderr);
   };
 }
-constexpr double kMbPerByte = 1e-6;
 }  // namespace
 
 void WorkspaceOptions::declare(Arguments& a) {
@@ -288,14 +289,14 @@ std::string beyond_note(const machine::AnyMachine& m, const workspace::BeyondSin
 Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const Context& context) {
   POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--report", "--stl", "--vtp", "--vti"},
                      "it serves machines whose task holds x, y and z"));
-  workspace::Options quiet = options;
+  workspace::Options of_region = options;
   if (options.progress) {  // in shares: the region is in no mm3
-    quiet.progress = drawn_now_and_then([](const workspace::Progress& p) {
+    of_region.progress = drawn_now_and_then([](const workspace::Progress& p) {
       return fmt::format("workspace: bounds {:.1f} % apart, {} boxes",
                          p.upper > 0 ? 100 * (p.upper - p.lower) / p.upper : 100.0, p.cells);
     });
   }
-  POLYPOD_ASSIGN(v, workspace::volume(m, quiet));
+  POLYPOD_ASSIGN(v, workspace::volume(m, of_region));
   if (options.progress) fmt::print(stderr, "\r\x1b[K");
   const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
   if (context.json) {

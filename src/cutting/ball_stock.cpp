@@ -49,6 +49,11 @@ Column column_at(const Stock& stock, double x, double y, bool least) {
   return {stock.hollow() == nullptr ? stock.bottom() : between(*stock.hollow()), between(stock)};
 }
 
+/// A place that counts in cells, as an index, or one beyond the grid's ends.
+int cell_index(double v, int count) {
+  return static_cast<int>(std::clamp(v, -1.0, double(count)));
+}
+
 /// Outwards at the middle of a sector.
 const Vec3& outwards_of(std::size_t sector) {
   static const std::array<Vec3, BallEngagement::kSectors> table = [] {
@@ -79,9 +84,8 @@ double cut_ball(Stock& stock, const Vec3& a, const Vec3& b, double radius) {
   const double from = steep ? std::min(a.z(), b.z()) : a.z(), far = steep ? 0 : length;
   const double lead = -slope / std::sqrt(1 + slope * slope);
   const double cell = stock.cell(), x0 = stock.x_min() + 0.5 * cell, y0 = stock.y_min() + 0.5 * cell;
-  const auto index = [](double v, int count) { return static_cast<int>(std::clamp(v, -1.0, double(count))); };
-  const int j0 = std::max(0, index(std::ceil((std::min(a.y(), b.y()) - radius - y0) / cell), stock.rows()));
-  const int j1 = std::min(stock.rows() - 1, index((std::max(a.y(), b.y()) + radius - y0) / cell, stock.rows()));
+  const int j0 = std::max(0, cell_index(std::ceil((std::min(a.y(), b.y()) - radius - y0) / cell), stock.rows()));
+  const int j1 = std::min(stock.rows() - 1, cell_index((std::max(a.y(), b.y()) + radius - y0) / cell, stock.rows()));
   double removed = 0;
   for (int j = j0; j <= j1; ++j) {
     const double y = y0 + j * cell - a.y();
@@ -92,8 +96,8 @@ double cut_ball(Stock& stock, const Vec3& a, const Vec3& b, double radius) {
       low = std::max(low, middle - half);
       high = std::min(high, middle + half);
     }
-    const int i0 = std::max(0, index(std::ceil((low + a.x() - x0) / cell), stock.columns()));
-    const int i1 = std::min(stock.columns() - 1, index((high + a.x() - x0) / cell, stock.columns()));
+    const int i0 = std::max(0, cell_index(std::ceil((low + a.x() - x0) / cell), stock.columns()));
+    const int i1 = std::min(stock.columns() - 1, cell_index((high + a.x() - x0) / cell, stock.columns()));
     for (int i = i0; i <= i1; ++i) {
       const double x = x0 + i * cell - a.x();
       const double s = f.x() * x + f.y() * y, n = f.x() * y - f.y() * x;
@@ -112,7 +116,6 @@ double cut_shaft(Stock& stock, const Vec3& a, const Vec3& b, const Vec3& axis, d
   const double leans = axis.head<2>().norm();
   if (!a.allFinite() || !b.allFinite() || !(radius > 0) || !(axis.z() > 0) || !(leans > 1e-9)) return 0;
   const double cell = stock.cell(), x0 = stock.x_min() + 0.5 * cell, y0 = stock.y_min() + 0.5 * cell;
-  const auto index = [](double v, int count) { return static_cast<int>(std::clamp(v, -1.0, double(count))); };
   const int places = std::max(1, static_cast<int>(std::ceil((b - a).norm() / (0.5 * cell))));
   double removed = 0;
   for (int k = 0; k <= places; ++k) {
@@ -121,11 +124,13 @@ double cut_shaft(Stock& stock, const Vec3& a, const Vec3& b, const Vec3& axis, d
     const double way = std::min(length, (stock.top() - (middle.z() - radius * leans)) / axis.z());
     if (!(way > 0)) continue;
     const Point from = middle.head<2>(), to = from + way * axis.head<2>();
-    const int j0 = std::max(0, index(std::ceil((std::min(from.y(), to.y()) - radius - y0) / cell), stock.rows()));
-    const int j1 = std::min(stock.rows() - 1, index((std::max(from.y(), to.y()) + radius - y0) / cell, stock.rows()));
-    const int i0 = std::max(0, index(std::ceil((std::min(from.x(), to.x()) - radius - x0) / cell), stock.columns()));
+    const int j0 = std::max(0, cell_index(std::ceil((std::min(from.y(), to.y()) - radius - y0) / cell), stock.rows()));
+    const int j1 =
+        std::min(stock.rows() - 1, cell_index((std::max(from.y(), to.y()) + radius - y0) / cell, stock.rows()));
+    const int i0 =
+        std::max(0, cell_index(std::ceil((std::min(from.x(), to.x()) - radius - x0) / cell), stock.columns()));
     const int i1 =
-        std::min(stock.columns() - 1, index((std::max(from.x(), to.x()) + radius - x0) / cell, stock.columns()));
+        std::min(stock.columns() - 1, cell_index((std::max(from.x(), to.x()) + radius - x0) / cell, stock.columns()));
     for (int j = j0; j <= j1; ++j) {
       for (int i = i0; i <= i1; ++i) {
         const Point w(x0 + i * cell - from.x(), y0 + j * cell - from.y());

@@ -186,6 +186,9 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
   const Corners corners = corners_of(job, correction.program, way, correction.after, job.tolerance);
   const auto tube_beside = [&](double corner) { return std::max(0.0, job.tolerance - corner); };
   const Vec3 up = job.tool_frame.axis();
+  const auto error_from = [&](const gcode::Move& move, const Sample& s) {
+    return path_error(move, s.bent() + middle_beside_tip(job, move, s.bent(), s.axes), s.away, up);
+  };
 
   // The corrected program once more, for the points that `after` has not kept.
   const double passes = 1.2 + double(job.material.spread.size());
@@ -204,7 +207,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
     const int w = wall_of[static_cast<std::size_t>(source)];
     if (w < 0) return;
     const gcode::Move& move = correction.programmed[static_cast<std::size_t>(source)];
-    standing[static_cast<std::size_t>(w)].add(s, path_error(move, s.bent(), s.away, up));
+    standing[static_cast<std::size_t>(w)].add(s, error_from(move, s));
   }));
   for (std::size_t w = 0; w < walls.size(); ++w) {
     if (progress && w % 64 == 0 && !progress((1 + 0.2 * double(w) / double(walls.size())) / passes))
@@ -213,7 +216,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
     const bool plunges = is_plunge(move, up);  // what a plunge is held back by along the tool does not count
     const double side = standing[w].side();
     const auto stand = [&](const Sample& sample, double corner) {
-      const PathError error = path_error(move, sample.bent(), sample.away, up);
+      const PathError error = error_from(move, sample);
       Point point;
       point.error = side * error.normal;
       point.vertical = plunges ? 0 : error.vertical;

@@ -97,13 +97,16 @@ class Sides {
 
 /// How far a tool without chips is from the move it stands for, or from one of those beside it: at a corner it may be
 /// over either.
-double distance_without_chips(const LongVector<gcode::Move>& moves, std::size_t i, const Sample& sample,
+double distance_without_chips(const Job& job, const LongVector<gcode::Move>& moves, std::size_t i, const Sample& sample,
                               const Vec3& axis) {
   const Vec3 tip = sample.command + sample.without_chips;
-  double least = path_error(moves[i], tip, sample.away, axis).distance;
+  const auto distance_from = [&](const gcode::Move& move) {
+    return path_error(move, tip + middle_beside_tip(job, move, tip, sample.axes), sample.away, axis).distance;
+  };
+  double least = distance_from(moves[i]);
   for (const std::size_t k : {i - 1, i + 1}) {
     if (k >= moves.size() || moves[k].kind == gcode::MoveKind::rapid || !moves[k].start_known) continue;
-    least = std::min(least, path_error(moves[k], tip, sample.away, axis).distance);
+    least = std::min(least, distance_from(moves[k]));
   }
   return least;
 }
@@ -420,6 +423,10 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
         "a ball cuts with the coefficients of its side down to its tip, where the teeth hardly move: near the tip they "
         "are an assumption");
   }
+  if (job.tool_frame.turns) {
+    notes.push_back(
+        "undercuts of the tilted ball are not known: what stands above a place that is cut counts as cut away");
+  }
   std::set<std::string> known;
   bool too_fast = false;
   for (const MovePrediction& m : prediction.moves) {
@@ -528,7 +535,8 @@ class SteepPlaces {
     double most = 0;
     for (const Vec3& other : {before_[first_].deflection, lag_}) {
       if ((other - sample.deflection).norm() < resolution(job_)) continue;
-      most = std::max(most, path_error(programmed, Vec3(sample.command + other), sample.away, axis_).distance);
+      const Vec3 tip = sample.command + other, middle = middle_beside_tip(job_, programmed, tip, sample.axes);
+      most = std::max(most, path_error(programmed, tip + middle, sample.away, axis_).distance);
     }
     if (most <= job_.tolerance) {
       if (most > out_.within) {
@@ -648,7 +656,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     if (!transition && (sample.s == 0 || sample.s >= length)) {
       Prediction::WithoutChips& ends_of_c = out.commanded_without_chips[c];
       float& there = sample.s == 0 ? ends_of_c.start : ends_of_c.end;
-      there = static_cast<float>(distance_without_chips(programmed, i, sample, axis));
+      there = static_cast<float>(distance_without_chips(job, programmed, i, sample, axis));
     }
     const double near = std::min(kNearCorner, 0.5 * length);
     out.commanded_ends[c].start = out.commanded_ends[c].start || sample.s <= near;

@@ -575,7 +575,8 @@ class Pass {
   Status evaluate(std::size_t index, double s, double length, ToolModel& tool, Sample& sample) {
     const gcode::Move &move = moves_[index], &followed = moves_.followed(index);
     const Vec3 p_W = move.point(s), p = unloaded(p_W);
-    const Heading heads = heading(followed, &followed != &move ? followed.nearest(p_W) : s);
+    const double along_followed = &followed != &move ? followed.nearest(p_W) : s;
+    const Heading heads = heading(followed, along_followed);
     const Vec3& d = heads.d;
     sample.command = p;
     const double horizontal = std::hypot(d.x(), d.y());
@@ -585,7 +586,7 @@ class Pass {
     const Vec3 along(feed.x(), feed.y(), 0), left(-feed.y(), feed.x(), 0);
     const double radius = tool.cutter->radius(), ahead = look_ahead_length(radius);
     if (!vertical) sample.away = left;
-    if (frame_.turns) sample.away = beside(followed.direction(&followed != &move ? followed.nearest(p_W) : s));
+    if (frame_.turns) sample.away = beside(followed.direction(along_followed));
     // What counts is what the cutter takes on its way, never what stands beyond the end: near the end the window that
     // is looked at stays behind it.
     const double beyond = std::clamp(s + ahead - length, 0.0, s);

@@ -70,10 +70,11 @@ double largest_tilt(const Job& job, const gcode::Move& move) {
   return most;
 }
 
-/// For balls that turn in cuts, or cut in several orientations.
-Status set_up_turning(Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
-  for (const gcode::Move& move : interpretation.moves) {
-    if (!is_feed(move) || stays_clear(job, move) || !cutting::is_ball(job.cutter_of(move.tool))) continue;
+/// For balls that turn in cuts, or cut in several orientations; `may_cut`: the moves that may.
+Status set_up_turning(Job& job, const gcode::Program& program, const std::vector<const gcode::Move*>& may_cut) {
+  for (const gcode::Move* one : may_cut) {
+    const gcode::Move& move = *one;
+    if (!cutting::is_ball(job.cutter_of(move.tool))) continue;
     const auto tilted = [](const Vec3& axes) { return !axes.isZero(kNoTurn); };
     if (job.measured && (tilted(move.axes_start) || tilted(move.axes_end))) {
       return fail("MC208",
@@ -218,10 +219,15 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
     const gcode::Move* first;
   };
   std::vector<Seen> seen;
+  std::vector<const gcode::Move*> may_cut;
   const gcode::Move* turning = nullptr;
+  const gcode::Move* tilted_cylinder = nullptr;
   for (const gcode::Move& move : interpretation.moves) {
     if (!is_feed(move) || stays_clear(job, move)) continue;
+    may_cut.push_back(&move);
     if (turns(move) && turning == nullptr) turning = &move;
+    const bool upright = move.axes_start.isZero(kNoTurn) && move.axes_end.isZero(kNoTurn);
+    if (!upright && tilted_cylinder == nullptr && !cutting::is_ball(job.cutter_of(move.tool))) tilted_cylinder = &move;
     const bool known =
         std::any_of(seen.begin(), seen.end(), [&](const Seen& s) { return same(s.axes, move.axes_end); });
     if (!known) seen.push_back({move.axes_end, &move});
@@ -229,20 +235,14 @@ Status set_up(Job& job, const gcode::Program& program, const gcode::Interpretati
   // A block is seen along the tool where all cuts have one orientation; else balls turn over what there is.
   const bool one = turning == nullptr && seen.size() <= 1;
   if (!one || (!seen.empty() && !seen[0].axes.isZero(kNoTurn) && !cutting::is_block(job.stock))) {
-    const gcode::Move* other = nullptr;
-    for (const gcode::Move& move : interpretation.moves) {
-      const bool upright = move.axes_start.isZero(kNoTurn) && move.axes_end.isZero(kNoTurn);
-      if (upright || cutting::is_ball(job.cutter_of(move.tool)) || !is_feed(move) || stays_clear(job, move)) continue;
-      other = &move;
-      break;
-    }
-    if (other == nullptr) return set_up_turning(job, program, interpretation);
+    if (tilted_cylinder == nullptr) return set_up_turning(job, program, may_cut);
     if (turning != nullptr && cutting::is_ball(job.cutter_of(turning->tool))) {
       return fail("MC206",
                   fmt::format("the tool is at {} in a move that may cut, and is no ball end mill; in line {} a ball "
                               "turns in a cut",
-                              orientation_in_words(other->axes_end), place_of(program, *turning).line),
-                  place_of(program, *other), "beside a ball that turns other tools are at zero tilt in their cuts");
+                              orientation_in_words(tilted_cylinder->axes_end), place_of(program, *turning).line),
+                  place_of(program, *tilted_cylinder),
+                  "beside a ball that turns other tools are at zero tilt in their cuts");
     }
   }
   if (turning != nullptr) {

@@ -8,12 +8,14 @@
 #include <cmath>
 #include <vector>
 
+#include "ball_by_points.hpp"
 #include "polypod/cutting/turned_block.hpp"
 #include "samples.hpp"
 
 namespace polypod::cutting {
 namespace {
 
+using samples::by_points;
 using samples::kPi;
 
 constexpr double kR = 4e-3, kFeed = 5e-5, kCell = 0.16e-3, kAhead = 0.32e-3;
@@ -26,28 +28,6 @@ Cutter ball(int teeth = 2) {
 
 Stock block(double cell = kCell) {
   return *Stock::block({-20e-3, -12e-3, -12e-3}, {20e-3, 12e-3, 0}, cell);
-}
-
-/// The mean force by a sum over points of the ball: n from its shape, h = feed . n, forces along directions in space.
-/// `met` says whether a point, seen from the tip, is in material that the ball has not yet cut.
-template <class Met>
-Vec3 by_points(const Cutter& cutter, const Material& m, const Vec3& d, Met&& met) {
-  constexpr int kSteps = 1000;
-  Vec3 sum = Vec3::Zero();
-  for (int i = 0; i < kSteps; ++i) {
-    const double kappa = kPi / 2 * (i + 0.5) / kSteps;
-    for (int j = 0; j < kSteps; ++j) {
-      const double phi = 2 * kPi * (j + 0.5) / kSteps;
-      const Vec3 out(std::sin(phi), std::cos(phi), 0);
-      const Vec3 n = std::sin(kappa) * out - std::cos(kappa) * Vec3::UnitZ();
-      const Vec3 p = kR * (n + Vec3::UnitZ());
-      if (!(n.dot(d) > 0) || !met(p)) continue;
-      const Vec3 motion = out.cross(Vec3::UnitZ()), along = motion.cross(n);
-      const double h = kFeed * n.dot(d);
-      sum += -(m.kte + m.ktc * h) * motion - (m.kre + m.krc * h) * n + (m.kae + m.kac * h) * along;
-    }
-  }
-  return cutter.teeth / (2 * kPi) * sum * (2 * kPi / kSteps) * (kR * kPi / 2 / kSteps);
 }
 
 Vec3 found(const Stock& stock, const Vec3& tip, const Vec3& d) {
@@ -132,7 +112,8 @@ TEST(BallStock, APlungeIsASphereInAPlane) {
     Stock s = block();
     const Vec3 tip(0.1e-3, 0.05e-3, -depth), d(0, 0, -1);
     cut_ball(s, tip, tip, kR);
-    const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) { return p.z() < depth; });
+    const Vec3 expected =
+        by_points(ball(), samples::aluminium(), d, kFeed, [&](const Vec3& p) { return p.z() < depth; });
     EXPECT_NEAR(expected.head<2>().norm(), 0, 1e-9 * expected.norm());
     EXPECT_LT((found(s, tip, d) - expected).norm(), 0.03 * expected.norm());
   }
@@ -146,7 +127,8 @@ TEST(BallStock, RampsAreTheSumOverPoints) {
     const Vec3 d(std::cos(slope), 0, std::sin(slope)), tip(0.1e-3, 0.05e-3, -1.2e-3);
     Stock s = block();
     cut_ball(s, tip - 15e-3 * d, tip, kR);
-    const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) { return p.z() < 1.2e-3; });
+    const Vec3 expected =
+        by_points(ball(), samples::aluminium(), d, kFeed, [&](const Vec3& p) { return p.z() < 1.2e-3; });
     // Where the ball climbs steeply, what it looks at ahead stands higher than what it cuts here.
     EXPECT_LT((found(s, tip, d) - expected).norm(), (slope_deg > 10 ? 0.08 : 0.04) * expected.norm());
   }
@@ -181,7 +163,7 @@ TEST(BallStock, ALineBesideAGroove) {
     cut_ball(s, {-30e-3, 0, -kAp}, {30e-3, 0, -kAp}, kR);
     const Vec3 tip(0.1e-3, step, -kAp), d(1, 0, 0);
     cut_ball(s, {-30e-3, step, -kAp}, tip, kR);
-    const Vec3 expected = by_points(ball(), samples::aluminium(), d, [&](const Vec3& p) {
+    const Vec3 expected = by_points(ball(), samples::aluminium(), d, kFeed, [&](const Vec3& p) {
       const double y = p.y() + step, under = kR * kR - y * y;
       const double groove = under > 0 ? kR - std::sqrt(under) : kAp;
       return p.z() < std::min(kAp, groove);
@@ -201,13 +183,6 @@ Vec3 found(const Stock& stock, const Vec3& lowest, const Mat3& R, const Vec3& d)
   look_ahead(stock, lowest, R, kR, d, kAhead, engagement);
   for (const float side : engagement.side) EXPECT_EQ(side, 0);
   return BallForce(ball(), samples::aluminium()).mean_force(engagement, R, d, kFeed);
-}
-
-/// As by_points with the tool turned by R; `met` sees points of the frame of the stock, from the ball's lowest point.
-template <class Met>
-Vec3 by_points(const Cutter& cutter, const Material& m, const Mat3& R, const Vec3& d, Met&& met) {
-  const Vec3 up = kR * Vec3::UnitZ();
-  return R * by_points(cutter, m, Vec3(R.transpose() * d), [&](const Vec3& p) { return met(Vec3(R * (p - up) + up)); });
 }
 
 TEST(LeaningBall, UprightItIsTheOtherFunction) {
@@ -240,7 +215,8 @@ TEST(LeaningBall, GroovesAndRampsAreTheSumOverPoints) {
       cut_ball(s, lowest - 15e-3 * d, lowest, kR);
       // What it looks at lies ahead, where a ball that climbs stands higher.
       const double there = std::min(ap, ap - kAhead * d.z());
-      const Vec3 expected = by_points(ball(), samples::aluminium(), R, d, [&](const Vec3& p) { return p.z() < there; });
+      const Vec3 expected =
+          by_points(ball(), samples::aluminium(), R, d, kFeed, [&](const Vec3& p) { return p.z() < there; });
       const Vec3 f = found(s, lowest, R, d);
       EXPECT_LT((f - expected).norm(), 0.05 * expected.norm()) << f.transpose() << " for " << expected.transpose();
     }
@@ -284,7 +260,7 @@ TEST(LeaningBall, ContactsAddUpToTheForceOfAWay) {
         if (chip > 0 && c.gap < kTouches) sum += c.edge + chip * c.chip;
       }
       const Vec3 expected =
-          by_points(ball(), samples::aluminium(), R, d, [&](const Vec3& p) { return p.z() < -lowest.z(); });
+          by_points(ball(), samples::aluminium(), R, d, kFeed, [&](const Vec3& p) { return p.z() < -lowest.z(); });
       EXPECT_LT((sum - expected).norm(), kCoarse * expected.norm())
           << sum.transpose() << " and " << expected.transpose();
     }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "cutting/ball_by_points.hpp"
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -123,21 +124,10 @@ TEST(FiveAxes, ForceAndComplianceAreThoseOfTheOrientation) {
     // The middle goes 1 mm a block, in the time in which the tip goes its length.
     const double per_tooth = move.feed / (move.spindle_speed * 3) * 1e-3 / move.length();
     constexpr int kSteps = 300;
-    Vec3 force = Vec3::Zero();
-    const cutting::Material& m = e.job.material;
-    for (int i = 0; i < kSteps; ++i) {
-      const double kappa = M_PI / 2 * (i + 0.5) / kSteps;
-      for (int j = 0; j < kSteps; ++j) {
-        const double phi = 2 * M_PI * (j + 0.5) / kSteps;
-        const Vec3 out(std::sin(phi), std::cos(phi), 0);
-        const Vec3 n = std::sin(kappa) * out - std::cos(kappa) * Vec3::UnitZ();
-        const double h = per_tooth * (R * n).x();
-        if (!(h > 0) || !(2.5e-3 + kR * (R * n).z() < 0)) continue;
-        const Vec3 motion = out.cross(Vec3::UnitZ()), along = motion.cross(n);
-        force += R * (-(m.kte + m.ktc * h) * motion - (m.kre + m.krc * h) * n + (m.kae + m.kac * h) * along);
-      }
-    }
-    force *= 3 / (2 * M_PI) * (2 * M_PI / kSteps) * (kR * M_PI / 2 / kSteps);
+    constexpr double kDepth = 1.5e-3;  // m
+    const Vec3 force = cutting::samples::by_points(
+        e.job.cutter, e.job.material, R, Vec3::UnitX(), per_tooth, [&](const Vec3& q) { return q.z() < kDepth; },
+        kSteps);
     EXPECT_LT((s.force - force).norm(), 0.05 * force.norm()) << s.force.transpose() << " for " << force.transpose();
     const auto c = statics::compliance_at(e.job.machine, Pose{R, e.job.X_MW * s.command});
     EXPECT_LT((s.deflection - c.displacement(s.force)).norm(), 1e-9);
