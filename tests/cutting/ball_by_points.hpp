@@ -37,7 +37,7 @@ Vec3 by_points(const Cutter& cutter, const Material& m, const Vec3& d, double fe
 /// the frame of the stock, and d is in that frame.
 template <class Met>
 Vec3 by_points(const Cutter& cutter, const Material& m, const Mat3& R, const Vec3& d, double feed_per_tooth, Met&& met,
-               int steps = 1000) {
+               int steps = 300) {
   const Vec3 up = cutter.radius() * Vec3::UnitZ();
   return R * by_points(
                  cutter, m, Vec3(R.transpose() * d), feed_per_tooth,
