@@ -90,7 +90,9 @@ Status VibrationQuestion::prepare(const machining::Job& job, const Context& cont
   if (!why_not_.empty()) {
     if (!counts) return {};
     return fail("AP280", "--vibration cannot be counted: " + why_not_, {},
-                "give masses in the machine file or by --dynamics (docs/motion.md), or leave --vibration out");
+                masses.dynamics ? "leave --vibration out"
+                                : "give masses in the machine file or by --dynamics (docs/motion.md), or leave "
+                                  "--vibration out");
   }
   masses_ = std::move(masses.dynamics);
   POLYPOD_ASSIGN(damping, motion::read_damping(dynamics.empty() ? machine_file_of(job) : dynamics));

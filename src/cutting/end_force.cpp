@@ -94,25 +94,25 @@ double EndFootprint::mean_length() const {
 }
 
 void look_down(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double down,
-               EndFootprint& footprint) {
+               EndFootprint& footprint, double inner) {
   footprint = {};
-  if (!tip.allFinite() || !(radius > 0) || !(down > 0) || !(feed.squaredNorm() > 0.5)) return;
+  if (!tip.allFinite() || !(radius > inner) || !(down > 0) || !(feed.squaredNorm() > 0.5)) return;
   if (!(stock.top() > tip.z() - down) || !(tip.z() > stock.bottom())) return;
   const LayerView layer(stock, tip.z(), std::max(down, kLeastDown));
-  const int steps = std::max(1, static_cast<int>(std::ceil(radius / stock.cell())));
-  const double step = radius / steps;
+  const int steps = std::max(1, static_cast<int>(std::ceil((radius - inner) / stock.cell())));
+  const double step = (radius - inner) / steps;
   static const Directions direction;
   for (std::size_t j = 0; j < kSectors; ++j) {
     // phi runs from the left of the feed over the front.
     const double forward = direction.sine[j], left = direction.cosine[j];
     const Eigen::Vector2d ray(feed.x() * forward - feed.y() * left, feed.y() * forward + feed.x() * left);
-    const float sum = layer.along(tip.head<2>() + 0.5 * step * ray, step * ray, steps);
+    const float sum = layer.along(tip.head<2>() + (inner + 0.5 * step) * ray, step * ray, steps);
     footprint.length[j] = sum * static_cast<float>(step);
     footprint.any = footprint.any || sum > 0;
   }
   if (stock.hollow() == nullptr || !footprint.any) return;
   EndFootprint hollow;
-  look_down(*stock.hollow(), tip, radius, feed, down, hollow);
+  look_down(*stock.hollow(), tip, radius, feed, down, hollow, inner);
   footprint.any = false;
   for (std::size_t j = 0; j < kSectors; ++j) {
     const float length = footprint.length[j] - hollow.length[j];

@@ -572,7 +572,7 @@ double Stock::sweep(const Vec3& a, const Vec3& b, double radius, bool a_done, bo
 namespace {
 /// look_ahead in the heights alone.
 void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
-                     EngagementProfile& profile) {
+                     EngagementProfile& profile, double height) {
   constexpr int kBins = EngagementProfile::kBins;
   profile.max_depth = 0;
   profile.any = false;
@@ -605,7 +605,8 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
   // what is offered, the number of layers that the step would cut.
   Pair whole[kBins + 1]{}, part[kBins + 1]{};
   const double per_width = kBins / (2 * radius), half_width = 0.5 * cell * per_width;
-  const Quad tip_z = all(static_cast<float>(z)), least = all(static_cast<float>(nothing));
+  const Quad tip_z = all(static_cast<float>(z)), least = all(static_cast<float>(nothing)),
+             most = all(static_cast<float>(height));
   Quad deepest{};
   const double inverse_cell = 1 / cell;
   const float* layers = stock.layers().data();
@@ -661,8 +662,8 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
         const Mask* layers_met = kBetween.of[now[k]][then[k]];
         low -= tip_z;
         high -= tip_z;
-        low = where((low > least) & layers_met[0], low);
-        high = where((high > least) & layers_met[1], high);
+        low = where((low > least) & layers_met[0], smaller(low, most));
+        high = where((high > least) & layers_met[1], smaller(high, most));
         deepest = larger(deepest, larger(low, high));
         amount = sum(low + high);
       }
@@ -774,11 +775,11 @@ void look_at_heights(const Stock& stock, const Vec3& tip, double radius, const E
 }  // namespace
 
 void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
-                EngagementProfile& profile) {
-  look_at_heights(stock, tip, radius, feed, ahead, profile);
+                EngagementProfile& profile, double height) {
+  look_at_heights(stock, tip, radius, feed, ahead, profile, height);
   if (stock.hollow() == nullptr || !profile.any) return;
   EngagementProfile hollow;
-  look_at_heights(*stock.hollow(), tip, radius, feed, ahead, hollow);
+  look_at_heights(*stock.hollow(), tip, radius, feed, ahead, hollow, height);
   constexpr float kRounding = 1e-8F;  // m: heights of a metre are kept to 6e-8, those of a part to 4e-9
   profile.any = false;
   for (int j = 0; j < EngagementProfile::kBins; ++j) {

@@ -9,7 +9,6 @@
 #include "aside.hpp"
 #include "corrector.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "remedies.hpp"
 
@@ -25,11 +24,6 @@ bool closer(const Correction& a, const Correction& b) {
   };
   const auto of_a = outside(a), of_b = outside(b);
   return of_a != of_b ? of_a < of_b : a.largest_after < b.largest_after - kSameDistance;
-}
-
-Status is_flat_or_ball(const Job& job, const cutting::Cutter& cutter) {
-  if (cutting::is_ball(cutter)) return {};
-  return cutting::is_flat(cutter, {job.path}, "correct takes flat cutters and balls");
 }
 
 }  // namespace
@@ -50,8 +44,6 @@ std::string Correction::answer(const std::string& proviso) const {
 
 Result<Correction> correct(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                            const CorrectOptions& options) {
-  POLYPOD_TRY(is_flat_or_ball(job, job.cutter));
-  for (const auto& [number, cutter] : job.cutters) POLYPOD_TRY(is_flat_or_ball(job, cutter));
   std::function<bool(double)> progress;
   if (options.progress) progress = [&](double share) { return options.progress("checking the reach", share); };
   POLYPOD_ASSIGN(accepted, accept_but_reach(job, program, interpretation, options.again));

@@ -9,7 +9,6 @@
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/urdf.hpp"
@@ -59,21 +58,15 @@ Status read_workpiece(const config::Table& table, Job& job) {
 
 constexpr double kLeastTolerance = 1e-3;  // um, far below what any cell of the stock tells
 
-constexpr const char* kRoundedHint =
-    "the stock of a job meets flat cutters and balls (half of the diameter) only; `polypod force --cutter FILE` gives "
-    "the forces of this one";
-
 Status read_tools(const config::Table& table, Job& job) {
   POLYPOD_ASSIGN(cutter_table, table_or_file(table, "cutter", job.path));
   POLYPOD_ASSIGN(cutter, cutting::cutter_from(cutter_table));
-  if (!cutting::is_ball(cutter)) POLYPOD_TRY(cutting::is_flat(cutter, cutter_table.place(), kRoundedHint));
   job.cutter = std::move(cutter);
   POLYPOD_ASSIGN(tools, table.tables("tool"));
   for (const config::Table& tool : tools) {
     POLYPOD_ASSIGN(number, tool.integer("number", 0, 100000));
     POLYPOD_ASSIGN(its_table, table_or_file(tool, "cutter", job.path));
     POLYPOD_ASSIGN(its_cutter, cutting::cutter_from(its_table));
-    if (!cutting::is_ball(its_cutter)) POLYPOD_TRY(cutting::is_flat(its_cutter, its_table.place(), kRoundedHint));
     if (!job.cutters.emplace(number, std::move(its_cutter)).second) {
       return fail("MC101", fmt::format("tool number {} stands twice", number), tool.place_of("number"));
     }

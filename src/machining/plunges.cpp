@@ -45,7 +45,8 @@ std::vector<Plunge> HeldBack::take(Plunge& most_within) {
     if (!(end.held_back > 0) || goes_deeper(i)) continue;
     const Plunge plunge = judge(i, end, tube);
     if (plunge.distance > tube) {
-      out.push_back(plunge);
+      // Cut to depth, and outside by its lateral deviation, which is one of the move's distances.
+      if (plunge.remaining > resolution(job_)) out.push_back(plunge);
     } else if (plunge.distance > most_within.distance) {
       most_within = plunge;
     }

@@ -304,6 +304,12 @@ bool is_plunge(const gcode::Move& move, const Vec3& axis) {
   return move.kind == gcode::MoveKind::line && move.length() > 0 && move.direction(0).dot(axis) < -kSteep;
 }
 
+Vec3 to_correct(const gcode::Move& move, const Vec3& deflection, const Vec3& axis) {
+  if (!is_plunge(move, axis)) return deflection;
+  const Vec3 d = move.direction(0);
+  return deflection - d * d.dot(deflection);
+}
+
 PathError path_error(const gcode::Move& programmed, const Vec3& bent, const Vec3& away, const Vec3& axis) {
   const Vec3 off = bent - programmed.point(programmed.nearest(bent));
   return {off.dot(away), off.dot(axis), distance_that_counts(programmed, off, axis)};
@@ -415,9 +421,17 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
                                   units::to_mm(job.cutter.diameter)));
     }
   }
-  const bool ball = std::any_of(prediction.moves.begin(), prediction.moves.end(), [&](const MovePrediction& m) {
-    return m.points > 0 && cutting::is_ball(job.cutter_of(programmed[static_cast<std::size_t>(m.move)].tool));
-  });
+  bool ball = false, bull_nose = false;
+  for (const MovePrediction& m : prediction.moves) {
+    if (m.points == 0) continue;
+    const cutting::Cutter& cutter = job.cutter_of(programmed[static_cast<std::size_t>(m.move)].tool);
+    (cutting::is_ball(cutter) ? ball : bull_nose) |= cutter.corner_radius > 0;
+  }
+  if (bull_nose) {
+    notes.push_back(
+        "the corner of a bull nose cuts with the coefficients of its side; on ways down its end cuts with those of an "
+        "end");
+  }
   if (ball) {
     notes.push_back(
         "a ball cuts with the coefficients of its side down to its tip, where the teeth hardly move: near the tip they "

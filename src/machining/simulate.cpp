@@ -12,6 +12,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/ball_stock.hpp"
+#include "polypod/cutting/discs.hpp"
 #include "polypod/cutting/end_force.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/machining/vibration.hpp"
@@ -132,9 +133,11 @@ class Pass {
 
   struct ToolModel {
     const cutting::Cutter* cutter;
-    cutting::ProfileForce force;
+    cutting::DiscsForce force;
     cutting::EndForce end;
     std::optional<cutting::BallForce> ball;  ///< in the place of both, if it is a ball
+
+    [[nodiscard]] const std::vector<cutting::EdgeDisc>& discs() const { return force.discs(); }
   };
 
   ToolModel& tool_model(int number) {
@@ -142,7 +145,7 @@ class Pass {
     if (it != models_.end()) return it->second;
     const cutting::Cutter& cutter = job_.cutter_of(number);
     const cutting::EndCoefficients end = job_.material.end.value_or(cutting::end_as_sides(job_.material));
-    ToolModel model{&cutter, cutting::ProfileForce(cutter, job_.material), cutting::EndForce(cutter, end), {}};
+    ToolModel model{&cutter, cutting::DiscsForce(cutter, job_.material), cutting::EndForce(cutter, end), {}};
     if (cutting::is_ball(cutter)) model.ball.emplace(cutter, job_.material);
     return models_.emplace(number, model).first->second;
   }
@@ -167,7 +170,6 @@ class Pass {
   }
 
   Status rapid(const gcode::Move& move, const ToolModel& tool) {
-    const double radius = tool.cutter->radius();
     // When the cut ends the deflected tool springs back to where it is commanded, before it moves: no collision.
     result_.removed += stock_.settle();
     const Vec3 from = unloaded(move.start), to = unloaded(move.end);
@@ -189,8 +191,8 @@ class Pass {
         at = next;
       }
     } else {
-      result_.removed += stock_.cut_disc(from, radius);
-      volume = stock_.cut_line(from, to, radius, true);
+      result_.removed += cutting::cut_disc(stock_, from, tool.discs());
+      volume = cutting::cut_line(stock_, from, to, tool.discs(), true);
     }
     if (volume > 0) result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
     result_.removed += volume;
@@ -345,13 +347,12 @@ class Pass {
   /// The bent cutter goes straight on with its tip to `tip`; the removed volume. A step that is level but for less than
   /// what counts as a cut is swept level, which costs a fifth.
   double sweep(const Vec3& tip, const ToolModel& tool, bool start_done) {
-    const double radius = tool.cutter->radius();
     const Vec3 to = tip + lowest_;
     Vec3 from = last_bent_, at = to;
     last_bent_ = to;
     if (tool.ball) return cut_ball(from, at, tool);
     if (std::abs(to.z() - from.z()) < kNoCut) from.z() = at.z() = 0.5 * (to.z() + from.z());
-    return stock_.cut_step(from, at, radius, start_done);
+    return cutting::cut_step(stock_, from, at, tool.discs(), start_done);
   }
 
   /// A ball with its lowest point on the way from a to b, and, where it leans, the straight part above it.
@@ -440,8 +441,8 @@ class Pass {
   Vec3 held_by_floor(const Vec3& from, Vec3& to, const Mat3& C, double passes, const ToolModel& tool) {
     const double fall = from.z() - to.z();
     if (!(fall > kLeastFall)) return Vec3::Zero();
-    cutting::look_down(stock_, {to.x(), to.y(), from.z()}, tool.cutter->radius(), Eigen::Vector2d::UnitX(), fall,
-                       footprint_);
+    cutting::look_down(stock_, {to.x(), to.y(), from.z()}, tool.discs(), std::atan2(fall, (to - from).head<2>().norm()),
+                       Eigen::Vector2d::UnitX(), fall, footprint_);
     if (!footprint_.any) return Vec3::Zero();
     constexpr double kNoChip = 1e-12;  // m
     const Vec3 edge = tool.end.mean_force(footprint_, kNoChip);
@@ -481,10 +482,10 @@ class Pass {
       out = {d, Vec3::Zero(), Vec3::Zero()};
       const Vec3 level(d.x(), d.y(), 0);
       meet(tip, tool, level, d, ahead, false);
-      if (!(profile_.max_depth > kNoCut)) continue;
-      deepest = std::max(deepest, profile_.max_depth);
+      if (!(met_.max_depth > kNoCut)) continue;
+      deepest = std::max(deepest, met_.max_depth);
       const auto force = [&](double feed_per_tooth) {
-        const Vec3 f = tool.force.mean_force(profile_, feed_per_tooth);
+        const Vec3 f = tool.force.mean_force(met_, feed_per_tooth, 0);
         return Vec3(f.x() * d.x() - f.y() * d.y(), f.x() * d.y() + f.y() * d.x(), f.z());
       };
       out.edge = force(0);
@@ -502,13 +503,13 @@ class Pass {
     if (tool.ball && stands_upright()) cutting::look_ahead(stock_, tip + lowest_, radius, d, ahead, ball_);
     if (tool.ball && !stands_upright()) cutting::look_ahead(stock_, tip + lowest_, R_ST_, radius, d, ahead, ball_);
     if (vertical || tool.ball) {
-      profile_ = cutting::EngagementProfile{};
-      std::fill(profile_.depth, profile_.depth + cutting::EngagementProfile::kBins, 0.0f);
-      profile_.any = tool.ball && ball_.any;
-      profile_.max_depth = profile_.any ? ball_.max_depth : 0;
+      if (!tool.ball) met_.of.resize(tool.discs().size());
+      met_.clear();
+      met_.any = tool.ball && ball_.any;
+      met_.max_depth = met_.any ? ball_.max_depth : 0;
       return;
     }
-    cutting::look_ahead(stock_, tip, radius, feed, ahead, profile_);
+    cutting::look_ahead(stock_, tip, tool.discs(), feed, ahead, met_);
   }
 
   /// Whether the next move goes on downwards in the direction of this one, as turns of a helix do.
@@ -529,15 +530,19 @@ class Pass {
     return std::max(0.0, -frame_.to_S(next.direction(0)).z()) * std::min(way, next.length());
   }
 
+  /// How far a way goes down, rad below the horizontal.
+  static double descent_of(const Vec3& d) { return std::atan2(std::max(0.0, -d.z()), std::hypot(d.x(), d.y())); }
+
   /// What the end of the cutter meets at `tip`, into `footprint_`. It cuts as long as the tip goes down, and stops
   /// doing so at the end of the way down.
   ///
   /// A bent tool meets the floor that it left itself: where the command has gone down by less than the thrust bends the
   /// tool, its end rests on the floor and cuts nothing.
   void meet_below(std::size_t index, double s, double length, const Vec3& tip, const Vec3& d,
-                  const Eigen::Vector2d& feed, double radius) {
+                  const Eigen::Vector2d& feed, const ToolModel& tool) {
     footprint_.any = false;
-    const double ahead = look_ahead_length(radius), fall = -d.z() * ahead, left = -d.z() * (length - s);
+    const double ahead = look_ahead_length(tool.cutter->radius()), descent = descent_of(d), fall = -d.z() * ahead,
+                 left = -d.z() * (length - s);
     const bool ideal = options_.bend == Bend::corrected;  // for a correction that holds up to the end
     if (!(fall > kLeastFall) || !(s < length || ideal || descends_on(index))) return;
     // Nor does it meet what stands below the end of the way down; where it cuts up to there and the next move goes on
@@ -545,21 +550,24 @@ class Pass {
     const double beyond_end = std::max(0.0, fall - left), next = next_fall(index, ahead - (length - s));
     const bool bends = options_.bend == Bend::equilibrium;
     if (!bends || beyond_end > 0) {
-      cutting::look_down(stock_, tip + beyond_end * Vec3::UnitZ(), radius, feed, fall, footprint_);
+      cutting::look_down(stock_, tip + beyond_end * Vec3::UnitZ(), tool.discs(), descent, feed, fall, footprint_);
       if (!footprint_.any) return;
     }
     if (bends) {
-      cutting::look_down(stock_, tip, radius, feed, std::max(std::min(fall, left + next), kLeastFall), footprint_);
+      cutting::look_down(stock_, tip, tool.discs(), descent, feed, std::max(std::min(fall, left + next), kLeastFall),
+                         footprint_);
     } else if (const double more = std::min(beyond_end, next); more > 0) {
-      cutting::look_down(stock_, tip + (beyond_end - more) * Vec3::UnitZ(), radius, feed, fall, footprint_);
+      cutting::look_down(stock_, tip + (beyond_end - more) * Vec3::UnitZ(), tool.discs(), descent, feed, fall,
+                         footprint_);
     }
   }
 
   /// Whether something stands higher than the end of the cutter at `tip`; else it only rests there.
-  [[nodiscard]] bool end_takes(const Vec3& tip, const Vec3& d, const Eigen::Vector2d& feed, double radius) const {
-    const double fall = -d.z() * look_ahead_length(radius);
+  [[nodiscard]] bool end_takes(const Vec3& tip, const Vec3& d, const Eigen::Vector2d& feed,
+                               const ToolModel& tool) const {
+    const double fall = -d.z() * look_ahead_length(tool.cutter->radius());
     cutting::EndFootprint above;
-    cutting::look_down(stock_, tip + fall * Vec3::UnitZ(), radius, feed, fall, above);
+    cutting::look_down(stock_, tip + fall * Vec3::UnitZ(), tool.discs(), descent_of(d), feed, fall, above);
     return above.any;
   }
 
@@ -595,21 +603,21 @@ class Pass {
 
     const auto look = [&](const Vec3& bend) {
       meet(bends ? Vec3(window + bend) : window, tool, d, feed, ahead, vertical);
-      if (!tool.ball) meet_below(index, s, length, bends ? Vec3(p + bend) : p, d, feed, radius);
+      if (!tool.ball) meet_below(index, s, length, bends ? Vec3(p + bend) : p, d, feed, tool);
     };
     footprint_.any = false;
     look(deflection_);
-    if (!profile_.any && !footprint_.any && bends && !deflection_.isZero(0)) {
+    if (!met_.any && !footprint_.any && bends && !deflection_.isZero(0)) {
       look(Vec3::Zero());  // the last bend may have lifted it out altogether
-      if (profile_.any || footprint_.any) deflection_.setZero();
+      if (met_.any || footprint_.any) deflection_.setZero();
     }
-    if (!(profile_.max_depth > kNoCut) && !footprint_.any) {
+    if (!(met_.max_depth > kNoCut) && !footprint_.any) {
       deflection_.setZero();
       if (weight_ && options_.bend != Bend::corrected) {
         const Vec3 meant = frame_.to_S(&followed != &move ? followed.point(followed.nearest(p_W)) : p_W);
         meet(meant - d * beyond, tool, d, feed, ahead, vertical);
-        if (!tool.ball) meet_below(index, s, length, meant, d, feed, radius);
-        sample.cutting = profile_.max_depth > kNoCut || footprint_.any;
+        if (!tool.ball) meet_below(index, s, length, meant, d, feed, tool);
+        sample.cutting = met_.max_depth > kNoCut || footprint_.any;
         if (sample.cutting) describe(sample);
       }
       return {};
@@ -624,7 +632,7 @@ class Pass {
     const auto force_of = [&](double each, const Vec3& of_end) {
       if (tool.ball && stands_upright()) return tool.ball->mean_force(ball_, d, each);
       if (tool.ball) return tool.ball->mean_force(ball_, R_ST_, d, each);
-      return Vec3(of_end + in_S(tool.force.mean_force(profile_, each * horizontal)));
+      return Vec3(of_end + in_S(tool.force.mean_force(met_, each * horizontal, each * d.z())));
     };
     const auto force_here = [&] { return force_of(per_tooth, force_of_end(per_tooth)); };
     end_cuts_ = end_cuts_ || footprint_.any;
@@ -647,8 +655,7 @@ class Pass {
       sample.command = p - sample.deflection;
     } else {
       sample.deflection = equilibrium(move, look, C, force_here, sample.force);
-      sample.cutting =
-          profile_.max_depth > kNoCut || (footprint_.any && end_takes(p + sample.deflection, d, feed, radius));
+      sample.cutting = met_.max_depth > kNoCut || (footprint_.any && end_takes(p + sample.deflection, d, feed, tool));
     }
     if (at_end_) sample.without_chips = C * force_of(0, force_of_end(0));
     POLYPOD_TRY(flutes_reach(move, p.z() + lowest_.z(), *tool.cutter));
@@ -656,7 +663,7 @@ class Pass {
     if (tool.ball) {
       describe_ball(along, left, sample);
     } else if (teeth_ && sample.cutting) {
-      teeth_(sample, {move, profile_, feed, per_tooth * horizontal, footprint_.any});
+      teeth_(sample, {move, met_.of[0], feed, per_tooth * horizontal, footprint_.any});
     }
     return {};
   }
@@ -709,19 +716,21 @@ class Pass {
     result_.unsettled.back().rest = std::max(result_.unsettled.back().rest, rest);
   }
 
-  /// Depth, angles and on which side the wall stands, from the last profile.
+  /// Depth, angles and on which side the wall stands, from the highest disc that meets anything.
   void describe(Sample& sample) const {
     constexpr int kBins = cutting::EngagementProfile::kBins;
     constexpr int kRim = 3;  // strips at each rim that say whether there is a wall
+    if (!met_.any || met_.of.empty()) return;
+    const cutting::EngagementProfile& profile = met_.of[met_.highest];
     int first = kBins, last = -1;
     for (int j = 0; j < kBins; ++j) {
-      if (profile_.depth[j] <= kWallShare * profile_.max_depth) continue;
+      if (profile.depth[j] <= kWallShare * profile.max_depth) continue;
       first = std::min(first, j);
       last = j;
     }
     if (last < 0) return;
     const auto angle = [](int strip) { return std::acos(1.0 - 2.0 * strip / kBins); };
-    sample.depth = static_cast<float>(profile_.max_depth);
+    sample.depth = static_cast<float>(met_.max_depth);
     sample.entry = static_cast<float>(angle(first));
     sample.exit = static_cast<float>(angle(last + 1));
     const bool wall_left = first < kRim, wall_right = last >= kBins - kRim;
@@ -754,8 +763,8 @@ class Pass {
   /// Whether the flutes reach up to the top of what is cut: depths count from the stock's bottom where the tip is
   /// below.
   [[nodiscard]] Status flutes_reach(const gcode::Move& move, double tip, const cutting::Cutter& cutter) const {
-    const double under = std::max(0.0, stock_.bottom() - tip), above = profile_.max_depth + under;
-    if (!(profile_.max_depth > kNoCut) || above <= cutter.length * (1 + 1e-9)) return {};
+    const double under = std::max(0.0, stock_.bottom() - tip), above = met_.max_depth + under;
+    if (!(met_.max_depth > kNoCut) || above <= cutter.length * (1 + 1e-9)) return {};
     const double depth = units::to_mm(above), flutes = units::to_mm(cutter.length);
     return fail(
         "MC202",
@@ -837,7 +846,7 @@ class Pass {
   statics::Probe probe_;
   std::optional<WeightDeflection> weight_;
   std::map<int, ToolModel> models_;
-  cutting::EngagementProfile profile_;
+  cutting::DiscsMet met_;
   cutting::BallEngagement ball_;
   std::vector<ForceAlong> around_;
   std::vector<cutting::BallContact> contacts_;

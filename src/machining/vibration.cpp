@@ -179,7 +179,7 @@ std::string no_vibration(const Job& job) {
   if (job.tool_frame.tilted) return "the tool is tilted, and the modes are known for A = B = C = 0 alone";
   const auto rounded = [](const auto& tool) { return tool.second.corner_radius > 0; };
   if (job.cutter.corner_radius > 0 || std::any_of(job.cutters.begin(), job.cutters.end(), rounded))
-    return "how the force of a ball end mill changes from tooth to tooth is not computed";
+    return "how the force of a cutter with a corner radius changes from tooth to tooth is not computed";
   return {};
 }
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Balls in predict and correct.
+// Balls and bull noses in predict and correct.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -154,12 +154,73 @@ TEST(Ball, ATransitionThatGoesOnIsAFeedMove) {
   }
 }
 
-TEST(Ball, CorrectRefusesABullNose) {
-  Example e = groove("G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-1.5\nG1 X45 F1800\nG0 Z10\nM2\n");
-  e.job.cutter.corner_radius = 0.5 * e.job.cutter.radius();
-  const auto c = machining::correct(e.job, e.program, e.interpretation);
-  ASSERT_FALSE(c);
-  EXPECT_EQ(c.error().id, "CT130");
+Example bull_nose(const std::string& program, double corner_radius) {
+  Example e = with_program("slavkovic_groove", program);
+  e.job.cutter.corner_radius = corner_radius;
+  return e;
+}
+
+TEST(BullNose, AGrooveIsTheClosedForm) {
+  for (const double r : {0.5e-3, 2e-3}) {
+    const Example e = bull_nose("G21 G90 S12000 M3\nG0 X-45 Y0 Z10\nG0 Z-1.5\nG1 X45 F1800\nG0 Z10\nM2\n", r);
+    machining::PredictOptions options;
+    options.bend = machining::Bend::at_rest;
+    options.keep_samples = true;
+    const machining::Prediction p = testing::predict(e, options);
+    const Vec3 force =
+        cutting::mean_force(e.job.cutter, e.job.material,
+                            cutting::straight_slices(e.job.cutter, cutting::CutSide::slot, 0, 1.5e-3), 0.05e-3);
+    int compared = 0;
+    for (const machining::Sample& s : p.samples) {
+      if (!s.cutting || std::abs(s.command.x()) > 20e-3) continue;
+      EXPECT_LT((s.force - force).norm(), 0.02 * force.norm()) << s.force.transpose() << " and " << force.transpose();
+      EXPECT_NEAR(s.depth, 1.5e-3, 1e-6);
+      ++compared;
+    }
+    EXPECT_GT(compared, 60);
+    EXPECT_THAT(p.notes, Contains(HasSubstr("the corner of a bull nose")));
+  }
+}
+
+// Nearly no corner: what a flat cutter does.
+TEST(BullNose, ASharpOneIsAFlatCutter) {
+  const std::string program =
+      "G21 G90 S12000 M3\nG0 X-25 Y-12 Z10\nG0 Z1\nG1 X-10 Z-2 F600\nG1 X10 F1800\nG3 X20 Y-2 I0 J10\nG0 Z10\nM2\n";
+  const machining::Prediction flat = testing::predict(bull_nose(program, 0)),
+                              sharp = testing::predict(bull_nose(program, 1e-7));
+  ASSERT_EQ(flat.moves.size(), sharp.moves.size());
+  EXPECT_GT(flat.largest_distance, 50e-6);
+  EXPECT_NEAR(flat.largest_distance, sharp.largest_distance, 2e-7);
+}
+
+// A contour at two depths with an arc: in the tube, by passes of its own.
+TEST(BullNose, IsCorrected) {
+  const Example e = bull_nose(
+      "G21 G90 S12000 M3\nG0 X-45 Y-12 Z10\nG0 Z-1\nG1 X10 F1800\nG3 X20 Y-2 I0 J10\nG1 Y40\nG0 Z10\nG0 X-45 Y-12\n"
+      "G0 Z-2\nG1 X10\nG3 X20 Y-2 I0 J10\nG1 Y40\nG0 Z10\nM2\n",
+      1.5e-3);
+  const machining::Correction c = testing::correct(e);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  EXPECT_GT(c.before.largest_distance, 1.5 * c.largest_after);
+  expect_in_tube_at_both_cells(e, c);
+}
+
+// Ramps whose thrust goes where they end: as near as may be, and never worse.
+TEST(BullNose, RampsAreNeverWorse) {
+  for (const double r : {0.5e-3, 1.5e-3}) {
+    const Example e = bull_nose(
+        "G21 G90 S12000 M3\nG0 X-25 Y-12 Z10\nG0 Z0.5\nG1 X-10 Z-1 F600\nG1 X10 F1800\nG1 X25 Z1\nG0 Z10\nM2\n", r);
+    expect_never_worse(e, testing::correct(e));
+  }
+}
+
+// Ends of plunges are those of a flat cutter: a dwell cuts them.
+TEST(BullNose, EndsOfPlungesAreThoseOfAFlatCutter) {
+  const std::string program = "G21 G90 S12000 M3\nG0 X0 Y0 Z10\nG0 Z1\nG1 Z-3 F1200\nG4 P2\nG0 Z10\nM2\n";
+  const machining::Prediction flat = testing::predict(bull_nose(program, 0)),
+                              corner = testing::predict(bull_nose(program, 1e-3));
+  ASSERT_EQ(flat.plunges.size(), corner.plunges.size());
+  EXPECT_NEAR(corner.largest_distance, flat.largest_distance, 0.05 * flat.largest_distance);
 }
 
 TEST(Ball, ACorrectedPlungeIsNotJudgedAtItsEnd) {
@@ -229,15 +290,47 @@ TEST(Ball, ABallThatLiesIsRefused) {
   EXPECT_EQ(set.error().id, "MC213");
 }
 
-TEST(Ball, ABullNoseInAJobIsRefused) {
+TEST(BullNose, AJobTakesOne) {
   testing::Scratch scratch;
   std::string text = *files::read(testing::example_path("slavkovic_groove", "job.toml"));
   const std::string length = "length_mm = 20";
   text.replace(text.find(length), length.size(), length + "\ncorner_radius_mm = 1");
   ASSERT_TRUE(files::write_whole(scratch.file("job.toml"), text));
   const auto job = machining::read_job(scratch.file("job.toml"));
-  ASSERT_FALSE(job);
-  EXPECT_EQ(job.error().id, "CT130");
+  ASSERT_TRUE(job) << job.error().message;
+  EXPECT_DOUBLE_EQ(job->cutter.corner_radius, 1e-3);
+}
+
+// A plunge that a dwell cuts to depth and whose tool stands beside it is outside, and judged.
+TEST(BullNose, APlungeThatIsCutToDepthIsJudgedByWhereItStands) {
+  Example e = bull_nose("G21 G90 S12000 M3\nG0 X0 Y0 Z10\nG0 Z1\nG1 Z-3 F1200\nG4 P2\nG0 Z10\nM2\n", 1e-3);
+  e.job.tolerance = 1;  // all is within
+  const machining::Prediction whole = testing::predict(e);
+  ASSERT_EQ(whole.moves.size(), 1u);
+  const double beside = whole.moves[0].largest_distance;
+  ASSERT_GT(beside, 20e-6);
+  e.job.tolerance = 0.7 * beside;
+  const machining::Prediction p = testing::predict(e);
+  EXPECT_TRUE(p.plunges.empty()) << p.plunges[0].why();
+  EXPECT_FALSE(p.within(e.job));
+}
+
+// With the tool tilted and all turned with it.
+TEST(BullNose, ATiltedOneIsTheSame) {
+  const Example flat = bull_nose("G21 G90 S12000 M3\nG0 X-45 Y-3 Z10\nG0 Z-2\nG1 X45 Y4 F1800\nG0 Z10\nM2\n", 1e-3);
+  Example tilted = bull_nose("G21 G90 S12000 M3\nG0 X-45 Y-10 Z-3 A90\nG0 Y2\nG1 X45 Z4 F1800\nG0 Y-10\nM2\n", 1e-3);
+  const Mat3 Q = rotation_x(units::from_deg(90));
+  tilted.job.stock =
+      testing::unwrap(cutting::Stock::block({-30e-3, 0, -20e-3}, {30e-3, 20e-3, 20e-3}, tilted.job.stock.cell()));
+  auto arm = std::get<machine::SerialArm>(tilted.job.machine);
+  const Vec3 o = tilted.job.X_MW.p;
+  arm.X_MB = Pose{Q, o - Q * o} * arm.X_MB;
+  tilted.job.machine = machine::AnyMachine(arm);
+  ASSERT_TRUE(machining::set_up(tilted.job, tilted.program, tilted.interpretation));
+  const machining::Prediction a = testing::predict(flat), b = testing::predict(tilted);
+  ASSERT_EQ(a.moves.size(), 1u);
+  constexpr double kLayers = 1e-6;  // m: a tie between two layers of a cell falls the other way
+  EXPECT_NEAR(a.largest_distance, b.largest_distance, kLayers);
 }
 
 }  // namespace

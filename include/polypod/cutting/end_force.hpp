@@ -38,8 +38,9 @@ struct EndFootprint {
 /// `down` is what the move goes down on the way that `look_ahead` looks at, at least 0.1 um (heights are in single
 /// precision) and not beyond the end of the move. A tip above the material, a feed of length 0, a radius or `down` that
 /// is not above 0 give an empty footprint. Cost: 32 R / cell looks into the stock, 2 to 4 us at R = 20 cells.
+/// `inner`: of a ring, its inner radius (m).
 void look_down(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double down,
-               EndFootprint& footprint);
+               EndFootprint& footprint, double inner = 0);
 
 /// Mean force of the end edges over a revolution.
 ///

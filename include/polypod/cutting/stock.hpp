@@ -2,6 +2,7 @@
 // The stock as a height map, what a cutter removes from it, and what it meets.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -166,9 +167,9 @@ struct EngagementProfile {
 /// that the step takes from its cells over what it would take per unit of depth, each cell counting over one cell width
 /// across the feed; a strip without any cell takes the value of the nearest strip within one cell width, else 0. A tip
 /// above the material, a feed of length 0 and a radius or `ahead` that is not above 0 give an empty profile. Depths
-/// count from the higher of tip and bottom.
+/// count from the higher of tip and bottom, and up to `height` (m) at most.
 void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Eigen::Vector2d& feed, double ahead,
-                EngagementProfile& profile);
+                EngagementProfile& profile, double height = std::numeric_limits<double>::infinity());
 
 /// The profile as spans per axial disc: entry and exit angle where the material reaches at least the middle of the
 /// disc.
