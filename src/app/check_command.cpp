@@ -19,6 +19,7 @@
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/place.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/machining/unrolling.hpp"
 #include "polypod/pages/check.hpp"
 
@@ -92,7 +93,8 @@ Json nearest_json(const machining::Job& job, const machining::NearestPlaces& fou
   return {{"by_shift", shift}, {"by_turn", turn}, {"looked_to_mm", units::to_mm(found.looked_to)}};
 }
 
-std::vector<std::string> nearest_in_words(const Json& nearest) {
+/// `may_turn`: whether the program cuts the same where the part is turned.
+std::vector<std::string> nearest_in_words(const Json& nearest, bool may_turn) {
   std::vector<std::string> out;
   const Json &shift = nearest["by_shift"], &turn = nearest["by_turn"];
   if (shift.is_null()) {
@@ -107,7 +109,12 @@ std::vector<std::string> nearest_in_words(const Json& nearest) {
                     shift["distance_mm"].get<double>(), mm("shift_mm", 0), mm("shift_mm", 1), mm("shift_mm", 2),
                     mm("origin_mm", 0), mm("origin_mm", 1), mm("origin_mm", 2)));
   }
-  if (turn.is_null()) {
+  if (!may_turn) {
+    out.emplace_back(
+        "it cannot be turned: the program tilts the tool by A and B, which are axes of the machine and do not turn "
+        "with "
+        "the part");
+  } else if (turn.is_null()) {
     out.emplace_back("no rotation of the part about z was found that makes it fit");
   } else {
     out.push_back(fmt::format("it fits with the part turned by {:.1f} deg about its origin, to rotation_deg = {:g}",
@@ -247,6 +254,7 @@ Command check_command() {
               fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));
         }
         Json nearest;
+        const bool may_turn = machining::may_turn_the_part(m, interpretation);
         if (o->nearest && !result.ok && !interpretation.moves.empty()) {
           machining::NearestOptions search;
           if (other) search.other = &*other;
@@ -262,7 +270,7 @@ Command check_command() {
           page.command = command_line();
           page.rapid_speed = options.rapid_speed;
           page.with_bodies = !o->bodies.empty();
-          if (!nearest.is_null()) page.places = nearest_in_words(nearest);
+          if (!nearest.is_null()) page.places = nearest_in_words(nearest, may_turn);
           files::Outputs together;
           POLYPOD_TRY(together.add(o->report, pages::check_page(job, program, interpretation, result, page)));
           POLYPOD_TRY(together.commit());
@@ -300,7 +308,7 @@ Command check_command() {
         } else {
           print_answer(o->program, result, !o->bodies.empty());
           if (!nearest.is_null()) {
-            for (const std::string& words : nearest_in_words(nearest)) fmt::print("{}\n", words);
+            for (const std::string& words : nearest_in_words(nearest, may_turn)) fmt::print("{}\n", words);
           }
           fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
                      o->rapid, units::to_mm(result.length));

@@ -10,6 +10,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/compare.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "stages_line.hpp"
 
 namespace polypod::app {
@@ -98,6 +99,7 @@ Command compare_command() {
             inputs.insert(inputs.end(), {o->program, o->job});
             POLYPOD_TRY(check_files(inputs, {}, context.json));
             POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
+            POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
             machining::CompareOptions options;
             options.mirror_points = o->points;
             options.abele_rounds = o->rounds;

@@ -14,6 +14,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/place.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "polypod/pages/place.hpp"
 #include "stages_line.hpp"
 #include "weight_output.hpp"
@@ -69,8 +70,13 @@ constexpr const char* kNotJudged =
     "collisions of machine, tool and part with table and fixture are not judged, nor how the part can be clamped";
 
 /// What was not judged, and how a program was with blocks that begin with /.
-std::vector<std::string> notes_of(const Input& in, const WeightQuestion& weight) {
+std::vector<std::string> notes_of(const Input& in, const PlaceResult& result, const WeightQuestion& weight) {
   std::vector<std::string> out{kNotJudged};
+  if (result.held) {
+    out.emplace_back(
+        "the part is not turned: the program tilts the tool by A and B, which are axes of the machine and do not turn "
+        "with it");
+  }
   if (const auto said = weight.note()) out.push_back(*said);
   if (machine::limits_are_assumed(in.job.machine))
     out.push_back(fmt::format("limits of the joints are not judged: {}", machine::kAssumedLimits));
@@ -215,6 +221,7 @@ Command place_command() {
         if (!o->dynamics.empty()) inputs.push_back(o->dynamics);
         POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
+        POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
         options.resolution = o->resolution;
         options.rotations = o->rotations;
@@ -230,7 +237,7 @@ Command place_command() {
           POLYPOD_TRY(files::write_whole(
               o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));
         }
-        const std::vector<std::string> notes = notes_of(in, o->weight);
+        const std::vector<std::string> notes = notes_of(in, result, o->weight);
         if (context.json) {
           print_json(answer_json(result, notes));
         } else {

@@ -12,6 +12,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/tilted.hpp"
 #include "way.hpp"
 
 namespace polypod::machining {
@@ -22,17 +23,11 @@ constexpr double kCheckStep = 0.1e-3;
 // Two distances that differ by less than this are taken as equal, m: the stock's cells move them by as much.
 constexpr double kSameDistance = 1e-6;
 
-/// On a plunge what is held back along the way is not corrected, as in `correct`.
-Vec3 to_correct(const gcode::Move& move, const Vec3& deflection) {
-  if (!is_plunge(move, Vec3::UnitZ())) return deflection;
-  const Vec3 d = move.direction(0);
-  return deflection - d * d.dot(deflection);
-}
-
 /// A point of the commanded path that stands for a point of the programmed one.
 struct Target {
   Vec3 wanted = Vec3::Zero();   ///< p, where the deflected tool should be
   Vec3 command = Vec3::Zero();  ///< x
+  Vec3 axes = Vec3::Zero();     ///< A, B, C there, rad
 };
 
 /// A dense path of points, written as blocks and read back.
@@ -55,7 +50,8 @@ class DensePath {
       cuts[i] = cuts[i] || sample.cutting;
       if (sample.s <= 0) return;  // the point from which the move starts belongs to the one before
       const Vec3 p = moves_[i].point(sample.s);
-      targets_[i].push_back({p, p - to_correct(moves_[i], sample.deflection)});
+      const Vec3 off = to_correct(moves_[i], sample.deflection, job_.tool_frame.axis());
+      targets_[i].push_back({p, p - off, axes_at(moves_[i], sample.s)});
     };
     POLYPOD_ASSIGN(pass, run_pass(job_, program_, PassMoves(moves_), stock, options, visit));
     POLYPOD_TRY(no_rapid_cuts(job_, program_, pass));
@@ -76,7 +72,8 @@ class DensePath {
       const auto c = static_cast<std::size_t>(sample.move);
       if (target_of_[c] == nullptr || sample.s < way_.moves[c].move.length()) return;
       Target& target = *target_of_[c];
-      const Vec3 change = to_correct(moves_[static_cast<std::size_t>(way_.source[c])], sample.bent() - target.wanted);
+      const Vec3 change = to_correct(moves_[static_cast<std::size_t>(way_.source[c])], sample.bent() - target.wanted,
+                                     job_.tool_frame.axis());
       target.command -= change;
       largest = std::max(largest, change.norm());
     };
@@ -117,8 +114,7 @@ class DensePath {
         Target& target = targets_[i][k];
         const bool needed = k + 1 == targets_[i].size() && r.points.empty();
         if (same(target.command, stands) && !needed) continue;
-        const double share = double(k + 1) / double(targets_[i].size());
-        r.points.push_back({target.command, move.axes_start + share * (move.axes_end - move.axes_start), {}});
+        r.points.push_back({target.command, target.axes, {}});
         kept[i].push_back(&target);
         stands = target.command;
       }

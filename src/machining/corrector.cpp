@@ -21,13 +21,6 @@ constexpr std::size_t kLargestSecondStock = 200'000'000;
 // A point of a ball costs as much as so many of a flat cutter.
 constexpr std::size_t kPointsOfABall = 60;
 
-/// What is to be corrected of a deflection: on a plunge not what is held back.
-Vec3 to_correct(const gcode::Move& move, const Sample& sample, const Vec3& axis) {
-  if (!is_plunge(move, axis)) return sample.deflection;
-  const Vec3 d = move.direction(0);
-  return sample.deflection - d * d.dot(sample.deflection - sample.weight);
-}
-
 }  // namespace
 
 bool has_balls(const Job& job) {
@@ -205,7 +198,9 @@ Status Corrector::find_deflections(cutting::Stock& scratch, const std::function<
     const auto i = static_cast<std::size_t>(sample.move);
     if (sample.move != std::exchange(at, sample.move)) beside = job.weights && meets_stock(job, moves_[i]);
     // The weight of the machine acts in the air as well, and would sink the tool into what was cut before.
-    deflections_.add(i, sample.s, to_correct(moves_[i], sample, job.tool_frame.axis()), sample.cutting || beside);
+    deflections_.add(i, sample.s,
+                     sample.weight + to_correct(moves_[i], sample.deflection - sample.weight, job.tool_frame.axis()),
+                     sample.cutting || beside);
   };
   POLYPOD_ASSIGN(result, run_pass(job, program_, way.commanded(), scratch, pass, visit));
   return no_rapid_cuts(job_, program_, result);

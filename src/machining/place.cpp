@@ -131,6 +131,10 @@ struct Both {
   const gcode::Understood* other = nullptr;
   MotionLimits limits;
 
+  [[nodiscard]] bool may_turn(const machine::AnyMachine& machine) const {
+    return may_turn_the_part(machine, interpretation) &&
+           (other == nullptr || may_turn_the_part(machine, other->interpretation));
+  }
   [[nodiscard]] Poses poses() const {
     Poses out = poses_of(interpretation, kMostPoints);
     if (other == nullptr) return out;
@@ -154,9 +158,9 @@ Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_M
   return fit_of_kind(checked.problems.front().kind);
 }
 
-/// A cut of the reference prediction: where it is, its force, and the normal of its path, in W.
+/// A cut of the reference prediction: where it is, its force, and the normal of its path, in W, and A, B and C.
 struct Cut {
-  Vec3 p, force, away;
+  Vec3 p, force, away, axes;
 };
 
 class Search {
@@ -235,7 +239,7 @@ class Search {
     options.one_position = true;
     options.progress = [this](double) { return !stop_; };
     const Loan bench(*this);
-    bench->job.X_MW = at.pose();
+    put(bench->job, at.pose());
     auto prediction = predict_in(bench->job, program_, interpretation_, options, bench->scratch);
     if (!prediction) {
       const std::string& id = prediction.error().id;
@@ -284,7 +288,10 @@ class Search {
 
   /// Of each move the cut with the largest normal error, and others at equal distances.
   void take_cuts(const Prediction& prediction) {
-    const auto add = [&](const Sample& s) { cuts_.push_back({s.command, s.force, s.away}); };
+    const ToolFrame& frame = job_.tool_frame;
+    const auto add = [&](const Sample& s) {
+      cuts_.push_back({s.command, s.force, s.away, frame.turns ? s.axes : frame.axes});
+    };
     std::vector<const Sample*> largest;
     for (const Sample& s : prediction.samples) {
       if (!s.cutting) continue;
@@ -307,7 +314,8 @@ class Search {
     const Pose X_MW = at.pose();
     out.fit = look(job_.machine, poses_, X_MW, &out.margin);
     if (out.fit != PlaceFit::fits) return out;
-    const Mat3 R = tool_orientation(job_.machine, X_MW, Vec3::Zero());
+    const auto tool_at = [&](const Vec3& axes) { return tool_orientation(job_.machine, X_MW, axes); };
+    const Mat3 R = tool_at(job_.tool_frame.axes);
     statics::Probe probe(job_.machine, R);
     // How far the weight of the machine deflects the tip where the probe stands.
     const auto by_weight = [&](const Vec3& p) -> Vec3 {
@@ -323,6 +331,7 @@ class Search {
     const Vec3 at_origin = by_weight(X_MW.p);
     for (const Cut& cut : cuts_) {
       const Vec3 p = X_MW * cut.p, F = X_MW.R * cut.force, n = X_MW.R * cut.away;
+      if (job_.tool_frame.turns) probe.turn_to(tool_at(cut.axes));
       if (!probe.at(p, C)) {
         out.fit = PlaceFit::limit;
         return out;
@@ -379,6 +388,19 @@ class Search {
       }
     }
     out_.turns = options_.turns.value_or(machine::JointRange{-std::numbers::pi, std::numbers::pi});
+    if (!both_.may_turn(job_.machine)) {
+      const double as_it_is = out_.start.turn;
+      constexpr double kSame = 1e-9;  // rad
+      if (options_.turns && !(std::abs(out_.turns.min - as_it_is) < kSame && out_.turns.max - out_.turns.min < kSame)) {
+        return fail("MC402",
+                    fmt::format("the part cannot be turned: the program tilts the tool by A and B, which are axes of "
+                                "the machine and do not turn with it; it stands at {:g} deg",
+                                units::to_deg(as_it_is)),
+                    {program_.path}, "leave the range of rotations out, and post the program anew for a turned part");
+      }
+      out_.turns = {as_it_is, as_it_is};
+      out_.held = true;
+    }
     if (!(out_.turns.max >= out_.turns.min)) {
       return fail("MC400",
                   fmt::format("the range of rotations is empty: {:g} .. {:g} deg", units::to_deg(out_.turns.min),
@@ -792,6 +814,7 @@ class Nearest {
   }
 
   Status by_turn() {
+    if (!both_.may_turn(machine_)) return {};
     const double degree = units::from_deg(1);
     for (int i = 1; i <= 180; ++i) {
       POLYPOD_TRY(report(0.9 + 0.1 * i / 180));
@@ -832,7 +855,7 @@ Placing placing_of(const Job& job) {
 
 Job placed_at(const Job& job, const Placing& at) {
   Job out = job;
-  out.X_MW = at.pose();
+  put(out, at.pose());
   return out;
 }
 

@@ -112,6 +112,18 @@ Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, cons
 Mat3 tool_orientation(const Job& job, const Vec3& axes) {
   return tool_orientation(job.machine, job.X_MW, axes);
 }
+
+bool may_turn_the_part(const machine::AnyMachine& machine, const gcode::Interpretation& interpretation) {
+  return !kinematics::task(machine).names_axis() ||
+         std::all_of(interpretation.moves.begin(), interpretation.moves.end(), [](const gcode::Move& move) {
+           return move.axes_end.head<2>().isZero(kNoTurn) && move.axes_start.head<2>().isZero(kNoTurn);
+         });
+}
+
+void put(Job& job, const Pose& X_MW) {
+  job.X_MW = X_MW;
+  if (job.tool_frame.tilted) job.tool_frame.R_MT = tool_orientation(job, job.tool_frame.axes);
+}
 Mat3 cutting_orientation(const Job& job) {
   return job.tool_frame.tilted ? job.tool_frame.R_MT : tool_orientation(job, Vec3::Zero());
 }
@@ -188,11 +200,10 @@ Status stands_as_set_up(const Job& job, const gcode::Program& program, const gco
           place_of(program, move), "leave the word out, or take a machine that has this axis");
     }
     if (!job.tool_frame.tilted) {
-      return fail(
-          "MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
-          place_of(program, move),
-          "predict and correct take programs whose cuts all have one orientation, and balls that turn; else set "
-          "the part up so that the tool is vertical in each cut");
+      return fail("MC204", "the tool is tilted in a cut; the stock is a height map and knows only A = B = C = 0",
+                  place_of(program, move),
+                  "predict, correct, compare and place take programs whose cuts all have one orientation, and balls "
+                  "that turn; else set the part up so that the tool is vertical in each cut");
     }
     return fail("MC204",
                 fmt::format("the tool stands at {} in what may be a cut; the other cuts have {}",

@@ -31,6 +31,9 @@ struct Way {
 /// (ToolFrame::axis).
 bool is_plunge(const gcode::Move& move, const Vec3& axis);
 
+/// What is to be corrected of a deflection on a move: on a plunge not what is held back along it.
+Vec3 to_correct(const gcode::Move& move, const Vec3& deflection, const Vec3& axis);
+
 /// Every move commanded as it is programmed.
 Way way_as_programmed(const gcode::Program& program, const LongVector<gcode::Move>& moves);
 

@@ -14,6 +14,8 @@
 #include "cutting/ball_by_points.hpp"
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machining/compare.hpp"
+#include "polypod/machining/place.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/machining/uncertainty.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -265,6 +267,105 @@ TEST(FiveAxes, WhatIsNotKnownIsRefused) {
   ASSERT_FALSE(set);
   EXPECT_EQ(set.error().id, "MC206");
   EXPECT_THAT(set.error().hint, HasSubstr("ball end mill"));
+}
+
+// Places of a program whose tool turns, and of one whose tool is tilted: what predict says of a job that lies there.
+TEST(FiveAxes, APlaceHasTheErrorThatPredictGivesThere) {
+  for (const char* example : {"five_axis_cap", "inclined_contour"}) {
+    SCOPED_TRACE(example);
+    const Example given = testing::load_example(example);
+    Example e = given;
+    ASSERT_TRUE(set_up(e));
+    machining::PlaceOptions options;
+    const Vec3 o = e.job.X_MW.p;
+    for (int k = 0; k < 3; ++k) options.box[static_cast<std::size_t>(k)] = machine::JointRange{o[k] - 0.1, o[k] + 0.1};
+    options.resolution = 3;
+    options.judged = 2;
+    const machining::PlaceResult r =
+        testing::unwrap(machining::best_place(e.job, e.program, e.interpretation, options));
+    ASSERT_TRUE(r.best && r.start_error);
+    EXPECT_TRUE(r.held);
+    EXPECT_LT(r.best->error, 0.97 * *r.start_error);
+    ASSERT_GE(r.judged.size(), 2u);
+    for (const machining::JudgedPlace& j : r.judged) {
+      Example there = given;
+      there.job.X_MW = j.at.pose();
+      ASSERT_TRUE(set_up(there));
+      const machining::Prediction p = testing::predict(there);
+      EXPECT_NEAR(j.error, std::max(std::abs(p.normal.min), std::abs(p.normal.max)), 1e-9);
+      EXPECT_NEAR(j.estimate, j.error, 0.15 * j.error);
+    }
+    // A and B do not turn with the part.
+    options.turns = machine::JointRange{0, 1};
+    const auto turned = machining::best_place(e.job, e.program, e.interpretation, options);
+    ASSERT_FALSE(turned);
+    EXPECT_EQ(turned.error().id, "MC402");
+  }
+}
+
+// Where A and B are the machine's own, `check` offers no turn of a part that is cut with a tilted tool.
+TEST(FiveAxes, APartThatIsCutTiltedIsNotTurned) {
+  Example e = testing::load_example("inclined_contour");
+  EXPECT_FALSE(machining::may_turn_the_part(e.job.machine, e.interpretation));
+  EXPECT_TRUE(machining::may_turn_the_part(e.job.machine, testing::load_example("slavkovic_square").interpretation));
+  Pose away = e.job.X_MW;
+  away.p.x() += 2;
+  const machining::NearestPlaces found =
+      testing::unwrap(machining::nearest_places(e.job.machine, away, e.program, e.interpretation));
+  EXPECT_TRUE(found.by_shift);
+  EXPECT_FALSE(found.by_turn);
+}
+
+// Where C turns with the part, so do A and B: the job that is put elsewhere is the one that is set up there.
+TEST(FiveAxes, ATiltedJobThatIsPutElsewhereIsSetUpThere) {
+  Example e = testing::load_example("inclined_contour");
+  e.job.machine = testing::unwrap(machine::load("kuka-kr210"));
+  e.job.X_MW = Pose{Mat3::Identity(), Vec3(1.8, 0, 0.6)};
+  EXPECT_TRUE(machining::may_turn_the_part(e.job.machine, e.interpretation));
+  const Pose turned{rotation_z(units::from_deg(40)), Vec3(1.7, 0.2, 0.5)};
+  Example there = e;
+  there.job.X_MW = turned;
+  ASSERT_TRUE(set_up(e));
+  ASSERT_TRUE(set_up(there));
+  ASSERT_TRUE(e.job.tool_frame.tilted);
+  machining::put(e.job, turned);
+  EXPECT_TRUE(e.job.tool_frame.R_MT.isApprox(there.job.tool_frame.R_MT, 1e-12));
+  EXPECT_TRUE(e.job.tool_frame.R_WS.isApprox(there.job.tool_frame.R_WS, 1e-12));
+}
+
+// The methods on a ball that turns: the tube's program is that of correct, and A and B of every block are those of the
+// place on the programmed path.
+TEST(FiveAxes, MethodsAreCompared) {
+  Example e = ball(cap(2, 2, 15));
+  ASSERT_TRUE(set_up(e));
+  const auto all = testing::unwrap(machining::compare_methods(e.job, e.program, e.interpretation));
+  ASSERT_EQ(all.size(), 5u);
+  EXPECT_NEAR(all[0].distance, testing::predict(e).largest_distance, 10e-6);
+  EXPECT_EQ(all[1].text, testing::correct(e).text());
+  for (std::size_t k = 1; k < all.size(); ++k) {
+    SCOPED_TRACE(machining::name_of(all[k].method));
+    EXPECT_LT(all[k].distance, 0.5 * all[0].distance);
+    EXPECT_FALSE(all[k].worse);
+    const gcode::Program written = testing::unwrap(gcode::parse(all[k].text, "written.ngc"));
+    const auto run = testing::unwrap(gcode::interpret(written, e.job.interpret_options()));
+    int turned = 0;
+    for (const gcode::Move& block : run.moves) {
+      if (block.kind == gcode::MoveKind::rapid || !(block.length() > 0)) continue;
+      double nearest = 1, off = 1;
+      for (const gcode::Move& move : e.interpretation.moves) {
+        if (move.kind == gcode::MoveKind::rapid || !move.start_known) continue;
+        const double s = move.nearest(block.end), d = (move.point(s) - block.end).norm();
+        if (d > nearest + 1e-9) continue;
+        const double by = (machining::axes_at(move, s) - block.axes_end).norm();
+        off = d < nearest - 1e-9 ? by : std::min(off, by);
+        nearest = std::min(nearest, d);
+      }
+      EXPECT_LT(nearest, 0.6e-3);
+      EXPECT_LT(off, units::from_deg(0.15));
+      turned += block.axes_end.isZero(1e-6) ? 0 : 1;
+    }
+    EXPECT_GT(turned, 50);
+  }
 }
 
 // One orientation over a stock that is no block: what an earlier program has left.

@@ -93,6 +93,7 @@ struct PlaceResult {
   Placing reference;                  ///< where the forces come from
   std::array<machine::JointRange, 3> box;
   machine::JointRange turns;
+  bool held = false;  ///< not turned: the program tilts the tool by the machine's own A and B (may_turn_the_part)
   std::vector<JudgedPlace> judged;      ///< by predict, the best first
   std::size_t places = 0;               ///< estimated
   std::size_t fitting = 0;              ///< of them, places where the points that were looked at can be reached
@@ -113,17 +114,19 @@ struct PlaceResult {
 /// An estimate puts the forces F of one prediction to other compliances, delta = R^T C(X p) R F, at its 400 points at
 /// most; what another deflection changes of the force is left out of it (some per cent). The same input gives the same
 /// result with any number of threads.
-/// Errors: those of accept and run_pass but MC210 and MC211, which are places that do not fit; MC304 a rapid goes
-/// through material; MC400 an empty or
-/// reversed box; MC299 cancelled. Cost: about 0.5 ms an estimate for an arm, and some twenty predictions.
+/// The job is set up for the tool (tilted.hpp). Errors: those of accept and run_pass but MC210 and MC211, which are
+/// places that do not fit; MC304 a rapid goes through material; MC400 an empty or reversed box; MC402 rotations that
+/// the program does not allow; MC299 cancelled. Cost: about 0.5 ms an estimate for an arm, and some twenty predictions.
 Result<PlaceResult> best_place(const Job& job, const gcode::Program& program,
                                const gcode::Interpretation& interpretation, const PlaceOptions& options = {});
 
 /// The nearest places at which a program would fit.
 struct NearestPlaces {
   std::optional<Placing> by_shift;  ///< the same rotation, the smallest shift that was found
-  std::optional<Placing> by_turn;   ///< the same origin, the smallest rotation that was found
-  double looked_to = 0;             ///< m, the largest shift that was looked at
+  /// The same origin, the smallest rotation that was found; none where the program does not allow one
+  /// (may_turn_the_part).
+  std::optional<Placing> by_turn;
+  double looked_to = 0;  ///< m, the largest shift that was looked at
 };
 
 struct NearestOptions {

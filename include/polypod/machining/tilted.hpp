@@ -15,6 +15,11 @@ namespace polypod::machining {
 /// about z the axis of the tool turns with it, and C counts from M all the same, as controllers take it.
 Mat3 tool_orientation(const machine::AnyMachine& machine, const Pose& X_MW, const Vec3& axes);
 Mat3 tool_orientation(const Job& job, const Vec3& axes);
+/// Whether a program cuts the same part where the workpiece is turned about z: A and B of a machine whose own axes they
+/// are (Task::names_axis) do not turn with it, and so all of them are 0.
+bool may_turn_the_part(const machine::AnyMachine& machine, const gcode::Interpretation& interpretation);
+/// The job with its workpiece elsewhere, as set up; turned only where may_turn_the_part.
+void put(Job& job, const Pose& X_MW);
 /// That of every cut of the job: tool_frame where the tool is tilted, else with A = B = C = 0.
 Mat3 cutting_orientation(const Job& job);
 /// A, B and C at the arc length s of a move, rad: they turn in step with the way. At its end where it has no length.
