@@ -290,13 +290,60 @@ class Banded {
   std::vector<std::array<double, 3>> a_;
 };
 
-/// One limit at one place: rows (one of a drive, three of the tool) L = c . (y_{i-1}, y_i, y_{i+1}), divided by the
-/// limit, with |L|^2 <= 1, or 1 / Y of a jerk, Y = share . (y_{i-1}, y_i, y_{i+1}) the y of the place.
+double dot(double a, double b) {
+  return a * b;
+}
+double dot(const Vec3& a, const Vec3& b) {
+  return a.dot(b);
+}
+
+using Row = std::array<double, 3>;  // of y_{i-1}, y_i, y_{i+1}
+
+/// One limit at one place: a row of a drive (V a number) or three of the tool (V a vector),
+/// L = c . (y_{i-1}, y_i, y_{i+1}), divided by the limit, with |L|^2 <= 1, or 1 / Y of a jerk,
+/// Y = share . (y_{i-1}, y_i, y_{i+1}) the y of the place.
+template <class V>
 struct Constraint {
   std::size_t node = 0;  ///< i
   bool jerk = false;
-  std::array<Vec3, 3> c{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
-  std::array<double, 3> share{};
+  std::array<V, 3> c;
+  Row share{};
+
+  /// How much of the limit is left, with its L and Y; the barrier is the sum of -log of that.
+  [[nodiscard]] double left(const std::vector<double>& y, V& L, double& Y) const {
+    const double before = y[node - 1], own = y[node], behind = y[node + 1];
+    L = c[0] * before + c[1] * own + c[2] * behind;
+    Y = share[0] * before + share[1] * own + share[2] * behind;
+    return (jerk ? (Y > 0 ? 1 / Y : 0) : 1) - dot(L, L);
+  }
+};
+
+/// All limits of a block.
+struct Constraints {
+  std::vector<Constraint<double>> drives;
+  std::vector<Constraint<Vec3>> tool;
+
+  [[nodiscard]] std::size_t size() const { return drives.size() + tool.size(); }
+  template <class F>
+  void each(F&& f) const {
+    for (const auto& c : tool) f(c);
+    for (const auto& c : drives) f(c);
+  }
+};
+
+/// The sum of the logarithms of positive numbers: one logarithm for several of them.
+class SumOfLogs {
+ public:
+  void add(double x) {
+    product_ *= x;
+    if (product_ > 1e-150 && product_ < 1e150) return;
+    sum_ += std::log(product_);
+    product_ = 1;
+  }
+  [[nodiscard]] double value() const { return sum_ + std::log(product_); }
+
+ private:
+  double sum_ = 0, product_ = 1;
 };
 
 double eased(double w) {
@@ -366,8 +413,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
     const Cell& c = cells[std::clamp<std::size_t>(i, 1, intervals) - 1];
     return c.end - c.begin;
   };
-  std::vector<Constraint> constraints;
-  using Row = std::array<double, 3>;  // of y_{i-1}, y_i, y_{i+1}
+  Constraints constraints;
   const auto ask = [&](std::size_t i, double share, const PlanNode& at) {
     const double w = cells[i - 1].begin + share * (cells[i - 1].end - cells[i - 1].begin);
     const double e = 1 - w;
@@ -384,27 +430,30 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       slope[k] = left_slope[k] + on * second[k];
       value[k] = left_value[k] + on * left_slope[k] + 0.5 * on * on * second[k];
     }
-    const auto add = [&](const Vec3& d1, const Vec3& d2, const Vec3& d3, double speed, double acceleration,
-                         double jerk) {
-      const Vec3 a1 = d1 * s1, a2 = d2 * s1 * s1 + d1 * s2, a3 = d3 * s1 * s1 * s1 + 3 * s1 * s2 * d2 + d1 * s3;
-      const auto push = [&](bool is_jerk, const Vec3& of_value, const Vec3& of_slope, const Vec3& of_second) {
-        Constraint c{i, is_jerk, {}, value};
+    // Of the tool or of a drive, with the derivatives of its place by s.
+    const auto add = [&]<class V>(std::vector<Constraint<V>>& to, const V& d1, const V& d2, const V& d3, double speed,
+                                  double acceleration, double jerk) {
+      const V a1 = d1 * s1, a2 = d2 * s1 * s1 + d1 * s2, a3 = d3 * s1 * s1 * s1 + 3 * s1 * s2 * d2 + d1 * s3;
+      const auto push = [&](bool is_jerk, const V& of_value, const V& of_slope, const V& of_second) {
+        Constraint<V> c{i, is_jerk, {}, value};
         for (std::size_t k = 0; k < 3; ++k) c.c[k] = of_value * value[k] + of_slope * slope[k] + of_second * second[k];
-        constraints.push_back(c);
+        to.push_back(c);
       };
-      const Vec3 none = Vec3::Zero();
-      if (std::isfinite(speed) && a1.norm() > 0) {
-        push(false, Vec3(a1.squaredNorm() / (speed * speed), 0, 0), none, none);
+      const V none = 0 * d1;
+      if (std::isfinite(speed) && dot(a1, a1) > 0) {
+        Constraint<double> c{i, false, {}, value};
+        for (std::size_t k = 0; k < 3; ++k) c.c[k] = dot(a1, a1) / (speed * speed) * value[k];
+        constraints.drives.push_back(c);
       }
-      if (std::isfinite(acceleration) && a2.norm() + a1.norm() > 0) {
+      if (std::isfinite(acceleration) && dot(a2, a2) + dot(a1, a1) > 0) {
         push(false, a2 / acceleration, a1 / (2 * acceleration), none);
       }
       if (std::isfinite(jerk)) push(true, a3 / jerk, 1.5 * a2 / jerk, 0.5 * a1 / jerk);
     };
-    add(at.tip_1, at.tip_2, at.tip_3, std::min(limits.tool_speed, at.speed), limits.tool_acceleration,
+    add(constraints.tool, at.tip_1, at.tip_2, at.tip_3, std::min(limits.tool_speed, at.speed), limits.tool_acceleration,
         limits.tool_jerk);
     for (Eigen::Index k = 0; k < at.drive_1.size(); ++k) {
-      add(Vec3(at.drive_1[k], 0, 0), Vec3(at.drive_2[k], 0, 0), Vec3(at.drive_3[k], 0, 0), limits.drive_speed[k],
+      add(constraints.drives, at.drive_1[k], at.drive_2[k], at.drive_3[k], limits.drive_speed[k],
           limits.drive_acceleration[k], limits.drive_jerk[k]);
     }
   };
@@ -422,13 +471,6 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
     at = node_at(c.end);
     ask(i, 1, at);
   }
-  // How much of a limit is left; the barrier is the sum of -log of that.
-  const auto left = [&](const Constraint& c, const std::vector<double>& y, Vec3& L, double& Y) {
-    const std::size_t i = c.node;
-    L = c.c[0] * y[i - 1] + c.c[1] * y[i] + c.c[2] * y[i + 1];
-    Y = c.share[0] * y[i - 1] + c.share[1] * y[i] + c.share[2] * y[i + 1];
-    return (c.jerk ? (Y > 0 ? 1 / Y : 0) : 1) - L.squaredNorm();
-  };
   const auto weight = [&](std::size_t i) { return i == 0 || i + 1 == n ? 0.5 * length(i) : length(i); };
   const auto cost = [&](const std::vector<double>& y, double tau) {
     double out = 0;
@@ -436,14 +478,18 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       if (!(y[i] > 0)) return kNoLimit;
       out += tau * weight(i) / std::sqrt(y[i]);
     }
-    Vec3 L;
-    double Y = 0;
-    for (const Constraint& c : constraints) {
-      const double g = left(c, y, L, Y);
-      if (!(g > 0)) return kNoLimit;
-      out -= std::log(c.jerk ? g * Y : g);  // without unit
-    }
-    return out;
+    SumOfLogs logs;
+    const auto all_hold = [&]<class V>(const std::vector<Constraint<V>>& of) {
+      V L;
+      double Y = 0;
+      for (const Constraint<V>& c : of) {
+        const double g = c.left(y, L, Y);
+        if (!(g > 0)) return false;
+        logs.add(c.jerk ? g * Y : g);  // without unit
+      }
+      return true;
+    };
+    return all_hold(constraints.tool) && all_hold(constraints.drives) ? out - logs.value() : kNoLimit;
   };
   const auto time_of = [&](const std::vector<double>& y) {
     double out = 0;
@@ -480,22 +526,22 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
         gradient[i] += -0.5 * tau * weight(i) * r / y[i];
         H.at(i, i) += 0.75 * tau * weight(i) * r / (y[i] * y[i]);
       }
-      Vec3 L;
-      double Y = 0;
-      for (const Constraint& c : constraints) {
+      constraints.each([&]<class V>(const Constraint<V>& c) {
         // -log(b - |L|^2) with b = 1, or 1 / Y for jerks, and that without unit: -log(1 - Y |L|^2). What is not convex
         // of it is left out of the second order.
-        const double g = left(c, y, L, Y);
+        V L;
+        double Y = 0;
+        const double of_g = 1 / c.left(y, L, Y), of_Y = c.jerk ? 1 / Y : 0;
         Row dg;
-        for (std::size_t k = 0; k < 3; ++k) dg[k] = -2 * L.dot(c.c[k]) - (c.jerk ? c.share[k] / (Y * Y) : 0);
+        for (std::size_t k = 0; k < 3; ++k) dg[k] = -2 * dot(L, c.c[k]) - c.share[k] * of_Y * of_Y;
         for (std::size_t k = 0; k < 3; ++k) {
           const std::size_t row = c.node + k - 1;
-          gradient[row] -= dg[k] / g + (c.jerk ? c.share[k] / Y : 0);
+          gradient[row] -= dg[k] * of_g + c.share[k] * of_Y;
           for (std::size_t j = 0; j <= k; ++j) {
-            H.at(row, c.node + j - 1) += dg[k] * dg[j] / (g * g) + 2 * c.c[k].dot(c.c[j]) / g;
+            H.at(row, c.node + j - 1) += (dg[k] * dg[j] * of_g + 2 * dot(c.c[k], c.c[j])) * of_g;
           }
         }
-      }
+      });
       std::vector<double> d = gradient;
       for (double& x : d) x = -x;
       if (!H.solve(d)) break;
