@@ -139,6 +139,14 @@ DiscsForce::DiscsForce(const Cutter& cutter, const Material& material)
       const SpanIntegral span = integrate_span(here, strip_angle(j), strip_angle(j + 1));
       strips.edge.emplace_back(per_turn * span.edge);
       strips.cut.emplace_back(per_turn * span.cut);
+      // Behind the axis phi is 2 pi less that of the front.
+      const double from = strip_angle(j), to = strip_angle(j + 1);
+      const double cosines = std::sin(to) - std::sin(from), sines = std::cos(to) - std::cos(from);
+      const auto behind = [&](double kt, double kr, double ka) {
+        return Vec3(per_turn * Vec3(-kt * cosines - kr * sines, kt * sines - kr * cosines, ka * (to - from)));
+      };
+      strips.rear_edge.emplace_back(behind(here.kte, here.kre, here.kae));
+      strips.rear_cut.emplace_back(behind(here.ktc, here.krc, here.kac));
     }
   }
 }
@@ -169,15 +177,20 @@ Vec3 DiscsForce::of_sloped(std::size_t disc, const DiscsMet& met, double level, 
       const double wider = std::sqrt(above * above - here.radius * here.radius * cosine * cosine) - here.radius * sine;
       depth = with_taken(depth, here.height, taken_above(wider, met.ahead, slope));
     }
-    // The chip at the lower and the upper end of the edge over that at its middle on a level way.
-    const double at_low = (std::sin(low) - slope / sine * std::cos(low)) / of_level,
-                 at_high = (std::sin(high) - slope / sine * std::cos(high)) / of_level;
-    if (!(at_high > 0)) continue;
-    const double cuts = at_low < 0 ? at_high / (at_high - at_low) : 1;  // of the edge
-    const double ratio = 0.5 * (std::max(0.0, at_low) + at_high);
-    const double more = exponent_ == 1 ? ratio : std::pow(ratio, exponent_);
     const auto at = static_cast<std::size_t>(j);
-    sum += depth * cuts * (strips_[disc].edge[at] + (chip * more) * strips_[disc].cut[at]);
+    // Of an edge at this sine of phi: which part of it cuts, and its mean chip over s_level sin(kappa), from those at
+    // its lower and upper end.
+    const auto add = [&](double of_sine, const Vec3& edge, const Vec3& cut, double per_chip) {
+      const double at_low = (of_sine * std::sin(low) - slope * std::cos(low)) / of_level,
+                   at_high = (of_sine * std::sin(high) - slope * std::cos(high)) / of_level;
+      if (!(at_low > 0) && !(at_high > 0)) return;
+      const double most = std::max(at_low, at_high), least = std::min(at_low, at_high);
+      const double cuts = least < 0 ? most / (most - least) : 1;
+      const double ratio = 0.5 * (std::max(0.0, least) + most) / per_chip;
+      sum += depth * cuts * (edge + chip * (exponent_ == 1 ? ratio : std::pow(ratio, exponent_)) * cut);
+    };
+    add(sine, strips_[disc].edge[at], strips_[disc].cut[at], sine);  // whose table holds sin(phi)
+    if (rise < 0) add(-sine, strips_[disc].rear_edge[at], strips_[disc].rear_cut[at], 1);
   }
   return sum;
 }

@@ -18,8 +18,8 @@ constexpr int kGiveBackRounds = 12;
 constexpr double kCheckStep = 0.1e-3;
 // Stocks up to this are cut by two passes at once, bytes.
 constexpr std::size_t kLargestSecondStock = 200'000'000;
-// A point of a ball costs as much as so many of a flat cutter.
-constexpr std::size_t kPointsOfABall = 60;
+// A point of a ball or of a bull nose costs as much as so many of a flat cutter.
+constexpr std::size_t kPointsOfABall = 60, kPointsOfABullNose = 10;
 
 }  // namespace
 
@@ -29,7 +29,10 @@ bool has_balls(const Job& job) {
 }
 
 std::size_t cost_of(const Job& job, const Correction& c) {
-  return c.after.pass.points * (has_balls(job) ? kPointsOfABall : 1);
+  const auto rounded = [](const cutting::Cutter& cutter) { return cutter.corner_radius > 0; };
+  const bool any = rounded(job.cutter) || std::any_of(job.cutters.begin(), job.cutters.end(),
+                                                      [&](const auto& tool) { return rounded(tool.second); });
+  return c.after.pass.points * (has_balls(job) ? kPointsOfABall : any ? kPointsOfABullNose : 1);
 }
 
 void Corrector::scale_feeds(const std::vector<bool>& which, double factor) {

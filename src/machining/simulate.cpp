@@ -51,8 +51,8 @@ constexpr double kWallShare = 0.1;
 constexpr double kFewestYields = 12, kMostYields = 60;
 // Teeth that pass on a transition, for what has no time or no end.
 constexpr double kFewestTeeth = 1e-6, kMostTeeth = 1e6;
-// Directions in which a transition may yield.
-constexpr int kDirections = 32;
+// Directions in which a transition may yield; fewer of a cutter of several discs, each of which is looked at.
+constexpr int kDirections = 32, kDirectionsOfDiscs = 16;
 // A tip within this of the last one meets the same, m.
 constexpr double kNearTip = 5e-6;
 // The cosine of the lean of an upright tool is 1 but for this.
@@ -474,9 +474,10 @@ class Pass {
   double look_around(const Vec3& tip, ToolModel& tool) {
     const double ahead = look_ahead_length(tool.cutter->radius());
     double deepest = 0;
-    around_.resize(kDirections);
-    for (int j = 0; j < kDirections; ++j) {
-      const double angle = 2 * std::numbers::pi * j / kDirections;
+    const int directions = tool.discs().size() == 1 ? kDirections : kDirectionsOfDiscs;
+    around_.resize(static_cast<std::size_t>(directions));
+    for (int j = 0; j < directions; ++j) {
+      const double angle = 2 * std::numbers::pi * j / directions;
       const Eigen::Vector2d d(std::cos(angle), std::sin(angle));
       ForceAlong& out = around_[static_cast<std::size_t>(j)];
       out = {d, Vec3::Zero(), Vec3::Zero()};

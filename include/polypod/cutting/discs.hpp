@@ -59,10 +59,11 @@ void look_down(const Stock& stock, const Vec3& tip, std::span<const EdgeDisc> di
 /// profiles of what along_edge says, with the chip
 ///   h = max(0, s_level sin(phi) sin(kappa) - s_rise cos(kappa)).
 /// On a way down at the angle alpha the second part of the discs with kappa < alpha is that of the end (look_down,
-/// EndForce), whose coefficients count there. On a way up the disc above has already taken some of what a disc meets,
-/// from where it stood before (taken_above); the smooth corner has not, and it counts. One disc gives ProfileForce.
-/// Departures: a strip's chip is that at its middle where the way is not level, and of the corner's rear half no more
-/// is known than that. Cost: as ProfileForce for each disc.
+/// EndForce), whose coefficients count there; of the others the rear half cuts, too, where h > 0, and what it meets is
+/// taken to be as high as what the same strip meets in front. On a way up the disc above has already taken some of what
+/// a disc meets, from where it stood before (taken_above); the smooth corner has not, and it counts. One disc gives
+/// ProfileForce. Departure: a strip's chip is that at its middle where the way is not level. Cost: as ProfileForce for
+/// each disc.
 class DiscsForce {
  public:
   DiscsForce(const Cutter& cutter, const Material& material);
@@ -74,7 +75,8 @@ class DiscsForce {
   [[nodiscard]] Vec3 of_sloped(std::size_t disc, const DiscsMet& met, double level, double rise) const;
 
   struct Strips {
-    std::vector<Vec3> edge, cut;  ///< as of ProfileForce
+    std::vector<Vec3> edge, cut;            ///< as of ProfileForce
+    std::vector<Vec3> rear_edge, rear_cut;  ///< of the same strips behind the axis, for a chip of 1 m^x
   };
   std::vector<EdgeDisc> discs_;
   std::vector<ProfileForce> level_;
