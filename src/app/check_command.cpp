@@ -263,6 +263,7 @@ Command check_command() {
           POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
           search.progress(1);
           nearest = nearest_json(job, found);
+          nearest["may_turn"] = may_turn;
         }
         if (!o->report.empty()) {
           pages::CheckPageOptions page;

@@ -72,6 +72,12 @@ constexpr const char* kNotJudged =
 /// What was not judged, and how a program was with blocks that begin with /.
 std::vector<std::string> notes_of(const Input& in, const PlaceResult& result, const WeightQuestion& weight) {
   std::vector<std::string> out{kNotJudged};
+  if (result.farther_there()) {
+    out.push_back(
+        fmt::format("the deflected tool is up to {:.1f} um from the programmed path there, and up to {:.1f} um at the "
+                    "start: the normal error, by which places are compared, has no vertical part",
+                    to_um(result.best->distance), to_um(*result.start_distance)));
+  }
   if (result.held) {
     out.emplace_back(
         "the part is not turned: the program tilts the tool by A and B, which are axes of the machine and do not turn "
@@ -93,6 +99,7 @@ Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
     judged.push_back({{"origin_mm", rounded_mm(j.at.origin)},
                       {"turn_deg", turn_for_user(j.at.turn)},
                       {"error_um", to_um(j.error)},
+                      {"distance_um", to_um(j.distance)},
                       {"estimate_um", to_um(j.estimate)}});
   }
   for (const PlacePoint& p : r.map.points) map.push_back(point_json(p));
@@ -102,11 +109,13 @@ Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
     best = {{"origin_mm", rounded_mm(r.best->at.origin)},
             {"turn_deg", turn_for_user(r.best->at.turn)},
             {"error_um", to_um(r.best->error)},
+            {"distance_um", to_um(r.best->distance)},
             {"gain_um", r.start_error ? Json(to_um(*r.start_error - r.best->error)) : Json()},
             {"at_boundary", r.at_border}};
   }
   return {
       {"start_error_um", r.start_error ? Json(to_um(*r.start_error)) : Json()},
+      {"start_distance_um", r.start_distance ? Json(to_um(*r.start_distance)) : Json()},
       {"best", best},
       {"fits", r.best.has_value()},
       {"start",

@@ -335,11 +335,13 @@ bool may_cut(const Job& job, const gcode::Interpretation& interpretation) {
 Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation) {
   const Box stock = box_of(job.stock);
   Box path;
+  bool rounded = false;  // a cutter
   const gcode::Move* first = nullptr;
   for (const gcode::Move& move : interpretation.moves) {
     if (!feeds(move)) continue;
     if (first == nullptr) first = &move;
     path.extend(swept_box_in_S(job, move, job.cutter_of(move.tool).radius()));
+    rounded = rounded || job.cutter_of(move.tool).corner_radius > 0;
   }
   if (first == nullptr) {
     return {"MC301",
@@ -360,6 +362,7 @@ Error cuts_nothing(const Job& job, const gcode::Program& program, const gcode::I
   std::string hint = other_unit(job, interpretation);
   if (misses.empty()) {
     hint = "its box overlaps the stock's, but no point meets material: has it been cut away before?";
+    if (rounded) hint += " A corner radius makes the cutter narrower near its tip";
   } else if (hint.empty()) {
     hint = "check the origin of the workpiece, the stock and the depth of the program";
   }

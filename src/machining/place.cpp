@@ -176,6 +176,8 @@ class Search {
 
   Result<PlaceResult> run() {
     out_.start = placing_of(job_);
+    if (options_.other != nullptr)
+      POLYPOD_TRY(stands_as_set_up(job_, options_.other->program, options_.other->interpretation));
     out_.looked_at = poses_.poses.size();
     POLYPOD_ASSIGN(fit, check_at(out_.start));
     out_.start_fit = fit;
@@ -275,9 +277,10 @@ class Search {
     take_cuts(*prediction);
     reference_ = at;
     out_.reference = *at;
-    const JudgedPlace judged{*at, largest_normal_error(*prediction), estimate(*at).error};
+    const JudgedPlace judged{*at, largest_normal_error(*prediction), estimate(*at).error, prediction->largest_distance};
     if (out_.start_fit == PlaceFit::fits) {
       out_.start_error = judged.error;
+      out_.start_distance = judged.distance;
       out_.judged.push_back(judged);
       return {};
     }
@@ -391,7 +394,8 @@ class Search {
     if (!both_.may_turn(job_.machine)) {
       const double as_it_is = out_.start.turn;
       constexpr double kSame = 1e-9;  // rad
-      if (options_.turns && !(std::abs(out_.turns.min - as_it_is) < kSame && out_.turns.max - out_.turns.min < kSame)) {
+      const double off = std::remainder(out_.turns.min - as_it_is, 2 * std::numbers::pi);
+      if (options_.turns && !(std::abs(off) < kSame && out_.turns.max - out_.turns.min < kSame)) {
         return fail("MC402",
                     fmt::format("the part cannot be turned: the program tilts the tool by A and B, which are axes of "
                                 "the machine and do not turn with it; it stands at {:g} deg",
@@ -510,7 +514,8 @@ class Search {
         errors[i] = prediction.error();
         stop_ = true;
       } else if (*prediction) {
-        judged[i] = JudgedPlace{places[i].at, largest_normal_error(**prediction), places[i].error};
+        judged[i] = JudgedPlace{places[i].at, largest_normal_error(**prediction), places[i].error,
+                                (*prediction)->largest_distance};
       }
       const std::lock_guard lock(mutex);
       if (!report(double(++done) / double(places.size()), what)) stop_ = true;
@@ -879,6 +884,11 @@ const char* name_of(PlaceFit fit) {
       break;
   }
   return "not measured";
+}
+
+bool PlaceResult::farther_there() const {
+  constexpr double kSame = 1e-6;  // m
+  return best && start_distance && best->distance > *start_distance + kSame;
 }
 
 double largest_normal_error(const Prediction& prediction) {

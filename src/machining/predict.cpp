@@ -437,6 +437,15 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
         "a ball cuts with the coefficients of its side down to its tip, where the teeth hardly move: near the tip they "
         "are an assumption");
   }
+  const double rotation = std::atan2(job.X_MW.R(1, 0), job.X_MW.R(0, 0));
+  constexpr double kTurned = 1e-6;  // rad
+  if ((job.tool_frame.tilted || job.tool_frame.turns) && std::abs(rotation) > kTurned &&
+      kinematics::task(job.machine).names_axis()) {
+    notes.push_back(fmt::format(
+        "the part is turned by {:g} deg, and A and B, which are axes of the machine, do not turn with it: the "
+        "program must be posted for the part as it lies",
+        units::to_deg(rotation)));
+  }
   if (job.tool_frame.turns) {
     notes.push_back(
         "undercuts of the tilted ball are not known: what stands above a place that is cut counts as cut away");

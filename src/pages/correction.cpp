@@ -587,9 +587,12 @@ class Page {
   }
 
   void cutter_entries(Entries& out, const std::string& name, const cutting::Cutter& cutter) const {
-    out.emplace_back(name, fmt::format("{}{} mm, {} teeth, helix {} deg, flute length {} mm",
-                                       cutter.name.empty() ? "" : cutter.name + ": ", given(to_mm(cutter.diameter)),
-                                       cutter.teeth, given(units::to_deg(cutter.helix)), given(to_mm(cutter.length))));
+    const std::string corner =
+        cutter.corner_radius > 0 ? fmt::format(", corner radius {} mm", given(to_mm(cutter.corner_radius))) : "";
+    out.emplace_back(name,
+                     fmt::format("{}{} mm{}, {} teeth, helix {} deg, flute length {} mm",
+                                 cutter.name.empty() ? "" : cutter.name + ": ", given(to_mm(cutter.diameter)), corner,
+                                 cutter.teeth, given(units::to_deg(cutter.helix)), given(to_mm(cutter.length))));
   }
 
   /// Which of the two models the answer rests on.

@@ -87,7 +87,7 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   page.add_section("Answer");
   if (result.start_error) {
     const double gain = *result.start_error - best.error;
-    page.add_verdict(report::Verdict::good,
+    page.add_verdict(result.farther_there() ? report::Verdict::neutral : report::Verdict::good,
                      gain > 0   ? fmt::format("The best place that was found is {}: the largest normal error there is "
                                                 "{:.1f} µm, {:.1f} µm less than at the start.",
                                               in_words(best.at), to_um(best.error), to_um(gain))
@@ -112,6 +112,16 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   if (result.at_border)
     page.add_text(
         "The best place lies at the boundary of the box that was searched: a larger box may hold a better one.");
+  if (result.farther_there())
+    page.add_text(
+        fmt::format("But the deflected tool is up to {:.1f} µm from the programmed path there, and up to {:.1f} µm at "
+                    "the start: the "
+                    "normal error, by which places are compared, has no vertical part.",
+                    to_um(best.distance), to_um(*result.start_distance)));
+  if (result.held)
+    page.add_text(
+        "The part is not turned: the program tilts the tool by A and B, which are axes of the machine and do not turn "
+        "with it.");
   page.add_text(
       "Both figures are what polypod predict gives with the job moved there. The place is the best that a search "
       "found; that there is none better is not proven.");

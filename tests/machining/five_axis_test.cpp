@@ -293,9 +293,13 @@ TEST(FiveAxes, APlaceHasTheErrorThatPredictGivesThere) {
       ASSERT_TRUE(set_up(there));
       const machining::Prediction p = testing::predict(there);
       EXPECT_NEAR(j.error, std::max(std::abs(p.normal.min), std::abs(p.normal.max)), 1e-9);
+      EXPECT_NEAR(j.distance, p.largest_distance, 1e-9);
       EXPECT_NEAR(j.estimate, j.error, 0.15 * j.error);
     }
-    // A and B do not turn with the part.
+    EXPECT_EQ(r.farther_there(), r.best->distance > *r.start_distance + 1e-6);
+    // A and B do not turn with the part; a whole turn is none.
+    options.turns = machine::JointRange{units::from_deg(360), units::from_deg(360)};
+    EXPECT_TRUE(machining::best_place(e.job, e.program, e.interpretation, options));
     options.turns = machine::JointRange{0, 1};
     const auto turned = machining::best_place(e.job, e.program, e.interpretation, options);
     ASSERT_FALSE(turned);

@@ -75,6 +75,7 @@ struct JudgedPlace {
   Placing at;
   double error = 0;     ///< m, largest |normal error| by predict
   double estimate = 0;  ///< m, by the forces of the reference place
+  double distance = 0;  ///< m, largest distance of the deflected tool from the programmed path, by predict
 };
 
 /// Positions over x and y at one height and rotation, x fastest.
@@ -88,9 +89,10 @@ struct PlaceMap {
 struct PlaceResult {
   Placing start;
   PlaceFit start_fit = PlaceFit::fits;
-  std::optional<double> start_error;  ///< m, by predict; none where the program does not fit there
-  std::optional<JudgedPlace> best;    ///< none where no place was found that fits
-  Placing reference;                  ///< where the forces come from
+  std::optional<double> start_error;     ///< m, by predict; none where the program does not fit there
+  std::optional<double> start_distance;  ///< m, as JudgedPlace::distance
+  std::optional<JudgedPlace> best;       ///< none where no place was found that fits
+  Placing reference;                     ///< where the forces come from
   std::array<machine::JointRange, 3> box;
   machine::JointRange turns;
   bool held = false;  ///< not turned: the program tilts the tool by the machine's own A and B (may_turn_the_part)
@@ -103,6 +105,10 @@ struct PlaceResult {
   PlaceMap map;                         ///< round the best place
   std::vector<PlacePoint> rotations;    ///< at its position, over all rotations
   bool at_border = false;               ///< the best place lies at an end of the box
+
+  /// Whether the tool is farther from the path at the best place than at the start: the normal error, by which places
+  /// are compared, has no vertical part.
+  [[nodiscard]] bool farther_there() const;
 };
 
 /// Looks for the place at which the largest normal error of a program is smallest, over a box of positions and
