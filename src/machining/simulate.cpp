@@ -803,7 +803,7 @@ class Pass {
     if (!(move.feed > 0)) return fail("MC201", "the feed is 0 in a cut", place(move), "give an F word before");
     if (!stands_as_set_up(job_, move)) {
       return fail("MC204",
-                  fmt::format("the tool stands at {} in a cut, for which the job is not set up: it is a height map and "
+                  fmt::format("the tool is at {} in a cut, for which the job is not set up: it is a height map and "
                               "knows only {}",
                               orientation_in_words(move.axes_end), orientation_in_words(job_.tool_frame.axes)),
                   place(move), "predict programs whose cuts all have one orientation of the tool");

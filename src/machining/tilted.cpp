@@ -206,7 +206,7 @@ Status stands_as_set_up(const Job& job, const gcode::Program& program, const gco
                   "that turn; else set the part up so that the tool is vertical in each cut");
     }
     return fail("MC204",
-                fmt::format("the tool stands at {} in what may be a cut; the other cuts have {}",
+                fmt::format("the tool is at {} in what may be a cut; the other cuts have {}",
                             orientation_in_words(other), orientation_in_words(job.tool_frame.axes)),
                 place_of(program, move), "one program for each orientation, and turns above the stock");
   }
