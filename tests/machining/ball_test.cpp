@@ -50,6 +50,16 @@ TEST(Ball, AGrooveIsTheClosedForm) {
   EXPECT_THAT(p.notes, Contains(HasSubstr("a ball cuts")));
 }
 
+/// Machine and block of `groove`, turned by 90 deg about x of W, for a program that is.
+void lay_down(Example& e) {
+  const Mat3 Q = rotation_x(units::from_deg(90));
+  e.job.stock = testing::unwrap(cutting::Stock::block({-30e-3, 0, -20e-3}, {30e-3, 20e-3, 20e-3}, e.job.stock.cell()));
+  auto arm = std::get<machine::SerialArm>(e.job.machine);
+  const Vec3 o = e.job.X_MW.p;
+  arm.X_MB = Pose{Q, o - Q * o} * arm.X_MB;
+  e.job.machine = machine::AnyMachine(arm);
+}
+
 /// The corrected program in the stock's cells and in cells half as large, by passes of its own.
 void expect_in_tube_at_both_cells(Example e, const machining::Correction& c) {
   testing::expect_in_tube(e, c);
@@ -259,13 +269,7 @@ TEST(Ball, EndsOfPlungesAreNotJudged) {
 TEST(Ball, ATiltedBallIsTheSame) {
   const Example flat = groove("G21 G90 S12000 M3\nG0 X-45 Y-3 Z10\nG0 Z-2\nG1 X45 Y4 F1800\nG0 Z10\nM2\n");
   Example tilted = groove("G21 G90 S12000 M3\nG0 X-45 Y-10 Z-3 A90\nG0 Y2\nG1 X45 Z4 F1800\nG0 Y-10\nM2\n");
-  const Mat3 Q = rotation_x(units::from_deg(90));
-  tilted.job.stock =
-      testing::unwrap(cutting::Stock::block({-30e-3, 0, -20e-3}, {30e-3, 20e-3, 20e-3}, tilted.job.stock.cell()));
-  auto arm = std::get<machine::SerialArm>(tilted.job.machine);
-  const Vec3 o = tilted.job.X_MW.p;
-  arm.X_MB = Pose{Q, o - Q * o} * arm.X_MB;
-  tilted.job.machine = machine::AnyMachine(arm);
+  lay_down(tilted);
   ASSERT_TRUE(machining::set_up(tilted.job, tilted.program, tilted.interpretation));
   const machining::Prediction a = testing::predict(flat), b = testing::predict(tilted);
   ASSERT_EQ(a.moves.size(), 1u);
@@ -319,13 +323,7 @@ TEST(BullNose, APlungeThatIsCutToDepthIsJudgedByWhereItStands) {
 TEST(BullNose, ATiltedOneIsTheSame) {
   const Example flat = bull_nose("G21 G90 S12000 M3\nG0 X-45 Y-3 Z10\nG0 Z-2\nG1 X45 Y4 F1800\nG0 Z10\nM2\n", 1e-3);
   Example tilted = bull_nose("G21 G90 S12000 M3\nG0 X-45 Y-10 Z-3 A90\nG0 Y2\nG1 X45 Z4 F1800\nG0 Y-10\nM2\n", 1e-3);
-  const Mat3 Q = rotation_x(units::from_deg(90));
-  tilted.job.stock =
-      testing::unwrap(cutting::Stock::block({-30e-3, 0, -20e-3}, {30e-3, 20e-3, 20e-3}, tilted.job.stock.cell()));
-  auto arm = std::get<machine::SerialArm>(tilted.job.machine);
-  const Vec3 o = tilted.job.X_MW.p;
-  arm.X_MB = Pose{Q, o - Q * o} * arm.X_MB;
-  tilted.job.machine = machine::AnyMachine(arm);
+  lay_down(tilted);
   ASSERT_TRUE(machining::set_up(tilted.job, tilted.program, tilted.interpretation));
   const machining::Prediction a = testing::predict(flat), b = testing::predict(tilted);
   ASSERT_EQ(a.moves.size(), 1u);

@@ -14,6 +14,7 @@
 #include "cutting/ball_by_points.hpp"
 #include "machining/examples.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machining/check.hpp"
 #include "polypod/machining/compare.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -312,12 +313,25 @@ TEST(FiveAxes, APartThatIsCutTiltedIsNotTurned) {
   Example e = testing::load_example("inclined_contour");
   EXPECT_FALSE(machining::may_turn_the_part(e.job.machine, e.interpretation));
   EXPECT_TRUE(machining::may_turn_the_part(e.job.machine, testing::load_example("slavkovic_square").interpretation));
-  Pose away = e.job.X_MW;
-  away.p.x() += 2;
-  const machining::NearestPlaces found =
-      testing::unwrap(machining::nearest_places(e.job.machine, away, e.program, e.interpretation));
-  EXPECT_TRUE(found.by_shift);
-  EXPECT_FALSE(found.by_turn);
+  // Places at the ends of the reach, where a turn would bring the block within.
+  int beside = 0;
+  for (const Vec3& to : {Vec3(1, 0, 0), Vec3(-1, 0, 0), Vec3(0, 1, 0), Vec3(0, -1, 0)}) {
+    double good = 0, bad = 2;
+    const auto fits = [&](double way) {
+      Pose at = e.job.X_MW;
+      at.p += way * to;
+      const auto checked = testing::unwrap(machining::check(e.job.machine, at, e.program, e.interpretation));
+      return checked.problems.empty();
+    };
+    while (bad - good > 2e-3) (fits(0.5 * (good + bad)) ? good : bad) = 0.5 * (good + bad);
+    Pose away = e.job.X_MW;
+    away.p += bad * to;
+    const machining::NearestPlaces found =
+        testing::unwrap(machining::nearest_places(e.job.machine, away, e.program, e.interpretation));
+    EXPECT_FALSE(found.by_turn) << to.transpose();
+    beside += found.by_shift ? 1 : 0;
+  }
+  EXPECT_GT(beside, 0);
 }
 
 // Where C turns with the part, so do A and B: the job that is put elsewhere is the one that is set up there.
