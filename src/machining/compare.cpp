@@ -262,6 +262,12 @@ class Comparison {
     POLYPOD_ASSIGN(c, correct(job_, program_, interpretation_, options));
     out.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     take(c.after, out);
+    if (const auto& other = c.other_switch; other && !other->fixed && !other->within_tolerance) {
+      out.inside = false;
+      out.notes.push_back(fmt::format("with block delete {} the tool is up to {:.1f} um from the path{}",
+                                      other->block_delete ? "on" : "off", units::to_um(other->distance_after),
+                                      other->reason.empty() ? "" : ": " + other->reason));
+    }
     out.lines = c.lines_out;
     out.rounds = method == Method::mirror ? 1 : c.rounds;
     out.text = c.text();

@@ -437,7 +437,7 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
         "a ball cuts with the coefficients of its side down to its tip, where the teeth hardly move: near the tip they "
         "are an assumption");
   }
-  const double rotation = std::atan2(job.X_MW.R(1, 0), job.X_MW.R(0, 0));
+  const double rotation = rotation_of(job.X_MW);
   constexpr double kTurned = 1e-6;  // rad
   if ((job.tool_frame.tilted || job.tool_frame.turns) && std::abs(rotation) > kTurned &&
       kinematics::task(job.machine).names_axis()) {
