@@ -101,9 +101,9 @@ Result<Surveyed> surveyed(const machine::AnyMachine& m, const quality::Survey& s
 }
 
 /// position_mm, orientation_rad and worst of a document.
-Json surveyed_json(const machine::AnyMachine& m, const Surveyed& s) {
-  return {{"position_mm", statistics_json(s.position, units::kMmPerMetre)},
-          {"orientation_rad", statistics_json(s.orientation)},
+Json surveyed_json(const machine::AnyMachine& m, const quality::Survey& survey, const Surveyed& s) {
+  return {{"position_mm", statistics_json(survey, s.position, units::kMmPerMetre)},
+          {"orientation_rad", statistics_json(survey, s.orientation)},
           {"worst",
            {{"position_mm", number_json(units::to_mm(s.worst.value))},
             {"orientation_rad", number_json(s.worst_turned.value)},
@@ -278,7 +278,7 @@ Command errors_command() {
             POLYPOD_ASSIGN(region, region_argument(o->region));
             tolerance.region = region;
             POLYPOD_TRY(refuse_unused(*o, context));
-            POLYPOD_TRY(o->files.check(!o->where.pose.empty(), o->machine, context.json));
+            POLYPOD_TRY(o->files.check(m, !o->where.pose.empty(), o->machine, context.json));
             const SingularNote singular(m, context);
             if (const auto no = singular.refusal({"position_mm", "orientation_rad"})) return *no;
             if (!o->where.pose.empty()) return at_pose(*o, m, sizes, tolerance, singular, context);
@@ -314,28 +314,26 @@ Command errors_command() {
               }
             }
             if (context.json) {
-              Json document = surveyed_json(m, found);
+              Json document = surveyed_json(m, survey, found);
               document["points"] = survey.inside.size();
               document["directions"] = survey.orientations.size();
               document["beyond_singular"] = beyond_json(survey.beyond);
-              document["volume_mm3"] = units::to_mm3(survey.volume);
-              document["volume_lower_mm3"] = number_json(proven_mm3(survey, survey.volume_lower));
-              document["volume_upper_mm3"] = number_json(proven_mm3(survey, survey.volume_upper));
+              document.update(size_json(survey));
               if (!singular_there.empty()) document["worst"]["singular"] = singular_there;
               document["method"] = tolerances ? o->method : "linear";
               if (tolerances) {
                 document["region"] = o->region;
                 document["contributions"] = std::isfinite(worst.value) ? shares_json(m, case_there) : Json::array();
               }
-              if (once) document["one_element_a_joint"] = surveyed_json(m, *once);
+              if (once) document["one_element_a_joint"] = surveyed_json(m, survey, *once);
               print_json(singular.in(document));
               return kDone;
             }
             print_statistics(survey, {{"position", found.position, units::kMmPerMetre, 6, "mm"},
                                       {"orientation", found.orientation, 1, 7, "rad"}});
-            print_beyond(survey);
+            print_beyond(m, survey);
             if (survey.orientations.size() > 1)
-              fmt::print("largest mean seen at {}\n", place_text(found.position.max_at));
+              fmt::print("largest mean seen at {}\n", place_text(found.position.max_at, survey.task));
             fmt::print("worst pose seen: {} mm at {}\n", figure(units::to_mm(worst.value), 6),
                        pose_text(m, worst.X_MT, 2));
             if (!singular_there.empty()) {

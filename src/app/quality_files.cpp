@@ -7,6 +7,7 @@
 
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
 
 namespace polypod::app {
@@ -60,9 +61,17 @@ Result<std::optional<double>> QualityFiles::threshold() const {
   return std::optional(numbers[0]);
 }
 
-Status QualityFiles::check(bool at_pose, const std::string& machine_file, bool json) const {
+Status QualityFiles::check(const machine::AnyMachine& machine, bool at_pose, const std::string& machine_file,
+                           bool json) const {
   if (at_pose && any()) {
     return fail("AP173", "files are of the whole workspace, not of one pose", {}, "leave out --pose, or the files");
+  }
+  if (!kinematics::task(machine).places() && paths().size() > (csv.empty() ? 0U : 1U)) {
+    return fail("WS107",
+                fmt::format("{} does not hold x, y, z in its task: pictures and surfaces of its quality are over "
+                            "positions",
+                            machine::name_of(machine)),
+                {}, "--csv gives its points in the coordinates of its task");
   }
   POLYPOD_TRY(threshold());
   if (svg.empty() && !(plane.empty() && at.empty())) return fail("AP170", "--plane and --at go with --svg");

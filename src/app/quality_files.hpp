@@ -24,9 +24,10 @@ struct QualityFiles {
 
   void declare(Arguments& arguments);
   [[nodiscard]] bool any() const;
-  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, those of
-  /// check_files.
-  [[nodiscard]] Status check(bool at_pose, const std::string& machine_file, bool json) const;
+  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, WS107 (pictures and
+  /// surfaces of a task without x, y, z), those of check_files.
+  [[nodiscard]] Status check(const machine::AnyMachine& machine, bool at_pose, const std::string& machine_file,
+                             bool json) const;
   /// Makes all files before it writes the first.
   [[nodiscard]] Status write(const QualityWork& work) const;
   /// "wrote F" for each, as text.

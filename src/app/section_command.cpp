@@ -31,11 +31,26 @@ Result<Vec3> three_of(const std::string& text, const char* option) {
   return Vec3(n[0], n[1], n[2]);
 }
 
-Result<workspace::Plane> plane_of(const Options& o) {
+/// "xy", "xz" and "yz"; of a task without x, y, z its coordinates in their place, "zA".
+std::string plane_name(const machine::Task& task, int normal) {
+  std::string out;
+  for (int k = 0; k < 3; ++k)
+    if (k != normal) out += machine::name_of(task[k]);
+  return out;
+}
+
+bool same_letters(const std::string& a, const std::string& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+}
+
+Result<workspace::Plane> plane_of(const Options& o, const machine::Task& task) {
   workspace::Plane plane;
+  const std::string names = fmt::format("{}, {} or {}", plane_name(task, 2), plane_name(task, 1), plane_name(task, 0));
   if (o.plane.empty() == o.normal.empty() || (o.point.empty() != o.normal.empty())) {
     return fail("AP131", "the plane must be given once", {},
-                "give --plane xy --at MM, or --point x,y,z --normal x,y,z");
+                task.places() ? "give --plane xy --at MM, or --point x,y,z --normal x,y,z"
+                              : fmt::format("give --plane {} --at {}", names, "VALUE of the third coordinate"));
   }
   if (!o.normal.empty()) {
     if (!o.at.empty()) return fail("AP131", "--at goes with --plane, not with --normal");
@@ -45,12 +60,13 @@ Result<workspace::Plane> plane_of(const Options& o) {
     plane.normal = normal;
     return plane;
   }
-  const int axis = o.plane == "yz" ? 0 : o.plane == "xz" ? 1 : o.plane == "xy" ? 2 : -1;
-  if (axis < 0) return fail("AP131", fmt::format("--plane {}: not xy, xz or yz", o.plane));
+  int axis = 2;
+  while (axis >= 0 && !same_letters(plane_name(task, axis), o.plane)) --axis;
+  if (axis < 0) return fail("AP131", fmt::format("--plane {}: not {}", o.plane, names));
   POLYPOD_ASSIGN(at, numbers_of(o.at.empty() ? "0" : o.at, "--at"));
   if (at.size() != 1) return fail("AP131", fmt::format("--at {}: not one number", o.at));
   plane.normal = Vec3::Unit(axis);
-  plane.point = units::from_mm(at[0]) * plane.normal;
+  plane.point = units::from_user(at[0], workspace::unit_of(task, axis)) * plane.normal;
   return plane;
 }
 
@@ -62,8 +78,8 @@ Command section_command() {
           "polypod section hexapod-strut --plane xz --at 0 --tilt 20 --svg section.svg",
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
-            a.option("--plane", o->plane, "xy, xz or yz");
-            a.option("--at", o->at, "Coordinate of that plane on the third axis, mm (default 0)");
+            a.option("--plane", o->plane, "xy, xz or yz; of a task without x, y, z two of its coordinates, as zA");
+            a.option("--at", o->at, "Coordinate of that plane on the third axis, mm, or deg of an angle (default 0)");
             a.option("--point", o->point, "x,y,z: a point of any other plane, mm");
             a.option("--normal", o->normal, "x,y,z: and its normal");
             a.option("--csv", o->csv, "A row a point: margin, largest tilt, limits");
@@ -76,13 +92,14 @@ Command section_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
-            POLYPOD_ASSIGN(plane, plane_of(*o));
+            const machine::Task task = kinematics::task(m);
+            POLYPOD_ASSIGN(plane, plane_of(*o, task));
             POLYPOD_TRY(in_range("WS130", "--resolution", o->resolution, {8, 512}, "points"));
             POLYPOD_TRY(check_files({o->machine}, {o->csv, o->svg}, context.json));
             const SingularNote singular(m, context);
             options.progress = nullptr;
             workspace::FieldOptions field_options;
-            field_options.tilt = workspace::tilts(kinematics::task(m));
+            field_options.tilt = workspace::tilts(task);
             field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
             POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);
@@ -119,34 +136,49 @@ Command section_command() {
             std::stable_sort(limits.begin(), limits.end(),
                              [](const auto& a, const auto& b) { return a.second > b.second; });
             const auto share = [&](int count) { return 100.0 * count / std::max(1, reached); };
-            const double area_mm2 = s.area * units::kMm2PerSquareMetre;
+            const auto across = [&](const Vec3& step) {
+              Eigen::Index k = 0;
+              step.cwiseAbs().maxCoeff(&k);
+              return workspace::unit_of(task, static_cast<int>(k));
+            };
+            const char *of_u = across(f.grid.step[0]), *of_v = across(f.grid.step[1]);
+            const double area = s.area * units::to_user(1, of_u) * units::to_user(1, of_v);
+            const std::string area_unit = task.places() ? "mm2" : fmt::format("{} {}", of_u, of_v);
             if (context.json) {
               Json list = Json::array();
               for (const auto& [name, count] : limits)
                 list.push_back({{"limit", name}, {"area_percent", share(count)}});
-              Json document{{"area_mm2", area_mm2}, {"points", f.grid.size()}, {"reached_points", reached}};
+              Json document{{"area_mm2", task.places() ? Json(area) : Json()},
+                            {"points", f.grid.size()},
+                            {"reached_points", reached}};
+              if (!task.places()) {
+                document["area"] = area;
+                document["area_unit"] = area_unit;
+              }
               const bool tilts = !f.tilt.empty();
+              const std::string unit = task.places() ? "_mm" : "";
+              const auto shown = [&](const Vec3& p) { return vector_json(workspace::for_user(task, p)); };
               document[tilts ? "largest_tilt_deg" : "largest_margin_mm"] =
                   reached > 0 ? Json(tilts ? units::to_deg(most) : units::to_mm(most)) : Json();
-              document[tilts ? "largest_tilt_at_mm" : "largest_margin_at_mm"] =
-                  reached > 0 ? vector_json(at * units::kMmPerMetre) : Json();
+              document[(tilts ? "largest_tilt_at" : "largest_margin_at") + unit] = reached > 0 ? shown(at) : Json();
               document["stopped_by"] = list;
               Json loops = Json::array();
               for (const workspace::Loop& loop : s.border) {
                 Json points = Json::array();
-                for (const Vec3& p : loop) points.push_back(vector_json(p * units::kMmPerMetre));
+                for (const Vec3& p : loop) points.push_back(shown(p));
                 loops.push_back(points);
               }
-              document["boundary_mm"] = loops;
+              document["boundary" + unit] = loops;
               print_json(singular.in(document));
             } else {
               // The border is found on the edges of the grid: four digits hold with the usual 80 points.
               constexpr int kHold = 4;
-              const double unit = area_mm2 > 0 ? std::pow(10.0, std::floor(std::log10(area_mm2)) + 1 - kHold) : 1.0;
-              fmt::print("area     about {} mm2 reached from every required direction, from {} points\n",
-                         figure(unit * std::round(area_mm2 / unit), unit >= 1 ? 0 : 1), f.grid.size());
+              const double unit = area > 0 ? std::pow(10.0, std::floor(std::log10(area)) + 1 - kHold) : 1.0;
+              fmt::print("area     about {} {} reached{}, from {} points\n",
+                         figure(unit * std::round(area / unit), unit >= 1 ? 0 : 1), area_unit,
+                         task.places() ? " from every required direction" : "", f.grid.size());
               if (reached > 0 && f.tilt.empty()) {
-                fmt::print("inside   by up to {} mm, at {}\n", figure(units::to_mm(most), 1), place_text(at));
+                fmt::print("inside   by up to {} mm, at {}\n", figure(units::to_mm(most), 1), place_text(at, task));
               } else if (reached > 0) {
                 fmt::print("tilt     up to {:.1f} deg at every azimuth, at {}\n", units::to_deg(most), place_text(at));
               }

@@ -10,9 +10,11 @@
 #include <limits>
 
 #include "polypod/core/figures.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/singularity.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::app {
 
@@ -22,7 +24,9 @@ void SurveyArguments::declare(Arguments& a) {
 }
 
 void SurveyArguments::declare_region(Arguments& a) {
-  a.option("--box", box, "x0,y0,z0,x1,y1,z1: over this box instead of the workspace, mm");
+  a.option("--box", box,
+           "x0,y0,z0,x1,y1,z1: over this box instead of the workspace, mm (a task without x, y, z: its coordinates, mm "
+           "and deg)");
   a.option("--resolution", resolution, "Points along the longest side, 8 to 512, of a --box 2 to 512 (default 24)");
   workspace.declare_directions(a);
   workspace.declare_limits(a);
@@ -40,7 +44,9 @@ Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachin
   if (box.empty()) return out;
   POLYPOD_ASSIGN(n, numbers_of(box, "--box"));
   if (n.size() != 6) return fail("AP161", fmt::format("--box {}: not six numbers", box));
-  for (double& x : n) x = units::from_mm(x);
+  const machine::Task task = kinematics::task(m);
+  for (std::size_t i = 0; i < n.size(); ++i)
+    n[i] = units::from_user(n[i], workspace::unit_of(task, static_cast<int>(i % 3)));
   out.box = {Vec3(n[0], n[1], n[2]), Vec3(n[3], n[4], n[5])};
   if (!(((*out.box)[1] - (*out.box)[0]).minCoeff() >= 0)) {
     return fail("AP161", fmt::format("--box {}: the first corner must not lie above the second", box));
@@ -64,13 +70,36 @@ double proven_mm3(const quality::Survey& survey, double bound) {
   return survey.volume_lower < survey.volume_upper ? units::to_mm3(bound) : std::numeric_limits<double>::quiet_NaN();
 }
 
-Json statistics_json(const quality::Statistics& s, double scale) {
+Json statistics_json(const quality::Survey& survey, const quality::Statistics& s, double scale) {
+  const std::string unit = survey.task.places() ? "_mm" : "";
   return {{"min", number_json(s.min * scale)},
           {"mean", number_json(s.mean * scale)},
           {"max", number_json(s.max * scale)},
           {"stddev", number_json(s.stddev * scale)},
-          {"min_at_mm", vector_json(s.min_at * units::kMmPerMetre)},
-          {"max_at_mm", vector_json(s.max_at * units::kMmPerMetre)}};
+          {"min_at" + unit, vector_json(workspace::for_user(survey.task, s.min_at))},
+          {"max_at" + unit, vector_json(workspace::for_user(survey.task, s.max_at))}};
+}
+
+Json size_json(const quality::Survey& survey) {
+  const bool proven = survey.volume_lower < survey.volume_upper;
+  if (!survey.task.places()) {
+    const Region region = region_of(survey.task, survey.volume, survey.volume_lower, survey.volume_upper);
+    Json names = Json::array(), units = Json::array();
+    for (int k = 0; k < 3; ++k) {
+      names.push_back(machine::name_of(survey.task[k]));
+      units.push_back(workspace::unit_of(survey.task, k));
+    }
+    return {{"volume_mm3", Json()},
+            {"coordinates", names},
+            {"coordinate_units", units},
+            {"measure", region.measure},
+            {"measure_lower", proven ? Json(region.lower) : Json()},
+            {"measure_upper", proven ? Json(region.upper) : Json()},
+            {"measure_unit", region.unit}};
+  }
+  return {{"volume_mm3", units::to_mm3(survey.volume)},
+          {"volume_lower_mm3", number_json(proven_mm3(survey, survey.volume_lower))},
+          {"volume_upper_mm3", number_json(proven_mm3(survey, survey.volume_upper))}};
 }
 
 Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
@@ -116,9 +145,12 @@ Json beyond_json(const workspace::BeyondSingular& beyond) {
   return {{"points", beyond.points}, {"beyond", beyond.beyond}};
 }
 
-std::string beyond_text(const workspace::BeyondSingular& beyond, const char* looked_at, const char* include,
-                        const char* limit) {
+std::string beyond_text(const machine::AnyMachine& m, const workspace::BeyondSingular& beyond, const char* looked_at,
+                        const char* include) {
   if (beyond.beyond == 0) return "";
+  const char* limit = kinematics::task(m).holds(machine::Coordinate::z)              ? "limits.z_min_mm"
+                      : kinematics::joint_kind(m, 0) == machine::JointKind::revolute ? "leg[1].max_deg"
+                                                                                     : "leg[1].max_mm";
   return fmt::format(
       "note: {:.2g} % of {} {} lie beyond a singular pose from home (type 2): the machine gets there only through a "
       "pose at which the drives do not constrain it. {} them; limits leave them out, as `--set {}=...`\n",
@@ -126,12 +158,21 @@ std::string beyond_text(const workspace::BeyondSingular& beyond, const char* loo
       include, limit);
 }
 
-void print_beyond(const quality::Survey& survey) {
-  fmt::print("{}", beyond_text(survey.beyond, "poses that were looked at", "These figures include"));
+void print_beyond(const machine::AnyMachine& m, const quality::Survey& survey) {
+  fmt::print("{}", beyond_text(m, survey.beyond, "poses that were looked at", "These figures include"));
+}
+
+bool beside_singular(const quality::Statistics& s) {
+  constexpr double kMany = 100;
+  return std::isfinite(s.max) && s.max > kMany * std::abs(s.mean);
 }
 
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows) {
-  if (survey.orientations.size() == 1) {
+  if (!survey.task.places()) {
+    fmt::print("{} points of the workspace in {}, {}, {}; min and max are the least and largest seen\n",
+               survey.inside.size(), machine::name_of(survey.task[0]), machine::name_of(survey.task[1]),
+               machine::name_of(survey.task[2]));
+  } else if (survey.orientations.size() == 1) {
     fmt::print("one tool direction at {} points of the workspace; min and max are the least and largest seen\n",
                survey.inside.size());
   } else {
@@ -140,15 +181,37 @@ void print_statistics(const quality::Survey& survey, const std::vector<Statistic
         survey.orientations.size(), survey.inside.size());
   }
   fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}\n", "", "min", "mean", "max", "stddev");
+  std::vector<std::string> large;
   for (const StatisticsRow& row : rows) {
     const Figures shown(row.scale * row.of.mean, row.decimals);
     const auto text = [&](double value) { return shown(row.scale * value); };
+    const bool beside = beside_singular(row.of);
+    if (beside) large.push_back(row.name);
     fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}{}\n", row.name, text(row.of.min), text(row.of.mean),
-               text(row.of.max), text(row.of.stddev), row.unit.empty() ? "" : " " + row.unit);
+               beside ? fmt::format("{:.0e}", row.scale * row.of.max) : text(row.of.max), text(row.of.stddev),
+               row.unit.empty() ? "" : " " + row.unit);
+  }
+  if (!large.empty()) {
+    fmt::print("note: {} {} large beside a singular pose: other points see other maxima, and there is no largest one\n",
+               listed(large), large.size() > 1 ? "grow" : "grows");
   }
 }
 
-std::string place_text(const Vec3& p) {
+std::string place_text(const Vec3& p, const machine::Task& task) {
+  if (!task.places()) {
+    const Vec3 shown = workspace::for_user(task, p);
+    double longest = 0;
+    for (int k = 0; k < 3; ++k)
+      if (!task.is_angle(k)) longest = std::max(longest, std::abs(shown[k]));
+    const Figures mm(longest, 1);
+    std::string out;
+    for (int k = 0; k < 3; ++k) {
+      out += fmt::format("{}{} {} {}", k > 0 ? ", " : "", machine::name_of(task[k]),
+                         task.is_angle(k) ? fmt::format("{:.1f}", shown[k] + 0.0) : mm(shown[k]),
+                         workspace::unit_of(task, k));
+    }
+    return out;
+  }
   const Figures shown(units::to_mm(p.norm()), 1);
   return fmt::format("{}, {}, {} mm", shown(units::to_mm(p.x())), shown(units::to_mm(p.y())),
                      shown(units::to_mm(p.z())));

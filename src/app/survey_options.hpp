@@ -20,8 +20,11 @@ struct SurveyArguments {
   [[nodiscard]] Result<quality::SurveyOptions> options(const machine::AnyMachine& m, const Context& context) const;
 };
 
-/// {min, mean, max, stddev, min_at_mm, max_at_mm}; a number that is not finite is null. `scale` makes the unit.
-Json statistics_json(const quality::Statistics& s, double scale = 1);
+/// {min, mean, max, stddev, min_at_mm, max_at_mm}; a number that is not finite is null. `scale` makes the unit. Of a
+/// task without x, y, z min_at and max_at, its coordinates in mm and deg.
+Json statistics_json(const quality::Survey& survey, const quality::Statistics& s, double scale = 1);
+/// volume_mm3 and its bounds; of a task without x, y, z the measure of its region as `workspace` gives it.
+Json size_json(const quality::Survey& survey);
 /// The same of one value.
 Json constant_json(double value);
 /// A number, or null where it is not finite.
@@ -46,8 +49,8 @@ inline constexpr const char* kBound = "bound";
 Json beyond_json(const workspace::BeyondSingular& beyond);
 /// A note: how many of what was looked at ("points drawn from it") lie beyond singular poses, which figures include
 /// them ("The volume includes"), and the key of a limit that leaves them out; empty where none do.
-std::string beyond_text(const workspace::BeyondSingular& beyond, const char* looked_at, const char* include,
-                        const char* limit = "limits.z_min_mm");
+std::string beyond_text(const machine::AnyMachine& m, const workspace::BeyondSingular& beyond, const char* looked_at,
+                        const char* include);
 /// The statistics of several rows as a table; each row with the unit behind it, in figures of its own scale.
 struct StatisticsRow {
   std::string name;
@@ -56,11 +59,14 @@ struct StatisticsRow {
   int decimals = 4;
   std::string unit;
 };
+/// Whether the largest of these lies beside a singular pose: more than a hundred times the mean, so that other points
+/// see other values, and only its size says something.
+bool beside_singular(const quality::Statistics& s);
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows);
 /// What of the survey lies beyond singular poses, as a note; nothing where nothing does.
-void print_beyond(const quality::Survey& survey);
-/// Three coordinates in mm.
-std::string place_text(const Vec3& p);
+void print_beyond(const machine::AnyMachine& m, const quality::Survey& survey);
+/// Three coordinates in mm; of a task without x, y, z each with its name and unit.
+std::string place_text(const Vec3& p, const machine::Task& task = machine::Task::pose);
 
 /// The pose and its joints, or the reason why it has none.
 struct PoseJoints {

@@ -93,19 +93,33 @@ struct Numbers {
   Json more = Json::object();  ///< what else the JSON document says
 };
 
+using Named = std::vector<std::pair<std::string, double>>;
+
+Named measure_numbers(const Region& region) {
+  std::string unit = region.unit;
+  std::replace(unit.begin(), unit.end(), ' ', '_');
+  return {{"measure_" + unit, region.measure},
+          {"measure_lower_" + unit, region.lower},
+          {"measure_upper_" + unit, region.upper}};
+}
+
+/// How large what was surveyed is.
+Named size_numbers(const quality::Survey& survey) {
+  const bool proven = survey.volume_lower < survey.volume_upper;
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const double lower = proven ? survey.volume_lower : kNone, upper = proven ? survey.volume_upper : kNone;
+  if (!survey.task.places()) return measure_numbers(region_of(survey.task, survey.volume, lower, upper));
+  return {{"volume_mm3", units::to_mm3(survey.volume)},
+          {"volume_lower_mm3", units::to_mm3(lower)},
+          {"volume_upper_mm3", units::to_mm3(upper)}};
+}
+
 Result<Numbers> workspace_numbers(const Options& o, const machine::AnyMachine& m, const Context& context) {
   POLYPOD_ASSIGN(options, o.where.workspace.options(m, context));
   POLYPOD_ASSIGN(v, workspace::volume(m, options));
-  if (!kinematics::task(m).places()) {
-    Region region = region_of(m, v);
-    std::replace(region.unit.begin(), region.unit.end(), ' ', '_');
-    return Numbers{{{"measure_" + region.unit, region.measure},
-                    {"measure_lower_" + region.unit, region.lower},
-                    {"measure_upper_" + region.unit, region.upper}},
-                   v.converged,
-                   {},
-                   {},
-                   region_json(m, v)};
+  if (const machine::Task task = kinematics::task(m); !task.places()) {
+    return Numbers{
+        measure_numbers(region_of(task, v.volume, v.lower, v.upper)), v.converged, {}, {}, region_json(m, v)};
   }
   return Numbers{{{"volume_mm3", units::to_mm3(v.volume)},
                   {"volume_lower_mm3", units::to_mm3(v.lower)},
@@ -124,7 +138,10 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
   if (!found && found.error().id == "QU110") return Numbers{{}, true, {}, found.error().message, Json::object()};
   if (!found) return tl::unexpected(found.error());
   const quality::Survey& survey = *found;
-  const double volume = units::to_mm3(survey.volume);
+  const auto with_size = [&](Named values) {
+    for (auto& [name, value] : size_numbers(survey)) values.emplace_back(name, value);
+    return Numbers{std::move(values), true, {}, {}, Json::object()};
+  };
   if (o.analysis == "dexterity") {
     POLYPOD_ASSIGN(f, quality::dexterity_field(m, survey, options));
     const auto seen = [&](const quality::Quantity& quantity, std::size_t number) {
@@ -134,22 +151,15 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
       return quality::worst_seen(m, survey, options, quantity, f.anywhere, number, sign).value;
     };
     const auto kappa = seen(f.condition, 0), sigma = seen(f.sigma_min, 1), det = seen(f.determinant, 2);
-    return Numbers{{{"condition_mean", kappa.mean},
-                    {"condition_mean_min", kappa.min},
-                    {"condition_mean_max", kappa.max},
-                    {"condition_max", worst(f.condition, 0, 1)},
-                    {"sigma_min_mean", sigma.mean},
-                    {"sigma_min_mean_max", sigma.max},
-                    {"sigma_min_min", worst(f.sigma_min, 1, -1)},
-                    {"determinant_mean", det.mean},
-                    {"determinant_mean_max", det.max},
-                    {"volume_mm3", volume},
-                    {"volume_lower_mm3", proven_mm3(survey, survey.volume_lower)},
-                    {"volume_upper_mm3", proven_mm3(survey, survey.volume_upper)}},
-                   true,
-                   {},
-                   {},
-                   Json::object()};
+    return with_size({{"condition_mean", kappa.mean},
+                      {"condition_mean_min", kappa.min},
+                      {"condition_mean_max", kappa.max},
+                      {"condition_max", worst(f.condition, 0, 1)},
+                      {"sigma_min_mean", sigma.mean},
+                      {"sigma_min_mean_max", sigma.max},
+                      {"sigma_min_min", worst(f.sigma_min, 1, -1)},
+                      {"determinant_mean", det.mean},
+                      {"determinant_mean_max", det.max}});
   }
   const bool tolerances = !o.tolerances.empty();
   POLYPOD_ASSIGN(sizes, sizes_argument(m, o.errors, o.tolerances));
@@ -159,19 +169,12 @@ Result<Numbers> quality_numbers(const Options& o, const machine::AnyMachine& m, 
              turn = quality::statistics_seen(m, survey, options, f.orientation, f.anywhere, 1);
   const auto worst = quality::worst_seen(m, survey, options, f.position, f.anywhere, 0),
              worst_turned = quality::worst_seen(m, survey, options, f.orientation, f.anywhere, 1);
-  return Numbers{{{"position_mean_mm", units::to_mm(position.mean)},
-                  {"position_mean_max_mm", units::to_mm(position.max)},
-                  {"position_max_mm", units::to_mm(worst.value)},
-                  {"orientation_mean_rad", turn.mean},
-                  {"orientation_mean_max_rad", turn.max},
-                  {"orientation_max_rad", worst_turned.value},
-                  {"volume_mm3", volume},
-                  {"volume_lower_mm3", proven_mm3(survey, survey.volume_lower)},
-                  {"volume_upper_mm3", proven_mm3(survey, survey.volume_upper)}},
-                 true,
-                 {},
-                 {},
-                 Json::object()};
+  return with_size({{"position_mean_mm", units::to_mm(position.mean)},
+                    {"position_mean_max_mm", units::to_mm(position.max)},
+                    {"position_max_mm", units::to_mm(worst.value)},
+                    {"orientation_mean_rad", turn.mean},
+                    {"orientation_mean_max_rad", turn.max},
+                    {"orientation_max_rad", worst_turned.value}});
 }
 
 Result<Numbers> numbers_of_machine(const Options& o, const machine::AnyMachine& m, const Context& context) {

@@ -181,12 +181,11 @@ Json volume_json(const workspace::Volume& v) {
           {"seconds", v.seconds}};
 }
 
-Region region_of(const machine::AnyMachine& machine, const workspace::Volume& v) {
-  const machine::Task task = kinematics::task(machine);
-  Region out{v.volume, v.lower, v.upper, ""};
+Region region_of(const machine::Task& task, double measure, double lower, double upper) {
+  Region out{measure, lower, upper, ""};
   for (int i = 0; i < task.size(); ++i) {
     const char* unit = task.is_angle(i) ? "deg" : "mm";
-    for (double* measure : {&out.measure, &out.lower, &out.upper}) *measure *= units::to_user(1, unit);
+    for (double* one : {&out.measure, &out.lower, &out.upper}) *one *= units::to_user(1, unit);
     out.unit += (i > 0 ? " " : "") + std::string(unit);
   }
   return out;
@@ -194,7 +193,7 @@ Region region_of(const machine::AnyMachine& machine, const workspace::Volume& v)
 
 Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v) {
   const machine::Task task = kinematics::task(machine);
-  const Region region = region_of(machine, v);
+  const Region region = region_of(task, v.volume, v.lower, v.upper);
   Json names = Json::array(), unit = Json::array(), low = Json::array(), high = Json::array();
   for (int i = 0; i < task.size(); ++i) {
     const char* of = task.is_angle(i) ? "deg" : "mm";
@@ -278,11 +277,7 @@ Result<int> contains(const machine::AnyMachine& m, const workspace::Options& opt
 
 /// What lies beyond singular poses, in a sentence; empty where a sample saw nothing.
 std::string beyond_note(const machine::AnyMachine& m, const workspace::BeyondSingular& beyond) {
-  const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
-  return beyond_text(beyond, "points drawn from it", "The volume includes",
-                     kinematics::task(m).holds(machine::Coordinate::z) ? "limits.z_min_mm"
-                     : turns                                           ? "leg[1].max_deg"
-                                                                       : "leg[1].max_mm");
+  return beyond_text(m, beyond, "points drawn from it", "The volume includes");
 }
 
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
@@ -307,7 +302,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     fmt::print("no coordinates of the task are reachable (proven with {} boxes)\n", v.points);
   } else {
     const machine::Task task = kinematics::task(m);
-    const Region region = region_of(m, v);
+    const Region region = region_of(task, v.volume, v.lower, v.upper);
     std::string text;
     for (int i = 0; i < task.size(); ++i) {
       const char* of = task.is_angle(i) ? "deg" : "mm";

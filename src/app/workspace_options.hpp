@@ -35,7 +35,7 @@ struct Region {
   double measure = 0, lower = 0, upper = 0;
   std::string unit;  ///< "mm deg deg"
 };
-Region region_of(const machine::AnyMachine& machine, const workspace::Volume& v);
+Region region_of(const machine::Task& task, double measure, double lower, double upper);
 /// volume_json of such a machine.
 Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v);
 

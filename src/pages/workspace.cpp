@@ -117,9 +117,9 @@ int axis_of(const Vec3& u) {
   return -1;
 }
 
-std::string axis_name(const Vec3& u) {
+std::string axis_name(const machine::Task& task, const Vec3& u) {
   const int axis = axis_of(u);
-  if (axis >= 0) return std::string(1, "xyz"[axis]);
+  if (axis >= 0) return machine::name_of(task[axis]);
   const Vec3 n = u.normalized();
   return fmt::format("along ({}, {}, {})", number(n.x(), 2), number(n.y(), 2), number(n.z(), 2));
 }
@@ -151,7 +151,11 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   const Field& f = s.field;
   report::HeatMap map;
   const Vec3 u = f.grid.step[0].normalized(), v = f.grid.step[1].normalized();
-  const auto at = [&](const Vec3& p) { return report::Point{to_mm(u.dot(p)), to_mm(v.dot(p))}; };
+  const char *of_u = workspace::unit_of(s.task, std::max(0, axis_of(u))),
+             *of_v = workspace::unit_of(s.task, std::max(0, axis_of(v)));
+  const auto at = [&](const Vec3& p) {
+    return report::Point{units::to_user(u.dot(p), of_u), units::to_user(v.dot(p), of_v)};
+  };
   // Only what is reached, and two points beyond it.
   int low[2] = {f.grid.points[0], f.grid.points[1]}, high[2] = {0, 0};
   for (int j = 0; j < f.grid.points[1]; ++j) {
@@ -177,9 +181,11 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   const report::Point first = at(f.grid.at(low[0], low[1], 0)), last = at(f.grid.at(high[0], high[1], 0));
   map.title =
       without_tilt(s) ? "Distance inside the limits over a section" : "Largest tilt at every azimuth over a section";
-  map.x = {axis_name(u), "mm", first.x, last.x, false};
-  map.y = {axis_name(v), "mm", first.y, last.y, false};
-  map.y.downwards = without_tilt(s) && v.isApprox(Vec3::UnitZ());  // the machine hangs, as in its picture
+  map.x = {axis_name(s.task, u), of_u, first.x, last.x, false};
+  map.y = {axis_name(s.task, v), of_v, first.y, last.y, false};
+  map.equal_scales = s.task.places();
+  // The machine hangs, as in its picture.
+  map.y.downwards = s.task.places() && without_tilt(s) && v.isApprox(Vec3::UnitZ());
   map.columns = high[0] - low[0] + 1;
   map.rows = high[1] - low[1] + 1;
   const std::vector<double> tilt = continued_tilt(f);
@@ -682,12 +688,16 @@ report::Figure section_picture(const AnyMachine& machine, const Options& options
 }
 
 std::string section_csv(const AnyMachine& machine, const Section& section) {
-  report::Csv csv({"x_mm", "y_mm", "z_mm", "margin_mm", "limit", "tilt_deg", "tilt_limit"});
+  std::vector<std::string> names;
+  for (int k = 0; k < 3; ++k) names.push_back(workspace::column_name(section.task, k));
+  names.insert(names.end(), {"margin_mm", "limit", "tilt_deg", "tilt_limit"});
+  report::Csv csv(names);
   const Field& f = section.field;
   for (std::size_t i = 0; i < f.grid.size(); ++i) {
     const Vec3 p = f.grid.at(i);
     const auto name = [&](int limit) { return limit < 0 ? std::string() : workspace::limit_label(machine, limit); };
-    std::vector<report::Csv::Field> row{to_mm(p.x()), to_mm(p.y()), to_mm(p.z()), to_mm(f.margin[i]), name(f.limit[i])};
+    const Vec3 shown = workspace::for_user(section.task, p);
+    std::vector<report::Csv::Field> row{shown.x(), shown.y(), shown.z(), to_mm(f.margin[i]), name(f.limit[i])};
     if (!f.tilt.empty()) {
       row.emplace_back(f.tilt[i] < 0 ? kNone : to_deg(f.tilt[i]));
       row.emplace_back(name(f.tilt_limit[i]));

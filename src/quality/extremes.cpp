@@ -7,6 +7,7 @@
 #include "compass.hpp"
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/random.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -43,9 +44,9 @@ class Turned {
 };
 
 /// The point of the survey's box nearest to p.
-Vec3 in_box(const SurveyOptions& options, const Vec3& p) {
-  if (!options.box) return p;
-  return p.cwiseMax((*options.box)[0]).cwiseMin((*options.box)[1]);
+Vec3 in_box(const Survey& survey, const Vec3& p) {
+  if (!survey.box) return p;
+  return p.cwiseMax((*survey.box)[0]).cwiseMin((*survey.box)[1]);
 }
 
 /// By more than rounding, so that of mirror images the first counts everywhere.
@@ -56,15 +57,16 @@ bool better(double value, double than) {
 
 /// Poses by how good they are, no two points within two spacings of the grid of each other, at most `most`; values that
 /// are not finite do not count.
-std::vector<Extreme> best_apart(const Survey& survey, std::vector<Extreme> poses, std::size_t most) {
-  std::erase_if(poses, [](const Extreme& e) { return !std::isfinite(e.value); });
-  std::stable_sort(poses.begin(), poses.end(), [](const Extreme& a, const Extreme& b) { return a.value > b.value; });
-  const double apart = 2 * survey.grid.step[0].norm();
-  std::vector<Extreme> out;
-  for (const Extreme& e : poses) {
+std::vector<Seen> best_apart(const Survey& survey, std::vector<Seen> poses, std::size_t most) {
+  std::erase_if(poses, [](const Seen& e) { return !std::isfinite(e.value); });
+  std::stable_sort(poses.begin(), poses.end(), [](const Seen& a, const Seen& b) { return a.value > b.value; });
+  const Vec3 unit = units_of(survey);
+  const double apart = 2 * survey.grid.step[0].cwiseQuotient(unit).norm();
+  std::vector<Seen> out;
+  for (const Seen& e : poses) {
     if (out.size() == most) break;
     if (std::none_of(out.begin(), out.end(),
-                     [&](const Extreme& taken) { return (taken.X_MT.p - e.X_MT.p).norm() < apart; }))
+                     [&](const Seen& taken) { return (taken.p - e.p).cwiseQuotient(unit).norm() < apart; }))
       out.push_back(e);
   }
   return out;
@@ -72,23 +74,24 @@ std::vector<Extreme> best_apart(const Survey& survey, std::vector<Extreme> poses
 
 /// What is looked for over a survey: the largest `value`, from the best points of the grid and the best of its tips.
 struct Search {
-  std::vector<Extreme> points, tips;
+  std::vector<Seen> points, tips;
   bool turn = false;
-  PoseValue value;
+  SeenValue value;
 };
 
 /// The best of all climbs, the same for any number of threads. Value -infinity where nothing is finite.
-Extreme best_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Search& search) {
+Seen best_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Search& search) {
   const std::size_t most = survey.orientations.size() == 1 ? 4 : 2;  // of each kind: many directions cost as much
-  std::vector<Extreme> starts = best_apart(survey, search.points, most);
-  for (Extreme& tip : best_apart(survey, search.tips, most)) starts.push_back(std::move(tip));
-  std::vector<Extreme> ends(starts.size());
+  std::vector<Seen> starts = best_apart(survey, search.points, most);
+  for (const Seen& tip : best_apart(survey, search.tips, most)) starts.push_back(tip);
+  std::vector<Seen> ends(starts.size());
   // Not to be stopped half way: a command asks for it between its longer works.
   for_each_in_rounds(
       starts.size(), {options.workspace.threads, {}, {}},
       [&](std::size_t i) { ends[i] = climb(machine, survey, options, starts[i], search.turn, search.value); }, 1);
-  Extreme best{{}, -std::numeric_limits<double>::infinity()};
-  for (const Extreme& end : ends)
+  Seen best;
+  best.value = -std::numeric_limits<double>::infinity();
+  for (const Seen& end : ends)
     if (best.value == -std::numeric_limits<double>::infinity() || better(end.value, best.value)) best = end;
   return best;
 }
@@ -103,23 +106,28 @@ std::optional<double> at_singular(const AnyMachine& machine, const Survey& surve
 }
 
 /// The largest (sign 1) or least mean over the directions.
-Extreme mean_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
-                  const Quantity& quantity, const Anywhere& anywhere, std::size_t number, double sign) {
+Seen mean_seen(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Quantity& quantity,
+               const Anywhere& anywhere, std::size_t number, double sign) {
   Search search;
-  search.value = [&](const Pose& X) { return sign * anywhere.at_point(X.p).mean[number]; };
+  search.value = [&](const Mat3&, const Vec3& p) { return sign * anywhere.at_point(p).mean[number]; };
   const Mat3& R = survey.orientations[0];
   for (std::size_t i = 0; i < quantity.mean.size(); ++i)
-    search.points.push_back({{R, survey.grid.at(survey.inside[i])}, sign * quantity.mean[i]});
-  for (const Vec3& p : survey.tips) search.tips.push_back({{R, p}, search.value({R, p})});
-  Extreme out = best_of(machine, survey, options, search);
+    search.points.push_back({R, survey.grid.at(survey.inside[i]), sign * quantity.mean[i]});
+  for (const Vec3& p : survey.tips) search.tips.push_back({R, p, search.value(R, p)});
+  Seen out = best_of(machine, survey, options, search);
   out.value *= sign;
   return out;
 }
 
 }  // namespace
 
-Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Extreme& start,
-              bool turn, const PoseValue& value) {
+Vec3 units_of(const Survey& survey) {
+  if (survey.task.places()) return Vec3::Ones();
+  return {survey.grid.step[0].norm(), survey.grid.step[1].norm(), survey.grid.step[2].norm()};
+}
+
+Seen climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options, const Seen& start, bool turn,
+           const SeenValue& value) {
   constexpr double kFirst = 0.5, kLongest = 2, kFinest = 1e-3;
   // Each step of a mean asks all directions: fewer steps where there are many.
   const bool one = survey.orientations.size() == 1;
@@ -129,7 +137,8 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   const Turned turned(options.workspace.directions);
   const int axes = turn && !turned.fixed() ? 5 : 3;
   Random random(1);
-  Extreme best = start;
+  const Vec3 unit = units_of(survey);
+  Seen best = start;
   int asked = 0;
   const auto inside = [&](const Vec3& p) {
     return workspace::reaches_samples(machine, options.workspace, survey.orientations, p);
@@ -138,21 +147,22 @@ Extreme climb(const AnyMachine& machine, const Survey& survey, const SurveyOptio
   const Vec3 middle = survey.grid.at(survey.inside[survey.inside.size() / 2]);
   const auto pulled_back = [&](Vec3& p) {
     const int halvings = one || turn ? 12 : 3;
-    const Vec3 pull = (p - best.X_MT.p).norm() * (middle - p).normalized();
+    const Vec3 pull =
+        (p - best.p).cwiseQuotient(unit).norm() * (middle - p).cwiseQuotient(unit).normalized().cwiseProduct(unit);
     double out = 0, in = 1;
     if (!inside(p + pull)) return false;
     for (int k = 0; k < halvings; ++k) (inside(p + 0.5 * (out + in) * pull) ? in : out) = 0.5 * (out + in);
-    p = in_box(options, p + in * pull);
+    p = in_box(survey, p + in * pull);
     return inside(p);
   };
   const auto gains = [&](const Step& step) {
     ++asked;
-    Extreme next = best;
-    for (int k = 0; k < 3; ++k) next.X_MT.p += step[k] * survey.grid.step[static_cast<std::size_t>(k)];
-    next.X_MT.p = in_box(options, next.X_MT.p);
-    if (!inside(next.X_MT.p) && !pulled_back(next.X_MT.p)) return false;
-    if (axes == 5) next.X_MT.R = turned.moved(best.X_MT.R, step.tail<2>());
-    next.value = value(next.X_MT);
+    Seen next = best;
+    for (int k = 0; k < 3; ++k) next.p += step[k] * survey.grid.step[static_cast<std::size_t>(k)];
+    next.p = in_box(survey, next.p);
+    if (!inside(next.p) && !pulled_back(next.p)) return false;
+    if (axes == 5) next.R = turned.moved(best.R, step.tail<2>());
+    next.value = value(next.R, next.p);
     if (!better(next.value, best.value)) return false;
     best = next;
     return true;
@@ -189,17 +199,18 @@ std::vector<Vec3> tips_of(const AnyMachine& machine, const Survey& survey, const
       for (int k = -1; k <= 1; ++k)
         if (survey.orientations.size() == 1 ? i != 0 || j != 0 || k != 0 : (i + j + k) % 2 != 0)
           out.push_back(Vec3(i, j, k).normalized());
+  const Vec3 unit = units_of(survey);
   for_each_in_rounds(
       out.size(), {options.workspace.threads, {}, {}},
       [&](std::size_t n) {
-        const Vec3 along = out[n];
-        Extreme start{{survey.orientations[0], survey.grid.at(survey.inside[0])}, 0};
+        const Vec3 along = out[n].cwiseQuotient(unit);
+        Seen start{survey.orientations[0], survey.grid.at(survey.inside[0]), 0};
         for (const std::size_t i : survey.inside)
-          if (along.dot(survey.grid.at(i) - start.X_MT.p) > 0) start.X_MT.p = survey.grid.at(i);
+          if (along.dot(survey.grid.at(i) - start.p) > 0) start.p = survey.grid.at(i);
         // Counted from the start: steps far from the origin of M must not drown in it.
-        const Vec3 from = start.X_MT.p;
-        const PoseValue farther = [&](const Pose& X) { return along.dot(X.p - from); };
-        out[n] = climb(machine, survey, options, start, false, farther).X_MT.p;
+        const Vec3 from = start.p;
+        const SeenValue farther = [&](const Mat3&, const Vec3& p) { return along.dot(p - from); };
+        out[n] = climb(machine, survey, options, start, false, farther).p;
       },
       1);
   return out;
@@ -215,12 +226,12 @@ Statistics statistics_seen(const AnyMachine& machine, const Survey& survey, cons
     if (const auto singular = at_singular(machine, survey, anywhere, number);
         singular && survey.orientations.size() == 1 && better(sign * *singular, sign * extreme)) {
       extreme = *singular;
-      at = survey.singular->p;
+      at = workspace::point_of(survey.task, *survey.singular);
       continue;
     }
-    const Extreme found = mean_seen(machine, survey, options, quantity, anywhere, number, sign);
+    const Seen found = mean_seen(machine, survey, options, quantity, anywhere, number, sign);
     extreme = found.value;
-    at = found.X_MT.p;
+    at = found.p;
   }
   return out;
 }
@@ -233,27 +244,31 @@ Extreme worst_seen(const AnyMachine& machine, const Survey& survey, const Survey
     const auto i = static_cast<std::size_t>(beyond - quantity.worst.begin());
     return {pose_at(survey, i, quantity.worst_direction[i]), *beyond};
   }
-  const auto or_singular = [&](const Extreme& found) {
+  const auto or_singular = [&](const Seen& found) {
     const auto value = at_singular(machine, survey, anywhere, number);
-    return value && better(sign * *value, sign * found.value) ? Extreme{*survey.singular, *value} : found;
+    return value && better(sign * *value, sign * found.value)
+               ? Extreme{*survey.singular, *value}
+               : Extreme{workspace::pose_at(survey.task, found.R, found.p), found.value};
   };
   // Of one direction the mean and the worst are the same quantity, and so the same search.
   if (survey.orientations.size() == 1)
     return or_singular(mean_seen(machine, survey, options, quantity, anywhere, number, sign));
   Search search;
   search.turn = true;
-  search.value = [&](const Pose& X) {
+  search.value = [&](const Mat3& R, const Vec3& p) {
+    const Pose X = workspace::pose_at(survey.task, R, p);
     const auto q = joints_at(machine, X);
     return q ? sign * anywhere.at_pose(X, *q)[number] : std::numeric_limits<double>::quiet_NaN();
   };
   for (std::size_t i = 0; i < quantity.worst.size(); ++i)
-    search.points.push_back({pose_at(survey, i, quantity.worst_direction[i]), sign * quantity.worst[i]});
+    search.points.push_back({survey.orientations[static_cast<std::size_t>(quantity.worst_direction[i])],
+                             survey.grid.at(survey.inside[i]), sign * quantity.worst[i]});
   for (const Vec3& p : survey.tips) {
     const PointValues there = anywhere.at_point(p);
     const Mat3& R = survey.orientations[static_cast<std::size_t>(there.worst_direction[number])];
-    search.tips.push_back({{R, p}, search.value({R, p})});
+    search.tips.push_back({R, p, search.value(R, p)});
   }
-  Extreme best = best_of(machine, survey, options, search);
+  Seen best = best_of(machine, survey, options, search);
   best.value *= sign;
   return or_singular(best);
 }

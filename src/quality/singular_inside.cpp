@@ -6,6 +6,7 @@
 
 #include "polypod/core/parallel.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -31,17 +32,18 @@ class HoldAtTask {
 
 /// The singular pose between two points of one orientation whose determinants have other signs.
 std::optional<Pose> bisected(const AnyMachine& machine, const HoldAtTask& hold, const SurveyOptions& options,
-                             const Mat3& R, Vec3 a, Vec3 b, double sign_at_a) {
+                             const machine::Task& task, const Mat3& R, Vec3 a, Vec3 b, double sign_at_a) {
   constexpr int kHalvings = 60;
   for (int k = 0; k < kHalvings; ++k) {
-    const Pose middle{R, 0.5 * (a + b)};
-    if (!workspace::reaches_samples(machine, options.workspace, {R}, middle.p)) return {};
+    const Vec3 between = 0.5 * (a + b);
+    if (!workspace::reaches_samples(machine, options.workspace, {R}, between)) return {};
+    const Pose middle = workspace::pose_at(task, R, between);
     const auto here = hold.at(middle);
     if (!here) return {};
     if (here->control < kinematics::kNoHold) return middle;
-    (here->determinant * sign_at_a > 0 ? a : b) = middle.p;
+    (here->determinant * sign_at_a > 0 ? a : b) = between;
   }
-  const Pose end{R, 0.5 * (a + b)};
+  const Pose end = workspace::pose_at(task, R, 0.5 * (a + b));
   const auto there = hold.at(end);
   return there && there->control < HoldAtTask::kZero ? std::optional(end) : std::nullopt;
 }
@@ -71,7 +73,7 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
   for (std::size_t d = 0; d < directions; ++d) {
     const Mat3& R = survey.orientations[d];
     for_each_in_rounds(points.size(), {options.workspace.threads, {}, {}}, [&](std::size_t n) {
-      const auto here = hold.at({R, survey.grid.at(points[n])});
+      const auto here = hold.at(workspace::pose_at(survey.task, R, survey.grid.at(points[n])));
       determinant[n] = here ? here->determinant : 0.0;
       lost[n] = here && here->control < kinematics::kNoHold;
     });
@@ -82,7 +84,8 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
     }
     if (out.pose) continue;
     if (const auto at = std::find(lost.begin(), lost.end(), true); at != lost.end())
-      out.pose = Pose{R, survey.grid.at(points[static_cast<std::size_t>(at - lost.begin())])};
+      out.pose =
+          workspace::pose_at(survey.task, R, survey.grid.at(points[static_cast<std::size_t>(at - lost.begin())]));
     for (std::size_t n = 0; n < points.size() && !out.pose; ++n) {
       for (std::size_t k = 0; k < 3 && !out.pose; ++k) {
         const std::size_t along = points[n] / stride[k] % static_cast<std::size_t>(count[k]);
@@ -91,7 +94,8 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
         const auto at = std::lower_bound(points.begin(), points.end(), next);
         if (at == points.end() || *at != next) continue;
         if (!(determinant[n] * determinant[static_cast<std::size_t>(at - points.begin())] < 0)) continue;
-        out.pose = bisected(machine, hold, options, R, survey.grid.at(points[n]), survey.grid.at(next), determinant[n]);
+        out.pose = bisected(machine, hold, options, survey.task, R, survey.grid.at(points[n]), survey.grid.at(next),
+                            determinant[n]);
       }
     }
   }

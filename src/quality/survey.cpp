@@ -18,6 +18,7 @@
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/workspace/task_directions.hpp"
 #include "singular_inside.hpp"
 
@@ -80,28 +81,29 @@ class Directions {
 /// Asks pose by pose; one whose joints are not found does not count.
 std::function<PointValues(const Vec3&)> pose_by_pose(const AnyMachine& machine, const Survey& survey,
                                                      const Anywhere& anywhere) {
-  return
-      [joints = joint_finder(machine), orientations = survey.orientations, at_pose = anywhere.at_pose](const Vec3& p) {
-        Directions all(false);
-        for (std::size_t d = 0; d < orientations.size(); ++d) {
-          const Pose X{orientations[d], p};
-          if (const auto q = joints(X)) all.put(d, at_pose(X, *q));
-        }
-        return all.answer();
-      };
+  return [joints = joint_finder(machine), task = survey.task, orientations = survey.orientations,
+          at_pose = anywhere.at_pose](const Vec3& p) {
+    Directions all(false);
+    for (std::size_t d = 0; d < orientations.size(); ++d) {
+      const Pose X = workspace::pose_at(task, orientations[d], p);
+      if (const auto q = joints(X)) all.put(d, at_pose(X, *q));
+    }
+    return all.answer();
+  };
 }
 
 /// Condition, sigma_min and |det| of some poses at a time.
 std::function<PointValues(const Vec3&)> dexterity_by_poses(const AnyMachine& machine, const Survey& survey,
                                                            double length) {
-  return [&machine, length, joints = joint_finder(machine), orientations = survey.orientations](const Vec3& p) {
+  return [&machine, length, joints = joint_finder(machine), task = survey.task,
+          orientations = survey.orientations](const Vec3& p) {
     Directions all(true);
     std::array<kinematics::RateMatrix, kLanes> rates;
     std::array<std::size_t, kLanes> direction{};
     std::array<std::array<double, 3>, kLanes> values{};
     std::size_t waiting = 0;
     for (std::size_t d = 0; d < orientations.size(); ++d) {
-      const Pose X{orientations[d], p};
+      const Pose X = workspace::pose_at(task, orientations[d], p);
       if (const auto q = joints(X)) {
         rates[waiting] = kinematics::rate_matrix(machine, X, *q, length);
         direction[waiting++] = d;
@@ -126,8 +128,7 @@ std::function<PointValues(const Vec3&)> by_kernel(LegKernel kernel, LegQuestion 
 class Limits {
  public:
   Limits(const AnyMachine& machine, const Survey& survey, const std::vector<Sized>& sizes) {
-    const workspace::Grid& grid = survey.grid;
-    const double length = (grid.at(grid.size() - 1) - grid.at(0)).norm() + grid.at(0).norm();
+    const double length = size_of(machine, survey);
     const std::vector<Element> all = elements(machine);
     double total = 0;
     for (const Sized& s : sizes)
@@ -157,6 +158,14 @@ class Limits {
   }
 
  private:
+  /// How far the machine reaches, about, m.
+  static double size_of(const AnyMachine& machine, const Survey& survey) {
+    const workspace::Grid& grid = survey.grid;
+    if (survey.task.places()) return (grid.at(grid.size() - 1) - grid.at(0)).norm() + grid.at(0).norm();
+    const machine::Reach reach = kinematics::reach(machine);
+    return (reach.high - reach.low).norm() + reach.low.norm();
+  }
+
   std::array<double, 2> most_{};
 };
 
@@ -195,35 +204,39 @@ std::optional<JointVector> joints_at(const AnyMachine& machine, const Pose& X) {
 }
 
 Pose pose_at(const Survey& survey, std::size_t point, int direction) {
-  return {survey.orientations[static_cast<std::size_t>(direction)], survey.grid.at(survey.inside[point])};
+  return workspace::pose_at(survey.task, survey.orientations[static_cast<std::size_t>(direction)],
+                            survey.grid.at(survey.inside[point]));
 }
 
 Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   Survey out;
   out.orientations = workspace::sampled_orientations(options.workspace.directions);
-  const machine::Task task = kinematics::task(machine);
-  if (task.places()) POLYPOD_TRY(workspace::held_by(task, machine::name_of(machine), options.workspace.directions));
+  const machine::Task task = out.task = kinematics::task(machine);
+  POLYPOD_TRY(workspace::held_by(task, machine::name_of(machine), options.workspace.directions));
   if (!task.turns()) out.orientations = {Mat3::Identity()};
+  out.box = options.box;
   if (options.box) {
     const auto& [low, high] = *options.box;
     if (options.resolution < 2 || options.resolution > 512) {
       return fail("WS130", fmt::format("a resolution of {} points must be 2 to 512", options.resolution));
     }
-    const double spacing = (high - low).maxCoeff() / (options.resolution - 1);
-    if (!((high - low).minCoeff() >= 0 && spacing > 0)) return fail("WS130", "the box is empty");
+    const Vec3 spacing = workspace::spacing_of(high - low, options.resolution, task);
+    if (!((high - low).minCoeff() >= 0 && spacing.maxCoeff() > 0)) return fail("WS130", "the box is empty");
     out.grid.origin = low;
     for (int k = 0; k < 3; ++k) {
-      const int steps = static_cast<int>(std::ceil((high[k] - low[k]) / spacing - 1e-9));
+      const int steps = spacing[k] > 0 ? static_cast<int>(std::ceil((high[k] - low[k]) / spacing[k] - 1e-9)) : 0;
+      const double step = steps > 0 ? (high[k] - low[k]) / steps : spacing.maxCoeff();
       out.grid.points[static_cast<std::size_t>(k)] = steps + 1;
-      out.grid.step[static_cast<std::size_t>(k)] = (steps > 0 ? (high[k] - low[k]) / steps : spacing) * Vec3::Unit(k);
+      out.grid.step[static_cast<std::size_t>(k)] = step * Vec3::Unit(k);
     }
   } else {
     POLYPOD_ASSIGN(box, workspace::extent(machine, options.workspace, false));
     if (box.empty()) {
       return fail("QU110", "no point is reachable from all required directions", {}, "ask for less tilt");
     }
-    POLYPOD_ASSIGN(grid, workspace::grid_over(box.low, box.high, options.resolution));
+    POLYPOD_ASSIGN(grid, workspace::grid_over(box.low, box.high, options.resolution, task));
     out.grid = grid;
+    if (!task.places()) out.box = {box.low, box.high};
   }
   POLYPOD_ASSIGN(inside, workspace::points_inside(machine, options.workspace, out.grid));
   out.inside = std::move(inside.points);

@@ -4,6 +4,7 @@
 #include "polypod/core/random.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::workspace {
 
@@ -30,10 +31,10 @@ BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options
   const kinematics::HoldAnywhere hold(machine);
   Random random(1);
   for (std::size_t draw = 0; draw < kDraws && out.points < kPoints; ++draw) {
-    Vec3 p;  // or the three coordinates of the task
+    Vec3 p;
     for (int k = 0; k < 3; ++k) p[k] = random.uniform(volume.min[k], volume.max[k]);
     if (places && !reaches_samples(machine, options, orientations, p)) continue;
-    const Pose target = places ? Pose{orientations.front(), p} : kinematics::pose_of(task, {p.x(), p.y(), p.z()});
+    const Pose target = pose_at(task, orientations.front(), p);
     const kinematics::InverseResult found = kinematics::inverse(machine, target);
     const kinematics::Solution* reached = places ? &found.solutions.front() : found.reachable();
     if (reached == nullptr) continue;

@@ -10,6 +10,7 @@
 #include "margin.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::workspace {
 namespace {
@@ -28,31 +29,41 @@ Vec3 Grid::at(std::size_t index) const {
   return at(static_cast<int>(index % nx), static_cast<int>(index / nx % ny), static_cast<int>(index / (nx * ny)));
 }
 
-Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution) {
+Vec3 spacing_of(const Vec3& size, int resolution, const machine::Task& task) {
+  if (task.places()) return Vec3::Constant(size.maxCoeff() / (resolution - 1));
+  return size / (resolution - 1);
+}
+
+Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution, const machine::Task& task) {
   POLYPOD_TRY(check_resolution(resolution));
-  if (!((high - low).maxCoeff() > 0)) return fail("WS130", "the box of the grid is empty");
-  const double spacing = (high - low).maxCoeff() / (resolution - 1);
+  const Vec3 spacing = spacing_of(high - low, resolution, task);
+  if (!(spacing.minCoeff() > 0)) return fail("WS130", "the box of the grid is empty");
   Grid grid;
   for (int k = 0; k < 3; ++k) {
-    const int steps = static_cast<int>(std::ceil((high[k] - low[k]) / spacing + 2 * kBeyond - 1e-9));
+    const int steps = static_cast<int>(std::ceil((high[k] - low[k]) / spacing[k] + 2 * kBeyond - 1e-9));
     grid.points[static_cast<std::size_t>(k)] = steps + 1;
-    grid.step[static_cast<std::size_t>(k)] = spacing * Vec3::Unit(k);
-    grid.origin[k] = 0.5 * (low[k] + high[k] - steps * spacing);
+    grid.step[static_cast<std::size_t>(k)] = spacing[k] * Vec3::Unit(k);
+    grid.origin[k] = 0.5 * (low[k] + high[k] - steps * spacing[k]);
   }
   return grid;
 }
 
-Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int resolution) {
+Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int resolution, const machine::Task& task) {
   POLYPOD_TRY(check_resolution(resolution));
   const double length = plane.normal.norm();
   if (!(length > 1e-12) || !std::isfinite(length) || !plane.point.allFinite()) {
     return fail("WS132", "the plane has no normal", {}, "give a normal that is not 0");
   }
+  const bool slanting = plane.normal.cwiseAbs().maxCoeff() < (1 - 1e-12) * length;
+  if (slanting && !task.places()) {
+    return fail("WS132", "lengths and angles have no slanting plane", {}, "give a plane of two of the coordinates");
+  }
   const Vec3 n = plane.normal / length;
   // Axes of M where the plane holds two of them, else a horizontal axis and the one that rises.
   Vec3 u, v;
   Eigen::Index along = 0;
-  if (n.cwiseAbs().maxCoeff(&along) > 1 - 1e-12) {
+  n.cwiseAbs().maxCoeff(&along);
+  if (!slanting) {
     u = Vec3::Unit(along == 0 ? 1 : 0);
     v = Vec3::Unit(along == 2 ? 1 : 2);
   } else {
@@ -83,27 +94,36 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
   }
   const double longest = std::max(u_high - u_low, v_high - v_low);
   if (!(longest > 1e-9)) {
-    return fail(
-        "WS132",
-        fmt::format("the plane through {:g}, {:g}, {:g} mm misses the workspace, which lies in x {:.1f} .. {:.1f}, "
-                    "y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm",
-                    units::to_mm(plane.point.x()), units::to_mm(plane.point.y()), units::to_mm(plane.point.z()),
-                    units::to_mm(low.x()), units::to_mm(high.x()), units::to_mm(low.y()), units::to_mm(high.y()),
-                    units::to_mm(low.z()), units::to_mm(high.z())),
-        {}, "move the plane");
+    std::string at, box;
+    for (int k = 0; k < 3; ++k) {
+      const bool angle = !task.places() && task.is_angle(k);
+      const char* unit = angle ? "deg" : "mm";
+      const auto shown = [&](double x) { return units::to_user(x, unit); };
+      const char* between = k == 0 ? "" : ", ";
+      const std::string own = !task.places() || k == 2 ? fmt::format(" {}", unit) : "";  // lengths have one in all
+      at += fmt::format("{}{:g}{}", between, shown(plane.point[k]), own);
+      box += fmt::format("{}{} {:.1f} .. {:.1f}{}", between, machine::name_of(task[k]), shown(low[k]), shown(high[k]),
+                         own);
+    }
+    return fail("WS132", fmt::format("the plane through {} misses the workspace, which lies in {}", at, box), {},
+                "move the plane");
   }
-  const double spacing = longest / (resolution - 1);
-  const auto steps = [&](double extent) { return static_cast<int>(std::ceil(extent / spacing + 2 * kBeyond - 1e-9)); };
   Grid grid;
-  const int nu = steps(u_high - u_low), nv = steps(v_high - v_low);
+  const Vec3 spacing = spacing_of(Vec3(u_high - u_low, v_high - v_low, 0), resolution, task);
+  const auto steps = [&](double extent, double of) {
+    return static_cast<int>(std::ceil(extent / of + 2 * kBeyond - 1e-9));
+  };
+  const int nu = steps(u_high - u_low, spacing[0]), nv = steps(v_high - v_low, spacing[1]);
   grid.points = {nu + 1, nv + 1, 1};
-  grid.step = {spacing * u, spacing * v, spacing * n};
-  grid.origin = plane.point + 0.5 * (u_low + u_high - nu * spacing) * u + 0.5 * (v_low + v_high - nv * spacing) * v;
+  grid.step = {spacing[0] * u, spacing[1] * v, longest / (resolution - 1) * n};
+  grid.origin =
+      plane.point + 0.5 * (u_low + u_high - nu * spacing[0]) * u + 0.5 * (v_low + v_high - nv * spacing[1]) * v;
   return grid;
 }
 
 std::string limit_label(const AnyMachine& machine, int limit) {
   if (limit == kNearSingular) return "near a singular pose";
+  if (limit == kFarFromHome) return "more than a quarter turn from home";
   return limit == kOutOfReach ? "out of reach" : kinematics::limit_name(machine, limit);
 }
 
@@ -138,7 +158,8 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
   }
   if (grid.size() > kMostPoints) return fail("WS130", fmt::format("{} points are more than 2e8", grid.size()));
   constexpr std::size_t kMargin = sizeof(double) + sizeof(int), kTilt = 2 * sizeof(double) + sizeof(int);
-  const std::size_t bytes = grid.size() * (kMargin + (field_options.tilt ? kTilt : 0));
+  const bool tilt = field_options.tilt && tilts(kinematics::task(machine));
+  const std::size_t bytes = grid.size() * (kMargin + (tilt ? kTilt : 0));
   if (options.max_memory > 0 && bytes > options.max_memory) {
     return fail("WS133",
                 fmt::format("a grid of {} x {} x {} points takes {:.0f} MB, more than the {:.0f} MB of --max-memory",
@@ -151,7 +172,7 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
   out.grid = grid;
   out.margin.resize(grid.size());
   out.limit.resize(grid.size());
-  if (field_options.tilt) {
+  if (tilt) {
     out.tilt.resize(grid.size());
     out.tilt_limit.resize(grid.size());
     out.upright.resize(grid.size());
@@ -163,10 +184,10 @@ Result<Field> field(const AnyMachine& machine, const Options& options, const Gri
         const Margin margin = judge->margin(p);
         out.margin[i] = margin.value;
         out.limit[i] = margin.limit;
-        if (!field_options.tilt) return;
-        const Margin tilt = judge->tilt(p);
-        out.tilt[i] = tilt.value;
-        out.tilt_limit[i] = tilt.limit;
+        if (!tilt) return;
+        const Margin most = judge->tilt(p);
+        out.tilt[i] = most.value;
+        out.tilt_limit[i] = most.limit;
         out.upright[i] = judge->upright(p).value;
       },
       field_options.progress));
@@ -195,6 +216,7 @@ Result<Extent> extent(const AnyMachine& machine, const Options& options, bool up
   constexpr std::int64_t kMostCells = 100'000, kFewCells = 3000;
   const Directions& all = options.directions;
   POLYPOD_ASSIGN(one, box_of({0, middle(all.a_range), middle(all.b_range)}, kTolerance, kMostCells));
+  if (!kinematics::task(machine).places()) return one;  // its directions are coordinates
   Extent out;
   if (!one.empty()) {
     POLYPOD_ASSIGN(rough, box_of(all, kTolerance, kFewCells));
@@ -317,9 +339,10 @@ Result<Section> section(const AnyMachine& machine, const Options& options, const
   if (box.empty()) {
     return fail("WS131", "nothing is reachable with R = 1, nor from all required directions: there is nothing to show");
   }
-  POLYPOD_ASSIGN(grid, grid_on(plane, box.low, box.high, resolution));
   Section out;
+  out.task = kinematics::task(machine);
   out.plane = plane;
+  POLYPOD_ASSIGN(grid, grid_on(plane, box.low, box.high, resolution, out.task));
   POLYPOD_ASSIGN(values, field(machine, options, grid, field_options));
   out.field = std::move(values);
   out.border = border_of(out.field, *judge);

@@ -12,6 +12,7 @@
 #include "family_judges.hpp"
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::workspace {
 namespace {
@@ -163,10 +164,12 @@ Directed required(const Directions& directions, int azimuths) {
 template <class Family>
 class JudgeOf final : public PointJudge {
  public:
-  JudgeOf(Family family, const Options& options, const FieldOptions& field_options)
+  JudgeOf(Family family, const AnyMachine& machine, const Options& options, const FieldOptions& field_options)
       : family_(std::move(family)),
+        task_(kinematics::task(machine)),
         required_(required(options.directions, field_options.azimuths)),
         tilt_max_(field_options.tilt_max) {
+    if (!task_.places()) home_ = point_of(task_, kinematics::home_pose(machine).value_or(Pose{}));
     upright_.R.push_back(Mat3::Identity());
     upright_.lines.push_back({});
     const int steps = static_cast<int>(std::ceil(tilt_max_ / kTiltStep - 1e-9));
@@ -175,9 +178,9 @@ class JudgeOf final : public PointJudge {
     }
   }
 
-  [[nodiscard]] Margin margin(const Vec3& p) const override { return over(required_, p); }
+  [[nodiscard]] Margin margin(const Vec3& p) const override { return near_home(over(required_, p), p); }
 
-  [[nodiscard]] Margin upright(const Vec3& p) const override { return over(upright_, p); }
+  [[nodiscard]] Margin upright(const Vec3& p) const override { return near_home(over(upright_, p), p); }
 
   [[nodiscard]] Margin tilt(const Vec3& p) const override {
     Margin below = over(upright_, p);
@@ -217,6 +220,15 @@ class JudgeOf final : public PointJudge {
   }
 
  private:
+  /// Angles that are coordinates end at kFromHome, a rad counting as a metre.
+  [[nodiscard]] Margin near_home(Margin out, const Vec3& p) const {
+    for (int k = 0; k < 3 && !task_.places(); ++k) {
+      const double room = kFromHome - std::abs(p[k] - home_[k]);
+      if (task_.is_angle(k) && room < out.value) out = {room, kFarFromHome};
+    }
+    return out;
+  }
+
   static constexpr double kTiltStep = units::from_deg(5);
   static double from_circle(std::size_t k) { return static_cast<double>(k) * kTiltStep; }
   static constexpr double kTiltShare = 1e-3;  // 0.005 deg: far below what a picture shows
@@ -237,7 +249,8 @@ class JudgeOf final : public PointJudge {
   [[nodiscard]] Margin over_these(const Directed& directed, const Vec3& p) const {
     const std::size_t n = family_.slots.size(), row = n * Family::kBranches;
     std::vector<double> values(directed.R.size() * row);
-    for (std::size_t d = 0; d < directed.R.size(); ++d) family_.values(Pose{directed.R[d], p}, &values[d * row]);
+    for (std::size_t d = 0; d < directed.R.size(); ++d)
+      family_.values(pose_at(task_, directed.R[d], p), &values[d * row]);
     Margin best{-std::numeric_limits<double>::infinity(), -1};
     double best_sampled = best.value;
     for (std::size_t b = 0; b < Family::kBranches; ++b) {
@@ -272,6 +285,8 @@ class JudgeOf final : public PointJudge {
   }
 
   Family family_;
+  machine::Task task_;
+  Vec3 home_ = Vec3::Zero();  ///< of a task without x, y, z
   Directed required_, upright_;
   std::vector<Directed> circles_;
   double tilt_max_;
@@ -288,15 +303,7 @@ Result<std::unique_ptr<PointJudge>> judge_of(const AnyMachine& machine, const Op
     return fail("WS130", fmt::format("the largest tilt to look for, {:g} deg, must be above 0 and below 90",
                                      units::to_deg(field_options.tilt_max)));
   }
-  if (!kinematics::task(machine).places()) {
-    return fail("WS107",
-                fmt::format("{} does not hold x, y, z in its task: there is no field over positions",
-                            machine::name_of(machine)),
-                {},
-                kinematics::task(machine).size() == 3
-                    ? "`polypod workspace` measures machines of legs in the coordinates of their task"
-                    : "ask for single poses: ik, fk, jacobian, singularities, compliance, errors --pose");
-  }
+  POLYPOD_TRY(held_by(kinematics::task(machine), machine::name_of(machine), options.directions));
   // What is wrong with directions or machine, volume() says before its first box.
   Options probe = options;
   probe.relative_tolerance = 1;
@@ -315,10 +322,10 @@ std::unique_ptr<PointJudge> judge_unchecked(const AnyMachine& machine, const Opt
         if constexpr (requires { pose_judge(m, options); }) {
           if (auto own = pose_judge(m, options)) {
             using Own = std::remove_cvref_t<decltype(*own)>;
-            return std::make_unique<JudgeOf<Own>>(std::move(*own), options, field_options);
+            return std::make_unique<JudgeOf<Own>>(std::move(*own), machine, options, field_options);
           }
         }
-        return std::make_unique<JudgeOf<SearchJudge<M>>>(SearchJudge<M>(m, options), options, field_options);
+        return std::make_unique<JudgeOf<SearchJudge<M>>>(SearchJudge<M>(m, options), machine, options, field_options);
       },
       machine);
 }

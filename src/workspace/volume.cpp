@@ -50,8 +50,7 @@ Status check(const AnyMachine& machine, const Options& options) {
                                        units::to_deg(low), units::to_deg(high)));
     }
   }
-  const machine::Task task = kinematics::task(machine);
-  if (task.places()) POLYPOD_TRY(held_by(task, machine::name_of(machine), d));
+  POLYPOD_TRY(held_by(kinematics::task(machine), machine::name_of(machine), d));
   if (!(options.relative_tolerance >= 1e-6 && options.relative_tolerance <= 1)) {
     return fail("WS101", fmt::format("the relative tolerance {:g} must be 1e-6 to 1", options.relative_tolerance));
   }
@@ -246,8 +245,9 @@ LimitBits checked_limits(const AnyMachine& machine, const Options& options) {
 bool reaches_samples(const AnyMachine& machine, const Options& options, const std::vector<Mat3>& orientations,
                      const Vec3& p) {
   const LimitBits heeded = checked_limits(machine, options);
+  const machine::Task task = kinematics::task(machine);
   return std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
-    const auto result = kinematics::inverse(machine, Pose{R, p});
+    const auto result = kinematics::inverse(machine, pose_at(task, R, p));
     // Only the first choice of a slider counts, as the source takes it; any posture of a chain.
     if (kinematics::takes_any_posture(machine)) {
       return std::any_of(result.solutions.begin(), result.solutions.end(),

@@ -19,6 +19,7 @@
 #include "polypod/quality/budget.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "polypod/quality/tolerance_design.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -510,6 +511,75 @@ TEST(Budget, RowsFromClosedForms) {
   const auto arm = budget(lola, Y, *joints, warm);
   const Vec3 base = std::get<machine::SerialArm>(lola).X_MB.p;
   EXPECT_NEAR(arm->accuracy, 60e-6 * (Y.p - base).norm(), 1e-12);
+}
+
+/// A task without x, y, z is surveyed over its own coordinates: every point and every extreme is a pose that the
+/// inverse reaches, and the figures there are those of the pose.
+TEST(Survey, TasksWithoutPositionsAreOverTheirCoordinates) {
+  for (const char* name : {"planar-3rrr", "tripod-z3"}) {
+    const AnyMachine m = load(name);
+    const machine::Task task = kinematics::task(m);
+    SurveyOptions options;
+    options.resolution = 8;
+    const auto s = survey(m, options);
+    ASSERT_TRUE(s) << to_string(s.error());
+    EXPECT_EQ(s->orientations.size(), 1U);
+    const auto field = dexterity_field(m, *s, options);
+    ASSERT_TRUE(field);
+    const Vec3 home = workspace::point_of(task, *kinematics::home_pose(m));
+    for (std::size_t i = 0; i < s->inside.size(); ++i) {
+      const Vec3 p = s->grid.at(s->inside[i]);
+      const Pose X = pose_at(*s, i, 0);
+      const auto coordinates = kinematics::coordinates_of(task, X);
+      for (int k = 0; k < 3; ++k) {
+        EXPECT_NEAR(coordinates[static_cast<std::size_t>(k)], p[k], 1e-9);
+        if (task.is_angle(k)) {
+          EXPECT_LE(std::abs(p[k] - home[k]), std::numbers::pi / 2 + 1e-9);
+        }
+      }
+      const auto result = kinematics::inverse(m, X);
+      ASSERT_NE(result.reachable(), nullptr) << name << " " << p.transpose();
+      const auto d = kinematics::dexterity(m, X, *joints_at(m, X));
+      EXPECT_NEAR(field->condition.mean[i] / d.condition, 1, 1e-6);
+    }
+    // Searches stay in the workspace, and find no less than the points.
+    const Statistics grid = statistics(*s, field->sigma_min.mean);
+    const Statistics seen = statistics_seen(m, *s, options, field->sigma_min, field->anywhere, 1);
+    EXPECT_LE(seen.min, grid.min);
+    EXPECT_GE(seen.max, grid.max);
+    for (const Vec3& at : {seen.min_at, seen.max_at}) {
+      for (int k = 0; k < 3; ++k)
+        if (task.is_angle(k)) {
+          EXPECT_LE(std::abs(at[k] - home[k]), std::numbers::pi / 2 + 1e-9);
+        }
+      EXPECT_NE(kinematics::inverse(m, workspace::pose_at(task, Mat3::Identity(), at)).reachable(), nullptr);
+    }
+  }
+}
+
+/// Upright and free of limits, the 3-RRR is three cranks: a point is reached where each joint of the platform lies
+/// between the lengths of its crank.
+TEST(Survey, ASectionOfThePlanarMachineIsThatOfItsCranks) {
+  const AnyMachine m = load("planar-3rrr");
+  workspace::Options options;
+  const auto bits = workspace::limit_bits(m, "length");
+  workspace::Plane plane;
+  const auto s = workspace::section(m, options, plane, 60);
+  ASSERT_TRUE(s) << to_string(s.error());
+  EXPECT_EQ(s->task, kinematics::task(m));
+  EXPECT_TRUE(s->field.tilt.empty());
+  (void)bits;
+  // Counted by the inverse on a finer, shifted grid.
+  constexpr int kSteps = 400;
+  constexpr double kHalf = 0.2;
+  int count = 0;
+  for (int i = 0; i < kSteps; ++i)
+    for (int j = 0; j < kSteps; ++j) {
+      const Vec3 p(kHalf * (2 * (i + 0.5) / kSteps - 1), kHalf * (2 * (j + 0.5) / kSteps - 1), 0);
+      count += kinematics::inverse(m, Pose{Mat3::Identity(), p}).reachable() != nullptr ? 1 : 0;
+    }
+  const double counted = count * std::pow(2 * kHalf / kSteps, 2);
+  EXPECT_NEAR(s->area / counted, 1, 2e-3);
 }
 
 }  // namespace

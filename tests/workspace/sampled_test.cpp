@@ -173,7 +173,16 @@ task = ["x", "y", "C"]
 dh = [ { a_mm = 300 }, { a_mm = 250 }, { a_mm = 100 } ]
 )");
   EXPECT_EQ(workspace::volume(planar, {}).error().id, "WS106");
-  EXPECT_EQ(workspace::field(planar, {}, workspace::Grid{}).error().id, "WS107");
+  // A point of such a task is its coordinates. Tool at the base, or 100 mm to the left of it: 600 mm reach 1 m never.
+  workspace::Grid grid;
+  grid.points = {3, 1, 1};
+  grid.step[0] = Vec3(0.5, 0, 0);
+  const auto field = workspace::field(planar, {}, grid);
+  ASSERT_TRUE(field.has_value());
+  EXPECT_GT(field->margin[0], 0);
+  EXPECT_GT(field->margin[1], 0);
+  EXPECT_LT(field->margin[2], 0);
+  EXPECT_TRUE(field->tilt.empty());
   // Fields and surveys ask for the upright tool as ranges of no width.
   const auto box = workspace::extent(test::load("scissors"), {}, true);
   ASSERT_TRUE(box.has_value());

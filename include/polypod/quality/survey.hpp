@@ -17,20 +17,24 @@ namespace polypod::quality {
 struct SurveyOptions {
   workspace::Options workspace;  ///< directions, limits, threads, cancelled
   int resolution = 24;           ///< points along the longest side, 2 to 512
-  /// A box in M instead of the whole workspace; its corners are points of the grid.
+  /// A box of points instead of the whole workspace; its corners are points of the grid.
   std::optional<std::array<Vec3, 2>> box;
   std::function<void(double)> progress;  ///< share of the work
 };
 
-/// Where a machine is looked at.
+/// Where a machine is looked at: points of M and orientations; of a task without x, y, z points of its three
+/// coordinates, m and rad, which say the orientation (workspace::pose_at).
 struct Survey {
+  machine::Task task = machine::Task::pose;
   workspace::Grid grid;
   std::vector<std::size_t> inside;  ///< points of the grid in the workspace, rising
   std::vector<Mat3> orientations;   ///< all of these at each of them (workspace::sampled_orientations)
-  double volume = 0;  ///< m^3: of the workspace to 5 % at least between its bounds, else by counting points; of a box
-                      ///< the share of its points that are reachable
+  double volume = 0;  ///< m^3 (in the coordinates of a task: their units): of the workspace to 5 % at least between its
+                      ///< bounds, else by counting points; of a box the share of its points that are reachable
   double volume_lower = 0, volume_upper = 0;  ///< m^3, its proven bounds; both as `volume` where points were counted
   bool whole_box = true;                      ///< every point of a given box is in the workspace
+  /// What searches between the points do not leave: a given box, or that of the angles of a task without x, y, z.
+  std::optional<std::array<Vec3, 2>> box;
   /// Points of the workspace (and the box) that lie farthest along the axes and diagonals of M, m: where searches for
   /// extremes start beside the grid's points. Seen, not proven.
   std::vector<Vec3> tips;
@@ -52,7 +56,7 @@ struct Quantity {
 /// Over the points of a survey.
 struct Statistics {
   double min = 0, mean = 0, max = 0, stddev = 0;
-  Vec3 min_at = Vec3::Zero(), max_at = Vec3::Zero();  ///< in M, m
+  Vec3 min_at = Vec3::Zero(), max_at = Vec3::Zero();  ///< points
 };
 /// Of one number a point. Values that are not finite count for min and max alone; mean and stddev are no numbers where
 /// there is no finite one.
@@ -72,7 +76,7 @@ struct PointValues {
 };
 /// The quantities of a field, in the order of its members, wherever else one looks. The machine must outlive them.
 struct Anywhere {
-  std::function<PointValues(const Vec3& p)> at_point;  ///< p in M, m; over the survey's directions
+  std::function<PointValues(const Vec3& p)> at_point;  ///< over the survey's directions
   std::function<std::array<double, 3>(const Pose& X_MT, const JointVector& q)> at_pose;
 };
 

@@ -14,8 +14,11 @@ namespace polypod::workspace {
 inline constexpr int kOutOfReach = 64;
 /// Nearer to a singular pose than Options::singular_distance.
 inline constexpr int kNearSingular = 65;
+/// An angle of a task without x, y, z is farther from home than these workspaces go (kFromHome).
+inline constexpr int kFarFromHome = 66;
 
-/// Points origin + i step[0] + j step[1] + k step[2] in M, m; i fastest.
+/// Points origin + i step[0] + j step[1] + k step[2] in M, m, or in the coordinates of a task without x, y, z, m and
+/// rad; i fastest.
 struct Grid {
   Vec3 origin = Vec3::Zero();
   std::array<Vec3, 3> step{Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()};
@@ -34,10 +37,15 @@ struct Grid {
   [[nodiscard]] Vec3 at(std::size_t index) const;
 };
 
-/// A grid of cubes over the box low..high: `resolution` (8 to 512) points along its longest side, and one or two rows
-/// of points beyond each side, so that a workspace inside the box does not touch the boundary of the grid. Errors:
+/// The spacing of a grid over a box of this size: cubes, `resolution` points along its longest side; of a task without
+/// x, y, z, whose points are of lengths and angles, as many along each side.
+Vec3 spacing_of(const Vec3& size, int resolution, const machine::Task& task);
+
+/// A grid over the box low..high of the points of a task (task_directions.hpp), `resolution` 8 to 512, and one or two
+/// rows of points beyond each side, so that a workspace inside the box does not touch the boundary of the grid. Errors:
 /// WS130.
-Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution);
+Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution,
+                       const machine::Task& task = machine::Task::pose);
 
 /// A plane through the box low..high.
 struct Plane {
@@ -45,15 +53,19 @@ struct Plane {
   Vec3 normal = Vec3::UnitZ();  ///< in M, any length but 0
 };
 /// Squares on the plane where it cuts the box, likewise. step[0] and step[1] are M's axes if the plane is parallel to
-/// two of them (y and z, x and z, x and y), otherwise step[0] is horizontal. Errors: WS130, WS132 (no normal, or the
-/// plane misses the box).
-Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int resolution);
+/// two of them (y and z, x and z, x and y), otherwise step[0] is horizontal. Of a task without x, y, z the plane is one
+/// of two of its coordinates, first, second and third in place of x, y, z, and the squares are rectangles. Errors:
+/// WS130, WS132 (no normal, a slanting one of coordinates, or the plane misses the box).
+Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int resolution,
+                     const machine::Task& task = machine::Task::pose);
 
 struct FieldOptions {
   /// Directions that are tried on each circle of tilts, 6 to 360. Between them a parabola finds the least margin of
   /// each limit, so that 24 are good to about 1e-4 of the range that a limit runs through over the circle.
   int azimuths = 24;
-  bool tilt = true;                      ///< fills Field::tilt, tilt_limit and upright, which takes most of the time
+  /// Fills Field::tilt, tilt_limit and upright of machines whose task holds x, y, z, A and B, which takes most of the
+  /// time.
+  bool tilt = true;
   double tilt_max = 1.5;                 ///< rad; the search ends there. Above 0, below pi/2.
   std::function<void(double)> progress;  ///< share of the work, from the calling thread
 };
@@ -112,10 +124,11 @@ using Loop = std::vector<Vec3>;
 
 /// A field on a plane with the boundary of the workspace in it.
 struct Section {
+  machine::Task task = machine::Task::pose;  ///< whose points these are
   Plane plane;
   Field field;
   std::vector<Loop> border;  ///< where the margin is 0; inside lies to the left, seen against step[0] x step[1]
-  double area = 0;           ///< m^2 inside the boundary
+  double area = 0;           ///< m^2 inside the boundary, or in the units of two coordinates
 };
 /// The section of the workspace by a plane, `resolution` points along its longer side. Each vertex of the boundary lies
 /// on the true boundary (a root on an edge of the grid, to 1e-6 of the edge). Errors: those of field() and grid_on(),

@@ -1,18 +1,54 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Which directions a workspace may ask of a task.
+// Which points a workspace has of a task, and which directions it may ask of it.
 #pragma once
 
 #include <fmt/format.h>
 
 #include <array>
+#include <cctype>
+#include <numbers>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "polypod/core/error.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/parts.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::workspace {
+
+/// The pose at a point of a workspace: the tool at `point` of M in the orientation R. Points of a task that does not
+/// hold x, y, z are its three coordinates, m and rad, which say the orientation too.
+inline Pose pose_at(const machine::Task& task, const Mat3& R, const Vec3& point) {
+  return task.places() ? Pose{R, point} : kinematics::pose_of(task, {point.x(), point.y(), point.z()});
+}
+/// The point at which a pose lies.
+inline Vec3 point_of(const machine::Task& task, const Pose& X) {
+  if (task.places()) return X.p;
+  const std::vector<double> c = kinematics::coordinates_of(task, X);
+  return {c[0], c[1], c[2]};
+}
+
+/// How far from home the angles of such points go, rad: a turn more is the same pose.
+inline constexpr double kFromHome = std::numbers::pi / 2;
+
+/// The unit in which a person reads a coordinate of a task's points, "mm" or "deg".
+inline const char* unit_of(const machine::Task& task, int coordinate) {
+  return !task.places() && task.is_angle(coordinate) ? "deg" : "mm";
+}
+/// A point in these units.
+inline Vec3 for_user(const machine::Task& task, const Vec3& point) {
+  Vec3 out;
+  for (int k = 0; k < 3; ++k) out[k] = units::to_user(point[k], unit_of(task, k));
+  return out;
+}
+/// What a column of a coordinate is called: "x_mm", "a_deg".
+inline std::string column_name(const machine::Task& task, int coordinate) {
+  const char letter = task.places() ? "xyz"[coordinate] : machine::name_of(task[coordinate])[0];
+  return fmt::format("{:c}_{}", std::tolower(letter), unit_of(task, coordinate));
+}
 
 /// Whether a task chooses the direction of the tool at a place.
 inline bool tilts(const machine::Task& task) {
@@ -28,7 +64,12 @@ inline Status held_by(const machine::Task& task, std::string_view name, const Di
   const auto asks = [](const std::optional<std::array<double, 2>>& range) {
     return range && *range != std::array<double, 2>{0, 0};
   };
-  const auto holds = [&](machine::Coordinate angle) { return task.places() && task.holds(angle); };
+  if (!task.places() && task.turns() && (d.tilt != 0 || asks(d.a_range) || asks(d.b_range))) {
+    return fail("WS104",
+                fmt::format("{}: angles are coordinates of its workspace, which holds every one there is", name), {},
+                "leave out the tilt and the ranges of A and B; a --box ends the angles");
+  }
+  const auto holds = [&](machine::Coordinate angle) { return task.holds(angle); };
   if ((d.tilt != 0 && !tilts(task)) || (asks(d.a_range) && !holds(machine::Coordinate::a)) ||
       (asks(d.b_range) && !holds(machine::Coordinate::b))) {
     return fail("WS104",

@@ -76,11 +76,10 @@ class ParallelLimits {
       least = least.cwiseMax(a.cwiseMin(b) - Vec3::Constant(reach));
       most = most.cwiseMin(a.cwiseMax(b) + Vec3::Constant(reach));
     }
-    constexpr double kQuarter = std::numbers::pi / 2;
     for (int i = 0; i < 3; ++i) {
       const int k = box_coordinate_[static_cast<std::size_t>(i)];
-      low[i] = k < 3 ? least[k] : m_.home_angles[k - 3] - kQuarter;
-      high[i] = k < 3 ? most[k] : m_.home_angles[k - 3] + kQuarter;
+      low[i] = k < 3 ? least[k] : m_.home_angles[k - 3] - kFromHome;
+      high[i] = k < 3 ? most[k] : m_.home_angles[k - 3] + kFromHome;
     }
   }
 

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <optional>
 
+#include "polypod/workspace/task_directions.hpp"
+
 namespace polypod::workspace::by_closure {
 namespace {
 
@@ -64,8 +66,8 @@ bool System::begin() {
   }
   for (int i = 0; i < 3; ++i) {
     const int k = box_coordinate_[static_cast<std::size_t>(i)];
-    low_[i] = k < 3 ? tip_low_[k] : home_angles[k - 3] - 0.25 * kTurn;
-    high_[i] = k < 3 ? tip_high_[k] : home_angles[k - 3] + 0.25 * kTurn;
+    low_[i] = k < 3 ? tip_low_[k] : home_angles[k - 3] - kFromHome;
+    high_[i] = k < 3 ? tip_high_[k] : home_angles[k - 3] + kFromHome;
   }
   // As many equations as unknowns: only then a zero of Y F is one of F.
   Piece home = root_;
