@@ -153,14 +153,14 @@ Command dexterity_command() {
         const double length = units::from_mm(o->length_mm);
         const bool at_one = !o->where.pose.empty();
         POLYPOD_TRY(o->where.refuse_at_pose(context));
-        POLYPOD_TRY(o->files.check(at_one, o->machine, context.json));
+        POLYPOD_TRY(o->files.check(m, at_one, o->machine, context.json));
         if (o->ellipsoids && !at_one) return fail("AP175", "--ellipsoids are those of one pose", {}, "give --pose");
-        const SingularNote singular(m, context);
-        if (const auto no = singular.refusal({"condition", "sigma_min", "determinant"})) return *no;
-        if (at_one) return at_pose(*o, m, length, singular, context);
         if (!o->tolerances.empty() && !o->files.any()) {
           return fail("AP176", "--tolerance is for the files alone", {}, "give --report, or take `polypod errors`");
         }
+        const SingularNote singular(m, context);
+        if (const auto no = singular.refusal({"condition", "sigma_min", "determinant"})) return *no;
+        if (at_one) return at_pose(*o, m, length, singular, context);
         const std::vector<std::string> given =
             o->tolerances.empty() ? std::vector<std::string>{"all=0.01"} : o->tolerances;
         std::vector<quality::Sized> sizes;
@@ -183,33 +183,32 @@ Command dexterity_command() {
         const quality::Extreme least = quality::worst_seen(m, survey, options, field.sigma_min, field.anywhere, 1, -1);
         const double largest_condition = infinite_if_singular(worst.value);
         if (context.json) {
-          print_json(singular.in(
-              {{"condition", statistics_json(condition)},
-               {"sigma_min", statistics_json(sigma)},
-               {"determinant", statistics_json(determinant)},
-               {"worst",
-                {{"condition", number_json(largest_condition)},
-                 {"pose", pose_for_user(m, worst.X_MT)},
-                 {"sigma_min", number_json(least.value)},
-                 {"sigma_min_pose", pose_for_user(m, least.X_MT)}}},
-               {"extremes", kSeen},
-               {"volume_mm3", units::to_mm3(survey.volume)},
-               {"volume_lower_mm3", number_json(proven_mm3(survey, survey.volume_lower))},
-               {"volume_upper_mm3", number_json(proven_mm3(survey, survey.volume_upper))},
-               {"points", survey.inside.size()},
-               {"directions", survey.orientations.size()},
-               {"beyond_singular", beyond_json(survey.beyond)},
-               {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}}));
+          Json document({{"condition", statistics_json(survey, condition)},
+                         {"sigma_min", statistics_json(survey, sigma)},
+                         {"determinant", statistics_json(survey, determinant)},
+                         {"worst",
+                          {{"condition", number_json(largest_condition)},
+                           {"pose", pose_for_user(m, worst.X_MT)},
+                           {"sigma_min", number_json(least.value)},
+                           {"sigma_min_pose", pose_for_user(m, least.X_MT)}}},
+                         {"extremes", kSeen},
+                         {"points", survey.inside.size()},
+                         {"directions", survey.orientations.size()},
+                         {"beyond_singular", beyond_json(survey.beyond)},
+                         {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}});
+          document.update(size_json(survey));
+          print_json(singular.in(document));
           return kDone;
         }
         print_statistics(
             survey,
             {{"condition", condition, 1, 4, ""}, {"sigma_min", sigma, 1, 4, ""}, {"|det|", determinant, 1, 4, ""}});
-        print_beyond(survey);
-        fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at), place_text(condition.max_at));
+        print_beyond(m, survey);
+        fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at, survey.task),
+                   place_text(condition.max_at, survey.task));
         fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",
-                   figure(largest_condition, 4), pose_text(m, worst.X_MT, 2), figure(least.value, 4),
-                   pose_text(m, least.X_MT, 2));
+                   beside_singular(condition) ? fmt::format("{:.0e}", largest_condition) : figure(largest_condition, 4),
+                   pose_text(m, worst.X_MT, 2), figure(least.value, 4), pose_text(m, least.X_MT, 2));
         o->files.print();
         return kDone;
       }};

@@ -234,7 +234,12 @@ Result<Pose> pose_argument(const machine::AnyMachine& machine, const std::string
                 "lengths in mm, angles in deg");
   }
   for (std::size_t i = 0; i < c.size(); ++i) {
-    c[i] = task.is_angle(static_cast<int>(i)) ? units::from_deg(c[i]) : units::from_mm(c[i]);
+    const bool angle = task.is_angle(static_cast<int>(i));
+    if (std::abs(c[i]) > kAnyCoordinate.max) {
+      return fail("AP101", fmt::format("--pose {}: {:g} {} is beyond any machine", text, c[i], angle ? "deg" : "mm"),
+                  {}, fmt::format("coordinates are at most {:g} in size", kAnyCoordinate.max));
+    }
+    c[i] = angle ? units::from_deg(c[i]) : units::from_mm(c[i]);
   }
   return kinematics::pose_of(task, c);
 }

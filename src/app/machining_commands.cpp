@@ -246,6 +246,7 @@ Command predict_command() {
                         {"within_tolerance", within},
                         {"not_judged", not_judged_json(p.not_judged, p.plunges)},
                         {"all_judged", p.all_judged()},
+                        {"not_judged_distance_um", to_um(p.farthest_not_judged().distance)},
                         {"steep_not_judged", steep_json(p.steep)},
                         {"slow_corners_not_judged", slow_corners_json(p.slow)},
                         {"time_s", p.time},
@@ -386,7 +387,7 @@ Command correct_command() {
         }
         if (o->method == "tube") POLYPOD_TRY(refuse(context, {"--points"}, "it serves --method mirror"));
         if (o->method == "mirror") {
-          POLYPOD_TRY(refuse(context, {"--correct-all", "--chord-tolerance", "--allow-outside"},
+          POLYPOD_TRY(refuse(context, {"--correct-all", "--chord-tolerance", "--allow-outside", "--verify"},
                              "it serves --method tube; the mirror writes every cutting move, whatever the tube"));
         }
         POLYPOD_TRY(in_range("AP122", "--points", o->points, {1, 100000}, "pieces a move"));
@@ -480,7 +481,7 @@ Command correct_command() {
                         {"distance_after_um", to_um(m.distance_after)},
                         {"corner_before_um", to_um(m.corner_before)},
                         {"corner_after_um", to_um(m.corner_after)},
-                        {"within_tolerance", m.within}};
+                        {"within_tolerance", m.within && !m.judged ? Json() : Json(m.within)}};
           };
           const auto outside_row = [&](std::size_t i) { return c.moves[i].within ? std::nullopt : move_row(i); };
           std::vector<std::string> notes = c.before.notes;
@@ -516,6 +517,7 @@ Command correct_command() {
                         {"moves_left_as_they_were", c.left_as_they_were},
                         {"not_judged", not_judged_json(c.after.not_judged, c.after.plunges)},
                         {"all_judged", c.all_judged()},
+                        {"not_judged_distance_um", to_um(c.after.farthest_not_judged().distance)},
                         {"vibration", {{"judged", false}, {"counted", false}, {"why_not", kVibrationOfCorrect}}},
                         {"answer", answer_in_words(c, uncertainty.reach)},
                         {"short_blocks", short_blocks_json(c.short_blocks)},

@@ -417,6 +417,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   const statics::Judgement judgement = statics::judge(m, measured);
   if (!judgement.errors.empty()) return tl::unexpected(judgement.errors.front());
   const SingularNote singular(m, context);
+  if (const auto no = singular.refusal({"fields"})) return *no;
   const machine::Task task = kinematics::task(m);
   if (!task.places()) {
     return fail(

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "messages.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/quality/tolerance_design.hpp"
@@ -58,6 +59,7 @@ Command tolerances_command() {
         if (o->rule != "weighted" && o->rule != "cost") {
           return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
         }
+        POLYPOD_TRY(in_range("AP122", "--required", o->wanted_mm, {1e-9, 1e6}, "mm"));
         quality::DesignOptions design;
         design.position = units::from_mm(o->wanted_mm);
         if (o->wanted_rad != 0) design.orientation = o->wanted_rad;
@@ -104,7 +106,7 @@ Command tolerances_command() {
               "judged at {} points (tool directions at each: {}) and between the worst of them: exact at every "
               "pose, but not a bound on the poses between\n",
               survey.inside.size(), survey.orientations.size());
-          print_beyond(survey);
+          print_beyond(m, survey);
           if (!survey.whole_box && !o->where.box.empty()) {
             fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
                        survey.grid.size());

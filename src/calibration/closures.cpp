@@ -64,6 +64,7 @@ void rules_at(const AnyMachine& machine, const Layout& layout, const Eigen::Vect
 }
 
 std::optional<Pose> pose_of_row(const AnyMachine& machine, const Measurement& row) {
+  if (joint_far_outside(machine, row.q)) return {};
   return std::visit(
       [&](const auto& m) -> std::optional<Pose> {
         const auto at = kinematics::forward_by_closure(m, span_of(row.q), forward(m, row.q));

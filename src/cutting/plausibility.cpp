@@ -79,10 +79,28 @@ void judge_speed(const Cutter& cutter, double spindle_speed, std::vector<std::st
                                                     : std::string("; is S in rev/min, and is it this tool's?")));
 }
 
-/// `value` in N/mm^2 or N/mm.
-void judge_coefficient(std::string_view name, double value, CoefficientRange range, bool edge,
-                       std::vector<std::string>& notes) {
-  const double size = std::abs(value);
+/// A coefficient in N/mm^2 or N/mm, and what it may be.
+struct Judged {
+  std::string_view name;
+  double value = 0;
+  CoefficientRange range;
+  bool edge = false;
+  bool may_be_none = true;       ///< 0: the model goes without it
+  bool may_be_negative = false;  ///< the axial ones of a left-hand helix
+};
+
+void judge_coefficient(std::string_view where, const Judged& c, std::vector<std::string>& notes) {
+  const double value = c.value, size = std::abs(value);
+  const CoefficientRange& range = c.range;
+  const bool edge = c.edge;
+  if (value == 0 && c.may_be_none) return;
+  if (value < 0 && !c.may_be_negative) {
+    notes.push_back(
+        fmt::format("{}{} of {:.4g} {} is negative: the force would draw the edge along or into the material; "
+                    "is its sign right?",
+                    where, c.name, value, edge ? "N/mm" : "N/mm^2"));
+    return;
+  }
   if (size >= range.low && size <= range.high) return;
   static constexpr std::array<Slip, 4> kCut{{
       {1e6, "it in N/m^2 (Pa) instead of N/mm^2 (MPa)"},
@@ -90,23 +108,24 @@ void judge_coefficient(std::string_view name, double value, CoefficientRange ran
       {1e3, "it in kPa instead of N/mm^2 (MPa)"},
       {1e-3, "it in GPa (kN/mm^2) instead of N/mm^2 (MPa)"},
   }};
-  static constexpr std::array<Slip, 1> kEdgeSlips{{{1e3, "it in N/m instead of N/mm"}}};
+  static constexpr std::array<Slip, 2> kEdgeSlips{
+      {{1e3, "it in N/m instead of N/mm"}, {1e-3, "it in kN/mm instead of N/mm"}}};
   const CoefficientRange usual = edge ? CoefficientRange{0.1, range.high} : CoefficientRange{100, range.high};
-  notes.push_back(fmt::format("{} of {:.4g} {} is outside of what is published for metals, {:g} to {:g}{}", name, value,
-                              edge ? "N/mm" : "N/mm^2", range.low, range.high,
+  notes.push_back(fmt::format("{}{} of {:.4g} {} is outside of what is published for metals, {:g} to {:g}{}", where,
+                              c.name, value, edge ? "N/mm" : "N/mm^2", range.low, range.high,
                               edge ? likely(size, usual, kEdgeSlips) : likely(size, usual, kCut)));
 }
 
 /// Coefficients of the sides or of the end; `chip` takes K_c of an exponent other than 1 to N/m^2.
 template <class Coefficients>
 void judge_coefficients(std::string_view where, const Coefficients& c, double chip, std::vector<std::string>& notes) {
-  const auto name = [&](std::string_view key) { return fmt::format("{}{}", where, key); };
-  judge_coefficient(name("Ktc"), units::to_N_per_mm2(c.ktc * chip), kTangentialCut, false, notes);
-  judge_coefficient(name("Krc"), units::to_N_per_mm2(c.krc * chip), kOtherCut, false, notes);
-  judge_coefficient(name("Kac"), units::to_N_per_mm2(c.kac * chip), kOtherCut, false, notes);
-  judge_coefficient(name("Kte"), units::to_N_per_mm(c.kte), kEdge, true, notes);
-  judge_coefficient(name("Kre"), units::to_N_per_mm(c.kre), kEdge, true, notes);
-  judge_coefficient(name("Kae"), units::to_N_per_mm(c.kae), kEdge, true, notes);
+  for (const Judged& judged :
+       {Judged{"Ktc", units::to_N_per_mm2(c.ktc * chip), kTangentialCut, false, false},
+        Judged{"Krc", units::to_N_per_mm2(c.krc * chip), kOtherCut},
+        Judged{"Kac", units::to_N_per_mm2(c.kac * chip), kOtherCut, false, true, true},
+        Judged{"Kte", units::to_N_per_mm(c.kte), kEdge, true}, Judged{"Kre", units::to_N_per_mm(c.kre), kEdge, true},
+        Judged{"Kae", units::to_N_per_mm(c.kae), kAxialEdge, true, true, true}})
+    judge_coefficient(where, judged, notes);
 }
 
 }  // namespace

@@ -316,7 +316,8 @@ void Corrector::take_after(Prediction after) {
 }
 
 bool Corrector::worse(std::size_t i) const {
-  return after_[i] > before_[i] + kSameDistance && (rewritten_[i] || outside(i));
+  // A rewritten move is closer, or it stays as it was; others are what the stock that is left makes of them.
+  return rewritten_[i] ? after_[i] > before_[i] + kNotCloser : outside(i) && after_[i] > before_[i] + kSameDistance;
 }
 
 std::size_t Corrector::count(bool (Corrector::*what)(std::size_t) const) const {

@@ -23,6 +23,9 @@ namespace polypod::machining {
 /// Two distances that differ by less than this are taken as equal, m: the stock's cells move them by as much.
 inline constexpr double kSameDistance = 1e-6;
 
+/// A rewritten move that comes farther by more than this, m, is not written: no figure shows less.
+inline constexpr double kNotCloser = 0.05e-6;
+
 /// The blocks that stand for one rewritten move.
 using Plan = std::vector<Piece>;
 

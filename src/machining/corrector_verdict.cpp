@@ -1,6 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <set>
+
 #include "corrector.hpp"
 #include "polypod/core/units.hpp"
 
@@ -33,7 +35,7 @@ Status Corrector::judge() {
   POLYPOD_TRY(judge_other_switch());
   decide();
   out_.after.notes = after_notes_;
-  if (!out_.within_tolerance) {  // whoever finds the file without its report must see it
+  if (!out_.within_tolerance || !out_.all_judged()) {  // whoever finds the file without its report must see it
     POLYPOD_TRY(finish_text());
     out_.commanded = way_.moves;
   }
@@ -199,6 +201,19 @@ void Corrector::decide() {
         "(polypod place)"};
   } else {
     after_notes_.insert(after_notes_.end(), as_written_.notes.begin(), as_written_.notes.end());
+  }
+  const Prediction& after = out_.after;
+  std::set<int> lines;  // with a place that is not judged
+  for (const Plunge& plunge : after.plunges) lines.insert(plunge.line);
+  if (after.steep.distance > 0) lines.insert(after.steep.line);
+  if (after.slow.count > 0) lines.insert(after.slow.line);
+  for (MoveOutcome& m : out_.moves) m.judged = !lines.contains(m.line);
+  if (out_.within_tolerance && !out_.all_judged()) {
+    const Unjudged most = out_.after.farthest_not_judged();
+    warning_ = most.distance > 0
+                   ? fmt::format("NOT all of the cut is judged, line {} of the original: {}, up to {:.0f} um off",
+                                 most.line, most.what, units::to_um(most.distance))
+                   : std::string("NOT all of the cut is judged, see the report of the correction");
   }
 }
 

@@ -485,6 +485,15 @@ bool Prediction::all_judged() const {
          !(other_switch && other_switch->not_all_judged());
 }
 
+Unjudged Prediction::farthest_not_judged() const {
+  Unjudged out{steep.distance, steep.line, "the force rises or falls quickly"};
+  if (slow.count > 0 && slow.distance > out.distance)
+    out = {slow.distance, slow.line, "the controller slows down in the cut"};
+  for (const Plunge& p : plunges)
+    if (p.distance > out.distance) out = {p.distance, p.line, "a plunge ends"};
+  return out;
+}
+
 void SlowCorners::add(double there, double of_feed, int at_line, double tolerance) {
   if (there <= tolerance) {
     if (there > within) {
@@ -511,18 +520,25 @@ std::string SlowCorners::in_words(const char* um) const {
 
 Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass) {
   const Incident* worst = nullptr;
-  std::size_t others = 0;
+  std::size_t ways = 0;
+  int last = -1;
   for (const Incident& incident : pass.incidents) {
-    if (incident.kind != Incident::Kind::rapid_through_stock || incident.volume <= job.rapid_volume) continue;
-    ++others;
-    if (worst == nullptr || incident.volume > worst->volume) worst = &incident;
+    if (incident.kind != Incident::Kind::rapid_through_stock || incident.volume_so_far <= job.rapid_volume) continue;
+    if (incident.first_block != last) ++ways;
+    last = incident.first_block;
+    if (worst == nullptr || incident.volume_so_far > worst->volume_so_far) worst = &incident;
   }
   if (worst == nullptr) return {};
+  const auto line = [&](int block) { return program.blocks[static_cast<std::size_t>(block)].line; };
+  const bool many = worst->first_block != worst->block;
   return fail(
       "MC304",
-      fmt::format("this rapid move (G0) goes through {} mm3 of material{}", volume_in_words(worst->volume),
-                  others > 1 ? fmt::format(", and {} others through some", others - 1) : ""),
-      Place{program.path, program.blocks[static_cast<std::size_t>(worst->block)].line, 1},
+      fmt::format("{} through {} mm3 of material{}",
+                  many ? fmt::format("these rapid moves (G0, to line {}) go", line(worst->block))
+                       : std::string("this rapid move (G0) goes"),
+                  volume_in_words(worst->volume_so_far),
+                  ways > 1 ? fmt::format(", and {} others through some", ways - 1) : ""),
+      Place{program.path, line(worst->first_block), 1},
       fmt::format("{}, or check the stock of the job; up to rapid_volume_mm3 = {:g} a move is a touch",
                   job.weights ? "retract first, farther than the weight of the machine deflects it" : "retract first",
                   units::to_mm3(job.rapid_volume)));

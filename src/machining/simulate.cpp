@@ -165,6 +165,7 @@ class Pass {
     }
     if (!stands_as_set_up(job_, move)) return other_orientation(move);
     if (move.kind == gcode::MoveKind::rapid) return rapid(move, tool);
+    if (move.length() > 0) rapids_ = {};
     if (moves_.transition(index)) return transition(index, tool);
     return feed_move(static_cast<int>(index), tool);
   }
@@ -194,7 +195,13 @@ class Pass {
       result_.removed += cutting::cut_disc(stock_, from, tool.discs());
       volume = cutting::cut_line(stock_, from, to, tool.discs(), true);
     }
-    if (volume > 0) result_.incidents.push_back({Incident::Kind::rapid_through_stock, move.block, volume});
+    if (volume > 0) {
+      if (rapids_.volume_so_far == 0) rapids_.first_block = move.block;
+      rapids_.block = move.block;
+      rapids_.volume = volume;
+      rapids_.volume_so_far += volume;
+      result_.incidents.push_back(rapids_);
+    }
     result_.removed += volume;
     free_at(to);
     return {};
@@ -852,7 +859,8 @@ class Pass {
   std::vector<ForceAlong> around_;
   std::vector<cutting::BallContact> contacts_;
   PassResult result_;
-  Sample last_;  ///< the end of the last feed move
+  Incident rapids_;  ///< of the rapid moves since the last cut at a feed
+  Sample last_;      ///< the end of the last feed move
   Vec3 last_bent_ = Vec3::Zero();
   Vec3 deflection_ = Vec3::Zero();
   Vec3 last_way_ = Vec3::Zero();  ///< direction at the end of the last feed move

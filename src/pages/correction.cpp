@@ -408,7 +408,9 @@ class Page {
             to_um(m.distance_after),
             m.rewritten ? fmt::format("{}{}", m.pieces, m.transitions > 0 ? fmt::format(" + {}", m.transitions) : "")
                         : "kept",
-            m.within ? "yes" : "no"};
+            !m.within  ? "no"
+            : m.judged ? "yes"
+                       : "in part judged"};
   }
 
   void moves() {

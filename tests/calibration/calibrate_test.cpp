@@ -718,6 +718,24 @@ TEST(Measurements, BadFilesAreNamedWithTheirLine) {
   std::filesystem::remove(path);
 }
 
+TEST(Calibrate, ARowFarOutsideIsLeftOutAndNamed) {
+  const AnyMachine m = named("hexapod-m850"), truth = off(m);
+  auto rows = measured(m, truth, Kind::pose, 40, kNoise);
+  const std::string path = std::filesystem::temp_directory_path() / ("polypod-far-" + std::to_string(::getpid()));
+  rows[9].q[0] += 10;  // a decimal point lost
+  ASSERT_TRUE(files::write_whole(path, measurements_csv(m, rows)));
+  const auto read = read_measurements(m, path);
+  ASSERT_TRUE(read) << to_string(read.error());
+  const auto c = calibrate(m, *read, {});
+  ASSERT_TRUE(c) << to_string(c.error());
+  for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(c->residuals[i].untaken, i == 9) << i;
+  // One row in ten and more is another unit.
+  for (const std::size_t i : {1U, 2U, 3U, 4U}) rows[i].q[0] += 10;
+  ASSERT_TRUE(files::write_whole(path, measurements_csv(m, rows)));
+  EXPECT_EQ(read_measurements(m, path).error().id, "CA103");
+  std::filesystem::remove(path);
+}
+
 TEST(Simulate, IsTheSameForTheSameSeed) {
   const AnyMachine m = named("hexapod-slider");
   const auto text = [&](std::uint64_t seed) {

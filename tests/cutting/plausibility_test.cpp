@@ -84,6 +84,15 @@ TEST(Plausibility, CoefficientsInTheWrongUnit) {
   m.kre *= 1e3;
   expect_one(notes(kFeed, kSpeed, m), "N/m instead of N/mm");
   m = aluminium();
+  m.krc *= 1e-3;
+  expect_one(notes(kFeed, kSpeed, m), "Krc of 0.182 N/mm^2 is outside");
+  m = aluminium();
+  m.kte *= 1e-3;
+  expect_one(notes(kFeed, kSpeed, m), "kN/mm instead of N/mm");
+  m = aluminium();
+  m.kre = -m.kre;
+  expect_one(notes(kFeed, kSpeed, m), "Kre of -27.95 N/mm is negative");
+  m = aluminium();
   m.kac *= -1e6;
   expect_one(notes(kFeed, kSpeed, m), "Kac");
   m = aluminium();

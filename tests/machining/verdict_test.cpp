@@ -93,6 +93,63 @@ TEST(Verdict, ARapidThroughTheStockIsRefused) {
   EXPECT_THAT(c.error().message, HasSubstr("794 mm3"));
 }
 
+TEST(Verdict, ARapidInManyBlocksIsOneRapid) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  const auto program = [&](const std::string& way) {
+    e.program = unwrap(gcode::parse("G21 G90 G94 G17\nT1 M6\nS8000 M3\nG0 X-34 Y0 Z5\nG0 Z-0.5\n" + way +
+                                        "G0 Z10\nG0 X0 Y10\nG1 Z-1 F400\nG1 X5\nG0 Z10\nM2\n",
+                                    "rapids.ngc"));
+    e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  };
+  const auto error_of = [](const Example& of) {
+    const auto p = machining::predict(of.job, of.program, of.interpretation);
+    EXPECT_TRUE(p);
+    const Status free = machining::no_rapid_cuts(of.job, of.program, p->pass);
+    const auto c = machining::correct(of.job, of.program, of.interpretation);
+    EXPECT_FALSE(c);
+    EXPECT_FALSE(free);
+    if (c || free) return Error{};
+    EXPECT_EQ(free.error().message, c.error().message);
+    return c.error();
+  };
+  program("G0 X34\n");
+  const Error whole = error_of(e);
+  EXPECT_EQ(whole.id, "MC304");
+  std::string way;
+  for (int i = 1; i <= 340; ++i) way += "G0 X" + std::to_string(-34 + 0.2 * i) + "\n";
+  program(way);
+  const Error divided = error_of(e);
+  EXPECT_EQ(divided.id, "MC304");
+  EXPECT_THAT(divided.message, HasSubstr("these rapid moves"));
+  const auto volume = [](const std::string& text) { return text.substr(text.find("through")); };
+  EXPECT_EQ(volume(divided.message), volume(whole.message));
+}
+
+TEST(Verdict, AMoveThatIsRewrittenComesCloser) {
+  const auto e = load(trial("two_ramps.ngc"), trial("two_ramps.toml"));
+  machining::CorrectOptions options;
+  options.all = true;
+  const auto c = unwrap(machining::correct(e.job, e.program, e.interpretation, options));
+  int rewritten = 0;
+  for (const auto& m : c.moves) {
+    if (!m.rewritten) continue;
+    ++rewritten;
+    EXPECT_LE(to_um(m.distance_after), to_um(m.distance_before) + 0.05) << "line " << m.line;
+  }
+  EXPECT_GE(rewritten, 3);
+}
+
+TEST(Verdict, AYesThatIsNotForAllStandsInTheFile) {
+  auto e = load(trial("ramps.ngc"), trial("plate.toml"));
+  e.job.tolerance = 309e-6;
+  const auto c = correct(e);
+  ASSERT_TRUE(c.within_tolerance);
+  ASSERT_FALSE(c.all_judged());
+  const machining::Unjudged most = c.after.farthest_not_judged();
+  EXPECT_GT(most.distance, e.job.tolerance);
+  EXPECT_THAT(c.text(), HasSubstr("NOT all of the cut is judged, line " + std::to_string(most.line)));
+}
+
 TEST(Verdict, AWorkOffsetThatTheJobLacksIsRefused) {
   auto e = load(trial("square_in_g55.ngc"), testing::example_path("slavkovic_square", "job.toml"));
   EXPECT_EQ(refused(e).id, "MC307");

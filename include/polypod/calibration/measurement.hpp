@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,10 +49,13 @@ struct Measurement {
 /// (see Kind); sigma_um, time_s or time (s, hh:mm:ss, or ISO 8601) and temperature_C if
 /// there are such columns. Errors: ID100 to ID103, ID106 of tables, CA101 (no kind of measurement
 /// among the columns), CA102 (a normal without length, a distance or noise not above 0), CA103 (joints far outside
-/// their ranges: another unit?).
+/// their ranges in more than a tenth of the rows: another unit?).
 Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const std::string& path);
 /// The same of a table that was read; what nothing asks for `table.unused()` then names.
 Result<std::vector<Measurement>> read_measurements(const AnyMachine& machine, const csv::Table& table);
+
+/// The first joint that is outside of its range by more than the range itself: no machine was there.
+std::optional<int> joint_far_outside(const AnyMachine& machine, const JointVector& q);
 
 /// Errors: ID103 where two rows say the same, in one file or in two: they would count twice.
 Status no_row_twice(const std::vector<Measurement>& rows);

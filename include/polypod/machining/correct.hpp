@@ -70,6 +70,9 @@ struct MoveOutcome {
   double distance_before = 0, distance_after = 0;  ///< m, largest of the deflected tool from the programmed move
   double corner_before = 0, corner_after = 0;      ///< m, by which the controller rounds the worse of its ends
   bool within = false;                             ///< inside the tube, corners and resolution counted
+  /// False where a plunge that is not judged ends, or the worst of the steep places or slow corners lies: `within` is
+  /// then for the rest of the move.
+  bool judged = true;
 };
 
 struct Correction {

@@ -136,6 +136,13 @@ struct OtherSwitch {
   [[nodiscard]] bool not_all_judged() const { return steep.distance > 0 || slow.count > 0 || !plunges.empty(); }
 };
 
+/// A place in a cut that is not judged.
+struct Unjudged {
+  double distance = 0;  ///< m, up to which the tool may be from the programmed path
+  int line = 0;
+  const char* what = "";  ///< as part of a sentence
+};
+
 struct Prediction {
   Steep steep;                              ///< not judged
   SlowCorners slow;                         ///< not judged: in the path control modes in force
@@ -171,6 +178,9 @@ struct Prediction {
   /// Whether `within` answers for all of the cut: else for all but steep places, slow corners and plunges
   /// without a dwell.
   [[nodiscard]] bool all_judged() const;
+  /// Of these the one where the tool may be farthest from its path; distance 0 where there is none, or none that is
+  /// known.
+  [[nodiscard]] Unjudged farthest_not_judged() const;
 };
 
 struct PredictOptions {

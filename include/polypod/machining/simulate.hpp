@@ -115,6 +115,10 @@ struct Incident {
   } kind = Kind::rapid_through_stock;
   int block = 0;
   double volume = 0;  ///< m^3
+  // Of a rapid move with those right before it, between which nothing is cut at a feed: however a way is divided into
+  // blocks, it goes through the same material.
+  int first_block = 0;       ///< of them that goes through material
+  double volume_so_far = 0;  ///< m^3
 };
 
 /// A move on which force and deflection do not settle.
