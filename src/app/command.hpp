@@ -24,9 +24,9 @@ inline constexpr int kBug = 3;
 
 /// What an option takes of which nothing narrower is said: any number that a computation can bear.
 inline constexpr config::Range kAnyNumber{-1e12, 1e12};
-inline constexpr config::Range kForce_N{1e-3, 1e6};    ///< on a tool
+inline constexpr config::Range kForce_N{1e-3, 1e6};        ///< on a tool
 inline constexpr config::Range kAnyCoordinate{-1e9, 1e9};  ///< mm or deg, as in files
-inline constexpr config::Range kLength_mm{1e-3, 1e6};  ///< a characteristic length
+inline constexpr config::Range kLength_mm{1e-3, 1e6};      ///< a characteristic length
 inline constexpr config::Range kAnyCount{-2147483648.0, 2147483647.0};
 
 /// Where a command declares its arguments. Names as CLI11 takes them: "-o,--output".
