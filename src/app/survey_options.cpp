@@ -83,19 +83,9 @@ Json statistics_json(const quality::Survey& survey, const quality::Statistics& s
 Json size_json(const quality::Survey& survey) {
   const bool proven = survey.volume_lower < survey.volume_upper;
   if (!survey.task.places()) {
-    const Region region = region_of(survey.task, survey.volume, survey.volume_lower, survey.volume_upper);
-    Json names = Json::array(), units = Json::array();
-    for (int k = 0; k < 3; ++k) {
-      names.push_back(machine::name_of(survey.task[k]));
-      units.push_back(workspace::unit_of(survey.task, k));
-    }
-    return {{"volume_mm3", Json()},
-            {"coordinates", names},
-            {"coordinate_units", units},
-            {"measure", region.measure},
-            {"measure_lower", proven ? Json(region.lower) : Json()},
-            {"measure_upper", proven ? Json(region.upper) : Json()},
-            {"measure_unit", region.unit}};
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    return measure_json(survey.task, region_of(survey.task, survey.volume, proven ? survey.volume_lower : kNone,
+                                               proven ? survey.volume_upper : kNone));
   }
   return {{"volume_mm3", units::to_mm3(survey.volume)},
           {"volume_lower_mm3", number_json(proven_mm3(survey, survey.volume_lower))},
@@ -192,8 +182,8 @@ void print_statistics(const quality::Survey& survey, const std::vector<Statistic
                row.unit.empty() ? "" : " " + row.unit);
   }
   if (!large.empty()) {
-    fmt::print("note: {} {} large beside a singular pose: other points see other maxima, and there is no largest one\n",
-               listed(large), large.size() > 1 ? "grow" : "grows");
+    fmt::print("note: the largest {} {} close to a singular pose, where other points see other maxima\n", listed(large),
+               large.size() > 1 ? "lie" : "lies");
   }
 }
 

@@ -19,6 +19,7 @@
 #include "polypod/pages/workspace.hpp"
 #include "polypod/workspace/beyond.hpp"
 #include "polypod/workspace/shape.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "survey_options.hpp"
 #include "workspace_files.hpp"
 #include "workspace_options.hpp"
@@ -184,38 +185,41 @@ Json volume_json(const workspace::Volume& v) {
 Region region_of(const machine::Task& task, double measure, double lower, double upper) {
   Region out{measure, lower, upper, ""};
   for (int i = 0; i < task.size(); ++i) {
-    const char* unit = task.is_angle(i) ? "deg" : "mm";
+    const char* unit = workspace::unit_of(task, i);
     for (double* one : {&out.measure, &out.lower, &out.upper}) *one *= units::to_user(1, unit);
     out.unit += (i > 0 ? " " : "") + std::string(unit);
   }
   return out;
 }
 
-Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v) {
-  const machine::Task task = kinematics::task(machine);
-  const Region region = region_of(task, v.volume, v.lower, v.upper);
-  Json names = Json::array(), unit = Json::array(), low = Json::array(), high = Json::array();
+Json measure_json(const machine::Task& task, const Region& region) {
+  Json names = Json::array(), unit = Json::array();
   for (int i = 0; i < task.size(); ++i) {
-    const char* of = task.is_angle(i) ? "deg" : "mm";
     names.push_back(machine::name_of(task[i]));
-    unit.push_back(of);
-    low.push_back(units::to_user(v.min[i], of));
-    high.push_back(units::to_user(v.max[i], of));
+    unit.push_back(workspace::unit_of(task, i));
   }
   return {{"volume_mm3", Json()},
           {"coordinates", names},
           {"coordinate_units", unit},
           {"measure", region.measure},
-          {"measure_lower", region.lower},
-          {"measure_upper", region.upper},
-          {"measure_unit", region.unit},
-          {"bounds", {{"min", low}, {"max", high}}},
-          {"proven", v.proven},
-          {"points", v.points},
-          {"converged", v.converged},
-          {"stopped_by", stopped_json(v)},
-          {"empty", v.empty},
-          {"seconds", v.seconds}};
+          {"measure_lower", number_json(region.lower)},
+          {"measure_upper", number_json(region.upper)},
+          {"measure_unit", region.unit}};
+}
+
+Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v) {
+  const machine::Task task = kinematics::task(machine);
+  Json out = measure_json(task, region_of(task, v.volume, v.lower, v.upper));
+  out.update({{"bounds",
+               {{"min", vector_json(workspace::for_user(task, v.min))},
+                {"max", vector_json(workspace::for_user(task, v.max))}}},
+              {"proven", v.proven},
+              {"points", v.points},
+              {"converged", v.converged},
+              {"stopped_by", stopped_json(v)},
+              {"empty", v.empty},
+              {"seconds", v.seconds}});
+  return out;
 }
 
 namespace {
@@ -305,7 +309,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     const Region region = region_of(task, v.volume, v.lower, v.upper);
     std::string text;
     for (int i = 0; i < task.size(); ++i) {
-      const char* of = task.is_angle(i) ? "deg" : "mm";
+      const char* of = workspace::unit_of(task, i);
       text += fmt::format("{}        {:.2f} .. {:.2f} {}\n", machine::name_of(task[i]), units::to_user(v.min[i], of),
                           units::to_user(v.max[i], of), of);
     }

@@ -36,6 +36,8 @@ struct Region {
   std::string unit;  ///< "mm deg deg"
 };
 Region region_of(const machine::Task& task, double measure, double lower, double upper);
+/// The coordinates with their units, and the measure; a bound that is no number is null.
+Json measure_json(const machine::Task& task, const Region& region);
 /// volume_json of such a machine.
 Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v);
 
