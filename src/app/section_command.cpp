@@ -39,9 +39,10 @@ std::string plane_name(const machine::Task& task, int normal) {
   return out;
 }
 
+/// In any order, small or large.
 bool same_letters(const std::string& a, const std::string& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+  return std::is_permutation(a.begin(), a.end(), b.begin(), b.end(),
+                             [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
 }
 
 Result<workspace::Plane> plane_of(const Options& o, const machine::Task& task) {
@@ -143,12 +144,13 @@ Command section_command() {
             };
             const char *of_u = across(f.grid.step[0]), *of_v = across(f.grid.step[1]);
             const double area = s.area * units::to_user(1, of_u) * units::to_user(1, of_v);
-            const std::string area_unit = task.places() ? "mm2" : fmt::format("{} {}", of_u, of_v);
+            const std::string of_both = fmt::format("{} {}", of_u, of_v);
+            const std::string area_unit = of_both == "mm mm" ? "mm2" : of_both;
             if (context.json) {
               Json list = Json::array();
               for (const auto& [name, count] : limits)
                 list.push_back({{"limit", name}, {"area_percent", share(count)}});
-              Json document{{"area_mm2", task.places() ? Json(area) : Json()},
+              Json document{{"area_mm2", area_unit == "mm2" ? Json(area) : Json()},
                             {"points", f.grid.size()},
                             {"reached_points", reached}};
               if (!task.places()) {

@@ -138,14 +138,16 @@ Json beyond_json(const workspace::BeyondSingular& beyond) {
 std::string beyond_text(const machine::AnyMachine& m, const workspace::BeyondSingular& beyond, const char* looked_at,
                         const char* include) {
   if (beyond.beyond == 0) return "";
-  const char* limit = kinematics::task(m).holds(machine::Coordinate::z)              ? "limits.z_min_mm"
-                      : kinematics::joint_kind(m, 0) == machine::JointKind::revolute ? "leg[1].max_deg"
-                                                                                     : "leg[1].max_mm";
+  const machine::Task task = kinematics::task(m);
+  const double percent = 100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points);
   return fmt::format(
-      "note: {:.2g} % of {} {} lie beyond a singular pose from home (type 2): the machine gets there only through a "
-      "pose at which the drives do not constrain it. {} them; limits leave them out, as `--set {}=...`\n",
-      100.0 * static_cast<double>(beyond.beyond) / static_cast<double>(beyond.points), beyond.points, looked_at,
-      include, limit);
+      "note: {} % of {} {} lie beyond a singular pose from home (type 2): the machine gets there only through a "
+      "pose at which the drives do not constrain it. {} them; {}\n",
+      percent < 10 ? fmt::format("{:.2g}", percent) : fmt::format("{:.0f}", percent), beyond.points, looked_at, include,
+      task.places() ? "limits leave them out, as `--set limits.z_min_mm=...`"
+      : kinematics::joint_kind(m, 0) == machine::JointKind::revolute
+          ? "limits leave them out, as `--set leg[1].max_deg=...`"
+          : "limits of the legs or a smaller box leave them out");
 }
 
 void print_beyond(const machine::AnyMachine& m, const quality::Survey& survey) {
@@ -193,11 +195,15 @@ std::string place_text(const Vec3& p, const machine::Task& task) {
     double longest = 0;
     for (int k = 0; k < 3; ++k)
       if (!task.is_angle(k)) longest = std::max(longest, std::abs(shown[k]));
-    const Figures mm(longest, 1);
+    constexpr double kRounding = 1e-12;
+    const double span = std::max(longest, 1.0);
+    const Figures mm(span, 1);
     std::string out;
     for (int k = 0; k < 3; ++k) {
       out += fmt::format("{}{} {} {}", k > 0 ? ", " : "", machine::name_of(task[k]),
-                         task.is_angle(k) ? fmt::format("{:.1f}", shown[k] + 0.0) : mm(shown[k]),
+                         task.is_angle(k)                        ? fmt::format("{:.1f}", shown[k] + 0.0)
+                         : std::abs(shown[k]) < kRounding * span ? mm(0)
+                                                                 : mm(shown[k]),
                          workspace::unit_of(task, k));
     }
     return out;

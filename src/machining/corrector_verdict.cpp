@@ -211,8 +211,9 @@ void Corrector::decide() {
   if (out_.within_tolerance && !out_.all_judged()) {
     const Unjudged most = out_.after.farthest_not_judged();
     warning_ = most.distance > 0
-                   ? fmt::format("NOT all of the cut is judged, line {} of the original: {}, up to {:.0f} um off",
-                                 most.line, most.what, units::to_um(most.distance))
+                   ? fmt::format("NOT all of the cut is judged, line {} of the original: {}, up to {:.0f} um off{}",
+                                 most.line, most.what, units::to_um(most.distance),
+                                 most.places > 1 ? fmt::format("; {} places in all", most.places) : "")
                    : std::string("NOT all of the cut is judged, see the report of the correction");
   }
 }

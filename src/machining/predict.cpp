@@ -486,11 +486,12 @@ bool Prediction::all_judged() const {
 }
 
 Unjudged Prediction::farthest_not_judged() const {
-  Unjudged out{steep.distance, steep.line, "the force rises or falls quickly"};
+  Unjudged out{steep.distance, steep.line, "the force rises or falls quickly", 0};
   if (slow.count > 0 && slow.distance > out.distance)
-    out = {slow.distance, slow.line, "the controller slows down in the cut"};
+    out = {slow.distance, slow.line, "the controller slows down in the cut", 0};
   for (const Plunge& p : plunges)
-    if (p.distance > out.distance) out = {p.distance, p.line, "a plunge ends"};
+    if (p.distance > out.distance) out = {p.distance, p.line, "a plunge ends", 0};
+  out.places = (steep.distance > 0 ? 1 : 0) + slow.count + plunges.size();
   return out;
 }
 
@@ -520,16 +521,35 @@ std::string SlowCorners::in_words(const char* um) const {
 
 Status no_rapid_cuts(const Job& job, const gcode::Program& program, const PassResult& pass) {
   const Incident* worst = nullptr;
-  std::size_t ways = 0;
+  const Incident* first = nullptr;
+  std::size_t ways = 0, touches = 0;
   int last = -1;
+  double in_all = 0;
   for (const Incident& incident : pass.incidents) {
-    if (incident.kind != Incident::Kind::rapid_through_stock || incident.volume_so_far <= job.rapid_volume) continue;
+    if (incident.kind != Incident::Kind::rapid_through_stock) continue;
+    if (first == nullptr) first = &incident;
+    ++touches;
+    in_all += incident.volume;
+    if (incident.volume_so_far <= job.rapid_volume) continue;
     if (incident.first_block != last) ++ways;
     last = incident.first_block;
     if (worst == nullptr || incident.volume_so_far > worst->volume_so_far) worst = &incident;
   }
-  if (worst == nullptr) return {};
   const auto line = [&](int block) { return program.blocks[static_cast<std::size_t>(block)].line; };
+  // Many touches are a cut, too.
+  constexpr double kTouches = 10, kShare = 0.01;
+  if (worst == nullptr && in_all > std::max(kTouches * job.rapid_volume, kShare * pass.removed)) {
+    return fail(
+        "MC304",
+        fmt::format("{} rapid moves (G0) go through {} mm3 of material in all, each through little; the program "
+                    "removes {} mm3",
+                    touches, volume_in_words(in_all), volume_in_words(pass.removed)),
+        Place{program.path, line(first->block), 1},
+        fmt::format("cut at a feed, or check the stock of the job; up to {:g} times rapid_volume_mm3 = {:g}, or "
+                    "{:g} % of what is removed, are touches",
+                    kTouches, units::to_mm3(job.rapid_volume), 100 * kShare));
+  }
+  if (worst == nullptr) return {};
   const bool many = worst->first_block != worst->block;
   return fail(
       "MC304",

@@ -220,6 +220,7 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
     if (options.resolution < 2 || options.resolution > 512) {
       return fail("WS130", fmt::format("a resolution of {} points must be 2 to 512", options.resolution));
     }
+    POLYPOD_TRY(workspace::near_home(machine, low, high));
     const Vec3 spacing = workspace::spacing_of(high - low, options.resolution, task);
     if (!((high - low).minCoeff() >= 0 && spacing.maxCoeff() > 0)) return fail("WS130", "the box is empty");
     out.grid.origin = low;
@@ -243,7 +244,8 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   out.whole_box = out.inside.size() == out.grid.size();
   if (out.inside.empty()) {
     return fail("QU110", "no point of the grid is reachable from all required directions", {},
-                "ask for less tilt, or raise the resolution");
+                task.places() ? "ask for less tilt, or raise the resolution"
+                              : "ask for another box, or raise the resolution");
   }
   // Of the workspace the middle of proven bounds, where they are close; else what the grid sees.
   constexpr double kClose = 0.05;

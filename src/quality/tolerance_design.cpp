@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/quality/tolerance_design.hpp"
+#include "polypod/quality/singularity.hpp"
 
 #include <fmt/format.h>
 
@@ -9,6 +10,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/quality/singularity.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -76,6 +78,12 @@ class Designer {
     if (!std::isfinite(at.value)) return fail("QU122", "the error is infinite: the workspace holds a singular pose");
     const auto q = joints_at(machine_, at.X_MT);
     if (!q) return fail("QU122", "the worst pose has no joints");
+    if (const Singularity near = singularity(machine_, at.X_MT, *q); (near.kind & 2) != 0) {
+      return fail("QU122",
+                  "the largest error lies close to a singular pose, where errors grow beyond all bounds: it " +
+                      in_words(at.X_MT, near),
+                  {}, "leave that out: a smaller --box, less tilt or tighter limits");
+    }
     POLYPOD_ASSIGN(worst, worst_case(machine_, at.X_MT, *q, sizes, {Method::exact, design_.region}));
     Found found{ratio_of(worst), worst.position / design_.position >= worst.orientation / design_.orientation,
                 std::move(worst), at.X_MT};

@@ -100,8 +100,9 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
       const char* unit = angle ? "deg" : "mm";
       const auto shown = [&](double x) { return units::to_user(x, unit); };
       const char* between = k == 0 ? "" : ", ";
-      const std::string own = !task.places() || k == 2 ? fmt::format(" {}", unit) : "";  // lengths have one in all
-      at += fmt::format("{}{:g}{}", between, shown(plane.point[k]), own);
+      // Lengths have one unit in all.
+      const std::string own = !task.places() || k == 2 ? fmt::format(" {}", unit) : "";
+      at += fmt::format("{}{:g}{}", between, shown(plane.point[k]) + 0.0, own);
       box += fmt::format("{}{} {:.1f} .. {:.1f}{}", between, machine::name_of(task[k]), shown(low[k]), shown(high[k]),
                          own);
     }
@@ -119,6 +120,24 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
   grid.origin =
       plane.point + 0.5 * (u_low + u_high - nu * spacing[0]) * u + 0.5 * (v_low + v_high - nv * spacing[1]) * v;
   return grid;
+}
+
+Status near_home(const AnyMachine& machine, const Vec3& low, const Vec3& high) {
+  const machine::Task task = kinematics::task(machine);
+  if (task.places()) return {};
+  const Vec3 home = point_of(task, kinematics::home_pose(machine).value_or(Pose{}));
+  constexpr double kRounding = 1e-9;
+  for (int k = 0; k < 3; ++k) {
+    const double least = home[k] - kFromHome, most = home[k] + kFromHome;
+    if (!task.is_angle(k) || (low[k] >= least - kRounding && high[k] <= most + kRounding)) continue;
+    return fail("WS130",
+                fmt::format("{} {:g}{} deg: angles are looked at within 90 deg of home, {:g} to {:g} deg",
+                            machine::name_of(task[k]), units::to_deg(low[k]),
+                            high[k] > low[k] ? fmt::format(" to {:g}", units::to_deg(high[k])) : "",
+                            units::to_deg(least), units::to_deg(most)),
+                {}, "stay within them, or give the machine file another home");
+  }
+  return {};
 }
 
 std::string limit_label(const AnyMachine& machine, int limit) {
@@ -335,6 +354,13 @@ std::vector<Loop> border_of(const Field& f, const PointJudge& judge) {
 Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, int resolution,
                         const FieldOptions& field_options) {
   POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
+  if (plane.normal.cwiseAbs().maxCoeff() >= (1 - 1e-12) * plane.normal.norm()) {
+    Eigen::Index k = 0;
+    plane.normal.cwiseAbs().maxCoeff(&k);
+    Vec3 at = point_of(kinematics::task(machine), kinematics::home_pose(machine).value_or(Pose{}));
+    at[k] = plane.point[k];
+    POLYPOD_TRY(near_home(machine, at, at));
+  }
   POLYPOD_ASSIGN(box, extent(machine, options, true));
   if (box.empty()) {
     return fail("WS131", "nothing is reachable with R = 1, nor from all required directions: there is nothing to show");

@@ -125,6 +125,19 @@ TEST(Verdict, ARapidInManyBlocksIsOneRapid) {
   EXPECT_EQ(volume(divided.message), volume(whole.message));
 }
 
+TEST(Verdict, ManyTouchesAreACut) {
+  auto e = load(trial("slot.ngc"), trial("slot.toml"));
+  std::string way = "G21 G90 G94 G17\nT1 M6\nS8000 M3\nG0 X-45 Y0 Z10\nG0 Z-2\nG1 X-33 F1800\nG91\n";
+  for (int i = 0; i < 60; ++i) way += "G0 X0.055\nG1 X0.005 F1800\n";
+  e.program = unwrap(gcode::parse(way + "G90\nG0 Z10\nM2\n", "touches.ngc"));
+  e.interpretation = unwrap(gcode::interpret(e.program, e.job.interpret_options()));
+  const auto c = machining::correct(e.job, e.program, e.interpretation);
+  ASSERT_FALSE(c);
+  EXPECT_EQ(c.error().id, "MC304");
+  EXPECT_EQ(c.error().place.line, 8);
+  EXPECT_THAT(c.error().message, HasSubstr("60 rapid moves"));
+}
+
 TEST(Verdict, AMoveThatIsRewrittenComesCloser) {
   const auto e = load(trial("two_ramps.ngc"), trial("two_ramps.toml"));
   machining::CorrectOptions options;

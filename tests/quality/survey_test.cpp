@@ -557,6 +557,30 @@ TEST(Survey, TasksWithoutPositionsAreOverTheirCoordinates) {
   }
 }
 
+/// Angles that are coordinates end a quarter turn from home: no box, and no extreme beside one, goes farther. No
+/// tolerance is chosen by a pose close to a singular one.
+TEST(Survey, CoordinatesEndAQuarterTurnFromHome) {
+  const AnyMachine planar = load("planar-3rrr"), tripod = load("tripod-z3");
+  SurveyOptions options;
+  options.resolution = 3;
+  const double deg = units::from_deg(1);
+  options.box = {Vec3(-0.01, -0.01, 80 * deg), Vec3(0.01, 0.01, 120 * deg)};
+  const auto far = survey(planar, options);
+  ASSERT_FALSE(far);
+  EXPECT_EQ(far.error().id, "WS130");
+  options.box = {Vec3(-0.01, -0.01, 80 * deg), Vec3(0.01, 0.01, 90 * deg)};
+  EXPECT_TRUE(survey(planar, options));
+  options.resolution = 2;
+  options.box = {Vec3(0.795, -85 * deg, -85 * deg), Vec3(0.805, 85 * deg, 85 * deg)};
+  const auto s = survey(tripod, options);
+  ASSERT_TRUE(s);
+  DesignOptions wanted;
+  wanted.position = 0.05e-3;
+  const auto design = design_tolerances(tripod, *s, options, {{"all", 1}}, wanted);
+  ASSERT_FALSE(design);
+  EXPECT_EQ(design.error().id, "QU122");
+}
+
 /// Upright and free of limits, the 3-RRR is three cranks: a point is reached where each joint of the platform lies
 /// between the lengths of its crank.
 TEST(Survey, ASectionOfThePlanarMachineIsThatOfItsCranks) {

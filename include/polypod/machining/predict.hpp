@@ -140,7 +140,8 @@ struct OtherSwitch {
 struct Unjudged {
   double distance = 0;  ///< m, up to which the tool may be from the programmed path
   int line = 0;
-  const char* what = "";  ///< as part of a sentence
+  const char* what = "";   ///< as part of a sentence
+  std::size_t places = 0;  ///< that are not judged, with this one; those where the force changes quickly count as one
 };
 
 struct Prediction {

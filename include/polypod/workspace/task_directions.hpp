@@ -55,6 +55,10 @@ inline bool tilts(const machine::Task& task) {
   return task.places() && task.holds(machine::Coordinate::a) && task.holds(machine::Coordinate::b);
 }
 
+/// Whether the angles of a box of points of a task without x, y, z are within kFromHome of home: workspaces go no
+/// farther. Errors: WS130.
+Status near_home(const machine::AnyMachine& machine, const Vec3& low, const Vec3& high);
+
 /// Errors: WS104 (directions that the task does not hold), WS106 (a task that has no volume).
 inline Status held_by(const machine::Task& task, std::string_view name, const Directions& d) {
   if (!task.places() && task.size() != 3) {
