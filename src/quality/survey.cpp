@@ -243,9 +243,9 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   out.inside = std::move(inside.points);
   out.whole_box = out.inside.size() == out.grid.size();
   if (out.inside.empty()) {
-    return fail("QU110", "no point of the grid is reachable from all required directions", {},
-                task.places() ? "ask for less tilt, or raise the resolution"
-                              : "ask for another box, or raise the resolution");
+    return fail(
+        "QU110", "no point of the grid is reachable from all required directions", {},
+        task.places() ? "ask for less tilt, or raise the resolution" : "ask for another box, or raise the resolution");
   }
   // Of the workspace the middle of proven bounds, where they are close; else what the grid sees.
   constexpr double kClose = 0.05;
