@@ -183,19 +183,19 @@ Command dexterity_command() {
         const quality::Extreme least = quality::worst_seen(m, survey, options, field.sigma_min, field.anywhere, 1, -1);
         const double largest_condition = infinite_if_singular(worst.value);
         if (context.json) {
-          Json document({{"condition", statistics_json(survey, condition)},
-                         {"sigma_min", statistics_json(survey, sigma)},
-                         {"determinant", statistics_json(survey, determinant)},
-                         {"worst",
-                          {{"condition", number_json(largest_condition)},
-                           {"pose", pose_for_user(m, worst.X_MT)},
-                           {"sigma_min", number_json(least.value)},
-                           {"sigma_min_pose", pose_for_user(m, least.X_MT)}}},
-                         {"extremes", kSeen},
-                         {"points", survey.inside.size()},
-                         {"directions", survey.orientations.size()},
-                         {"beyond_singular", beyond_json(survey.beyond)},
-                         {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}});
+          Json document{{"condition", statistics_json(survey, condition)},
+                        {"sigma_min", statistics_json(survey, sigma)},
+                        {"determinant", statistics_json(survey, determinant)},
+                        {"worst",
+                         {{"condition", number_json(largest_condition)},
+                          {"pose", pose_for_user(m, worst.X_MT)},
+                          {"sigma_min", number_json(least.value)},
+                          {"sigma_min_pose", pose_for_user(m, least.X_MT)}}},
+                        {"extremes", kSeen},
+                        {"points", survey.inside.size()},
+                        {"directions", survey.orientations.size()},
+                        {"beyond_singular", beyond_json(survey.beyond)},
+                        {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}};
           document.update(size_json(survey));
           print_json(singular.in(document));
           return kDone;

@@ -137,12 +137,8 @@ Command section_command() {
             std::stable_sort(limits.begin(), limits.end(),
                              [](const auto& a, const auto& b) { return a.second > b.second; });
             const auto share = [&](int count) { return 100.0 * count / std::max(1, reached); };
-            const auto across = [&](const Vec3& step) {
-              Eigen::Index k = 0;
-              step.cwiseAbs().maxCoeff(&k);
-              return workspace::unit_of(task, static_cast<int>(k));
-            };
-            const char *of_u = across(f.grid.step[0]), *of_v = across(f.grid.step[1]);
+            const char *of_u = workspace::unit_along(task, f.grid.step[0]),
+                       *of_v = workspace::unit_along(task, f.grid.step[1]);
             const double area = s.area * units::to_user(1, of_u) * units::to_user(1, of_v);
             const std::string of_both = fmt::format("{} {}", of_u, of_v);
             const std::string area_unit = of_both == "mm mm" ? "mm2" : of_both;

@@ -66,8 +66,11 @@ Json number_json(double value) {
   return std::isfinite(value) ? Json(value) : Json();
 }
 
-double proven_mm3(const quality::Survey& survey, double bound) {
-  return survey.volume_lower < survey.volume_upper ? units::to_mm3(bound) : std::numeric_limits<double>::quiet_NaN();
+Region size_of(const quality::Survey& survey) {
+  const bool proven = survey.volume_lower < survey.volume_upper;
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  return region_of(survey.task.places() ? machine::Task::point : survey.task, survey.volume,
+                   proven ? survey.volume_lower : kNone, proven ? survey.volume_upper : kNone);
 }
 
 Json statistics_json(const quality::Survey& survey, const quality::Statistics& s, double scale) {
@@ -81,15 +84,11 @@ Json statistics_json(const quality::Survey& survey, const quality::Statistics& s
 }
 
 Json size_json(const quality::Survey& survey) {
-  const bool proven = survey.volume_lower < survey.volume_upper;
-  if (!survey.task.places()) {
-    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    return measure_json(survey.task, region_of(survey.task, survey.volume, proven ? survey.volume_lower : kNone,
-                                               proven ? survey.volume_upper : kNone));
-  }
-  return {{"volume_mm3", units::to_mm3(survey.volume)},
-          {"volume_lower_mm3", number_json(proven_mm3(survey, survey.volume_lower))},
-          {"volume_upper_mm3", number_json(proven_mm3(survey, survey.volume_upper))}};
+  const Region size = size_of(survey);
+  if (!survey.task.places()) return measure_json(survey.task, size);
+  return {{"volume_mm3", size.measure},
+          {"volume_lower_mm3", number_json(size.lower)},
+          {"volume_upper_mm3", number_json(size.upper)}};
 }
 
 Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
@@ -184,8 +183,10 @@ void print_statistics(const quality::Survey& survey, const std::vector<Statistic
                row.unit.empty() ? "" : " " + row.unit);
   }
   if (!large.empty()) {
-    fmt::print("note: the largest {} {} close to a singular pose, where other points see other maxima\n", listed(large),
-               large.size() > 1 ? "lie" : "lies");
+    fmt::print(
+        "note: the largest {} {} more than a hundred times the mean, as beside a singular pose: other points see "
+        "other maxima\n",
+        listed(large), large.size() > 1 ? "are" : "is");
   }
 }
 

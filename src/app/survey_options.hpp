@@ -23,14 +23,15 @@ struct SurveyArguments {
 /// {min, mean, max, stddev, min_at_mm, max_at_mm}; a number that is not finite is null. `scale` makes the unit. Of a
 /// task without x, y, z min_at and max_at, its coordinates in mm and deg.
 Json statistics_json(const quality::Survey& survey, const quality::Statistics& s, double scale = 1);
+/// How large what was surveyed is, mm^3 or in the coordinates of a task without x, y, z; bounds are no numbers where
+/// points were counted and nothing is proven.
+Region size_of(const quality::Survey& survey);
 /// volume_mm3 and its bounds; of a task without x, y, z the measure of its region as `workspace` gives it.
 Json size_json(const quality::Survey& survey);
 /// The same of one value.
 Json constant_json(double value);
 /// A number, or null where it is not finite.
 Json number_json(double value);
-/// A bound of a survey's volume, mm^3; no number where its points were counted and nothing is proven.
-double proven_mm3(const quality::Survey& survey, double bound);
 /// "KEY=value" as key and number. Errors: AP160.
 Result<std::vector<std::pair<std::string, double>>> keyed_numbers(const std::vector<std::string>& texts,
                                                                   const char* option);
@@ -59,8 +60,8 @@ struct StatisticsRow {
   int decimals = 4;
   std::string unit;
 };
-/// Whether the largest of these lies beside a singular pose: more than a hundred times the mean, so that other points
-/// see other values, and only its size says something.
+/// Whether the largest of these is more than a hundred times the mean, as beside a singular pose: other points see
+/// other values, and only its size says something.
 bool beside_singular(const quality::Statistics& s);
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows);
 /// What of the survey lies beyond singular poses, as a note; nothing where nothing does.

@@ -105,13 +105,9 @@ Named measure_numbers(const Region& region) {
 
 /// How large what was surveyed is.
 Named size_numbers(const quality::Survey& survey) {
-  const bool proven = survey.volume_lower < survey.volume_upper;
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  const double lower = proven ? survey.volume_lower : kNone, upper = proven ? survey.volume_upper : kNone;
-  if (!survey.task.places()) return measure_numbers(region_of(survey.task, survey.volume, lower, upper));
-  return {{"volume_mm3", units::to_mm3(survey.volume)},
-          {"volume_lower_mm3", units::to_mm3(lower)},
-          {"volume_upper_mm3", units::to_mm3(upper)}};
+  const Region size = size_of(survey);
+  if (!survey.task.places()) return measure_numbers(size);
+  return {{"volume_mm3", size.measure}, {"volume_lower_mm3", size.lower}, {"volume_upper_mm3", size.upper}};
 }
 
 Result<Numbers> workspace_numbers(const Options& o, const machine::AnyMachine& m, const Context& context) {

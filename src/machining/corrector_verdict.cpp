@@ -209,7 +209,7 @@ void Corrector::decide() {
   if (after.slow.count > 0) lines.insert(after.slow.line);
   for (MoveOutcome& m : out_.moves) m.judged = !lines.contains(m.line);
   if (out_.within_tolerance && !out_.all_judged()) {
-    const Unjudged most = out_.after.farthest_not_judged();
+    const Unjudged most = after.farthest_not_judged();
     warning_ = most.distance > 0
                    ? fmt::format("NOT all of the cut is judged, line {} of the original: {}, up to {:.0f} um off{}",
                                  most.line, most.what, units::to_um(most.distance),

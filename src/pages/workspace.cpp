@@ -151,8 +151,7 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   const Field& f = s.field;
   report::HeatMap map;
   const Vec3 u = f.grid.step[0].normalized(), v = f.grid.step[1].normalized();
-  const char *of_u = workspace::unit_of(s.task, std::max(0, axis_of(u))),
-             *of_v = workspace::unit_of(s.task, std::max(0, axis_of(v)));
+  const char *of_u = workspace::unit_along(s.task, u), *of_v = workspace::unit_along(s.task, v);
   const auto at = [&](const Vec3& p) {
     return report::Point{units::to_user(u.dot(p), of_u), units::to_user(v.dot(p), of_v)};
   };

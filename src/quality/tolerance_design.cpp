@@ -1,6 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/quality/tolerance_design.hpp"
-#include "polypod/quality/singularity.hpp"
 
 #include <fmt/format.h>
 

@@ -95,16 +95,13 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
   const double longest = std::max(u_high - u_low, v_high - v_low);
   if (!(longest > 1e-9)) {
     std::string at, box;
+    const Vec3 point = for_user(task, plane.point), from = for_user(task, low), to = for_user(task, high);
     for (int k = 0; k < 3; ++k) {
-      const bool angle = !task.places() && task.is_angle(k);
-      const char* unit = angle ? "deg" : "mm";
-      const auto shown = [&](double x) { return units::to_user(x, unit); };
       const char* between = k == 0 ? "" : ", ";
       // Lengths have one unit in all.
-      const std::string own = !task.places() || k == 2 ? fmt::format(" {}", unit) : "";
-      at += fmt::format("{}{:g}{}", between, shown(plane.point[k]) + 0.0, own);
-      box += fmt::format("{}{} {:.1f} .. {:.1f}{}", between, machine::name_of(task[k]), shown(low[k]), shown(high[k]),
-                         own);
+      const std::string unit = !task.places() || k == 2 ? fmt::format(" {}", unit_of(task, k)) : "";
+      at += fmt::format("{}{:g}{}", between, point[k] + 0.0, unit);
+      box += fmt::format("{}{} {:.1f} .. {:.1f}{}", between, machine::name_of(task[k]), from[k], to[k], unit);
     }
     return fail("WS132", fmt::format("the plane through {} misses the workspace, which lies in {}", at, box), {},
                 "move the plane");
@@ -354,11 +351,12 @@ std::vector<Loop> border_of(const Field& f, const PointJudge& judge) {
 Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, int resolution,
                         const FieldOptions& field_options) {
   POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
-  if (plane.normal.cwiseAbs().maxCoeff() >= (1 - 1e-12) * plane.normal.norm()) {
-    Eigen::Index k = 0;
-    plane.normal.cwiseAbs().maxCoeff(&k);
-    Vec3 at = point_of(kinematics::task(machine), kinematics::home_pose(machine).value_or(Pose{}));
-    at[k] = plane.point[k];
+  const machine::Task task = kinematics::task(machine);
+  if (!task.places()) {
+    Eigen::Index along = 0;
+    plane.normal.cwiseAbs().maxCoeff(&along);
+    Vec3 at = point_of(task, kinematics::home_pose(machine).value_or(Pose{}));
+    at[along] = plane.point[along];
     POLYPOD_TRY(near_home(machine, at, at));
   }
   POLYPOD_ASSIGN(box, extent(machine, options, true));
@@ -366,9 +364,9 @@ Result<Section> section(const AnyMachine& machine, const Options& options, const
     return fail("WS131", "nothing is reachable with R = 1, nor from all required directions: there is nothing to show");
   }
   Section out;
-  out.task = kinematics::task(machine);
+  out.task = task;
   out.plane = plane;
-  POLYPOD_ASSIGN(grid, grid_on(plane, box.low, box.high, resolution, out.task));
+  POLYPOD_ASSIGN(grid, grid_on(plane, box.low, box.high, resolution, task));
   POLYPOD_ASSIGN(values, field(machine, options, grid, field_options));
   out.field = std::move(values);
   out.border = border_of(out.field, *judge);

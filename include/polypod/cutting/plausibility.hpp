@@ -23,8 +23,8 @@ struct CoefficientRange {
 };
 inline constexpr CoefficientRange kTangentialCut{100, 15'000};  ///< K_tc, N/mm^2
 inline constexpr CoefficientRange kOtherCut{3, 10'000};         ///< K_rc, |K_ac| where they are not 0, N/mm^2
-inline constexpr CoefficientRange kEdge{1, 200};                ///< K_te, K_re where they are not 0, N/mm
-inline constexpr CoefficientRange kAxialEdge{0, 200};           ///< |K_ae|, N/mm
+inline constexpr CoefficientRange kEdge{1, 200};       ///< K_te, K_re where they are not 0 (7.5 and more), N/mm
+inline constexpr CoefficientRange kAxialEdge{0, 200};  ///< |K_ae|, N/mm
 
 inline constexpr double kLargestFeedShare = 0.2;    ///< of the diameter, feed per tooth
 inline constexpr double kLeastFeed = 0.2e-6;        ///< m, feed per tooth: thinner than any edge is sharp

@@ -38,6 +38,12 @@ inline constexpr double kFromHome = std::numbers::pi / 2;
 inline const char* unit_of(const machine::Task& task, int coordinate) {
   return !task.places() && task.is_angle(coordinate) ? "deg" : "mm";
 }
+/// That of the coordinate along which a step of a grid runs.
+inline const char* unit_along(const machine::Task& task, const Vec3& step) {
+  Eigen::Index coordinate = 0;
+  step.cwiseAbs().maxCoeff(&coordinate);
+  return unit_of(task, static_cast<int>(coordinate));
+}
 /// A point in these units.
 inline Vec3 for_user(const machine::Task& task, const Vec3& point) {
   Vec3 out;
