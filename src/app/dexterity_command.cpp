@@ -194,6 +194,7 @@ Command dexterity_command() {
                         {"extremes", kSeen},
                         {"points", survey.inside.size()},
                         {"directions", survey.orientations.size()},
+                        {"whole_box", survey.whole_box},
                         {"beyond_singular", beyond_json(survey.beyond)},
                         {"characteristic_length_mm", field.length > 0 ? Json(units::to_mm(field.length)) : Json()}};
           document.update(size_json(survey));
@@ -203,7 +204,7 @@ Command dexterity_command() {
         print_statistics(
             survey,
             {{"condition", condition, 1, 4, ""}, {"sigma_min", sigma, 1, 4, ""}, {"|det|", determinant, 1, 4, ""}});
-        print_beyond(m, survey);
+        print_where(m, survey);
         fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at, survey.task),
                    place_text(condition.max_at, survey.task));
         fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",

@@ -317,6 +317,7 @@ Command errors_command() {
               Json document = surveyed_json(m, survey, found);
               document["points"] = survey.inside.size();
               document["directions"] = survey.orientations.size();
+              document["whole_box"] = survey.whole_box;
               document["beyond_singular"] = beyond_json(survey.beyond);
               document.update(size_json(survey));
               if (!singular_there.empty()) document["worst"]["singular"] = singular_there;
@@ -331,7 +332,7 @@ Command errors_command() {
             }
             print_statistics(survey, {{"position", found.position, units::kMmPerMetre, 6, "mm"},
                                       {"orientation", found.orientation, 1, 7, "rad"}});
-            print_beyond(m, survey);
+            print_where(m, survey);
             if (survey.orientations.size() > 1)
               fmt::print("largest mean seen at {}\n", place_text(found.position.max_at, survey.task));
             fmt::print("worst pose seen: {} mm at {}\n", figure(units::to_mm(worst.value), 6),

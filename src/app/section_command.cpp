@@ -103,6 +103,7 @@ Command section_command() {
             field_options.tilt = workspace::tilts(task);
             field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
             POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
+            const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, s.field);
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);
             const std::string svg =
                 o->svg.empty() ? "" : report::standalone_svg(pages::section_picture(m, options, s), 760);
@@ -160,6 +161,7 @@ Command section_command() {
                   reached > 0 ? Json(tilts ? units::to_deg(most) : units::to_mm(most)) : Json();
               document[(tilts ? "largest_tilt_at" : "largest_margin_at") + unit] = reached > 0 ? shown(at) : Json();
               document["stopped_by"] = list;
+              document["beyond_singular"] = beyond_json(beyond);
               Json loops = Json::array();
               for (const workspace::Loop& loop : s.border) {
                 Json points = Json::array();
@@ -181,6 +183,8 @@ Command section_command() {
                 fmt::print("tilt     up to {:.1f} deg at every azimuth, at {}\n", units::to_deg(most), place_text(at));
               }
               for (const auto& [name, count] : limits) fmt::print("stopped  {:4.1f} %  {}\n", share(count), name);
+              fmt::print("{}", beyond_text(m, beyond, "points of the section that were looked at",
+                                           "Area and best place include"));
               for (const std::string* path : {&o->csv, &o->svg})
                 if (!path->empty()) fmt::print("wrote {}\n", *path);
             }

@@ -149,7 +149,10 @@ std::string beyond_text(const machine::AnyMachine& m, const workspace::BeyondSin
           : "limits of the legs or a smaller box leave them out");
 }
 
-void print_beyond(const machine::AnyMachine& m, const quality::Survey& survey) {
+void print_where(const machine::AnyMachine& m, const quality::Survey& survey) {
+  if (!survey.whole_box) {
+    fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(), survey.grid.size());
+  }
   fmt::print("{}", beyond_text(m, survey.beyond, "poses that were looked at", "These figures include"));
 }
 

@@ -64,8 +64,8 @@ struct StatisticsRow {
 /// other values, and only its size says something.
 bool beside_singular(const quality::Statistics& s);
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows);
-/// What of the survey lies beyond singular poses, as a note; nothing where nothing does.
-void print_beyond(const machine::AnyMachine& m, const quality::Survey& survey);
+/// How much of a given box the survey reached, and what of it lies beyond singular poses; nothing of what is as asked.
+void print_where(const machine::AnyMachine& m, const quality::Survey& survey);
 /// Three coordinates in mm; of a task without x, y, z each with its name and unit.
 std::string place_text(const Vec3& p, const machine::Task& task = machine::Task::pose);
 

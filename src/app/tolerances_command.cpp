@@ -91,9 +91,9 @@ Command tolerances_command() {
                                   {"worst_pose", pose_for_user(m, d.worst)},
                                   {"extremes", kSeen},
                                   {"cost", d.cost},
-                                  {"whole_box", survey.whole_box},
                                   {"points", survey.inside.size()},
                                   {"directions", survey.orientations.size()},
+                                  {"whole_box", survey.whole_box},
                                   {"beyond_singular", beyond_json(survey.beyond)}}));
         } else {
           for (const auto& p : d.parts) {
@@ -106,13 +106,9 @@ Command tolerances_command() {
               "judged at {} points (tool directions at each: {}) and between the worst of them: exact at every "
               "pose, but not a bound on the poses between\n",
               survey.inside.size(), survey.orientations.size());
-          print_beyond(m, survey);
-          if (!survey.whole_box && !o->where.box.empty()) {
-            fmt::print("only {} of {} points of the box are in the workspace\n", survey.inside.size(),
-                       survey.grid.size());
-          }
+          print_where(m, survey);
         }
-        return survey.whole_box || o->where.box.empty() ? kDone : kAnswerIsNo;
+        return survey.whole_box ? kDone : kAnswerIsNo;
       }};
 }
 

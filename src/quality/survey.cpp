@@ -241,7 +241,7 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
   }
   POLYPOD_ASSIGN(inside, workspace::points_inside(machine, options.workspace, out.grid));
   out.inside = std::move(inside.points);
-  out.whole_box = out.inside.size() == out.grid.size();
+  out.whole_box = !options.box || out.inside.size() == out.grid.size();
   if (out.inside.empty()) {
     return fail(
         "QU110", "no point of the grid is reachable from all required directions", {},

@@ -1,6 +1,9 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/workspace/beyond.hpp"
 
+#include <algorithm>
+#include <vector>
+
 #include "polypod/core/random.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
@@ -20,29 +23,68 @@ int side_of_home(const AnyMachine& machine) {
   return hold.determinant > 0 ? 1 : -1;
 }
 
+namespace {
+
+/// Counts points of a workspace by the side of singular poses on which they lie.
+class Sides {
+ public:
+  Sides(const AnyMachine& machine, const Options& options)
+      : machine_(machine),
+        options_(options),
+        side_(side_of_home(machine)),
+        task_(kinematics::task(machine)),
+        orientations_(sampled_orientations(options.directions)),
+        hold_(machine) {}
+
+  [[nodiscard]] bool have_meaning() const { return side_ != 0 && (task_.places() || task_.size() == 3); }
+  void add(const Vec3& p) {
+    if (task_.places() && !reaches_samples(machine_, options_, orientations_, p)) return;
+    const Pose target = pose_at(task_, orientations_.front(), p);
+    const kinematics::InverseResult found = kinematics::inverse(machine_, target);
+    const kinematics::Solution* reached = task_.places() ? &found.solutions.front() : found.reachable();
+    if (reached == nullptr) return;
+    const machine::JointVector& q = reached->joints;
+    ++out_.points;
+    if (hold_.at(kinematics::settled(machine_, target, q), q).determinant * side_ < 0) ++out_.beyond;
+  }
+  [[nodiscard]] const BeyondSingular& found() const { return out_; }
+
+ private:
+  const AnyMachine& machine_;
+  const Options& options_;
+  int side_;
+  machine::Task task_;
+  std::vector<Mat3> orientations_;
+  kinematics::HoldAnywhere hold_;
+  BeyondSingular out_;
+};
+
+constexpr std::size_t kPoints = 400;
+
+}  // namespace
+
 BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options, const Volume& volume) {
-  constexpr std::size_t kPoints = 400, kDraws = 20'000;
-  BeyondSingular out;
-  const int side = side_of_home(machine);
-  const machine::Task task = kinematics::task(machine);
-  const bool places = task.places();
-  if (side == 0 || volume.empty || (!places && task.size() != 3)) return out;
-  const std::vector<Mat3> orientations = sampled_orientations(options.directions);
-  const kinematics::HoldAnywhere hold(machine);
+  constexpr std::size_t kDraws = 20'000;
+  Sides sides(machine, options);
+  if (volume.empty || !sides.have_meaning()) return {};
   Random random(1);
-  for (std::size_t draw = 0; draw < kDraws && out.points < kPoints; ++draw) {
+  for (std::size_t draw = 0; draw < kDraws && sides.found().points < kPoints; ++draw) {
     Vec3 p;
     for (int k = 0; k < 3; ++k) p[k] = random.uniform(volume.min[k], volume.max[k]);
-    if (places && !reaches_samples(machine, options, orientations, p)) continue;
-    const Pose target = pose_at(task, orientations.front(), p);
-    const kinematics::InverseResult found = kinematics::inverse(machine, target);
-    const kinematics::Solution* reached = places ? &found.solutions.front() : found.reachable();
-    if (reached == nullptr) continue;
-    const machine::JointVector& q = reached->joints;
-    ++out.points;
-    if (hold.at(kinematics::settled(machine, target, q), q).determinant * side < 0) ++out.beyond;
+    sides.add(p);
   }
-  return out;
+  return sides.found();
+}
+
+BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options, const Field& field) {
+  Sides sides(machine, options);
+  if (!sides.have_meaning()) return {};
+  std::vector<std::size_t> inside;
+  for (std::size_t i = 0; i < field.grid.size(); ++i)
+    if (field.margin[i] >= 0) inside.push_back(i);
+  const std::size_t drawn = std::min(kPoints, inside.size());
+  for (std::size_t n = 0; n < drawn; ++n) sides.add(field.grid.at(inside[n * inside.size() / drawn]));
+  return sides.found();
 }
 
 }  // namespace polypod::workspace

@@ -232,6 +232,17 @@ home = { height_mm = 65 }
   EXPECT_EQ(b.points, 400U);
   EXPECT_NEAR(static_cast<double>(b.beyond), 200, 60);  // three standard deviations of a fair share
   EXPECT_EQ(workspace::beyond_singular(above, {}, volume(above, 0.05)).beyond, 0U);
+  // A section across both halves, and one above.
+  workspace::FieldOptions flat;
+  flat.tilt = false;
+  const workspace::Plane upright{Vec3::Zero(), Vec3::UnitY()};
+  const auto section = workspace::section(both, {}, upright, 40, flat),
+             half = workspace::section(above, {}, upright, 40, flat);
+  ASSERT_TRUE(section && half);
+  const workspace::BeyondSingular of_section = workspace::beyond_singular(both, {}, section->field);
+  EXPECT_GT(of_section.points, 200U);
+  EXPECT_EQ(2 * of_section.beyond, of_section.points);  // the grid is symmetric about z = 0
+  EXPECT_EQ(workspace::beyond_singular(above, {}, half->field).beyond, 0U);
   const AnyMachine strut = test::load("hexapod-strut");
   EXPECT_EQ(workspace::beyond_singular(strut, {}, volume(strut, 0.05)).beyond, 0U);
   EXPECT_EQ(workspace::beyond_singular(test::load("lola50"), {}, volume(test::load("lola50"), 0.2)).points, 0U);

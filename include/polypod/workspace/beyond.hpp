@@ -2,6 +2,7 @@
 // Which part of a workspace a parallel machine comes to from home without passing a singular pose.
 #pragma once
 
+#include "polypod/workspace/field.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::workspace {
@@ -21,5 +22,7 @@ int side_of_home(const AnyMachine& machine);
 /// reach the platform mirrored below its base, too. A sample, not a proof, and the same sign may still lie beyond.
 /// Cost: below 10 ms.
 BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options, const Volume& volume);
+/// The same of the points of a field that are inside, at most 400 of them.
+BeyondSingular beyond_singular(const AnyMachine& machine, const Options& options, const Field& field);
 
 }  // namespace polypod::workspace

@@ -125,18 +125,25 @@ struct Settling {
   double turned = 0, moved = 0;  ///< from the start
 };
 
-/// Newton's method on what the task prescribes and the passive equations.
-Settling settle_from(const Parallel& m, const Pose& target, const Pose& start) {
+/// Farther than this from its start a pose is taken for another assembly mode: rad, and shares of the machine's size.
+constexpr double kNear = 0.35;
+
+/// Newton's method on what the task prescribes and the passive equations. It gives up where a step ends so far from
+/// `start` that it does not come back. A step far shorter than the one before and shorter than `enough` is
+/// the last: what remains is about its square.
+Settling settle_from(const Parallel& m, const Pose& target, const Pose& start, double enough = 1e-8) {
   constexpr int kSteps = 30;
-  constexpr double kLongest = 0.5, kDone = 1e-14;
+  constexpr double kLongest = 0.5, kDone = 1e-14, kGone = 3 * kNear, kSquares = 0.05;
+  const double least_trace = 1 + 2 * std::cos(kGone);
+  double before = 0;
   Settling out{prescribed(m.task, target, start)};
   const Pose first = out.X;
+  const auto T = task_rows(m.task, target, m.size);
   for (int k = 0; k < kSteps; ++k) {
     const EquationRows rows = passive_rows(m, out.X);
     const int n = static_cast<int>(rows.F.size());
     Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMaxEquations + 6, 6> A(n + m.task.size(), 6);
     Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEquations + 6, 1> F(n + m.task.size());
-    const auto T = task_rows(m.task, target, m.size);
     A << rows.A, T;
     F << rows.F, -(T * pose_error(m.task, target, out.X));
     A.rightCols<3>() /= m.size;
@@ -147,19 +154,24 @@ Settling settle_from(const Parallel& m, const Pose& target, const Pose& start) {
     const double share = std::min(1.0, kLongest / std::max({turn, length / m.size, 1e-300}));
     out.X.p += share * step.head<3>();
     out.X.R = rotation_of(share * step.tail<3>()) * out.X.R;
-    if (share == 1 && std::max(length / m.size, turn) < kDone * (1 + target.p.norm() / m.size)) break;
-    if (share == 1 && k > 3 && std::max(length / m.size, turn) < 1e-11) break;
+    const double size = std::max(length / m.size, turn);
+    if (share == 1 && size < kDone * (1 + target.p.norm() / m.size)) break;
+    if (share == 1 && k > 3 && size < 1e-11) break;
+    if (share == 1 && size < enough && size < kSquares * before) break;
+    before = size;
+    if ((out.X.p - first.p).norm() > kGone * m.size || (out.X.R.array() * first.R.array()).sum() < least_trace) {
+      return out;
+    }
   }
   out.X = prescribed(m.task, target, out.X);
   out.turned = rotation_vector(out.X.R * first.R.transpose()).norm();
   out.moved = (out.X.p - first.p).norm();
-  out.converged = passive_rows(m, out.X).F.cwiseAbs().maxCoeff() < 1e-10 * (m.size + target.p.norm());
+  out.converged = passive_rows(m, out.X).F.cwiseAbs().maxCoeff() < 0.01 * enough * (m.size + target.p.norm());
   return out;
 }
 
 /// Not another assembly mode.
 bool is_near(const Parallel& m, const Settling& s) {
-  constexpr double kNear = 0.35;  // rad, and shares of the machine's size
   return s.converged && s.turned < kNear && s.moved < kNear * m.size;
 }
 
@@ -263,15 +275,22 @@ std::optional<Pose> settled(const Parallel& m, const Pose& target) {
   const auto near = [&](const Settling& s) { return is_near(m, s); };
   const Settling direct = settle_from(m, target, m.home);
   if (near(direct)) return direct.X;
-  for (const int steps : {4, 16, 64}) {
-    Pose at = m.home;
-    bool whole = true;
-    for (int k = 1; k <= steps && whole; ++k) {
-      const Settling next = settle_from(m, k == steps ? target : between(m, target, double(k) / steps), at);
-      whole = near(next);
-      at = next.X;
+  // Along the way from home, in steps that halve where Newton's method leaves the assembly mode and grow behind it.
+  constexpr double kFirstStep = 0.25, kLeastStep = 1.0 / 64, kOnTheWay = 1e-3;
+  Pose at = m.home;
+  double gone = 0, step = kFirstStep;
+  while (step >= kLeastStep) {
+    const double share = std::min(1.0, gone + step);
+    const Settling next =
+        share == 1 ? settle_from(m, target, at) : settle_from(m, between(m, target, share), at, kOnTheWay);
+    if (!near(next)) {
+      step /= 2;
+      continue;
     }
-    if (whole) return at;
+    if (share == 1) return next.X;
+    at = next.X;
+    gone = share;
+    step = std::min(2 * step, kFirstStep);
   }
   return std::nullopt;
 }
