@@ -16,18 +16,17 @@ constexpr std::size_t kMostPoses = 200'000;
 /// Of a machine, at poses of the survey's task.
 class HoldAtTask {
  public:
-  explicit HoldAtTask(const AnyMachine& machine) : machine_(machine), hold_(machine) {}
+  HoldAtTask(const AnyMachine& machine, int side) : machine_(machine), hold_(machine), side_(side) {}
   /// Nothing where it has no joints; `control` exact below kZero.
   [[nodiscard]] std::optional<kinematics::Hold> at(const Pose& X) const {
-    const auto q = joints_at(machine_, X);
-    if (!q) return {};
-    return hold_.at(kinematics::settled(machine_, X, *q), *q, kZero);
+    return workspace::reached_on_side(machine_, hold_, X, side_, ~kinematics::LimitBits{0}, kZero);
   }
   static constexpr double kZero = 1e-7;  // what bisection of rounded numbers leaves of `control`
 
  private:
   const AnyMachine& machine_;
   kinematics::HoldAnywhere hold_;
+  int side_;
 };
 
 /// The singular pose between two points of one orientation whose determinants have other signs.
@@ -65,8 +64,8 @@ SingularInside singular_inside(const AnyMachine& machine, const Survey& survey, 
       points.push_back(i);
   }
   if (points.empty()) return out;
-  const HoldAtTask hold(machine);
   const int side = workspace::side_of_home(machine);
+  const HoldAtTask hold(machine, side);
   const std::size_t directions = std::clamp<std::size_t>(kMostPoses / points.size(), 1, survey.orientations.size());
   std::vector<double> determinant(points.size());
   std::vector<char> lost(points.size());

@@ -12,7 +12,7 @@
 namespace polypod::workspace {
 
 int side_of_home(const AnyMachine& machine) {
-  if (kinematics::takes_any_posture(machine)) return 0;
+  if (kinematics::is_serial(machine)) return 0;
   const auto home = kinematics::home_pose(machine);
   if (!home) return 0;
   const kinematics::InverseResult there = kinematics::inverse(machine, *home);
@@ -21,6 +21,20 @@ int side_of_home(const AnyMachine& machine) {
   const kinematics::Hold hold = kinematics::hold(machine, kinematics::settled(machine, *home, q), q);
   if (hold.determinant == 0 || hold.control < kinematics::kNoHold) return 0;
   return hold.determinant > 0 ? 1 : -1;
+}
+
+std::optional<kinematics::Hold> reached_on_side(const AnyMachine& machine, const kinematics::HoldAnywhere& hold,
+                                                const Pose& target, int side, kinematics::LimitBits heeded, double enough) {
+  const bool any_posture = kinematics::takes_any_posture(machine);
+  std::optional<kinematics::Hold> out;
+  for (const kinematics::Solution& s : kinematics::inverse(machine, target).solutions) {
+    if ((s.violations & heeded) != 0) continue;
+    const kinematics::Hold here = hold.at(kinematics::settled(machine, target, s.joints), s.joints, enough);
+    if (!out) out = here;
+    if (here.determinant * side > 0) return here;
+    if (!any_posture) break;
+  }
+  return out;
 }
 
 namespace {
@@ -40,12 +54,10 @@ class Sides {
   void add(const Vec3& p) {
     if (task_.places() && !reaches_samples(machine_, options_, orientations_, p)) return;
     const Pose target = pose_at(task_, orientations_.front(), p);
-    const kinematics::InverseResult found = kinematics::inverse(machine_, target);
-    const kinematics::Solution* reached = task_.places() ? &found.solutions.front() : found.reachable();
-    if (reached == nullptr) return;
-    const machine::JointVector& q = reached->joints;
+    const auto reached = reached_on_side(machine_, hold_, target, side_, checked_limits(machine_, options_));
+    if (!reached) return;
     ++out_.points;
-    if (hold_.at(kinematics::settled(machine_, target, q), q).determinant * side_ < 0) ++out_.beyond;
+    if (reached->determinant * side_ < 0) ++out_.beyond;
   }
   [[nodiscard]] const BeyondSingular& found() const { return out_; }
 

@@ -247,13 +247,19 @@ bool reaches_samples(const AnyMachine& machine, const Options& options, const st
   const LimitBits heeded = checked_limits(machine, options);
   const machine::Task task = kinematics::task(machine);
   return std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
-    const auto result = kinematics::inverse(machine, pose_at(task, R, p));
-    // Only the first choice of a slider counts, as the source takes it; any posture of a chain.
-    if (kinematics::takes_any_posture(machine)) {
-      return std::any_of(result.solutions.begin(), result.solutions.end(),
-                         [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
-    }
-    return !result.solutions.empty() && (result.solutions.front().violations & heeded) == 0;
+    const Pose X = pose_at(task, R, p);
+    return std::visit(
+        [&](const auto& m) {
+          if constexpr (requires { reaches(m, X, heeded); }) return reaches(m, X, heeded);
+          const auto result = inverse(m, X);
+          // Only the first choice of a slider counts, as the source takes it; any posture of a chain.
+          if (kinematics::takes_any_posture(machine)) {
+            return std::any_of(result.solutions.begin(), result.solutions.end(),
+                               [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
+          }
+          return !result.solutions.empty() && (result.solutions.front().violations & heeded) == 0;
+        },
+        machine);
   });
 }
 

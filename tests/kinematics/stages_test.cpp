@@ -125,6 +125,26 @@ TEST(Stages, ATriceptWithItsWristMeetsItsClosedForm) {
   }
 }
 
+/// A target behind the carrier's home, which the struts reach beyond their limits in another assembly mode: the pose of
+/// each solution is where the tool was asked to be all the same, and reaches() says what the limits do.
+TEST(Stages, SolutionsBeyondTheLimitsAreWhereTheyWereAsked) {
+  const AnyMachine m = test::load("tricept-wrist");
+  const auto& stages = std::get<machine::Stages>(m);
+  for (const Vec3& p : {Vec3(0.01, 0.02, 1.9), Vec3(0.1, 0, 0.45), Vec3(0.3, 0.1, 0.5)}) {
+    const Pose X{rotation_abc(units::from_deg(5), units::from_deg(5), 0), p};
+    const auto solved = kinematics::inverse(m, X);
+    ASSERT_FALSE(solved.solutions.empty());
+    for (const kinematics::Solution& s : solved.solutions) {
+      const Pose at = kinematics::settled(m, X, s.joints);
+      EXPECT_LT((at.p - X.p).norm(), 1e-9);
+      EXPECT_LT(angle_between(at.R.col(2), X.R.col(2)), 1e-9);
+      EXPECT_LT(kinematics::closure_residual(stages, at, s.joints), 1e-9);
+    }
+    EXPECT_EQ(machine::reaches(stages, X, ~kinematics::LimitBits{0}), solved.reachable() != nullptr);
+    EXPECT_TRUE(machine::reaches(stages, X, 0));
+  }
+}
+
 TEST(Stages, ClosureAndParametersAreThoseOfTheWhole) {
   for (const char* name : {"tricept-wrist", "dynapod"}) {
     SCOPED_TRACE(name);

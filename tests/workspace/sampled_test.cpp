@@ -58,13 +58,10 @@ tool = { a_deg = 180 }
   EXPECT_GT(volume(scara, 0.2).lower, 0.15);
 }
 
-/// Three struts to a platform that does not turn, and one turning joint on it: the workspace of the struts, 60 mm
-/// higher. Of the box that the stages could come to it takes 0.2 %, in which a few points say little of where it ends.
-TEST(Sampled, ASmallWorkspaceInALargeBoxIsFoundWhole) {
-  const std::string struts = R"(family = "parallel"
+/// Three struts to a platform that does not turn.
+const std::string kThreeStruts = R"(family = "parallel"
 task = "point"
 home = { z_mm = 500 }
-limits = { z_min_mm = 200 }
 leg = [
   { drive = "strut", base_mm = [300, 0, 0], platform_mm = [100, 0, 0], min_mm = 400, max_mm = 700 },
   { drive = "strut", base_mm = [-150, 259.8, 0], platform_mm = [-50, 86.6, 0], min_mm = 400, max_mm = 700 },
@@ -72,18 +69,25 @@ leg = [
 ]
 constraint = [ { kind = "orientation" } ]
 )";
-  const workspace::Volume proven = volume(read(struts), 0.02);
-  ASSERT_TRUE(proven.proven);
-  std::string stage = struts;
-  stage.replace(stage.find("family"), 6, "[stage.machine]\nfamily");
-  const AnyMachine turning =
-      read("family = \"stages\"\ntask = [\"x\", \"y\", \"z\", \"C\"]\n[[stage]]\n" + stage + R"([[stage]]
+/// A turning joint carried by it.
+AnyMachine with_a_turn(const std::string& struts) {
+  return read("family = \"stages\"\ntask = [\"x\", \"y\", \"z\", \"C\"]\n[[stage]]\n[stage.machine]\n" + struts +
+              R"([[stage]]
 home = [0]
 [stage.machine]
 family = "serial"
 dh = [ { d_mm = 60 } ]
 limits = [ { min_deg = -180, max_deg = 180 } ]
 )");
+}
+
+/// Three struts to a platform that does not turn, and one turning joint on it: the workspace of the struts, 60 mm
+/// higher. Of the box that the stages could come to it takes 0.2 %, in which a few points say little of where it ends.
+TEST(Sampled, ASmallWorkspaceInALargeBoxIsFoundWhole) {
+  const std::string struts = kThreeStruts + "limits = { z_min_mm = 200 }\n";
+  const workspace::Volume proven = volume(read(struts), 0.02);
+  ASSERT_TRUE(proven.proven);
+  const AnyMachine turning = with_a_turn(struts);
   const workspace::Volume v = volume(turning, 0.1);
   EXPECT_FALSE(v.proven);
   EXPECT_LE(v.lower, proven.upper);
@@ -246,6 +250,18 @@ home = { height_mm = 65 }
   const AnyMachine strut = test::load("hexapod-strut");
   EXPECT_EQ(workspace::beyond_singular(strut, {}, volume(strut, 0.05)).beyond, 0U);
   EXPECT_EQ(workspace::beyond_singular(test::load("lola50"), {}, volume(test::load("lola50"), 0.2)).points, 0U);
+}
+
+/// The struts reach as much below the base as above, and what they carry goes with them.
+TEST(BeyondSingular, WhatAMachineCarriesGoesBelowTheBaseWithIt) {
+  const AnyMachine both = with_a_turn(kThreeStruts),
+                   above = with_a_turn(kThreeStruts + "limits = { z_min_mm = 200 }\n");
+  const workspace::BeyondSingular b = workspace::beyond_singular(both, {}, volume(both, 0.2));
+  EXPECT_EQ(b.points, 400U);
+  EXPECT_NEAR(static_cast<double>(b.beyond), 200, 60);
+  const workspace::BeyondSingular none = workspace::beyond_singular(above, {}, volume(above, 0.2));
+  EXPECT_GT(none.points, 0U);
+  EXPECT_EQ(none.beyond, 0U);
 }
 
 }  // namespace

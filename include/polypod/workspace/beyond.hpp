@@ -2,6 +2,9 @@
 // Which part of a workspace a parallel machine comes to from home without passing a singular pose.
 #pragma once
 
+#include <optional>
+
+#include "polypod/kinematics/hold.hpp"
 #include "polypod/workspace/field.hpp"
 #include "polypod/workspace/volume.hpp"
 
@@ -13,9 +16,14 @@ struct BeyondSingular {
 };
 
 /// The sign of the determinant of A (kinematics::hold) at home. No way leads from one sign to the other but through a
-/// singular pose of type 2 (JEL 6.3), where the drives do not hold the platform. 0 where that tells nothing: of chains,
-/// where A is not square, where home is singular or the machine has none.
+/// singular pose of type 2 (JEL 6.3), where the drives do not hold the platform. 0 where that tells nothing: of serial
+/// arms, where A is not square, where home is singular or the machine has none.
 int side_of_home(const AnyMachine& machine);
+/// How the drives hold a pose in the first posture that keeps the limits `heeded`; of machines that take any posture, in
+/// one on home's `side` if there is one. Nothing where none keeps them.
+std::optional<kinematics::Hold> reached_on_side(const AnyMachine& machine, const kinematics::HoldAnywhere& hold,
+                                                const Pose& target, int side, kinematics::LimitBits heeded,
+                                                double enough = kinematics::kLittleHold);
 
 /// Draws points from a workspace (of three coordinates of the task that are not x, y, z: from their region) and
 /// compares the sign of the determinant with side_of_home: as of a hexapod without limits of its joints, whose legs

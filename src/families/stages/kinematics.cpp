@@ -46,6 +46,12 @@ Pose tip_of(const Stages& m, const std::vector<StagePose>& stages) {
   return X;
 }
 
+/// Whether the tool tip is where the task prescribes it.
+bool is_at(const Stages& m, const Pose& target, const std::vector<StagePose>& stages) {
+  constexpr double kThere = 1e-7;  // m, and rad at 1 m
+  return pose_error(m.task, target, tip_of(m, stages)).norm() < kThere;
+}
+
 void place(const Stages& m, std::vector<StagePose>& stages) {
   Pose X;
   for (std::size_t k = 0; k < stages.size(); ++k) {
@@ -318,6 +324,33 @@ std::vector<StagePose> stage_poses(const Stages& m, const Pose& X_MT, const Join
     }
   }
   place(m, out);
+  if (is_at(m, X_MT, out)) return out;
+  // The closed stage closes in another mode, or with another turn of what the task leaves free: Newton's method from
+  // poses that the task prescribes, the nearest first.
+  std::vector<std::pair<double, Pose>> starts;
+  constexpr int kTurns = 24;
+  constexpr std::size_t kMostStarts = 3;
+  for (int turn = 0; turn < (m.task.names_axis() ? kTurns : 1); ++turn) {
+    const Pose target{X_MT.R * rotation_of(units::from_deg(360.0 * turn / kTurns) * Vec3::UnitZ()), X_MT.p};
+    const Pose start = before.inverse() * target * behind.inverse();
+    starts.emplace_back(residual_of(closed, start, stage.q), start);
+  }
+  std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  const Pose as_before = stage.X;
+  for (std::size_t i = 0; i < std::min(kMostStarts, starts.size()); ++i) {
+    const kinematics::NewtonResult found = std::visit(
+        [&](const auto& machine) {
+          const std::span<const double> joints(stage.q.data(), static_cast<std::size_t>(stage.q.size()));
+          return kinematics::forward_by_closure(machine, joints, starts[i].second);
+        },
+        closed);
+    if (!found.converged) continue;
+    stage.X = found.X_MT;
+    place(m, out);
+    if (is_at(m, X_MT, out)) return out;
+  }
+  stage.X = as_before;
+  place(m, out);
   return out;
 }
 
@@ -338,7 +371,10 @@ JacobianMatrix jacobian(const Stages& m, const Pose& X_MT, const JointVector& q)
   return columns_of(m, stages, tip_of(m, stages).p);
 }
 
-InverseResult inverse(const Stages& m, const Pose& X_MT) {
+namespace {
+
+/// All that the searches find, or up to the first solution that keeps the limits `enough`.
+InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBits> enough) {
   static constexpr std::array<int, kMaxJoints> kPrimes{2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
   // Chains of slides alone have one posture.
   bool turns = false;
@@ -350,9 +386,9 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
   InverseResult out;
   const std::vector<StagePose> home = at_home(m);
   double best = std::numeric_limits<double>::infinity();
-  constexpr int kMostInVain = 8;  // starts one after the other that find nothing new
+  const int most_in_vain = enough ? 4 : 8;  // starts one after the other that find nothing new
   int in_vain = 0;
-  for (int start = 0; start < starts && in_vain < kMostInVain; ++start) {
+  for (int start = 0; start < starts && in_vain < most_in_vain; ++start) {
     std::vector<StagePose> stages = home;
     std::size_t joint = 0;
     for (std::size_t k = 0; start > 0 && k < stages.size(); ++k) {
@@ -369,6 +405,8 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
     const std::size_t known = out.solutions.size();
     if (found.converged) add(m, found, out);
     in_vain = out.solutions.size() > known ? 0 : in_vain + 1;
+    const auto keeps = [&](const Solution& s) { return (s.violations & *enough) == 0; };
+    if (enough && std::any_of(out.solutions.begin() + std::ptrdiff_t(known), out.solutions.end(), keeps)) break;
   }
   JointVector at_start(joint_count(m));
   Eigen::Index at = 0;
@@ -385,9 +423,21 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
     out.reason = fmt::format(
         "the numeric search did not converge from {} starts; the closest came within {:.3g} mm (angles at 1 m) of "
         "the target",
-        std::min(starts, kMostInVain), units::to_mm(best));
+        std::min(starts, most_in_vain), units::to_mm(best));
   }
   return out;
+}
+
+}  // namespace
+
+InverseResult inverse(const Stages& m, const Pose& X_MT) {
+  return searched(m, X_MT, {});
+}
+
+bool reaches(const Stages& m, const Pose& X_MT, LimitBits heeded) {
+  const InverseResult found = searched(m, X_MT, heeded);
+  return std::any_of(found.solutions.begin(), found.solutions.end(),
+                     [&](const Solution& s) { return (s.violations & heeded) == 0; });
 }
 
 std::string branch_name(const Stages& m, unsigned branch) {

@@ -130,6 +130,9 @@ Pose settled(const Stages& m, const Pose& X_MT, const JointVector& q);
 /// never leaves what its constraints allow. Starts: home, then chains at points of a Halton sequence in their ranges.
 /// Not proven to be all. For each the solutions of the closed stage's own inverse.
 kinematics::InverseResult inverse(const Stages& m, const Pose& X_MT);
+/// Whether one of them keeps the limits `heeded`. The searches end with the first that does, or where four find nothing
+/// new.
+bool reaches(const Stages& m, const Pose& X_MT, LimitBits heeded);
 /// "posture 1", ..., with the branch of the closed stage behind it where that has several.
 std::string branch_name(const Stages& m, unsigned branch);
 /// The one that a search from the joints `start` finds; none where it does not converge.
