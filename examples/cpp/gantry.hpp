@@ -69,9 +69,12 @@ machine::ClosureVectorT<T> closure(const Gantry&, const polypod::PoseT<T>& X, st
   F[0] = X.p[0] - q[0] + q[1] * sin(p[0]);
   F[1] = X.p[1] - q[1] * cos(p[0]);
   F[2] = X.p[2] - q[2];
-  F[3] = T(0.5) * (X.R(2, 1) - X.R(1, 2));  // the carriage does not turn
-  F[4] = T(0.5) * (X.R(0, 2) - X.R(2, 0));
-  F[5] = T(0.5) * (X.R(1, 0) - X.R(0, 1));
+  // The carriage does not turn. Divided by 1 + the trace of R this is the axis times the tangent of half the angle;
+  // alone it were the sine of the angle, which is 0 at half a turn too.
+  const T share = T(1.0) / (T(1.0) + X.R(0, 0) + X.R(1, 1) + X.R(2, 2));
+  F[3] = share * (X.R(2, 1) - X.R(1, 2));
+  F[4] = share * (X.R(0, 2) - X.R(2, 0));
+  F[5] = share * (X.R(1, 0) - X.R(0, 1));
   return F;
 }
 

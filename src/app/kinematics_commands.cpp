@@ -18,6 +18,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/twist.hpp"
@@ -318,6 +319,8 @@ bool singular_at(const machine::AnyMachine& m, const Pose& X, const kinematics::
   return s.singular || kinematics::hold(m, X, s.joints).control < kinematics::kNoHold;
 }
 
+constexpr const char* kSearched = "found by a search: there may be other solutions";
+
 }  // namespace
 
 Command ik_command() {
@@ -360,6 +363,7 @@ Command ik_command() {
                             {"violations", violations},
                             {"solutions", solutions}};
               if (o->free_twist) document["tool_rotation"] = twist;
+              if (kinematics::searches(m)) document["note"] = kSearched;
               print_json(document);
               return reachable ? kDone : kAnswerIsNo;
             }
@@ -375,6 +379,7 @@ Command ik_command() {
               if (moves_more_than_its_task(m)) {
                 print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));
               }
+              if (kinematics::searches(m)) fmt::print("{}\n", kSearched);
             }
             return reachable ? kDone : kAnswerIsNo;
           }};

@@ -302,6 +302,8 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     Json document = region_json(m, v);
     document["beyond_singular"] = beyond_json(beyond);
     print_json(document);
+  } else if (!v.proven && !v.reached) {
+    fmt::print("the sample of {} points found none that is reached; that there is none is not proven\n", v.points);
   } else if (v.empty) {
     fmt::print("no coordinates of the task are reachable (proven with {} boxes)\n", v.points);
   } else {
@@ -314,9 +316,11 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
                           units::to_user(v.max[i], of), of);
     }
     fmt::print(
-        "region of the task's coordinates: {:.4g} {}, certainly between {:.4g} and {:.4g}; angles within 90 deg "
-        "of home were looked at\n{}boxes    {}\nseconds  {:.2f}\n{}",
-        region.measure, region.unit, region.lower, region.upper, text, v.points, v.seconds, beyond_note(m, beyond));
+        "region of the task's coordinates: {:.4g} {}, {} {:.4g} and {:.4g}{}; angles within 90 deg of home were looked "
+        "at\n{}{}   {}\nseconds  {:.2f}\n{}",
+        region.measure, region.unit, v.proven ? "certainly between" : "between", region.lower, region.upper,
+        v.proven ? "" : " (95 % of the sample; nothing is proven: no bounds are known)", text,
+        v.proven ? "boxes " : "points", v.points, v.seconds, beyond_note(m, beyond));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }

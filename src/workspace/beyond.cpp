@@ -24,7 +24,8 @@ int side_of_home(const AnyMachine& machine) {
 }
 
 std::optional<kinematics::Hold> reached_on_side(const AnyMachine& machine, const kinematics::HoldAnywhere& hold,
-                                                const Pose& target, int side, kinematics::LimitBits heeded, double enough) {
+                                                const Pose& target, int side, kinematics::LimitBits heeded,
+                                                double enough) {
   const bool any_posture = kinematics::takes_any_posture(machine);
   std::optional<kinematics::Hold> out;
   for (const kinematics::Solution& s : kinematics::inverse(machine, target).solutions) {

@@ -10,6 +10,7 @@
 #include "polypod/core/random.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::workspace {
@@ -48,6 +49,21 @@ class Sample {
   std::array<int, 3> cells_{1, 1, 1};
 };
 
+/// Where points can be: the machine's reach, of a task without x, y, z that of its lengths, and its angles near home.
+machine::Reach box_of_points(const AnyMachine& machine) {
+  const machine::Reach whole = kinematics::reach(machine);
+  const machine::Task task = kinematics::task(machine);
+  if (task.places()) return whole;
+  const Vec3 home = point_of(task, kinematics::home_pose(machine).value_or(Pose{}));
+  machine::Reach out;
+  for (int k = 0; k < 3; ++k) {
+    const auto coordinate = static_cast<Eigen::Index>(task[k]);
+    out.low[k] = task.is_angle(k) ? home[k] - kFromHome : whole.low[coordinate];
+    out.high[k] = task.is_angle(k) ? home[k] + kFromHome : whole.high[coordinate];
+  }
+  return out;
+}
+
 struct Hits {
   double sum = 0, differences = 0;  ///< of points; of cells with one point in and one out
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity());
@@ -59,12 +75,6 @@ struct Hits {
 
 Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options) {
   const auto begin = std::chrono::steady_clock::now();
-  if (!kinematics::task(machine).places()) {
-    return fail("WS106",
-                fmt::format("{}: no bounds are known for its workspace, and a sample needs x, y, z in the task",
-                            machine::name_of(machine)),
-                {}, "give the machine a task that holds x, y and z");
-  }
   const std::vector<Mat3> orientations = sampled_orientations(options.directions);
   Volume out;
   out.proven = false;
@@ -100,7 +110,7 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
   };
   // Where it is: the box of what is reached, one cell wider, looked at again where it is much smaller, or where what is
   // reached comes to a side of it: a few points of a large box say little of how far it goes.
-  const machine::Reach reach = kinematics::reach(machine);
+  const machine::Reach reach = box_of_points(machine);
   Vec3 low = reach.low, high = reach.high;
   const auto fit = [&](const Hits& hits, const Vec3& cell) {
     const Vec3 size = high - low;
@@ -149,8 +159,8 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
     const double error = 0.5 * cell * std::sqrt(std::max(hits.differences, 1.0));
     out.lower = std::max(0.0, out.volume - kSigmas * error);
     out.upper = out.volume + kSigmas * error;
-    out.min = seen.min - sample.cell();
-    out.max = seen.max + sample.cell();
+    out.min = reach.low.cwiseMax(seen.min - sample.cell());
+    out.max = reach.high.cwiseMin(seen.max + sample.cell());
     out.converged = hits.differences >= kFewest && kSigmas * error <= 0.5 * options.relative_tolerance * out.volume;
   }
   if (!out.converged) out.stopped = Stopped::cells;

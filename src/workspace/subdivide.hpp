@@ -294,29 +294,43 @@ class Subdivision {
     }
   }
 
-  /// Boxes that hold more than half their share of the gap are split, the others may stay as they are; in waves, so
-  /// that the memory is watched, progress is told and a cancelled run ends soon.
+  /// Boxes that hold more than half their share of the gap are split, the largest first, until the others leave no more
+  /// than the gap that is asked for; in waves, so that the memory is watched, progress is told and a cancelled run ends
+  /// soon. Coarse runs, which look for the extents of a workspace, finish their rounds: they take little time, and the
+  /// extents come out closer.
   Status split_largest(State& state, Volume& out, double target) {
     const double share = 0.5 * target / static_cast<double>(state.border.size());
     std::vector<std::size_t> split;
     for (std::size_t k = 0; k < state.border.size(); ++k) {
       if (state.border[k].upper - state.border[k].lower > share) split.push_back(k);
     }
-    constexpr std::size_t kWave = 1024;
+    const auto gap_of = [&](std::size_t k) { return state.border[k].upper - state.border[k].lower; };
+    std::stable_sort(split.begin(), split.end(), [&](std::size_t a, std::size_t b) { return gap_of(a) > gap_of(b); });
+    constexpr std::size_t kWave = 1024, kLeastWave = 64, kWaves = 16;  // a round has about as many
+    const std::size_t usual = std::clamp(split.size() / kWaves, kLeastWave, kWave);
+    constexpr double kCoarse = 0.1;
+    const double enough = options_.relative_tolerance < kCoarse ? target : 0;
+    double gap = out.upper - out.lower;
     std::size_t done = 0;
-    while (done < split.size()) {
-      std::size_t wave = std::min(kWave, split.size() - done);
+    bool close = false;
+    while (done < split.size() && !close) {
+      std::size_t wave = std::min(usual, split.size() - done);
       if (options_.max_memory > 0) {  // as many as fit if every octant stays, with twice the patches
         const std::size_t used = memory(state, out), mean = state.bytes / (state.border.size() - done);
         wave = std::min(wave, (std::max(options_.max_memory, used) - used) / (16 * mean));
       }
       if (wave == 0) break;
+      const std::size_t known = state.border.size();
+      for (std::size_t n = done; n < done + wave; ++n) gap -= gap_of(split[n]);
       refine_all(std::span(split).subspan(done, wave), state, out);
+      for (std::size_t k = known; k < state.border.size(); ++k) gap += gap_of(k);
       done += wave;
+      close = gap <= enough;
       POLYPOD_TRY(report(state, out));
     }
-    if (done < split.size()) out.stopped = Stopped::memory;
+    if (done < split.size() && !close) out.stopped = Stopped::memory;
     split.resize(done);
+    std::sort(split.begin(), split.end());
     drop(split, state.border);
     return {};
   }

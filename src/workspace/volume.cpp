@@ -93,7 +93,7 @@ Result<Volume> proven_or_sampled(const AnyMachine& machine, const Limits& limits
   // The sides are as loose as the volume: finer ones would take longer than it.
   constexpr double kSides = 1e-3;
   if (options.bounds_tolerance > 0) some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
-  // A sample needs places; without, what is proven is the only answer.
+  // A region of coordinates keeps its bounds, however loose.
   if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, most_boxes);
   const bool all = options.keep_cells || some.max_cells == options.max_cells;
   POLYPOD_ASSIGN(proven, subdivided_volume(limits, some, all));
@@ -246,6 +246,7 @@ bool reaches_samples(const AnyMachine& machine, const Options& options, const st
                      const Vec3& p) {
   const LimitBits heeded = checked_limits(machine, options);
   const machine::Task task = kinematics::task(machine);
+  if (!near_home(machine, p, p)) return false;
   return std::all_of(orientations.begin(), orientations.end(), [&](const Mat3& R) {
     const Pose X = pose_at(task, R, p);
     return std::visit(

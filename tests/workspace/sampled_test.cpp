@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -170,13 +172,19 @@ TEST(Sampled, WhatNeedsAProofIsRefused) {
   workspace::Options tilted;
   tilted.directions.tilt = 0.1;
   EXPECT_EQ(workspace::volume(test::load("scissors"), tilted).error().id, "WS104");
-  // Nothing is said of places where the task does not hold them.
+  // Without x, y, z the three coordinates are its own: for every C the wrist is in a ring of 50 to 550 mm.
   const AnyMachine planar = read(R"(
 family = "serial"
 task = ["x", "y", "C"]
 dh = [ { a_mm = 300 }, { a_mm = 250 }, { a_mm = 100 } ]
 )");
-  EXPECT_EQ(workspace::volume(planar, {}).error().id, "WS106");
+  const workspace::Volume region = volume(planar, 0.03);
+  constexpr double kPi = std::numbers::pi;
+  EXPECT_FALSE(region.proven);
+  EXPECT_TRUE(region.converged);
+  EXPECT_NEAR(region.volume, kPi * (0.55 * 0.55 - 0.05 * 0.05) * kPi, 2 * (region.upper - region.lower));
+  const AnyMachine two = read("family = \"serial\"\ntask = [\"x\", \"y\"]\ndh = [ { a_mm = 300 }, { a_mm = 250 } ]\n");
+  EXPECT_EQ(workspace::volume(two, {}).error().id, "WS106");
   // A point of such a task is its coordinates. Tool at the base, or 100 mm to the left of it: 600 mm reach 1 m never.
   workspace::Grid grid;
   grid.points = {3, 1, 1};

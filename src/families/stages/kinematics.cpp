@@ -219,11 +219,17 @@ void add(const Stages& m, const Search& found, InverseResult& out) {
       s.joints.segment(at, m.data[k].joints) = q;
       at += m.data[k].joints;
     }
+    // Half a turn forward and half a turn back are one posture.
     const bool known = std::any_of(out.solutions.begin(), out.solutions.end(), [&](const Solution& other) {
-      return (other.joints - s.joints).cwiseAbs().maxCoeff() < kSame;
+      for (int i = 0; i < s.joints.size(); ++i) {
+        const double off = other.joints[i] - s.joints[i];
+        const bool turns = joint_kind(m, i) == JointKind::revolute;
+        if (std::abs(turns ? std::remainder(off, 2 * std::numbers::pi) : off) >= kSame) return false;
+      }
+      return true;
     });
     if (known) continue;
-    s.branch = one.branch;
+    s.branch = one.branch & (kinematics::kNumericBranch - 1);
     s.singular = one.singular;
     s.violations = kinematics::violations_of_limits(m, X, s.joints);
     out.solutions.push_back(std::move(s));
@@ -232,6 +238,7 @@ void add(const Stages& m, const Search& found, InverseResult& out) {
 
 /// Above this bit the posture's number, below the branch of the closed stage.
 constexpr unsigned kPostureBit = 16;
+static_assert(kinematics::kNumericBranch == 1U << kPostureBit);
 
 void number_postures(InverseResult& result) {
   unsigned k = 0;
@@ -345,7 +352,9 @@ std::vector<StagePose> stage_poses(const Stages& m, const Pose& X_MT, const Join
         },
         closed);
     if (!found.converged) continue;
-    stage.X = found.X_MT;
+    // A closure that keeps an orientation may hold at half a turn, too, where the stage cannot be.
+    const Pose follows = kinematics::settled(closed, found.X_MT, stage.q);
+    stage.X = residual_of(closed, follows, stage.q) < kCloses ? follows : found.X_MT;
     place(m, out);
     if (is_at(m, X_MT, out)) return out;
   }
@@ -442,7 +451,7 @@ bool reaches(const Stages& m, const Pose& X_MT, LimitBits heeded) {
 
 std::string branch_name(const Stages& m, unsigned branch) {
   std::string out = fmt::format("posture {}", (branch >> kPostureBit) + 1);
-  if (is_chain(m, m.closed)) return out;
+  if (is_chain(m, m.closed) || kinematics::searches(m.machines[m.closed])) return out;
   const std::string closed = kinematics::branch_name(m.machines[m.closed], branch & ((1U << kPostureBit) - 1));
   return closed == "only" ? out : out + ", " + closed;
 }
