@@ -284,6 +284,11 @@ std::string beyond_note(const machine::AnyMachine& m, const workspace::BeyondSin
   return beyond_text(m, beyond, "points drawn from it", "The volume includes");
 }
 
+/// Whether a pose prescribes x, y, z and the turn about z, as of four-armed deltas and SCARA arms.
+bool turns_alone(const machine::Task& task) {
+  return task.places() && task.holds(machine::Coordinate::c) && !workspace::tilts(task);
+}
+
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
 Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const Context& context) {
   POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--report", "--stl", "--vtp", "--vti"},
@@ -362,6 +367,7 @@ Command workspace_command() {
             Json document = volume_json(v);
             const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
             document["beyond_singular"] = beyond_json(beyond);
+            if (turns_alone(kinematics::task(m))) document["c_deg"] = 0;
             workspace::Shape shape;
             if (!o->largest.empty()) {
               POLYPOD_ASSIGN(kind, workspace::shape_kind(o->largest));
@@ -388,6 +394,8 @@ Command workspace_command() {
               for (int k = 0; k < 3; ++k) {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
+              if (turns_alone(kinematics::task(m)))
+                fmt::print("C        0 deg throughout: that of other angles may differ\n");
               fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
               fmt::print("{}", beyond_note(m, beyond));
               if (!o->largest.empty()) {
