@@ -34,8 +34,8 @@ Result<Vec3> three_of(const std::string& text, const char* option) {
 /// "xy", "xz" and "yz"; of a task without x, y, z its coordinates in their place, "zA".
 std::string plane_name(const machine::Task& task, int normal) {
   std::string out;
-  for (int k = 0; k < 3; ++k)
-    if (k != normal) out += machine::name_of(task[k]);
+  for (int k = 0; k < workspace::coordinates_of_points(task); ++k)
+    if (k != normal) out += machine::name_of(task.places() ? machine::Task::point[k] : task[k]);
   return out;
 }
 
@@ -47,10 +47,17 @@ bool same_letters(const std::string& a, const std::string& b) {
 
 Result<workspace::Plane> plane_of(const Options& o, const machine::Task& task) {
   workspace::Plane plane;
-  const std::string names = fmt::format("{}, {} or {}", plane_name(task, 2), plane_name(task, 1), plane_name(task, 0));
+  const int coordinates = workspace::coordinates_of_points(task);
+  if (coordinates < 2)
+    return fail("AP131", "a workspace of one coordinate has no section", {}, "`workspace` gives its ends");
+  const bool whole = coordinates == 2;  // the only plane there is
+  const std::string names =
+      whole ? plane_name(task, 2)
+            : fmt::format("{}, {} or {}", plane_name(task, 2), plane_name(task, 1), plane_name(task, 0));
   if (o.plane.empty() == o.normal.empty() || (o.point.empty() != o.normal.empty())) {
     return fail("AP131", "the plane must be given once", {},
                 task.places() ? "give --plane xy --at MM, or --point x,y,z --normal x,y,z"
+                : whole       ? fmt::format("give --plane {}", names)
                               : fmt::format("give --plane {} --at {}", names, "VALUE of the third coordinate"));
   }
   if (!o.normal.empty()) {
@@ -62,8 +69,9 @@ Result<workspace::Plane> plane_of(const Options& o, const machine::Task& task) {
     return plane;
   }
   int axis = 2;
-  while (axis >= 0 && !same_letters(plane_name(task, axis), o.plane)) --axis;
-  if (axis < 0) return fail("AP131", fmt::format("--plane {}: not {}", o.plane, names));
+  if (whole && !o.at.empty()) return fail("AP131", "--at does nothing: the workspace has two coordinates");
+  while (axis >= (whole ? 2 : 0) && !same_letters(plane_name(task, axis), o.plane)) --axis;
+  if (axis < (whole ? 2 : 0)) return fail("AP131", fmt::format("--plane {}: not {}", o.plane, names));
   POLYPOD_ASSIGN(at, numbers_of(o.at.empty() ? "0" : o.at, "--at"));
   if (at.size() != 1) return fail("AP131", fmt::format("--at {}: not one number", o.at));
   plane.normal = Vec3::Unit(axis);
@@ -156,7 +164,7 @@ Command section_command() {
               }
               const bool tilts = !f.tilt.empty();
               const std::string unit = task.places() ? "_mm" : "";
-              const auto shown = [&](const Vec3& p) { return vector_json(workspace::for_user(task, p)); };
+              const auto shown = [&](const Vec3& p) { return point_json(task, p); };
               document[tilts ? "largest_tilt_deg" : "largest_margin_mm"] =
                   reached > 0 ? Json(tilts ? units::to_deg(most) : units::to_mm(most)) : Json();
               document[(tilts ? "largest_tilt_at" : "largest_margin_at") + unit] = reached > 0 ? shown(at) : Json();

@@ -43,11 +43,16 @@ Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachin
   out.progress = [line = progress_line(context, "survey")](double share) { line(share); };
   if (box.empty()) return out;
   POLYPOD_ASSIGN(n, numbers_of(box, "--box"));
-  if (n.size() != 6) return fail("AP161", fmt::format("--box {}: not six numbers", box));
   const machine::Task task = kinematics::task(m);
-  for (std::size_t i = 0; i < n.size(); ++i)
-    n[i] = units::from_user(n[i], workspace::unit_of(task, static_cast<int>(i % 3)));
-  out.box = {Vec3(n[0], n[1], n[2]), Vec3(n[3], n[4], n[5])};
+  const int sides = workspace::coordinates_of_points(task);
+  if (static_cast<int>(n.size()) != 2 * sides) {
+    return fail("AP161", fmt::format("--box {}: not {} numbers, two corners of {} coordinates", box, 2 * sides, sides));
+  }
+  out.box = {Vec3::Constant(-workspace::kAcross), Vec3::Constant(workspace::kAcross)};
+  for (int i = 0; i < 2 * sides; ++i) {
+    (*out.box)[static_cast<std::size_t>(i / sides)][i % sides] =
+        units::from_user(n[static_cast<std::size_t>(i)], workspace::unit_of(task, i % sides));
+  }
   if (!(((*out.box)[1] - (*out.box)[0]).minCoeff() >= 0)) {
     return fail("AP161", fmt::format("--box {}: the first corner must not lie above the second", box));
   }
@@ -73,14 +78,21 @@ Region size_of(const quality::Survey& survey) {
                    proven ? survey.volume_lower : kNone, proven ? survey.volume_upper : kNone);
 }
 
+Json point_json(const machine::Task& task, const Vec3& p) {
+  const Vec3 shown = workspace::for_user(task, p);
+  Json out = Json::array();
+  for (int k = 0; k < workspace::coordinates_of_points(task); ++k) out.push_back(shown[k]);
+  return out;
+}
+
 Json statistics_json(const quality::Survey& survey, const quality::Statistics& s, double scale) {
   const std::string unit = survey.task.places() ? "_mm" : "";
   return {{"min", number_json(s.min * scale)},
           {"mean", number_json(s.mean * scale)},
           {"max", number_json(s.max * scale)},
           {"stddev", number_json(s.stddev * scale)},
-          {"min_at" + unit, vector_json(workspace::for_user(survey.task, s.min_at))},
-          {"max_at" + unit, vector_json(workspace::for_user(survey.task, s.max_at))}};
+          {"min_at" + unit, point_json(survey.task, s.min_at)},
+          {"max_at" + unit, point_json(survey.task, s.max_at)}};
 }
 
 Json size_json(const quality::Survey& survey) {
@@ -163,9 +175,11 @@ bool beside_singular(const quality::Statistics& s) {
 
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows) {
   if (!survey.task.places()) {
-    fmt::print("{} points of the workspace in {}, {}, {}; min and max are the least and largest seen\n",
-               survey.inside.size(), machine::name_of(survey.task[0]), machine::name_of(survey.task[1]),
-               machine::name_of(survey.task[2]));
+    std::string names;
+    for (int k = 0; k < survey.task.size(); ++k)
+      names += fmt::format("{}{}", k > 0 ? ", " : "", machine::name_of(survey.task[k]));
+    fmt::print("{} points of the workspace in {}; min and max are the least and largest seen\n", survey.inside.size(),
+               names);
   } else if (survey.orientations.size() == 1) {
     fmt::print("one tool direction at {} points of the workspace; min and max are the least and largest seen\n",
                survey.inside.size());
@@ -197,13 +211,13 @@ std::string place_text(const Vec3& p, const machine::Task& task) {
   if (!task.places()) {
     const Vec3 shown = workspace::for_user(task, p);
     double longest = 0;
-    for (int k = 0; k < 3; ++k)
+    for (int k = 0; k < task.size(); ++k)
       if (!task.is_angle(k)) longest = std::max(longest, std::abs(shown[k]));
     constexpr double kRounding = 1e-12;
     const double span = std::max(longest, 1.0);
     const Figures mm(span, 1);
     std::string out;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < task.size(); ++k) {
       out += fmt::format("{}{} {} {}", k > 0 ? ", " : "", machine::name_of(task[k]),
                          task.is_angle(k)                        ? fmt::format("{:.1f}", shown[k] + 0.0)
                          : std::abs(shown[k]) < kRounding * span ? mm(0)

@@ -66,6 +66,8 @@ bool beside_singular(const quality::Statistics& s);
 void print_statistics(const quality::Survey& survey, const std::vector<StatisticsRow>& rows);
 /// How much of a given box the survey reached, and what of it lies beyond singular poses; nothing of what is as asked.
 void print_where(const machine::AnyMachine& m, const quality::Survey& survey);
+/// The coordinates of a point of a workspace, in mm and deg.
+Json point_json(const machine::Task& task, const Vec3& p);
 /// Three coordinates in mm; of a task without x, y, z each with its name and unit.
 std::string place_text(const Vec3& p, const machine::Task& task = machine::Task::pose);
 

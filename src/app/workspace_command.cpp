@@ -210,9 +210,7 @@ Json measure_json(const machine::Task& task, const Region& region) {
 Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v) {
   const machine::Task task = kinematics::task(machine);
   Json out = measure_json(task, region_of(task, v.volume, v.lower, v.upper));
-  out.update({{"bounds",
-               {{"min", vector_json(workspace::for_user(task, v.min))},
-                {"max", vector_json(workspace::for_user(task, v.max))}}},
+  out.update({{"bounds", {{"min", point_json(task, v.min)}, {"max", point_json(task, v.max)}}},
               {"proven", v.proven},
               {"points", v.points},
               {"converged", v.converged},
@@ -320,12 +318,11 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
       text += fmt::format("{}        {:.2f} .. {:.2f} {}\n", machine::name_of(task[i]), units::to_user(v.min[i], of),
                           units::to_user(v.max[i], of), of);
     }
-    fmt::print(
-        "region of the task's coordinates: {:.4g} {}, {} {:.4g} and {:.4g}{}; angles within 90 deg of home were looked "
-        "at\n{}{}   {}\nseconds  {:.2f}\n{}",
-        region.measure, region.unit, v.proven ? "certainly between" : "between", region.lower, region.upper,
-        v.proven ? "" : " (95 % of the sample; nothing is proven: no bounds are known)", text,
-        v.proven ? "boxes " : "points", v.points, v.seconds, beyond_note(m, beyond));
+    fmt::print("region of the task's coordinates: {:.4g} {}, {} {:.4g} and {:.4g}{}{}\n{}{}   {}\nseconds  {:.2f}\n{}",
+               region.measure, region.unit, v.proven ? "certainly between" : "between", region.lower, region.upper,
+               v.proven ? "" : " (95 % of the sample; nothing is proven: no bounds are known)",
+               task.turns() ? "; angles within 90 deg of home were looked at" : "", text,
+               v.proven ? "boxes " : "points", v.points, v.seconds, beyond_note(m, beyond));
   }
   return came_within(v, options) ? kDone : kAnswerIsNo;
 }

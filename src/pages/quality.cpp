@@ -80,13 +80,14 @@ std::vector<double> shown_means(const QualityFields& f, QualityValue value) {
 std::string quality_csv(const QualityFields& f) {
   const auto columns = columns_of(f);
   std::vector<std::string> names;
-  for (int k = 0; k < 3; ++k) names.push_back(workspace::column_name(f.survey.task, k));
+  const int coordinates = workspace::coordinates_of_points(f.survey.task);
+  for (int k = 0; k < coordinates; ++k) names.push_back(workspace::column_name(f.survey.task, k));
   for (const Column& c : columns) names.push_back(c.mean_name());
   for (const Column& c : columns) names.push_back(c.worst_name());
   report::Csv csv(names);
   for (std::size_t i = 0; i < f.survey.inside.size(); ++i) {
     const Vec3 p = workspace::for_user(f.survey.task, f.survey.grid.at(f.survey.inside[i]));
-    std::vector<report::Csv::Field> row{p.x(), p.y(), p.z()};
+    std::vector<report::Csv::Field> row(p.begin(), p.begin() + coordinates);
     for (const Column& c : columns) row.emplace_back(c.scale * c.values.mean[i]);
     for (const Column& c : columns) row.emplace_back(c.scale * c.values.worst[i]);
     csv.add(row);

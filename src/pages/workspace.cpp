@@ -688,7 +688,8 @@ report::Figure section_picture(const AnyMachine& machine, const Options& options
 
 std::string section_csv(const AnyMachine& machine, const Section& section) {
   std::vector<std::string> names;
-  for (int k = 0; k < 3; ++k) names.push_back(workspace::column_name(section.task, k));
+  const int coordinates = workspace::coordinates_of_points(section.task);
+  for (int k = 0; k < coordinates; ++k) names.push_back(workspace::column_name(section.task, k));
   names.insert(names.end(), {"margin_mm", "limit", "tilt_deg", "tilt_limit"});
   report::Csv csv(names);
   const Field& f = section.field;
@@ -696,7 +697,8 @@ std::string section_csv(const AnyMachine& machine, const Section& section) {
     const Vec3 p = f.grid.at(i);
     const auto name = [&](int limit) { return limit < 0 ? std::string() : workspace::limit_label(machine, limit); };
     const Vec3 shown = workspace::for_user(section.task, p);
-    std::vector<report::Csv::Field> row{shown.x(), shown.y(), shown.z(), to_mm(f.margin[i]), name(f.limit[i])};
+    std::vector<report::Csv::Field> row(shown.begin(), shown.begin() + coordinates);
+    row.insert(row.end(), {to_mm(f.margin[i]), name(f.limit[i])});
     if (!f.tilt.empty()) {
       row.emplace_back(f.tilt[i] < 0 ? kNone : to_deg(f.tilt[i]));
       row.emplace_back(name(f.tilt_limit[i]));

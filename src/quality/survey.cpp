@@ -222,11 +222,12 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
     }
     POLYPOD_TRY(workspace::near_home(machine, low, high));
     const Vec3 spacing = workspace::spacing_of(high - low, options.resolution, task);
-    if (!((high - low).minCoeff() >= 0 && spacing.maxCoeff() > 0)) return fail("WS130", "the box is empty");
-    out.grid.origin = low;
-    for (int k = 0; k < 3; ++k) {
+    const int sides = workspace::coordinates_of_points(task);
+    if (!((high - low).minCoeff() >= 0 && spacing.head(sides).maxCoeff() > 0)) return fail("WS130", "the box is empty");
+    out.grid.origin.head(sides) = low.head(sides);
+    for (int k = 0; k < sides; ++k) {
       const int steps = spacing[k] > 0 ? static_cast<int>(std::ceil((high[k] - low[k]) / spacing[k] - 1e-9)) : 0;
-      const double step = steps > 0 ? (high[k] - low[k]) / steps : spacing.maxCoeff();
+      const double step = steps > 0 ? (high[k] - low[k]) / steps : spacing.head(sides).maxCoeff();
       out.grid.points[static_cast<std::size_t>(k)] = steps + 1;
       out.grid.step[static_cast<std::size_t>(k)] = step * Vec3::Unit(k);
     }
@@ -264,8 +265,9 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
     out.volume_upper = inside.upper;
   }
   const auto& points = out.grid.points;
-  const bool flat = *std::min_element(points.begin(), points.end()) == 1;  // a section: nobody looks for extremes there
-  const bool no_boundary = options.box && out.whole_box;                   // the box's own ends are points of the grid
+  const bool flat = *std::min_element(points.begin(), points.begin() + workspace::coordinates_of_points(task)) ==
+                    1;                                    // a section: nobody looks for extremes there
+  const bool no_boundary = options.box && out.whole_box;  // the box's own ends are points of the grid
   if (!flat && !no_boundary) out.tips = tips_of(machine, out, options);
   const SingularInside singular = singular_inside(machine, out, options);
   out.singular = singular.pose;

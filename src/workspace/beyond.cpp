@@ -51,7 +51,7 @@ class Sides {
         orientations_(sampled_orientations(options.directions)),
         hold_(machine) {}
 
-  [[nodiscard]] bool have_meaning() const { return side_ != 0 && (task_.places() || task_.size() == 3); }
+  [[nodiscard]] bool have_meaning() const { return side_ != 0 && (task_.places() || task_.size() <= 3); }
   void add(const Vec3& p) {
     if (task_.places() && !reaches_samples(machine_, options_, orientations_, p)) return;
     const Pose target = pose_at(task_, orientations_.front(), p);

@@ -31,7 +31,10 @@ Vec3 Grid::at(std::size_t index) const {
 
 Vec3 spacing_of(const Vec3& size, int resolution, const machine::Task& task) {
   if (task.places()) return Vec3::Constant(size.maxCoeff() / (resolution - 1));
-  return size / (resolution - 1);
+  Vec3 out = Vec3::Ones();
+  const int n = coordinates_of_points(task);
+  out.head(n) = size.head(n) / (resolution - 1);
+  return out;
 }
 
 Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution, const machine::Task& task) {
@@ -39,7 +42,7 @@ Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution, const 
   const Vec3 spacing = spacing_of(high - low, resolution, task);
   if (!(spacing.minCoeff() > 0)) return fail("WS130", "the box of the grid is empty");
   Grid grid;
-  for (int k = 0; k < 3; ++k) {
+  for (int k = 0; k < coordinates_of_points(task); ++k) {
     const int steps = static_cast<int>(std::ceil((high[k] - low[k]) / spacing[k] + 2 * kBeyond - 1e-9));
     grid.points[static_cast<std::size_t>(k)] = steps + 1;
     grid.step[static_cast<std::size_t>(k)] = spacing[k] * Vec3::Unit(k);
@@ -96,7 +99,7 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
   if (!(longest > 1e-9)) {
     std::string at, box;
     const Vec3 point = for_user(task, plane.point), from = for_user(task, low), to = for_user(task, high);
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < coordinates_of_points(task); ++k) {
       const char* between = k == 0 ? "" : ", ";
       // Lengths have one unit in all.
       const std::string unit = !task.places() || k == 2 ? fmt::format(" {}", unit_of(task, k)) : "";
@@ -124,7 +127,7 @@ Status near_home(const AnyMachine& machine, const Vec3& low, const Vec3& high) {
   if (task.places()) return {};
   const Vec3 home = point_of(task, kinematics::home_pose(machine).value_or(Pose{}));
   constexpr double kRounding = 1e-9;
-  for (int k = 0; k < 3; ++k) {
+  for (int k = 0; k < coordinates_of_points(task); ++k) {
     const double least = home[k] - kFromHome, most = home[k] + kFromHome;
     if (!task.is_angle(k) || (low[k] >= least - kRounding && high[k] <= most + kRounding)) continue;
     return fail("WS130",

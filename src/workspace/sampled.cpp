@@ -57,6 +57,11 @@ machine::Reach box_of_points(const AnyMachine& machine) {
   const Vec3 home = point_of(task, kinematics::home_pose(machine).value_or(Pose{}));
   machine::Reach out;
   for (int k = 0; k < 3; ++k) {
+    if (k >= coordinates_of_points(task)) {
+      out.low[k] = -kAcross;
+      out.high[k] = kAcross;
+      continue;
+    }
     const auto coordinate = static_cast<Eigen::Index>(task[k]);
     out.low[k] = task.is_angle(k) ? home[k] - kFromHome : whole.low[coordinate];
     out.high[k] = task.is_angle(k) ? home[k] + kFromHome : whole.high[coordinate];

@@ -15,6 +15,9 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/quality/survey.hpp"
+#include "polypod/workspace/beyond.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod {
@@ -123,6 +126,55 @@ TEST(WorkspaceOfLegs, FourArmsHoldTheirSamples) {
 }
 TEST(WorkspaceOfLegs, PlanarMachineHoldsItsSamplesInItsOwnCoordinates) {
   expect_bounds_hold("planar-3rrr", {}, 20'000);
+}
+
+/// A point in a plane on two struts, 150 to 250 mm long, 200 mm apart: what two rings have in common, above and below.
+TEST(WorkspaceOfLegs, TwoCoordinatesHaveAnArea) {
+  const auto m = machine::from_text(R"(family = "parallel"
+task = ["x", "y"]
+home = { y_mm = 170 }
+leg = [
+  { drive = "strut", base_mm = [-100, 0, 0], platform_mm = [0, 0, 0], min_mm = 150, max_mm = 250 },
+  { drive = "strut", base_mm = [100, 0, 0], platform_mm = [0, 0, 0], min_mm = 150, max_mm = 250 },
+]
+constraint = [
+  { kind = "orientation" },
+  { kind = "plane", platform_mm = [0, 0, 0], base_mm = [0, 0, 0], normal = [0, 0, 1] },
+]
+)",
+                                    "test.toml");
+  ASSERT_TRUE(m) << to_string(m.error());
+  int inside = 0;
+  constexpr int kSteps = 4000;
+  for (int i = 0; i < kSteps; ++i)
+    for (int j = 0; j < kSteps; ++j) {
+      const double x = -0.4 + 0.8 * (i + 0.5) / kSteps, y = -0.4 + 0.8 * (j + 0.5) / kSteps;
+      const double one = std::hypot(x + 0.1, y), other = std::hypot(x - 0.1, y);
+      inside += one >= 0.15 && one <= 0.25 && other >= 0.15 && other <= 0.25 ? 1 : 0;
+    }
+  const double area = inside * (0.8 / kSteps) * (0.8 / kSteps);
+  workspace::Options options;
+  options.relative_tolerance = 0.01;
+  const auto v = workspace::volume(*m, options);
+  ASSERT_TRUE(v) << to_string(v.error());
+  EXPECT_TRUE(v->proven);
+  EXPECT_TRUE(v->converged);
+  constexpr double kGrid = 1e-3;  // of the area
+  EXPECT_LT(v->lower, area * (1 + kGrid));
+  EXPECT_GT(v->upper, area * (1 - kGrid));
+  EXPECT_LE(v->upper - v->lower, 0.01 * v->volume * (1 + 1e-9));
+  const workspace::BeyondSingular b = workspace::beyond_singular(*m, options, *v);
+  EXPECT_EQ(b.points, 400U);
+  EXPECT_NEAR(static_cast<double>(b.beyond), 200, 60);  // below the x axis
+  // A survey counts each of its points once.
+  quality::SurveyOptions where;
+  where.box = {Vec3(-0.02, 0.15, -workspace::kAcross), Vec3(0.02, 0.19, workspace::kAcross)};
+  where.resolution = 5;
+  const auto s = quality::survey(*m, where);
+  ASSERT_TRUE(s) << to_string(s.error());
+  EXPECT_TRUE(s->whole_box);
+  EXPECT_EQ(s->inside.size(), 25U);
+  EXPECT_NEAR(s->volume, 0.04 * 0.04, 1e-12);
 }
 
 /// The catalogue's strut hexapod without joint limits, written as legs, with more lines before these.

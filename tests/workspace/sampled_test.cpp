@@ -183,8 +183,16 @@ dh = [ { a_mm = 300 }, { a_mm = 250 }, { a_mm = 100 } ]
   EXPECT_FALSE(region.proven);
   EXPECT_TRUE(region.converged);
   EXPECT_NEAR(region.volume, kPi * (0.55 * 0.55 - 0.05 * 0.05) * kPi, 2 * (region.upper - region.lower));
+  // Of two coordinates it is an area: the ring.
   const AnyMachine two = read("family = \"serial\"\ntask = [\"x\", \"y\"]\ndh = [ { a_mm = 300 }, { a_mm = 250 } ]\n");
-  EXPECT_EQ(workspace::volume(two, {}).error().id, "WS106");
+  const workspace::Volume ring = volume(two, 0.03);
+  EXPECT_NEAR(ring.volume, kPi * (0.55 * 0.55 - 0.05 * 0.05), 2 * (ring.upper - ring.lower));
+  const AnyMachine four = read(R"(
+family = "serial"
+task = ["x", "y", "B", "C"]
+dh = [ { a_mm = 300 }, { a_mm = 250, alpha_deg = 90 }, { a_mm = 100, alpha_deg = -90 }, { a_mm = 50 } ]
+)");
+  EXPECT_EQ(workspace::volume(four, {}).error().id, "WS106");
   // A point of such a task is its coordinates. Tool at the base, or 100 mm to the left of it: 600 mm reach 1 m never.
   workspace::Grid grid;
   grid.points = {3, 1, 1};

@@ -19,8 +19,8 @@ struct BeyondSingular {
 /// singular pose of type 2 (JEL 6.3), where the drives do not hold the platform. 0 where that tells nothing: of serial
 /// arms, where A is not square, where home is singular or the machine has none.
 int side_of_home(const AnyMachine& machine);
-/// How the drives hold a pose in the first posture that keeps the limits `heeded`; of machines that take any posture, in
-/// one on home's `side` if there is one. Nothing where none keeps them.
+/// How the drives hold a pose in the first posture that keeps the limits `heeded`; of machines that take any posture,
+/// in one on home's `side` if there is one. Nothing where none keeps them.
 std::optional<kinematics::Hold> reached_on_side(const AnyMachine& machine, const kinematics::HoldAnywhere& hold,
                                                 const Pose& target, int side, kinematics::LimitBits heeded,
                                                 double enough = kinematics::kLittleHold);

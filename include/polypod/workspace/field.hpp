@@ -38,7 +38,7 @@ struct Grid {
 };
 
 /// The spacing of a grid over a box of this size: cubes, `resolution` points along its longest side; of a task without
-/// x, y, z, whose points are of lengths and angles, as many along each side.
+/// x, y, z, whose points are of lengths and angles, as many along each side (and 1 along what is no coordinate).
 Vec3 spacing_of(const Vec3& size, int resolution, const machine::Task& task);
 
 /// A grid over the box low..high of the points of a task (task_directions.hpp), `resolution` 8 to 512, and one or two

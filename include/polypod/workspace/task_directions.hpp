@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <numbers>
@@ -19,15 +20,23 @@
 
 namespace polypod::workspace {
 
+/// How many coordinates a point of a workspace has: x, y, z; of a task that does not hold them as many as it has, at
+/// most 3. What is left of a Vec3 runs from -kAcross to kAcross and says nothing, so that an area is a volume.
+inline int coordinates_of_points(const machine::Task& task) {
+  return task.places() ? 3 : std::min(task.size(), 3);
+}
+inline constexpr double kAcross = 0.5;
+
 /// The pose at a point of a workspace: the tool at `point` of M in the orientation R. Points of a task that does not
-/// hold x, y, z are its three coordinates, m and rad, which say the orientation too.
+/// hold x, y, z are its coordinates, m and rad, which say the orientation too.
 inline Pose pose_at(const machine::Task& task, const Mat3& R, const Vec3& point) {
   return task.places() ? Pose{R, point} : kinematics::pose_of(task, {point.x(), point.y(), point.z()});
 }
 /// The point at which a pose lies.
 inline Vec3 point_of(const machine::Task& task, const Pose& X) {
   if (task.places()) return X.p;
-  const std::vector<double> c = kinematics::coordinates_of(task, X);
+  std::vector<double> c = kinematics::coordinates_of(task, X);
+  c.resize(3);
   return {c[0], c[1], c[2]};
 }
 
@@ -65,11 +74,12 @@ inline bool tilts(const machine::Task& task) {
 /// farther. Errors: WS130.
 Status near_home(const machine::AnyMachine& machine, const Vec3& low, const Vec3& high);
 
-/// Errors: WS104 (directions that the task does not hold), WS106 (a task that has no volume).
+/// Errors: WS104 (directions that the task does not hold), WS106 (a task that has no measure).
 inline Status held_by(const machine::Task& task, std::string_view name, const Directions& d) {
-  if (!task.places() && task.size() != 3) {
-    return fail("WS106", fmt::format("{}: a task of {} coordinates without x, y, z has no volume", name, task.size()),
-                {}, "workspaces are for tasks that hold x, y, z, or three coordinates in all");
+  if (!task.places() && task.size() > 3) {
+    return fail("WS106",
+                fmt::format("{}: workspaces of {} coordinates without x, y, z are not known", name, task.size()), {},
+                "workspaces are for tasks that hold x, y, z, or one to three coordinates in all");
   }
   const auto asks = [](const std::optional<std::array<double, 2>>& range) {
     return range && *range != std::array<double, 2>{0, 0};

@@ -38,7 +38,9 @@ class ParallelLimits {
     if (task.names_axis()) free_ = {kTurnAboutAxis};
     if (turn_is_unseen()) free_.clear();
     if (!task.places())
-      for (int i = 0; i < 3; ++i) box_coordinate_[static_cast<std::size_t>(i)] = static_cast<int>(task[i]);
+      for (int i = 0; i < 3; ++i) {
+        box_coordinate_[static_cast<std::size_t>(i)] = i < task.size() ? static_cast<int>(task[i]) : kNone;
+      }
   }
 
   /// Where nothing follows, each drive is a group and the limits of the tip another, so that patches are dropped drive
@@ -78,6 +80,11 @@ class ParallelLimits {
     }
     for (int i = 0; i < 3; ++i) {
       const int k = box_coordinate_[static_cast<std::size_t>(i)];
+      if (k == kNone) {
+        low[i] = -kAcross;
+        high[i] = kAcross;
+        continue;
+      }
       low[i] = k < 3 ? least[k] : m_.home_angles[k - 3] - kFromHome;
       high[i] = k < 3 ? most[k] : m_.home_angles[k - 3] + kFromHome;
     }
@@ -103,6 +110,7 @@ class ParallelLimits {
 
  private:
   static constexpr int kTurnAboutAxis = 6;
+  static constexpr int kNone = -1;      // a side of the box that is no coordinate
   static constexpr double kScale = 10;  // no term of a limit is larger, in units of it
 
   /// Whether no leg sees the turn about the tool axis at all: then it need not be known.

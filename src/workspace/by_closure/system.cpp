@@ -38,7 +38,9 @@ System::System(std::shared_ptr<const Questions> questions, const Options& option
   }
   if (task.names_axis()) free_ = {kTurnAboutAxis};
   if (!task.places()) {
-    for (int i = 0; i < 3; ++i) box_coordinate_[static_cast<std::size_t>(i)] = static_cast<int>(task[i]);
+    for (int i = 0; i < 3; ++i) {
+      box_coordinate_[static_cast<std::size_t>(i)] = i < task.size() ? static_cast<int>(task[i]) : kNone;
+    }
   }
   unknowns_ = static_cast<int>(free_.size() + machine_->ranges.size());
   for (std::size_t i = 0; i < std::min<std::size_t>(machine_->table.size(), 64); ++i) {
@@ -66,6 +68,11 @@ bool System::begin() {
   }
   for (int i = 0; i < 3; ++i) {
     const int k = box_coordinate_[static_cast<std::size_t>(i)];
+    if (k == kNone) {
+      low_[i] = -kAcross;
+      high_[i] = kAcross;
+      continue;
+    }
     low_[i] = k < 3 ? tip_low_[k] : home_angles[k - 3] - kFromHome;
     high_[i] = k < 3 ? tip_high_[k] : home_angles[k - 3] + kFromHome;
   }

@@ -133,6 +133,7 @@ class System {
   Patch whole_;
   LimitBits mask_ = ~LimitBits{0};
   std::vector<int> free_;                       ///< coordinates that follow
+  static constexpr int kNone = -1;              // a side of the box that is no coordinate
   std::array<int, 3> box_coordinate_{0, 1, 2};  ///< which coordinates the box is of
   int unknowns_ = 0;
   std::size_t limits_ = 0;
