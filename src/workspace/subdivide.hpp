@@ -316,8 +316,13 @@ class Subdivision {
     while (done < split.size() && !close) {
       std::size_t wave = std::min(usual, split.size() - done);
       if (options_.max_memory > 0) {  // as many as fit if every octant stays, with twice the patches
-        const std::size_t used = memory(state, out), mean = state.bytes / (state.border.size() - done);
-        wave = std::min(wave, (std::max(options_.max_memory, used) - used) / (16 * mean));
+        const std::size_t used = memory(state, out), room = std::max(options_.max_memory, used) - used;
+        std::size_t fit = 0;
+        for (std::size_t taken = 0; fit < wave; ++fit) {
+          taken += 16 * state.border[split[done + fit]].bytes();
+          if (taken > room) break;
+        }
+        wave = fit;
       }
       if (wave == 0) break;
       const std::size_t known = state.border.size();

@@ -178,14 +178,14 @@ family = "serial"
 task = ["x", "y", "C"]
 dh = [ { a_mm = 300 }, { a_mm = 250 }, { a_mm = 100 } ]
 )");
-  const workspace::Volume region = volume(planar, 0.03);
+  const workspace::Volume region = volume(planar, 0.08);
   constexpr double kPi = std::numbers::pi;
   EXPECT_FALSE(region.proven);
   EXPECT_TRUE(region.converged);
   EXPECT_NEAR(region.volume, kPi * (0.55 * 0.55 - 0.05 * 0.05) * kPi, 2 * (region.upper - region.lower));
   // Of two coordinates it is an area: the ring.
   const AnyMachine two = read("family = \"serial\"\ntask = [\"x\", \"y\"]\ndh = [ { a_mm = 300 }, { a_mm = 250 } ]\n");
-  const workspace::Volume ring = volume(two, 0.03);
+  const workspace::Volume ring = volume(two, 0.08);
   EXPECT_NEAR(ring.volume, kPi * (0.55 * 0.55 - 0.05 * 0.05), 2 * (ring.upper - ring.lower));
   const AnyMachine four = read(R"(
 family = "serial"

@@ -137,8 +137,8 @@ std::function<std::optional<JointVector>(const Pose& X_MT)> joint_finder(const S
 /// one; none where the steps do not converge.
 InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start);
 
-/// Whether a solution keeps the limits `heeded`: of inverse(), or (arms without a closed form) the first of its searches
-/// that does, each of at most 60 steps; no where the first eight find nothing at all.
+/// Whether a solution keeps the limits `heeded`: of inverse(), or (arms without a closed form) the first of its
+/// searches that does, each of at most 60 steps; no where the first eight find nothing at all.
 bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded);
 
 /// All solutions as inverse() gives them, seen from the joints `last` (closed forms with six joints): of several turns
