@@ -392,7 +392,7 @@ Command workspace_command() {
                 fmt::print("{}        {}\n", "xyz"[k], pages::extent_text(v, k));
               }
               if (turns_alone(kinematics::task(m)))
-                fmt::print("C        0 deg throughout: that of other angles may differ\n");
+                fmt::print("C        0 deg throughout: the workspace at other angles may differ\n");
               fmt::print("{}   {}\nseconds  {:.2f}\n", v.proven ? "boxes " : "points", v.points, v.seconds);
               fmt::print("{}", beyond_note(m, beyond));
               if (!o->largest.empty()) {

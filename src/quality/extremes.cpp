@@ -194,12 +194,11 @@ Seen climb(const AnyMachine& machine, const Survey& survey, const SurveyOptions&
 
 std::vector<Vec3> tips_of(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options) {
   std::vector<Vec3> out;
+  const int deep = workspace::coordinates_of_points(survey.task) < 3 ? 0 : 1;  // no direction is along no coordinate
   for (int i = -1; i <= 1; ++i)
     for (int j = -1; j <= 1; ++j)
-      for (int k = -1; k <= 1; ++k)
-        if (k != 0 && workspace::coordinates_of_points(survey.task) < 3) {
-          continue;
-        } else if (survey.orientations.size() == 1 ? i != 0 || j != 0 || k != 0 : (i + j + k) % 2 != 0)
+      for (int k = -deep; k <= deep; ++k)
+        if (survey.orientations.size() == 1 ? i != 0 || j != 0 || k != 0 : (i + j + k) % 2 != 0)
           out.push_back(Vec3(i, j, k).normalized());
   const Vec3 unit = units_of(survey);
   for_each_in_rounds(
