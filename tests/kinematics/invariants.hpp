@@ -6,6 +6,7 @@
 
 #include <random>
 
+#include "polypod/core/box_number.hpp"
 #include "polypod/kinematics/closure.hpp"
 
 namespace polypod::testing {
@@ -20,6 +21,29 @@ struct InvariantOptions {
   std::uint32_t seed = 20260901;
   double share = 0.9;  ///< of each joint's range that is sampled, round its middle
 };
+
+/// Joints within `reach` of q, one variable each, and exact parameters.
+struct BoxNumbers {
+  BoxDomain domain;
+  std::vector<BoxNumber> q, p;
+
+  BoxNumbers(const kinematics::JointVector& at, const std::vector<double>& parameters, double reach)
+      : p(parameters.begin(), parameters.end()) {
+    domain.count = static_cast<std::size_t>(at.size());
+    for (std::size_t k = 0; k < domain.count; ++k) {
+      domain.reach[k] = reach;
+      BoxNumber joint(at[static_cast<Eigen::Index>(k)], &domain);
+      joint.set_gradient(k, 1);
+      q.push_back(joint);
+    }
+  }
+  BoxNumbers(const BoxNumbers&) = delete;
+  BoxNumbers& operator=(const BoxNumbers&) = delete;
+};
+
+inline bool holds(const BoxNumber& g, double value) {
+  return g.lo() <= value && value <= g.hi();
+}
 
 /// forward and inverse are the family's own functions; `same` compares poses as far as the task sees them.
 template <kinematics::Machine M, class Forward, class Inverse, class JacobianOf>
@@ -82,10 +106,14 @@ void check_invariants(const M& m, Forward&& forward_of, Inverse&& inverse_of, Ja
     }
     EXPECT_LT((J - kinematics::jacobian_by_closure(m, X, q_span)).norm(), 1e-10 * (1 + J.norm()));
 
-    // Power balance: joint torques J^T W times joint speeds equals wrench times twist.
+    // Power balance: what the drives give, by J^T W, is what the tool takes, by differences of forward kinematics.
     const Vec6 wrench = Vec6::NullaryExpr([&] { return unit(random); });
     const JointVector speed = JointVector::NullaryExpr(n, [&] { return unit(random); });
-    EXPECT_NEAR((J.transpose() * wrench).dot(speed), wrench.dot(J * speed), 1e-12 * (1 + J.norm()));
+    const Pose ahead = forward_of(JointVector(q + h * speed)), behind = forward_of(JointVector(q - h * speed));
+    Vec6 twist;
+    twist << (ahead.p - behind.p) / (2 * h), rotation_vector(ahead.R * behind.R.transpose()) / (2 * h);
+    EXPECT_NEAR((J.transpose() * wrench).dot(speed), wrench.dot(twist),
+                kDifference * (1 + wrench.norm() * twist.norm()));
 
     // Intervals hold the doubles: a small box round (X, q) contains the closure's and the limits' values.
     std::vector<Interval> q_box(q.data(), q.data() + q.size()), p_box(p.begin(), p.end());
@@ -94,6 +122,9 @@ void check_invariants(const M& m, Forward&& forward_of, Inverse&& inverse_of, Ja
         closure(m, X.cast<Interval>(), std::span<const Interval>(q_box), std::span<const Interval>(p_box));
     const auto g_box =
         limits(m, X.cast<Interval>(), std::span<const Interval>(q_box), std::span<const Interval>(p_box));
+    const BoxNumbers numbers(q, p, 1e-3);
+    const auto g_numbers =
+        limits(m, X.cast<BoxNumber>(), std::span<const BoxNumber>(numbers.q), std::span<const BoxNumber>(numbers.p));
     JointVector moved = q;
     for (int i = 0; i < n; ++i) moved[i] += 1e-3 * unit(random);
     const std::span<const double> moved_span(moved.data(), moved.size());
@@ -102,6 +133,11 @@ void check_invariants(const M& m, Forward&& forward_of, Inverse&& inverse_of, Ja
     for (int i = 0; i < F_moved.size(); ++i) EXPECT_TRUE(F_box[i].contains(F_moved[i])) << "equation " << i;
     for (std::size_t i = 0; i < g_moved.size(); ++i) EXPECT_TRUE(g_box[i].contains(g_moved[i])) << "limit " << i;
     ASSERT_EQ(g_box.size(), g_moved.size());
+    ASSERT_EQ(g_numbers.size(), g_moved.size());
+    for (std::size_t i = 0; i < g_moved.size(); ++i) {
+      EXPECT_TRUE(holds(g_numbers[i], g_moved[i])) << "limit " << i;
+      EXPECT_LT(g_numbers[i].radius(), 1.0) << "limit " << i << " says nothing";
+    }
     EXPECT_LE(g_moved.size(), 64u);
   }
 }
