@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -27,8 +28,12 @@ int open_nameless() {
   return named;
 }
 
-/// Zeros from `begin` to `end`: space that is written is there when the mapping is.
+/// Parts that the process holds, of all rows.
+std::atomic<std::size_t> parts_held{0};
+
+/// Zeros from `begin` to `end`, whose space is there when the mapping is.
 bool fill(int file, std::size_t begin, std::size_t end) {
+  if (::fallocate(file, 0, static_cast<off_t>(begin), static_cast<off_t>(end - begin)) == 0) return true;
   static constexpr std::array<char, LongBytes::kPart> kZeros{};
   while (begin < end) {
     const ssize_t n = ::pwrite(file, kZeros.data(), std::min(kZeros.size(), end - begin), static_cast<off_t>(begin));
@@ -57,8 +62,9 @@ void LongBytes::swap(LongBytes& other) noexcept {
   std::swap(capacity_, other.capacity_);
   std::swap(file_, other.file_);
   std::swap(no_file_, other.no_file_);
+  std::swap(last_come_to_, other.last_come_to_);
+  std::swap(clock_, other.clock_);
   std::swap(held_, other.held_);
-  std::swap(oldest_, other.oldest_);
   here_ = other.here_.exchange(here_);
 }
 
@@ -74,15 +80,31 @@ void LongBytes::hold(std::size_t part) const {
   while (busy_.test_and_set(std::memory_order_acquire)) {
   }
   here_.store(part, std::memory_order_relaxed);
-  if (std::find(held_.begin(), held_.end(), part) == held_.end()) {
-    std::size_t& oldest = held_[oldest_];
-    if (oldest != kNone && (oldest + 1) * kPart <= capacity_) {
-      ::madvise(data_ + oldest * kPart, kPart, MADV_DONTNEED);  // it stays in the file
-    }
-    oldest = part;
-    oldest_ = (oldest_ + 1) % kParts;
+  if (part >= last_come_to_.size()) last_come_to_.resize(capacity_ / kPart);
+  if (last_come_to_[part] == 0) {
+    if (held_ >= kParts && parts_held.load(std::memory_order_relaxed) >= kHeld / kPart) give_back_longest_left();
+    ++held_;
+    parts_held.fetch_add(1, std::memory_order_relaxed);
   }
+  last_come_to_[part] = ++clock_;
   busy_.clear(std::memory_order_release);
+}
+
+void LongBytes::give_back_longest_left() const {
+  std::size_t oldest = kNone;
+  for (std::size_t k = 0; k < last_come_to_.size(); ++k)
+    if (last_come_to_[k] != 0 && (oldest == kNone || last_come_to_[k] < last_come_to_[oldest])) oldest = k;
+  ::madvise(data_ + oldest * kPart, kPart, MADV_DONTNEED);  // it stays in the file
+  last_come_to_[oldest] = 0;
+  --held_;
+  parts_held.fetch_sub(1, std::memory_order_relaxed);
+}
+
+void LongBytes::hold_none() {
+  parts_held.fetch_sub(held_, std::memory_order_relaxed);
+  held_ = 0;
+  last_come_to_.clear();
+  here_ = kNone;
 }
 
 bool LongBytes::move_to_file(std::size_t bytes) {
@@ -105,8 +127,7 @@ bool LongBytes::move_to_file(std::size_t bytes) {
   data_ = static_cast<char*>(mapped);
   capacity_ = size;
   file_ = file;
-  held_.fill(kNone);
-  here_ = kNone;
+  hold_none();
   return true;
 }
 
@@ -138,6 +159,7 @@ void LongBytes::move_to_heap(std::size_t bytes) {
 }
 
 void LongBytes::give_up_file() {
+  hold_none();
   ::munmap(data_, capacity_);
   ::close(file_);
   file_ = -1;

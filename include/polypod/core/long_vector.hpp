@@ -2,26 +2,28 @@
 // Vectors of any length in little memory: what is long lies in a temporary file.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <compare>
 #include <cstddef>
+#include <cstdint>
 #include <initializer_list>
 #include <iterator>
 #include <new>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 namespace polypod {
 
 /// Bytes in a row. Up to kInMemory of them are on the heap; more are a mapped file without a name in the folder
-/// TMPDIR (else /tmp), of which the process holds the few parts that were last come to. Where the file cannot be
-/// written they stay on the heap.
+/// TMPDIR (else /tmp), of which the process holds the parts that were last come to: kParts of each, and more as long as
+/// all together hold no more than kHeld. Where the file cannot be written they stay on the heap.
 class LongBytes {
  public:
   static constexpr std::size_t kInMemory = std::size_t{1} << 18;
   static constexpr std::size_t kPart = std::size_t{1} << 17;
-  static constexpr std::size_t kParts = 4;  ///< held at once
+  static constexpr std::size_t kParts = 4;                     ///< held at once at least
+  static constexpr std::size_t kHeld = std::size_t{16} << 20;  ///< bytes, of all that are alive
 
   LongBytes() = default;
   LongBytes(LongBytes&& other) noexcept { swap(other); }
@@ -50,6 +52,8 @@ class LongBytes {
  private:
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
   void hold(std::size_t part) const;
+  void give_back_longest_left() const;
+  void hold_none();
   bool move_to_file(std::size_t bytes);
   bool lengthen_file(std::size_t bytes);
   void move_to_heap(std::size_t bytes);
@@ -61,8 +65,9 @@ class LongBytes {
   bool no_file_ = false;  // there was no room for one
   mutable std::atomic<std::size_t> here_{kNone};
   mutable std::atomic_flag busy_ = ATOMIC_FLAG_INIT;
-  mutable std::array<std::size_t, kParts> held_{kNone, kNone, kNone, kNone};
-  mutable std::size_t oldest_ = 0;
+  mutable std::vector<std::uint64_t> last_come_to_;  // of each part, by a clock of this row's; 0: not held
+  mutable std::uint64_t clock_ = 0;
+  mutable std::size_t held_ = 0;  // parts
 };
 
 /// As std::vector, for elements without destructors: references stay valid until it grows, also beyond what is held in
