@@ -14,6 +14,7 @@
 #include "polypod/pages/workspace.hpp"
 #include "polypod/workspace/task_directions.hpp"
 #include "survey_options.hpp"
+#include "workspace_options.hpp"
 
 namespace polypod::app {
 namespace {
@@ -149,8 +150,7 @@ Command section_command() {
             const char *of_u = workspace::unit_along(task, f.grid.step[0]),
                        *of_v = workspace::unit_along(task, f.grid.step[1]);
             const double area = s.area * units::to_user(1, of_u) * units::to_user(1, of_v);
-            const std::string of_both = fmt::format("{} {}", of_u, of_v);
-            const std::string area_unit = of_both == "mm mm" ? "mm2" : of_both;
+            const std::string area_unit = unit_of_product({of_u, of_v});
             if (context.json) {
               Json list = Json::array();
               for (const auto& [name, count] : limits)

@@ -155,7 +155,7 @@ std::string beyond_text(const machine::AnyMachine& m, const workspace::BeyondSin
       "note: {} % of {} {} lie beyond a singular pose from home (type 2): the machine gets there only through a "
       "pose at which the drives do not constrain it. {} them; {}\n",
       percent < 10 ? fmt::format("{:.2g}", percent) : fmt::format("{:.0f}", percent), beyond.points, looked_at, include,
-      task.places() ? "limits leave them out, as `--set limits.z_min_mm=...`"
+      task.holds(machine::Coordinate::z) ? "limits leave them out, as `--set limits.z_min_mm=...`"
       : kinematics::joint_kind(m, 0) == machine::JointKind::revolute
           ? "limits leave them out, as `--set leg[1].max_deg=...`"
           : "limits of the legs or a smaller box leave them out");

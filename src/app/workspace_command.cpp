@@ -144,14 +144,13 @@ bool came_within(const workspace::Volume& v, const workspace::Options& options) 
     fmt::print(stderr, "polypod: the sample of {} points did not come within the tolerance\n", v.points);
     return false;
   }
-  const std::string why = v.stopped == workspace::Stopped::memory
-                              ? fmt::format("the {:.0f} MB of --max-memory are used up",
-                                            kMbPerByte * static_cast<double>(options.max_memory))
-                              : fmt::format("{} boxes are used up", options.max_cells);
-  fmt::print(stderr,
-             "polypod: the bounds did not come within the tolerance: {}; the bounds are proven as they are. "
-             "The tolerance would take about {:.0f} MB\n",
-             why, kMbPerByte * v.memory_estimate);
+  const std::string why =
+      v.stopped == workspace::Stopped::memory
+          ? fmt::format("the {:.0f} MB of --max-memory are used up; the tolerance would take about {:.0f} MB",
+                        kMbPerByte * static_cast<double>(options.max_memory), kMbPerByte * v.memory_estimate)
+          : fmt::format("{} boxes are used up", v.points);
+  fmt::print(stderr, "polypod: the bounds did not come within the tolerance: {}. The bounds are proven as they are\n",
+             why);
   return false;
 }
 
@@ -182,13 +181,24 @@ Json volume_json(const workspace::Volume& v) {
           {"seconds", v.seconds}};
 }
 
+std::string unit_of_product(const std::vector<const char*>& units) {
+  std::string out;
+  for (const char* unit : {"mm", "deg"}) {
+    const auto n = std::count(units.begin(), units.end(), std::string_view(unit));
+    if (n > 0) out += (out.empty() ? "" : " ") + std::string(unit) + (n > 1 ? std::to_string(n) : "");
+  }
+  return out;
+}
+
 Region region_of(const machine::Task& task, double measure, double lower, double upper) {
   Region out{measure, lower, upper, ""};
+  std::vector<const char*> of;
   for (int i = 0; i < task.size(); ++i) {
     const char* unit = workspace::unit_of(task, i);
     for (double* one : {&out.measure, &out.lower, &out.upper}) *one *= units::to_user(1, unit);
-    out.unit += (i > 0 ? " " : "") + std::string(unit);
+    of.push_back(unit);
   }
+  out.unit = unit_of_product(of);
   return out;
 }
 
@@ -211,6 +221,9 @@ Json region_json(const machine::AnyMachine& machine, const workspace::Volume& v)
   const machine::Task task = kinematics::task(machine);
   Json out = measure_json(task, region_of(task, v.volume, v.lower, v.upper));
   out.update({{"bounds", {{"min", point_json(task, v.min)}, {"max", point_json(task, v.max)}}},
+              {"reached",
+               v.reached ? Json{{"min", point_json(task, v.reached->min)}, {"max", point_json(task, v.reached->max)}}
+                         : Json()},
               {"proven", v.proven},
               {"points", v.points},
               {"converged", v.converged},
@@ -314,9 +327,8 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
     const Region region = region_of(task, v.volume, v.lower, v.upper);
     std::string text;
     for (int i = 0; i < task.size(); ++i) {
-      const char* of = workspace::unit_of(task, i);
-      text += fmt::format("{}        {:.2f} .. {:.2f} {}\n", machine::name_of(task[i]), units::to_user(v.min[i], of),
-                          units::to_user(v.max[i], of), of);
+      text += fmt::format("{}        {}\n", machine::name_of(task[i]),
+                          pages::extent_text(v, i, workspace::unit_of(task, i)));
     }
     fmt::print("region of the task's coordinates: {:.4g} {}, {} {:.4g} and {:.4g}{}{}\n{}{}   {}\nseconds  {:.2f}\n{}",
                region.measure, region.unit, v.proven ? "certainly between" : "between", region.lower, region.upper,

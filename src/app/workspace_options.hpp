@@ -33,8 +33,10 @@ Json volume_json(const workspace::Volume& v);
 /// The volume of a machine whose task does not hold x, y, z, in the coordinates of the task: mm and deg.
 struct Region {
   double measure = 0, lower = 0, upper = 0;
-  std::string unit;  ///< "mm deg deg"
+  std::string unit;  ///< "mm deg2"
 };
+/// Of areas and regions: "mm2", "mm2 deg", "deg2".
+std::string unit_of_product(const std::vector<const char*>& units);
 Region region_of(const machine::Task& task, double measure, double lower, double upper);
 /// The coordinates with their units, and the measure; a bound that is no number is null.
 Json measure_json(const machine::Task& task, const Region& region);

@@ -9,7 +9,7 @@
 #include <limits>
 #include <numbers>
 
-#include "family_judges.hpp"
+#include "../families/judges.hpp"
 #include "polypod/core/parallel.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/workspace/task_directions.hpp"

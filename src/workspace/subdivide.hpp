@@ -80,6 +80,7 @@ enum class Verdict : std::uint8_t {
 ///   int groups();                   at most 32
 ///   double lever();                 m, how far a turn of 1 rad moves what the limits see
 ///   std::size_t bytes(const Data&); that a patch's data holds outside of itself
+///   int axes();                     of a box that count: the first so many (3 without)
 ///   LimitBits ends();               the limits without which nothing ends the workspace
 ///   void box(Vec3& min, Vec3& max, const Directions&); a box that holds every reachable point where these are heeded
 ///   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch&, const Data&,
@@ -98,10 +99,13 @@ class Subdivision {
     std::vector<Entry> entries;
 
     [[nodiscard]] std::size_t bytes() const { return sizeof(Box) + kHeapBlock + entries.capacity() * sizeof(Entry); }
-    [[nodiscard]] Box octant(int which) const {
+    /// A half in each of the first `axes` directions.
+    [[nodiscard]] Box octant(int which, int axes) const {
       Box child;
-      child.half = 0.5 * half;
-      for (int k = 0; k < 3; ++k) {
+      child.half = half;
+      child.center = center;
+      for (int k = 0; k < axes; ++k) {
+        child.half[k] = 0.5 * half[k];
         child.center[k] = center[k] + ((which >> k & 1) != 0 ? child.half[k] : -child.half[k]);
       }
       return child;
@@ -140,7 +144,7 @@ class Subdivision {
 
  public:
   Subdivision(const Limits& limits, const Options& options)
-      : limits_(limits), options_(options), resident_(resident_memory()) {}
+      : limits_(limits), options_(options), axes_(axes_of(limits)), resident_(resident_memory()) {}
 
   /// Whether every point of the shape is certainly inside: true is a proof; false where a point is certainly outside or
   /// the question is not settled within `max_cells` boxes.
@@ -165,8 +169,8 @@ class Subdivision {
       if (within && (verdict == Verdict::outside || cell.upper < 8 * cell.half.prod() * (1 - 1e-6))) return false;
       // An outside cell may reach out of the shape: its pieces are asked again with all that the parent knew.
       const Box& known = verdict == Verdict::outside ? parent : cell;
-      for (int octant = 0; octant < 8; ++octant) {
-        Box child = cell.octant(octant);
+      for (int octant = 0; octant < 1 << axes_; ++octant) {
+        Box child = cell.octant(octant, axes_);
         if (!shape.meets_box(child.center, child.half)) continue;
         child.entries = known.entries;
         stack.push_back(std::move(child));
@@ -219,6 +223,11 @@ class Subdivision {
   static constexpr double kInfinity = std::numeric_limits<double>::infinity();
   static constexpr std::size_t kHeapBlock = 16;  // what an allocation costs beside its bytes
   static constexpr std::size_t kChunk = 32;      // fixed, so that sums do not depend on the number of threads
+
+  static int axes_of(const Limits& limits) {
+    if constexpr (requires { limits.axes(); }) return limits.axes();
+    return 3;
+  }
 
   void plant() {
     if (!root_) root_ = std::make_unique<Node>(whole_patch(options_.directions), Maker{&limits_, &patches_});
@@ -379,8 +388,8 @@ class Subdivision {
   }
 
   void refine(const Box& parent, Worker& worker, Chunk& chunk) {
-    for (int octant = 0; octant < 8; ++octant) {
-      Box child = parent.octant(octant);
+    for (int octant = 0; octant < 1 << axes_; ++octant) {
+      Box child = parent.octant(octant, axes_);
       ++chunk.examined;
       const Verdict verdict = examine(parent, child, worker);
       if (verdict == Verdict::outside) continue;
@@ -514,8 +523,8 @@ class Subdivision {
     Worker worker;
     for (int k = 0; k < kAtOnce && open(side, near); ++k) {
       const typename Side::Candidate top = side.pop();
-      for (int octant = 0; octant < 8; ++octant) {
-        auto child = std::make_unique<Box>(top.box->octant(octant));
+      for (int octant = 0; octant < 1 << axes_; ++octant) {
+        auto child = std::make_unique<Box>(top.box->octant(octant, axes_));
         ++side.examined;
         const Verdict verdict = examine(*top.box, *child, worker);
         if (verdict == Verdict::outside) continue;
@@ -744,6 +753,7 @@ class Subdivision {
 
   const Limits& limits_;
   const Options& options_;
+  int axes_;
   std::size_t resident_;                          // bytes, when the run began
   mutable std::atomic<std::int64_t> patches_{0};  ///< that were kept
   std::unique_ptr<Node> root_;

@@ -6,8 +6,8 @@
 
 #include <bit>
 
+#include "../families/bounds.hpp"
 #include "by_closure/bounds.hpp"
-#include "family_bounds.hpp"
 #include "no_bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -57,9 +57,15 @@ Status check(const AnyMachine& machine, const Options& options) {
   return {};
 }
 
+/// A region of coordinates that bounds do not enclose in so many boxes keeps those that it has: without x, y and z the
+/// coordinates that follow may be enclosed so loosely that no number of boxes would do.
+constexpr std::int64_t kMostBoxesOfCoordinates = 500'000;
+
 /// Families without bounds of their own whose closure proves them.
 template <class M>
-constexpr bool kByClosure = std::is_same_v<M, machine::Own>;
+constexpr bool kByClosure = requires(const M& m) {
+  bounds_follow_from_closure(m);
+};
 
 /// Calls ask(limits) with what the family knows of its limits over boxes (bounds_of), if it knows something.
 template <class M, class Ask>
@@ -199,7 +205,11 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
             }
             return proven_or_sampled(machine, limits, options, few);
           } else {
-            return subdivided_volume(limits, options, true);
+            Options some = options;
+            if (!kinematics::task(machine).places()) {
+              some.max_cells = std::min(options.max_cells, kMostBoxesOfCoordinates);
+            }
+            return subdivided_volume(limits, some, true);
           }
         });
       },
@@ -254,10 +264,7 @@ bool reaches_samples(const AnyMachine& machine, const Options& options, const st
           if constexpr (requires { reaches(m, X, heeded); }) return reaches(m, X, heeded);
           const auto result = inverse(m, X);
           // Only the first choice of a slider counts, as the source takes it; any posture of a chain.
-          if (kinematics::takes_any_posture(machine)) {
-            return std::any_of(result.solutions.begin(), result.solutions.end(),
-                               [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
-          }
+          if (kinematics::takes_any_posture(machine)) return result.keeps(heeded);
           return !result.solutions.empty() && (result.solutions.front().violations & heeded) == 0;
         },
         machine);

@@ -38,8 +38,9 @@ struct WorkspacePageOptions {
 
 /// The extent along an axis (0: x) as a person reads it: "-26.55 .. 26.55 mm" where what is certainly reached and what
 /// is certainly not exceeded are the same to the printed digit, else both. Digits: as many as the tolerance of the
-/// bounds means, about 1e-4 of the largest extent.
-std::string extent_text(const workspace::Volume& volume, int axis);
+/// bounds means, about 1e-4 of the largest extent. `unit` ("mm", "deg"): of a coordinate of a task without x, y, z,
+/// whose digits go by its own extent.
+std::string extent_text(const workspace::Volume& volume, int axis, const char* unit = nullptr);
 
 /// One self-contained HTML file about a workspace: the volume with its proven bounds, a picture in space with the
 /// machine at home, three sections through its middle, the volume against the tilt (proven too, with few boxes), which

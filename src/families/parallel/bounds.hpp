@@ -46,6 +46,7 @@ class ParallelLimits {
   /// Where nothing follows, each drive is a group and the limits of the tip another, so that patches are dropped drive
   /// by drive; else one group, since what follows is worked out for all of them.
   [[nodiscard]] int groups() const { return free_.empty() ? joint_count(m_) + 1 : 1; }
+  [[nodiscard]] int axes() const { return m_.task.places() ? 3 : m_.task.size(); }
   [[nodiscard]] double lever() const { return m_.size; }
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
   [[nodiscard]] static Data prepare(const Patch&) { return {}; }

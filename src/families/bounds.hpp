@@ -2,12 +2,12 @@
 // What the families know of their limits over boxes: bounds_of(m, options) of each that knows something.
 #pragma once
 
-#include "../families/delta/bounds.hpp"
-#include "../families/hexapod/bounds.hpp"
-#include "../families/parallel/bounds.hpp"
-#include "../families/serial/bounds.hpp"
+#include "../workspace/subdivide.hpp"
+#include "delta/bounds.hpp"
+#include "hexapod/bounds.hpp"
+#include "parallel/bounds.hpp"
 #include "polypod/workspace/shape.hpp"
-#include "subdivide.hpp"
+#include "serial/bounds.hpp"
 
 namespace polypod::workspace {
 

@@ -2,7 +2,7 @@
 // The limits of the families at one pose: pose_judge(m, options) of each that does not leave it to a search.
 #pragma once
 
-#include "../families/delta/judge.hpp"
-#include "../families/hexapod/judge.hpp"
-#include "../families/parallel/judge.hpp"
-#include "../families/serial/judge.hpp"
+#include "delta/judge.hpp"
+#include "hexapod/judge.hpp"
+#include "parallel/judge.hpp"
+#include "serial/judge.hpp"
