@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "module_name.hpp"
 #include "polypod/calibration/simulate.hpp"
@@ -78,6 +79,42 @@ std::optional<JointVector> home_of(const AnyMachine& machine, const std::vector<
   return home_of_arm(machine, stands);
 }
 
+/// The largest `sign` c[i] of a pose within all limits that steps from c find: outwards alone, or with one of the other
+/// coordinates, by ever smaller shares of `range`.
+double farthest(const AnyMachine& machine, std::vector<double> c, int i, double sign,
+                const std::vector<double>& range) {
+  constexpr double kFirst = 0.1, kLast = 1e-3;
+  constexpr int kMostSteps = 200;
+  const Task task = kinematics::task(machine);
+  const auto reaches = [&](const std::vector<double>& at) {
+    for (int k = 0; k < task.size(); ++k)  // beyond half a turn the same poses come again
+      if (task.is_angle(k) && std::abs(at[static_cast<std::size_t>(k)]) > std::numbers::pi) return false;
+    const Pose X = kinematics::pose_of(task, at);
+    return kinematics::inverse(machine, X).reachable() != nullptr;
+  };
+  const auto axis = static_cast<std::size_t>(i);
+  double share = kFirst;
+  for (int step = 0; share > kLast && step < kMostSteps; ++step) {
+    std::vector<double> next = c;
+    next[axis] += sign * share * range[axis];
+    bool found = reaches(next);
+    for (std::size_t k = 0; !found && k < c.size(); ++k) {
+      for (const double way : {-1.0, 1.0}) {
+        if (found || k == axis) continue;
+        next[k] = c[k] + way * share * range[k];
+        found = reaches(next);
+        if (!found) next[k] = c[k];
+      }
+    }
+    if (found) {
+      c = next;
+    } else {
+      share /= 2;
+    }
+  }
+  return c[axis];
+}
+
 /// Poses of the machine within its limits, as LinuxCNC reaches them: those that joints give from home.
 std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector<Stand>& stands,
                                     const JointVector& home, const std::vector<ControllerAxis>& joints,
@@ -93,16 +130,22 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
     axis.turns = task.is_angle(i);
     axis.home = user(axis.turns, at_home[static_cast<std::size_t>(i)]);
     if (std::abs(axis.home) < 1e-12) axis.home = 0;
-    axis.min = axis.max = axis.home;
   }
   std::vector<double> linear, angular;  // speeds at which no drive is faster than it may be
+  std::vector<double> low_end = at_home, high_end = at_home;
+  std::vector<std::vector<double>> lowest(static_cast<std::size_t>(n), at_home), highest = lowest;
   for (const Stand& stand : stands) {
     const std::vector<double> c = kinematics::coordinates_of(task, stand.X_MT);
     for (int i = 0; i < n; ++i) {
-      ControllerAxis& axis = out[static_cast<std::size_t>(i)];
-      const double value = user(axis.turns, c[static_cast<std::size_t>(i)]);
-      axis.min = std::min(axis.min, value);
-      axis.max = std::max(axis.max, value);
+      const auto k = static_cast<std::size_t>(i);
+      if (c[k] < low_end[k]) {
+        low_end[k] = c[k];
+        lowest[k] = c;
+      }
+      if (c[k] > high_end[k]) {
+        high_end[k] = c[k];
+        highest[k] = c;
+      }
     }
     const Eigen::MatrixXd J =
         kinematics::task_jacobian(task, kinematics::jacobian(machine, stand.X_MT, stand.q), stand.X_MT);
@@ -119,6 +162,18 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
     }
     linear.push_back(slow_linear);
     angular.push_back(slow_angular);
+  }
+  std::vector<double> range(static_cast<std::size_t>(n));
+  for (std::size_t k = 0; k < range.size(); ++k) range[k] = high_end[k] - low_end[k];
+  for (int i = 0; i < n; ++i) {
+    ControllerAxis& axis = out[static_cast<std::size_t>(i)];
+    const auto k = static_cast<std::size_t>(i);
+    const auto end = [&](const std::vector<double>& seen, double sign) {
+      return sign * std::max(sign * farthest(machine, seen, i, sign, range),
+                             sign * farthest(machine, at_home, i, sign, range));
+    };
+    axis.min = user(axis.turns, end(lowest[k], -1));
+    axis.max = user(axis.turns, end(highest[k], 1));
   }
   constexpr double kShare = 0.25;  // of the stands, those nearest to singular poses, that may need slower drives
   const auto low = [&](std::vector<double>& values, double most) {
@@ -214,9 +269,11 @@ HOME = {4} {5} {6} {7} {8} {9}
   speeds("LINEAR", v, a);
   speeds("ANGULAR", w, aw);
   out += fmt::format(
-      "\n# Ranges of the coordinates over {} random poses within all limits, and speeds at which three in four of them "
-      "need no\n"
-      "# drive faster than its MAX_VELOCITY: LinuxCNC looks at those of the joints only when they are jogged.\n",
+      "\n# Ranges of the coordinates as a search from {} random poses within all limits found them, and speeds at "
+      "which "
+      "three in\n"
+      "# four of these need no drive faster than its MAX_VELOCITY: LinuxCNC looks at those of the joints only when "
+      "they are jogged.\n",
       c.stands);
   for (const ControllerAxis& axis : c.axes) {
     out += fmt::format("[AXIS_{}]\nMIN_LIMIT = {}\nMAX_LIMIT = {}\nMAX_VELOCITY = {}\nMAX_ACCELERATION = {}\n\n",
@@ -426,10 +483,10 @@ Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, 
     out.files.push_back({name + "_cut.comp", cut_component(name, *options.force)});
     out.files.push_back({"corrected.ngc", options.force->corrected});
   }
-  out.notes.push_back(
-      fmt::format("The axes' ranges are those of {} random poses within all limits: a pose inside them may "
-                  "still be out of reach, and LinuxCNC then refuses the move.",
-                  out.stands));
+  out.notes.push_back(fmt::format(
+      "The axes' ranges are the extremes that a search from {} random poses within all limits found: a pose "
+      "inside them may still be out of reach, and LinuxCNC then refuses the move, as it does one beyond them.",
+      out.stands));
   out.notes.emplace_back(
       "The module keeps the joints' ranges to LinuxCNC and checks neither collisions nor the cones of joints: polypod "
       "check judges a program.");

@@ -492,9 +492,11 @@ Status verdict(const fs::path& scratch, const std::string& program) {
   // LinuxCNC reads ahead; its messages name the line that they are about.
   if (const auto at = said.find("on line "); at != std::string::npos) line = std::atoi(said.c_str() + at + 8);
   const bool tool = said.find("not found in the tool table") != std::string::npos;
+  const bool sensor = said.find("the sensor gives no force") != std::string::npos;
   return fail("LC116", "LinuxCNC: " + said, {program, line, 0},
-              tool ? "add the tool to the tool table of the exported machine, NAME.tbl, as in T2 P2 D6"
-                   : "polypod check says where a program leaves what the machine can do");
+              tool     ? "add the tool to the tool table of the exported machine, NAME.tbl, as in T2 P2 D6"
+              : sensor ? "look at what gives the force; its watchdog stops the machine (docs/linuxcnc.md)"
+                       : "polypod check says where a program leaves what the machine can do");
 }
 
 }  // namespace

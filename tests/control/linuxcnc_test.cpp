@@ -240,6 +240,36 @@ TEST(LinuxcncModule, RefusesOtherUnits) {
 }
 
 /// The mirrored assembly of a hexapod has the same strut lengths: forward never ends there.
+// The box of the axes holds what the machine reaches along each axis from home, not what some random poses happened to.
+TEST(LinuxcncModule, AxesGoAsFarAsTheMachineFromHome) {
+  for (const char* name : {"hexapod-strut", "hexapod-m850", "delta-linear", "tripod-z3", "pentapod", "kuka-kr210"}) {
+    SCOPED_TRACE(name);
+    const AnyMachine m = test::load(name);
+    const auto c = linuxcnc_configuration(m);
+    ASSERT_TRUE(c);
+    const Task task = kinematics::task(m);
+    std::vector<double> home;
+    for (const ControllerAxis& a : c->axes) home.push_back(a.turns ? units::from_deg(a.home) : units::from_mm(a.home));
+    for (int i = 0; i < task.size(); ++i) {
+      const ControllerAxis& axis = c->axes[static_cast<std::size_t>(i)];
+      for (const double side : {-1.0, 1.0}) {
+        // Home itself, in steps of 1 mm and 1 deg.
+        std::vector<double> at = home;
+        double end = axis.home;
+        for (int k = 1; k < 180; ++k) {
+          at[static_cast<std::size_t>(i)] += side * (axis.turns ? units::from_deg(1) : units::from_mm(1));
+          if (kinematics::inverse(m, kinematics::pose_of(task, at)).reachable() == nullptr) break;
+          end += side;
+        }
+        // The search ends at a thousandth of the range.
+        const double slack = 0.01 * (axis.max - axis.min);
+        EXPECT_TRUE(side < 0 ? axis.min <= end + slack : axis.max >= end - slack)
+            << axis.letter << " " << axis.min << " .. " << axis.max << " and " << end;
+      }
+    }
+  }
+}
+
 TEST(LinuxcncModule, KeepsTheAssemblyModeOfHome) {
   ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const LinuxcncConfiguration c = exported(test::load("hexapod-strut"));

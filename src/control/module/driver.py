@@ -12,6 +12,7 @@ import linuxcnc
 command, status, messages = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
 folder = os.path.dirname(os.path.abspath(sys.argv[0]))
 recorder = None
+moving = 0  # the line of the last move that was seen under way: what stops it clears that of LinuxCNC
 
 
 def end(text):
@@ -39,7 +40,9 @@ def fail(where, said):
     time.sleep(0.1)
     said += complaints()
     status.poll()
-    line = status.motion_line if where == "motion" else max(status.current_line, 0)
+    # The interpreter has read ahead; what stops the joints is about the move under way.
+    of_joints = any(words in text for text in said for words in ("soft limit", "following error", " on joint "))
+    line = moving if where == "motion" or (of_joints and moving > 0) else max(status.current_line, 0)
     end("\n".join(["failed %s %d" % (where, line)] + (said or ["LinuxCNC gave no message"])))
 
 
@@ -91,6 +94,8 @@ idle = 0
 while idle < 5:  # some polls in a row: between two blocks the machine may stand
     status.poll()
     said = complaints()
+    if status.motion_line > 0 and not said and status.task_state == linuxcnc.STATE_ON:
+        moving = status.motion_line
     if status.task_state != linuxcnc.STATE_ON:
         fail("motion", said + ["the machine was switched off"])
     if said:
