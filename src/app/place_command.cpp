@@ -22,6 +22,7 @@
 namespace polypod::app {
 namespace {
 
+using machining::PlaceBy;
 using machining::PlaceFit;
 using machining::PlacePoint;
 using machining::PlaceResult;
@@ -58,6 +59,7 @@ Json point_json(const PlacePoint& p) {
           {"fits", fits},
           {"why_not", fits ? Json() : Json(machining::name_of(p.fit))},
           {"error_um", fits ? Json(to_um(p.error)) : Json()},
+          {"distance_um", fits ? Json(to_um(p.distance)) : Json()},
           {"compliance_um_per_N", fits ? Json(units::to_um_per_N(p.compliance)) : Json()},
           {"margin_percent", fits ? Json(100 * p.margin) : Json()}};
 }
@@ -75,7 +77,7 @@ std::vector<std::string> notes_of(const Input& in, const PlaceResult& result, co
   if (result.farther_there()) {
     out.push_back(
         fmt::format("the deflected tool is up to {:.1f} um from the programmed path there, and up to {:.1f} um at the "
-                    "start: the normal error, by which places are compared, has no vertical part",
+                    "start: the normal error, by which places are compared, has no vertical part (--by distance)",
                     to_um(result.best->distance), to_um(*result.start_distance)));
   }
   if (result.held) {
@@ -100,7 +102,8 @@ Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
                       {"turn_deg", turn_for_user(j.at.turn)},
                       {"error_um", to_um(j.error)},
                       {"distance_um", to_um(j.distance)},
-                      {"estimate_um", to_um(j.estimate)}});
+                      {"estimate_um", to_um(j.estimate)},
+                      {"distance_estimate_um", to_um(j.distance_estimate)}});
   }
   for (const PlacePoint& p : r.map.points) map.push_back(point_json(p));
   for (const PlacePoint& p : r.rotations) rotations.push_back(point_json(p));
@@ -110,10 +113,11 @@ Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
             {"turn_deg", turn_for_user(r.best->at.turn)},
             {"error_um", to_um(r.best->error)},
             {"distance_um", to_um(r.best->distance)},
-            {"gain_um", r.start_error ? Json(to_um(*r.start_error - r.best->error)) : Json()},
+            {"gain_um", r.start_error ? Json(to_um(*r.start_figure() - figure_of(*r.best, r.by))) : Json()},
             {"at_boundary", r.at_border}};
   }
   return {
+      {"by", r.by == PlaceBy::distance ? "distance" : "error"},
       {"start_error_um", r.start_error ? Json(to_um(*r.start_error)) : Json()},
       {"start_distance_um", r.start_distance ? Json(to_um(*r.start_distance)) : Json()},
       {"best", best},
@@ -149,7 +153,7 @@ std::string gain_in_words(double gain_um) {
 
 void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
   if (r.start_error) {
-    fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_error), in_words(r.start));
+    fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_figure()), in_words(r.start));
   } else {
     fmt::print("start  does not fit ({})  {}\n", machining::name_of(r.start_fit), in_words(r.start));
   }
@@ -162,9 +166,10 @@ void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
     for (const std::string& note : notes) fmt::print("note: {}\n", note);
     return;
   }
-  fmt::print("best   {:.1f} um  {}\n", to_um(r.best->error), in_words(r.best->at));
-  fmt::print("       largest normal errors, as predict gives them there{}\n",
-             r.start_error ? gain_in_words(to_um(*r.start_error - r.best->error)) : "");
+  fmt::print("best   {:.1f} um  {}\n", to_um(figure_of(*r.best, r.by)), in_words(r.best->at));
+  fmt::print("       largest {}, as predict gives them there{}\n",
+             r.by == PlaceBy::distance ? "distances from the programmed path" : "normal errors",
+             r.start_error ? gain_in_words(to_um(*r.start_figure() - figure_of(*r.best, r.by))) : "");
   fmt::print(
       "searched x {:.1f} .. {:.1f}, y {:.1f} .. {:.1f}, z {:.1f} .. {:.1f} mm, rotations {:.1f} .. {:.1f} deg: "
       "{} of {} places are within reach and limits\n",
@@ -184,7 +189,7 @@ Command place_command() {
     WeightQuestion weight;
     std::vector<std::string> measured;
     std::array<std::string, 3> box;
-    std::string turn;
+    std::string turn, by = "error";
     int resolution = 13, rotations = 12, threads = 0;
     bool again = false;
   };
@@ -203,6 +208,9 @@ Command place_command() {
         a.option("--y", o->box[1], "The same for y");
         a.option("--z", o->box[2], "The same for z, the height of the table");
         a.option("--turn", o->turn, "lo,hi or one value of the rotation about z, deg (default: -180,180)");
+        a.option("--by", o->by,
+                 "What places are compared by: error (default), the largest normal error, which has no vertical part, "
+                 "or distance, the largest distance from the programmed path in space");
         a.option("--resolution", o->resolution, {2, 101},
                  "Positions along x and y in the first grid, half as many along z (default: 13)");
         a.option("--rotations", o->rotations, {2, 360}, "Rotations in the first grid (default: 12)");
@@ -215,6 +223,11 @@ Command place_command() {
       },
       [o](const Context& context) -> Result<int> {
         machining::PlaceOptions options;
+        if (o->by != "error" && o->by != "distance") {
+          return fail("AP284", fmt::format("--by {} is no figure of a place", one_line(o->by)), {},
+                      "give error or distance");
+        }
+        options.by = o->by == "distance" ? PlaceBy::distance : PlaceBy::normal_error;
         const char* names[3] = {"--x", "--y", "--z"};
         for (std::size_t k = 0; k < 3; ++k) {
           if (!context.given(names[k])) continue;

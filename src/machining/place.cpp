@@ -158,9 +158,11 @@ Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_M
   return fit_of_kind(checked.problems.front().kind);
 }
 
-/// A cut of the reference prediction: where it is, its force, and the normal of its path, in W, and A, B and C.
+/// A cut of the reference prediction: where it is, its force, and the normal of its path, in W, A, B and C, and the
+/// programmed move.
 struct Cut {
   Vec3 p, force, away, axes;
+  const gcode::Move* move;
 };
 
 class Search {
@@ -175,6 +177,7 @@ class Search {
         poses_(both_.poses()) {}
 
   Result<PlaceResult> run() {
+    out_.by = options_.by;
     out_.start = placing_of(job_);
     if (options_.other != nullptr)
       POLYPOD_TRY(stands_as_set_up(job_, options_.other->program, options_.other->interpretation));
@@ -277,7 +280,9 @@ class Search {
     take_cuts(*prediction);
     reference_ = at;
     out_.reference = *at;
-    const JudgedPlace judged{*at, largest_normal_error(*prediction), estimate(*at).error, prediction->largest_distance};
+    const PlacePoint estimated = estimate(*at);
+    const JudgedPlace judged{*at, largest_normal_error(*prediction), estimated.error, prediction->largest_distance,
+                             estimated.distance};
     if (out_.start_fit == PlaceFit::fits) {
       out_.start_error = judged.error;
       out_.start_distance = judged.distance;
@@ -289,23 +294,27 @@ class Search {
     return {};
   }
 
-  /// Of each move the cut with the largest normal error, and others at equal distances.
+  /// Of each move the cut with the largest figure, and others at equal distances.
   void take_cuts(const Prediction& prediction) {
     const ToolFrame& frame = job_.tool_frame;
     const auto add = [&](const Sample& s) {
-      cuts_.push_back({s.command, s.force, s.away, frame.turns ? s.axes : frame.axes});
+      cuts_.push_back({s.command, s.force, s.away, frame.turns ? s.axes : frame.axes,
+                       &interpretation_.moves[static_cast<std::size_t>(s.move)]});
+    };
+    const auto figure = [&](const Sample& s) {
+      return options_.by == PlaceBy::distance ? double(s.distance) : std::abs(double(s.normal));
     };
     std::vector<const Sample*> largest;
     for (const Sample& s : prediction.samples) {
       if (!s.cutting) continue;
       if (largest.empty() || largest.back()->move != s.move) {
         largest.push_back(&s);
-      } else if (std::abs(s.normal) > std::abs(largest.back()->normal)) {
+      } else if (figure(s) > figure(*largest.back())) {
         largest.back() = &s;
       }
     }
     std::stable_sort(largest.begin(), largest.end(),
-                     [](const Sample* a, const Sample* b) { return std::abs(a->normal) > std::abs(b->normal); });
+                     [&](const Sample* a, const Sample* b) { return figure(*a) > figure(*b); });
     if (largest.size() > kMostPoints / 2) largest.resize(kMostPoints / 2);
     for (const Sample* s : largest) add(*s);
     for (const Sample& s : prediction.few) add(s);
@@ -346,7 +355,13 @@ class Search {
         }
         C = job_.measured->map.at(p);
       }
-      out.error = std::max(out.error, std::abs(n.dot(C * F + by_weight(p) - at_origin)));
+      const Vec3 deflection = C * F + by_weight(p) - at_origin;
+      out.error = std::max(out.error, std::abs(n.dot(deflection)));
+      const Vec3 bent = cut.p + X_MW.R.transpose() * deflection;
+      out.distance =
+          std::max(out.distance, path_error(*cut.move, bent + middle_beside_tip(job_, *cut.move, bent, cut.axes),
+                                            cut.away, job_.tool_frame.axis())
+                                     .distance);
       out.compliance = std::max(out.compliance, n.dot(C * n));
     }
     return out;
@@ -414,6 +429,8 @@ class Search {
     return {};
   }
 
+  [[nodiscard]] double figure(const PlacePoint& p) const { return figure_of(p, options_.by); }
+  [[nodiscard]] double figure(const JudgedPlace& p) const { return figure_of(p, options_.by); }
   [[nodiscard]] bool whole_turn() const { return out_.turns.max - out_.turns.min > 2 * std::numbers::pi - 1e-9; }
   [[nodiscard]] double low(int k) const { return k < 3 ? out_.box[static_cast<std::size_t>(k)].min : out_.turns.min; }
   [[nodiscard]] double high(int k) const { return k < 3 ? out_.box[static_cast<std::size_t>(k)].max : out_.turns.max; }
@@ -472,7 +489,7 @@ class Search {
     for (std::size_t i = 0; i < grid_.size(); ++i)
       if (grid_[i].fit == PlaceFit::fits) order.push_back(i);
     std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return grid_[a].error < grid_[b].error; });
+                     [&](std::size_t a, std::size_t b) { return figure(grid_[a]) < figure(grid_[b]); });
     std::vector<PlacePoint> out;
     constexpr std::size_t kMostChecks = 200;
     std::size_t checks = 0;
@@ -515,7 +532,7 @@ class Search {
         stop_ = true;
       } else if (*prediction) {
         judged[i] = JudgedPlace{places[i].at, largest_normal_error(**prediction), places[i].error,
-                                (*prediction)->largest_distance};
+                                (*prediction)->largest_distance, places[i].distance};
       }
       const std::lock_guard lock(mutex);
       if (!report(double(++done) / double(places.size()), what)) stop_ = true;
@@ -585,8 +602,8 @@ class Search {
                                  around.size(), [&](std::size_t i) { return around[i]; }, nullptr));
       const PlacePoint* next = nullptr;
       for (const PlacePoint& p : points) {
-        if (p.fit != PlaceFit::fits || !(p.error < best.error)) continue;
-        if (next == nullptr || p.error < next->error) next = &p;
+        if (p.fit != PlaceFit::fits || !(figure(p) < figure(best))) continue;
+        if (next == nullptr || figure(p) < figure(*next)) next = &p;
       }
       if (next != nullptr) {
         best = *next;
@@ -607,7 +624,7 @@ class Search {
   /// The best places, each led downhill on the estimates; a way to a place that fails the whole check is cut back. The
   /// best of the ends are judged.
   Status refine() {
-    const auto better = [](const JudgedPlace& a, const JudgedPlace& b) { return a.error < b.error; };
+    const auto better = [&](const JudgedPlace& a, const JudgedPlace& b) { return figure(a) < figure(b); };
     std::stable_sort(out_.judged.begin(), out_.judged.end(), better);
     constexpr std::size_t kStarts = 5, kEnds = 3;
     std::vector<PlacePoint> found;
@@ -629,7 +646,7 @@ class Search {
       }
     }
     std::stable_sort(found.begin(), found.end(),
-                     [](const PlacePoint& a, const PlacePoint& b) { return a.error < b.error; });
+                     [&](const PlacePoint& a, const PlacePoint& b) { return figure(a) < figure(b); });
     if (found.size() > kEnds) found.resize(kEnds);
     POLYPOD_TRY(judge(found, "predicting at what was found"));
     std::stable_sort(out_.judged.begin(), out_.judged.end(), better);
@@ -889,6 +906,13 @@ const char* name_of(PlaceFit fit) {
 bool PlaceResult::farther_there() const {
   constexpr double kSame = 1e-6;  // m
   return best && start_distance && best->distance > *start_distance + kSame;
+}
+
+double figure_of(const PlacePoint& place, PlaceBy by) {
+  return by == PlaceBy::distance ? place.distance : place.error;
+}
+double figure_of(const JudgedPlace& place, PlaceBy by) {
+  return by == PlaceBy::distance ? place.distance : place.error;
 }
 
 double largest_normal_error(const Prediction& prediction) {

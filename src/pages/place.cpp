@@ -12,6 +12,7 @@
 namespace polypod::pages {
 namespace {
 
+using machining::PlaceBy;
 using machining::PlaceFit;
 using machining::PlacePoint;
 using machining::PlaceResult;
@@ -82,30 +83,33 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   std::vector<std::pair<std::string, std::string>> facts{{"machine", job.machine_name}};
   if (!options.program.empty()) facts.emplace_back("program", options.program);
   if (!options.version.empty()) facts.emplace_back("Polypod", options.version);
-  report::Report page("Where to put the part", "The largest normal error of a program over places of the workpiece",
+  const bool by_distance = result.by == PlaceBy::distance;
+  const char* figure = by_distance ? "largest distance of the tool from its path" : "largest normal error";
+  const double best_figure = figure_of(best, result.by);
+  report::Report page("Where to put the part", fmt::format("The {} over places of the workpiece", figure),
                       facts);
   page.add_section("Answer");
   if (result.start_error) {
-    const double gain = *result.start_error - best.error;
+    const double gain = *result.start_figure() - best_figure;
     page.add_verdict(result.farther_there() ? report::Verdict::neutral : report::Verdict::good,
-                     gain > 0   ? fmt::format("The best place that was found is {}: the largest normal error there is "
+                     gain > 0   ? fmt::format("The best place that was found is {}: the {} there is "
                                                 "{:.1f} µm, {:.1f} µm less than at the start.",
-                                              in_words(best.at), to_um(best.error), to_um(gain))
+                                              in_words(best.at), figure, to_um(best_figure), to_um(gain))
                      : gain < 0 ? fmt::format("No place within the box is as good as the start: the best of it is {}, "
                                               "{:.1f} µm, {:.1f} µm more.",
-                                              in_words(best.at), to_um(best.error), to_um(-gain))
+                                              in_words(best.at), to_um(best_figure), to_um(-gain))
                                 : std::string("No place that was looked at is better than the start."));
   } else {
     page.add_verdict(
         report::Verdict::bad,
         fmt::format("Where the part is, the program does not fit the machine ({}). The best place that was "
-                    "found is {}: the largest normal error there is {:.1f} µm.",
-                    machining::name_of(result.start_fit), in_words(best.at), to_um(best.error)));
+                    "found is {}: the {} there is {:.1f} µm.",
+                    machining::name_of(result.start_fit), in_words(best.at), figure, to_um(best_figure)));
   }
   std::vector<report::KeyFigure> figures;
   if (result.start_error)
-    figures.push_back({report::fixed(to_um(*result.start_error), 1), "µm", "largest normal error at the start"});
-  figures.push_back({report::fixed(to_um(best.error), 1), "µm", "at the best place", report::Verdict::good});
+    figures.push_back({report::fixed(to_um(*result.start_figure()), 1), "µm", fmt::format("{} at the start", figure)});
+  figures.push_back({report::fixed(to_um(best_figure), 1), "µm", "at the best place", report::Verdict::good});
   figures.push_back(
       {std::to_string(result.fitting), "", fmt::format("of {} places are within reach and limits", result.places)});
   page.add_key_figures(figures);
@@ -131,8 +135,11 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
     const std::string where = fmt::format("z = {} mm, turned by {} deg", report::fixed(to_mm(result.map.z), 1),
                                           report::fixed(to_deg(result.map.turn), 1));
     page.add_figure(
-        map_of(result, "Largest normal error", "error", "µm", [](const PlacePoint& p) { return to_um(p.error); }),
-        "Estimated largest normal error of the program with the origin of the workpiece at each place, " + where +
+        by_distance
+            ? map_of(result, "Largest distance", "distance", "µm",
+                     [](const PlacePoint& p) { return to_um(p.distance); })
+            : map_of(result, "Largest normal error", "error", "µm", [](const PlacePoint& p) { return to_um(p.error); }),
+        fmt::format("Estimated {} with the origin of the workpiece at each place, ", figure) + where +
             ". Blank: the program does not fit there.");
     page.add_figure_grid(
         2,
@@ -150,16 +157,16 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   }
   if (result.rotations.size() > 1) {
     report::LinePlot plot;
-    plot.title = "Error over the rotation of the part";
+    plot.title = by_distance ? "Distance over the rotation of the part" : "Error over the rotation of the part";
     plot.x.label = "rotation of the workpiece";
     plot.x.unit = "deg";
-    plot.y.label = "largest normal error";
+    plot.y.label = figure;
     plot.y.unit = "µm";
     plot.y.with_zero = true;
     report::Series series{"estimated", {}, {}};
     for (const PlacePoint& p : result.rotations) {
       series.x.push_back(to_deg(p.at.turn));
-      series.y.push_back(p.fit == PlaceFit::fits ? to_um(p.error) : kNone);
+      series.y.push_back(p.fit == PlaceFit::fits ? to_um(figure_of(p, result.by)) : kNone);
     }
     plot.series.push_back(series);
     plot.x_levels.push_back({"best", to_deg(best.at.turn), report::Colour::muted});
@@ -168,14 +175,18 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
 
   page.add_section("Places that were judged");
   report::Table table;
-  table.columns = {
-      {"x", "mm", 1},        {"y", "mm", 1}, {"z", "mm", 1}, {"rotation", "deg", 1}, {"largest normal error", "µm", 1},
-      {"estimated", "µm", 1}};
+  table.columns = {{"x", "mm", 1},
+                   {"y", "mm", 1},
+                   {"z", "mm", 1},
+                   {"rotation", "deg", 1},
+                   {"largest normal error", "µm", 1},
+                   {"largest distance", "µm", 1},
+                   {by_distance ? "distance, estimated" : "error, estimated", "µm", 1}};
   double off = 0;
   for (const machining::JudgedPlace& j : result.judged) {
     table.rows.push_back({to_mm(j.at.origin.x()), to_mm(j.at.origin.y()), to_mm(j.at.origin.z()), to_deg(j.at.turn),
-                          to_um(j.error), to_um(j.estimate)});
-    off = std::max(off, std::abs(j.error - j.estimate));
+                          to_um(j.error), to_um(j.distance), to_um(by_distance ? j.distance_estimate : j.estimate)});
+    off = std::max(off, std::abs(by_distance ? j.distance - j.distance_estimate : j.error - j.estimate));
   }
   page.add_table(table);
   page.add_text(fmt::format(

@@ -296,6 +296,19 @@ TEST(FiveAxes, APlaceHasTheErrorThatPredictGivesThere) {
       EXPECT_NEAR(j.error, std::max(std::abs(p.normal.min), std::abs(p.normal.max)), 1e-9);
       EXPECT_NEAR(j.distance, p.largest_distance, 1e-9);
       EXPECT_NEAR(j.estimate, j.error, 0.15 * j.error);
+      EXPECT_NEAR(j.distance_estimate, j.distance, 0.15 * j.distance);
+    }
+    // By the distance in space, in which the vertical part counts, another place is the best, and a nearer one.
+    machining::PlaceOptions in_space = options;
+    in_space.by = machining::PlaceBy::distance;
+    const machining::PlaceResult near =
+        testing::unwrap(machining::best_place(e.job, e.program, e.interpretation, in_space));
+    ASSERT_TRUE(near.best && near.start_distance);
+    EXPECT_LE(near.best->distance, r.best->distance);
+    EXPECT_LE(near.best->distance, *near.start_distance);
+    EXPECT_FALSE(near.farther_there());
+    for (std::size_t k = 1; k < near.judged.size(); ++k) {
+      EXPECT_LE(near.judged[k - 1].distance, near.judged[k].distance);
     }
     EXPECT_EQ(r.farther_there(), r.best->distance > *r.start_distance + 1e-6);
     // A and B do not turn with the part; a whole turn is none.

@@ -80,6 +80,23 @@ TEST(Place, NoPlaceOfAGridIsBetter) {
   EXPECT_GT(judged, 10);
 }
 
+TEST(Place, NoPlaceOfAGridIsNearerInSpace) {
+  const Example e = load_example("slavkovic_square");
+  PlaceOptions options = small_box();
+  options.by = machining::PlaceBy::distance;
+  const PlaceResult r = best(e, options);
+  ASSERT_TRUE(r.best);
+  constexpr double kRanked = 0.02;
+  for (int i = 0; i < 3; ++i)
+    for (int k = 0; k < 3; ++k) {
+      const Placing at{{from_mm(-300 + 300 * i), from_mm(-1300), 0}, from_deg(45 * k)};
+      const auto p = machining::predict(machining::placed_at(e.job, at), e.program, e.interpretation);
+      if (!p) continue;
+      EXPECT_GE(p->largest_distance, (1 - kRanked) * r.best->distance) << i << k;
+    }
+  for (const machining::JudgedPlace& j : r.judged) EXPECT_NEAR(j.distance_estimate, j.distance, 0.1 * j.distance);
+}
+
 TEST(Place, EstimatesAreNearToPredict) {
   const Example e = load_example("slavkovic_square");
   const PlaceResult r = best(e, small_box());

@@ -38,14 +38,21 @@ enum class PlaceFit : std::uint8_t {
 };
 const char* name_of(PlaceFit fit);
 
-/// The figure that places are compared by: the largest |normal error| of a prediction, m.
+/// The largest |normal error| of a prediction, m.
 double largest_normal_error(const Prediction& prediction);
+
+/// The figure that places are compared by.
+enum class PlaceBy : std::uint8_t {
+  normal_error,  ///< across the path in the plane
+  distance       ///< of the deflected tool from the programmed path in space, the vertical part included
+};
 
 struct PlaceOptions {
   /// Of the origin of W in M, m, and of its rotation, rad; empty: as far as the program fits along each axis from where
   /// the part is, and all rotations.
   std::array<std::optional<machine::JointRange>, 3> box;
   std::optional<machine::JointRange> turns;
+  PlaceBy by = PlaceBy::normal_error;
   int resolution = 13;           ///< positions along x and y in the first grid; half as many along z
   int rotations = 12;            ///< rotations in it
   int judged = 8;                ///< places of the grid that `predict` judges
@@ -65,6 +72,7 @@ struct PlacePoint {
   Placing at;
   PlaceFit fit = PlaceFit::reach;
   double error = 0;       ///< m, largest |normal error|
+  double distance = 0;    ///< m, largest distance of the deflected tool from the programmed path
   double compliance = 0;  ///< m/N, largest n^T C n of the cut, n the normal of the path
   /// The smallest distance of a joint from the ends of its range, as a share of the range: 0.5 is the middle.
   double margin = 0;
@@ -76,7 +84,12 @@ struct JudgedPlace {
   double error = 0;     ///< m, largest |normal error| by predict
   double estimate = 0;  ///< m, by the forces of the reference place
   double distance = 0;  ///< m, largest distance of the deflected tool from the programmed path, by predict
+  double distance_estimate = 0;
 };
+
+/// The figure of a place, an estimate or by predict, m.
+double figure_of(const PlacePoint& place, PlaceBy by);
+double figure_of(const JudgedPlace& place, PlaceBy by);
 
 /// Positions over x and y at one height and rotation, x fastest.
 struct PlaceMap {
@@ -87,6 +100,7 @@ struct PlaceMap {
 };
 
 struct PlaceResult {
+  PlaceBy by = PlaceBy::normal_error;  ///< which figure is the smallest at `best`
   Placing start;
   PlaceFit start_fit = PlaceFit::fits;
   std::optional<double> start_error;     ///< m, by predict; none where the program does not fit there
@@ -107,15 +121,19 @@ struct PlaceResult {
   bool at_border = false;               ///< the best place lies at an end of the box
 
   /// Whether the tool is farther from the path at the best place than at the start: the normal error, by which places
-  /// are compared, has no vertical part.
+  /// may be compared, has no vertical part.
   [[nodiscard]] bool farther_there() const;
+  /// The figure of the start by which places are compared, m.
+  [[nodiscard]] std::optional<double> start_figure() const {
+    return by == PlaceBy::distance ? start_distance : start_error;
+  }
 };
 
-/// Looks for the place at which the largest normal error of a program is smallest, over a box of positions and
-/// rotations about z: a grid of estimates, the best of them judged by `check` and `predict`, a search by ever smaller
-/// steps from the best five, and `predict` at the best three of what was found. Only a place where `check` finds no
-/// problem counts. A search over a box has no proof: the place is the best that was found within it, never worse than
-/// the start where that fits and lies within.
+/// Looks for the place at which the largest normal error of a program (or its largest distance, `by`) is smallest, over
+/// a box of positions and rotations about z: a grid of estimates, the best of them judged by `check` and `predict`, a
+/// search by ever smaller steps from the best five, and `predict` at the best three of what was found. Only a place
+/// where `check` finds no problem counts. A search over a box has no proof: the place is the best that was found within
+/// it, never worse than the start where that fits and lies within.
 ///
 /// An estimate puts the forces F of one prediction to other compliances, delta = R^T C(X p) R F, at its 400 points at
 /// most; what another deflection changes of the force is left out of it (some per cent). The same input gives the same
