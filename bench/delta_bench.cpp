@@ -6,7 +6,7 @@
 
 #include "polypod/families/delta/kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace {

@@ -276,6 +276,7 @@ Command check_command() {
           POLYPOD_TRY(together.add(o->report, pages::check_page(job, program, interpretation, result, page)));
           POLYPOD_TRY(together.commit());
         }
+        const double dwells = gcode::dwell_time(program);
         const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
         Json ranges = Json::array();
         for (std::size_t i = 0; i < result.joints.size(); ++i) {
@@ -294,6 +295,7 @@ Command check_command() {
           Json document{{"ok", result.ok},          {"problems", problems},  {"all_judged", result.not_judged.empty()},
                         {"not_judged", not_judged}, {"time_s", result.time}, {"length_mm", units::to_mm(result.length)},
                         {"joint_ranges", ranges},   {"notes", result.notes}};
+          if (dwells > 0) document["dwell_s"] = dwells;
           if (result.fastest_line > 0) {
             document["joint_speed_percent"] = 100 * result.fastest.share;
             document["joint_speed_at"] = {{"joint", result.fastest.joint + 1}, {"line", result.fastest_line}};
@@ -311,8 +313,9 @@ Command check_command() {
           if (!nearest.is_null()) {
             for (const std::string& words : nearest_in_words(nearest, may_turn)) fmt::print("{}\n", words);
           }
-          fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration), path length {:.1f} mm\n", result.time,
-                     o->rapid, units::to_mm(result.length));
+          fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration{}), path length {:.1f} mm\n", result.time,
+                     o->rapid, dwells > 0 ? fmt::format(", without {:g} s of dwells", dwells) : "",
+                     units::to_mm(result.length));
           for (const Json& r : ranges) {
             const auto shown = [&](const char* key) {
               return unsigned_zero(fmt::format("{:.3f}", r[key].get<double>()));

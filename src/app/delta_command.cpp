@@ -9,9 +9,9 @@
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/pages/delta.hpp"
+#include "polypod/families/delta/page.hpp"
+#include "polypod/families/delta/study.hpp"
 #include "polypod/report/csv.hpp"
-#include "polypod/workspace/delta_study.hpp"
 
 namespace polypod::app {
 namespace {

@@ -2,14 +2,31 @@
 #include "masses_options.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <filesystem>
 
 #include "messages.hpp"
 #include "polypod/core/config.hpp"
+#include "polypod/core/files.hpp"
 #include "polypod/machine/urdf.hpp"
 
 namespace polypod::app {
+
+std::string in_words(const motion::Dynamics& d) {
+  std::string axis;
+  for (int k = 0; k < 3; ++k) {
+    const double rest = (d.gravity - d.gravity[k] * Vec3::Unit(k)).norm();
+    if (rest < 1e-9 * d.gravity.norm()) axis = fmt::format("along {}{} of M", d.gravity[k] < 0 ? "-" : "+", "xyz"[k]);
+  }
+  const std::string g =
+      d.gravity.isZero(0) ? "none"
+      : !axis.empty()     ? fmt::format("{:.4g} m/s2 {}", d.gravity.norm(), axis)
+                      : fmt::format("{:.4g}, {:.4g}, {:.4g} m/s2 in M", d.gravity.x(), d.gravity.y(), d.gravity.z());
+  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing", g,
+                     d.gravity_given ? "" : ", assumed from how the machine stands (gravity_m_per_s2)",
+                     fmt::join(d.parts_with_mass(), ", "));
+}
 
 void MassesOptions::declare(Arguments& a) {
   a.option("--dynamics", dynamics, "A file with the table `dynamics`: masses (default: that of the machine file)");
@@ -21,9 +38,16 @@ Result<Masses> MassesOptions::read(const machine::AnyMachine& m, const std::stri
   Masses out;
   out.why_not = motion::no_dynamics(m);
   if (out.why_not.empty()) {
+    if (!dynamics.empty()) POLYPOD_TRY(files::read(dynamics));  // else it would be one without the table
     POLYPOD_ASSIGN(read, motion::read_dynamics(dynamics.empty() ? machine_file : dynamics, m));
     out.dynamics = std::move(read);
-    if (!out.dynamics) out.why_not = "the machine has no masses (table dynamics, docs/motion.md)";
+    if (!out.dynamics) {
+      out.why_not =
+          dynamics.empty() ? "the machine has no masses (table dynamics, docs/motion.md)" : "it has no table dynamics";
+    } else if (out.dynamics->parts_with_mass().empty()) {
+      out.dynamics.reset();
+      out.why_not = "no part of the table dynamics has a mass";
+    }
   }
   if (!out.dynamics && !dynamics.empty()) {
     return fail("AP214", fmt::format("--dynamics {}: {}", dynamics, out.why_not), {}, "docs/motion.md has the table");

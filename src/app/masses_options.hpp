@@ -17,10 +17,14 @@ struct Masses {
   std::string why_not;         ///< why there are no forces
 };
 
+/// What of the machine has mass, and where gravity points, for people.
+std::string in_words(const motion::Dynamics& dynamics);
+
 struct MassesOptions {
   std::string dynamics, drive_force;
   void declare(Arguments& a);
-  /// Of --dynamics, else of the machine's own file. Errors: AP107, AP210, AP214, and those of the table.
+  /// Of --dynamics, else of the machine's own file. Errors: AP107, AP210, AP214, those of reading --dynamics and of the
+  /// table.
   [[nodiscard]] Result<Masses> read(const machine::AnyMachine& m, const std::string& machine_file,
                                     const Context& context) const;
 };

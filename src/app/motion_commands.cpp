@@ -13,7 +13,7 @@
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 #include "polypod/pages/motion.hpp"
 #include "polypod/workspace/fit.hpp"
 #include "survey_options.hpp"
@@ -318,6 +318,7 @@ Command pick_command() {
                 document["drives"][i]["force_max"] = forces[i].force;
                 document["drives"][i]["force_unit"] = force_unit(m);
               }
+              document["notes"] = masses.dynamics ? Json::array({in_words(*masses.dynamics)}) : Json::array();
               document["limited_by"] = plan.limited_by;
               document["up_s"] = plan.up;
               document["over_s"] = plan.over;

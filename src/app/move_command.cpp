@@ -163,8 +163,24 @@ Status path_of_program(const machining::Job& job, const Options& o, const Contex
   out.path = std::move(program.path);
   out.notes = std::move(program.notes);
   if (!program.left_out.empty()) {
-    out.notes.push_back(fmt::format("{} moves are left out, the first in line {}: where they begin or end is not known",
-                                    program.left_out.size(), program.left_out.front()));
+    out.notes.push_back(
+        fmt::format("{} left out, the first in line {}: where {} or ends is not known",
+                    program.left_out.size() == 1 ? "1 move is" : fmt::format("{} moves are", program.left_out.size()),
+                    program.left_out.front(), program.left_out.size() == 1 ? "it begins" : "each begins"));
+  }
+  const auto blends = [](const gcode::Block& block) {
+    return !block.after_end && std::any_of(block.words.begin(), block.words.end(), [](const gcode::Word& word) {
+      return word.letter == 'G' && word.value == 64;
+    });
+  };
+  const bool stops = !context.given("--blend");
+  for (const gcode::Block& block : understood.program.blocks) {
+    if (!stops || !blends(block)) continue;
+    out.notes.emplace_back("the program blends its corners (G64); here the tool stops in each, --blend rounds them");
+    break;
+  }
+  if (const double dwells = gcode::dwell_time(understood.program); dwells > 0) {
+    out.notes.push_back(fmt::format("dwells (G4) of {:g} s in all are not in the time", dwells));
   }
   out.options.law = motion::Law::fastest;
   out.angles = true;
@@ -619,6 +635,7 @@ void print_move(const motion::MoveResult& r, const Asked& asked, const pages::Mo
   }
   for (const std::string& note : r.notes) fmt::print("note     {}\n", note);
   for (const pages::MotionLimit& l : together(question.limits)) {
+    if (!std::isfinite(r.time)) break;  // nothing moved that could meet a limit
     fmt::print("limit    {:<36} {:>12.6g} {:<6} {:<7} met {:.6g}\n", l.name, l.limit, l.unit,
                l.given ? "given" : "assumed", l.met);
   }
@@ -645,6 +662,27 @@ void axes_not_there(const machine::AnyMachine& m, const motion::PosePath& path, 
       break;
     }
   }
+}
+
+/// Where x, y or z of the tip follow from what the path prescribes: how far the tip itself goes.
+std::optional<std::string> way_of_the_tip(const machine::AnyMachine& m, const motion::MoveResult& r) {
+  const machine::Task task = kinematics::task(m);
+  std::vector<std::string> follow, given;
+  for (int k = 0; k < 3; ++k) {
+    if (!task.holds(static_cast<machine::Coordinate>(k))) follow.emplace_back(1, "xyz"[k]);
+  }
+  if (follow.empty()) return {};
+  for (int i = 0; i < task.size(); ++i) given.emplace_back(machine::name_of(task[i]));
+  double length = 0, speed = 0;
+  for (std::size_t k = 0; k < r.samples.size(); ++k) {
+    speed = std::max(speed, r.samples[k].v.norm());
+    if (k > 0) length += (r.samples[k].X.p - r.samples[k - 1].X.p).norm();
+  }
+  return fmt::format(
+      "the length and a constant speed are those of what the path prescribes, {}; {} of the tip follow: it goes "
+      "about {} mm, at most {} mm/s",
+      fmt::join(given, ", "), fmt::join(follow, " and "), figure(units::to_mm(length), 1),
+      figure(units::to_mm(speed), 1));
 }
 
 }  // namespace
@@ -739,6 +777,8 @@ Command move_command() {
         }
         POLYPOD_ASSIGN(r, motion::move(m, asked.path, options));
         options.progress(1);
+        if (masses.dynamics) r.notes.push_back(in_words(*masses.dynamics));
+        if (const auto said = way_of_the_tip(m, r)) r.notes.push_back(*said);
         r.notes.insert(r.notes.begin(), asked.notes.begin(), asked.notes.end());
         axes_not_there(m, asked.path, r);
         const pages::MotionQuestion question = question_of(m, r, asked, context);

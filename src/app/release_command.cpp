@@ -184,7 +184,7 @@ std::string place_of(const Pose& X) {
                      fmt::join(out.begin() + 3, out.end(), ", "));
 }
 
-void print_release(const AnyMachine& m, const Simulation& run) {
+void print_release(const AnyMachine& m, const Simulation& run, const std::string& note) {
   const SimulationSample &first = run.samples.front(), &last = run.samples.back();
   fmt::print("time     {} s in {} steps\n", figure(last.t, 4), run.steps);
   fmt::print("tip      from {}\n         to   {}\n", place_of(first.X), place_of(last.X));
@@ -203,6 +203,7 @@ void print_release(const AnyMachine& m, const Simulation& run) {
   fmt::print("         they balance within {:.1g} J, the error of the integration\n", run.drift);
   for (const motion::LimitPassed& p : run.passed) fmt::print("problem  after {:.4g} s: {}\n", p.t, p.limit);
   if (!run.stopped.empty()) fmt::print("stopped  {}\n", run.stopped);
+  fmt::print("note     {}\n", note);
   fmt::print("not judged: {}\n", kNotJudged);
 }
 
@@ -255,9 +256,11 @@ Command release_command() {
                                              start->joints, speeds, options));
         options.progress(1);
         if (context.json) {
-          print_json(document_of(m, run));
+          Json document = document_of(m, run);
+          document["notes"] = Json::array({in_words(*masses.dynamics)});
+          print_json(document);
         } else {
-          print_release(m, run);
+          print_release(m, run, in_words(*masses.dynamics));
         }
         if (!o->csv.empty()) {
           files::Outputs together;

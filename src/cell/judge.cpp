@@ -128,7 +128,7 @@ std::vector<std::string> assumed(const Cell& cell) {
     bool cycles = false, moves = false;  // by planned cycles of a delta, by its joints
     for (const Task& t : cell.tasks) {
       if (t.machine != static_cast<int>(m)) continue;
-      const bool cycle = t.from_conveyor >= 0 && is_delta(machine);
+      const bool cycle = t.from_conveyor >= 0 && has_cycles(machine);
       cycles |= cycle;
       moves |= !cycle;
     }

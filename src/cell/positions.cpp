@@ -227,12 +227,12 @@ class Collector {
       const Vec3 put(target.slots[slot].x(), target.slots[slot].y(), task.release);
       moved_ = {Moved{Moved::How::fills, task.to, slot, true}};
       load_.reset();
-      if (is_delta(machine)) cycle(t, put, machine.home, true);
+      if (has_cycles(machine)) cycle(t, put, machine.home, true);
       for (const double along : {table.low, (table.low + table.high) / 2, table.high}) {
         for (const double across : {table.across_low, table.across_high}) {
           Vec3 pick = belt.point(along, across);
           pick.z() += cell_.items[0].height;
-          if (is_delta(machine)) {
+          if (has_cycles(machine)) {
             carry_item(machine, Mat3::Identity());
             cycle(t, pick, put, false);
           } else {

@@ -11,7 +11,6 @@
 
 #include "common.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/families/delta/kinematics.hpp"
 
 namespace polypod::cell {
 namespace {
@@ -190,8 +189,8 @@ std::optional<std::pair<double, double>> across_range(const Cell& cell, int conv
   return out;
 }
 
-bool is_delta(const Machine& machine) {
-  return std::visit([]<class M>(const M&) { return machine::DeltaFamily<M>; }, machine.model);
+bool has_cycles(const Machine& machine) {
+  return motion::has_cycles(machine.model);
 }
 
 motion::MotionLimits limits_of(const Machine& m) {
@@ -222,7 +221,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
   for (const Vec3& slot : spot.slots) ends.emplace_back(slot.x(), slot.y(), task.release);
   ends.push_back(m.home);
   const motion::MotionLimits limits = limits_of(m);
-  const bool delta = is_delta(m);
+  const bool cycles = has_cycles(m);
   bool said = false;
   const auto complain = [&](const Vec3& at, const std::string& why) {
     if (said) return;
@@ -233,7 +232,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
   for (std::size_t e = 0; e < ends.size(); ++e) {
     std::vector<double> times;
     Stand end;
-    if (!delta) {
+    if (!cycles) {
       end = stand_at(m, home, ends[e], std::numbers::pi / 2, spot.heading, 0, m.lift);
       if (!end.ok) {
         problems.push_back(
@@ -251,7 +250,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
         at.z() += cell.items[0].height;
         ++judged;
         double time = kInfinity;
-        if (delta) {
+        if (cycles) {
           const Pose X_MC = m.X_CM.inverse();
           const motion::Cycle cycle{X_MC * at, X_MC * ends[e], m.lift, m.blend};
           const Result<motion::Plan> plan = motion::plan(m.model, cycle, limits);
@@ -274,7 +273,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
     }
     out.times.push_back(std::move(times));
     double home_time = kInfinity;
-    if (delta && e + 1 < ends.size()) {
+    if (cycles && e + 1 < ends.size()) {
       const Pose X_MC = m.X_CM.inverse();
       const Result<motion::Plan> plan = motion::plan(m.model, {X_MC * ends[e], X_MC * m.home, m.lift, m.blend}, limits);
       home_time = plan ? plan->time : 2 * trapezoid_time((m.home - ends[e]).norm(), m.tool_speed, m.tool_acceleration);

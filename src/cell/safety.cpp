@@ -157,7 +157,7 @@ const std::vector<std::pair<std::string, double>>& crushing_gaps() {
 Stopping stopping_of(const Machine& machine) {
   if (machine.stopping >= 0) return {machine.stopping, true};
   double time = 0;
-  if (is_delta(machine)) {
+  if (has_cycles(machine)) {
     time = std::max(machine.tool_speed / machine.tool_acceleration, machine.drive_speed / machine.drive_acceleration);
   } else {
     for (std::size_t j = 0; j < machine.joint_speed.size(); ++j)
@@ -285,8 +285,8 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
   // What the layout itself tells; the rest is for the person who assesses.
   for (const Machine& m : cell.machines) {
     out.hazards.push_back({m.name, "crushing",
-                           is_delta(m) ? "between arm and platform, and between tool and belt"
-                                       : "between tool and frame, while it is programmed",
+                           has_cycles(m) ? "between arm and platform, and between tool and belt"
+                                         : "between tool and frame, while it is programmed",
                            "", -1, 2, 1, 1});
     out.hazards.push_back(
         {m.name, "electrical", "live parts, also after a fault", "insulation, labels, locked cabinets", -1, 2, 1, 2});

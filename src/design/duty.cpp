@@ -282,9 +282,7 @@ std::string no_leg(const AnyMachine& machine) {
 
 std::string no_cycle_time(const AnyMachine& machine, const Duty& duty) {
   if (!duty.path && !duty.pick) return "it needs a motion: give the table [move], or [pick] of a delta";
-  const bool delta =
-      std::holds_alternative<machine::RotaryDelta>(machine) || std::holds_alternative<machine::LinearDelta>(machine);
-  return duty.pick && !delta ? "[pick] serves deltas: give the path of the tool in [move]" : "";
+  return duty.pick && !motion::has_cycles(machine) ? "[pick] serves deltas: give the path of the tool in [move]" : "";
 }
 
 Result<CycleTime> cycle_time(const AnyMachine& machine, const Duty& duty) {

@@ -20,6 +20,21 @@ constexpr std::array kUnrolled{50,  51,  52,  53,  100, 280, 281, 300, 301, 382,
 
 }  // namespace
 
+double dwell_time(const Program& program) {
+  double out = 0;
+  for (const Block& block : program.blocks) {
+    if (block.after_end) break;
+    double wait = 0;
+    bool dwells = false;
+    for (const Word& word : block.words) {
+      dwells = dwells || (word.letter == 'G' && word.value == 4);
+      if (word.letter == 'P') wait = word.value;
+    }
+    if (dwells) out += wait;
+  }
+  return out;
+}
+
 bool needs_unrolling(const Program& program) {
   for (const Block& block : program.blocks) {
     if (block.after_end) break;

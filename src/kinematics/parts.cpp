@@ -28,4 +28,13 @@ machine::Outline outline_at(const machine::AnyMachine& machine, const Pose& X_MT
   return std::visit([&](const auto& m) { return outline_at(m, X_MT, q); }, machine);
 }
 
+bool hangs_down(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        if constexpr (requires { hangs_down(m); }) return hangs_down(m);
+        return false;
+      },
+      machine);
+}
+
 }  // namespace polypod::kinematics

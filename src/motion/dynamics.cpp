@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <numbers>
 
-#include "family_masses.hpp"
+#include "../families/all_masses.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
@@ -217,10 +217,11 @@ Result<std::optional<double>> damping_of(const config::Table& table) {
 Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& machine) {
   Dynamics out;
   const machine::MassParts parts = std::visit([](const auto& m) { return parts_with_mass(m); }, machine);
-  if (std::visit([](const auto& m) { return gravity_along_z(m); }, machine)) out.gravity = -out.gravity;
+  if (kinematics::hangs_down(machine)) out.gravity = -out.gravity;
   if (table.has("gravity_m_per_s2")) {
     POLYPOD_ASSIGN(g, table.numbers("gravity_m_per_s2", 3, {-1000, 1000}));
     out.gravity = Vec3(g[0], g[1], g[2]);
+    out.gravity_given = true;
   }
   POLYPOD_ASSIGN(platform, body_from(table, "platform"));
   out.platform = platform;
@@ -334,6 +335,23 @@ Result<std::optional<double>> read_damping(const std::string& path) {
   POLYPOD_ASSIGN(open, dynamics_table(path));
   if (!open) return std::optional<double>{};
   return damping_of(open->table);
+}
+
+std::vector<std::string> Dynamics::parts_with_mass() const {
+  std::vector<std::string> out;
+  const auto weighs = [](const std::optional<Body>& body) {
+    return body && (body->mass > 0 || !body->inertia.isZero(0));
+  };
+  if (weighs(platform)) out.emplace_back("platform");
+  if (weighs(payload)) out.emplace_back("payload");
+  if (std::any_of(links.begin(), links.end(), weighs)) out.emplace_back("links");
+  if (strut_fixed > 0 || strut_moving > 0 || strut_fixed_inertia > 0 || strut_moving_inertia > 0)
+    out.emplace_back("struts");
+  if (rod > 0) out.emplace_back("rods");
+  if (slider > 0) out.emplace_back("sliders");
+  if (arm > 0 || arm_inertia > 0) out.emplace_back("arms");
+  if (std::any_of(drive.begin(), drive.end(), [](double x) { return x > 0; })) out.emplace_back("drives");
+  return out;
 }
 
 std::string no_dynamics(const AnyMachine& machine) {

@@ -102,7 +102,9 @@ System task_matrix(Task task, const PoseSeries& target, const Pose& at) {
 }
 
 template <class M>
-constexpr bool kOnSeries = !std::is_same_v<M, machine::Own> && !std::is_same_v<M, machine::Stages>;
+constexpr bool kOnSeries = !requires(const M& m) {
+  closure_takes_no_series(m);
+};
 
 /// The coefficient of this order of the closure along a curve.
 template <class M>
@@ -304,7 +306,9 @@ JointSeries joint_series_by_differences(const AnyMachine& machine, const PoseSer
 Pose pose_near(const AnyMachine& machine, const JointVector& q, const Pose& near) {
   return std::visit(
       [&]<class M>(const M& m) -> Pose {
-        if constexpr (std::is_same_v<M, machine::SerialArm>) {
+        if constexpr (requires {
+                        { forward(m, q) } -> std::same_as<Pose>;
+                      }) {
           return forward(m, q);
         } else {
           const kinematics::NewtonResult r = kinematics::forward_by_closure(

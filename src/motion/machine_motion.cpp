@@ -10,7 +10,7 @@
 #include <set>
 
 #include "polypod/core/units.hpp"
-#include "polypod/families/delta/kinematics.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::motion {
 namespace {
@@ -58,12 +58,12 @@ class Follower {
       begins_.push_back(s);
       s += stretch.size;
     }
-    is_delta_ = clearance_of(machine, Vec3::Zero()).has_value();
+    has_clearance_ = clearance_of(machine, Vec3::Zero()).has_value();
   }
 
   [[nodiscard]] const AnyMachine& machine() const { return machine_; }
   [[nodiscard]] int joints() const { return joints_; }
-  [[nodiscard]] bool is_delta() const { return is_delta_; }
+  [[nodiscard]] bool has_clearance() const { return has_clearance_; }
   [[nodiscard]] double begin(std::size_t stretch) const { return begins_[stretch]; }
   [[nodiscard]] std::size_t stretch_at(double s) const {
     const auto it = std::upper_bound(begins_.begin(), begins_.end(), s);
@@ -90,7 +90,7 @@ class Follower {
     out.X = kinematics::settled(machine_, target, out.q);
     out.violations = kinematics::violations(machine_, out.X, out.q);
     out.condition = kinematics::dexterity(machine_, out.X, out.q).condition;
-    if (is_delta_) out.clearance = clearance_of(machine_, out.X.p).value_or(0);
+    if (has_clearance_) out.clearance = clearance_of(machine_, out.X.p).value_or(0);
     return out;
   }
 
@@ -123,7 +123,7 @@ class Follower {
   }
 
   [[nodiscard]] bool singular(const State& s) const {
-    if (is_delta_) return options_.singular_distance > 0 && s.clearance < options_.singular_distance;
+    if (has_clearance_) return options_.singular_distance > 0 && s.clearance < options_.singular_distance;
     return s.reached && options_.condition > 0 && !(s.condition <= options_.condition);
   }
   /// Whether a drive goes so far that it may have changed its branch.
@@ -149,7 +149,7 @@ class Follower {
   const PosePath& path_;
   const MoveOptions& options_;
   int joints_;
-  bool is_delta_ = false;
+  bool has_clearance_ = false;
   std::vector<double> begins_;
 };
 
@@ -248,7 +248,7 @@ class Judge {
       out.limit = at.state.reason.empty() ? "out of reach" : at.state.reason;
     } else if (bit == kSingular) {
       out.limit = "near-singular";
-      out.detail = follower_.is_delta()
+      out.detail = follower_.has_clearance()
                        ? fmt::format("nearer to a singular pose than {:g} mm: {:.1f} mm",
                                      units::to_mm(options_.singular_distance), units::to_mm(at.state.clearance))
                        : fmt::format("near-singular: the condition number is above {:g}", options_.condition);
@@ -295,7 +295,7 @@ std::size_t choose_start(const Follower& follower, const PosePath& path, const M
     }
     out.starts.push_back(std::move(start));
   }
-  if (options.start) chosen = std::min(*options.start, first.solutions.empty() ? 0 : first.solutions.size() - 1);
+  if (options.start && *options.start < first.solutions.size()) chosen = *options.start;
   if (chosen < out.starts.size()) {
     out.starts[chosen].chosen = true;
     out.branch = out.starts[chosen].branch;
@@ -415,7 +415,7 @@ class Mover {
       }
       first = false;
     }
-    if (follower_.is_delta()) out.clearance = clearance;
+    if (follower_.has_clearance()) out.clearance = clearance;
   }
 
   /// Joints of the track next to a place.
@@ -460,7 +460,10 @@ class Mover {
     const std::vector<Stretch>& stretches = path_.stretches;
     if (options_.law == Law::fastest) return plan(out);
     if (options_.law == Law::constant && (!(options_.speed > 0) || !std::isfinite(options_.speed))) {
-      return fail("MO101", fmt::format("a speed of {:g} mm/s must be above 0", units::to_mm(options_.speed)));
+      return fail("MO101",
+                  options_.speed == 0 ? std::string("no speed is given")
+                                      : fmt::format("a speed of {:g} mm/s must be above 0", units::to_mm(options_.speed)),
+                  {}, "give the speed of the tool, times of the points, or plan with --time-optimal");
     }
     for (std::size_t k = 0; k < stretches.size(); ++k) {
       const Stretch& s = stretches[k];
@@ -1005,6 +1008,15 @@ Result<MoveResult> move(const AnyMachine& machine, const PosePath& path, const M
     return fail("MO104", fmt::format("{:g} points of the path are more than 1e6", points), {}, "take a longer step");
   }
   if (options.samples < 2) return fail("MO104", fmt::format("{} samples must be 2 or more", options.samples));
+  if (options.start && !path.stretches.empty()) {
+    const std::size_t known = kinematics::inverse(machine, path.stretches.front().pose(0)).solutions.size();
+    if (known > 0 && *options.start >= known) {
+      return fail(
+          "MO119",
+          fmt::format("start {}: the first pose has {} solution{}", *options.start + 1, known, known == 1 ? "" : "s"),
+          {}, "take one of these; `polypod ik` lists them");
+    }
+  }
   return Mover(machine, path, options).run();
 }
 

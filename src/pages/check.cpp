@@ -12,6 +12,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/pages/machine.hpp"
 #include "polypod/report/html.hpp"
 #include "program_film.hpp"
@@ -174,7 +175,7 @@ class Page {
         scene.lines.push_back(box_line("stock", job_.stock.min(), job_.stock.max(), job_.X_MW));
       add_way(scene, job_.X_MW, program_, moves_, walk_, points);
       add_film(scene, job_.machine, walk_.pictures, {}, lines_of(program_, moves_));
-      if (hangs(job_.machine)) hang(scene);
+      if (kinematics::hangs_down(job_.machine)) hang(scene);
       return scene;
     };
     const report::Scene turns = scene_of(kTurns);
@@ -186,8 +187,8 @@ class Page {
             "{}The machine in M, drawn red where it breaks a limit. {}. The time is that of the feeds and of "
             "rapids at {} mm/min, without acceleration. The cursor in the curves below goes along; a click into "
             "a curve moves the machine there.",
-            hangs(job_.machine) ? "The base is above: z of the machine points down. " : "", film_in_words(walk_),
-            fixed(units::to_mm_per_min(options_.rapid_speed), 0)),
+            kinematics::hangs_down(job_.machine) ? "The base is above: z of the machine points down. " : "",
+            film_in_words(walk_), fixed(units::to_mm_per_min(options_.rapid_speed), 0)),
         &turns);
   }
 

@@ -63,15 +63,11 @@ Pose start_pose(const AnyMachine& machine) {
   return {Mat3::Identity(), kinematics::middle_of_work(machine)};
 }
 
-bool hangs(const AnyMachine& machine) {
-  return !kinematics::task(machine).turns();
-}
-
 report::Scene machine_scene(const AnyMachine& machine, const MachineAt& at) {
   report::Scene scene;
   scene.title = fmt::format("{} in space", machine::name_of(machine));
   scene.lines = at.lines;
-  if (hangs(machine)) hang(scene);
+  if (kinematics::hangs_down(machine)) hang(scene);
   return scene;
 }
 
@@ -96,7 +92,7 @@ Result<report::Scene> workspace_scene(const AnyMachine& machine, const workspace
   mesh.opacity = 0.6;
   scene.meshes.push_back(std::move(mesh));
   scene.lines = at.lines;
-  if (hangs(machine)) hang(scene);
+  if (kinematics::hangs_down(machine)) hang(scene);
   return scene;
 }
 
@@ -114,7 +110,8 @@ std::string machine_page(const AnyMachine& machine, const MachinePageOptions& op
     page.add_verdict(report::Verdict::neutral, "The machine takes no pose at its start: " + at.reason + ".");
   }
   const report::Scene drawn = machine_scene(machine, at);
-  page.add_scene(drawn, hangs(machine) ? "The base is above: z of the machine points down." : "The machine in M.");
+  page.add_scene(drawn, kinematics::hangs_down(machine) ? "The base is above: z of the machine points down."
+                                                        : "The machine in M.");
   if (!options.live.empty()) page.make_live(options.live);
   page.add_section("Figures");
   std::vector<std::pair<std::string, std::string>> settings;

@@ -12,7 +12,6 @@
 #include "moving_machine.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
@@ -84,28 +83,23 @@ report::LinePlot tool_plot(const Run& run, const char* name, const std::string& 
 }  // namespace
 
 std::vector<std::string> limits_of_poses(const machine::AnyMachine& machine) {
-  const bool is_delta = std::visit([]<class M>(const M&) { return machine::DeltaFamily<M>; }, machine);
-  if (!is_delta) {
-    // Their groups, as the table of limits has them.
-    std::vector<std::string> out;
-    for (const machine::LimitInfo& limit : kinematics::limit_table(machine)) {
-      if (!limit.given) continue;
-      const bool number = !limit.group.empty() && limit.group.find_first_not_of("0123456789") == std::string::npos;
-      std::string name = number ? "ranges of the joints" : limit.group;
-      if (std::find(out.begin(), out.end(), name) == out.end()) out.push_back(std::move(name));
-    }
-    return out;
+  static const std::map<std::string, std::string> kWords{{"length", "lengths of the legs"},
+                                                         {"drive", "ranges of the drives"},
+                                                         {"base-joint", "joints at the base"},
+                                                         {"platform-joint", "joints at the platform"},
+                                                         {"joint", "ball joints"},
+                                                         {"mode", "assembly mode"},
+                                                         {"legs", "collisions of legs"},
+                                                         {"rods", "collisions of rods"},
+                                                         {"base", "collisions with the base"}};
+  std::vector<std::string> out;
+  for (const machine::LimitInfo& limit : kinematics::limit_table(machine)) {
+    if (!limit.given) continue;
+    const bool number = !limit.group.empty() && limit.group.find_first_not_of("0123456789") == std::string::npos;
+    const auto words = kWords.find(limit.group);
+    std::string name = number ? "ranges of the joints" : words != kWords.end() ? words->second : limit.group;
+    if (std::find(out.begin(), out.end(), name) == out.end()) out.push_back(std::move(name));
   }
-  std::vector<std::string> out{"ranges of the drives", "ball joints", "assembly mode"};
-  std::visit(
-      [&]<class M>(const M& m) {
-        if constexpr (machine::DeltaFamily<M>) {
-          if (m.low.array().isFinite().any() || m.high.array().isFinite().any()) out.emplace_back("coordinates");
-          if (m.bodies.table_z) out.emplace_back("table");
-          if (m.bodies.rod_diameter > 0) out.emplace_back("collisions of rods");
-        }
-      },
-      machine);
   return out;
 }
 
@@ -589,7 +583,7 @@ std::string move_page(const machine::AnyMachine& machine, const motion::PosePath
     page.add_list(items);
   }
   report::Scene scene = scene_of(machine, run), film = film_of(machine, run, scene);
-  const bool hangs = std::visit([]<class M>(const M&) { return machine::DeltaFamily<M>; }, machine);
+  const bool hangs = kinematics::hangs_down(machine);
   if (hangs) {
     hang(scene);
     hang(film);

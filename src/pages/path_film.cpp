@@ -9,6 +9,7 @@
 
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/pages/machine.hpp"
 #include "program_film.hpp"
 #include "stock_mesh.hpp"
@@ -121,7 +122,7 @@ bool add_path_film(report::Report& report, const machining::Job& job, const gcod
       }
     }
     add_film(scene, job.machine, walk.pictures, columns, lines_of(program, c.programmed));
-    if (hangs(job.machine)) hang(scene);
+    if (kinematics::hangs_down(job.machine)) hang(scene);
     return scene;
   };
   report.add_section("The machine on its way");
@@ -136,8 +137,8 @@ bool add_path_film(report::Report& report, const machining::Job& job, const gcod
                   "colour of their distance. {}. The time is that of the feeds and of rapids at {} mm/min, without "
                   "acceleration. The curves below have a cursor that goes along; a click into one moves the machine "
                   "there.",
-                  hangs(job.machine) ? "The base is above: z of the machine points down. " : "", film_in_words(walk),
-                  report::fixed(units::to_mm_per_min(how.rapid_speed), 0)),
+                  kinematics::hangs_down(job.machine) ? "The base is above: z of the machine points down. " : "",
+                  film_in_words(walk), report::fixed(units::to_mm_per_min(how.rapid_speed), 0)),
       &turns);
   return true;
 }

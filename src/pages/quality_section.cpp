@@ -10,6 +10,7 @@
 #include "polypod/core/range_text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -152,7 +153,7 @@ Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOpt
   POLYPOD_ASSIGN(section, workspace::section(machine, options.workspace, {at * Vec3::Unit(axis), Vec3::Unit(axis)},
                                              resolution, field_options));
   out.border = std::move(section.border);
-  out.hangs = kinematics::task(machine) == machine::Task::point;
+  out.hangs = kinematics::hangs_down(machine);
   return out;
 }
 

@@ -14,7 +14,7 @@ struct QualitySection {
   QualityFields fields;
   std::vector<char> within;  ///< of each point of `fields.survey.inside`: not only a neighbour
   std::vector<workspace::Loop> border;
-  bool hangs = false;  ///< z of the picture points down, as in all pictures of deltas
+  bool hangs = false;  ///< z of the picture points down, as in the pictures of the machine
 };
 /// As pages::quality_section.
 Result<QualitySection> survey_section(const machine::AnyMachine& machine, const quality::SurveyOptions& options,

@@ -11,6 +11,7 @@
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/pages/machine.hpp"
 #include "polypod/report/html.hpp"
 #include "program_film.hpp"
@@ -173,7 +174,7 @@ class Page {
       scene.shift = {"deviation enlarged", factor, 4 * factor};
       scene.ramp = {"deviation", kUm, 0, std::max(to_um(w_.largest), 1e-3), report::ColourMap::sequential};
       add_film(scene, m, instants, {{"deviation", kUm, deviation}}, {});
-      if (hangs(m)) hang(scene);
+      if (kinematics::hangs_down(m)) hang(scene);
       return scene;
     };
     constexpr std::size_t kDrawn = 400, kTurns = 4000;
@@ -187,7 +188,7 @@ class Page {
         fmt::format("{}The machine by the joints of the record, {} pictures of {} rows. The tip has the colour of its "
                     "deviation from the command, which is drawn {:g} times larger here. The curves below have a cursor "
                     "that goes along; a click into one moves the machine there.",
-                    hangs(m) ? "The base is above: z of the machine points down. " : "",
+                    kinematics::hangs_down(m) ? "The base is above: z of the machine points down. " : "",
                     fixed(double(instants.size()), 0), fixed(double(rows.size()), 0), factor),
         &turns);
   }

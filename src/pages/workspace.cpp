@@ -13,8 +13,8 @@
 #include "moving_machine.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/families/delta/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
@@ -412,7 +412,7 @@ class Page {
     const Pose start = kinematics::home_pose(machine_).value_or(Pose{Mat3::Identity(), middle_});
     const double tilt = std::clamp(1.2 * largest_, units::from_deg(10), units::from_deg(60));
     add_poses(turns, turns.lines.size(), machine_, start, tilt);
-    if (!tilts()) {
+    if (kinematics::hangs_down(machine_)) {
       hang(scene);
       hang(turns);
     }
@@ -421,7 +421,9 @@ class Page {
         "The boundary of the workspace, coloured by the limit that makes it, and the machine. The box of axes is in "
         "the "
         "machine's reference frame." +
-            std::string(tilts() ? "" : " The base is above: z of the machine points down, here and in the sections."),
+            std::string(kinematics::hangs_down(machine_)
+                            ? " The base is above: z of the machine points down, here and in the sections."
+                            : ""),
         &turns);
     report_.add_section("Sections");
     if (!tilts()) {
@@ -747,30 +749,37 @@ Result<std::string> surface_stl(const Surface& s) {
   return report::to_stl(points, s.triangles);
 }
 
-std::string extent_text(const Volume& v, int axis) {
+std::string extent_text(const Volume& v, int axis, const char* unit_of_axis) {
+  const char* of = unit_of_axis != nullptr ? unit_of_axis : "mm";
+  const auto shown = [&](double x) { return units::to_user(x, of); };
+  // Digits go by the largest side; of coordinates of different units by their own.
+  const auto extent = [&](const Vec3& low, const Vec3& high) {
+    return shown(unit_of_axis != nullptr ? high[axis] - low[axis] : (high - low).maxCoeff());
+  };
   if (!v.proven) {
     if (!v.reached) return "nothing seen";
-    const Figures mm(to_mm((v.reached->max - v.reached->min).maxCoeff()), 0);
-    return fmt::format("{} .. {} mm seen", mm(to_mm(v.reached->min[axis])), mm(to_mm(v.reached->max[axis])));
+    const Figures figure(extent(v.reached->min, v.reached->max), 0);
+    return fmt::format("{} .. {} {} seen", figure(shown(v.reached->min[axis])), figure(shown(v.reached->max[axis])),
+                       of);
   }
   constexpr double kShare = 1e-4;  // of the largest extent: ten times the tolerance of the bounds
-  const double size = to_mm((v.max - v.min).maxCoeff());
+  const double size = extent(v.min, v.max);
   const int digits = std::clamp(size > 0 ? static_cast<int>(std::floor(-std::log10(kShare * size))) : 2, 0, 9);
   const double unit = std::pow(10.0, digits);
   // Rounded to the digit: to nearest, down or up. Adding 0 makes -0 a 0.
   const auto text = [&](double m, double (*round)(double)) {
-    return fmt::format("{:.{}f}", round(to_mm(m) * unit) / unit + 0.0, digits);
+    return fmt::format("{:.{}f}", round(shown(m) * unit) / unit + 0.0, digits);
   };
   const auto nearest = [](double x) { return std::round(x); };
   const auto down = [](double x) { return std::floor(x); };
   const auto up = [](double x) { return std::ceil(x); };
   const std::string low = text(v.min[axis], nearest), high = text(v.max[axis], nearest);
   if (v.reached && low == text(v.reached->min[axis], nearest) && high == text(v.reached->max[axis], nearest)) {
-    return fmt::format("{} .. {} mm", low, high);
+    return fmt::format("{} .. {} {}", low, high, of);
   }
-  const std::string beyond = fmt::format("not beyond {} .. {} mm", text(v.min[axis], down), text(v.max[axis], up));
+  const std::string beyond = fmt::format("not beyond {} .. {} {}", text(v.min[axis], down), text(v.max[axis], up), of);
   if (!v.reached) return beyond;
-  return fmt::format("reached {} .. {} mm, {}", text(v.reached->min[axis], up), text(v.reached->max[axis], down),
+  return fmt::format("reached {} .. {} {}, {}", text(v.reached->min[axis], up), text(v.reached->max[axis], down), of,
                      beyond);
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "lanes.hpp"
-#include "polypod/families/hexapod/parts.hpp"
+#include "polypod/kinematics/families.hpp"
 #include "polypod/quality/survey.hpp"
 
 namespace polypod::quality {

@@ -6,14 +6,14 @@
 #include <algorithm>
 #include <optional>
 
-#include "polypod/families/serial/kinematics.hpp"
+#include "../families/quick_compliance.hpp"
+#include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
 
 namespace polypod::statics {
 
 using machine::JointVector;
-using machine::SerialArm;
 
 namespace {
 
@@ -108,16 +108,18 @@ Status needs_compliance(const AnyMachine& machine) {
 
 struct Probe::Impl {
   const AnyMachine machine;
-  const SerialArm* arm = nullptr;
-  std::optional<machine::WristInverse> closed;
+  machine::QuickCompliance quick;
   Mat3 R_MT;
   JointVector joints;
-  machine::WristInverse::Branches branches;
   Vec3 last = Vec3::Zero();
 
-  Impl(const AnyMachine& m, const Mat3& R) : machine(m), arm(std::get_if<SerialArm>(&machine)), R_MT(R) {
-    if (arm == nullptr) return;
-    if (auto wrist = machine::WristInverse::of(*arm)) closed = std::move(*wrist);
+  Impl(const AnyMachine& m, const Mat3& R) : machine(m), R_MT(R) {
+    quick = std::visit(
+        []<class M>(const M& of) -> machine::QuickCompliance {
+          if constexpr (requires { quick_compliance(of); }) return quick_compliance(of);
+          return {};
+        },
+        machine);
   }
 };
 
@@ -129,19 +131,7 @@ Probe& Probe::operator=(Probe&&) noexcept = default;
 bool Probe::at(const Vec3& p_M, Mat3& C) {
   Impl& s = *impl_;
   s.last = p_M;
-  if (s.closed) {
-    s.closed->solve(p_M, s.R_MT.col(2), s.branches);
-    const int b = s.closed->first_within_limits(s.branches);
-    if (b < 0) return false;
-    s.joints = s.branches.joints[b];
-    const machine::ForwardJacobian fj = machine::forward_jacobian(*s.arm, s.joints, true);
-    C.setZero();
-    for (int i = 0; i < fj.J.cols(); ++i) {
-      const Vec3 v = fj.J.col(i).head<3>();
-      C.noalias() += (s.arm->dh[static_cast<std::size_t>(i)].compliance * v) * v.transpose();
-    }
-    return true;
-  }
+  if (s.quick) return s.quick(p_M, s.R_MT.col(2), s.joints, C);
   const Pose X_MT{s.R_MT, p_M};
   // On a way the posture that the arm has had so far.
   const kinematics::InverseResult result =

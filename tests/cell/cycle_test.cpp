@@ -8,7 +8,7 @@
 #include "paths.hpp"
 #include "polypod/cell/reach.hpp"
 #include "polypod/cell/simulate.hpp"
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 
 namespace polypod::cell {
 namespace {

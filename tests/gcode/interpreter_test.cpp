@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "polypod/gcode/unroll.hpp"
+
 namespace polypod::gcode {
 namespace {
 
@@ -400,6 +402,11 @@ TEST(Interpret, InverseTimeFeed) {
   EXPECT_NEAR(r.moves[0].feed, 0.06 * 2 / 60, kExact);
   EXPECT_NEAR(r.moves[1].feed, 0.12 * kPi / 60, kExact);
   EXPECT_EQ(r.moves[0].feed_mode, FeedMode::inverse);
+}
+
+TEST(Dwells, AreCountedToTheEndOfTheProgram) {
+  EXPECT_EQ(dwell_time(*parse("G0 X1\nG4 P2.5\nG1 X2 F100\nG4 P0.5\nM2\nG4 P7\n", "part.ngc")), 3.0);
+  EXPECT_EQ(dwell_time(*parse("G0 X1\nM66 P0 L3 Q5\nM2\n", "part.ngc")), 0.0);
 }
 
 }  // namespace

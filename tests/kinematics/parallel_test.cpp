@@ -501,6 +501,51 @@ leg = [
 ]
 )";
 
+/// A five-bar of 90 mm links on axes 118 mm apart, as the DexTAR: its rods lead to the tool tip itself, so that both
+/// ends of an arm are equally far from it.
+std::string five_bar(double rod_mm, double tool_mm, double home_z_mm = 0) {
+  const auto leg = [&](double x, double least) {
+    return fmt::format(
+        "[[leg]]\ndrive = \"crank\"\nbase_mm = [{}, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\narm_mm = 90\n"
+        "rod_mm = {}\nplatform_mm = [0, 0, 0]\nmin_deg = {}\nmax_deg = {}\n",
+        x, rod_mm, least, least + 180);
+  };
+  return fmt::format(
+             "family = \"parallel\"\ntask = [\"x\", \"y\"]\nhome = {{ y_mm = 118, z_mm = {} }}\ntool = {{ z_mm = {} "
+             "}}\n",
+             home_z_mm, tool_mm) +
+         leg(-59, 20) + leg(59, -20) +
+         "[[constraint]]\nkind = \"orientation\"\n[[constraint]]\nkind = \"plane\"\nplatform_mm = [0, 0, 0]\nbase_mm = "
+         "[0, 0, "
+         "0]\nnormal = [0, 0, 1]\n";
+}
+
+TEST(FiveBar, StandsWithItsElbowsOutwardsWhateverRoundingSays) {
+  for (const double rod : {89.9, 89.99, 90.0, 90.01, 90.1}) {
+    SCOPED_TRACE(rod);
+    const AnyMachine m = read(five_bar(rod, 0));
+    for (const double x : {-0.03, 0.0, 0.01}) {
+      const auto found = kinematics::inverse(m, Pose{Mat3::Identity(), Vec3(x, 0.12, 0)});
+      ASSERT_FALSE(found.solutions.empty());
+      const JointVector& q = found.solutions.front().joints;
+      EXPECT_GT(q[0], units::from_deg(80)) << "the left arm points outwards";
+      EXPECT_LT(q[1], units::from_deg(100));
+    }
+  }
+}
+
+// Coordinates that follow are found from those that home gives, however far the tool tip is from the platform.
+TEST(FiveBar, ClosesAtHomeWithAToolOfAnyLength) {
+  for (const double tool : {0.1, 50.0, 200.0}) {
+    for (const double given : {0.0, 50.0}) {
+      SCOPED_TRACE(fmt::format("tool {} home {}", tool, given));
+      const auto m = machine::from_text(five_bar(90, tool, given), "test.toml");
+      ASSERT_TRUE(m) << to_string(m.error());
+      EXPECT_NEAR(kinematics::home_pose(*m)->p.z(), units::from_mm(tool), kSame);
+    }
+  }
+}
+
 TEST(Files, ThatDoNotCloseAreRefusedWithTheReason) {
   const std::string head = "family = \"parallel\"\ntask = \"point\"\nhome = { z_mm = 400 }\n";
   EXPECT_EQ(id_of(head + kThreeStruts), "MA156");  // nothing fixes the orientation

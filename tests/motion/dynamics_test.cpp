@@ -436,5 +436,36 @@ drive_inertia = 0.1
   EXPECT_FALSE(*read_dynamics(written("none.toml", "family = \"x\"\n"), strut));
 }
 
+// Without a word of the file gravity points as the machine stands: machines that hang weigh along +z.
+TEST(Dynamics, GravityFollowsHowTheMachineStands) {
+  for (const auto& [name, down] : {std::pair{"hexapod-strut", -1},
+                                   {"lola50", -1},
+                                   {"delta-brno", 1},
+                                   {"delta-linear", 1},
+                                   {"delta-par4", 1},
+                                   {"hexa", 1},
+                                   {"tricept", 1},
+                                   {"pentapod", 1},
+                                   {"planar-3rrr", -1}}) {
+    SCOPED_TRACE(name);
+    const std::string path = written("weight.toml", "[dynamics]\nplatform = { mass_kg = 3 }\n");
+    const auto d = read_dynamics(path, load(name));
+    ASSERT_TRUE(d && *d);
+    EXPECT_GT(down * (*d)->gravity.z(), 9.8);
+    EXPECT_FALSE((*d)->gravity_given);
+    EXPECT_EQ((*d)->parts_with_mass(), std::vector<std::string>{"platform"});
+  }
+  // The arms of a Par4 carry its platform as those of a delta do: with the same sign.
+  const auto torque = [&](const char* name, const std::vector<double>& at) {
+    const AnyMachine m = load(name);
+    const auto d = read_dynamics(written("weight.toml", "[dynamics]\nplatform = { mass_kg = 3 }\n"), m);
+    const Pose X = kinematics::pose_of(kinematics::task(m), at);
+    const JointVector q = kinematics::inverse(m, X).solutions.at(0).joints;
+    return drive_forces(m, **d, still_at(kinematics::settled(m, X, q), q))[0];
+  };
+  const double four = torque("delta-par4", {0, 0, 0.8, 0}), three = torque("delta-picker", {0, 0, 0.8});
+  EXPECT_GT(four * three, 0) << four << " and " << three << " Nm";
+}
+
 }  // namespace
 }  // namespace polypod::motion

@@ -12,9 +12,10 @@
 #include "machines.hpp"
 
 #include "polypod/core/units.hpp"
+#include "polypod/families/delta/drives.hpp"
 #include "polypod/families/delta/kinematics.hpp"
 #include "polypod/kinematics/parts.hpp"
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 
 namespace polypod::motion {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "../families/delta/bounds.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/delta/study.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/workspace/delta_study.hpp"
 #include "polypod/workspace/fit.hpp"
 #include "polypod/workspace/shape.hpp"
 

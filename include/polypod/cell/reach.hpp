@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "polypod/cell/cell.hpp"
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 
 namespace polypod::cell {
 
@@ -84,7 +84,8 @@ Motions motions(const Cell& cell);
 inline Pose in_machine(const Machine& machine, const Pose& X_CT) {
   return machine.X_CM.inverse() * X_CT;
 }
-bool is_delta(const Machine& machine);
+/// Whether its picks are planned cycles (motion::has_cycles), not ways between positions of joints.
+bool has_cycles(const Machine& machine);
 /// The limits of a delta as motion::plan takes them.
 motion::MotionLimits limits_of(const Machine& machine);
 

@@ -10,7 +10,7 @@
 
 #include "polypod/core/config.hpp"
 #include "polypod/kinematics/any_machine.hpp"
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 #include "polypod/motion/dynamics.hpp"
 #include "polypod/motion/pose_path.hpp"
 

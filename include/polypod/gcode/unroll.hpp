@@ -51,6 +51,9 @@ struct Unrolled {
 /// Errors: those of `interpret`, and GC160 to GC169. Cost: linear in the lines that run.
 Result<Unrolled> unroll(Program program, const UnrollOptions& options = {});
 
+/// How long the dwells (G4 P) of a program of plain blocks take together, s.
+double dwell_time(const Program& program);
+
 /// A program as the commands take it: read, unrolled where that is needed, and run.
 struct Understood {
   Program program;  ///< plain blocks

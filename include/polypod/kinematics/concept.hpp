@@ -3,6 +3,7 @@
 #pragma once
 
 #include <ceres/jet.h>
+#include <algorithm>
 
 #include <concepts>
 #include <cstdint>
@@ -84,6 +85,11 @@ struct InverseResult {
   bool converged = true;
   std::string reason;
 
+  /// Whether a solution breaks none of these limits.
+  [[nodiscard]] bool keeps(LimitBits heeded) const {
+    return std::any_of(solutions.begin(), solutions.end(),
+                       [&](const Solution& s) { return (s.violations & heeded) == 0; });
+  }
   /// The first solution without violations, or null.
   [[nodiscard]] const Solution* reachable() const {
     for (const Solution& s : solutions)

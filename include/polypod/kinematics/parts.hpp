@@ -22,6 +22,10 @@ machine::Reach reach(const machine::AnyMachine& machine);
 /// serial arm (which its file puts where the work is). m, in M.
 Vec3 middle_of_work(const machine::AnyMachine& machine);
 
+/// Whether the base is above the work and z of M points down: gravity, unless said otherwise, and pictures follow.
+/// False of families that do not say.
+bool hangs_down(const machine::AnyMachine& machine);
+
 /// Base, rails, legs or links, platform, joints and tool in M: at home, arms with the tool tip at `tip` and R = 1.
 machine::Outline outline(const machine::AnyMachine& machine, const Vec3& tip);
 /// The same at the pose X_MT with the joints q (rad or m) that belong to it.

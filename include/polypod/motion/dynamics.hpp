@@ -21,6 +21,7 @@ struct Body {
 /// What moves, as the table `dynamics` of a machine file says it. Parts that it does not name have no mass.
 struct Dynamics {
   Vec3 gravity = Vec3(0, 0, -9.80665);     ///< m/s^2, in M
+  bool gravity_given = false;              ///< else as the machine stands (kinematics::hangs_down)
   std::optional<Body> platform;            ///< or the tool of an arm: from the tool tip, in the axes of the tool frame
   std::optional<Body> payload;             ///< likewise
   std::vector<std::optional<Body>> links;  ///< of arms, one a row of the table, in the frame of that row
@@ -34,6 +35,9 @@ struct Dynamics {
   std::vector<double> drive;     ///< what turns or slides with each drive: kg m^2 or kg; empty, one, or one a drive
   std::vector<double> friction;  ///< N or Nm, against the motion; empty, one, or one a drive
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
+
+  /// The keys of the parts that have a mass or an inertia.
+  [[nodiscard]] std::vector<std::string> parts_with_mass() const;
 };
 
 /// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Errors:

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 #include "polypod/motion/machine_motion.hpp"
 
 namespace polypod::pages {

@@ -55,9 +55,10 @@ LimitTable common_limit_table(const Delta& m, double drive) {
   out.insert(out.end(), L::kLow - L::kSide, {"joint"});
   push_tip_limits(out, m);
   out.push_back({"mode"});
-  out.insert(out.end(), L::kRods - L::kTable, {"table"});
-  out.insert(out.end(), L::kBase - L::kRods, {"rods", 1, true, true});
-  out.insert(out.end(), L::kCount - L::kBase, {"base", 1, true, true});
+  const bool rods = m.bodies.rod_diameter > 0;
+  out.insert(out.end(), L::kRods - L::kTable, {"table", 1, m.bodies.table_z.has_value()});
+  out.insert(out.end(), L::kBase - L::kRods, {"rods", 1, rods, true});
+  out.insert(out.end(), L::kCount - L::kBase, {"base", 1, rods && m.bodies.base_thickness > 0, true});
   for (const int of_first : {L::kMin, L::kMax, L::kSide, L::kElbow, L::kPlatform, L::kTable, L::kBase})
     for (int i = m.arms; i < kMaxArms; ++i) out[static_cast<std::size_t>(of_first + i)].given = false;
   return out;

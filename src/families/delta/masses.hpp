@@ -26,11 +26,6 @@ std::vector<MassLeg> mass_legs(const M& m, const PoseT<Series>& X, std::span<con
   }
   return out;
 }
-/// z of a delta grows downwards.
-template <DeltaFamily M>
-bool hangs_down(const M&) {
-  return true;
-}
 /// The first elements are the drives; the rods deflect while these stand.
 template <DeltaFamily M>
 int joint_of_element(const M& m, int element) {

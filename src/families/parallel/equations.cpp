@@ -129,12 +129,13 @@ struct Settling {
 constexpr double kNear = 0.35;
 
 /// Newton's method on what the task prescribes and the passive equations. It gives up where a step ends so far from
-/// `start` that it does not come back. A step far shorter than the one before and shorter than `enough` is
-/// the last: what remains is about its square.
-Settling settle_from(const Parallel& m, const Pose& target, const Pose& start, double enough = 1e-8) {
+/// `start` (`farthest`, a share of the machine's size) that it does not come back. A step far shorter than the one
+/// before and shorter than `enough` is the last: what remains is about its square.
+Settling settle_from(const Parallel& m, const Pose& target, const Pose& start, double enough = 1e-8,
+                     double farthest = 3 * kNear) {
   constexpr int kSteps = 30;
-  constexpr double kLongest = 0.5, kDone = 1e-14, kGone = 3 * kNear, kSquares = 0.05;
-  const double least_trace = 1 + 2 * std::cos(kGone);
+  constexpr double kLongest = 0.5, kDone = 1e-14, kSquares = 0.05;
+  const double least_trace = 1 + 2 * std::cos(3 * kNear);
   double before = 0;
   Settling out{prescribed(m.task, target, start)};
   const Pose first = out.X;
@@ -159,7 +160,7 @@ Settling settle_from(const Parallel& m, const Pose& target, const Pose& start, d
     if (share == 1 && k > 3 && size < 1e-11) break;
     if (share == 1 && size < enough && size < kSquares * before) break;
     before = size;
-    if ((out.X.p - first.p).norm() > kGone * m.size || (out.X.R.array() * first.R.array()).sum() < least_trace) {
+    if ((out.X.p - first.p).norm() > farthest * m.size || (out.X.R.array() * first.R.array()).sum() < least_trace) {
       return out;
     }
   }
@@ -293,6 +294,15 @@ std::optional<Pose> settled(const Parallel& m, const Pose& target) {
     step = std::min(2 * step, kFirstStep);
   }
   return std::nullopt;
+}
+
+std::optional<Pose> closed_home(const Parallel& m) {
+  if (const auto X = settled(m, m.home)) return X;
+  // Coordinates that follow may be off by a tool that is longer than the platform is wide.
+  double far = m.size;
+  for (const ParallelLeg& leg : m.legs) far = std::max(far, (leg_end(m, leg, m.home) - leg.base).norm());
+  const Settling found = settle_from(m, m.home, m.home, 1e-8, far / m.size);
+  return found.converged && found.turned < kNear && found.moved < far ? std::optional<Pose>(found.X) : std::nullopt;
 }
 
 std::optional<Pose> settled_near(const Parallel& m, const Pose& target, const Pose& start) {

@@ -11,6 +11,7 @@
 #include "../../machine/machine_file.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/parallel/equations.hpp"
+#include "settle.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -353,7 +354,7 @@ Status find_home(const config::Table& table, const std::vector<config::Table>& l
                  const std::vector<config::Table>& constraints, Parallel& m) {
   const Place place = table.place_of("home");
   const Pose given = m.home;
-  const auto home = settled(m, given);
+  const auto home = closed_home(m);
   if (!home) {
     const auto [least, at] = least_met(m, passive_rows(m, given).F, legs, constraints);
     return fail("MA155",
@@ -367,6 +368,8 @@ Status find_home(const config::Table& table, const std::vector<config::Table>& l
   m.home_angles = angles_abc(m.home.R);
   find_references(m);
   m.takes_high.assign(m.legs.size(), false);
+  Vec3 middle = Vec3::Zero();
+  for (const ParallelLeg& leg : m.legs) middle += leg.base / static_cast<double>(m.legs.size());
   for (std::size_t i = 0; i < m.legs.size(); ++i) {
     ParallelLeg& leg = m.legs[i];
     if (leg.drive == LegDrive::strut && (leg_end(m, leg, m.home) - leg.base).norm() < 1e-9 * m.size) {
@@ -383,8 +386,13 @@ Status find_home(const config::Table& table, const std::vector<config::Table>& l
           place, "check rod_mm, arm_mm and the points of this leg, or move home");
     }
     const auto in = [&](double q) { return q >= leg.range.min - 1e-12 && q <= leg.range.max + 1e-12; };
-    const auto away = [&](double q) { return (leg_anchor(leg, q) - m.home.p).norm(); };
-    const bool farther = leg.drive == LegDrive::crank && away(roots.high) > away(roots.low);
+    // Of a crank whose rod leads to the tool tip itself both ends are equally far from it: then the outer one.
+    constexpr double kAsFar = 1e-3;
+    const auto away = [&](double q, const Vec3& from) { return (leg_anchor(leg, q) - from).norm(); };
+    const auto further = [&](const Vec3& from) { return away(roots.high, from) - away(roots.low, from); };
+    const double from_tip = further(m.home.p);
+    const bool farther = leg.drive == LegDrive::crank &&
+                         (std::abs(from_tip) > kAsFar * leg.arm ? from_tip : further(middle)) > 1e-9 * leg.arm;
     m.takes_high[i] = in(roots.low) == in(roots.high) ? farther : in(roots.high);
   }
   return {};
@@ -419,6 +427,8 @@ Result<Parallel> Parallel::from(const config::Table& table) {
   POLYPOD_ASSIGN(task, read_task(table, Task::pose));
   m.task = task;
   POLYPOD_TRY(read_home(table, m));
+  POLYPOD_ASSIGN(hangs, table.optional_boolean("hangs", false));
+  m.hangs = hangs;
   POLYPOD_ASSIGN(tool, table.optional_table("tool"));
   if (tool) {
     constexpr std::array<const char*, 3> kKeys{"x_mm", "y_mm", "z_mm"};
@@ -585,6 +595,7 @@ std::string to_toml(const Parallel& m) {
   out += fmt::format("home = {{ x_mm = {}, y_mm = {}, z_mm = {}, a_deg = {}, b_deg = {}, c_deg = {} }}\n",
                      mm(m.home_given[0]), mm(m.home_given[1]), mm(m.home_given[2]), deg(m.home_given[3]),
                      deg(m.home_given[4]), deg(m.home_given[5]));
+  if (m.hangs) out += "hangs = true\n";
   out += fmt::format("tool = {{ x_mm = {}, y_mm = {}, z_mm = {} }}\n", mm(m.tool.x()), mm(m.tool.y()), mm(m.tool.z()));
   out += tip_limits_toml(m);
   for (const ParallelLeg& leg : m.legs) out += leg_toml(leg);

@@ -12,4 +12,8 @@ namespace polypod::machine {
 /// a search may ask for it at every step. Empty where that does not converge, or ends far from the start.
 std::optional<Pose> settled_near(const Parallel& m, const Pose& target, const Pose& start);
 
+/// Home with the coordinates that follow, which the file need not give: up to as far off as the longest leg reaches.
+/// Empty where Newton's method finds none.
+std::optional<Pose> closed_home(const Parallel& m);
+
 }  // namespace polypod::machine

@@ -433,11 +433,7 @@ std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm) {
 }
 
 bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
-  const auto keeps = [&](const InverseResult& found) {
-    return std::any_of(found.solutions.begin(), found.solutions.end(),
-                       [&](const kinematics::Solution& s) { return (s.violations & heeded) == 0; });
-  };
-  if (has_closed_inverse(arm)) return keeps(inverse(arm, X_MT));
+  if (has_closed_inverse(arm)) return inverse(arm, X_MT).keeps(heeded);
   kinematics::DampedOptions options;
   options.max_iterations = 60;
   constexpr int kMostInVain = 8;  // starts from which nothing was found, and nothing by any other
@@ -445,7 +441,7 @@ bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
   for (int start = 0; start < options.seeds && (found || start < kMostInVain); ++start) {
     options.start = kinematics::closure_detail::start_joints(arm, start);
     const InverseResult there = inverse_numerically(arm, X_MT, options);
-    if (keeps(there)) return true;
+    if (there.keeps(heeded)) return true;
     found = found || there.converged;
   }
   return false;

@@ -444,9 +444,7 @@ InverseResult inverse(const Stages& m, const Pose& X_MT) {
 }
 
 bool reaches(const Stages& m, const Pose& X_MT, LimitBits heeded) {
-  const InverseResult found = searched(m, X_MT, heeded);
-  return std::any_of(found.solutions.begin(), found.solutions.end(),
-                     [&](const Solution& s) { return (s.violations & heeded) == 0; });
+  return searched(m, X_MT, heeded).keeps(heeded);
 }
 
 std::string branch_name(const Stages& m, unsigned branch) {

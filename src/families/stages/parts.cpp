@@ -81,4 +81,8 @@ Outline outline_at(const Stages& m, const Pose& X_MT, const JointVector& q) {
   return out;
 }
 
+bool hangs_down(const Stages& m) {
+  return kinematics::hangs_down(m.machines[m.closed]);
+}
+
 }  // namespace polypod::machine

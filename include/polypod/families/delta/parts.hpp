@@ -23,6 +23,11 @@ Reach reach(const LinearDelta& m);
 /// The tool tip at home.
 Vec3 middle_of_work(const Delta& m);
 
+/// z of a delta grows downwards (KOZ 4.2.1).
+constexpr bool hangs_down(const Delta&) {
+  return true;
+}
+
 /// At home: base, arms or rails, the two rods of each parallelogram, platform and tool.
 Outline outline(const RotaryDelta& m, const Vec3& tip);
 Outline outline(const LinearDelta& m, const Vec3& tip);

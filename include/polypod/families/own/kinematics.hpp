@@ -25,6 +25,10 @@ template <class T>
 ClosureVectorT<T> closure(const Own& m, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
   return m.questions->equations(X_MT, q, p);
 }
+/// Its equations are virtual: on numbers, dual numbers, intervals and first-order numbers.
+constexpr void closure_takes_no_series(const Own&) {}
+/// Certain workspaces follow from closure and limits over boxes.
+constexpr void bounds_follow_from_closure(const Own&) {}
 template <class T>
 std::vector<T> limits(const Own& m, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
   return m.questions->kept(X_MT, q, p);

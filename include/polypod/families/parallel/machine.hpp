@@ -87,6 +87,7 @@ struct Parallel : TipLimits {
   Vec3 tool = Vec3::Zero();  ///< tool tip in P, m
   std::vector<ParallelLeg> legs;
   std::vector<PlatformConstraint> constraints;
+  bool hangs = false;              ///< the base is above the work, z of M points down
   Vec6 home_given = Vec6::Zero();  ///< x, y, z, A, B, C as the file has them, m and rad
   Provenance provenance;
 

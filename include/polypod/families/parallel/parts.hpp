@@ -17,6 +17,10 @@ Reach reach(const Parallel& m);
 /// The tool tip at home.
 Vec3 middle_of_work(const Parallel& m);
 
+inline bool hangs_down(const Parallel& m) {
+  return m.hangs;
+}
+
 /// At home: what drives the legs, the legs, the platform joints to the tool tip.
 Outline outline(const Parallel& m, const Vec3& tip);
 Outline outline_at(const Parallel& m, const Pose& X_MT, const JointVector& q);

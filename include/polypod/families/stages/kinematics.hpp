@@ -78,6 +78,9 @@ ClosureVectorT<T> closure(const Stages& m, const PoseT<T>& X_MT, std::span<const
   return F;
 }
 
+/// Its machines may be of a family of one's own.
+constexpr void closure_takes_no_series(const Stages&) {}
+
 /// Those of each stage, then how far the tool tip is above the least x, y, z, m, and below the largest; 1 where no
 /// limit is given.
 template <class T>

@@ -17,6 +17,9 @@ Reach reach(const Stages& m);
 /// The tool tip at home.
 Vec3 middle_of_work(const Stages& m);
 
+/// As the stage with closed loops does in its own frame.
+bool hangs_down(const Stages& m);
+
 /// Every stage at home, where the stages before it put it.
 Outline outline(const Stages& m, const Vec3& tip);
 Outline outline_at(const Stages& m, const Pose& X_MT, const JointVector& q);

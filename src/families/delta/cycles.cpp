@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-#include "polypod/motion/delta_motion.hpp"
+#include "polypod/motion/cycles.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "polypod/core/units.hpp"
-#include "polypod/families/delta/kinematics.hpp"
+#include "polypod/families/delta/drives.hpp"
 #include "polypod/kinematics/closure.hpp"
 
 namespace polypod::motion {
@@ -392,6 +392,10 @@ Status positive(const Peaks& limits, const char* whose) {
 }
 
 }  // namespace
+
+bool has_cycles(const AnyMachine& machine) {
+  return std::visit([]<class M>(const M&) { return DeltaFamily<M>; }, machine);
+}
 
 Sample drives_of(const RotaryDelta& m, double t, const Motion& tool) {
   return drives(m, t, tool);

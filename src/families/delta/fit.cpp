@@ -6,7 +6,7 @@
 #include <functional>
 #include <numbers>
 
-#include "margin.hpp"
+#include "../../workspace/margin.hpp"
 #include "polypod/families/delta/kinematics.hpp"
 #include "polypod/workspace/shape.hpp"
 

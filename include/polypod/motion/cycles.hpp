@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// How the drives of a delta move when its tool follows a path, and pick-and-place cycles within limits (KOZ 4.3.2).
+// Pick-and-place cycles within limits, and the motion of drives along a path at constant speed (KOZ 4.3.2), of machines
+// that have them: those of the family delta.
 #pragma once
 
 #include <optional>
@@ -27,11 +28,8 @@ struct Sample {
   bool reached = false;  ///< all drives are known; otherwise they are 0
 };
 
-/// The drives of a tool that moves, on their first roots. With y = X + P - tool - S(q), |y| = c, the derivatives follow
-/// from y . y' = 0, y' . y' + y . y'' = 0 and 3 y' . y'' + y . y''' = 0, each linear in the next derivative of q.
-/// Infinite where y . dS/dq = 0 (singular of type 1). Cost: 0.1 us a drive.
-Sample drives_of(const machine::RotaryDelta& m, double t, const Motion& tool);
-Sample drives_of(const machine::LinearDelta& m, double t, const Motion& tool);
+/// Whether the functions below serve a machine; else they fail with MO103.
+bool has_cycles(const AnyMachine& machine);
 
 /// Why a path cannot be followed, and where that begins.
 struct Problem {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "polypod/workspace/delta_study.hpp"
+#include "polypod/families/delta/study.hpp"
 
 namespace polypod::pages {
 

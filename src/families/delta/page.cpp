@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-#include "polypod/pages/delta.hpp"
+#include "polypod/families/delta/page.hpp"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <limits>
 #include <map>
 
-#include "machine_lines.hpp"
-#include "moving_machine.hpp"
+#include "../../pages/machine_lines.hpp"
+#include "../../pages/moving_machine.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/report/html.hpp"

@@ -1,11 +1,11 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-#include "polypod/workspace/delta_study.hpp"
+#include "polypod/families/delta/study.hpp"
 
 #include <fmt/format.h>
 
 #include <cmath>
 
-#include "margin.hpp"
+#include "../../workspace/margin.hpp"
 #include "polypod/core/memory.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"

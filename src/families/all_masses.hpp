@@ -2,13 +2,13 @@
 // What the families know of their masses (families/masses.hpp), with defaults for those that answer a question not.
 #pragma once
 
-#include "../families/delta/masses.hpp"
-#include "../families/hexapod/masses.hpp"
-#include "../families/own/masses.hpp"
-#include "../families/parallel/masses.hpp"
-#include "../families/serial/masses.hpp"
-#include "../families/stages/masses.hpp"
+#include "delta/masses.hpp"
+#include "hexapod/masses.hpp"
+#include "own/masses.hpp"
+#include "parallel/masses.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "serial/masses.hpp"
+#include "stages/masses.hpp"
 
 namespace polypod::motion {
 
@@ -23,12 +23,6 @@ std::vector<machine::MassLeg> legs_with_mass(const M& m, const PoseT<Series>& X,
                                              std::span<const Series> p) {
   if constexpr (requires { mass_legs(m, X, q, p); }) return mass_legs(m, X, q, p);
   return {};
-}
-
-template <class M>
-bool gravity_along_z(const M& m) {
-  if constexpr (requires { hangs_down(m); }) return hangs_down(m);
-  return false;
 }
 
 template <class M>
