@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
@@ -49,9 +50,9 @@ constexpr bool kSanitized = false;
 #else
 constexpr bool kSanitized = false;
 #endif
-/// Whether little more is held than before.
+/// Whether little more is held than before: what all rows may hold together.
 void expect_little_more(const Resident& before) {
-  constexpr std::size_t kMost = 4'000'000;
+  constexpr std::size_t kMost = LongBytes::kHeld + 4'000'000;
   const Resident now = resident();
   EXPECT_LT(now.of_files, before.of_files + kMost);
   if (!kSanitized) {
@@ -106,17 +107,32 @@ TEST(LongVector, CopiesAndMoves) {
   EXPECT_EQ(four[2], element(4));
 }
 
-// 80 MB of elements: a vector would hold them all.
+// Three rows of 80 MB: vectors would hold them all.
 TEST(LongVector, HoldsLittleOfItInMemory) {
-  LongVector<Element> v;
+  std::array<LongVector<Element>, 3> rows;
   const Resident before = resident();
-  for (std::size_t i = 0; i < kMany; ++i) v.push_back(element(i));
+  for (std::size_t i = 0; i < kMany; ++i)
+    for (LongVector<Element>& v : rows) v.push_back(element(i));
   expect_little_more(before);
   std::uint64_t wrong = 0;
-  for (std::size_t i = 0; i < kMany; ++i) wrong += v[i] == element(i) ? 0 : 1;
-  for (std::size_t i = kMany; i-- > 0;) wrong += v[i].a == i ? 0 : 1;
+  for (const LongVector<Element>& v : rows) {
+    for (std::size_t i = 0; i < kMany; ++i) wrong += v[i] == element(i) ? 0 : 1;
+    for (std::size_t i = kMany; i-- > 0;) wrong += v[i].a == i ? 0 : 1;
+  }
   EXPECT_EQ(wrong, 0u);
   expect_little_more(before);
+}
+
+// What a row held is free for others when it is gone.
+TEST(LongVector, GivesBackWhatItHeld) {
+  const Resident before = resident();
+  for (int k = 0; k < 10; ++k) {
+    LongVector<Element> v;
+    for (std::size_t i = 0; i < kMany / 2; ++i) v.push_back(element(i));
+    LongVector<Element> other = std::move(v);
+    EXPECT_EQ(other[kMany / 4], element(kMany / 4));
+    expect_little_more(before);
+  }
 }
 
 TEST(LongVector, ThreadsReadAtDifferentPlaces) {

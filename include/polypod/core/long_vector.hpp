@@ -23,7 +23,7 @@ class LongBytes {
   static constexpr std::size_t kInMemory = std::size_t{1} << 18;
   static constexpr std::size_t kPart = std::size_t{1} << 17;
   static constexpr std::size_t kParts = 4;                     ///< held at once at least
-  static constexpr std::size_t kHeld = std::size_t{16} << 20;  ///< bytes, of all that are alive
+  static constexpr std::size_t kHeld = std::size_t{40} << 20;  ///< bytes, of all that are alive
 
   LongBytes() = default;
   LongBytes(LongBytes&& other) noexcept { swap(other); }
