@@ -455,16 +455,19 @@ TEST(Dynamics, GravityFollowsHowTheMachineStands) {
     EXPECT_FALSE((*d)->gravity_given);
     EXPECT_EQ((*d)->parts_with_mass(), std::vector<std::string>{"platform"});
   }
-  // The arms of a Par4 carry its platform as those of a delta do: with the same sign.
-  const auto torque = [&](const char* name, const std::vector<double>& at) {
+  // Drives that stand still carry the platform against a weight along +z.
+  for (const auto& [name, at] :
+       {std::pair{"delta-par4", std::vector<double>{0, 0, 0.8, 0}}, {"delta-picker", {0, 0, 0.8}}}) {
+    SCOPED_TRACE(name);
     const AnyMachine m = load(name);
     const auto d = read_dynamics(written("weight.toml", "[dynamics]\nplatform = { mass_kg = 3 }\n"), m);
     const Pose X = kinematics::pose_of(kinematics::task(m), at);
     const JointVector q = kinematics::inverse(m, X).solutions.at(0).joints;
-    return drive_forces(m, **d, still_at(kinematics::settled(m, X, q), q))[0];
-  };
-  const double four = torque("delta-par4", {0, 0, 0.8, 0}), three = torque("delta-picker", {0, 0, 0.8});
-  EXPECT_GT(four * three, 0) << four << " and " << three << " Nm";
+    const Vec6 weight = (Vec6() << 0, 0, 3 * 9.80665, 0, 0, 0).finished();
+    const JointVector held = drive_forces(m, **d, still_at(kinematics::settled(m, X, q), q));
+    const JointVector expected = -kinematics::jacobian(m, X, q).transpose() * weight;
+    EXPECT_LT((held - expected).norm(), 1e-9 * expected.norm());
+  }
 }
 
 }  // namespace

@@ -152,7 +152,8 @@ Settling settle_from(const Parallel& m, const Pose& target, const Pose& start, d
     step.tail<3>() /= m.size;
     if (!step.allFinite()) return out;
     const double turn = step.tail<3>().norm(), length = step.head<3>().norm();
-    const double share = std::min(1.0, kLongest / std::max({turn, length / m.size, 1e-300}));
+    const double way = length / (m.size * (farthest > 3 * kNear ? farthest : 1));
+    const double share = std::min(1.0, kLongest / std::max({turn, way, 1e-300}));
     out.X.p += share * step.head<3>();
     out.X.R = rotation_of(share * step.tail<3>()) * out.X.R;
     const double size = std::max(length / m.size, turn);
