@@ -461,8 +461,9 @@ class Mover {
     if (options_.law == Law::fastest) return plan(out);
     if (options_.law == Law::constant && (!(options_.speed > 0) || !std::isfinite(options_.speed))) {
       return fail("MO101",
-                  options_.speed == 0 ? std::string("no speed is given")
-                                      : fmt::format("a speed of {:g} mm/s must be above 0", units::to_mm(options_.speed)),
+                  options_.speed == 0
+                      ? std::string("no speed is given")
+                      : fmt::format("a speed of {:g} mm/s must be above 0", units::to_mm(options_.speed)),
                   {}, "give the speed of the tool, times of the points, or plan with --time-optimal");
     }
     for (std::size_t k = 0; k < stretches.size(); ++k) {
