@@ -86,8 +86,7 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   const bool by_distance = result.by == PlaceBy::distance;
   const char* figure = by_distance ? "largest distance of the tool from its path" : "largest normal error";
   const double best_figure = figure_of(best, result.by);
-  report::Report page("Where to put the part", fmt::format("The {} over places of the workpiece", figure),
-                      facts);
+  report::Report page("Where to put the part", fmt::format("The {} over places of the workpiece", figure), facts);
   page.add_section("Answer");
   if (result.start_error) {
     const double gain = *result.start_figure() - best_figure;
@@ -134,13 +133,12 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
   if (drawn(result.map)) {
     const std::string where = fmt::format("z = {} mm, turned by {} deg", report::fixed(to_mm(result.map.z), 1),
                                           report::fixed(to_deg(result.map.turn), 1));
-    page.add_figure(
-        by_distance
-            ? map_of(result, "Largest distance", "distance", "µm",
-                     [](const PlacePoint& p) { return to_um(p.distance); })
-            : map_of(result, "Largest normal error", "error", "µm", [](const PlacePoint& p) { return to_um(p.error); }),
-        fmt::format("Estimated {} with the origin of the workpiece at each place, ", figure) + where +
-            ". Blank: the program does not fit there.");
+    page.add_figure(by_distance ? map_of(result, "Largest distance", "distance", "µm",
+                                         [](const PlacePoint& p) { return to_um(p.distance); })
+                                : map_of(result, "Largest normal error", "error", "µm",
+                                         [](const PlacePoint& p) { return to_um(p.error); }),
+                    fmt::format("Estimated {} with the origin of the workpiece at each place, ", figure) + where +
+                        ". Blank: the program does not fit there.");
     page.add_figure_grid(
         2,
         {{"Compliance across the path", map_of(result, "Compliance across the path", "compliance", "µm/N",
