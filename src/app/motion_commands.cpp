@@ -334,6 +334,7 @@ Command pick_command() {
                 fmt::print("drive {:<2} {} at most {} {}\n", i + 1, turns ? "torque" : "force",
                            figure(forces[i].force, 2), force_unit(m));
               }
+              if (masses.dynamics) fmt::print("note     {}\n", in_words(*masses.dynamics));
               print_question(question);
               fmt::print("limited by {}; there and back {:.0f} times a minute\n", plan.limited_by, 30 / plan.time);
             }

@@ -269,11 +269,10 @@ HOME = {4} {5} {6} {7} {8} {9}
   speeds("LINEAR", v, a);
   speeds("ANGULAR", w, aw);
   out += fmt::format(
-      "\n# Ranges of the coordinates as a search from {} random poses within all limits found them, and speeds at "
-      "which "
-      "three in\n"
-      "# four of these need no drive faster than its MAX_VELOCITY: LinuxCNC looks at those of the joints only when "
-      "they are jogged.\n",
+      R"(
+# Ranges of the coordinates as a search from {} random poses within all limits found them, and speeds at which three in
+# four of these need no drive faster than its MAX_VELOCITY: LinuxCNC looks at those of the joints only when they are jogged.
+)",
       c.stands);
   for (const ControllerAxis& axis : c.axes) {
     out += fmt::format("[AXIS_{}]\nMIN_LIMIT = {}\nMAX_LIMIT = {}\nMAX_VELOCITY = {}\nMAX_ACCELERATION = {}\n\n",
