@@ -90,6 +90,9 @@ std::vector<MassPoint> points_of(const M& m, const Dynamics& d, const PoseSeries
       if (d.links[row]) add_body(mass_link(m, row, q, std::span<const Series>(p)), *d.links[row], push);
     }
   }
+  const bool legs = d.strut_fixed != 0 || d.strut_moving != 0 || d.strut_fixed_inertia != 0 ||
+                    d.strut_moving_inertia != 0 || d.rod != 0 || d.slider != 0 || d.arm != 0 || d.arm_inertia != 0;
+  if (!legs) return out;
   for (const machine::MassLeg& leg : legs_with_mass(m, X, q, std::span<const Series>(p))) {
     if (leg.strut) {
       add_on_line(leg.fixed, leg.platform, d.strut_fixed, d.strut_fixed_center, d.strut_fixed_inertia, push);
@@ -120,15 +123,11 @@ std::vector<Eigen::Matrix<double, 3, Eigen::Dynamic>> rates_of(const M& m, const
                                                                const std::vector<int>& joint) {
   std::vector<Eigen::Matrix<double, 3, Eigen::Dynamic>> out;
   for (Eigen::Index j = 0; j < J.cols(); ++j) {
-    SeriesVec w;
-    PoseSeries moved;
-    for (int k = 0; k < 3; ++k) w[k][1] = J(3 + k, j);
-    const Matrix3<Series> T = rotation_series(w);
+    PoseSeries moved = X.cast<Series>();  // in first order
+    const Mat3 rate = skew(Vec3(J(3, j), J(4, j), J(5, j))) * X.R;
     for (int i = 0; i < 3; ++i) {
-      moved.p[i] = Series(X.p[i]);
       moved.p[i][1] = J(i, j);
-      for (int c = 0; c < 3; ++c)
-        moved.R(i, c) = T(i, 0) * Series(X.R(0, c)) + T(i, 1) * Series(X.R(1, c)) + T(i, 2) * Series(X.R(2, c));
+      for (int c = 0; c < 3; ++c) moved.R(i, c)[1] = rate(i, c);
     }
     std::vector<Series> joints(q.data(), q.data() + q.size());
     const int moves = joint[static_cast<std::size_t>(j)];

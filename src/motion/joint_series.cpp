@@ -38,11 +38,9 @@ Unknowns scale_rows(Rows& rows) {
 }
 using TaskSeries = Eigen::Matrix<Series, Eigen::Dynamic, 1, 0, 6, 1>;
 
-Matrix3<Series> times(const Matrix3<Series>& a, const Matrix3<Series>& b) {
-  Matrix3<Series> out;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out(i, j) = a(i, 0) * b(0, j) + a(i, 1) * b(1, j) + a(i, 2) * b(2, j);
-  return out;
+/// The coefficients of one order.
+Mat3 coefficient(const Matrix3<Series>& a, int order) {
+  return Mat3::NullaryExpr([&](Eigen::Index i, Eigen::Index j) { return a(i, j)[order]; });
 }
 
 /// What the task prescribes of X against the target, 0 where it is kept, and its derivatives by X's twist.
@@ -76,10 +74,15 @@ TaskSeries task_equations(Task task, const PoseSeries& X, const PoseSeries& targ
   return out;
 }
 
-/// The pose moved by series of its twist.
+/// The pose moved by series of its twist, which begin with 0.
 PoseSeries moved(const Pose& at, const Vector3<Series>& v, const Vector3<Series>& w) {
   PoseSeries out;
-  out.R = times(rotation_series(w), at.R.cast<Series>());
+  const Matrix3<Series> turn = rotation_series(w);
+  for (int order = 0; order <= Series::kOrder; ++order) {
+    const Mat3 R = coefficient(turn, order) * at.R;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) out.R(i, j)[order] = R(i, j);
+  }
   for (int k = 0; k < 3; ++k) out.p[k] = Series(at.p[k]) + v[k];
   return out;
 }
@@ -87,15 +90,21 @@ PoseSeries moved(const Pose& at, const Vector3<Series>& v, const Vector3<Series>
 /// Rows by the twist, from the equations themselves: the first coefficient for a unit of each part of the twist.
 System task_matrix(Task task, const PoseSeries& target, const Pose& at) {
   System out(task.size(), 6);
+  PoseSeries still = target;  // alone at s = 0
+  for (int i = 0; i < 3; ++i) {
+    still.p[i] = Series(target.p[i].value());
+    for (int j = 0; j < 3; ++j) still.R(i, j) = Series(target.R(i, j).value());
+  }
   for (int k = 0; k < 6; ++k) {
-    Vector3<Series> v = Vector3<Series>::Zero(), w = v;
-    (k < 3 ? v[k] : w[k - 3])[1] = 1;
-    PoseSeries still = target;  // alone at s = 0
-    for (int i = 0; i < 3; ++i) {
-      still.p[i] = Series(target.p[i].value());
-      for (int j = 0; j < 3; ++j) still.R(i, j) = Series(target.R(i, j).value());
+    PoseSeries X = at.cast<Series>();
+    if (k < 3) {
+      X.p[k][1] = 1;
+    } else {
+      const Mat3 rate = skew(Vec3(Vec3::Unit(k - 3))) * at.R;
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) X.R(i, j)[1] = rate(i, j);
     }
-    const TaskSeries T = task_equations(task, moved(at, v, w), still, at);
+    const TaskSeries T = task_equations(task, X, still, at);
     for (int i = 0; i < T.size(); ++i) out(i, k) = T[i][1];
   }
   return out;
@@ -285,11 +294,18 @@ JointSeries driven_series(const AnyMachine& machine, const Pose& at, const Joint
 }
 
 Matrix3<Series> rotation_series(const Vector3<Series>& w) {
-  const Matrix3<Series> W = skew(w), W2 = times(W, W), W3 = times(W2, W);
+  // W = A s + B s^2 + C s^3: 1 + W + W^2 / 2 + W^3 / 6 to the third order.
+  const auto part = [&](int order) { return skew(Vec3(w[0][order], w[1][order], w[2][order])); };
+  const Mat3 A = part(1), B = part(2), C = part(3), A2 = A * A;
+  const Mat3 second = B + 0.5 * A2, third = C + 0.5 * (A * B + B * A) + A2 * A / 6;
   Matrix3<Series> out;
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      out(i, j) = Series(i == j ? 1.0 : 0.0) + W(i, j) + Series(0.5) * W2(i, j) + Series(1.0 / 6) * W3(i, j);
+    for (int j = 0; j < 3; ++j) {
+      out(i, j)[0] = i == j ? 1 : 0;
+      out(i, j)[1] = A(i, j);
+      out(i, j)[2] = second(i, j);
+      out(i, j)[3] = third(i, j);
+    }
   return out;
 }
 

@@ -513,11 +513,12 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
   std::fill(y.begin(), y.end(), 0.5 * start);
 
   Banded H(n);
-  std::vector<double> gradient(n);
+  std::vector<double> gradient(n), d(n), stepped(n);
   const auto barriers = static_cast<double>(constraints.size());
   constexpr double kGap = 2e-4;  // of the time
   constexpr int kNewton = 40;
   for (double tau = barriers / time_of(y);; tau *= 5) {
+    double now = cost(y, tau);
     for (int step = 0; step < kNewton; ++step) {
       H.clear();
       std::fill(gradient.begin(), gradient.end(), 0.0);
@@ -542,21 +543,19 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
           }
         }
       });
-      std::vector<double> d = gradient;
-      for (double& x : d) x = -x;
+      for (std::size_t i = 0; i < n; ++i) d[i] = -gradient[i];
       if (!H.solve(d)) break;
       double slope = 0;
       for (std::size_t i = 0; i < n; ++i) slope += gradient[i] * d[i];
       if (!(slope < -1e-6)) break;
-      const double now = cost(y, tau);
       double share = 1;
       bool moved = false;
       constexpr int kShorter = 40;
       for (int k = 0; k < kShorter; ++k, share *= 0.5) {
-        std::vector<double> next = y;
-        for (std::size_t i = 0; i < n; ++i) next[i] += share * d[i];
-        if (cost(next, tau) <= now + 0.1 * share * slope) {
-          y = std::move(next);
+        for (std::size_t i = 0; i < n; ++i) stepped[i] = y[i] + share * d[i];
+        if (const double there = cost(stepped, tau); there <= now + 0.1 * share * slope) {
+          y.swap(stepped);
+          now = there;
           moved = true;
           break;
         }

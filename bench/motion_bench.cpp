@@ -1,0 +1,65 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Forces of the drives at one instant of a motion, and programs of short lines planned within jerk limits.
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/motion/dynamics.hpp"
+#include "polypod/motion/machine_motion.hpp"
+
+namespace {
+
+using namespace polypod;
+
+/// The tool goes along a parabola with a turn about z where the task has one.
+void forces(benchmark::State& state, const char* name, const Vec3& tip) {
+  const machine::AnyMachine m = *machine::load(name);
+  motion::Dynamics d;
+  d.platform = motion::Body{3, Vec3(0.004, -0.002, -0.03), 0.01 * Mat3::Identity()};
+  d.payload = motion::Body{1, Vec3(0, 0, 0.02), Mat3::Zero()};
+  const Pose target{Mat3::Identity(), tip};
+  const kinematics::InverseResult found = kinematics::inverse(m, target);
+  const kinematics::Solution* at = found.reachable();
+  if (at == nullptr) {
+    state.SkipWithError("out of reach");
+    return;
+  }
+  const Pose X = kinematics::settled(m, target, at->joints);
+  motion::PoseSeries path = X.cast<Series>();
+  for (int k = 0; k < 3; ++k) path.p[k] = Series(X.p[k], 0.1 * (k + 1), 0.5 - 0.2 * k, 0.1);
+  for (auto _ : state) {
+    const motion::JointSeries q = motion::joint_series(m, path, X, at->joints);
+    benchmark::DoNotOptimize(motion::drive_forces(m, d, q));
+  }
+}
+BENCHMARK_CAPTURE(forces, hexapod, "hexapod-strut", Vec3(0.002, 0.001, 0.075));
+BENCHMARK_CAPTURE(forces, delta, "delta-brno", Vec3(0.05, 0.02, 0.5));
+BENCHMARK_CAPTURE(forces, arm, "lola50", Vec3(0.1, -1.3, 0));
+
+/// Lines of 0.25 mm on a wavy way, each from rest to rest: lines a second.
+void planned(benchmark::State& state, const char* name, const Vec3& start) {
+  const machine::AnyMachine m = *machine::load(name);
+  constexpr int kLines = 50;
+  const auto at = [&](int k) {
+    return motion::TargetPose{start + Vec3(0.25e-3 * k, 1e-3 * std::sin(0.3 * k), 0), Vec3::Zero()};
+  };
+  std::vector<motion::Stretch> lines;
+  for (int k = 0; k < kLines; ++k) lines.push_back(*motion::straight(at(k), at(k + 1)));
+  const motion::PosePath path = *motion::pose_path_of(lines);
+  motion::MoveOptions options;
+  options.law = motion::Law::fastest;
+  options.limits.tool_speed = 0.5;
+  options.limits.tool_acceleration = 5;
+  options.limits.tool_jerk = 100;
+  for (auto _ : state) {
+    const auto moved = motion::move(m, path, options);
+    if (!moved) state.SkipWithError(to_string(moved.error()).c_str());
+  }
+  state.counters["lines_per_second"] =
+      benchmark::Counter(kLines * double(state.iterations()), benchmark::Counter::kIsRate);
+}
+BENCHMARK_CAPTURE(planned, delta, "delta-linear", Vec3(0, 0, 0.45))->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(planned, arm, "lola50", Vec3(0, -1.3, 0))->Unit(benchmark::kMillisecond);
+
+}  // namespace
