@@ -41,8 +41,10 @@ struct BoxNumbers {
   BoxNumbers& operator=(const BoxNumbers&) = delete;
 };
 
+/// Numbers without a domain round as others do, in an order of their own.
 inline bool holds(const BoxNumber& g, double value) {
-  return g.lo() <= value && value <= g.hi();
+  constexpr double kRounding = 1e-13;
+  return g.lo() - kRounding <= value && value <= g.hi() + kRounding;
 }
 
 /// forward and inverse are the family's own functions; `same` compares poses as far as the task sees them.
