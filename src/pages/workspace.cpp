@@ -147,7 +147,7 @@ std::string directions_of(const AnyMachine& machine, const Options& options) {
   return out;
 }
 
-report::HeatMap section_map(const Options& options, const Section& s, const Kinds& kinds) {
+report::HeatMap section_map(const Options& options, const Section& s, const Kinds& kinds, bool hangs) {
   const Field& f = s.field;
   report::HeatMap map;
   const Vec3 u = f.grid.step[0].normalized(), v = f.grid.step[1].normalized();
@@ -184,7 +184,7 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   map.y = {axis_name(s.task, v), of_v, first.y, last.y, false};
   map.equal_scales = s.task.places();
   // The machine hangs, as in its picture.
-  map.y.downwards = s.task.places() && without_tilt(s) && v.isApprox(Vec3::UnitZ());
+  map.y.downwards = hangs && s.task.places() && v.isApprox(Vec3::UnitZ());
   map.columns = high[0] - low[0] + 1;
   map.rows = high[1] - low[1] + 1;
   const std::vector<double> tilt = continued_tilt(f);
@@ -442,7 +442,7 @@ class Page {
     std::vector<std::pair<std::string, report::Figure>> panels;
     for (const Section& s : sections_)
       panels.emplace_back(fmt::format("{}: {} mm²", plane_title(s), fixed(s.area * units::kMm2PerSquareMetre, 0)),
-                          section_map(options_, s, kinds_));
+                          section_map(options_, s, kinds_, kinematics::hangs_down(machine_)));
     report::Scene other = scene;
     other.azimuth_deg += 180;
     other.elevation_deg = -12;
@@ -685,7 +685,7 @@ class Page {
 report::Figure section_picture(const AnyMachine& machine, const Options& options, const Section& section) {
   std::set<int> seen;
   collect(seen, section);
-  return section_map(options, section, Kinds(machine, seen));
+  return section_map(options, section, Kinds(machine, seen), kinematics::hangs_down(machine));
 }
 
 std::string section_csv(const AnyMachine& machine, const Section& section) {
