@@ -276,7 +276,7 @@ Command check_command() {
           POLYPOD_TRY(together.add(o->report, pages::check_page(job, program, interpretation, result, page)));
           POLYPOD_TRY(together.commit());
         }
-        const double dwells = gcode::dwell_time(program);
+        const double dwells = gcode::dwell_time(program, job.block_delete);
         const Json problems = problems_json(result.problems), not_judged = problems_json(result.not_judged);
         Json ranges = Json::array();
         for (std::size_t i = 0; i < result.joints.size(); ++i) {

@@ -20,17 +20,21 @@ constexpr std::array kUnrolled{50,  51,  52,  53,  100, 280, 281, 300, 301, 382,
 
 }  // namespace
 
-double dwell_time(const Program& program) {
+double dwell_of(const Block& block) {
+  double wait = 0;
+  bool dwells = false;
+  for (const Word& word : block.words) {
+    dwells = dwells || (word.letter == 'G' && word.value == 4);
+    if (word.letter == 'P') wait = word.value;
+  }
+  return dwells ? wait : 0;
+}
+
+double dwell_time(const Program& program, bool block_delete) {
   double out = 0;
   for (const Block& block : program.blocks) {
     if (block.after_end) break;
-    double wait = 0;
-    bool dwells = false;
-    for (const Word& word : block.words) {
-      dwells = dwells || (word.letter == 'G' && word.value == 4);
-      if (word.letter == 'P') wait = word.value;
-    }
-    if (dwells) out += wait;
+    if (!(block_delete && block.optional)) out += dwell_of(block);
   }
   return out;
 }

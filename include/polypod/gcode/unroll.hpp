@@ -51,8 +51,12 @@ struct Unrolled {
 /// Errors: those of `interpret`, and GC160 to GC169. Cost: linear in the lines that run.
 Result<Unrolled> unroll(Program program, const UnrollOptions& options = {});
 
-/// How long the dwells (G4 P) of a program of plain blocks take together, s.
-double dwell_time(const Program& program);
+/// How long the dwells (G4 P) of a program of plain blocks take together, s. With `block_delete`, blocks that begin
+/// with
+/// `/` do not count.
+double dwell_time(const Program& program, bool block_delete);
+/// The same of one block, 0 where it is none.
+double dwell_of(const Block& block);
 
 /// A program as the commands take it: read, unrolled where that is needed, and run.
 struct Understood {
