@@ -16,6 +16,7 @@ namespace {
 struct Options {
   std::string folder, program, out, job;
   double time_limit = 600;
+  bool partial = false;
 };
 
 }  // namespace
@@ -32,11 +33,14 @@ Command record_command() {
         a.option("--job", o->job,
                  "A job whose workpiece origin, rotation and work offsets become those of G54 to G59 (default: all 0)");
         a.option("--time-limit", o->time_limit, {1, 86400}, "s, of the whole run, which is in real time (default 600)");
+        a.flag("--partial", o->partial,
+               "Of a program that fails, keep the record up to there (exit status as without)");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(check_files({o->program, o->job}, {o->out}, context.json));
         control::RecordOptions options;
         options.time_limit = o->time_limit;
+        options.partial = o->partial;
         if (!o->job.empty()) {
           POLYPOD_ASSIGN(job, machining::read_job(o->job));
           options.parameters = control::work_offset_parameters(job);
@@ -54,6 +58,11 @@ Command record_command() {
         if (shown > 0) fmt::print(stderr, "\r\x1b[K");
         if (!record) return tl::unexpected(record.error());
         POLYPOD_TRY(files::write_whole(o->out, record->csv));
+        if (record->failed) {
+          Error error = *record->failed;
+          error.message += fmt::format("; the {:.3f} s up to there are in {}", record->seconds, one_line(o->out));
+          return tl::unexpected(error);
+        }
         if (context.json) {
           print_json({{"samples", record->samples}, {"seconds", record->seconds}, {"lines", record->lines}});
         } else {

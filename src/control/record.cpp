@@ -580,10 +580,15 @@ Result<Record> record(const std::string& folder, const std::string& program, con
                   "a record needs root with CAP_SYS_ADMIN; containers may lack it");
     }
   }
-  POLYPOD_TRY(verdict(dir, program));
+  const Status ended = verdict(dir, program);
+  const bool partial = !ended && options.partial && ended.error().id == "LC116";
+  if (!partial) POLYPOD_TRY(ended);
   POLYPOD_ASSIGN(samples, samples_of(dir / "samples.txt", static_cast<std::size_t>(c.joints), c.letters.size(),
                                      scaled ? 1000.0 : 1.0));
-  return record_of(c, samples, scaled ? 9 : 6);
+  if (partial && samples.size() <= kLag) return tl::unexpected(ended.error());
+  Record out = record_of(c, samples, scaled ? 9 : 6);
+  if (partial) out.failed = ended.error();
+  return out;
 }
 
 }  // namespace polypod::control

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "polypod/core/error.hpp"
@@ -17,6 +18,8 @@ struct RecordOptions {
   double time_limit = 600;  ///< s, of the whole run by the clock; LinuxCNC runs in real time
   /// The run's file of parameters: "5221 0\t..." a line each; the offsets of G54 to G59. Empty: all are 0.
   std::string parameters;
+  /// Of a program that fails (LC116) what was recorded up to there, with Record::failed; else an error alone.
+  bool partial = false;
   /// Asked some twenty times a second with the seconds since the start; false ends everything (LC119).
   std::function<bool(double)> progress = [](double) { return true; };
 };
@@ -27,6 +30,7 @@ struct Record {
   std::size_t lines = 0;    ///< of the program, on which the machine moved or waited
   /// time_s,line,x_mm,...,c_deg,q1,...: from the last cycle before the first motion to the first after the last one.
   std::string csv;
+  std::optional<Error> failed;  ///< LC116, of RecordOptions::partial
 };
 
 /// Runs the program on the configuration in `folder` (linuxcnc_configuration's files) in LinuxCNC, without a screen,
