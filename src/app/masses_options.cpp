@@ -23,9 +23,14 @@ std::string in_words(const motion::Dynamics& d) {
       d.gravity.isZero(0) ? "none"
       : !axis.empty()     ? fmt::format("{:.4g} m/s2 {}", d.gravity.norm(), axis)
                       : fmt::format("{:.4g}, {:.4g}, {:.4g} m/s2 in M", d.gravity.x(), d.gravity.y(), d.gravity.z());
-  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing", g,
+  const std::vector<std::string> odd = d.not_rigid();
+  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}", g,
                      d.gravity_given ? "" : ", assumed from how the machine stands (gravity_m_per_s2)",
-                     fmt::join(d.parts_with_mass(), ", "));
+                     fmt::join(d.parts_with_mass(), ", "),
+                     odd.empty() ? ""
+                                 : fmt::format("; the inertia of {} is taken as it is, though one of its principal "
+                                               "moments is larger than the sum of the others, which no rigid body has",
+                                               fmt::join(odd, ", ")));
 }
 
 void MassesOptions::declare(Arguments& a) {

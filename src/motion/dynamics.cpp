@@ -180,8 +180,9 @@ Result<Body> body_of(const config::Table& given) {
     I.resize(6, 0);
     out.inertia << I[0], I[3], I[4], I[3], I[1], I[5], I[4], I[5], I[2];
     const Vec3 principal = Eigen::SelfAdjointEigenSolver<Mat3>(out.inertia).eigenvalues();
-    constexpr double kRounding = 1e-9;
-    if (principal[0] < 0 || principal[0] + principal[1] < principal[2] * (1 - kRounding)) {
+    constexpr double kRounding = 1e-9, kMeasured = 1.25;
+    out.rigid = principal[0] + principal[1] >= principal[2] * (1 - kRounding);
+    if (principal[0] < 0 || kMeasured * (principal[0] + principal[1]) < principal[2]) {
       return fail(
           "MO120",
           fmt::format("no body has the principal moments {:g}, {:g}, {:g} kg m2: none is larger than the sum of "
@@ -350,6 +351,16 @@ std::vector<std::string> Dynamics::parts_with_mass() const {
   if (slider > 0) out.emplace_back("sliders");
   if (arm > 0 || arm_inertia > 0) out.emplace_back("arms");
   if (std::any_of(drive.begin(), drive.end(), [](double x) { return x > 0; })) out.emplace_back("drives");
+  return out;
+}
+
+std::vector<std::string> Dynamics::not_rigid() const {
+  std::vector<std::string> out;
+  if (platform && !platform->rigid) out.emplace_back("platform");
+  if (payload && !payload->rigid) out.emplace_back("payload");
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (links[i] && !links[i]->rigid) out.push_back(fmt::format("link {}", i + 1));
+  }
   return out;
 }
 

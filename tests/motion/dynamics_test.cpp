@@ -427,6 +427,12 @@ drive_inertia = 0.1
     return r ? std::string("read") : r.error().id;
   };
   EXPECT_EQ(id(strut, "platform = { mass_kg = 2, inertia_kg_m2 = [0.01, 0.01, 0.05] }\n"), "MO120");
+  EXPECT_EQ(id(strut, "platform = { mass_kg = 2, inertia_kg_m2 = [0.01, 0.01, 0.015, 0.02, 0, 0] }\n"), "MO120");
+  // Link 3 of a Puma 560 as Armstrong, Khatib and Burdick (1986) measured it: no rigid body, but what is known.
+  const auto measured = read(strut, "platform = { mass_kg = 4.8, inertia_kg_m2 = [0.066, 0.0125, 0.086] }\n");
+  ASSERT_TRUE(measured) << measured.error().message;
+  EXPECT_EQ((*measured)->not_rigid(), std::vector<std::string>{"platform"});
+  EXPECT_TRUE((*good)->not_rigid().empty());
   EXPECT_EQ(id(strut, "platform = { mass_kg = -2 }\n"), "CF105");
   EXPECT_EQ(id(strut, "rod_kg = 1\n"), "MO121");
   EXPECT_EQ(id(strut, "drive_inertia = [1, 2]\n"), "MO122");

@@ -16,6 +16,8 @@ struct Body {
   double mass = 0;              ///< kg
   Vec3 center = Vec3::Zero();   ///< of mass, m
   Mat3 inertia = Mat3::Zero();  ///< about the center of mass, in the axes of the frame, kg m^2
+  /// Whether a rigid body can have it: no principal moment is larger than the sum of the others. Measured ones may be.
+  bool rigid = true;
 };
 
 /// What moves, as the table `dynamics` of a machine file says it. Parts that it does not name have no mass.
@@ -38,11 +40,14 @@ struct Dynamics {
 
   /// The keys of the parts that have a mass or an inertia.
   [[nodiscard]] std::vector<std::string> parts_with_mass() const;
+  /// The bodies with an inertia that no rigid body has: "link 3".
+  [[nodiscard]] std::vector<std::string> not_rigid() const;
 };
 
 /// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Errors:
-/// those of config, MO120 (an inertia that no body has), MO121 (a key that the machine has no part for), MO122 (as
-/// many numbers as drives, or links as rows).
+/// those of config, MO120 (an inertia that no body has: a negative principal moment, or one larger than 1.25 times the
+/// sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives, or links as
+/// rows).
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine);
 
 /// Why the forces of this machine's drives are not computed; empty where they are: machines in series, families of a
