@@ -37,29 +37,37 @@ BENCHMARK_CAPTURE(forces, hexapod, "hexapod-strut", Vec3(0.002, 0.001, 0.075));
 BENCHMARK_CAPTURE(forces, delta, "delta-brno", Vec3(0.05, 0.02, 0.5));
 BENCHMARK_CAPTURE(forces, arm, "lola50", Vec3(0.1, -1.3, 0));
 
-/// Lines of 0.25 mm on a wavy way, each from rest to rest: lines a second.
-void planned(benchmark::State& state, const char* name, const Vec3& start) {
+/// Lines on a wavy way, each from rest to rest: lines a second. Those of 0.25 mm are passed by S profiles.
+void planned(benchmark::State& state, const char* name, const Vec3& start, int count, double length) {
   const machine::AnyMachine m = *machine::load(name);
-  constexpr int kLines = 50;
   const auto at = [&](int k) {
-    return motion::TargetPose{start + Vec3(0.25e-3 * k, 1e-3 * std::sin(0.3 * k), 0), Vec3::Zero()};
+    return motion::TargetPose{start + length * Vec3(k, 4 * std::sin(0.3 * k), 0), Vec3::Zero()};
   };
   std::vector<motion::Stretch> lines;
-  for (int k = 0; k < kLines; ++k) lines.push_back(*motion::straight(at(k), at(k + 1)));
+  for (int k = 0; k < count; ++k) lines.push_back(*motion::straight(at(k), at(k + 1)));
   const motion::PosePath path = *motion::pose_path_of(lines);
   motion::MoveOptions options;
   options.law = motion::Law::fastest;
   options.limits.tool_speed = 0.5;
   options.limits.tool_acceleration = 5;
   options.limits.tool_jerk = 100;
+  const int drives = kinematics::joint_count(m);
+  options.limits.drive_speed = machine::JointVector::Constant(drives, 1);
+  options.limits.drive_acceleration = machine::JointVector::Constant(drives, 4);
+  options.limits.drive_jerk = machine::JointVector::Constant(drives, 80);
+  double time = 0;
   for (auto _ : state) {
     const auto moved = motion::move(m, path, options);
     if (!moved) state.SkipWithError(to_string(moved.error()).c_str());
+    time = moved ? moved->time : 0;
   }
+  state.counters["time_s"] = time;
   state.counters["lines_per_second"] =
-      benchmark::Counter(kLines * double(state.iterations()), benchmark::Counter::kIsRate);
+      benchmark::Counter(count * double(state.iterations()), benchmark::Counter::kIsRate);
 }
-BENCHMARK_CAPTURE(planned, delta, "delta-linear", Vec3(0, 0, 0.45))->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(planned, arm, "lola50", Vec3(0, -1.3, 0))->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(planned, delta, "delta-linear", Vec3(0, 0, 0.45), 50, 0.25e-3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(planned, arm, "lola50", Vec3(0, -1.3, 0), 50, 0.25e-3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(planned, delta_long, "delta-brno", Vec3(-0.1, 0, 0.5), 5, 40e-3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(planned, arm_long, "lola50", Vec3(-0.1, -1.3, 0), 5, 50e-3)->Unit(benchmark::kMillisecond);
 
 }  // namespace

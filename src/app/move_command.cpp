@@ -37,8 +37,8 @@ struct Options {
   std::vector<std::string> sets;
   double speed = 0, step = 1, clearance = 10, condition = 1000, rapid = 6000, blend = 0;
   bool fastest = false;
-  double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6;
-  std::string drive_speed, drive_acceleration, drive_jerk, resolution, delay, goal;
+  double tool_speed = 5000, tool_acceleration = 100e3, tool_jerk = 5e6, turn_speed = 0;
+  std::string profile, drive_speed, drive_acceleration, drive_jerk, resolution, delay, goal;
   MassesOptions masses;
   double interval = 0, weight = 0.5;
   bool staggered = false, free_rotation = false, insert = false;
@@ -159,7 +159,7 @@ Status path_of_program(const machining::Job& job, const Options& o, const Contex
                  gcode::understand(o.program, o.job.empty() ? gcode::UnrollOptions{} : machining::unroll_options(job)));
   POLYPOD_TRY(machining::known_offsets(job, understood.program, understood.interpretation));
   POLYPOD_ASSIGN(program, machining::path_of_program(job.machine, X_MW, understood.program, understood.interpretation,
-                                                     units::from_mm_per_min(o.rapid)));
+                                                     units::from_mm_per_min(o.rapid), job.block_delete));
   out.path = std::move(program.path);
   out.notes = std::move(program.notes);
   if (!program.left_out.empty()) {
@@ -179,12 +179,20 @@ Status path_of_program(const machining::Job& job, const Options& o, const Contex
     out.notes.emplace_back("the program blends its corners (G64); here the tool stops in each, --blend rounds them");
     break;
   }
-  if (const double dwells = gcode::dwell_time(understood.program); dwells > 0) {
-    out.notes.push_back(fmt::format("dwells (G4) of {:g} s in all are not in the time", dwells));
-  }
+  if (program.wait > 0) out.notes.push_back(fmt::format("the time holds {:g} s of dwells (G4)", program.wait));
   out.options.law = motion::Law::fastest;
   out.angles = true;
   return {};
+}
+
+/// How a path file's times are kept: as the option says, else as the file does.
+Result<motion::Profile> profile_of(const std::string& option, const motion::PosePathFile& read) {
+  if (option.empty()) return read.profile;
+  if (!read.timed) return fail("AP107", "--profile does nothing here: the path file has no times", {}, "leave it out");
+  if (option == "linear") return motion::Profile::linear;
+  if (option == "smooth") return motion::Profile::smooth;
+  if (option == "spline") return motion::Profile::spline;
+  return fail("AP216", fmt::format("--profile {}: not known", option), {}, "linear, smooth or spline");
 }
 
 /// What the path file, the points or the program say.
@@ -197,6 +205,7 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
     return fail("AP191", "the path must be given once", {}, "give --path FILE, --points or --program");
   }
   if (o.program.empty()) POLYPOD_TRY(refuse(context, {"--origin", "--rapid"}, "it serves --program"));
+  if (o.file.empty()) POLYPOD_TRY(refuse(context, {"--profile"}, "it serves a path file with times"));
   double speed = 0;
   if (!o.program.empty()) {
     POLYPOD_TRY(path_of_program(job, o, context, out));
@@ -205,7 +214,8 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
     out.path = std::move(read.path);
     speed = read.speed;
     out.angles = read.angles;
-    out.options.profile = read.profile;
+    POLYPOD_ASSIGN(profile, profile_of(o.profile, read));
+    out.options.profile = profile;
     if (read.timed && o.speed == 0) out.options.law = motion::Law::timed;
   } else {
     POLYPOD_ASSIGN(points, poses_of(o.points, task));
@@ -218,6 +228,16 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
     out.path = std::move(path);
   }
   if (o.fastest) out.options.law = motion::Law::fastest;
+  if (out.options.law == motion::Law::timed && out.options.profile == motion::Profile::spline) {
+    if (o.blend > 0) {
+      return fail("AP107", "--blend does nothing here: a spline has no corners", {}, "leave it out");
+    }
+    POLYPOD_ASSIGN(spline, motion::splined(out.path));
+    const double off = motion::farthest_from_chords(spline);
+    out.path = std::move(spline);
+    out.notes.push_back(fmt::format("between its points the spline leaves their straight ways by {} mm at most",
+                                    figure(units::to_mm(off), 3)));
+  }
   out.options.speed = o.speed != 0 ? units::from_mm(o.speed) : speed;
   if (o.blend > 0) {
     const bool jerk = out.options.law == motion::Law::fastest && o.tool_jerk != 0;
@@ -235,6 +255,7 @@ Status limits_of(const machining::Job& job, const Options& o, const Context& con
   out.limits.tool_speed = tool(o.tool_speed, "--tool-speed");
   out.limits.tool_acceleration = tool(o.tool_acceleration, "--tool-acceleration");
   out.limits.tool_jerk = tool(o.tool_jerk, "--tool-jerk");
+  if (o.turn_speed > 0) out.limits.turn_speed = units::from_deg(o.turn_speed);
   constexpr double kSpeedOf = 12, kAccelerationOf = 250, kJerkOf = 2e4;  // rad or m, to the powers of s, as `pick`
   const auto usual = [&](double value) { return assumed ? value : motion::kNoLimit; };
   POLYPOD_ASSIGN(speed, of_drives(m, o.drive_speed, "--drive-speed", kSpeed, usual(kSpeedOf)));
@@ -360,6 +381,12 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
   all = add("jerk of the tool", units::to_mm(options.limits.tool_jerk), units::to_mm(r.tool_jerk), "mm/s³",
             "--tool-jerk") &&
         all;
+  constexpr double kRounding = 1e-9;  // rad/s
+  if (!add("turning speed of the tool", units::to_deg(options.limits.turn_speed), units::to_deg(r.turn_speed), "deg/s",
+           "--turn-speed") &&
+      r.turn_speed > kRounding) {
+    out.not_judged.emplace_back("turning speed of the tool");
+  }
   const auto drives = [&](const char* what, const machine::JointVector& limit, double motion::MoveDrive::*met,
                           const char* per, const char* option) {
     bool every = true;
@@ -704,12 +731,15 @@ Command move_command() {
         a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm, of --program");
         a.option("--rapid", o->rapid, {1e-3, 1e9}, "Largest speed of G0, mm/min (default 6000)");
         a.option("--speed", o->speed, {1e-6, 1e9}, "The tip at this constant speed, mm/s (default: the path file's)");
+        a.option("--profile", o->profile,
+                 "Of a path with times: linear (a constant rate between points), smooth (a stop in each), spline");
         a.flag("--time-optimal", o->fastest, "In the least time within the limits of tool and drives");
         a.option("--blend", o->blend, kDistance_mm,
                  "Corners are rounded by up to this, mm (default 0: the tool stops in them)");
         a.option("--tool-speed", o->tool_speed, kSpeed, "mm/s (planned motion: default 5000; 0: no limit)");
         a.option("--tool-acceleration", o->tool_acceleration, kAcceleration, "mm/s2 (default 1e5; 0: no limit)");
         a.option("--tool-jerk", o->tool_jerk, kJerk, "mm/s3 (default 5e6; 0: no limit)");
+        a.option("--turn-speed", o->turn_speed, kSpeed, "Of the tool's orientation, deg/s (default 0: no limit)");
         a.option("--drive-speed", o->drive_speed,
                  "deg/s or mm/s, one number or one a drive (default 12 rad/s, 12 m/s; 0: no limit)");
         a.option("--drive-acceleration", o->drive_acceleration,

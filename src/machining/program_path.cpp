@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -50,15 +51,29 @@ motion::Stretch stretch_of(const gcode::Move& move, const Pose& X_MW) {
 }  // namespace
 
 Result<ProgramPath> path_of_program(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
-                                    const gcode::Interpretation& interpretation, double rapid_speed) {
+                                    const gcode::Interpretation& interpretation, double rapid_speed,
+                                    bool block_delete) {
   POLYPOD_TRY(follows_programs(machine));
   const machine::Task task = kinematics::task(machine);
   ProgramPath out;
   out.notes = interpretation.notes;
   std::vector<motion::Stretch> stretches;
   const auto known = [](const std::array<bool, 3>& k) { return k[0] && k[1] && k[2]; };
+  // Dwells in the order of the blocks: each belongs to the move before it.
+  std::size_t block = 0;
+  double before = 0;
+  const auto wait_until = [&](std::size_t end) {
+    for (; block < end; ++block) {
+      const gcode::Block b = program.blocks[block];
+      if (b.after_end || (b.optional && block_delete)) continue;
+      const double wait = gcode::dwell_of(b);
+      (stretches.empty() ? before : stretches.back().wait) += wait;
+      out.wait += wait;
+    }
+  };
   for (const gcode::Move& move : interpretation.moves) {
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
+    wait_until(static_cast<std::size_t>(move.block));
     if (!move.start_known || !known(move.known_end)) {
       out.left_out.push_back(line);
       continue;
@@ -85,8 +100,10 @@ Result<ProgramPath> path_of_program(const machine::AnyMachine& machine, const Po
     s.speed = s.rapid ? rapid_speed : move.feed;
     s.line = line;
     s.stop = move.path.mode == gcode::PathMode::exact_stop;
+    if (stretches.empty()) s.wait_before = before;
     stretches.push_back(s);
   }
+  wait_until(program.blocks.size());
   if (stretches.empty()) {
     return fail("MO117", "the program makes no move of which both ends are known", {},
                 "give X, Y and Z with G0 before the first move that counts");

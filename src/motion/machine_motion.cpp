@@ -70,8 +70,10 @@ class Follower {
     return static_cast<std::size_t>(it - begins_.begin()) - 1;
   }
 
-  /// With the joints that are the nearest to `near`, or the solution `which` of the list.
-  [[nodiscard]] State state(std::size_t stretch, double u, const JointVector& near, std::size_t which = 0) const {
+  /// With the joints that are the nearest to `near`, or the solution `which` of the list; limits and condition where
+  /// they are asked for.
+  [[nodiscard]] State state(std::size_t stretch, double u, const JointVector& near, std::size_t which = 0,
+                            bool judged = true) const {
     State out;
     const Pose target = path_.stretches[stretch].pose(u);
     out.X = target;
@@ -88,6 +90,7 @@ class Follower {
     out.q = chosen->joints;
     out.branch = chosen->branch;
     out.X = kinematics::settled(machine_, target, out.q);
+    if (!judged) return out;
     out.violations = kinematics::violations(machine_, out.X, out.q);
     out.condition = kinematics::dexterity(machine_, out.X, out.q).condition;
     if (has_clearance_) out.clearance = clearance_of(machine_, out.X.p).value_or(0);
@@ -322,7 +325,7 @@ struct Peaks3 {
 /// Of each order the limit that is met the nearest.
 struct Nearest {
   double ratio = 0;
-  int who = -2;  ///< a drive, -1 the tool, -3 the speed of the program
+  int who = -2;  ///< a drive, -1 the tool, -3 the speed of the program, -4 the orientation of the tool
   void take(double value, double limit, int by) {
     const double r = std::abs(value) / limit;
     if (std::isfinite(limit) && r > ratio) *this = {r, by};
@@ -365,7 +368,8 @@ class Mover {
     if (options_.law == Law::fastest && !limits_.limits_jerk()) {
       out.notes.emplace_back("accelerations jump, because no jerk is limited: jerks are those between the jumps");
     }
-    out.moves_at_once = options_.law != Law::fastest && !comes_to_rest();
+    const bool waits = path_.stretches.front().wait_before > 0 && path_.stretches.back().wait > 0;
+    out.moves_at_once = options_.law != Law::fastest && !goes_smoothly() && !waits;
     for (MoveViolation& v : out.violations) v.t = law_.time_of(v.s);
     POLYPOD_TRY(check(out));
     out.time = law_.duration();
@@ -438,7 +442,7 @@ class Mover {
     if (s.speed > 0) out.speed = s.speed;
     const PoseSeries target = s.at(Series(u, 1, 0, 0));
     PoseSeries X = target;
-    const State state = follower_.state(stretch, u, near(stretch, u));
+    const State state = follower_.state(stretch, u, near(stretch, u), 0, false);
     if (state.reached) {
       const JointSeries joints = joint_series(follower_.machine(), target, state.X, state.q);
       if (joints.regular) {
@@ -453,7 +457,20 @@ class Mover {
       out.tip_2[k] = X.p[k].derivative(2);
       out.tip_3[k] = X.p[k].derivative(3);
     }
+    out.turn = rate_of_turning(X);
     return out;
+  }
+  /// The axis of dR/dt R^T, rad a unit of the series' parameter, in M.
+  static Vec3 rate_of_turning(const PoseSeries& X) {
+    Mat3 R, dR;
+    for (int i = 0; i < 3; ++i) {
+      for (int k = 0; k < 3; ++k) {
+        R(i, k) = X.R(i, k).value();
+        dR(i, k) = X.R(i, k).derivative(1);
+      }
+    }
+    const Mat3 W = dR * R.transpose();
+    return 0.5 * Vec3(W(2, 1) - W(1, 2), W(0, 2) - W(2, 0), W(1, 0) - W(0, 1));
   }
 
   Status make_law(MoveResult& out) {
@@ -468,9 +485,10 @@ class Mover {
     }
     for (std::size_t k = 0; k < stretches.size(); ++k) {
       const Stretch& s = stretches[k];
+      TimeLaw::Block block;
       if (options_.law == Law::timed) {
-        law_.add(options_.profile == Profile::smooth ? smooth_block(follower_.begin(k), s.size, s.duration)
-                                                     : uniform_block(follower_.begin(k), s.size, s.duration));
+        block = options_.profile == Profile::smooth ? smooth_block(follower_.begin(k), s.size, s.duration)
+                                                    : uniform_block(follower_.begin(k), s.size, s.duration);
       } else {
         if (!(s.length > 0)) {
           return fail("MO114",
@@ -478,9 +496,11 @@ class Mover {
                       "give time_s to every stretch, or plan with --time-optimal");
         }
         const double speed = s.speed > 0 ? s.speed : options_.speed;
-        law_.add(uniform_block(follower_.begin(k), s.size, s.length / speed));
+        block = uniform_block(follower_.begin(k), s.size, s.length / speed);
       }
-      if (k + 1 == stretches.size() || comes_to_rest()) continue;
+      block.rest(k == 0 ? s.wait_before : 0, s.wait);
+      law_.add(std::move(block));
+      if (k + 1 == stretches.size() || goes_smoothly() || s.wait > 0) continue;
       const Junction j = path_.junction(k);
       if (j.tangent) continue;
       MoveViolation v;
@@ -499,19 +519,17 @@ class Mover {
     return {};
   }
 
-  /// In given times with a profile that is at rest at each point.
-  [[nodiscard]] bool comes_to_rest() const { return options_.law == Law::timed && options_.profile == Profile::smooth; }
+  /// In given times with a profile that is at rest at each point, or goes on there in speed and acceleration.
+  [[nodiscard]] bool goes_smoothly() const { return options_.law == Law::timed && options_.profile != Profile::linear; }
 
   /// Where two stretches that go on in one direction meet, their rates may differ (and where a line meets an arc, their
   /// accelerations): no instant within a stretch shows it. Breaks every limit of acceleration (jerk) of what jumps.
   void judge_jumps(MoveResult& out) const {
-    if (options_.law == Law::fastest || comes_to_rest()) return;
+    if (options_.law == Law::fastest || goes_smoothly()) return;
     std::set<std::string> seen;
     RateJumps& jumps = out.jumps;
-    for (std::size_t k = 0; k + 1 < law_.blocks(); ++k) {
-      if (!path_.junction(k).tangent) continue;  // a corner is a violation already
-      const MoveSample a = sample_at(k, law_.block(k).duration), b = sample_at(k + 1, 0);
-      if (!a.reached || !b.reached) continue;
+    const auto count = [&](std::size_t next, const MoveSample& a, const MoveSample& b) {
+      if (!a.reached || !b.reached) return;
       const double speed = differs(a.v, b.v), turn = differs(a.turn, b.turn);
       if (speed > 0 || turn > 0) ++jumps.count;
       jumps.speed = std::max(jumps.speed, speed);
@@ -521,9 +539,9 @@ class Mover {
         if (!seen.insert(name + " jump").second) return;
         const bool turns = who >= 0 && out.drives[static_cast<std::size_t>(who)].turns;
         MoveViolation v;
-        v.s = follower_.begin(k + 1);
+        v.s = b.s;
         v.p = b.X.p;
-        v.line = path_.stretches[k + 1].line;
+        v.line = path_.stretches[next].line;
         v.kind = who < 0 ? "tool" : "drive";
         v.limit = name;
         v.detail =
@@ -537,11 +555,24 @@ class Mover {
       if (speed > 0 && limited(limits_.tool_acceleration)) report(-1, 1, speed);
       const double bend = differs(a.a, b.a);
       if (bend > 0 && limited(limits_.tool_jerk)) report(-1, 2, bend);
-      if (!a.regular || !b.regular) continue;
+      if (!a.regular || !b.regular) return;
       for (int i = 0; i < follower_.joints(); ++i) {
         const double rate = differs_in(a.speed, b.speed, i), rate_2 = differs_in(a.acceleration, b.acceleration, i);
         if (rate > 0 && limited(limits_.drive_acceleration[i])) report(i, 1, rate);
         if (rate_2 > 0 && limited(limits_.drive_jerk[i])) report(i, 2, rate_2);
+      }
+    };
+    for (std::size_t k = 0; k < law_.blocks(); ++k) {
+      const TimeLaw::Block& block = law_.block(k);
+      const Stretch& stretch = path_.stretches[k];
+      constexpr double kJust = 1e-9;  // of the block, beside a wait
+      const double just = kJust * block.duration, waits = k == 0 ? stretch.wait_before : 0;
+      if (waits > 0) count(k, sample_at(k, 0), sample_at(k, waits + just));
+      if (stretch.wait > 0) {
+        count(k, sample_at(k, block.duration - stretch.wait - just), sample_at(k, block.duration));
+        if (k + 1 < law_.blocks()) count(k + 1, sample_at(k, block.duration), sample_at(k + 1, 0));
+      } else if (k + 1 < law_.blocks() && path_.junction(k).tangent) {  // a corner is a violation already
+        count(k + 1, sample_at(k, block.duration), sample_at(k + 1, 0));
       }
     }
   }
@@ -561,7 +592,7 @@ class Mover {
     const bool jerk = limits_.limits_jerk();
     std::size_t first = 0;
     for (std::size_t k = 0; k < stretches.size(); ++k) {
-      bool stops = k + 1 == stretches.size() || stretches[k].stop;
+      bool stops = k + 1 == stretches.size() || stretches[k].stop || stretches[k].wait > 0;
       if (!stops) {
         const Junction j = path_.junction(k);
         stops = !j.tangent || (jerk && !j.smooth);
@@ -580,7 +611,9 @@ class Mover {
   /// A block of stretches without a stop between them, on `finer` times as many nodes as usual.
   [[nodiscard]] Result<TimeLaw::Block> planned(std::size_t block, int finer) const {
     const auto [first, last] = planned_[block];
-    return limits_.limits_jerk() ? plan_within_jerk(first, last, finer) : plan_block(first, last, finer);
+    POLYPOD_ASSIGN(out, limits_.limits_jerk() ? plan_within_jerk(first, last, finer) : plan_block(first, last, finer));
+    out.rest(first == 0 ? path_.stretches.front().wait_before : 0, path_.stretches[last].wait);
+    return out;
   }
 
   [[nodiscard]] Result<TimeLaw::Block> plan_block(std::size_t first, std::size_t last, int finer) const {
@@ -601,9 +634,23 @@ class Mover {
     return fastest(nodes, limits_);
   }
 
+  /// The S profile, where no law is much faster.
+  [[nodiscard]] std::optional<TimeLaw::Block> s_profile_of(std::size_t first, std::size_t last, int finer) const {
+    constexpr int kPieces = 4;
+    constexpr double kGap = 1e-3;  // of the time
+    std::vector<PlanNode> nodes;
+    for (std::size_t k = first; k <= last; ++k) {
+      for (int i = 0; i <= finer * kPieces; ++i) {
+        nodes.push_back(plan_node(k, path_.stretches[k].size * i / (finer * kPieces)));
+      }
+    }
+    return nearly_fastest_s_profile(nodes, limits_, kGap);
+  }
+
   [[nodiscard]] Result<TimeLaw::Block> plan_within_jerk(std::size_t first, std::size_t last, int finer) const {
     const double from = follower_.begin(first);
     const double to = follower_.begin(last) + path_.stretches[last].size;
+    if (const auto profile = s_profile_of(first, last, finer)) return *profile;
     constexpr int kLeast = 100, kMost = 1500;
     int pieces = 0;
     std::vector<double> parts;
@@ -618,8 +665,8 @@ class Mover {
     return fastest_within_jerk(node, from, to - from, parts, finer * std::clamp(pieces, kLeast, kMost), limits_);
   }
 
-  /// Tool and drives at the time x of a block.
-  [[nodiscard]] MoveSample sample_at(std::size_t block, double x) const {
+  /// Tool and drives at the time x of a block; limits of poses and condition where they are asked for.
+  [[nodiscard]] MoveSample sample_at(std::size_t block, double x, bool judged = false) const {
     MoveSample out;
     out.t = law_.begin(block) + x;
     const Series s = law_.in_block(block, x);
@@ -634,7 +681,7 @@ class Mover {
     Series u = s - Series(follower_.begin(k));
     u[0] = std::clamp(u[0], 0.0, stretch.size);
     const PoseSeries target = stretch.at(u);
-    const State state = follower_.state(k, u[0], near(k, u[0]));
+    const State state = follower_.state(k, u[0], near(k, u[0]), 0, judged);
     out.X = state.X;
     out.reached = state.reached;
     out.condition = state.condition;
@@ -652,24 +699,19 @@ class Mover {
         out.force = drive_forces(follower_.machine(), *options_.dynamics, joints);
       }
     }
-    Mat3 R, dR;
     for (int i = 0; i < 3; ++i) {
       out.v[i] = X.p[i].derivative(1);
       out.a[i] = X.p[i].derivative(2);
       out.j[i] = X.p[i].derivative(3);
-      for (int c = 0; c < 3; ++c) {
-        R(i, c) = X.R(i, c).value();
-        dR(i, c) = X.R(i, c).derivative(1);
-      }
     }
-    const Mat3 W = dR * R.transpose();
-    out.turn = 0.5 * Vec3(W(2, 1) - W(1, 2), W(0, 2) - W(2, 0), W(1, 0) - W(0, 1));
+    out.turn = rate_of_turning(X);
     return out;
   }
 
   [[nodiscard]] std::array<Nearest, 3> nearest_of(const MoveSample& s) const {
     std::array<Nearest, 3> out;
     out[0].take(s.v.norm(), limits_.tool_speed, -1);
+    out[0].take(s.turn.norm(), limits_.turn_speed, -4);
     const double own = path_.stretches[s.stretch].speed;
     if (options_.law == Law::fastest && own > 0) out[0].take(s.v.norm(), own, -3);
     out[1].take(s.a.norm(), limits_.tool_acceleration, -1);
@@ -685,6 +727,7 @@ class Mover {
     const char* what[] = {"speed", "acceleration", "jerk"};
     if (n.who == -2) return "";
     if (n.who == -3) return "programmed speed";
+    if (n.who == -4) return "tool turning speed";
     return n.who < 0 ? fmt::format("tool {}", what[order]) : fmt::format("drive {} {}", n.who + 1, what[order]);
   }
   static std::pair<std::string, double> nearest_in_words(const std::array<Nearest, 3>& n) {
@@ -703,15 +746,18 @@ class Mover {
     std::vector<std::array<Nearest, 3>> all;  ///< at each instant
     double factor = 1;
   };
-  Look look_at(std::size_t block, double total, bool report, std::set<std::string>& exceeded, MoveResult& out) const {
+  /// Of one block, where all take `total` s.
+  [[nodiscard]] int instants(std::size_t block, double total) const {
     constexpr int kInstants = 10500, kLeast = 24;
-    const double duration = law_.block(block).duration;
-    const int count = std::max(kLeast, static_cast<int>(std::ceil(kInstants * duration / total)));
+    return std::max(kLeast, static_cast<int>(std::ceil(kInstants * law_.block(block).moving() / total)));
+  }
+  Look look_at(std::size_t block, int count, bool report, std::set<std::string>& exceeded, MoveResult& out) const {
+    const double begin = law_.block(block).rest_before, duration = law_.block(block).moving();
     Look look;
     look.drives.resize(out.drives.size());
     look.force.resize(out.drives.size());
     for (int i = 0; i <= count; ++i) {
-      const MoveSample s = sample_at(block, duration * i / count);
+      const MoveSample s = sample_at(block, begin + duration * i / count);
       look.tool.raise(s.v.norm(), s.a.norm(), s.j.norm());
       look.turn = std::max(look.turn, s.turn.norm());
       for (std::size_t k = 0; s.regular && k < look.drives.size(); ++k) {
@@ -734,7 +780,8 @@ class Mover {
 
   /// Looks at many instants of every block; slows a block down until all its limits are kept where they are to be.
   Status check(MoveResult& out) {
-    const double total = law_.duration();
+    double total = 0;
+    for (std::size_t b = 0; b < law_.blocks(); ++b) total += law_.block(b).moving();
     std::map<std::string, double> binding;
     std::set<std::string> exceeded;
     Peaks3 tool;
@@ -743,21 +790,23 @@ class Mover {
     std::vector<double> force(drives.size(), 0);
     for (std::size_t b = 0; b < law_.blocks(); ++b) {
       const bool at_once = options_.law != Law::fastest;
-      Look look = look_at(b, total, at_once, exceeded, out);
       // Where the limits are exceeded between nodes, finer nodes are better than a slower block.
       constexpr double kEnough = 1.001;
-      constexpr int kFinest = 8;
+      constexpr int kFinest = 8, kGlances = 500;
+      const auto glance = [&] { return look_at(b, std::min(kGlances, instants(b, total)), at_once, exceeded, out); };
+      Look look = glance();
       for (int finer = 2; look.factor > kEnough && finer <= kFinest && !planned_.empty(); finer *= 2) {
         POLYPOD_ASSIGN(block, planned(b, finer));
         law_.replace(b, std::move(block));
-        look = look_at(b, total, at_once, exceeded, out);
+        look = glance();
       }
-      const double factor = look.factor, duration = law_.block(b).duration;
+      if (const int all = instants(b, total); all > kGlances) look = look_at(b, all, at_once, exceeded, out);
+      const double factor = look.factor, duration = law_.block(b).moving();
       const int count = static_cast<int>(look.all.size()) - 1;
       out.checked += count + 1;
       if (factor > 1) law_.stretch(b, factor);
       // Forces have parts that do not go with the speed.
-      if (options_.dynamics && !at_once) look.force = look_at(b, total, true, exceeded, out).force;
+      if (options_.dynamics && !at_once) look.force = look_at(b, count, true, exceeded, out).force;
       for (std::size_t k = 0; k < force.size(); ++k) force[k] = std::max(force[k], look.force[k]);
       look.tool.slower(factor);
       tool.raise(look.tool);
@@ -786,7 +835,9 @@ class Mover {
       out.drives[k].jerk = drives[k].jerk;
       if (options_.dynamics) out.drives[k].force = force[k];
     }
-    for (const auto& [name, time] : binding) out.binding.emplace_back(name, time / law_.duration());
+    total = 0;  // of the motion without its waits
+    for (std::size_t b = 0; b < law_.blocks(); ++b) total += law_.block(b).moving();
+    for (const auto& [name, time] : binding) out.binding.emplace_back(name, time / total);
     std::stable_sort(out.binding.begin(), out.binding.end(),
                      [](const auto& a, const auto& b) { return a.second > b.second; });
     return {};
@@ -799,7 +850,7 @@ class Mover {
       if (!(std::abs(value) > limit * (1 + kRounding))) return;
       const std::string name = name_of({0, who}, order);
       if (!seen.insert(name).second) return;
-      const bool turns = who >= 0 && out.drives[static_cast<std::size_t>(who)].turns;
+      const bool turns = who == -4 || (who >= 0 && out.drives[static_cast<std::size_t>(who)].turns);
       const auto shown = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
       const char* per[] = {"/s", "/s2", "/s3"};
       MoveViolation v;
@@ -814,6 +865,7 @@ class Mover {
       out.violations.push_back(v);
     };
     look(s.v.norm(), limits_.tool_speed, -1, 0);
+    look(s.turn.norm(), limits_.turn_speed, -4, 0);
     look(s.a.norm(), limits_.tool_acceleration, -1, 1);
     look(s.j.norm(), limits_.tool_jerk, -1, 2);
     for (int i = 0; s.regular && i < follower_.joints(); ++i) {
@@ -984,7 +1036,7 @@ class Mover {
       at.emplace_back(b, std::min(t - law_.begin(b), law_.block(b).duration));
     }
     for (const auto& [block, x] : at) {
-      MoveSample s = sample_at(block, x);
+      MoveSample s = sample_at(block, x, true);
       std::tie(s.nearest, s.share) = nearest_in_words(nearest_of(s));
       out.samples.push_back(std::move(s));
     }

@@ -2,10 +2,13 @@
 #include "polypod/motion/pose_path.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/LU>
+#include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/csv.hpp"
@@ -204,6 +207,108 @@ Result<Stretch> curved(const TargetPose& from, const Vec3& via, const TargetPose
   return out;
 }
 
+namespace {
+
+/// m, along a polynomial.
+double length_of(const Stretch& s) {
+  constexpr int kPieces = 32;
+  double out = 0;
+  Vec3 last = s.pose(0).p;
+  for (int k = 1; k <= kPieces; ++k) {
+    const Vec3 next = s.pose(s.size * k / kPieces).p;
+    out += (next - last).norm();
+    last = next;
+  }
+  return out;
+}
+
+/// Lines with durations as one spline from rest to rest. Unknown are the rates v and the second derivatives a at the
+/// inner points; third and fourth derivatives go on there. Of a stretch of duration h from p_0 to p_1 with d = p_1 -
+/// p_0
+///   x'''(0)  =   60 d / h^3 - (36 v_0 + 24 v_1) / h^2 + (3 a_1 - 9 a_0) / h,
+///   x''''(0) = -360 d / h^4 + (192 v_0 + 168 v_1) / h^3 + (36 a_0 - 24 a_1) / h^2,
+/// and at its end the same backwards in time.
+void spline_through(std::span<const Stretch> lines, std::span<Stretch> out) {
+  using Value = Eigen::Matrix<double, 1, 6>;
+  using Values = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+  const auto n = static_cast<Eigen::Index>(lines.size());
+  double length = 0, time = 0;
+  for (const Stretch& s : lines) {
+    length += s.size;
+    time += s.duration;
+  }
+  const double unit = time / static_cast<double>(n);  // of time
+  const auto line = [&](Eigen::Index k) -> const Stretch& { return lines[static_cast<std::size_t>(k)]; };
+  const auto way = [&](Eigen::Index k) {
+    Value d;
+    d << (line(k).to - line(k).from).transpose(), (line(k).angles_to - line(k).angles_from).transpose();
+    return d;
+  };
+  // Unknowns 2 (k - 1) and 2 (k - 1) + 1: v and a of point k; the equations of that point stand in the same rows.
+  Values known = Values::Zero(2 * (n - 1), 6);
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Eigen::Index k = 1; k < n; ++k) {
+    const auto row = 2 * (k - 1);
+    const auto put = [&](Eigen::Index down, Eigen::Index point, double v, double a) {
+      if (point == 0 || point == n) return;  // at rest
+      entries.emplace_back(row + down, 2 * (point - 1), v);
+      entries.emplace_back(row + down, 2 * (point - 1) + 1, a);
+    };
+    const double h = line(k - 1).duration / unit, g = line(k).duration / unit;
+    const Value before = way(k - 1), behind = way(k);
+    put(0, k - 1, -24 / (h * h), -3 / h);
+    put(0, k, 36 / (g * g) - 36 / (h * h), 9 / h + 9 / g);
+    put(0, k + 1, 24 / (g * g), -3 / g);
+    known.row(row) = 60 * behind / (g * g * g) - 60 * before / (h * h * h);
+    put(1, k - 1, 168 / (h * h * h), 24 / (h * h));
+    put(1, k, 192 / (h * h * h) + 192 / (g * g * g), 36 / (g * g) - 36 / (h * h));
+    put(1, k + 1, 168 / (g * g * g), -24 / (g * g));
+    known.row(row + 1) = 360 * before / (h * h * h * h) + 360 * behind / (g * g * g * g);
+  }
+  Values rates = Values::Zero(2 * (n + 1), 6);  // v and a of every point
+  if (n > 1) {
+    Eigen::SparseMatrix<double> A(2 * (n - 1), 2 * (n - 1));
+    A.setFromTriplets(entries.begin(), entries.end());
+    const Values inner = Eigen::SparseLU<Eigen::SparseMatrix<double>>(A).solve(known);  // no block: it must be a whole
+    rates.middleRows(2, 2 * (n - 1)) = inner;
+  }
+  // One rate of the parameter for all, so that it goes on from stretch to stretch.
+  const double scale = length / static_cast<double>(n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    Stretch& s = out[static_cast<std::size_t>(k)];
+    const double h = s.duration / unit;
+    const Value d = way(k), v0 = rates.row(2 * k), a0 = rates.row(2 * k + 1), v1 = rates.row(2 * k + 2),
+                a1 = rates.row(2 * k + 3);
+    s.curve = Stretch::Curve::blend;
+    s.size = h * scale;
+    s.polynomial.col(0) << s.from, s.angles_from;
+    s.polynomial.col(1) = v0.transpose();
+    s.polynomial.col(2) = 0.5 * a0.transpose();
+    s.polynomial.col(3) = ((10 * d / h - 6 * v0 - 4 * v1) / (h * h) - (1.5 * a0 - 0.5 * a1) / h).transpose();
+    s.polynomial.col(4) = ((-15 * d / h + 8 * v0 + 7 * v1) / (h * h * h) + (1.5 * a0 - a1) / (h * h)).transpose();
+    s.polynomial.col(5) = ((6 * d / h - 3 * v0 - 3 * v1) / (h * h * h * h) - 0.5 * (a0 - a1) / (h * h * h)).transpose();
+    double power = 1;  // from time to the parameter
+    for (Eigen::Index i = 0; i < 6; ++i, power *= scale) s.polynomial.col(i) /= power;
+    s.length = s.length > 0 ? length_of(s) : 0;
+  }
+}
+
+}  // namespace
+
+double farthest_from_chords(const PosePath& path) {
+  constexpr int kPlaces = 16;
+  double out = 0;
+  for (const Stretch& s : path.stretches) {
+    const Vec3 way = s.to - s.from;
+    for (int k = 1; k < kPlaces; ++k) {
+      const Vec3 p = s.pose(s.size * k / kPlaces).p - s.from;
+      const double share = way.squaredNorm() > 0 ? std::clamp(p.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0;
+      out = std::max(out, (p - share * way).norm());
+    }
+  }
+  return out;
+}
+
 Result<PosePath> pose_path_of(std::vector<Stretch> stretches) {
   if (stretches.empty()) {
     return fail("MO100", "a path needs at least two different points", {}, "give where it starts and where it ends");
@@ -247,6 +352,28 @@ Stretch part_of(const Stretch& s, double a, double b) {
     out.rise = (to - from) * s.rise;
   }
   if (s.duration > 0) out.duration = s.duration * (to - from);
+  if (a > 0) out.wait_before = 0;
+  if (b < s.size) out.wait = 0;
+  return out;
+}
+
+Result<PosePath> splined(const PosePath& path) {
+  for (const Stretch& s : path.stretches) {
+    if (s.curve == Stretch::Curve::line && s.turning == Turning::angles && s.spin_from == 0 && s.spin_to == 0) continue;
+    return fail("MO112", "a spline goes through points, with angles A, B and C: no arcs, no turns about one axis",
+                {{}, s.line}, "leave out via_mm and turning, or take another profile");
+  }
+  PosePath out = path;
+  const auto& all = path.stretches;
+  for (std::size_t first = 0, last = 0; first < all.size(); first = last) {
+    while (last < all.size() && (last == first || !(all[last - 1].wait > 0))) ++last;
+    spline_through({all.data() + first, last - first}, {out.stretches.data() + first, last - first});
+  }
+  out.length = out.size = 0;
+  for (const Stretch& s : out.stretches) {
+    out.length += s.length;
+    out.size += s.size;
+  }
   return out;
 }
 
@@ -286,13 +413,7 @@ Stretch blend_of(const Stretch& a, const Stretch& b, double cut) {
   }
   out.from = a.pose(a.size - cut).p;
   out.to = b.pose(cut).p;
-  constexpr int kPieces = 32;
-  Vec3 last = out.from;
-  for (int k = 1; k <= kPieces; ++k) {
-    const Vec3 next = out.pose(out.size * k / kPieces).p;
-    out.length += (next - last).norm();
-    last = next;
-  }
+  out.length = length_of(out);
   return out;
 }
 
@@ -367,6 +488,27 @@ Vec3 angles_from_deg(const std::vector<double>& deg) {
   return {units::from_deg(deg[0]), units::from_deg(deg[1]), units::from_deg(deg[2])};
 }
 
+/// The stretches of a file, with waits where a pose stays for a time.
+class Stretches {
+ public:
+  /// False where that is none.
+  bool waits(const TargetPose& from, const TargetPose& to, double time) {
+    if (!(time > 0) || (to.p - from.p).norm() > kSame || (to.angles - from.angles).norm() > kSame) return false;
+    (all_.empty() ? before_ : all_.back().wait) += time;
+    return true;
+  }
+  void add(Stretch stretch) {
+    if (all_.empty()) stretch.wait_before = before_;
+    all_.push_back(std::move(stretch));
+  }
+  [[nodiscard]] const std::vector<Stretch>& all() const { return all_; }
+  [[nodiscard]] Result<PosePath> path() && { return pose_path_of(std::move(all_)); }
+
+ private:
+  std::vector<Stretch> all_;
+  double before_ = 0;
+};
+
 /// Whether all stretches have their times, or none.
 Result<bool> timed(const std::vector<Stretch>& stretches, const Place& place) {
   const auto with = std::count_if(stretches.begin(), stretches.end(), [](const Stretch& s) { return s.duration > 0; });
@@ -388,14 +530,15 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
     POLYPOD_ASSIGN(n, in.numbers(key, 3, {-3600, 3600}));
     return angles_from_deg(n);
   };
-  const auto choice = [](const config::Table& in, const char* key, const char* first,
-                         const char* second) -> Result<bool> {
-    POLYPOD_ASSIGN(text, in.optional_text(key, first));
-    if (text != first && text != second) {
-      return fail("MO112", fmt::format("{} = \"{}\" is none of \"{}\", \"{}\"", key, text, first, second),
+  const auto choice = [](const config::Table& in, const char* key,
+                         const std::vector<std::string>& words) -> Result<std::size_t> {
+    POLYPOD_ASSIGN(text, in.optional_text(key, words.front()));
+    const auto found = std::find(words.begin(), words.end(), text);
+    if (found == words.end()) {
+      return fail("MO112", fmt::format("{} = \"{}\" is none of {}", key, text, fmt::join(words, ", ")),
                   in.place_of(key));
     }
-    return text == second;
+    return static_cast<std::size_t>(found - words.begin());
   };
   PosePathFile out;
   TargetPose at;
@@ -408,12 +551,12 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
   }
   POLYPOD_ASSIGN(speed, table.optional_number("speed_mm_per_s", 0, config::kNotNegative));
   out.speed = units::from_mm(speed);
-  POLYPOD_ASSIGN(one_axis, choice(table, "turning", "angles", "turn"));
-  POLYPOD_ASSIGN(smooth, choice(table, "profile", "linear", "smooth"));
-  out.profile = smooth ? Profile::smooth : Profile::linear;
+  POLYPOD_ASSIGN(one_axis, choice(table, "turning", {"angles", "turn"}));
+  POLYPOD_ASSIGN(profile, choice(table, "profile", {"linear", "smooth", "spline"}));
+  out.profile = static_cast<Profile>(profile);
   POLYPOD_ASSIGN(rows, table.tables("segments"));
   POLYPOD_TRY(table.finish());
-  std::vector<Stretch> stretches;
+  Stretches stretches;
   for (const config::Table& row : rows) {
     TargetPose to = at;
     if (row.has("to_mm")) {
@@ -425,9 +568,10 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
       to.angles = a;
       out.angles = true;
     }
-    const Turning turning = one_axis ? Turning::turn : Turning::angles;
+    const Turning turning = one_axis == 1 ? Turning::turn : Turning::angles;
     Result<Stretch> stretch = straight(at, to, turning);
-    if (row.has("via_mm")) {
+    const bool bow = row.has("via_mm");
+    if (bow) {
       POLYPOD_ASSIGN(via, point(row, "via_mm"));
       stretch = curved(at, via, to, turning);
     }
@@ -435,17 +579,18 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
     POLYPOD_ASSIGN(own_speed, row.optional_number("speed_mm_per_s", 0, config::kPositive));
     POLYPOD_ASSIGN(stop, row.optional_boolean("stop", false));
     POLYPOD_TRY(row.finish());
+    if (!bow && stretches.waits(at, to, time)) continue;
     if (!stretch) return fail(stretch.error().id, stretch.error().message, row.place(), stretch.error().hint);
     stretch->duration = time;
     stretch->speed = units::from_mm(own_speed);
     stretch->stop = stop;
     stretch->line = row.place().line;
-    stretches.push_back(*stretch);
+    stretches.add(*stretch);
     at = to;
   }
-  POLYPOD_ASSIGN(has_times, timed(stretches, table.place()));
+  POLYPOD_ASSIGN(has_times, timed(stretches.all(), table.place()));
   out.timed = has_times;
-  POLYPOD_ASSIGN(path, pose_path_of(std::move(stretches)));
+  POLYPOD_ASSIGN(path, std::move(stretches).path());
   out.path = std::move(path);
   return out;
 }
@@ -458,7 +603,7 @@ Result<PosePathFile> read_csv(const std::string& file) {
   PosePathFile out;
   const bool has_time = table.has("time_s");
   out.angles = table.has("a_deg") || table.has("b_deg") || table.has("c_deg");
-  std::vector<Stretch> stretches;
+  Stretches stretches;
   TargetPose last;
   double last_time = 0;
   bool first = true;
@@ -481,11 +626,15 @@ Result<PosePathFile> read_csv(const std::string& file) {
         return fail("MO113", fmt::format("time_s {:g} after {:g}: times must rise", time, last_time),
                     table.place_of(row));
       }
-      Result<Stretch> stretch = straight(last, to);
-      if (!stretch) return fail(stretch.error().id, stretch.error().message, table.place_of(row), stretch.error().hint);
-      stretch->duration = has_time ? time - last_time : 0;
-      stretch->line = row.line;
-      stretches.push_back(*stretch);
+      const double duration = has_time ? time - last_time : 0;
+      if (!stretches.waits(last, to, duration)) {
+        Result<Stretch> stretch = straight(last, to);
+        if (!stretch)
+          return fail(stretch.error().id, stretch.error().message, table.place_of(row), stretch.error().hint);
+        stretch->duration = duration;
+        stretch->line = row.line;
+        stretches.add(*stretch);
+      }
     }
     first = false;
     last = to;
@@ -493,7 +642,7 @@ Result<PosePathFile> read_csv(const std::string& file) {
   }
   POLYPOD_ASSIGN(unused, table.unused());
   out.timed = has_time;
-  POLYPOD_ASSIGN(path, pose_path_of(std::move(stretches)));
+  POLYPOD_ASSIGN(path, std::move(stretches).path());
   out.path = std::move(path);
   return out;
 }

@@ -32,6 +32,13 @@ Series piece_at(const TimeLaw::Piece& piece, double x) {
 
 }  // namespace
 
+void TimeLaw::Block::rest(double before, double after) {
+  if (before > 0) pieces.insert(pieces.begin(), Piece{before, {}, 0});
+  if (after > 0) pieces.push_back({after, {eased ? 1 : size}, 0});
+  rest_before = before;
+  rest_after = after;
+}
+
 void TimeLaw::add(Block block) {
   std::vector<double> ends;
   double t = 0;
@@ -55,9 +62,14 @@ void TimeLaw::replace(std::size_t block, Block by) {
 
 void TimeLaw::stretch(std::size_t block, double factor) {
   Block& b = blocks_[block];
-  const double more = b.duration * (factor - 1);
-  for (Piece& piece : b.pieces) {
-    piece.duration *= factor;
+  const double before = b.duration;
+  b.duration = 0;
+  for (std::size_t k = 0; k < b.pieces.size(); ++k) {
+    Piece& piece = b.pieces[k];
+    const bool rests = (k == 0 && b.rest_before > 0) || (k + 1 == b.pieces.size() && b.rest_after > 0);
+    piece.duration *= rests ? 1 : factor;
+    pieces_[block][k] = b.duration += piece.duration;
+    if (rests) continue;
     double scale = 1;
     for (double& c : piece.c) {
       c *= scale;
@@ -65,9 +77,7 @@ void TimeLaw::stretch(std::size_t block, double factor) {
     }
     piece.bend /= factor * factor;
   }
-  b.duration += more;
-  for (double& end : pieces_[block]) end *= factor;
-  for (std::size_t k = block; k < begins_.size(); ++k) begins_[k] += more;
+  for (std::size_t k = block; k < begins_.size(); ++k) begins_[k] += b.duration - before;
 }
 
 Series TimeLaw::in_block(std::size_t block, double x) const {
@@ -130,7 +140,8 @@ tl::unexpected<Error> no_limit(const std::string& what) {
 
 Status usable(const PlanLimits& limits) {
   const auto positive = [](double x) { return x > 0; };
-  bool all = positive(limits.tool_speed) && positive(limits.tool_acceleration) && positive(limits.tool_jerk);
+  bool all = positive(limits.tool_speed) && positive(limits.tool_acceleration) && positive(limits.tool_jerk) &&
+             positive(limits.turn_speed);
   for (const machine::JointVector* v : {&limits.drive_speed, &limits.drive_acceleration, &limits.drive_jerk})
     for (const double x : *v) all = all && positive(x);
   if (!all) return no_limit("a limit of speed, acceleration or jerk is not above 0");
@@ -187,6 +198,7 @@ double by_speed(const PlanNode& n, const PlanLimits& limits) {
     if (rate > 0) out = std::min(out, most * most / (rate * rate));
   };
   cut(n.tip_1.norm(), std::min(limits.tool_speed, n.speed));
+  cut(n.turn.norm(), limits.turn_speed);
   for (Eigen::Index i = 0; i < n.drive_1.size(); ++i) cut(std::abs(n.drive_1[i]), limits.drive_speed[i]);
   return out;
 }
@@ -249,6 +261,130 @@ Result<TimeLaw::Block> fastest(const std::vector<PlanNode>& nodes, const PlanLim
     out.pieces.push_back({t, {nodes[i].s - nodes.front().s, v, (std::sqrt(next) - v) / t / 2}});
     x = next;
   }
+  return out;
+}
+
+TimeLaw::Block s_profile(double from, double size, double speed, double acceleration, double jerk) {
+  // The speed that is reached: the way up to a speed v and down again is v (v / a + a / j), a the acceleration reached.
+  double v = std::cbrt(size * size * jerk / 4);  // no limit of the acceleration met
+  double a = std::sqrt(v * jerk);
+  if (a > acceleration) {
+    a = acceleration;
+    const double ramp = a / jerk;
+    v = 0.5 * a * (std::sqrt(ramp * ramp + 4 * size / a) - ramp);
+  }
+  double cruise = 0;
+  if (v > speed) {
+    v = speed;
+    a = std::min(acceleration, std::sqrt(v * jerk));
+    cruise = size / v - (v / a + a / jerk);
+  }
+  const double ramp = a / jerk, hold = std::max(0.0, v / a - ramp);
+  TimeLaw::Block out{from, size, false, {}, 0};
+  double s = 0, rate = 0, rise = 0;
+  const auto phase = [&](double time, double by) {
+    if (!(time > 0)) return;
+    out.pieces.push_back({time, {s, rate, rise / 2, by / 6}});
+    s += time * (rate + time * (rise / 2 + time * by / 6));
+    rate += time * (rise + time * by / 2);
+    rise += time * by;
+  };
+  phase(ramp, jerk);
+  phase(hold, 0);
+  phase(ramp, -jerk);
+  rise = 0;
+  phase(cruise, 0);
+  phase(ramp, -jerk);
+  phase(hold, 0);
+  phase(ramp, jerk);
+  return out;
+}
+
+namespace {
+
+double duration_of(const TimeLaw::Block& block) {
+  double out = 0;
+  for (const TimeLaw::Piece& piece : block.pieces) out += piece.duration;
+  return out;
+}
+/// Largest speed and acceleration of an S profile.
+std::pair<double, double> reached_by(const TimeLaw::Block& profile) {
+  double speed = 0, acceleration = 0;
+  for (const TimeLaw::Piece& piece : profile.pieces) {
+    speed = std::max(speed, piece.c[1]);
+    acceleration = std::max(acceleration, 2 * std::abs(piece.c[2]));
+  }
+  return {speed, acceleration};
+}
+
+/// Largest and least absolute derivatives at the nodes of what has limits.
+struct Moved {
+  double speed = kNoLimit, acceleration = kNoLimit, jerk = kNoLimit;
+  double most_1 = 0, least_1 = kNoLimit, most_2 = 0, most_3 = 0;
+  void take(double d1, double d2, double d3) {
+    most_1 = std::max(most_1, d1);
+    least_1 = std::min(least_1, d1);
+    most_2 = std::max(most_2, d2);
+    most_3 = std::max(most_3, d3);
+  }
+};
+
+/// The S profile that is certainly allowed, or as fast as is possible, where speed and acceleration are v and a at
+/// most.
+std::optional<TimeLaw::Block> bounding_profile(const std::vector<Moved>& all, double from, double size, double v,
+                                               double a, bool possible) {
+  double speed = kNoLimit, acceleration = kNoLimit, jerk = kNoLimit;
+  for (const Moved& m : all) {
+    const double by = possible ? m.least_1 : m.most_1, sign = possible ? 1 : -1;
+    const double bend = m.most_2 > 0 ? m.most_2 * v * v : 0;
+    const double twist = (m.most_2 > 0 ? 3 * m.most_2 * v * a : 0) + (m.most_3 > 0 ? m.most_3 * v * v * v : 0);
+    if (!possible && (bend >= m.acceleration || twist >= m.jerk)) return {};
+    if (!(by > 0)) continue;
+    speed = std::min(speed, m.speed / by);
+    acceleration = std::min(acceleration, (m.acceleration + sign * bend) / by);
+    jerk = std::min(jerk, (m.jerk + sign * twist) / by);
+  }
+  if (!std::isfinite(jerk) || !(jerk > 0)) return {};
+  return s_profile(from, size, speed, acceleration, jerk);
+}
+
+}  // namespace
+
+std::optional<TimeLaw::Block> nearly_fastest_s_profile(const std::vector<PlanNode>& nodes, const PlanLimits& limits,
+                                                       double gap) {
+  const Eigen::Index drives = nodes.front().drive_1.size();
+  Moved tool{limits.tool_speed, limits.tool_acceleration, limits.tool_jerk}, turn{limits.turn_speed};
+  std::vector<Moved> all;
+  for (Eigen::Index i = 0; i < drives; ++i)
+    all.push_back({limits.drive_speed[i], limits.drive_acceleration[i], limits.drive_jerk[i]});
+  for (const PlanNode& n : nodes) {
+    if (n.drive_1.size() != drives) return {};
+    tool.take(n.tip_1.norm(), n.tip_2.norm(), n.tip_3.norm());
+    tool.speed = std::min(tool.speed, n.speed);
+    turn.take(n.turn.norm(), 0, 0);
+    for (Eigen::Index i = 0; i < drives; ++i)
+      all[static_cast<std::size_t>(i)].take(std::abs(n.drive_1[i]), std::abs(n.drive_2[i]), std::abs(n.drive_3[i]));
+  }
+  all.push_back(tool);
+  all.push_back(turn);
+  const double from = nodes.front().s, size = nodes.back().s - from;
+  // What no law exceeds: first by the limits alone, then by the profile that is made of that, which is again a bound.
+  double v = kNoLimit, a = kNoLimit;
+  for (const Moved& m : all)
+    if (m.least_1 > 0) v = std::min(v, m.speed / m.least_1);
+  for (const Moved& m : all)
+    if (m.least_1 > 0) a = std::min(a, (m.acceleration + m.most_2 * v * v) / m.least_1);
+  if (!std::isfinite(v) || !std::isfinite(a)) return {};
+  double least_time = 0;
+  constexpr int kTighter = 4;
+  for (int k = 0; k < kTighter; ++k) {
+    const auto fastest = bounding_profile(all, from, size, v, a, true);
+    if (!fastest) return {};
+    std::tie(v, a) = reached_by(*fastest);
+    least_time = duration_of(*fastest);
+  }
+  std::optional<TimeLaw::Block> out = bounding_profile(all, from, size, v, a, false);
+  if (!out || !(duration_of(*out) <= (1 + gap) * least_time)) return {};
   return out;
 }
 
@@ -430,6 +566,12 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       slope[k] = left_slope[k] + on * second[k];
       value[k] = left_value[k] + on * left_slope[k] + 0.5 * on * on * second[k];
     }
+    const auto limit_speed = [&](double squared, double speed) {
+      if (!std::isfinite(speed) || !(squared > 0)) return;
+      Constraint<double> c{i, false, {}, value};
+      for (std::size_t k = 0; k < 3; ++k) c.c[k] = squared / (speed * speed) * value[k];
+      constraints.drives.push_back(c);
+    };
     // Of the tool or of a drive, with the derivatives of its place by s.
     const auto add = [&]<class V>(std::vector<Constraint<V>>& to, const V& d1, const V& d2, const V& d3, double speed,
                                   double acceleration, double jerk) {
@@ -440,11 +582,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
         to.push_back(c);
       };
       const V none = 0 * d1;
-      if (std::isfinite(speed) && dot(a1, a1) > 0) {
-        Constraint<double> c{i, false, {}, value};
-        for (std::size_t k = 0; k < 3; ++k) c.c[k] = dot(a1, a1) / (speed * speed) * value[k];
-        constraints.drives.push_back(c);
-      }
+      limit_speed(dot(a1, a1), speed);
       if (std::isfinite(acceleration) && dot(a2, a2) + dot(a1, a1) > 0) {
         push(false, a2 / acceleration, a1 / (2 * acceleration), none);
       }
@@ -452,6 +590,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
     };
     add(constraints.tool, at.tip_1, at.tip_2, at.tip_3, std::min(limits.tool_speed, at.speed), limits.tool_acceleration,
         limits.tool_jerk);
+    limit_speed(at.turn.squaredNorm() * s1 * s1, limits.turn_speed);
     for (Eigen::Index k = 0; k < at.drive_1.size(); ++k) {
       add(constraints.drives, at.drive_1[k], at.drive_2[k], at.drive_3[k], limits.drive_speed[k],
           limits.drive_acceleration[k], limits.drive_jerk[k]);
@@ -517,8 +656,10 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
   const auto barriers = static_cast<double>(constraints.size());
   constexpr double kGap = 2e-4;  // of the time
   constexpr int kNewton = 40;
-  for (double tau = barriers / time_of(y);; tau *= 5) {
+  constexpr double kFaster = 20, kCentred = 0.3, kDone = 1e-4;  // of the cost, where a step gains no more
+  for (double tau = barriers / time_of(y);; tau *= kFaster) {
     double now = cost(y, tau);
+    const bool last = barriers / tau < kGap * time_of(y);
     for (int step = 0; step < kNewton; ++step) {
       H.clear();
       std::fill(gradient.begin(), gradient.end(), 0.0);
@@ -547,7 +688,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       if (!H.solve(d)) break;
       double slope = 0;
       for (std::size_t i = 0; i < n; ++i) slope += gradient[i] * d[i];
-      if (!(slope < -1e-6)) break;
+      if (!(slope < -(last ? kDone : kCentred))) break;
       double share = 1;
       bool moved = false;
       constexpr int kShorter = 40;
@@ -562,7 +703,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       }
       if (!moved) break;
     }
-    if (barriers / tau < kGap * time_of(y)) break;
+    if (last) break;
   }
   // In each interval y is a polynomial of second degree of w, so that w(t) is a sum of exponentials.
   TimeLaw::Block out{from, size, true, {}, 0};

@@ -24,6 +24,12 @@ using machine::Coordinate;
 using machine::Task;
 using test::load;
 
+std::string written(const std::string& name, const std::string& text) {
+  const std::string path = ::testing::TempDir() + name;
+  std::ofstream(path) << text;
+  return path;
+}
+
 TargetPose target_of(const AnyMachine& m, const Pose& X) {
   const Task task = kinematics::task(m);
   const std::vector<double> c = kinematics::coordinates_of(task, X);
@@ -267,6 +273,96 @@ TEST(TimeLaw, OneAxisHasItsClosedForms) {
   }
 }
 
+/// Largest speed, acceleration and jerk of s at 10 000 instants.
+std::array<double, 3> peaks_of(const TimeLaw& law) {
+  std::array<double, 3> out{};
+  for (int k = 0; k <= 10000; ++k) {
+    const polypod::Series s = law.at(law.duration() * k / 10000);
+    for (int i = 0; i < 3; ++i) {
+      out[static_cast<std::size_t>(i)] = std::max(out[static_cast<std::size_t>(i)], std::abs(s.derivative(i + 1)));
+    }
+  }
+  return out;
+}
+
+TEST(TimeLaw, TheSProfileIsItsClosedForm) {
+  // Seven phases, no constant speed, no constant acceleration, neither.
+  for (const auto& [L, V, A, J] :
+       {std::array{1.0, 0.5, 2.0, 20.0}, std::array{1.0, 5.0, 2.0, 20.0}, std::array{1.0, 0.5, 200.0, 20.0},
+        std::array{1.0, 100.0, 100.0, 20.0}, std::array{1.0, kNoLimit, kNoLimit, 20.0}}) {
+    TimeLaw law;
+    law.add(motion::s_profile(0.3, L, V, A, J));
+    if (std::isfinite(V)) {
+      EXPECT_NEAR(law.duration() / s_profile(L, V, A, J), 1, 1e-12);
+    }
+    EXPECT_NEAR(law.at(law.duration()).value(), 0.3 + L, 1e-12);
+    const auto [v, a, j] = peaks_of(law);
+    EXPECT_LT(v, V * (1 + 1e-9));
+    EXPECT_LT(a, A * (1 + 1e-9));
+    EXPECT_NEAR(j, J, 1e-9);
+    EXPECT_NEAR(law.at(law.duration()).derivative(1), 0, 1e-12);
+    EXPECT_NEAR(law.at(law.duration()).derivative(2), 0, 1e-9);
+    // Symmetric in time.
+    for (const double share : {0.1, 0.3, 0.45}) {
+      EXPECT_NEAR(law.at(share * law.duration()).value() - 0.3, 0.3 + L - law.at((1 - share) * law.duration()).value(),
+                  1e-12);
+    }
+  }
+}
+
+/// A drive that goes along s + s^2 b / 2: on a short way the profile is nearly the least time, and keeps its limits; on
+/// a long way there is none.
+TEST(TimeLaw, TheSProfileIsTakenWhereNoLawIsMuchFaster) {
+  PlanLimits limits;
+  limits.drive_speed = JointVector::Constant(1, 0.5);
+  limits.drive_acceleration = JointVector::Constant(1, 2);
+  limits.drive_jerk = JointVector::Constant(1, 20);
+  constexpr double kBend = 2;
+  const auto node = [&](double s, std::size_t = 0) {
+    PlanNode out;
+    out.s = s;
+    out.drive_1 = JointVector::Constant(1, 1 + kBend * s);
+    out.drive_2 = JointVector::Constant(1, kBend);
+    out.drive_3 = JointVector::Zero(1);
+    return out;
+  };
+  for (const double L : {1e-5, 1e-3, 0.5}) {
+    std::vector<PlanNode> nodes;
+    for (int k = 0; k <= 8; ++k) nodes.push_back(node(L * k / 8));
+    constexpr double kGap = 5e-3;
+    const auto profile = nearly_fastest_s_profile(nodes, limits, kGap);
+    ASSERT_EQ(profile.has_value(), L < 0.1) << L;
+    if (!profile) continue;
+    TimeLaw law, best;
+    law.add(*profile);
+    best.add(*fastest_within_jerk(node, 0, L, {}, 400, limits));
+    EXPECT_LT(law.duration(), best.duration() * (1 + kGap));
+    EXPECT_GT(law.duration(), best.duration() * (1 - 1e-3));  // the gap of the other
+    for (int k = 0; k <= 10000; ++k) {
+      const polypod::Series s = law.at(law.duration() * k / 10000);
+      const polypod::Series q = s + polypod::Series(kBend / 2) * s * s;
+      EXPECT_LE(std::abs(q.derivative(1)), 0.5);
+      EXPECT_LE(std::abs(q.derivative(2)), 2.0);
+      EXPECT_LE(std::abs(q.derivative(3)), 20.0);
+    }
+  }
+}
+
+TEST(TimeLaw, RestsStayWhereABlockIsSlowedDown) {
+  TimeLaw law;
+  TimeLaw::Block block = smooth_block(1, 2, 0.5);
+  block.rest(0.25, 3);
+  law.add(block);
+  law.stretch(0, 2);
+  EXPECT_DOUBLE_EQ(law.duration(), 0.25 + 1 + 3);
+  EXPECT_DOUBLE_EQ(law.block(0).moving(), 1);
+  for (const double t : {0.0, 0.2, 1.25, 2.0, 4.25}) {
+    EXPECT_DOUBLE_EQ(law.at(t).value(), t < 1 ? 1 : 3);
+    EXPECT_NEAR(law.at(t).derivative(1), 0, 1e-12);
+  }
+  EXPECT_NEAR(law.at(0.75).value(), 2, 1e-12);
+}
+
 TEST(TimeLaw, ACircleWithinAnAcceleration) {
   // Round and round on a circle of radius r the speed is sqrt(a r): so long that ramps do not count.
   const double r = 0.05, A = 2, L = 40 * 2 * std::numbers::pi * r;
@@ -400,6 +496,136 @@ TEST(Move, GivenTimesAreKept) {
   // 15/8 (1 - x^2)^2, x from -1 to 1 over the stretch, passes 0.004 / 0.0025 at x = -sqrt(1 - sqrt(1.6 / 1.875)).
   const double x = std::sqrt(1 - std::sqrt(0.004 / 0.0025 / 1.875));
   EXPECT_NEAR(r->violations[0].t, 1 - x, 2.5 / 10000 * 2);
+}
+
+/// Waits of a file: the tool stands still, and a linear profile jumps there.
+TEST(Move, WaitsAreKept) {
+  const AnyMachine m = load("delta-linear");
+  const auto read = read_pose_path(written("waits.csv",
+                                           "time_s,x_mm,y_mm,z_mm\n0,0,0,450\n0.5,0,0,450\n1.5,10,0,450\n"
+                                           "3.5,10,0,450\n4,10,0,450\n5,20,0,450\n6,20,0,450\n"));
+  ASSERT_TRUE(read) << read.error().message;
+  ASSERT_EQ(read->path.stretches.size(), 2U);
+  EXPECT_DOUBLE_EQ(read->path.stretches[0].wait_before, 0.5);
+  EXPECT_DOUBLE_EQ(read->path.stretches[0].wait, 2.5);
+  EXPECT_DOUBLE_EQ(read->path.stretches[1].wait, 1);
+  MoveOptions options;
+  options.law = Law::timed;
+  options.samples = 13;  // every half second
+  const auto places = [&](const MoveResult& r) {
+    std::vector<double> out;
+    for (const MoveSample& s : r.samples) out.push_back(std::round(1e6 * s.X.p.x()) / 1e3);  // mm
+    return out;
+  };
+  auto r = move(m, read->path, options);
+  ASSERT_TRUE(r);
+  EXPECT_TRUE(r->ok());
+  EXPECT_DOUBLE_EQ(r->time, 6);
+  EXPECT_EQ(places(*r), (std::vector<double>{0, 0, 5, 10, 10, 10, 10, 10, 10, 15, 20, 20, 20}));
+  EXPECT_EQ(r->jumps.count, 4U);
+  EXPECT_NEAR(r->jumps.speed, 0.01, 1e-9);
+  options.limits.tool_acceleration = 100;
+  EXPECT_EQ(move(m, read->path, options)->violations.size(), 1U);
+  for (const Profile profile : {Profile::smooth, Profile::spline}) {
+    options.profile = profile;
+    const PosePath path = profile == Profile::spline ? *splined(read->path) : read->path;
+    r = move(m, path, options);
+    ASSERT_TRUE(r);
+    EXPECT_TRUE(r->ok());
+    EXPECT_EQ(places(*r), (std::vector<double>{0, 0, 5, 10, 10, 10, 10, 10, 10, 15, 20, 20, 20}));
+    EXPECT_NEAR(r->tool_speed, 15.0 / 8 * 0.01, 1e-7);
+  }
+  options = {};
+  options.law = Law::fastest;
+  options.limits.tool_speed = 0.05;
+  options.limits.tool_acceleration = 1;
+  options.limits.tool_jerk = 50;
+  PosePath without = read->path;
+  for (Stretch& s : without.stretches) s.wait = s.wait_before = 0;
+  EXPECT_EQ(move(m, without, options)->stops, 0U);  // one straight way
+  without.stretches[0].stop = true;
+  EXPECT_NEAR(move(m, read->path, options)->time, move(m, without, options)->time + 4, 1e-9);
+}
+
+/// A polynomial of fifth degree is its own spline; others go on with four derivatives at the points.
+TEST(PosePath, SplinesGoThroughTheirPoints) {
+  std::vector<Stretch> lines;
+  const auto at = [](double t) {
+    return TargetPose{
+        Vec3(0.002 * std::sin(3 * t), 0.004 * t * t * t * (10 + t * (-15 + 6 * t)), 0.07 + 0.002 * std::cos(2 * t)),
+        Vec3(0, 0, 0.1 * t * t)};
+  };
+  const std::vector<double> times{0, 0.1, 0.25, 0.3, 0.5, 0.7, 0.85, 1};
+  for (std::size_t k = 0; k + 1 < times.size(); ++k) {
+    lines.push_back(*straight(at(times[k]), at(times[k + 1])));
+    lines.back().duration = times[k + 1] - times[k];
+  }
+  const auto path = splined(*pose_path_of(lines));
+  ASSERT_TRUE(path);
+  const auto& all = path->stretches;
+  /// Derivative `order` by time of row i.
+  const auto derivative = [&](std::size_t k, int i, double t, int order) {
+    const double rate = all[k].size / all[k].duration;
+    double out = 0;
+    for (int n = order; n < 6; ++n) {
+      double c = all[k].polynomial(i, n) * std::pow(rate, n);
+      for (int j = 0; j < order; ++j) c *= n - j;
+      out += c * std::pow(t, n - order);
+    }
+    return out;
+  };
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    EXPECT_LT((all[k].pose(0).p - at(times[k]).p).norm(), 1e-12);
+    EXPECT_LT((all[k].pose(all[k].size).p - at(times[k + 1]).p).norm(), 1e-12);
+    // y is from rest to rest with fifth degree in t: the spline has no other choice.
+    const double middle = 0.5 * (times[k] + times[k + 1]);
+    EXPECT_NEAR(all[k].pose(0.5 * all[k].size).p.y(), at(middle).p.y(), 1e-12);
+    if (k + 1 == all.size()) break;
+    EXPECT_TRUE(path->junction(k).smooth);
+    for (const int i : {0, 1, 2, 5}) {
+      for (int order = 0; order <= 4; ++order) {
+        const double before = derivative(k, i, all[k].duration, order), behind = derivative(k + 1, i, 0, order);
+        EXPECT_NEAR(before, behind, 1e-9 * (1 + std::abs(before))) << k << " " << i << " " << order;
+      }
+    }
+  }
+  for (int order = 1; order <= 2; ++order) {
+    EXPECT_NEAR(derivative(0, 0, 0, order), 0, 1e-12);
+    EXPECT_NEAR(derivative(all.size() - 1, 0, all.back().duration, order), 0, 1e-9);
+  }
+  const AnyMachine m = load("hexapod-strut");
+  MoveOptions options;
+  options.law = Law::timed;
+  options.profile = Profile::spline;
+  options.limits.tool_jerk = 100;
+  const auto moved = move(m, *path, options);
+  ASSERT_TRUE(moved);
+  EXPECT_TRUE(moved->ok()) << moved->violations.front().detail;
+  EXPECT_EQ(moved->jumps.count, 0U);
+  EXPECT_EQ(splined(*pose_path_of({*curved(at(0), Vec3(0.004, 0.001, 0.07), at(1))})).error().id, "MO112");
+}
+
+/// Steps that are ten times finer change nothing that counts.
+TEST_P(SomeMachine, FinerStepsPlanTheSame) {
+  const AnyMachine m = load(GetParam());
+  for (const double share : {0.001, 0.01}) {
+    const PosePath path = *pose_path_of({short_way(m, share)});
+    MoveOptions options;
+    options.law = Law::fastest;
+    const int n = kinematics::joint_count(m);
+    options.limits.drive_speed = JointVector::Constant(n, 0.3);
+    options.limits.drive_acceleration = JointVector::Constant(n, 3);
+    options.limits.drive_jerk = JointVector::Constant(n, 100);
+    options.limits.turn_speed = 0.5;
+    const auto coarse = move(m, path, options);
+    options.step /= 10;
+    options.turn_step /= 10;
+    const auto fine = move(m, path, options);
+    ASSERT_TRUE(coarse && fine);
+    EXPECT_LE(coarse->turn_speed, 0.5 * (1 + 1e-9));
+    constexpr double kOfTheTime = 5e-3;  // the gap of the S profile, and that of its finer nodes
+    EXPECT_NEAR(coarse->time / fine->time, 1, kOfTheTime) << share;
+  }
 }
 
 // Between two points in one line the rate jumps: no acceleration allows that, though none is seen within a stretch.
@@ -583,12 +809,6 @@ TEST(PosePath, TurningAboutOneAxisIsTheShortestWay) {
       EXPECT_NEAR(X.R(i, k).derivative(2), (R(h) - 2 * R(0) + R(-h)) / (h * h), 1e-6);
     }
   }
-}
-
-std::string written(const std::string& name, const std::string& text) {
-  const std::string path = ::testing::TempDir() + name;
-  std::ofstream(path) << text;
-  return path;
 }
 
 TEST(PosePath, Files) {

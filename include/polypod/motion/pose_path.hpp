@@ -42,7 +42,9 @@ struct Stretch {
   double speed = 0;     ///< m/s, the largest that the tip may take here; 0: no limit of its own
   bool rapid = false;
   bool stop = false;  ///< the tool stands still where it ends
-  int line = 0;       ///< of the program or file, 0: none
+  /// s, for which the tool waits where it ends; of the first stretch of a path also where it begins.
+  double wait = 0, wait_before = 0;
+  int line = 0;  ///< of the program or file, 0: none
   /// Where the point that this stretch leads to was put in by Polypod.
   bool inserted = false;
 
@@ -94,7 +96,10 @@ Stretch part_of(const Stretch& stretch, double a, double b);
 /// How the drives go along a stretch in the times that a file gives.
 enum class Profile {
   linear,  ///< at a constant rate from point to point (JEL 7.5): the speed jumps at each point
-  smooth   ///< from rest to rest with a polynomial of fifth degree
+  smooth,  ///< from rest to rest with a polynomial of fifth degree
+  /// Through all points without a stop: a spline of fifth degree over time, at rest at both ends and at both ends of
+  /// each wait, with continuous derivatives up to the fourth. It leaves the straight ways between the points.
+  spline
 };
 
 struct PosePathFile {
@@ -105,13 +110,20 @@ struct PosePathFile {
   bool angles = false;  ///< the file gives orientations
 };
 
+/// The path that goes through the same points in the same times as a spline (Profile::spline). Errors: MO112 (a stretch
+/// that is no line, or turns about one axis). Cost: linear.
+Result<PosePath> splined(const PosePath& path);
+/// m, of a path of splines: how far it leaves the straight ways between its points, at most, of 16 places on each.
+double farthest_from_chords(const PosePath& path);
+
 /// Reads a path file.
 /// TOML: `start_mm`, `start_deg` (A, B, C, optional), `speed_mm_per_s`, `turning` ("angles", "turn"), `profile`
-/// ("linear", "smooth"), `segments = [{ to_mm, via_mm, to_deg, time_s, speed_mm_per_s, stop }]`; each of a segment's
-/// keys may be left out: the point or the orientation then stays.
-/// CSV: a row a point with `x_mm,y_mm,z_mm` and, as they are given, `a_deg,b_deg,c_deg` and `time_s` (rising).
-/// Errors: MO100, MO102, MO111 (a duration of some stretches alone), MO112 (an unknown word), MO113 (times that do not
-/// rise), FI100 and those of config and csv.
+/// ("linear", "smooth", "spline"), `segments = [{ to_mm, via_mm, to_deg, time_s, speed_mm_per_s, stop }]`; each of a
+/// segment's keys may be left out: the point or the orientation then stays. A segment that leaves both as they are is a
+/// wait of `time_s`. CSV: a row a point with `x_mm,y_mm,z_mm` and, as they are given, `a_deg,b_deg,c_deg` and `time_s`
+/// (rising); a row with the pose of the row before is a wait. The profile is linear. Errors: MO100, MO102, MO111 (a
+/// duration of some stretches alone), MO112 (an unknown word), MO113 (times that do not rise), FI100 and those of
+/// config and csv.
 Result<PosePathFile> read_pose_path(const std::string& file);
 
 }  // namespace polypod::motion

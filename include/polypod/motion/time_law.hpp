@@ -5,6 +5,7 @@
 #include <array>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,13 +32,17 @@ class TimeLaw {
     /// The polynomials give w in 0 .. 1 and s = from + size (10 w^3 - 15 w^4 + 6 w^5); else they give s - from.
     bool eased = false;
     std::vector<Piece> pieces;
-    double duration = 0;  ///< s, kept by `add` and `stretch`
+    double duration = 0;                     ///< s, kept by `add` and `stretch`
+    double rest_before = 0, rest_after = 0;  ///< s of `duration`, set by `rest`
+    /// Stands still for so long at its start and at its end, s, beside all that it does.
+    void rest(double before, double after);
+    [[nodiscard]] double moving() const { return duration - rest_before - rest_after; }
   };
 
   void add(Block block);
   /// Another block in the place of this one.
   void replace(std::size_t block, Block by);
-  /// All of a block by this factor slower.
+  /// All of a block by this factor slower, but where it stands still.
   void stretch(std::size_t block, double factor);
 
   [[nodiscard]] double duration() const { return begins_.empty() ? 0 : begins_.back(); }
@@ -67,12 +72,14 @@ inline constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 struct PlanNode {
   double s = 0;
   Vec3 tip_1 = Vec3::Zero(), tip_2 = Vec3::Zero(), tip_3 = Vec3::Zero();  ///< of the tool tip
+  Vec3 turn = Vec3::Zero();                                               ///< of its orientation, rad, in M
   machine::JointVector drive_1, drive_2, drive_3;  ///< empty where the machine does not reach the place
   double speed = kNoLimit;                         ///< m/s, of the tip here
 };
 
 struct PlanLimits {
   double tool_speed = kNoLimit, tool_acceleration = kNoLimit, tool_jerk = kNoLimit;
+  double turn_speed = kNoLimit;                                      ///< rad/s, of the tool's orientation
   machine::JointVector drive_speed, drive_acceleration, drive_jerk;  ///< one each a drive
   [[nodiscard]] bool limits_jerk() const;
 };
@@ -85,6 +92,21 @@ struct PlanLimits {
 /// the speed). Cost: linear, 10 us a node.
 Result<TimeLaw::Block> fastest(const std::vector<PlanNode>& nodes, const PlanLimits& limits);
 
+/// The S profile of seven phases (constant jerk, constant acceleration, ...) over `size` from rest to rest, with speed,
+/// acceleration and jerk up to these: the least time where the limits are those of s itself. Limits may be infinite,
+/// but not that of the jerk.
+TimeLaw::Block s_profile(double from, double size, double speed, double acceleration, double jerk);
+
+/// The S profile that keeps all limits at all nodes of a block, where it takes no more than 1 + `gap` times the least
+/// time that any law can take. With the largest |x'|, |x''|, |x'''| of each drive and of the tool at the nodes,
+///   |x'| V <= v,  |x'| A + |x''| V^2 <= a,  |x'| J + 3 |x''| V A + |x'''| V^3 <= j
+/// keep the limits, V and A the speed and acceleration that the profile reaches; and no law can have more than
+///   V = v / |x'|,  A = (a + |x''| V^2) / |x'|,  J = (j + 3 |x''| V A + |x'''| V^3) / |x'|
+/// with the least |x'|, of which the profile is the least time. None where these are farther apart: long ways, or a
+/// drive that turns back. Cost: linear.
+std::optional<TimeLaw::Block> nearly_fastest_s_profile(const std::vector<PlanNode>& nodes, const PlanLimits& limits,
+                                                       double gap);
+
 /// The same with limits of jerk, on a stretch of path without jumps of direction and curvature. In w of
 /// s = size (10 w^3 - 15 w^4 + 6 w^5), so that the path itself is at rest at both ends, y = (dw/dt)^2 is a quadratic
 /// B-spline; limits are asked at both ends of each of its intervals. Speeds and accelerations are convex in y, jerks
@@ -93,7 +115,7 @@ Result<TimeLaw::Block> fastest(const std::vector<PlanNode>& nodes, const PlanLim
 /// `parts`: where the path consists of several stretches, their ends between `from` and from + size, in rising order;
 /// the third derivative may jump there, and each part has 24 intervals at least. `node` gives the derivatives at s on
 /// the part of this number. `count` intervals at least, in all. Errors: MO115.
-/// Cost: some 100 Newton steps of 1 us an interval and drive.
+/// Cost: some 50 Newton steps of 0.3 us an interval and drive.
 Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s, std::size_t part)>& node, double from,
                                            double size, const std::vector<double>& parts, int count,
                                            const PlanLimits& limits);
