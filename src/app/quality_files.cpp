@@ -9,6 +9,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
+#include "workspace_options.hpp"
 
 namespace polypod::app {
 
@@ -26,8 +27,8 @@ void QualityFiles::declare(Arguments& a) {
   a.option("--stl", stl, "Where the mean is at most --below, as a closed surface, binary STL in mm");
   a.option("--svg", svg,
            errors ? "The mean error over the plane --plane" : "The mean condition over the plane --plane");
-  a.option("--plane", plane, "xy, xz or yz, for --svg");
-  a.option("--at", at, "Coordinate of that plane on the third axis, mm (default 0)");
+  a.option("--plane", plane, "xy, xz or yz, for --svg; of a task without x, y, z two of its coordinates, as zA");
+  a.option("--at", at, "Coordinate of that plane on the third axis, mm, or deg of an angle (default 0)");
 }
 
 std::vector<const std::string*> QualityFiles::paths() const {
@@ -41,12 +42,20 @@ bool QualityFiles::any() const {
   return !paths().empty();
 }
 
-Result<std::pair<int, double>> QualityFiles::section() const {
-  const int axis = plane == "yz" ? 0 : plane == "xz" ? 1 : plane == "xy" ? 2 : -1;
-  if (axis < 0) return fail("AP170", fmt::format("--plane {}: not xy, xz or yz", plane), {}, "--svg needs a --plane");
+Result<std::pair<int, double>> QualityFiles::section(const machine::AnyMachine& machine) const {
+  const machine::Task task = kinematics::task(machine);
+  if (workspace::coordinates_of_points(task) < 2) {
+    return fail("AP170", "a workspace of one coordinate has no section", {}, "--csv gives its points");
+  }
+  const auto axis = normal_of(task, plane);
+  if (!axis) {
+    return fail("AP170", fmt::format("--plane {}: not {}", plane, plane_names(task)), {}, "--svg needs a --plane");
+  }
+  const bool whole = workspace::coordinates_of_points(task) < 3;
+  if (whole && !at.empty()) return fail("AP170", "--at does nothing: the workspace has two coordinates");
   POLYPOD_ASSIGN(numbers, numbers_of(at.empty() ? "0" : at, "--at"));
   if (numbers.size() != 1) return fail("AP171", fmt::format("--at {}: not one number", at));
-  return std::pair{axis, units::from_mm(numbers[0])};
+  return std::pair{*axis, units::from_user(numbers[0], whole ? "mm" : workspace::unit_of(task, *axis))};
 }
 
 Result<std::optional<double>> QualityFiles::threshold() const {
@@ -66,16 +75,16 @@ Status QualityFiles::check(const machine::AnyMachine& machine, bool at_pose, con
   if (at_pose && any()) {
     return fail("AP173", "files are of the whole workspace, not of one pose", {}, "leave out --pose, or the files");
   }
-  if (!kinematics::task(machine).places() && paths().size() > (csv.empty() ? 0U : 1U)) {
-    return fail("WS107",
-                fmt::format("{} does not hold x, y, z in its task: pictures and surfaces of its quality are over "
-                            "positions",
-                            machine::name_of(machine)),
-                {}, "--csv gives its points in the coordinates of its task");
+  if (!kinematics::task(machine).places() && !(stl.empty() && vti.empty())) {
+    return fail(
+        "WS107",
+        fmt::format("{} does not hold x, y, z in its task: surfaces and fields of its quality are over positions",
+                    machine::name_of(machine)),
+        {}, "--report and --svg have sections over the coordinates of its task, --csv its points");
   }
   POLYPOD_TRY(threshold());
   if (svg.empty() && !(plane.empty() && at.empty())) return fail("AP170", "--plane and --at go with --svg");
-  if (!svg.empty()) POLYPOD_TRY(section());
+  if (!svg.empty()) POLYPOD_TRY(section(machine));
   std::vector<std::string> seen;
   for (const std::string* path : paths()) {
     if (std::find(seen.begin(), seen.end(), *path) != seen.end()) {
@@ -101,7 +110,7 @@ Status QualityFiles::write(const QualityWork& w) const {
     made.emplace_back(stl, std::move(bytes));
   }
   if (!svg.empty()) {
-    POLYPOD_ASSIGN(where, section());
+    POLYPOD_ASSIGN(where, section(w.machine));
     constexpr int kResolution = 96;
     POLYPOD_ASSIGN(figure, pages::quality_section(w.machine, w.options, w.question, where.first, where.second,
                                                   kResolution, value));

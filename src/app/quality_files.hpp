@@ -24,8 +24,8 @@ struct QualityFiles {
 
   void declare(Arguments& arguments);
   [[nodiscard]] bool any() const;
-  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, WS107 (pictures and
-  /// surfaces of a task without x, y, z), those of check_files.
+  /// Asked before the long work; `at_pose`: the command looks at one pose. Errors: AP170 to AP174, WS107 (surfaces and
+  /// fields of a task without x, y, z), those of check_files.
   [[nodiscard]] Status check(const machine::AnyMachine& machine, bool at_pose, const std::string& machine_file,
                              bool json) const;
   /// Makes all files before it writes the first.
@@ -35,8 +35,8 @@ struct QualityFiles {
 
  private:
   [[nodiscard]] std::vector<const std::string*> paths() const;
-  /// Of --plane and --at: the axis, and where on it, m.
-  [[nodiscard]] Result<std::pair<int, double>> section() const;
+  /// Of --plane and --at: the axis, and where on it, m or rad.
+  [[nodiscard]] Result<std::pair<int, double>> section(const machine::AnyMachine& machine) const;
   [[nodiscard]] Result<std::optional<double>> threshold() const;
 };
 

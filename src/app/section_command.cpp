@@ -32,29 +32,13 @@ Result<Vec3> three_of(const std::string& text, const char* option) {
   return Vec3(n[0], n[1], n[2]);
 }
 
-/// "xy", "xz" and "yz"; of a task without x, y, z its coordinates in their place, "zA".
-std::string plane_name(const machine::Task& task, int normal) {
-  std::string out;
-  for (int k = 0; k < workspace::coordinates_of_points(task); ++k)
-    if (k != normal) out += machine::name_of(task.places() ? machine::Task::point[k] : task[k]);
-  return out;
-}
-
-/// In any order, small or large.
-bool same_letters(const std::string& a, const std::string& b) {
-  return std::is_permutation(a.begin(), a.end(), b.begin(), b.end(),
-                             [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
-}
-
 Result<workspace::Plane> plane_of(const Options& o, const machine::Task& task) {
   workspace::Plane plane;
   const int coordinates = workspace::coordinates_of_points(task);
   if (coordinates < 2)
     return fail("AP131", "a workspace of one coordinate has no section", {}, "`workspace` gives its ends");
   const bool whole = coordinates == 2;  // the only plane there is
-  const std::string names =
-      whole ? plane_name(task, 2)
-            : fmt::format("{}, {} or {}", plane_name(task, 2), plane_name(task, 1), plane_name(task, 0));
+  const std::string names = plane_names(task);
   if (o.plane.empty() == o.normal.empty() || (o.point.empty() != o.normal.empty())) {
     return fail("AP131", "the plane must be given once", {},
                 task.places() ? "give --plane xy --at MM, or --point x,y,z --normal x,y,z"
@@ -71,8 +55,11 @@ Result<workspace::Plane> plane_of(const Options& o, const machine::Task& task) {
   }
   int axis = 2;
   if (whole && !o.at.empty()) return fail("AP131", "--at does nothing: the workspace has two coordinates");
-  while (axis >= (whole ? 2 : 0) && !same_letters(plane_name(task, axis), o.plane)) --axis;
-  if (axis < (whole ? 2 : 0)) return fail("AP131", fmt::format("--plane {}: not {}", o.plane, names));
+  if (const auto found = normal_of(task, o.plane)) {
+    axis = *found;
+  } else {
+    return fail("AP131", fmt::format("--plane {}: not {}", o.plane, names));
+  }
   POLYPOD_ASSIGN(at, numbers_of(o.at.empty() ? "0" : o.at, "--at"));
   if (at.size() != 1) return fail("AP131", fmt::format("--at {}: not one number", o.at));
   plane.normal = Vec3::Unit(axis);

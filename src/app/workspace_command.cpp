@@ -123,6 +123,37 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   return out;
 }
 
+namespace {
+
+/// "xy", "xz" and "yz"; of a task without x, y, z its coordinates in their place, "zA".
+std::string plane_name(const machine::Task& task, int normal) {
+  std::string out;
+  for (int k = 0; k < workspace::coordinates_of_points(task); ++k)
+    if (k != normal) out += machine::name_of(task.places() ? machine::Task::point[k] : task[k]);
+  return out;
+}
+
+/// In any order, small or large.
+bool same_letters(const std::string& a, const std::string& b) {
+  return std::is_permutation(a.begin(), a.end(), b.begin(), b.end(),
+                             [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+}
+
+}  // namespace
+
+std::string plane_names(const machine::Task& task) {
+  return workspace::coordinates_of_points(task) < 3
+             ? plane_name(task, 2)
+             : fmt::format("{}, {} or {}", plane_name(task, 2), plane_name(task, 1), plane_name(task, 0));
+}
+
+std::optional<int> normal_of(const machine::Task& task, const std::string& plane) {
+  const int least = workspace::coordinates_of_points(task) < 3 ? 2 : 0;  // of two coordinates the only plane
+  for (int axis = 2; axis >= least; --axis)
+    if (same_letters(plane_name(task, axis), plane)) return axis;
+  return {};
+}
+
 Result<std::size_t> memory_argument(const std::string& text) {
   if (text.empty()) return machine_memory() / 2;
   const char suffix = text.back();
@@ -179,27 +210,6 @@ Json volume_json(const workspace::Volume& v) {
           {"stopped_by", stopped_json(v)},
           {"empty", v.empty},
           {"seconds", v.seconds}};
-}
-
-std::string unit_of_product(const std::vector<const char*>& units) {
-  std::string out;
-  for (const char* unit : {"mm", "deg"}) {
-    const auto n = std::count(units.begin(), units.end(), std::string_view(unit));
-    if (n > 0) out += (out.empty() ? "" : " ") + std::string(unit) + (n > 1 ? std::to_string(n) : "");
-  }
-  return out;
-}
-
-Region region_of(const machine::Task& task, double measure, double lower, double upper) {
-  Region out{measure, lower, upper, ""};
-  std::vector<const char*> of;
-  for (int i = 0; i < task.size(); ++i) {
-    const char* unit = workspace::unit_of(task, i);
-    for (double* one : {&out.measure, &out.lower, &out.upper}) *one *= units::to_user(1, unit);
-    of.push_back(unit);
-  }
-  out.unit = unit_of_product(of);
-  return out;
 }
 
 Json measure_json(const machine::Task& task, const Region& region) {
@@ -301,9 +311,13 @@ bool turns_alone(const machine::Task& task) {
 }
 
 /// The region of a task that does not hold x, y, z, in the coordinates of the task.
-Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const Context& context) {
-  POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--report", "--stl", "--vtp", "--vti"},
+Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const WorkspaceFiles& files,
+                           const std::string& machine_name, const std::vector<std::string>& sets,
+                           const Context& context) {
+  POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--stl", "--vtp", "--vti"},
                      "it serves machines whose task holds x, y and z"));
+  POLYPOD_TRY(files.refuse_unused(context));
+  POLYPOD_TRY(files.check(machine_name, context));
   workspace::Options of_region = options;
   if (options.progress) {  // in shares: the region is in no mm3
     of_region.progress = drawn_now_and_then([](const workspace::Progress& p) {
@@ -314,6 +328,7 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
   POLYPOD_ASSIGN(v, workspace::volume(m, of_region));
   if (options.progress) fmt::print(stderr, "\r\x1b[K");
   const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
+  POLYPOD_TRY(files.write(m, options, v, machine_name, sets, context));
   if (context.json) {
     Json document = region_json(m, v);
     document["beyond_singular"] = beyond_json(beyond);
@@ -365,7 +380,9 @@ Command workspace_command() {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             const SingularNote singular(m, context);
-            if (!kinematics::task(m).places()) return in_coordinates(m, options, context);
+            if (!kinematics::task(m).places()) {
+              return in_coordinates(m, options, o->files, o->machine, o->sets, context);
+            }
             POLYPOD_TRY(o->files.refuse_unused(context));
             if (!o->contains.empty()) {
               POLYPOD_TRY(refuse_beside_contains(context));

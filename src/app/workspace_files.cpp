@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "polypod/core/files.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/workspace.hpp"
 
 namespace polypod::app {
@@ -75,7 +76,8 @@ Status WorkspaceFiles::write(const machine::AnyMachine& m, const workspace::Opti
     page.command = command_line();
     if (resolution > 0) page.resolution = resolution;
     page.progress = progress;
-    POLYPOD_ASSIGN(html, pages::workspace_page(m, options, v, page));
+    const auto make = kinematics::task(m).places() ? pages::workspace_page : pages::region_page;
+    POLYPOD_ASSIGN(html, make(m, options, v, page));
     made.emplace_back(report, std::move(html));
   }
   files::Outputs together;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "command.hpp"
+#include "polypod/workspace/region.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::app {
@@ -24,20 +25,20 @@ struct WorkspaceOptions {
   [[nodiscard]] Result<workspace::Options> options(const machine::AnyMachine& m, const Context& context) const;
 };
 
+/// The planes of --plane: "xy, xz or yz"; of a task without x, y, z of its coordinates: "zA, zB or AB".
+std::string plane_names(const machine::Task& task);
+/// The axis that one of them leaves out, in any order of its letters, small or large; none where it is none of them.
+std::optional<int> normal_of(const machine::Task& task, const std::string& plane);
+
 /// Bytes of --max-memory. Errors: AP153.
 Result<std::size_t> memory_argument(const std::string& text);
 /// Whether the volume came within its tolerance; if not, says on stderr why and what would help.
 bool came_within(const workspace::Volume& v, const workspace::Options& options);
 
 Json volume_json(const workspace::Volume& v);
-/// The volume of a machine whose task does not hold x, y, z, in the coordinates of the task: mm and deg.
-struct Region {
-  double measure = 0, lower = 0, upper = 0;
-  std::string unit;  ///< "mm deg2"
-};
-/// Of areas and regions: "mm2", "mm2 deg", "deg2".
-std::string unit_of_product(const std::vector<const char*>& units);
-Region region_of(const machine::Task& task, double measure, double lower, double upper);
+using workspace::Region;
+using workspace::region_of;
+using workspace::unit_of_product;
 /// The coordinates with their units, and the measure; a bound that is no number is null.
 Json measure_json(const machine::Task& task, const Region& region);
 /// volume_json of such a machine.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "machine_inputs.hpp"
 #include "machine_lines.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
@@ -15,7 +16,9 @@
 #include "polypod/quality/survey_surface.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "quality_section.hpp"
+#include "workspace_section.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -41,16 +44,33 @@ std::string shown(double value, int digits = 3) {
   return std::isinf(value) ? "∞" : number(value, digits);
 }
 
-std::string place(const Vec3& p) {
+/// A point of a survey: x, y, z in mm, or the coordinates of a task without them, in mm and deg.
+std::string place(const machine::Task& task, const Vec3& p) {
+  if (!task.places()) {
+    std::string out;
+    for (int k = 0; k < workspace::coordinates_of_points(task); ++k)
+      out += (k > 0 ? ", " : "") + fixed(workspace::for_user(task, p)[k], 1);
+    return out;
+  }
   const int decimals = Figures(to_mm(p.norm()), 1).decimals();
   return fmt::format("{}, {}, {}", fixed(to_mm(p.x()), decimals), fixed(to_mm(p.y()), decimals),
                      fixed(to_mm(p.z()), decimals));
 }
 
-/// "x, y, z mm; A, B, C deg".
+/// "x, y, z mm; A, B, C deg", or "z 3.0 mm, A 5.0 deg".
 std::string pose_in_words(const AnyMachine& machine, const Pose& X) {
-  const std::vector<double> c = kinematics::coordinates_of(kinematics::task(machine), X);
-  std::string out = place(X.p) + " mm";
+  const machine::Task task = kinematics::task(machine);
+  const std::vector<double> c = kinematics::coordinates_of(task, X);
+  if (!task.places()) {
+    std::string out;
+    for (int k = 0; k < task.size(); ++k) {
+      const char* unit = workspace::unit_of(task, k);
+      out += fmt::format("{}{}\u00a0{}\u00a0{}", k > 0 ? ", " : "", machine::name_of(task[k]),
+                         fixed(units::to_user(c[static_cast<std::size_t>(k)], unit), 1), unit);
+    }
+    return out;
+  }
+  std::string out = place(task, X.p) + " mm";
   for (std::size_t k = 3; k < c.size(); ++k)
     out += fmt::format("{} {}\u00a0{}", k == 3 ? ";" : ",", "ABC"[k - 3], fixed(to_deg(c[k]), 1));
   return c.size() > 3 ? out + "\u00a0deg" : out;
@@ -65,11 +85,21 @@ std::string plain(double value) {
 Vec3 middle_of(const quality::Survey& survey) {
   Vec3 middle = Vec3::Zero();
   for (const std::size_t i : survey.inside) middle += survey.grid.at(i) / static_cast<double>(survey.inside.size());
-  const auto away = [&](std::size_t i) { return (survey.grid.at(i) - middle).norm(); };
+  // Of coordinates of different units in spacings.
+  const auto away = [&](std::size_t i) {
+    const Vec3 off = survey.grid.at(i) - middle;
+    if (survey.task.places()) return off.norm() / survey.grid.step[0].norm();
+    double out = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double step = survey.grid.step[static_cast<std::size_t>(k)].norm();
+      out = std::hypot(out, step > 0 ? off[k] / step : 0);
+    }
+    return out;
+  };
   const std::size_t nearest = *std::min_element(survey.inside.begin(), survey.inside.end(),
                                                 [&](std::size_t a, std::size_t b) { return away(a) < away(b); });
   constexpr double kCell = 1.8;  // spacings: more than half the diagonal of a cell
-  return away(nearest) < kCell * survey.grid.step[0].norm() ? middle : survey.grid.at(nearest);
+  return away(nearest) < kCell ? middle : survey.grid.at(nearest);
 }
 
 /// Each element and its part of an error.
@@ -89,13 +119,17 @@ std::vector<Extreme> apart(const quality::Survey& survey, const quality::Quantit
     high = high.cwiseMax(survey.grid.at(i));
   }
   constexpr double kApart = 0.2;
+  const Vec3 size = (high - low).cwiseMax(1e-12);
+  const auto between = [&](const Pose& a, const Pose& b) {
+    if (survey.task.places()) return (a.p - b.p).norm() / size.norm();
+    return (workspace::point_of(survey.task, a) - workspace::point_of(survey.task, b)).cwiseQuotient(size).norm();
+  };
   std::vector<Extreme> out;
   for (const std::size_t i : order) {
     if (out.size() == most || !(q.worst[i] > kSingularCondition)) break;
     const Pose X = quality::pose_at(survey, i, q.worst_direction[i]);
-    const bool near = std::any_of(out.begin(), out.end(), [&](const Extreme& e) {
-      return (e.X_MT.p - X.p).norm() < kApart * (high - low).norm();
-    });
+    const bool near =
+        std::any_of(out.begin(), out.end(), [&](const Extreme& e) { return between(e.X_MT, X) < kApart; });
     if (!near) out.push_back({X, q.worst[i]});
   }
   return out;
@@ -171,6 +205,7 @@ class Page {
   }
   [[nodiscard]] std::string directions() const {
     const auto& d = options_.workspace.directions;
+    if (!fields_.survey.task.places()) return "those of the task's coordinates";
     if (kinematics::orientation_follows(machine_)) return "the tilt of the tool that follows from its position";
     if (fields_.survey.orientations.size() == 1) return "tool at zero tilt (R = 1)";
     if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
@@ -179,6 +214,15 @@ class Page {
   /// Whether errors turn the tool at all: those of a delta do not.
   [[nodiscard]] bool turns() const {
     return kinematics::task(machine_) != machine::Task::point || kinematics::orientation_follows(machine_);
+  }
+  /// Of places in tables: "mm", or the coordinates' names with their units.
+  [[nodiscard]] std::string place_unit() const {
+    const machine::Task& task = fields_.survey.task;
+    if (task.places()) return "mm";
+    std::string out;
+    for (int k = 0; k < workspace::coordinates_of_points(task); ++k)
+      out += fmt::format("{}{} {}", k > 0 ? ", " : "", machine::name_of(task[k]), workspace::unit_of(task, k));
+    return out;
   }
   [[nodiscard]] bool one_direction() const { return fields_.survey.orientations.size() == 1; }
   [[nodiscard]] Entries facts() const {
@@ -206,7 +250,10 @@ class Page {
   }
 
   Status sections() {
-    for (const int axis : {1, 0, 2}) {
+    const int coordinates = workspace::coordinates_of_points(fields_.survey.task);
+    if (coordinates < 2) return {};
+    const bool plane = coordinates < 3;
+    for (const int axis : plane ? std::vector{2} : std::vector{1, 0, 2}) {
       auto section = survey_section(machine_, options_, question_, axis, middle_[axis], page_.resolution);
       if (!section && section.error().id == "QP100") continue;  // thinner than the spacing there
       if (!section) return tl::unexpected(section.error());
@@ -277,12 +324,8 @@ class Page {
           "joint the largest error of the tip that was seen is {} mm.",
           shown(to_mm(once_->value))));
     }
-    if (const workspace::BeyondSingular& b = fields_.survey.beyond; b.beyond > 0) {
-      report_.add_text(fmt::format(
-          "{:.2g} % of {} poses that were looked at lie beyond a singular pose from home: the machine gets there only "
-          "through a pose at which the drives do not constrain it. The figures include them; limits leave them out.",
-          100.0 * static_cast<double>(b.beyond) / static_cast<double>(b.points), b.points));
-    }
+    const std::string beyond = beyond_in_words(fields_.survey.beyond, "poses that were looked at");
+    if (!beyond.empty()) report_.add_text(beyond);
     if (const auto count = near_singular_count(); count > 0) {
       report_.add_text(fmt::format(
           "{} of {} points have a direction near a singular pose. Errors are of first order and grow without bound "
@@ -316,20 +359,26 @@ class Page {
     table.caption = one_direction() ? "Over the points of the workspace"
                                     : "Over the points of the workspace; each point counts with the mean over its "
                                       "tool directions";
-    table.columns = {{"", ""},          {"least seen", ""}, {"mean", ""},        {"largest seen", ""},
-                     {"std. dev.", ""}, {"least at", "mm"}, {"largest at", "mm"}};
+    table.columns = {{"", ""},
+                     {"least seen", ""},
+                     {"mean", ""},
+                     {"largest seen", ""},
+                     {"std. dev.", ""},
+                     {"least at", place_unit()},
+                     {"largest at", place_unit()}};
     for (const QualityValue value : values) {
       const ValueName name = name_of(value);
       const Statistics s = seen(value);
       table.rows.push_back({std::string(name.words) + (name.unit[0] != 0 ? std::string(", ") + name.unit : ""),
-                            shown(s.min), shown(s.mean), shown(s.max), shown(s.stddev), place(s.min_at),
-                            place(s.max_at)});
+                            shown(s.min), shown(s.mean), shown(s.max), shown(s.stddev),
+                            place(fields_.survey.task, s.min_at), place(fields_.survey.task, s.max_at)});
     }
     report_.add_table(table);
   }
 
   /// One map a section, all with one scale.
   void maps(QualityValue value, const std::string& caption) {
+    if (sections_.empty()) return;
     std::vector<double> all;
     for (const QualitySection& s : sections_) {
       const std::vector<double> values = means_within(s, value);
@@ -345,10 +394,12 @@ class Page {
   }
 
   void error_maps() {
+    if (sections_.empty()) return;
     report_.add_section("Where");
-    report_.add_text(
-        "Three planes through the middle of the workspace, whose boundary is the black line. "
-        "Dark is small, yellow is large.");
+    report_.add_text(fmt::format(
+        "{} through the middle of the workspace, whose boundary is the black line. Dark is small, yellow is "
+        "large.",
+        sections_.size() == 1 ? "A plane" : "Three planes"));
     const std::string of = question_.tolerances ? "Largest error that the tolerances allow" : "Error";
     maps(QualityValue::position,
          fmt::format("{} of the tip, mm{}.", of, one_direction() ? "" : ", mean over the tool directions"));
@@ -575,6 +626,7 @@ class Page {
   }
 
   Status in_space() {
+    if (!fields_.survey.task.places()) return {};
     const auto& points = fields_.survey.grid.points;
     if (*std::min_element(points.begin(), points.end()) < 2) return {};  // a survey of a plane has no room
     POLYPOD_ASSIGN(fine, fields_in_space());
@@ -633,12 +685,25 @@ class Page {
     return {};
   }
 
+  [[nodiscard]] std::string spacing() const {
+    const machine::Task& task = fields_.survey.task;
+    const auto& step = fields_.survey.grid.step;
+    if (task.places()) return number(to_mm(step[0].norm())) + " mm";
+    std::string out;
+    for (int k = 0; k < workspace::coordinates_of_points(task); ++k) {
+      const char* unit = workspace::unit_of(task, k);
+      out += fmt::format("{}{} {}", k > 0 ? ", " : "",
+                         number(units::to_user(step[static_cast<std::size_t>(k)].norm(), unit)), unit);
+    }
+    return out;
+  }
+
   void inputs() {
     report_.add_section("Inputs");
     Entries entries{{"tool directions", directions()},
                     {question_.tolerances ? "tolerances, mm or deg" : "errors, mm or deg", given()},
                     {"points of the workspace", fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
-                    {"spacing", number(to_mm(fields_.survey.grid.step[0].norm())) + " mm"},
+                    {"spacing", spacing()},
                     {"points a side of a section", fixed(page_.resolution, 0)}};
     if (question_.tolerances) {
       entries.emplace_back("method", question_.tolerance.method == quality::Method::exact
@@ -647,10 +712,7 @@ class Page {
       entries.emplace_back("region of a joint", question_.tolerance.region == quality::Region::box ? "box" : "sphere");
     }
     report_.add_definitions(entries);
-    report_.add_heading("Machine");
-    if (const std::string about = machine::description_of(machine_); !about.empty()) report_.add_text(about);
-    report_.add_code("The machine's file", machine::to_toml(machine_));
-    if (!page_.command.empty()) report_.add_code("The command that made this page", page_.command, false);
+    add_machine_inputs(report_, machine_, page_.command);
   }
 
   const AnyMachine& machine_;

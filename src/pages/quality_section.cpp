@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -32,6 +33,11 @@ Result<std::array<Vec3, 2>> box_of(const AnyMachine& machine, const SurveyOption
 std::array<int, 3> numbers_of(const workspace::Grid& grid, std::size_t at) {
   const auto nx = static_cast<std::size_t>(grid.points[0]), ny = static_cast<std::size_t>(grid.points[1]);
   return {static_cast<int>(at % nx), static_cast<int>(at / nx % ny), static_cast<int>(at / (nx * ny))};
+}
+
+/// "x", or a coordinate of a task without x, y, z.
+std::string name_of_axis(const machine::Task& task, int axis) {
+  return machine::name_of(task.places() ? machine::Task::point[axis] : task[axis]);
 }
 
 /// The two axes of a plane.
@@ -118,7 +124,12 @@ ValueName name_of(QualityValue value) {
 
 std::string plane_name(const QualitySection& s) {
   const auto [u, v] = axes_of(s.axis);
-  return fmt::format("{}{} at {} = {} mm", "xyz"[u], "xyz"[v], "xyz"[s.axis], report::fixed(to_mm(s.at), 1));
+  const machine::Task& task = s.fields.survey.task;
+  const std::string plane = name_of_axis(task, u) + name_of_axis(task, v);
+  if (workspace::coordinates_of_points(task) < 3) return plane;
+  const char* unit = workspace::unit_of(task, s.axis);
+  return fmt::format("{} at {} = {} {}", plane, name_of_axis(task, s.axis),
+                     report::fixed(units::to_user(s.at, unit), 1), unit);
 }
 
 Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOptions& options,
@@ -128,21 +139,28 @@ Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOpt
                 fmt::format("a resolution of {} points: must be {}", resolution, config::in_words({8, 512}, "points")));
   }
   POLYPOD_ASSIGN(box, box_of(machine, options));
-  if (!(at >= box[0][axis] && at <= box[1][axis])) {
+  const machine::Task task = kinematics::task(machine);
+  const bool whole = workspace::coordinates_of_points(task) < 3;  // the only plane there is
+  const auto place = [&](double x) { return units::to_user(x, whole ? "mm" : workspace::unit_of(task, axis)); };
+  const char* unit = whole ? "mm" : workspace::unit_of(task, axis);
+  if (!whole && !(at >= box[0][axis] && at <= box[1][axis])) {
     return fail("QP100",
-                fmt::format("the plane {} = {:.6g} mm misses what is looked at, which lies from {:.6g} to {:.6g} mm",
-                            "xyz"[axis], to_mm(at), to_mm(box[0][axis]), to_mm(box[1][axis])));
+                fmt::format("the plane {} = {:.6g} {} misses what is looked at, which lies from {:.6g} to {:.6g} {}",
+                            name_of_axis(task, axis), place(at), unit, place(box[0][axis]), place(box[1][axis]), unit));
   }
   SurveyOptions flat = options;
   flat.progress = nullptr;
   flat.resolution = resolution;
-  box[0][axis] = box[1][axis] = at;
+  if (!whole) box[0][axis] = box[1][axis] = at;
   flat.box = box;
   QualitySection out{axis, at, {}, {}, {}, false};
   auto survey = quality::survey(machine, flat);
   if (!survey && survey.error().id == "QU110") {
-    return fail("QP100", fmt::format("the plane {} = {:.6g} mm misses the workspace", "xyz"[axis], to_mm(at)), {},
-                "move the plane, ask for less tilt, or raise the resolution");
+    return fail("QP100",
+                fmt::format("the plane {} misses the workspace",
+                            whole ? "of the task's coordinates"
+                                  : fmt::format("{} = {:.6g} {}", name_of_axis(task, axis), place(at), unit)),
+                {}, "move the plane, ask for less tilt, or raise the resolution");
   }
   if (!survey) return tl::unexpected(survey.error());
   out.fields.survey = std::move(*survey);
@@ -179,7 +197,11 @@ std::vector<double> means_within(const QualitySection& s, QualityValue value) {
 report::HeatMap map_of(const QualitySection& s, QualityValue value, const Range& range) {
   const workspace::Grid& grid = s.fields.survey.grid;
   const auto [u, v] = axes_of(s.axis);
-  const auto at = [u = u, v = v](const Vec3& p) { return report::Point{to_mm(p[u]), to_mm(p[v])}; };
+  const machine::Task& task = s.fields.survey.task;
+  const char *of_u = workspace::unit_of(task, u), *of_v = workspace::unit_of(task, v);
+  const auto at = [u = u, v = v, of_u, of_v](const Vec3& p) {
+    return report::Point{units::to_user(p[u], of_u), units::to_user(p[v], of_v)};
+  };
   const std::size_t iu = static_cast<std::size_t>(u), iv = static_cast<std::size_t>(v);
   const ValueName name = name_of(value);
   const auto [low, high] = shown_part(s, iu, iv);
@@ -193,9 +215,10 @@ report::HeatMap map_of(const QualitySection& s, QualityValue value, const Range&
   const report::Point first = at(grid.at(a[0], a[1], a[2])), last = at(grid.at(b[0], b[1], b[2]));
   report::HeatMap map;
   map.title = fmt::format("Mean {} over {}", name.words, plane_name(s));
-  map.x = {std::string(1, "xyz"[u]), "mm", first.x, last.x, false};
-  map.y = {std::string(1, "xyz"[v]), "mm", first.y, last.y, false};
-  map.y.downwards = s.hangs && v == 2;
+  map.x = {name_of_axis(task, u), of_u, first.x, last.x, false};
+  map.y = {name_of_axis(task, v), of_v, first.y, last.y, false};
+  map.equal_scales = std::string_view(of_u) == of_v;
+  map.y.downwards = s.hangs && task.places() && v == 2;
   map.columns = high[0] - low[0] + 1;
   map.rows = high[1] - low[1] + 1;
   std::vector<double> over(grid.size(), std::numeric_limits<double>::quiet_NaN());

@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "machine_inputs.hpp"
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
 #include "polypod/core/figures.hpp"
@@ -20,6 +21,7 @@
 #include "polypod/report/scene.hpp"
 #include "polypod/report/stl.hpp"
 #include "polypod/workspace/task_directions.hpp"
+#include "workspace_section.hpp"
 
 namespace polypod::pages {
 namespace {
@@ -40,89 +42,6 @@ using workspace::Volume;
 using Entries = std::vector<std::pair<std::string, std::string>>;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-/// The kinds of limit that occur, numbered once for all pictures of a page so that each keeps its colour.
-class Kinds {
- public:
-  Kinds(const AnyMachine& machine, const std::set<int>& limits) {
-    for (const int limit : limits) {
-      if (limit < 0) continue;
-      const std::string kind = workspace::limit_kind(machine, limit);
-      const auto at = std::find(names_.begin(), names_.end(), kind);
-      of_[limit] = static_cast<int>(at - names_.begin());
-      if (at == names_.end()) names_.push_back(kind);
-    }
-  }
-  [[nodiscard]] int of(int limit) const {
-    const auto at = of_.find(limit);
-    return at == of_.end() ? -1 : at->second;
-  }
-  [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
-
- private:
-  std::vector<std::string> names_;
-  std::map<int, int> of_;
-};
-
-/// Machines that cannot tilt: their sections show how far inside the limits a point is.
-bool without_tilt(const Section& s) {
-  return s.field.tilt.empty();
-}
-
-void collect(std::set<int>& limits, const Section& s) {
-  for (std::size_t i = 0; without_tilt(s) && i < s.field.margin.size(); ++i)
-    if (s.field.margin[i] >= 0) limits.insert(s.field.limit[i]);
-  for (std::size_t i = 0; i < s.field.tilt.size(); ++i)
-    if (s.field.tilt[i] >= 0) limits.insert(s.field.tilt_limit[i]);
-}
-
-/// The tilt in deg, continued below 0 where R = 1 is out of reach, in proportion to the margin there, so that lines of
-/// equal tilt run smoothly into the border.
-std::vector<double> continued_tilt(const Field& f) {
-  std::vector<double> out(f.tilt.size());
-  if (out.empty()) return out;
-  const auto [nu, nv, one] = f.grid.points;
-  (void)one;
-  double steepest = 0;
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i] = to_deg(f.tilt[i]);
-    if (f.tilt[i] > 0 && f.upright[i] > 0) steepest = std::max(steepest, out[i] / f.upright[i]);
-  }
-  if (steepest == 0) steepest = 1;
-  for (int j = 0; j < nv; ++j) {
-    for (int i = 0; i < nu; ++i) {
-      const std::size_t at = f.grid.index(i, j, 0);
-      if (f.tilt[at] >= 0) continue;
-      double sum = 0;
-      int count = 0;
-      for (int dj = -1; dj <= 1; ++dj)
-        for (int di = -1; di <= 1; ++di) {
-          if (i + di < 0 || j + dj < 0 || i + di >= nu || j + dj >= nv) continue;
-          const std::size_t near = f.grid.index(i + di, j + dj, 0);
-          if (f.tilt[near] <= 0 || !(f.upright[near] > 0)) continue;
-          sum += to_deg(f.tilt[near]) / f.upright[near];
-          ++count;
-        }
-      const double slope = count > 0 ? sum / count : steepest;
-      out[at] = std::min(-1e-6, std::max(-90.0, slope * f.upright[at]));
-    }
-  }
-  return out;
-}
-
-/// The axis of M along which a unit vector points, or -1.
-int axis_of(const Vec3& u) {
-  for (int k = 0; k < 3; ++k)
-    if (u.normalized()[k] > 1 - 1e-9) return k;
-  return -1;
-}
-
-std::string axis_name(const machine::Task& task, const Vec3& u) {
-  const int axis = axis_of(u);
-  if (axis >= 0) return machine::name_of(task[axis]);
-  const Vec3 n = u.normalized();
-  return fmt::format("along ({}, {}, {})", number(n.x(), 2), number(n.y(), 2), number(n.z(), 2));
-}
 
 /// A number as it was given: no digits that say nothing.
 std::string given(double value) {
@@ -145,72 +64,6 @@ std::string directions_of(const AnyMachine& machine, const Options& options) {
     join = " and ";
   }
   return out;
-}
-
-report::HeatMap section_map(const Options& options, const Section& s, const Kinds& kinds, bool hangs) {
-  const Field& f = s.field;
-  report::HeatMap map;
-  const Vec3 u = f.grid.step[0].normalized(), v = f.grid.step[1].normalized();
-  const char *of_u = workspace::unit_along(s.task, u), *of_v = workspace::unit_along(s.task, v);
-  const auto at = [&](const Vec3& p) {
-    return report::Point{units::to_user(u.dot(p), of_u), units::to_user(v.dot(p), of_v)};
-  };
-  // Only what is reached, and two points beyond it.
-  int low[2] = {f.grid.points[0], f.grid.points[1]}, high[2] = {0, 0};
-  for (int j = 0; j < f.grid.points[1]; ++j) {
-    for (int i = 0; i < f.grid.points[0]; ++i) {
-      const std::size_t k = f.grid.index(i, j, 0);
-      if ((without_tilt(s) || f.tilt[k] < 0) && f.margin[k] < 0) continue;
-      low[0] = std::min(low[0], i);
-      low[1] = std::min(low[1], j);
-      high[0] = std::max(high[0], i);
-      high[1] = std::max(high[1], j);
-    }
-  }
-  constexpr int kAround = 2;
-  for (std::size_t k = 0; k < 2; ++k) {
-    const int most = f.grid.points[k] - 1;
-    if (low[k] > high[k]) {  // nothing at all: the whole grid
-      low[k] = 0;
-      high[k] = most;
-    }
-    low[k] = std::max(0, low[k] - kAround);
-    high[k] = std::min(most, high[k] + kAround);
-  }
-  const report::Point first = at(f.grid.at(low[0], low[1], 0)), last = at(f.grid.at(high[0], high[1], 0));
-  map.title =
-      without_tilt(s) ? "Distance inside the limits over a section" : "Largest tilt at every azimuth over a section";
-  map.x = {axis_name(s.task, u), of_u, first.x, last.x, false};
-  map.y = {axis_name(s.task, v), of_v, first.y, last.y, false};
-  map.equal_scales = s.task.places();
-  // The machine hangs, as in its picture.
-  map.y.downwards = hangs && s.task.places() && v.isApprox(Vec3::UnitZ());
-  map.columns = high[0] - low[0] + 1;
-  map.rows = high[1] - low[1] + 1;
-  const std::vector<double> tilt = continued_tilt(f);
-  for (int j = low[1]; j <= high[1]; ++j) {
-    for (int i = low[0]; i <= high[0]; ++i) {
-      const std::size_t k = f.grid.index(i, j, 0);
-      map.values.push_back(without_tilt(s) ? to_mm(f.margin[k]) : tilt[k]);
-      map.kind.push_back(kinds.of(without_tilt(s) ? f.limit[k] : f.tilt_limit[k]));
-    }
-  }
-  map.kinds = kinds.names();
-  map.label = without_tilt(s) ? "inside by" : "tilt";
-  map.unit = without_tilt(s) ? "mm" : "deg";
-  map.min = 0;
-  map.blank_below = true;
-  map.levels = 9;
-  const bool upright_only = !options.directions.is_ranges() && options.directions.tilt == 0;
-  for (const workspace::Loop& loop : s.border) {
-    Polyline line;
-    for (const Vec3& p : loop) line.points.push_back(at(p));
-    if (!line.points.empty()) line.points.push_back(line.points.front());
-    line.colour = report::Colour::ink;
-    line.stroke = upright_only ? 1.2 : 2.4;
-    map.lines.push_back(std::move(line));
-  }
-  return map;
 }
 
 std::string plane_title(const Section& s) {
@@ -384,6 +237,9 @@ class Page {
         "file "
         "says: not for collisions with tool holder, workpiece and surroundings, not for stiffness and forces, and not "
         "for the accuracy of what is reached.");
+    const std::string beyond =
+        beyond_in_words(workspace::beyond_singular(machine_, options_, volume_), "points drawn from it");
+    if (!beyond.empty()) report_.add_text(beyond);
     std::vector<report::KeyFigure> figures{
         {unit_.text(volume_.volume), unit_.name,
          fmt::format(fmt::runtime(volume_.proven ? "volume, ± {} % proven" : "volume, ± {} % (95 % of a sample)"),
@@ -634,21 +490,7 @@ class Page {
         off_kinds.insert(kinds_of_bits_[static_cast<std::size_t>(i)]);
     for (const std::string& kind : off_kinds) entries.emplace_back("switched off", kind);
     report_.add_definitions(entries);
-    report_.add_heading("Machine");
-    if (const std::string about = machine::description_of(machine_); !about.empty()) report_.add_text(about);
-    Entries settings;
-    for (const machine::Parameter& p : machine::settings(machine_)) {
-      settings.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
-    }
-    report_.add_definitions(settings);
-    Entries sources;
-    for (const auto& [key, source] : machine::provenance_of(machine_)) sources.emplace_back(key, source);
-    if (!sources.empty()) {
-      report_.add_heading("Where the numbers come from");
-      report_.add_definitions(sources);
-    }
-    report_.add_code("The machine's file", machine::to_toml(machine_));
-    if (!page_.command.empty()) report_.add_code("The command that made this page", page_.command, false);
+    add_machine_inputs(report_, machine_, page_.command);
   }
 
   [[nodiscard]] std::string capital() const {

@@ -50,4 +50,11 @@ std::string extent_text(const workspace::Volume& volume, int axis, const char* u
 Result<std::string> workspace_page(const machine::AnyMachine& machine, const workspace::Options& options,
                                    const workspace::Volume& volume, const WorkspacePageOptions& page = {});
 
+/// The same of a machine whose task does not hold x, y, z, over the coordinates of the task: the size of the region
+/// with its proven bounds, the machine at home in a scene that turns, sections through the place that is the farthest
+/// inside the limits, what is gained without each limit. Errors: those of section(); WS110 if cancelled; WS131 (nothing
+/// is reached, or nothing was found).
+Result<std::string> region_page(const machine::AnyMachine& machine, const workspace::Options& options,
+                                const workspace::Volume& region, const WorkspacePageOptions& page = {});
+
 }  // namespace polypod::pages

@@ -1,0 +1,15 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a page about a machine ends with.
+#pragma once
+
+#include <string>
+
+#include "polypod/machine/any_machine.hpp"
+#include "polypod/report/html.hpp"
+
+namespace polypod::pages {
+
+/// The machine's description, figures, sources and file, and the command that made the page where it is given.
+void add_machine_inputs(report::Report& report, const machine::AnyMachine& machine, const std::string& command);
+
+}  // namespace polypod::pages
