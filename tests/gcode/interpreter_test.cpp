@@ -405,8 +405,11 @@ TEST(Interpret, InverseTimeFeed) {
 }
 
 TEST(Dwells, AreCountedToTheEndOfTheProgram) {
-  EXPECT_EQ(dwell_time(*parse("G0 X1\nG4 P2.5\nG1 X2 F100\nG4 P0.5\nM2\nG4 P7\n", "part.ngc")), 3.0);
-  EXPECT_EQ(dwell_time(*parse("G0 X1\nM66 P0 L3 Q5\nM2\n", "part.ngc")), 0.0);
+  EXPECT_EQ(dwell_time(*parse("G0 X1\nG4 P2.5\nG1 X2 F100\nG4 P0.5\nM2\nG4 P7\n", "part.ngc"), false), 3.0);
+  EXPECT_EQ(dwell_time(*parse("G0 X1\nM66 P0 L3 Q5\nM2\n", "part.ngc"), false), 0.0);
+  for (const bool block_delete : {false, true}) {
+    EXPECT_EQ(dwell_time(*parse("G4 P1\n/G4 P2\nG0 X1\nM2\n", "part.ngc"), block_delete), block_delete ? 1.0 : 3.0);
+  }
 }
 
 }  // namespace
