@@ -339,9 +339,7 @@ Json document(const cell::CellResult& r) {
   }
   out["cost"] = cost_json(c, r.simulated() ? r.study.throughput.mean : 0);
   out["guard_distance_mm"] = to_mm(r.safety.guard_distance);
-  out["reach"] = {{"judged", r.motions.judged},
-                  {"out_of_reach", std::count_if(r.motions.problems.begin(), r.motions.problems.end(),
-                                                 [](const cell::Problem& p) { return p.kind == "reach"; })}};
+  out["reach"] = {{"judged", r.motions.judged}, {"out_of_reach", r.motions.out_of_reach}};
   out["layout"] = layout_json(r.layout);
   out["safety"] = safety_json(r.safety);
   out["times"] = times_json(r);
@@ -352,9 +350,7 @@ Json document(const cell::CellResult& r) {
 void print_result(const cell::CellResult& r) {
   const cell::Cell& c = r.cell;
   fmt::print("{}\n", one_line(c.description.empty() ? c.name : c.description));
-  fmt::print("reach      {} of {} places judged are in reach\n",
-             r.motions.judged - std::count_if(r.motions.problems.begin(), r.motions.problems.end(),
-                                              [](const cell::Problem& p) { return p.kind == "reach"; }),
+  fmt::print("reach      {} of {} places judged are in reach\n", r.motions.judged - r.motions.out_of_reach,
              r.motions.judged);
   fmt::print("layout     {:.0f} x {:.0f} mm on the floor, {:.2f} m2; {} positions of machines judged\n",
              to_mm(r.layout.high.x() - r.layout.low.x()), to_mm(r.layout.high.y() - r.layout.low.y()),

@@ -155,6 +155,33 @@ void print_binding(const Study& study, const Row& row) {
   fmt::print("{}limited by: {}\n", study.holds.empty() ? "" : "all holds are kept; ", text);
 }
 
+/// What a finer survey says of the best machine.
+Json again_json(const Study& study, const design::JudgedAgain& again) {
+  Json values = Json::object();
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i)
+    values[design::info_of(figures[i]).name] = number_json(again.evaluation.figures[i].value);
+  const bool kept = again.evaluation.state == State::done;
+  return {{"resolution", again.resolution},
+          {"values", values},
+          {"holds_kept", kept},
+          {"reason", kept ? Json() : Json(again.evaluation.reason)}};
+}
+void print_again(const Study& study, const Row& row, const design::JudgedAgain& again) {
+  std::vector<std::string> changed;
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    const double was = row.evaluation.figures[i].value, is = again.evaluation.figures[i].value;
+    if (study.surveys(figures[i]) && std::isfinite(is))
+      changed.push_back(fmt::format("{} {} ({})", design::info_of(figures[i]).name, shown(is), shown(was)));
+  }
+  fmt::print("judged again with resolution {} instead of {}: {}{}\n", again.resolution, study.resolution,
+             fmt::join(changed, ", "),
+             again.evaluation.state == State::done
+                 ? study.holds.empty() ? "" : "; all holds are kept"
+                 : fmt::format("; no: {}. Search with a higher resolution", one_line(again.evaluation.reason)));
+}
+
 Json no_json(const Study& study, const std::vector<Row>& rows) {
   Json holds = Json::array(), refused = Json::array();
   for (const design::HoldSummary& h : design::hold_summaries(study, rows)) {
@@ -295,6 +322,15 @@ Command optimize_command() {
         if (found.best) POLYPOD_TRY(write_winner(study, o->folder, found.rows[*found.best]));
         const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
         const bool any = found.best || !found.front.empty();
+        std::optional<design::JudgedAgain> again;
+        if (found.best) {
+          design::EvaluateOptions finer;
+          finer.threads = o->threads;
+          finer.cancelled = options.cancelled;
+          POLYPOD_ASSIGN(judged, design::judge_again(study, found.rows[*found.best].varied, finer));
+          again = std::move(judged);
+        }
+        const bool yes = any && (!again || again->evaluation.state == State::done);
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -309,9 +345,10 @@ Command optimize_command() {
                     {"database", design::database_of(o->folder)},
                     {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
           if (found.best) out["binding"] = binding_json(study, found.rows[*found.best]);
+          if (again) out["judged_again"] = again_json(study, *again);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
-          return any ? kDone : kAnswerIsNo;
+          return yes ? kDone : kAnswerIsNo;
         }
         fmt::print("{} evaluations of at most {}: {}\n", asked.size(), study.evaluations, states_text(asked));
         if (found.computed < static_cast<std::int64_t>(asked.size())) {
@@ -324,6 +361,7 @@ Command optimize_command() {
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
           print_binding(study, found.rows[*found.best]);
+          if (again) print_again(study, found.rows[*found.best], *again);
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
           fmt::print("the front has {} points\n", found.front.size());
@@ -333,7 +371,7 @@ Command optimize_command() {
         }
         fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
                    for_shell(o->folder));
-        return any ? kDone : kAnswerIsNo;
+        return yes ? kDone : kAnswerIsNo;
       }};
 }
 

@@ -217,6 +217,13 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
     POLYPOD_ASSIGN(profile, profile_of(o.profile, read));
     out.options.profile = profile;
     if (read.timed && o.speed == 0) out.options.law = motion::Law::timed;
+    if (read.timed && (o.speed != 0 || o.fastest)) {
+      out.notes.emplace_back("the times of the path file are not kept, but for its waits");
+    }
+    const auto& all = out.path.stretches;
+    if (o.speed != 0 && std::all_of(all.begin(), all.end(), [](const motion::Stretch& s) { return s.speed > 0; })) {
+      out.notes.emplace_back("every segment has a speed of its own: --speed serves none");
+    }
   } else {
     POLYPOD_ASSIGN(points, poses_of(o.points, task));
     std::vector<motion::Stretch> lines;
@@ -228,15 +235,22 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
     out.path = std::move(path);
   }
   if (o.fastest) out.options.law = motion::Law::fastest;
-  if (out.options.law == motion::Law::timed && out.options.profile == motion::Profile::spline) {
-    if (o.blend > 0) {
-      return fail("AP107", "--blend does nothing here: a spline has no corners", {}, "leave it out");
-    }
+  const bool timed = out.options.law == motion::Law::timed;
+  if (timed && o.blend > 0) {
+    return fail("AP107", "--blend does nothing here: the times of the path say when the tool is in its corners", {},
+                "--profile spline has none; --speed and --time-optimal leave the times out");
+  }
+  if (!timed) POLYPOD_TRY(refuse(context, {"--profile"}, "it serves the times of a path, which are not kept here"));
+  if (timed && out.options.profile == motion::Profile::spline) {
     POLYPOD_ASSIGN(spline, motion::splined(out.path));
-    const double off = motion::farthest_from_chords(spline);
+    const motion::ChordError off = motion::farthest_from_chords(spline);
     out.path = std::move(spline);
-    out.notes.push_back(fmt::format("between its points the spline leaves their straight ways by {} mm at most",
-                                    figure(units::to_mm(off), 3)));
+    constexpr double kNone = 1e-12;  // rad
+    const std::string turned = off.angle > kNone ? fmt::format(", and its angles linear courses by up to {} deg",
+                                                               figure(units::to_deg(off.angle), 3))
+                                                 : "";
+    out.notes.push_back(fmt::format("between its points the spline leaves their straight ways by up to {} mm{}",
+                                    figure(units::to_mm(off.length), 3), turned));
   }
   out.options.speed = o.speed != 0 ? units::from_mm(o.speed) : speed;
   if (o.blend > 0) {
@@ -578,7 +592,8 @@ std::vector<pages::MotionLimit> together(const std::vector<pages::MotionLimit>& 
 }
 
 void print_move(const motion::MoveResult& r, const Asked& asked, const pages::MotionQuestion& question) {
-  fmt::print("length   {} mm\ntime     {} s\n", figure(units::to_mm(r.length), 1), figure(r.time, 4));
+  fmt::print("length   {} mm\ntime     {}\n", figure(units::to_mm(r.length), 1),
+             std::isfinite(r.time) ? figure(r.time, 4) + " s" : "not known");
   if (asked.options.law == motion::Law::fastest && std::isfinite(r.time)) {
     fmt::print("stops    {} on the way\n", r.stops);
     for (const auto& [name, share] : r.binding) fmt::print("limited  {:.0f} % of the time by {}\n", 100 * share, name);
@@ -670,11 +685,25 @@ void print_move(const motion::MoveResult& r, const Asked& asked, const pages::Mo
   fmt::print("not judged: {}\n", fmt::join(question.not_judged, ", "));
 }
 
-/// Angles that the path asks for and the machine does not have, as violations.
+/// Angles and ways that the path asks for and the machine does not have, as violations.
 void axes_not_there(const machine::AnyMachine& m, const motion::PosePath& path, motion::MoveResult& r) {
   const machine::Task task = kinematics::task(m);
-  constexpr double kNoTurn = 1e-9;
+  constexpr double kNoTurn = 1e-9, kNoWay = 1e-9;
   for (int k = 0; k < 3; ++k) {
+    // A coordinate that follows from the others may stand in the path, but not go along it.
+    for (const motion::Stretch& s : path.stretches) {
+      if (task.holds(static_cast<machine::Coordinate>(k))) break;
+      if (!(std::abs(s.to[k] - s.from[k]) > kNoWay)) continue;
+      motion::MoveViolation v;
+      v.p = s.from;
+      v.line = s.line;
+      v.kind = "axis";
+      v.limit = fmt::format("no {}", "xyz"[k]);
+      v.detail = fmt::format("{0} from {1} to {2} mm: the poses of this machine do not prescribe {0}", "xyz"[k],
+                             figure(units::to_mm(s.from[k]), 3), figure(units::to_mm(s.to[k]), 3));
+      r.violations.push_back(v);
+      break;
+    }
     if (task.holds(static_cast<machine::Coordinate>(3 + k))) continue;
     for (const motion::Stretch& s : path.stretches) {
       const double most = std::max(std::abs(s.angles_from[k]), std::abs(s.angles_to[k]));

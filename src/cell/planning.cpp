@@ -253,7 +253,9 @@ Plan coordinates(const FlowMatrix& flows, const std::vector<Station>& stations) 
   const double best = transport(flows, out.best_places);
   if (best > out.score) out.best_places = out.places;
   out.best = std::min(best, out.score);
-  out.best_is = "all places of the free stations (Weiszfeld's iteration)";
+  const bool free = std::any_of(stations.begin(), stations.end(), [](const Station& s) { return !s.fixed; });
+  out.best_is = free ? "all places of the free stations (Weiszfeld's iteration)"
+                     : "the present places: no station is free (fixed = false)";
   return out;
 }
 

@@ -200,8 +200,8 @@ motion::MotionLimits limits_of(const Machine& m) {
 namespace {
 
 /// Times between belt and slots; false where something is out of reach (a problem then says so).
-void pick_table(const Cell& cell, const Task& task, const JointVector& home, PickTable& out,
-                std::vector<Problem>& problems, int& judged) {
+void pick_table(const Cell& cell, const Task& task, const JointVector& home, PickTable& out, Motions& all) {
+  std::vector<Problem>& problems = all.problems;
   const Machine& m = cell.machines[static_cast<std::size_t>(task.machine)];
   const Conveyor& belt = cell.conveyors[static_cast<std::size_t>(task.from_conveyor)];
   const Spot& spot = cell.spots[static_cast<std::size_t>(task.to)];
@@ -248,7 +248,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
             out.rows > 1 ? out.across_low + (out.across_high - out.across_low) * r / (out.rows - 1) : out.across_low;
         Vec3 at = belt.point(along, across);
         at.z() += cell.items[0].height;
-        ++judged;
+        ++all.judged;
         double time = kInfinity;
         if (cycles) {
           const Pose X_MC = m.X_CM.inverse();
@@ -269,6 +269,7 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
             complain(at, pick.why);
         }
         times.push_back(time);
+        all.out_of_reach += std::isfinite(time) ? 0 : 1;
       }
     }
     out.times.push_back(std::move(times));
@@ -356,7 +357,7 @@ Motions motions(const Cell& cell) {
     const auto mi = static_cast<std::size_t>(task.machine);
     const Machine& m = cell.machines[mi];
     if (task.from_conveyor >= 0) {
-      pick_table(cell, task, out.home[mi], out.picks[t], out.problems, out.judged);
+      pick_table(cell, task, out.home[mi], out.picks[t], out);
       const double mass = m.hand_mass + cell.items[0].mass;
       if (m.payload > 0 && mass > m.payload) {
         out.problems.push_back(
@@ -373,6 +374,7 @@ Motions motions(const Cell& cell) {
         stands.push_back(stand_at(m, out.home[mi], s.slots[k], s.pitch, s.heading, s.roll, s.clearance));
         ++out.judged;
         if (stands.back().ok) continue;
+        ++out.out_of_reach;
         out.problems.push_back({"reach", fmt::format("{} ({}) cannot reach {} {}at {}: {}", m.name, task.name, s.name,
                                                      s.slots.size() > 1 ? fmt::format("slot {} ", k + 1) : "",
                                                      place_text(s.slots[k]), stands.back().why)});

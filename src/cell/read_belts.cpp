@@ -1,4 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include <limits>
+
 #include "reader.hpp"
 
 namespace polypod::cell {
@@ -105,6 +107,10 @@ Status Reader::conveyors() {
     const Conveyor& c = cell_.conveyors[i];
     if (c.onto.empty()) continue;
     POLYPOD_ASSIGN(next, index_of(cell_.conveyors, tables[i], "onto", "conveyor"));
+    if (next == static_cast<int>(i)) {
+      return fail("CE107", fmt::format("conveyor {} passes its items onto itself", c.name), tables[i].place_of("onto"),
+                  "name another conveyor, or leave onto out");
+    }
     const Conveyor& o = cell_.conveyors[static_cast<std::size_t>(next)];
     for (const double drop : {c.drop - c.drop_spread, c.drop + c.drop_spread}) {
       const Vec3 end = c.point(c.length + drop, 0);
@@ -202,7 +208,8 @@ Status Reader::sources() {
       across = a;
       POLYPOD_TRY(ordered(table, "across_mm", across[0], across[1]));
     }
-    POLYPOD_ASSIGN(limit, table.optional_integer("limit", kMostItems, 1, kMostItems));
+    constexpr int kNoLimit = std::numeric_limits<int>::max();  // beyond any run
+    POLYPOD_ASSIGN(limit, table.optional_integer("limit", kNoLimit, 1, kNoLimit));
     POLYPOD_TRY(needs_item(table));
     const Conveyor& c = cell_.conveyors[static_cast<std::size_t>(conveyor)];
     POLYPOD_TRY(on(c, table, "across_mm", across[0], across[1]));

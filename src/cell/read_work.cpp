@@ -165,8 +165,12 @@ Status Reader::machines(const std::string& file) {
                                   bool mixed) -> Result<std::vector<double>> {
       std::vector<double> v;
       if (table.has(key)) {
-        POLYPOD_ASSIGN(given, table.numbers(key, 0, range));
-        v = given;
+        if (const auto one = table.number(key, range)) {
+          v = {*one};
+        } else {
+          POLYPOD_ASSIGN(given, table.numbers(key, 0, range));
+          v = given;
+        }
         if (v.size() == 1) v.assign(static_cast<std::size_t>(joints), v[0]);
         if (static_cast<int>(v.size()) != joints) {
           return fail("CF105", fmt::format("{} has {} numbers; {} has {} joints", key, v.size(), out.name, joints),

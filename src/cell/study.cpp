@@ -20,9 +20,7 @@ Estimate estimate(const std::vector<double>& values) {
   }
   double squares = 0;
   for (const double v : values) squares += (v - out.mean) * (v - out.mean);
-  // The series of student_95 holds from 3 degrees of freedom on.
-  const double t = n < 2.5 ? 12.706 : n < 3.5 ? 4.303 : student_95(n - 1);
-  out.half_width = t * std::sqrt(squares / (n - 1) / n);
+  out.half_width = student_95(n - 1) * std::sqrt(squares / (n - 1) / n);
   return out;
 }
 

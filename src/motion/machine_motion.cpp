@@ -105,6 +105,10 @@ class Follower {
     for (std::size_t k = 0; k < path_.stretches.size(); ++k) {
       const int pieces = pieces_of(k);
       for (int i = 0; i <= pieces; ++i) {
+        constexpr std::size_t kNowAndThen = 16;
+        if (options_.progress && out.size() % kNowAndThen == 0 && !options_.progress(0.1 * begins_[k] / path_.size)) {
+          return out;  // the caller asks again
+        }
         Node node{k, path_.stretches[k].size * i / pieces, 0, {}};
         node.s = begins_[k] + node.u;
         node.state = state(k, node.u, near, near.size() == 0 ? start : 0);
@@ -370,7 +374,7 @@ class Mover {
     }
     const bool waits = path_.stretches.front().wait_before > 0 && path_.stretches.back().wait > 0;
     out.moves_at_once = options_.law != Law::fastest && !goes_smoothly() && !waits;
-    for (MoveViolation& v : out.violations) v.t = law_.time_of(v.s);
+    for (MoveViolation& v : out.violations) v.t = v.s > 0 ? law_.time_of(v.s) : 0;
     POLYPOD_TRY(check(out));
     out.time = law_.duration();
     sample(out);
@@ -476,7 +480,9 @@ class Mover {
   Status make_law(MoveResult& out) {
     const std::vector<Stretch>& stretches = path_.stretches;
     if (options_.law == Law::fastest) return plan(out);
-    if (options_.law == Law::constant && (!(options_.speed > 0) || !std::isfinite(options_.speed))) {
+    const bool needed =
+        std::any_of(stretches.begin(), stretches.end(), [](const Stretch& s) { return !(s.speed > 0); });
+    if (options_.law == Law::constant && needed && (!(options_.speed > 0) || !std::isfinite(options_.speed))) {
       return fail("MO101",
                   options_.speed == 0
                       ? std::string("no speed is given")
@@ -496,7 +502,8 @@ class Mover {
                       "give time_s to every stretch, or plan with --time-optimal");
         }
         const double speed = s.speed > 0 ? s.speed : options_.speed;
-        block = uniform_block(follower_.begin(k), s.size, s.length / speed);
+        block = s.curve == Stretch::Curve::blend ? constant_speed(k, speed)
+                                                 : uniform_block(follower_.begin(k), s.size, s.length / speed);
       }
       block.rest(k == 0 ? s.wait_before : 0, s.wait);
       law_.add(std::move(block));
@@ -517,6 +524,41 @@ class Mover {
       out.violations.push_back(v);
     }
     return {};
+  }
+
+  /// Along a polynomial, whose parameter is no length: polynomials of fifth degree of the time that have the speed and
+  /// no acceleration along the path at their ends, so near to each other that the speed between them is the same to
+  /// 1e-6.
+  [[nodiscard]] TimeLaw::Block constant_speed(std::size_t stretch, double speed) const {
+    constexpr int kPieces = 64;
+    const Stretch& s = path_.stretches[stretch];
+    struct Rates {
+      double way = 0, first = 0, second = 0;  ///< |p'|, and u' and u'' by the time
+    };
+    const auto at = [&](double u) {
+      const PoseSeries X = s.at(Series(u, 1, 0, 0));
+      Vec3 p1, p2;
+      for (int i = 0; i < 3; ++i) {
+        p1[i] = X.p[i].derivative(1);
+        p2[i] = X.p[i].derivative(2);
+      }
+      const double way = p1.norm();
+      return Rates{way, speed / way, -speed * speed * p1.dot(p2) / square(square(way))};
+    };
+    TimeLaw::Block out{follower_.begin(stretch), s.size, false, {}, 0};
+    Rates from = at(0);
+    for (int k = 0; k < kPieces; ++k) {
+      const double u = s.size * k / kPieces, d = s.size / kPieces;
+      const Rates middle = at(u + 0.5 * d), to = at(u + d);
+      const double h = d / 6 * (from.way + 4 * middle.way + to.way) / speed;
+      const double a0 = from.second, a1 = to.second, v0 = from.first, v1 = to.first;
+      out.pieces.push_back({h,
+                            {u, v0, 0.5 * a0, ((10 * d / h - 6 * v0 - 4 * v1) / h - 1.5 * a0 + 0.5 * a1) / h,
+                             ((-15 * d / h + 8 * v0 + 7 * v1) / h + 1.5 * a0 - a1) / (h * h),
+                             ((6 * d / h - 3 * v0 - 3 * v1) / h - 0.5 * (a0 - a1)) / (h * h * h)}});
+      from = to;
+    }
+    return out;
   }
 
   /// In given times with a profile that is at rest at each point, or goes on there in speed and acceleration.
@@ -775,6 +817,15 @@ class Mover {
       if (s.reached && !s.regular) report_unknown(s, exceeded, out);
       if (report) report_force(s, exceeded, out);
     }
+    // Where it waits, the forces are those of rest.
+    const TimeLaw::Block& b = law_.block(block);
+    for (const auto& [waits, x] : {std::pair{b.rest_before, 0.0}, {b.rest_after, b.duration}}) {
+      if (!(waits > 0)) continue;
+      const MoveSample s = sample_at(block, x);
+      for (std::size_t k = 0; k < look.force.size() && s.force.size() > 0; ++k)
+        look.force[k] = std::max(look.force[k], std::abs(s.force[static_cast<Eigen::Index>(k)]));
+      if (report) report_force(s, exceeded, out);
+    }
     return look;
   }
 
@@ -793,14 +844,24 @@ class Mover {
       // Where the limits are exceeded between nodes, finer nodes are better than a slower block.
       constexpr double kEnough = 1.001;
       constexpr int kFinest = 8, kGlances = 500;
-      const auto glance = [&] { return look_at(b, std::min(kGlances, instants(b, total)), at_once, exceeded, out); };
-      Look look = glance();
+      // First at a few instants: what is exceeded there need not be looked at closer.
+      const auto looked = [&] {
+        const int all = instants(b, total);
+        if (at_once) return look_at(b, all, at_once, exceeded, out);  // what is exceeded is reported where it begins
+        Look few = look_at(b, std::min(kGlances, all), at_once, exceeded, out);
+        if (all <= kGlances || few.factor > kEnough) return few;
+        return look_at(b, all, at_once, exceeded, out);
+      };
+      Look look = looked();
       for (int finer = 2; look.factor > kEnough && finer <= kFinest && !planned_.empty(); finer *= 2) {
         POLYPOD_ASSIGN(block, planned(b, finer));
         law_.replace(b, std::move(block));
-        look = glance();
+        look = looked();
       }
-      if (const int all = instants(b, total); all > kGlances) look = look_at(b, all, at_once, exceeded, out);
+      // The last and finest may have been seen at a few instants alone.
+      if (const int all = instants(b, total); static_cast<int>(look.all.size()) <= all) {
+        look = look_at(b, all, at_once, exceeded, out);
+      }
       const double factor = look.factor, duration = law_.block(b).moving();
       const int count = static_cast<int>(look.all.size()) - 1;
       out.checked += count + 1;
@@ -957,9 +1018,8 @@ class Mover {
       return a.resolution[i] > 0 ? a.resolution[i] * std::round(q / a.resolution[i]) : q;
     };
     /// Where drive i is at the time t, with commands carried out late by `late`.
-    const auto actual = [&](int i, double t, double late, bool at_intervals) {
+    const auto actual = [&](int i, double t, double late) {
       t -= late;
-      if (!at_intervals) return rounded(i, wanted(i, t));
       const double offset = a.staggered ? a.interval * i / n : 0;
       const double k = std::floor((t - offset) / a.interval), begin = offset + k * a.interval;
       const double from = rounded(i, wanted(i, begin)), to = rounded(i, wanted(i, begin + a.interval));
@@ -974,7 +1034,8 @@ class Mover {
       const MoveSample want = sample_at_time(t);
       const auto judge = [&](PathError& e, bool compensated, bool at_intervals) {
         JointVector q(n);
-        for (int i = 0; i < n; ++i) q[i] = actual(i, t, compensated ? 0 : a.delay[i], at_intervals);
+        for (int i = 0; i < n; ++i)
+          q[i] = at_intervals ? actual(i, t, compensated ? 0 : a.delay[i]) : rounded(i, want.q[i]);
         const Pose X = pose_near(follower_.machine(), q, want.X);
         const double off = distance_from_path(X.p, want.s);
         e.largest = std::max(e.largest, off);

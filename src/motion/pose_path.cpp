@@ -180,8 +180,8 @@ Result<Stretch> straight(const TargetPose& from, const TargetPose& to, Turning t
   out.size = out.length > 0 ? out.length : turned;
   if (!(out.size > kSame)) {
     return fail("MO100",
-                fmt::format("from {:g}, {:g}, {:g} mm to itself is neither a way nor a turn", units::to_mm(from.p.x()),
-                            units::to_mm(from.p.y()), units::to_mm(from.p.z())),
+                fmt::format("from {:g}, {:g}, {:g} mm by less than 1e-6 mm is neither a way nor a turn",
+                            units::to_mm(from.p.x()), units::to_mm(from.p.y()), units::to_mm(from.p.z())),
                 {}, "leave out points that are the same as the one before");
   }
   return out;
@@ -295,23 +295,50 @@ void spline_through(std::span<const Stretch> lines, std::span<Stretch> out) {
 
 }  // namespace
 
-double farthest_from_chords(const PosePath& path) {
-  constexpr int kPlaces = 16;
-  double out = 0;
+namespace {
+/// The largest of a function of 0 .. 1: of 16 places, and between the neighbours of the best.
+template <class F>
+double largest_of(const F& f) {
+  constexpr int kPlaces = 16, kThirds = 40;
+  int best = 0;
+  double most = f(0.0);
+  for (int k = 1; k <= kPlaces; ++k) {
+    if (const double value = f(static_cast<double>(k) / kPlaces); value > most) {
+      most = value;
+      best = k;
+    }
+  }
+  double low = std::max(0.0, (best - 1.0) / kPlaces), high = std::min(1.0, (best + 1.0) / kPlaces);
+  for (int k = 0; k < kThirds; ++k) {
+    const double a = low + (high - low) / 3, b = high - (high - low) / 3;
+    (f(a) < f(b) ? low : high) = f(a) < f(b) ? a : b;
+  }
+  return std::max(most, f(0.5 * (low + high)));
+}
+}  // namespace
+
+ChordError farthest_from_chords(const PosePath& path) {
+  ChordError out;
   for (const Stretch& s : path.stretches) {
     const Vec3 way = s.to - s.from;
-    for (int k = 1; k < kPlaces; ++k) {
-      const Vec3 p = s.pose(s.size * k / kPlaces).p - s.from;
-      const double share = way.squaredNorm() > 0 ? std::clamp(p.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0;
-      out = std::max(out, (p - share * way).norm());
-    }
+    out.length = std::max(out.length, largest_of([&](double share) {
+                            const Vec3 p = s.pose(s.size * share).p - s.from;
+                            const double along =
+                                way.squaredNorm() > 0 ? std::clamp(p.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0;
+                            return (p - along * way).norm();
+                          }));
+    out.angle = std::max(out.angle, largest_of([&](double share) {
+                           const Vec3 straight = s.angles_from + share * (s.angles_to - s.angles_from);
+                           return (angles_on(s, s.size * share).at - straight).cwiseAbs().maxCoeff();
+                         }));
   }
   return out;
 }
 
 Result<PosePath> pose_path_of(std::vector<Stretch> stretches) {
   if (stretches.empty()) {
-    return fail("MO100", "a path needs at least two different points", {}, "give where it starts and where it ends");
+    return fail("MO100", "a path needs at least two different points; waits alone are none", {},
+                "give where it starts and where it ends");
   }
   PosePath out;
   out.stretches = std::move(stretches);
@@ -441,7 +468,7 @@ PosePath blended(const PosePath& path, double deviation, bool curvature) {
   std::vector<std::optional<Stretch>> blends(n);
   for (std::size_t k = 0; k + 1 < n && deviation > 0; ++k) {
     const Stretch &a = path.stretches[k], &b = path.stretches[k + 1];
-    if (a.stop || !(a.length > 0) || !(b.length > 0) || (a.before - b.before).norm() > 1e-12) continue;
+    if (a.stop || a.wait > 0 || !(a.length > 0) || !(b.length > 0) || (a.before - b.before).norm() > 1e-12) continue;
     if ((a.turning == Turning::turn && a.turns()) || (b.turning == Turning::turn && b.turns())) continue;
     if (a.spin_from != 0 || a.spin_to != 0 || b.spin_from != 0 || b.spin_to != 0) continue;
     const Junction j = path.junction(k);

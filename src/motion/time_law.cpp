@@ -320,6 +320,7 @@ std::pair<double, double> reached_by(const TimeLaw::Block& profile) {
 /// Largest and least absolute derivatives at the nodes of what has limits.
 struct Moved {
   double speed = kNoLimit, acceleration = kNoLimit, jerk = kNoLimit;
+  double most_speed = speed;  ///< of places with limits of their own the largest, where `speed` is the least
   double most_1 = 0, least_1 = kNoLimit, most_2 = 0, most_3 = 0;
   void take(double d1, double d2, double d3) {
     most_1 = std::max(most_1, d1);
@@ -340,7 +341,7 @@ std::optional<TimeLaw::Block> bounding_profile(const std::vector<Moved>& all, do
     const double twist = (m.most_2 > 0 ? 3 * m.most_2 * v * a : 0) + (m.most_3 > 0 ? m.most_3 * v * v * v : 0);
     if (!possible && (bend >= m.acceleration || twist >= m.jerk)) return {};
     if (!(by > 0)) continue;
-    speed = std::min(speed, m.speed / by);
+    speed = std::min(speed, (possible ? m.most_speed : m.speed) / by);
     acceleration = std::min(acceleration, (m.acceleration + sign * bend) / by);
     jerk = std::min(jerk, (m.jerk + sign * twist) / by);
   }
@@ -357,10 +358,12 @@ std::optional<TimeLaw::Block> nearly_fastest_s_profile(const std::vector<PlanNod
   std::vector<Moved> all;
   for (Eigen::Index i = 0; i < drives; ++i)
     all.push_back({limits.drive_speed[i], limits.drive_acceleration[i], limits.drive_jerk[i]});
+  tool.most_speed = 0;
   for (const PlanNode& n : nodes) {
     if (n.drive_1.size() != drives) return {};
     tool.take(n.tip_1.norm(), n.tip_2.norm(), n.tip_3.norm());
     tool.speed = std::min(tool.speed, n.speed);
+    tool.most_speed = std::max(tool.most_speed, std::min(limits.tool_speed, n.speed));
     turn.take(n.turn.norm(), 0, 0);
     for (Eigen::Index i = 0; i < drives; ++i)
       all[static_cast<std::size_t>(i)].take(std::abs(n.drive_1[i]), std::abs(n.drive_2[i]), std::abs(n.drive_3[i]));
@@ -371,7 +374,7 @@ std::optional<TimeLaw::Block> nearly_fastest_s_profile(const std::vector<PlanNod
   // What no law exceeds: first by the limits alone, then by the profile that is made of that, which is again a bound.
   double v = kNoLimit, a = kNoLimit;
   for (const Moved& m : all)
-    if (m.least_1 > 0) v = std::min(v, m.speed / m.least_1);
+    if (m.least_1 > 0) v = std::min(v, m.most_speed / m.least_1);
   for (const Moved& m : all)
     if (m.least_1 > 0) a = std::min(a, (m.acceleration + m.most_2 * v * v) / m.least_1);
   if (!std::isfinite(v) || !std::isfinite(a)) return {};
@@ -656,10 +659,8 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
   const auto barriers = static_cast<double>(constraints.size());
   constexpr double kGap = 2e-4;  // of the time
   constexpr int kNewton = 40;
-  constexpr double kFaster = 20, kCentred = 0.3, kDone = 1e-4;  // of the cost, where a step gains no more
-  for (double tau = barriers / time_of(y);; tau *= kFaster) {
+  for (double tau = barriers / time_of(y);; tau *= 5) {
     double now = cost(y, tau);
-    const bool last = barriers / tau < kGap * time_of(y);
     for (int step = 0; step < kNewton; ++step) {
       H.clear();
       std::fill(gradient.begin(), gradient.end(), 0.0);
@@ -688,7 +689,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       if (!H.solve(d)) break;
       double slope = 0;
       for (std::size_t i = 0; i < n; ++i) slope += gradient[i] * d[i];
-      if (!(slope < -(last ? kDone : kCentred))) break;
+      if (!(slope < -1e-6)) break;
       double share = 1;
       bool moved = false;
       constexpr int kShorter = 40;
@@ -703,7 +704,7 @@ Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s
       }
       if (!moved) break;
     }
-    if (last) break;
+    if (barriers / tau < kGap * time_of(y)) break;
   }
   // In each interval y is a polynomial of second degree of w, so that w(t) is a sum of exponentials.
   TimeLaw::Block out{from, size, true, {}, 0};

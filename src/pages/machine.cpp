@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "machine_lines.hpp"
@@ -59,8 +60,22 @@ MachineAt machine_at(const AnyMachine& machine, const JointVector& q) {
 }
 
 Pose start_pose(const AnyMachine& machine) {
-  if (const auto home = kinematics::home_pose(machine)) return *home;
-  return {Mat3::Identity(), kinematics::middle_of_work(machine)};
+  const Pose upright =
+      kinematics::home_pose(machine).value_or(Pose{Mat3::Identity(), kinematics::middle_of_work(machine)});
+  if (kinematics::inverse(machine, upright).reachable() != nullptr) return upright;
+  // The joints at one share of their ranges each, from the middle on, the first such place within all limits.
+  for (const double share : {0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7}) {
+    JointVector q(kinematics::joint_count(machine));
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      const machine::JointRange range = kinematics::joint_range(machine, static_cast<int>(i));
+      if (!std::isfinite(range.max - range.min)) return upright;
+      constexpr double kApart = 0.03;  // straight wrists and elbows are singular
+      q[i] = range.min + (share + kApart * static_cast<double>(i % 3)) * (range.max - range.min);
+    }
+    for (const Pose& X : kinematics::forward(machine, q).poses)
+      if (kinematics::inverse(machine, X).reachable() != nullptr) return X;
+  }
+  return upright;
 }
 
 report::Scene machine_scene(const AnyMachine& machine, const MachineAt& at) {

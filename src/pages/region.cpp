@@ -40,6 +40,29 @@ std::string names_of(const machine::Task& task) {
   return out;
 }
 
+/// To four digits.
+std::string measure(double value) {
+  const double unit = value > 0 ? std::pow(10.0, std::floor(std::log10(value)) - 3) : 1;
+  return report::fixed(unit * std::round(value / unit), std::max(0, -static_cast<int>(std::floor(std::log10(unit)))));
+}
+/// "mm² deg" of "mm2 deg".
+std::string powers(std::string unit) {
+  for (const auto& [digit, raised] : {std::pair{"2", "²"}, std::pair{"3", "³"}}) {
+    if (const auto at = unit.find(digit); at != std::string::npos) unit.replace(at, 1, raised);
+  }
+  return unit;
+}
+
+std::string size_in_words(const machine::Task& task, const Volume& region) {
+  const workspace::Region size = workspace::region_of(task, region.volume, region.lower, region.upper);
+  return fmt::format(
+      fmt::runtime(region.proven ? "Of the coordinates {}, a region of {} {} is reached: certainly between {} and {}."
+                                 : "Of the coordinates {}, a sample finds a region of {} {} to be reached, with 95 % "
+                                   "between {} and {}. Nothing is proven: no bounds are known for the inverse of this "
+                                   "machine."),
+      names_of(task), measure(size.measure), powers(size.unit), measure(size.lower), measure(size.upper));
+}
+
 class RegionPage {
  public:
   RegionPage(const AnyMachine& machine, const Options& options, const Volume& region, const WorkspacePageOptions& page)
@@ -79,18 +102,6 @@ class RegionPage {
   }
   [[nodiscard]] const char* unit(int coordinate) const { return workspace::unit_of(task_, coordinate); }
   [[nodiscard]] double shown(int coordinate, double value) const { return units::to_user(value, unit(coordinate)); }
-  /// To four digits.
-  [[nodiscard]] static std::string measure(double value) {
-    const double unit = value > 0 ? std::pow(10.0, std::floor(std::log10(value)) - 3) : 1;
-    return report::fixed(unit * std::round(value / unit), std::max(0, -static_cast<int>(std::floor(std::log10(unit)))));
-  }
-  /// "mm² deg" of "mm2 deg".
-  [[nodiscard]] static std::string powers(std::string unit) {
-    for (const auto& [digit, raised] : {std::pair{"2", "²"}, std::pair{"3", "³"}}) {
-      if (const auto at = unit.find(digit); at != std::string::npos) unit.replace(at, 1, raised);
-    }
-    return unit;
-  }
 
   /// Sections through the place that is the farthest inside the limits of the first one.
   Status cut() {
@@ -124,16 +135,7 @@ class RegionPage {
     const char* missed = region_.converged ? ""
                          : region_.proven  ? " The bounds did not come within the tolerance that was asked for."
                                            : " The sample did not come within the tolerance that was asked for.";
-    report_.add_verdict(
-        Verdict::neutral,
-        region_.proven
-            ? fmt::format("Of the coordinates {}, a region of {} {} is reached: certainly between {} and {}.{}",
-                          names_of(task_), measure(size_.measure), unit_, measure(size_.lower), measure(size_.upper),
-                          missed)
-            : fmt::format("Of the coordinates {}, a sample finds a region of {} {} to be reached, with 95 % between {} "
-                          "and {}. Nothing is proven: no bounds are known for the inverse of this machine.{}",
-                          names_of(task_), measure(size_.measure), unit_, measure(size_.lower), measure(size_.upper),
-                          missed));
+    report_.add_verdict(Verdict::neutral, size_in_words(task_, region_) + missed);
     report_.add_text(
         "This answers for the limits of the machine named on this page, for a machine at rest that is built as its "
         "file says: not for collisions with tool holder, workpiece and surroundings, not for stiffness and forces, and "
@@ -283,6 +285,16 @@ class RegionPage {
 };
 
 }  // namespace
+
+std::string region_in_words(const AnyMachine& machine, const Options& options, const Volume& region) {
+  if (region.empty) return "No coordinates of the task are reachable. This is proven.";
+  if (!region.proven && !region.reached) return "A sample found no coordinates of the task that are reached.";
+  const std::string beyond =
+      beyond_in_words(workspace::beyond_singular(machine, options, region), "points drawn from it");
+  const machine::Task task = kinematics::task(machine);
+  return size_in_words(task, region) + (task.turns() ? " Angles within 90 deg of home were looked at." : "") +
+         (beyond.empty() ? "" : " " + beyond);
+}
 
 Result<std::string> region_page(const AnyMachine& machine, const Options& options, const Volume& region,
                                 const WorkspacePageOptions& page) {

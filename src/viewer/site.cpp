@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "polypod/control/watch.hpp"
 #include "polypod/core/files.hpp"
@@ -58,8 +59,14 @@ Response error_page(const std::string& title, const Error& error) {
   return {200, "text/html; charset=utf-8", page.to_html()};
 }
 
+/// mm or deg as a form shows it: rounding of a pose that is 0 is 0.
+double without_rounding(double value) {
+  constexpr double kNothing = 1e-9;
+  return std::abs(value) < kNothing ? 0 : value;
+}
 double user_value(const AnyMachine& m, int joint, double q) {
-  return kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? units::to_deg(q) : units::to_mm(q);
+  return without_rounding(kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? units::to_deg(q)
+                                                                                           : units::to_mm(q));
 }
 const char* joint_unit(const AnyMachine& m, int joint) {
   return kinematics::joint_kind(m, joint) == machine::JointKind::revolute ? "deg" : "mm";
@@ -68,7 +75,7 @@ std::vector<double> user_pose(const AnyMachine& m, const Pose& X) {
   const machine::Task task = kinematics::task(m);
   std::vector<double> c = kinematics::coordinates_of(task, X);
   for (std::size_t i = 0; i < c.size(); ++i)
-    c[i] = task.is_angle(static_cast<int>(i)) ? units::to_deg(c[i]) : units::to_mm(c[i]);
+    c[i] = without_rounding(task.is_angle(static_cast<int>(i)) ? units::to_deg(c[i]) : units::to_mm(c[i]));
   return c;
 }
 
@@ -169,6 +176,20 @@ Response record_page(const std::string& path, const std::string& machine, const 
 }
 
 }  // namespace
+
+Site::Runs::Run Site::Runs::next(const std::string& client) {
+  const std::lock_guard lock(mutex_);
+  constexpr std::size_t kMostClients = 1000;
+  if (newest_.size() > kMostClients) newest_.clear();
+  return {client, ++newest_[client]};
+}
+
+bool Site::Runs::is_over(const Run& run) const {
+  if (run.client.empty()) return false;
+  const std::lock_guard lock(mutex_);
+  const auto at = newest_.find(run.client);
+  return at == newest_.end() || at->second != run.number;
+}
 
 Result<Site> Site::of(const std::vector<std::string>& files, const std::string& version) {
   Site site;
@@ -272,9 +293,15 @@ std::string Site::live_data(const AnyMachine& m, std::size_t item) const {
                       {"max", number_or_null(user_value(m, i, range.max))},
                       {"unit", joint_unit(m, i)}});
   }
-  for (const machine::Parameter& p : machine::settings(m)) {
-    settings.push_back({{"key", machine::key_of(p)}, {"value", units::to_user(p.value, p.unit)}, {"unit", p.unit}});
-  }
+  std::set<std::string> keys;
+  const auto add = [&](const machine::Parameter& p, bool single) {
+    const std::string key = machine::key_of(p);
+    if (!keys.insert(key).second) return;
+    settings.push_back(
+        {{"key", key}, {"value", units::to_user(p.value, p.unit)}, {"unit", p.unit}, {"single", single}});
+  };
+  for (const machine::Parameter& p : machine::settings(m)) add(p, false);
+  for (const machine::Parameter& p : kinematics::parameters(m)) add(p, true);
   return text_of({{"address", fmt::format("/{}", item)},
                   {"settings", settings},
                   {"pose", pose},
@@ -313,6 +340,12 @@ Response Site::page(std::size_t number) const {
 Result<std::string> Site::ask(const Item& item, const std::string& what, const std::string& body) const {
   const Json question = Json::parse(body, nullptr, false);
   if (!question.is_object()) return fail("VW120", "the question is no JSON object");
+  // A page that asks for another workspace, or for none, does not wait for the one before.
+  Runs::Run run;
+  if (const auto client = question.find("client"); what != "pose" && client != question.end() && client->is_string()) {
+    run = runs_->next(client->get<std::string>());
+  }
+  if (what == "cancel") return text_of({{"cancelled", true}});
   POLYPOD_ASSIGN(m, machine_in(question, item.path));
   POLYPOD_ASSIGN(at, place_in(question, m));
   if (what == "pose") return with_scene(place_json(m, at), pages::machine_scene(m, at));
@@ -327,9 +360,13 @@ Result<std::string> Site::ask(const Item& item, const std::string& what, const s
   constexpr std::int64_t kCells = 30'000;
   options.max_cells = kCells;
   options.bounds_tolerance = 0;
+  options.cancelled = [this, run] { return *stopped_ || runs_->is_over(run); };
   POLYPOD_ASSIGN(volume, workspace::volume(m, options));
   constexpr int kResolution = 24;
   report::Scene scene = pages::machine_scene(m, at);
+  if (!kinematics::task(m).places()) {
+    return with_scene({{"proven", volume.proven}, {"volume", pages::region_in_words(m, options, volume)}}, scene);
+  }
   if (!volume.empty) {
     POLYPOD_ASSIGN(found, pages::workspace_scene(m, options, at, kResolution));
     scene = std::move(found);
@@ -369,7 +406,7 @@ Response Site::answer(const Request& request, int port) const {
   if (code != std::errc{} || number >= items_.size()) return refused(404, "There is no such page.");
   const std::string what(rest, end);
   if (what.empty() && reads) return page(number);
-  if ((what == "/pose" || what == "/workspace") && items_[number].kind == Item::Kind::machine) {
+  if ((what == "/pose" || what == "/workspace" || what == "/cancel") && items_[number].kind == Item::Kind::machine) {
     if (request.method != "POST") return refused(405, "Not a method of this page.");
     const auto found = ask(items_[number], what.substr(1), request.body);
     if (!found) return {200, std::string(kJson), text_of({{"error", to_string(found.error())}})};

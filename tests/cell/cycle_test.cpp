@@ -8,6 +8,7 @@
 #include "paths.hpp"
 #include "polypod/cell/reach.hpp"
 #include "polypod/cell/simulate.hpp"
+#include "polypod/core/statistics.hpp"
 #include "polypod/motion/cycles.hpp"
 
 namespace polypod::cell {
@@ -347,7 +348,11 @@ TEST(CellCycle, ABetterPartNeverMakesTheStudyLie) {
 TEST(CellCycle, Estimates) {
   // 1 to 5: mean 3, variance 2.5, t(4) = 2.776; 1, 2, 3: variance 1, t(2) = 4.303.
   EXPECT_DOUBLE_EQ(estimate({1, 2, 3, 4, 5}).mean, 3);
-  EXPECT_NEAR(estimate({1, 2, 3, 4, 5}).half_width, 2.776 * std::sqrt(0.5), 0.01);
+  EXPECT_NEAR(estimate({1, 2, 3, 4, 5}).half_width, 2.776 * std::sqrt(0.5), 1e-3);
+  EXPECT_NEAR(estimate({1, 2, 3, 4}).half_width, 3.182 * std::sqrt(5.0 / 12), 1e-3);
+  EXPECT_NEAR(student_95(11), 2.2010, 2e-4);
+  EXPECT_NEAR(student_95(10), 2.2281, 2e-4);
+  EXPECT_NEAR(student_95(1e6), 1.95996, 1e-5);
   EXPECT_NEAR(estimate({1, 2, 3}).half_width, 4.303 / std::sqrt(3.0), 1e-3);
   EXPECT_TRUE(std::isinf(estimate({5}).half_width));
 }

@@ -89,6 +89,14 @@ TEST(CellFile, AConveyorMustEndOverTheNext) {
   const auto cell = from_text(text, "cell.toml");
   ASSERT_FALSE(cell);
   EXPECT_EQ(cell.error().id, "CE107");
+  // Onto itself: items would go round for ever at one instant.
+  const std::string itself =
+      test::kPicking + std::string(
+                           "[[conveyor]]\nname = \"C\"\nat_mm = [0, 2000, 900]\nlength_mm = 500\n"
+                           "width_mm = 200\nspeed_mm_per_s = 50\nonto = \"C\"\n");
+  const auto round = from_text(itself, "cell.toml");
+  ASSERT_FALSE(round);
+  EXPECT_EQ(round.error().id, "CE107");
 }
 
 TEST(CellFile, NumbersCanBeSetByName) {

@@ -47,6 +47,31 @@ std::string at_home(double r1) {
   return fmt::format("poses = [[0, 0, {:.17g}, 0, 0, 0]]\n", home_height(r1));
 }
 
+/// A machine is judged again over a finer survey: what the points of its own one flatter shows there.
+TEST(Duty, AFinerSurveyJudgesAgain) {
+  auto s =
+      study("resolution = 8\n" + kRadius + goal("condition", "min") + "[[hold]]\nfigure = \"condition\"\nmax = 1e6\n",
+            kStrut);
+  ASSERT_TRUE(s) << to_string(s.error());
+  const Evaluation coarse = evaluated(*s, 50);
+  const auto again = judge_again(*s, {50}, {});
+  ASSERT_TRUE(again && *again);
+  EXPECT_EQ((*again)->resolution, 16);
+  EXPECT_EQ((*again)->evaluation.state, State::done);
+  EXPECT_NE((*again)->evaluation.figures[0].value, coarse.figures[0].value);
+  s->resolution = 16;
+  EXPECT_EQ(evaluated(*s, 50).figures[0].value, (*again)->evaluation.figures[0].value);
+  // A hold between the two: kept by the one, broken by the other.
+  s->resolution = 8;
+  s->holds[0].max = 0.5 * (coarse.figures[0].value + (*again)->evaluation.figures[0].value);
+  const bool kept = evaluated(*s, 50).state == State::done;
+  EXPECT_NE((*judge_again(*s, {50}, {}))->evaluation.state == State::done, kept);
+  // Nothing of a survey: nothing to judge again.
+  const auto still = study(at_home(44) + kRadius + goal("longest_leg_mm", "min"), kStrut);
+  ASSERT_TRUE(still);
+  EXPECT_FALSE(*judge_again(*still, {44}, {}));
+}
+
 /// Six equal struts under a force along the axis of symmetry: each carries F / (6 cos g), cos g = h / 70, and the tip
 /// moves by c F / (6 cos^2 g).
 TEST(Duty, StiffnessForceDeflectionAndLegOfASymmetricHexapodInClosedForm) {

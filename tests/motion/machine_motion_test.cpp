@@ -348,6 +348,35 @@ TEST(TimeLaw, TheSProfileIsTakenWhereNoLawIsMuchFaster) {
   }
 }
 
+/// Where the limit of the speed changes on the way, the whole way must not be as slow as its slowest part.
+TEST(TimeLaw, NoSProfileWhereTheSpeedChanges) {
+  PlanLimits limits;
+  limits.tool_speed = 0.1;
+  limits.tool_acceleration = 10;
+  limits.tool_jerk = 1000;
+  std::vector<PlanNode> nodes;
+  for (int k = 0; k <= 8; ++k) {
+    nodes.push_back(on_a_line(0.001 * k));
+    if (k > 4) nodes.back().speed = 0.001;
+  }
+  EXPECT_FALSE(nearly_fastest_s_profile(nodes, limits, 1e-3));
+  for (PlanNode& n : nodes) n.speed = 0.001;
+  EXPECT_TRUE(nearly_fastest_s_profile(nodes, limits, 1e-3));
+  const AnyMachine m = load("hexapod-strut");
+  const Vec3 p = kinematics::home_pose(m)->p, middle = p - Vec3(0, 0, 0.004), end = p - Vec3(0, 0, 0.007);
+  std::vector<Stretch> lines{*straight({p, Vec3::Zero()}, {middle, Vec3::Zero()}),
+                             *straight({middle, Vec3::Zero()}, {end, Vec3::Zero()})};
+  lines[0].speed = 0.1;
+  lines[1].speed = 0.001;
+  MoveOptions options;
+  options.law = Law::fastest;
+  options.limits = limits;
+  const double through = move(m, *pose_path_of(lines), options)->time;
+  lines[0].stop = true;
+  constexpr double kGrid = 1.01;  // the finite steps of the plan without a stop
+  EXPECT_LT(through, kGrid * move(m, *pose_path_of(lines), options)->time);
+}
+
 TEST(TimeLaw, RestsStayWhereABlockIsSlowedDown) {
   TimeLaw law;
   TimeLaw::Block block = smooth_block(1, 2, 0.5);
@@ -547,6 +576,73 @@ TEST(Move, WaitsAreKept) {
   EXPECT_NEAR(move(m, read->path, options)->time, move(m, without, options)->time + 4, 1e-9);
 }
 
+/// A blend's parameter is no length, and the speed of the tip is constant all the same. Where the tool waits no corner
+/// is blended.
+TEST(Move, BlendsArePassedAtConstantSpeed) {
+  const AnyMachine m = load("delta-linear");
+  const Vec3 a(0, 0, 0.45), b(0.02, 0, 0.45), c(0.02, 0.03, 0.46);
+  std::vector<Stretch> lines{*straight({a, Vec3::Zero()}, {b, Vec3::Zero()}),
+                             *straight({b, Vec3::Zero()}, {c, Vec3::Zero()})};
+  const PosePath path = blended(*pose_path_of(lines), 1e-3, true);
+  ASSERT_EQ(path.stretches.size(), 3U);
+  MoveOptions options;
+  options.speed = 0.05;
+  options.samples = 2001;
+  const auto moved = move(m, path, options);
+  ASSERT_TRUE(moved);
+  EXPECT_TRUE(moved->ok());
+  for (const MoveSample& s : moved->samples) EXPECT_NEAR(s.v.norm(), 0.05, 1e-6 * 0.05);
+  double way = 0;  // of chords of 25 um, each shorter than its arc by some 1e-6 of it
+  for (std::size_t k = 1; k < moved->samples.size(); ++k)
+    way += (moved->samples[k].X.p - moved->samples[k - 1].X.p).norm();
+  EXPECT_NEAR(moved->time, way / 0.05, 1e-5 * moved->time);
+  EXPECT_NEAR(moved->length, way, 1e-3 * way);
+  lines[0].wait = 1;
+  EXPECT_EQ(blended(*pose_path_of(lines), 1e-3, true).stretches.size(), 2U);
+  // All segments have their speed: no other is needed.
+  lines[0].speed = lines[1].speed = 0.04;
+  options.speed = 0;
+  EXPECT_TRUE(move(m, *pose_path_of(lines), options));
+}
+
+/// What holds the weight before the motion begins is a force, too.
+TEST(Move, ForcesAreJudgedInWaits) {
+  const AnyMachine m = load("hexapod-strut");
+  const Vec3 p = kinematics::home_pose(m)->p;
+  std::vector<Stretch> lines{*straight({p, Vec3::Zero()}, {p - Vec3(0, 0, 0.004), Vec3::Zero()})};
+  lines[0].duration = 1;
+  MoveOptions options;
+  options.law = Law::timed;
+  options.profile = Profile::linear;
+  options.dynamics = Dynamics{};
+  options.dynamics->platform = Body{2, Vec3::Zero(), Mat3::Zero()};
+  options.dynamics->viscous = {100};  // helps on the way down
+  const double moving = *move(m, *pose_path_of(lines), options)->drives[0].force;
+  lines[0].wait_before = 1;
+  const double waiting = *move(m, *pose_path_of(lines), options)->drives[0].force;
+  EXPECT_GT(waiting, 1.02 * moving);
+  options.force = JointVector::Constant(6, 0.5 * (waiting + moving));
+  const auto judged = move(m, *pose_path_of(lines), options);
+  ASSERT_FALSE(judged->ok());
+  EXPECT_DOUBLE_EQ(judged->violations[0].t, 0);
+}
+
+/// Commands at all times of drives without steps leave nothing, jumps of the speed or not.
+TEST(Move, NoResolutionLeavesNoError) {
+  const AnyMachine m = load("hexapod-strut");
+  const Vec3 p = kinematics::home_pose(m)->p;
+  const PosePath path =
+      *pose_path_of({*straight({p, Vec3::Zero()}, {p + Vec3(0.005, 0, 0), Vec3::Zero()}),
+                     *straight({p + Vec3(0.005, 0, 0), Vec3::Zero()}, {p + Vec3(0.005, 0.005, 0), Vec3::Zero()})});
+  MoveOptions options;
+  options.speed = 0.0047;
+  options.actuators = Actuators{JointVector::Zero(6), 5e-3, JointVector::Zero(6), false};
+  const auto moved = move(m, path, options);
+  ASSERT_TRUE(moved && moved->contour);
+  EXPECT_LT(moved->contour->coarse.largest_lag, 1e-9);
+  EXPECT_GT(moved->contour->compensated.largest_lag, 1e-6);  // the corner lies between two commands
+}
+
 /// A polynomial of fifth degree is its own spline; others go on with four derivatives at the points.
 TEST(PosePath, SplinesGoThroughTheirPoints) {
   std::vector<Stretch> lines;
@@ -602,6 +698,17 @@ TEST(PosePath, SplinesGoThroughTheirPoints) {
   ASSERT_TRUE(moved);
   EXPECT_TRUE(moved->ok()) << moved->violations.front().detail;
   EXPECT_EQ(moved->jumps.count, 0U);
+  // The departure from the chords, against 1000 places on each.
+  ChordError dense;
+  for (const Stretch& s : all) {
+    const Vec3 way = (s.to - s.from).normalized();
+    for (int k = 0; k <= 1000; ++k) {
+      const Vec3 off = s.pose(s.size * k / 1000).p - s.from;
+      dense.length = std::max(dense.length, (off - off.dot(way) * way).norm());
+    }
+  }
+  EXPECT_NEAR(farthest_from_chords(*path).length, dense.length, 1e-5 * dense.length);
+  EXPECT_GT(farthest_from_chords(*path).angle, 0);
   EXPECT_EQ(splined(*pose_path_of({*curved(at(0), Vec3(0.004, 0.001, 0.07), at(1))})).error().id, "MO112");
 }
 

@@ -6,9 +6,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
+#include <thread>
 
 #include "paths.hpp"
 #include "polypod/core/units.hpp"
@@ -137,6 +140,60 @@ TEST(Site, AWorkspaceHasItsBoundsAndASurface) {
   EXPECT_LE(answer["volume_lower_mm3"].get<double>(), 30195);
   EXPECT_GE(answer["volume_upper_mm3"].get<double>(), 30114);
   EXPECT_FALSE(answer["scene"]["meshes"].empty());
+}
+
+TEST(Site, AWorkspaceOfOtherCoordinatesIsSaidInThem) {
+  const Site site = site_of({"planar-3rrr"});
+  const json answer = json::parse(site.answer(post("/0/workspace", {{"pose", {0, 0, 0}}}), kPort).body);
+  ASSERT_TRUE(answer.contains("volume")) << answer;
+  EXPECT_FALSE(answer.contains("volume_mm3"));
+  const std::string text = answer["volume"].get<std::string>();
+  EXPECT_THAT(text, HasSubstr("Of the coordinates x, y and C, a region of 7"));
+  EXPECT_THAT(text, HasSubstr("mm² deg is reached: certainly between"));
+  EXPECT_THAT(text, HasSubstr("beyond a singular pose"));
+}
+
+/// A form begins within the limits where it can, says nothing of rounding, and holds every figure that can be set.
+TEST(Site, FormsBeginWithinTheLimits) {
+  for (const char* name : {"ur10e", "lola50", "puma560", "delta-picker", "pentapod", "hexapod-strut"}) {
+    SCOPED_TRACE(name);
+    const Site site = site_of({name});
+    const std::string page = site.answer({"GET", "/0", "127.0.0.1:4711", "", ""}, kPort).body;
+    const std::string opening = "id=\"live-data\"";
+    const auto at = page.find(opening);
+    ASSERT_NE(at, std::string::npos);
+    const auto begin = page.find('{', at);
+    const json live = json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+    json pose = json::array();
+    for (const json& c : live["pose"]) {
+      const double value = c["value"].get<double>();
+      EXPECT_TRUE(value == 0 || std::abs(value) > 1e-9) << value;
+      pose.push_back(value);
+    }
+    const json there = json::parse(site.answer(post("/0/pose", {{"pose", pose}}), kPort).body);
+    ASSERT_TRUE(there.contains("violations")) << there;
+    EXPECT_TRUE(there["violations"].empty()) << there["violations"];
+    const machine::AnyMachine m = *machine::load(name);
+    std::set<std::string> keys;
+    for (const json& s : live["settings"]) keys.insert(s["key"].get<std::string>());
+    for (const machine::Parameter& p : kinematics::parameters(m)) EXPECT_TRUE(keys.contains(machine::key_of(p)));
+  }
+}
+
+/// What a page asked for before it asks anew, or for nothing, ends.
+TEST(Site, AWorkspaceThatNobodyWaitsForEnds) {
+  const Site site = site_of({"tripod-z3"});
+  const auto begin = std::chrono::steady_clock::now();
+  std::string answer;
+  std::thread slow([&] {
+    answer = site.answer(post("/0/workspace", {{"pose", {900, 0, 0}}, {"client", "a"}}), kPort).body;
+  });
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(site.answer(post("/0/cancel", {{"client", "b"}}), kPort).status, 200);  // another page
+  EXPECT_TRUE(json::parse(site.answer(post("/0/cancel", {{"client", "a"}}), kPort).body)["cancelled"].get<bool>());
+  slow.join();
+  EXPECT_THAT(json::parse(answer).value("error", ""), HasSubstr("WS110"));
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(5));
 }
 
 TEST(Site, BearsAnyQuestion) {

@@ -1,3 +1,3 @@
 set(page_sha256 rgHlBXSvMaA08FeqWnPAxghdG68byfsHHRo7DDQRLXY=)
-set(live_sha256 K3c4ku85GOUHN58Qc7GV1E4ttm70D5L63fLKQjdbxGI=)
+set(live_sha256 8mijVglAbO1CAgjM1vLoHpkx01H2sGeA+/ahLcfIgtw=)
 set(viewer_sha256 p/mzryQcAHXJERcjcwX0PaZoy4H4GE61grIzkMOEuqA=)

@@ -5,6 +5,7 @@ interface Setting {
   key: string;
   value: number;
   unit: string;
+  single: boolean; // a parameter of one part alone
 }
 interface Joint {
   value: number;
@@ -111,9 +112,17 @@ function start(root: HTMLElement, data: LiveData): void {
     ask({ joints });
   }));
   root.append(figures, told);
-  if (data.settings.length > 0) {
-    lastGroup = group('Figures of the machine');
-    for (const s of data.settings) {
+  for (const single of [false, true]) {
+    const settings = data.settings.filter((s) => s.single === single);
+    if (settings.length === 0) continue;
+    lastGroup = group(single ? 'Every part by itself' : 'Figures of the machine');
+    if (single && settings.length < data.settings.length) {
+      const more = make('details'), fields = lastGroup;
+      more.append(make('summary', `${settings.length} figures`));
+      fields.replaceWith(more);
+      more.append(fields);
+    }
+    for (const s of settings) {
       field(s.key, s.unit, s.value, null, null, false, (v) => {
         sets[s.key] = String(v);
         ask({ pose });
@@ -132,7 +141,15 @@ function start(root: HTMLElement, data: LiveData): void {
   const button = make('button', 'Compute the workspace');
   button.type = 'button';
   button.addEventListener('click', () => void workspace());
-  lastGroup.append(button);
+  const cancel = make('button', 'Cancel');
+  cancel.type = 'button';
+  cancel.hidden = true;
+  cancel.addEventListener('click', () => {
+    wanted = false;
+    running?.abort();
+    void post('cancel', { client });
+  });
+  lastGroup.append(button, cancel);
   root.append(volume);
 
   async function post(what: string, body: unknown, signal?: AbortSignal): Promise<Answer> {
@@ -180,6 +197,8 @@ function start(root: HTMLElement, data: LiveData): void {
     }
     asking = false;
   }
+  // What this page asked for before is given up by the program when it asks anew.
+  const client = Math.random().toString(36).slice(2);
   let timer = 0, running: AbortController | null = null, wanted = false;
   function later(): void {
     if (!wanted) return;
@@ -190,15 +209,26 @@ function start(root: HTMLElement, data: LiveData): void {
     wanted = true;
     running?.abort();
     const mine = (running = new AbortController());
-    volume.textContent = 'The workspace is being computed …';
+    const since = Date.now();
+    const say = (): void => {
+      volume.textContent = `The workspace is being computed … ${Math.round((Date.now() - since) / 1000)} s`;
+      volume.className = '';
+    };
+    say();
+    cancel.hidden = false;
+    const ticking = window.setInterval(say, 1000);
+    const end = (): void => {
+      window.clearInterval(ticking);
+      if (mine === running) cancel.hidden = true;
+    };
     try {
-      const answer = await post('workspace', { sets, pose, tilt_deg: tilt }, mine.signal);
+      const answer = await post('workspace', { sets, pose, tilt_deg: tilt, client }, mine.signal).finally(end);
       if (mine !== running) return;
       volume.textContent = answer.error ?? answer.volume ?? '';
       volume.className = answer.error === undefined ? '' : 'note';
       if (answer.error === undefined && answer.scene) picture()?.setScene(answer.scene);
     } catch (error) {
-      if (!mine.signal.aborted) volume.textContent = String(error);
+      if (mine === running) volume.textContent = mine.signal.aborted ? 'Cancelled.' : String(error);
     }
   }
   void ask({ pose });

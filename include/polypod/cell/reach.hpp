@@ -65,6 +65,7 @@ struct Motions {
   std::vector<PickTable> picks;                         ///< of each task; empty where it takes no items
   std::vector<Problem> problems;                        ///< what is out of reach or too heavy
   int judged = 0;                                       ///< places that were asked for
+  int out_of_reach = 0;                                 ///< of them
 };
 
 /// The pose of the tool in C at a point: its axis (from the flange to the work, -z_T) `pitch` below the horizontal

@@ -69,6 +69,15 @@ struct EvaluateOptions {
 Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varied, const Incumbents& incumbents,
                             const EvaluateOptions& options);
 
+/// A candidate judged again over a survey with twice as many points a side (512 at most): a search finds machines that
+/// the points of its own survey flatter. None where no figure or hold is of a survey, and of cells.
+struct JudgedAgain {
+  int resolution = 0;
+  Evaluation evaluation;
+};
+Result<std::optional<JudgedAgain>> judge_again(const Study& study, const std::vector<double>& varied,
+                                               const EvaluateOptions& options);
+
 /// The same for the machine as it is in its file, whole.
 Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,
                                     const EvaluateOptions& options);

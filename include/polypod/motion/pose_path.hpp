@@ -86,8 +86,8 @@ Result<PosePath> pose_path_of(std::vector<Stretch> stretches);
 
 /// The same path with corners replaced: each corner, and each jump of curvature where `curvature` says so, by a
 /// polynomial of fifth degree that goes on with the direction and the curvature of both sides and leaves the corner by
-/// `deviation` m at most. Corners at which the tool stops by its program (`stop`), turns on the spot and stretches that
-/// turn about one axis are left as they are; a blend takes at most half of either stretch.
+/// `deviation` m at most. Corners at which the tool stops by its program (`stop`) or waits, turns on the spot and
+/// stretches that turn about one axis are left as they are; a blend takes at most half of either stretch.
 PosePath blended(const PosePath& path, double deviation, bool curvature);
 
 /// A part of a stretch that is no blend, from a to b of its parameter.
@@ -113,8 +113,12 @@ struct PosePathFile {
 /// The path that goes through the same points in the same times as a spline (Profile::spline). Errors: MO112 (a stretch
 /// that is no line, or turns about one axis). Cost: linear.
 Result<PosePath> splined(const PosePath& path);
-/// m, of a path of splines: how far it leaves the straight ways between its points, at most, of 16 places on each.
-double farthest_from_chords(const PosePath& path);
+/// How far a path of splines leaves the straight ways between its points, and its angles A, B, C those that go linearly
+/// with the time: the largest found.
+struct ChordError {
+  double length = 0, angle = 0;  ///< m, rad
+};
+ChordError farthest_from_chords(const PosePath& path);
 
 /// Reads a path file.
 /// TOML: `start_mm`, `start_deg` (A, B, C, optional), `speed_mm_per_s`, `turning` ("angles", "turn"), `profile`

@@ -115,7 +115,7 @@ std::optional<TimeLaw::Block> nearly_fastest_s_profile(const std::vector<PlanNod
 /// `parts`: where the path consists of several stretches, their ends between `from` and from + size, in rising order;
 /// the third derivative may jump there, and each part has 24 intervals at least. `node` gives the derivatives at s on
 /// the part of this number. `count` intervals at least, in all. Errors: MO115.
-/// Cost: some 50 Newton steps of 0.3 us an interval and drive.
+/// Cost: some 70 Newton steps of 0.3 us an interval and drive.
 Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s, std::size_t part)>& node, double from,
                                            double size, const std::vector<double>& parts, int count,
                                            const PlanLimits& limits);

@@ -25,13 +25,17 @@ struct MachineAt {
 MachineAt machine_at(const machine::AnyMachine& machine, const Pose& X);
 /// At the joints q: the pose that `forward` reaches from home.
 MachineAt machine_at(const machine::AnyMachine& machine, const machine::JointVector& q);
-/// Where a page begins: home, or the tool with R = 1 at the middle of the work where there is no home.
+/// Where a page begins: home, or the tool with R = 1 at the middle of the work where there is no home; where that is
+/// out of reach, joints near the middle of their ranges that keep all limits, if some do.
 Pose start_pose(const machine::AnyMachine& machine);
 
 /// The machine at `at`, and the boundary of its workspace coloured by the limits that make it (surface() with
 /// `resolution` points). Errors: those of surface().
 Result<report::Scene> workspace_scene(const machine::AnyMachine& machine, const workspace::Options& options,
                                       const MachineAt& at, int resolution);
+/// What is reached of the coordinates of a task without x, y, z, in sentences.
+std::string region_in_words(const machine::AnyMachine& machine, const workspace::Options& options,
+                            const workspace::Volume& region);
 /// The machine at `at` alone.
 report::Scene machine_scene(const machine::AnyMachine& machine, const MachineAt& at);
 /// Whether pictures of the machine are turned so that it hangs from its base.

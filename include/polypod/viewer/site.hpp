@@ -3,7 +3,10 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -48,6 +51,20 @@ class Site {
     enum class Kind { machine, report, program, record } kind = Kind::machine;
     std::string path, beside;  ///< the job of a program, the machine of a record
   };
+  /// What each page of a browser asked for last: what it asked for before has no reader any more.
+  class Runs {
+   public:
+    struct Run {
+      std::string client;  ///< empty: nothing ends it
+      std::uint64_t number = 0;
+    };
+    Run next(const std::string& client);
+    [[nodiscard]] bool is_over(const Run& run) const;
+
+   private:
+    mutable std::mutex mutex_;
+    std::map<std::string, std::uint64_t> newest_;
+  };
   [[nodiscard]] Response page(std::size_t item) const;
   [[nodiscard]] Response list() const;
   [[nodiscard]] std::string live_data(const machine::AnyMachine& machine, std::size_t item) const;
@@ -55,6 +72,7 @@ class Site {
 
   std::vector<Item> items_;
   std::string version_;
+  std::shared_ptr<Runs> runs_ = std::make_shared<Runs>();
   std::shared_ptr<std::atomic<bool>> stopped_ = std::make_shared<std::atomic<bool>>(false);
 };
 
