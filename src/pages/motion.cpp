@@ -497,7 +497,7 @@ std::string move_csv(const machine::AnyMachine& machine, const MoveResult& run) 
     row.emplace_back(static_cast<double>(s.line));
     for (int k = 0; k < 3; ++k) row.emplace_back(to_mm(s.X.p[k]));
     const Vec3 angles = angles_abc(s.X.R);
-    for (int k = 0; k < 3; ++k) row.emplace_back(units::to_deg(angles[k]));
+    for (int k = 0; k < 3; ++k) row.emplace_back(units::to_deg(angles[k]) + 0.0);  // no -0
     for (const Vec3* v : {&s.v, &s.a, &s.j})
       for (int k = 0; k < 3; ++k) row.emplace_back(to_mm((*v)[k]));
     for (std::size_t i = 0; i < run.drives.size(); ++i) {

@@ -228,9 +228,9 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
     }
   }
   // What the page's script needs to read values off under the pointer.
-  const std::string scales =
-      fmt::format(" data-x=\"{} {} {} {}\" data-y=\"{} {} {} {}\" data-label=\"{}\" data-unit=\"{}\"", xr.lo, xr.hi,
-                  px(left), px(right), yr.lo, yr.hi, px(bottom), px(top), escape(x_label), escape(y.unit));
+  const std::string scales = fmt::format(
+      " data-x=\"{} {} {} {}\" data-y=\"{} {} {} {}\" data-label=\"{}\" data-unit=\"{}\" data-yname=\"{}\"", xr.lo,
+      xr.hi, px(left), px(right), yr.lo, yr.hi, px(bottom), px(top), escape(x_label), escape(y.unit), escape(y_label));
   // Parts of the x axis with a name: the script shows a part in all curves when it is picked in one.
   std::string parts;
   for (const Span& s : spans)

@@ -1,3 +1,3 @@
-set(page_sha256 rgHlBXSvMaA08FeqWnPAxghdG68byfsHHRo7DDQRLXY=)
+set(page_sha256 DKz2hByMUH2BeIxZSMl2dhydjxKO/RgsOlWMFrKBgiw=)
 set(live_sha256 8mijVglAbO1CAgjM1vLoHpkx01H2sGeA+/ahLcfIgtw=)
-set(viewer_sha256 p/mzryQcAHXJERcjcwX0PaZoy4H4GE61grIzkMOEuqA=)
+set(viewer_sha256 iQemv0FKRsMDS38nNvzN71y0NhJtdxDBe9AFH9ho58o=)

@@ -76,10 +76,11 @@ export class Box {
       ++used;
       label.className = classes;
       label.textContent = text;
-      const half = 3.4 * text.length + 2; // the name of an axis stays in the picture
-      const inside = classes === 'axis' ? Math.max(half, Math.min(width - half, x)) : x;
+      const half = 3.4 * text.length + 2; // a label whose place is at the edge stays in the picture
+      const inside = Math.max(half, Math.min(width - half, x));
       label.style.transform = `translate(${inside.toFixed(1)}px,${y.toFixed(1)}px) translate(-50%,-50%)`;
-      label.hidden = x < -20 || y < -10 || x > width + 20 || y > height + 10;
+      const beyond = classes === 'axis' ? 50 : 25;
+      label.hidden = x < -beyond || y < -10 || x > width + beyond || y > height + 10;
     };
     for (let axis = 0; axis < 3; ++axis) {
       // An edge that belongs to the outline of the box: between a face in front and one at the back.

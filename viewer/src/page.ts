@@ -270,7 +270,8 @@ for (const svg of document.querySelectorAll<SVGSVGElement>('main figure .wide > 
   const curves = curvesOf(svg).filter((c) => c.values !== null);
   if (curves.length > 0) {
     tools.append(saving('CSV', () => {
-      const rows = ['curve,x,y'];
+      const quoted = (text: string | undefined, otherwise: string): string => `"${(text || otherwise).replace(/"/g, '""')}"`;
+      const rows = [`curve,${quoted(svg.dataset['label'], 'x')},${quoted(svg.dataset['yname'], 'y')}`];
       for (const c of curves) for (const [x, y] of c.values!) if (Number.isFinite(x)) rows.push(`"${c.name.replace(/"/g, '""')}",${x},${y}`);
       save(new Blob([rows.join('\n') + '\n'], { type: 'text/csv' }), `${name}.csv`);
     }, `Save the values (CSV): ${what}`));
