@@ -3,7 +3,7 @@
 //   MassParts mass_parts(m)                       which parts it has; none without
 //   std::vector<MassLeg> mass_legs(m, X, q, p)    its legs; none without
 //   PoseT<Series> mass_link(m, row, q, p)         the frame of a link that moves by itself (rows 0 .. links - 1)
-//   int joint_of_element(m, element)              which joint moves as an element (`elements`) deflects; kNoJoint without
+//   int joint_of_element(m, element)              which joint moves as an element (`elements`) deflects, kNoJoint: none
 //   std::string no_masses(m)                      why its masses are not known; empty without
 #pragma once
 
