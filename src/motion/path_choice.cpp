@@ -130,6 +130,7 @@ Insertion insert_points(const AnyMachine& machine, const PosePath& path, const M
       turn(s.from, s.angles_from, held);
       Stretch way = s;
       way.angles_from = way.angles_to = held;
+      way.wait = way.wait_before = 0;
       if (s.duration > 0) {
         const int turns = int((held - s.angles_from).norm() > 0) + int((held - s.angles_to).norm() > 0);
         way.duration = s.duration * (1 - 0.25 * turns);
@@ -137,6 +138,8 @@ Insertion insert_points(const AnyMachine& machine, const PosePath& path, const M
       parts.push_back(way);
       turn(s.to, held, s.angles_to);
       if (parts.size() == 1) continue;
+      parts.front().wait_before = s.wait_before;
+      parts.back().wait = s.wait;
       PosePath tried;
       tried.stretches = parts;
       for (const Stretch& p : parts) {

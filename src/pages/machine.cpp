@@ -4,8 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <optional>
 
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
@@ -63,19 +66,32 @@ Pose start_pose(const AnyMachine& machine) {
   const Pose upright =
       kinematics::home_pose(machine).value_or(Pose{Mat3::Identity(), kinematics::middle_of_work(machine)});
   if (kinematics::inverse(machine, upright).reachable() != nullptr) return upright;
-  // The joints at one share of their ranges each, from the middle on, the first such place within all limits.
+  // Places that keep all limits near the middle of the joints' ranges: the best conditioned, above the base if it can.
+  constexpr std::array<std::array<double, 6>, 3> kApart{
+      {{0, 0.03, 0.06, 0, 0.03, 0.06}, {0, -0.12, 0.12, -0.12, -0.12, 0}, {0, 0.12, -0.12, 0.12, 0.12, 0}}};
+  std::optional<Pose> best;
+  double least = std::numeric_limits<double>::infinity();
   for (const double share : {0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7}) {
-    JointVector q(kinematics::joint_count(machine));
-    for (Eigen::Index i = 0; i < q.size(); ++i) {
-      const machine::JointRange range = kinematics::joint_range(machine, static_cast<int>(i));
-      if (!std::isfinite(range.max - range.min)) return upright;
-      constexpr double kApart = 0.03;  // straight wrists and elbows are singular
-      q[i] = range.min + (share + kApart * static_cast<double>(i % 3)) * (range.max - range.min);
+    for (const auto& apart : kApart) {
+      JointVector q(kinematics::joint_count(machine));
+      for (Eigen::Index i = 0; i < q.size(); ++i) {
+        const machine::JointRange range = kinematics::joint_range(machine, static_cast<int>(i));
+        if (!std::isfinite(range.max - range.min)) return upright;
+        q[i] = range.min + (share + apart[static_cast<std::size_t>(i) % apart.size()]) * (range.max - range.min);
+      }
+      for (const Pose& X : kinematics::forward(machine, q).poses) {
+        const kinematics::InverseResult found = kinematics::inverse(machine, X);
+        const kinematics::Solution* at = found.reachable();
+        if (at == nullptr) continue;
+        constexpr double kBelow = 100;
+        const double condition = kinematics::dexterity(machine, X, at->joints).condition * (X.p.z() < 0 ? kBelow : 1.0);
+        if (!(condition < least)) continue;
+        least = condition;
+        best = X;
+      }
     }
-    for (const Pose& X : kinematics::forward(machine, q).poses)
-      if (kinematics::inverse(machine, X).reachable() != nullptr) return X;
   }
-  return upright;
+  return best.value_or(upright);
 }
 
 report::Scene machine_scene(const AnyMachine& machine, const MachineAt& at) {

@@ -132,15 +132,9 @@ class RegionPage {
 
   void answer() {
     report_.add_section("What is reached");
-    const char* missed = region_.converged ? ""
-                         : region_.proven  ? " The bounds did not come within the tolerance that was asked for."
-                                           : " The sample did not come within the tolerance that was asked for.";
+    const std::string missed = missed_in_words(region_);
     report_.add_verdict(Verdict::neutral, size_in_words(task_, region_) + missed);
-    report_.add_text(
-        "This answers for the limits of the machine named on this page, for a machine at rest that is built as its "
-        "file says: not for collisions with tool holder, workpiece and surroundings, not for stiffness and forces, and "
-        "not for the accuracy of what is reached." +
-        std::string(task_.turns() ? " Angles within 90 deg of home were looked at." : ""));
+    report_.add_text(what_is_answered() + (task_.turns() ? " Angles within 90 deg of home were looked at." : ""));
     const std::string beyond =
         beyond_in_words(workspace::beyond_singular(machine_, options_, region_), "points drawn from it");
     if (!beyond.empty()) report_.add_text(beyond);

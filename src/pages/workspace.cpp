@@ -220,9 +220,7 @@ class Page {
 
   void answer() {
     report_.add_section("What is reached");
-    const char* missed = volume_.converged ? ""
-                         : volume_.proven  ? " The bounds did not come within the tolerance that was asked for."
-                                           : " The sample did not come within the tolerance that was asked for.";
+    const std::string missed = missed_in_words(volume_);
     report_.add_verdict(
         Verdict::neutral,
         fmt::format(
@@ -232,11 +230,7 @@ class Page {
                                "is proven: no bounds are known for the inverse of this machine.{}"),
             capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
             unit_.name, missed));
-    report_.add_text(
-        "This answers for the limits of the machine named on this page, for a machine at rest that is built as its "
-        "file "
-        "says: not for collisions with tool holder, workpiece and surroundings, not for stiffness and forces, and not "
-        "for the accuracy of what is reached.");
+    report_.add_text(what_is_answered());
     const std::string beyond =
         beyond_in_words(workspace::beyond_singular(machine_, options_, volume_), "points drawn from it");
     if (!beyond.empty()) report_.add_text(beyond);

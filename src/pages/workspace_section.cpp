@@ -149,6 +149,20 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   return map;
 }
 
+std::string what_is_answered() {
+  return "This answers for the limits of the machine named on this page, for a machine at rest that is built as its "
+         "file "
+         "says: not for collisions with tool holder, workpiece and surroundings, not for stiffness and forces, and not "
+         "for "
+         "the accuracy of what is reached.";
+}
+
+std::string missed_in_words(const workspace::Volume& volume) {
+  return volume.converged ? ""
+         : volume.proven  ? " The bounds did not come within the tolerance that was asked for."
+                          : " The sample did not come within the tolerance that was asked for.";
+}
+
 std::string beyond_in_words(const workspace::BeyondSingular& b, const char* looked_at) {
   if (b.beyond == 0) return "";
   return fmt::format(

@@ -46,6 +46,10 @@ int axis_of(const Vec3& u);
 report::HeatMap section_map(const workspace::Options& options, const workspace::Section& section, const Kinds& kinds,
                             bool hangs);
 
+/// Which questions the page of a workspace answers, and which it does not.
+std::string what_is_answered();
+/// That the tolerance which was asked for was missed; empty where it was not.
+std::string missed_in_words(const workspace::Volume& volume);
 /// What lies beyond singular poses, in a sentence; empty where nothing does. `looked_at`: "points drawn from it".
 std::string beyond_in_words(const workspace::BeyondSingular& beyond, const char* looked_at);
 

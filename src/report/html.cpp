@@ -100,7 +100,7 @@ constexpr std::string_view kSceneCss = R"(.scene canvas[data-scene],.scene .stag
 footer pre{white-space:pre-wrap}
 #live fieldset{border:1px solid var(--rule);border-radius:8px;margin:.8rem 0;padding:.5rem 1rem .8rem} #live legend{font-weight:600;padding:0 .4rem}
 #live .fields{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,410px),1fr));gap:.3rem 2rem} #live label>span{overflow-wrap:anywhere;min-width:0}
-#live label{display:grid;grid-template-columns:1fr 8em 2.4em;gap:.5rem;align-items:center;font-size:.93rem} #live label.wide{display:grid;grid-template-columns:2em 1fr 8em 2.4em}
+#live label{display:grid;grid-template-columns:1fr 9.5em 2.4em;gap:.5rem;align-items:center;font-size:.93rem} #live label.wide{display:grid;grid-template-columns:2em 1fr 9.5em 2.4em}
 #live label.wide input[type=range]{width:100%;min-width:0;accent-color:var(--blue)}
 #live input[type=number]{font:inherit;width:100%;padding:3px 6px;border:1px solid var(--rule);border-radius:5px;background:var(--ground);color:var(--ink);text-align:right;font-variant-numeric:tabular-nums}
 #live button{justify-self:start;font:inherit;min-height:30px;padding:2px 12px;border:1px solid var(--rule);border-radius:6px;background:var(--ground);color:var(--ink);cursor:pointer}

@@ -23,6 +23,7 @@
 #include "polypod/pages/machine.hpp"
 #include "polypod/pages/watch.hpp"
 #include "polypod/report/html.hpp"
+#include "polypod/workspace/task_directions.hpp"
 #include "polypod/workspace/volume.hpp"
 
 namespace polypod::viewer {
@@ -306,7 +307,7 @@ std::string Site::live_data(const AnyMachine& m, std::size_t item) const {
                   {"settings", settings},
                   {"pose", pose},
                   {"joints", joints},
-                  {"turns", task.turns()}});
+                  {"turns", workspace::tilts(task)}});
 }
 
 Response Site::page(std::size_t number) const {

@@ -208,6 +208,15 @@ TEST(Insertion, TurnsOnTheSpotWhereTheWayCannotBePassed) {
       all += s.duration;
     }
     EXPECT_NEAR(all, 2, 1e-12);
+    // Waits stay where the whole begins and ends.
+    timed.stretches[0].wait_before = 1;
+    timed.stretches[0].wait = 3;
+    const std::vector<Stretch> waiting = insert_points(m, timed, options).path.stretches;
+    double waits = 0;
+    for (const Stretch& s : waiting) waits += s.wait_before + s.wait;
+    EXPECT_DOUBLE_EQ(waits, 4);
+    EXPECT_DOUBLE_EQ(waiting.front().wait_before, 1);
+    EXPECT_DOUBLE_EQ(waiting.back().wait, 3);
     for (const InsertedPoint& point : put_in.points) {
       EXPECT_TRUE((point.p - a.p).norm() < 1e-12 || (point.p - b.p).norm() < 1e-12);
     }

@@ -359,7 +359,7 @@ async function theServer() {
   check(name, (await page.waitForSelector('figure.scene.live', { timeout: 20000 }).catch(() => null)) !== null, 'its scene does not come alive');
   const settled = () => page.waitForFunction(() => document.querySelector('#live dl')?.textContent.includes('condition'), null, { timeout: 10000 });
   await settled();
-  const x = page.getByLabel('x, mm'), q1 = page.getByLabel('q1, mm');
+  const x = page.getByLabel('x, mm', { exact: true }), q1 = page.getByLabel('q1, mm', { exact: true });
   check(name, await turned(page, async () => {
     const answered = page.waitForResponse((r) => r.url().endsWith('/0/pose'));
     await x.fill('7.25');
@@ -374,6 +374,12 @@ async function theServer() {
   await page.waitForTimeout(500);
   check(name, (await page.locator('#live').innerText()).includes('mm³, certainly between'), 'it computes no workspace');
   check(name, (await page.locator('.legend li').count()) > 4, 'the workspace has no legend');
+  // Every parameter by itself, folded; and a workspace that is given up.
+  await page.getByText('Every part by itself').first().waitFor();
+  check(name, (await page.locator('#live details input').count()) > 30, 'the form lacks single parameters');
+  await page.getByText('Compute the workspace').click();
+  await page.getByText('Cancel', { exact: true }).click();
+  await page.waitForFunction(() => document.querySelector('#live')?.textContent.includes('Cancelled.'), null, { timeout: 5000 });
   await judge('view, axe', page);
   check(name, messages.length === 0, `the console says: ${messages.join(' | ')}`);
   check(name, requests.every((url) => url.startsWith(address)), `it asks for ${requests.join(' ')}`);

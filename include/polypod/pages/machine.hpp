@@ -26,7 +26,7 @@ MachineAt machine_at(const machine::AnyMachine& machine, const Pose& X);
 /// At the joints q: the pose that `forward` reaches from home.
 MachineAt machine_at(const machine::AnyMachine& machine, const machine::JointVector& q);
 /// Where a page begins: home, or the tool with R = 1 at the middle of the work where there is no home; where that is
-/// out of reach, joints near the middle of their ranges that keep all limits, if some do.
+/// out of reach, the best conditioned of some places near the middle of the joints' ranges that keep all limits.
 Pose start_pose(const machine::AnyMachine& machine);
 
 /// The machine at `at`, and the boundary of its workspace coloured by the limits that make it (surface() with
