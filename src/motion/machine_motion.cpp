@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <set>
 
 #include "polypod/core/units.hpp"
@@ -77,8 +78,11 @@ class Follower {
     State out;
     const Pose target = path_.stretches[stretch].pose(u);
     out.X = target;
-    const InverseResult result =
-        near.size() > 0 ? kinematics::inverse_near(machine_, target, near) : kinematics::inverse(machine_, target);
+    std::optional<InverseResult> beside;
+    if (near.size() > 0) beside = found_beside(target, near);
+    const InverseResult result = beside            ? std::move(*beside)
+                                 : near.size() > 0 ? kinematics::inverse_near(machine_, target, near)
+                                                   : kinematics::inverse(machine_, target);
     if (result.solutions.empty()) {
       out.reason = result.reason;
       out.clearance = 0;
@@ -132,6 +136,33 @@ class Follower {
   [[nodiscard]] bool singular(const State& s) const {
     if (has_clearance_) return options_.singular_distance > 0 && s.clearance < options_.singular_distance;
     return s.reached && options_.condition > 0 && !(s.condition <= options_.condition);
+  }
+  /// Of machines whose inverse is a search the solution beside `near`, where there is one that keeps its branch: within
+  /// its limits or not, so that no search from elsewhere is needed.
+  [[nodiscard]] std::optional<InverseResult> found_beside(const Pose& target, const JointVector& near) const {
+    return std::visit(
+        [&](const auto& m) -> std::optional<InverseResult> {
+          if constexpr (requires { inverse_from(m, target, near); }) {
+            if (has_closed_inverse(m)) return {};
+            InverseResult found = inverse_from(m, target, near);
+            const auto moves = [&](const Solution& s) { return (s.joints - near).cwiseAbs().maxCoeff(); };
+            for (Solution& s : found.solutions) {
+              for (int i = 0; i < joints_; ++i) {
+                constexpr double kTurn = 2 * std::numbers::pi;
+                if (kinematics::joint_kind(machine_, i) != machine::JointKind::revolute) continue;
+                s.joints[i] += kTurn * std::round((near[i] - s.joints[i]) / kTurn);
+              }
+            }
+            const auto best =
+                std::min_element(found.solutions.begin(), found.solutions.end(),
+                                 [&](const Solution& a, const Solution& b) { return moves(a) < moves(b); });
+            if (best == found.solutions.end() || jumps(near, best->joints)) return {};
+            found.solutions = {*best};
+            return found;
+          }
+          return {};
+        },
+        machine_);
   }
   /// Whether a drive goes so far that it may have changed its branch.
   [[nodiscard]] bool jumps(const JointVector& from, const JointVector& to) const {
