@@ -210,7 +210,11 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
   if (!o.program.empty()) {
     POLYPOD_TRY(path_of_program(job, o, context, out));
   } else if (!o.file.empty()) {
-    POLYPOD_ASSIGN(read, motion::read_pose_path(o.file));
+    std::vector<std::string> needed;  // x, y and z that the poses prescribe
+    for (int i = 0; i < task.size(); ++i) {
+      if (!task.is_angle(i)) needed.push_back(fmt::format("{}_mm", machine::name_of(task[i])));
+    }
+    POLYPOD_ASSIGN(read, motion::read_pose_path(o.file, needed));
     out.path = std::move(read.path);
     speed = read.speed;
     out.angles = read.angles;

@@ -624,9 +624,9 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
 
 namespace {
 
-Result<PosePathFile> read_csv(const std::string& file) {
+Result<PosePathFile> read_csv(const std::string& file, const std::vector<std::string>& needed) {
   POLYPOD_ASSIGN(table, csv::read(file));
-  POLYPOD_TRY(table.needs({"x_mm", "y_mm", "z_mm"}));
+  POLYPOD_TRY(table.needs(needed));
   PosePathFile out;
   const bool has_time = table.has("time_s");
   out.angles = table.has("a_deg") || table.has("b_deg") || table.has("c_deg");
@@ -638,9 +638,12 @@ Result<PosePathFile> read_csv(const std::string& file) {
     TargetPose to;
     const std::array<const char*, 3> of_point{"x_mm", "y_mm", "z_mm"}, of_angle{"a_deg", "b_deg", "c_deg"};
     for (int k = 0; k < 3; ++k) {
-      POLYPOD_ASSIGN(x, table.number(row, of_point[static_cast<std::size_t>(k)]));
+      const char* column = of_point[static_cast<std::size_t>(k)];
+      if (table.has(column)) {
+        POLYPOD_ASSIGN(x, table.number(row, column));
+        to.p[k] = units::from_mm(x);
+      }
       POLYPOD_ASSIGN(a, table.number(row, of_angle[static_cast<std::size_t>(k)], 0));
-      to.p[k] = units::from_mm(x);
       to.angles[k] = units::from_deg(a);
     }
     double time = 0;
@@ -676,8 +679,8 @@ Result<PosePathFile> read_csv(const std::string& file) {
 
 }  // namespace
 
-Result<PosePathFile> read_pose_path(const std::string& file) {
-  if (file.ends_with(".csv")) return read_csv(file);
+Result<PosePathFile> read_pose_path(const std::string& file, const std::vector<std::string>& needed) {
+  if (file.ends_with(".csv")) return read_csv(file, needed);
   POLYPOD_ASSIGN(table, config::read_file(file));
   return pose_path_from(table);
 }

@@ -304,6 +304,7 @@ std::string Site::live_data(const AnyMachine& m, std::size_t item) const {
   for (const machine::Parameter& p : machine::settings(m)) add(p, false);
   for (const machine::Parameter& p : kinematics::parameters(m)) add(p, true);
   return text_of({{"address", fmt::format("/{}", item)},
+                  {"file", items_[item].path},
                   {"settings", settings},
                   {"pose", pose},
                   {"joints", joints},

@@ -943,6 +943,14 @@ segments = [
     const auto r = read_pose_path(written(name, text));
     return r ? std::string("read") : r.error().id;
   };
+  // Columns that a machine's poses do not prescribe may be left out.
+  const std::string upwards = written("upwards.csv", "time_s,z_mm,a_deg\n0,900,0\n1,910,2\n");
+  EXPECT_EQ(read_pose_path(upwards).error().id, "ID100");
+  const auto z = read_pose_path(upwards, {"z_mm"});
+  ASSERT_TRUE(z) << z.error().message;
+  EXPECT_NEAR(z->path.stretches[0].to.z(), 0.91, 1e-15);
+  EXPECT_EQ(z->path.stretches[0].to.x(), 0);
+  EXPECT_NE(id("empty.csv", "x_mm,y_mm,z_mm\n0,0,70\n5,,70\n"), "read");
   EXPECT_EQ(id("back.csv", "time_s,x_mm,y_mm,z_mm\n0,0,0,70\n1,5,0,70\n0.5,5,5,70\n"), "MO113");
   EXPECT_EQ(id("still.csv", "x_mm,y_mm,z_mm\n0,0,70\n0,0,70\n"), "MO100");
   EXPECT_EQ(id("one.csv", "x_mm,y_mm,z_mm\n0,0,70\n"), "MO100");

@@ -15,6 +15,7 @@ interface Joint {
 }
 interface LiveData {
   address: string;
+  file: string; // of the machine, or its name in the catalogue
   settings: Setting[];
   pose: { name: string; value: number; unit: string; low: number; high: number }[];
   joints: Joint[];
@@ -125,11 +126,19 @@ function start(root: HTMLElement, data: LiveData): void {
     for (const s of settings) {
       field(s.key, s.unit, s.value, null, null, false, (v) => {
         sets[s.key] = String(v);
+        const changes = Object.entries(sets).map(([key, value]) => ` --set '${key}=${value}'`).join('');
+        const file = /^[\w./-]+$/.test(data.file) ? data.file : `'${data.file.replace(/'/g, `'\\''`)}'`;
+        kept.textContent = `polypod info ${file}${changes} -o changed.toml`;
+        keep.hidden = false;
         ask({ pose });
         later();
       });
     }
   }
+  const keep = make('p', 'The command that keeps the changed machine: '), kept = make('code');
+  keep.hidden = true;
+  keep.append(kept);
+  root.append(keep);
   lastGroup = group('Workspace');
   let tilt = 0;
   if (data.turns) {

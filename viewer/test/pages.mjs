@@ -377,6 +377,9 @@ async function theServer() {
   // Every parameter by itself, folded; and a workspace that is given up.
   await page.getByText('Every part by itself').first().waitFor();
   check(name, (await page.locator('#live details input').count()) > 30, 'the form lacks single parameters');
+  await page.getByLabel('base.radius_mm, mm', { exact: true }).fill('55');
+  const command = "polypod info hexapod-strut --set 'base.radius_mm=55' -o changed.toml";
+  check(name, (await page.locator('#live code').innerText()) === command, 'it does not say how the machine is kept');
   await page.getByText('Compute the workspace').click();
   await page.getByText('Cancel', { exact: true }).click();
   await page.waitForFunction(() => document.querySelector('#live')?.textContent.includes('Cancelled.'), null, { timeout: 5000 });

@@ -128,6 +128,8 @@ ChordError farthest_from_chords(const PosePath& path);
 /// (rising); a row with the pose of the row before is a wait. The profile is linear. Errors: MO100, MO102, MO111 (a
 /// duration of some stretches alone), MO112 (an unknown word), MO113 (times that do not rise), FI100 and those of
 /// config and csv.
-Result<PosePathFile> read_pose_path(const std::string& file);
+/// `needed`: the columns that a CSV file must have; x, y and z that it leaves out are 0.
+Result<PosePathFile> read_pose_path(const std::string& file,
+                                    const std::vector<std::string>& needed = {"x_mm", "y_mm", "z_mm"});
 
 }  // namespace polypod::motion
