@@ -404,7 +404,8 @@ class Mover {
       out.notes.emplace_back("accelerations jump, because no jerk is limited: jerks are those between the jumps");
     }
     const bool waits = path_.stretches.front().wait_before > 0 && path_.stretches.back().wait > 0;
-    out.moves_at_once = options_.law != Law::fastest && !goes_smoothly() && !waits;
+    const bool spline = options_.law == Law::timed && options_.profile == Profile::spline;  // at rest at its ends
+    out.moves_at_once = options_.law != Law::fastest && !comes_to_rest() && !spline && !waits;
     for (MoveViolation& v : out.violations) v.t = v.s > 0 ? law_.time_of(v.s) : 0;
     POLYPOD_TRY(check(out));
     out.time = law_.duration();
@@ -538,7 +539,7 @@ class Mover {
       }
       block.rest(k == 0 ? s.wait_before : 0, s.wait);
       law_.add(std::move(block));
-      if (k + 1 == stretches.size() || goes_smoothly() || s.wait > 0) continue;
+      if (k + 1 == stretches.size() || comes_to_rest() || s.wait > 0) continue;
       const Junction j = path_.junction(k);
       if (j.tangent) continue;
       MoveViolation v;
@@ -592,13 +593,13 @@ class Mover {
     return out;
   }
 
-  /// In given times with a profile that is at rest at each point, or goes on there in speed and acceleration.
-  [[nodiscard]] bool goes_smoothly() const { return options_.law == Law::timed && options_.profile != Profile::linear; }
+  /// In given times with a profile that is at rest at each point.
+  [[nodiscard]] bool comes_to_rest() const { return options_.law == Law::timed && options_.profile == Profile::smooth; }
 
   /// Where two stretches that go on in one direction meet, their rates may differ (and where a line meets an arc, their
   /// accelerations): no instant within a stretch shows it. Breaks every limit of acceleration (jerk) of what jumps.
   void judge_jumps(MoveResult& out) const {
-    if (options_.law == Law::fastest || goes_smoothly()) return;
+    if (options_.law == Law::fastest || comes_to_rest()) return;
     std::set<std::string> seen;
     RateJumps& jumps = out.jumps;
     const auto count = [&](std::size_t next, const MoveSample& a, const MoveSample& b) {

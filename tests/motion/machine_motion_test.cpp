@@ -698,6 +698,10 @@ TEST(PosePath, SplinesGoThroughTheirPoints) {
   ASSERT_TRUE(moved);
   EXPECT_TRUE(moved->ok()) << moved->violations.front().detail;
   EXPECT_EQ(moved->jumps.count, 0U);
+  // The word alone makes no spline: corners of lines stay corners.
+  const auto lines_alone = move(m, *pose_path_of(lines), options);
+  ASSERT_TRUE(lines_alone);
+  EXPECT_FALSE(lines_alone->ok());
   // The departure from the chords, against 1000 places on each.
   ChordError dense;
   for (const Stretch& s : all) {
