@@ -356,7 +356,7 @@ Result<std::string> Site::ask(const Item& item, const std::string& what, const s
   if (const auto tilt = question.find("tilt_deg"); tilt != question.end()) {
     constexpr double kMostTilt = 89;
     if (!tilt->is_number() || !(tilt->get<double>() >= 0 && tilt->get<double>() <= kMostTilt))
-      return fail("VW120", "tilt_deg: not a number of 0 to 89");
+      return fail("VW120", "the tilt must be a number of 0 to 89 deg");
     options.directions.tilt = units::from_deg(tilt->get<double>());
   }
   constexpr std::int64_t kCells = 30'000;
