@@ -55,6 +55,14 @@ MachineAt machine_at(const AnyMachine& machine, const JointVector& q) {
   const kinematics::ForwardResult result = kinematics::forward(machine, q);
   if (result.poses.empty()) {
     out.reason = result.reason;
+    for (int i = 0; i < static_cast<int>(q.size()); ++i) {
+      const machine::JointRange range = kinematics::joint_range(machine, i);
+      if (q[i] >= range.min && q[i] <= range.max) continue;
+      const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
+      const auto user = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+      out.reason += fmt::format("; q{} is beyond its range of {:.6g} to {:.6g} {}", i + 1, user(range.min),
+                                user(range.max), turns ? "deg" : "mm");
+    }
     return out;
   }
   out.X = result.poses.front();

@@ -180,6 +180,12 @@ TEST(Site, FormsBeginWithinTheLimits) {
   }
 }
 
+TEST(Site, JointsThatGiveNoPoseAreNamed) {
+  const Site site = site_of({"hexapod-strut"});
+  const json there = json::parse(site.answer(post("/0/pose", {{"joints", {300, 70, 70, 70, 70, 70}}}), kPort).body);
+  EXPECT_THAT(there.value("reason", ""), HasSubstr("q1 is beyond its range of 50 to 90 mm")) << there;
+}
+
 /// What a page asked for before it asks anew, or for nothing, ends.
 TEST(Site, AWorkspaceThatNobodyWaitsForEnds) {
   const Site site = site_of({"tripod-z3"});
