@@ -288,14 +288,14 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
                            has_cycles(m) ? "between arm and platform, and between tool and belt"
                                          : "between tool and frame, while it is programmed",
                            "", -1, 2, 1, 1});
-    out.hazards.push_back(
-        {m.name, "electrical", "live parts, also after a fault", "insulation, labels, locked cabinets", -1, 2, 1, 2});
+    out.hazards.push_back({m.name, "electrical", "live parts, also after a fault",
+                           "to be checked: insulation, labels, locked cabinets", -1, 2, 1, 2});
   }
   for (const Conveyor& c : cell.conveyors) {
     out.hazards.push_back({c.name, "drawing in", "between belt and drum", "", -1, 1, 1, 1});
     if (c.power > 0)
-      out.hazards.push_back(
-          {c.name, "electrical", fmt::format("motor of {:.0f} W", c.power), "insulation, labels", -1, 2, 1, 2});
+      out.hazards.push_back({c.name, "electrical", fmt::format("motor of {:.0f} W", c.power),
+                             "to be checked: insulation, labels", -1, 2, 1, 2});
     // Gaps between this belt and the one that it feeds.
     for (const Conveyor& o : cell.conveyors) {
       if (o.name != c.onto) continue;
@@ -305,7 +305,7 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
             {c.name + " and " + o.name, "crushing", "gap between the belts", "", std::abs(gap), 1, 1, 1});
     }
   }
-  out.hazards.push_back({"all parts", "cutting", "edges and burrs", "deburred (KOZ 5.2.5)", -1, 1, 1, 1});
+  out.hazards.push_back({"all parts", "cutting", "edges and burrs", "to be checked: deburred", -1, 1, 1, 1});
   out.assumed.push_back(fmt::format("people walk at {:.1f} m/s and reach at 2.0 m/s (ISO 13855)", kWalk));
   return out;
 }
