@@ -143,8 +143,8 @@ Json binding_json(const Study& study, const Row& row) {
   return out;
 }
 
-/// What limits the best machine.
-void print_binding(const Study& study, const Row& row) {
+/// What limits the best machine. `broken`: a finer survey breaks a hold.
+void print_binding(const Study& study, const Row& row, bool broken = false) {
   const std::vector<std::string> what = design::binding(study, row);
   if (study.holds.empty() && what.empty()) return;
   const bool boxes =
@@ -152,7 +152,11 @@ void print_binding(const Study& study, const Row& row) {
   std::string text =
       what.empty() ? "no bound on a figure and no end of a range" : fmt::format("{}", fmt::join(what, "; "));
   if (boxes) text += "; whether a box just fits is not known";
-  fmt::print("{}limited by: {}\n", study.holds.empty() ? "" : "all holds are kept; ", text);
+  fmt::print("{}limited by: {}\n",
+             study.holds.empty() ? ""
+             : broken            ? "in the search all holds are kept; "
+                                 : "all holds are kept; ",
+             text);
 }
 
 /// What a finer survey says of the best machine.
@@ -360,7 +364,7 @@ Command optimize_command() {
         }
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
-          print_binding(study, found.rows[*found.best]);
+          print_binding(study, found.rows[*found.best], again && again->evaluation.state != State::done);
           if (again) print_again(study, found.rows[*found.best], *again);
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
