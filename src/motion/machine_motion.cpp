@@ -879,9 +879,11 @@ class Mover {
       // First at a few instants: what is exceeded there need not be looked at closer.
       const auto looked = [&] {
         const int all = instants(b, total);
-        if (at_once) return look_at(b, all, at_once, exceeded, out);  // what is exceeded is reported where it begins
-        Look few = look_at(b, std::min(kGlances, all), at_once, exceeded, out);
-        if (all <= kGlances || few.factor > kEnough) return few;
+        // What is exceeded is reported where it begins: of a plan that is as it is at once.
+        if (at_once || all <= kGlances) return look_at(b, all, at_once, exceeded, out);
+        std::set<std::string> said{"singular"};  // a glance reports nothing: the closer look says where it begins
+        Look few = look_at(b, kGlances, at_once, said, out);
+        if (few.factor > kEnough) return few;
         return look_at(b, all, at_once, exceeded, out);
       };
       Look look = looked();
@@ -890,10 +892,8 @@ class Mover {
         law_.replace(b, std::move(block));
         look = looked();
       }
-      // The last and finest may have been seen at a few instants alone.
-      if (const int all = instants(b, total); static_cast<int>(look.all.size()) <= all) {
-        look = look_at(b, all, at_once, exceeded, out);
-      }
+      // The last and finest may have been glanced at alone.
+      if (!at_once && look.factor > kEnough) look = look_at(b, instants(b, total), at_once, exceeded, out);
       const double factor = look.factor, duration = law_.block(b).moving();
       const int count = static_cast<int>(look.all.size()) - 1;
       out.checked += count + 1;

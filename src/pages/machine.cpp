@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 
+#include "machine_inputs.hpp"
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
 #include "polypod/core/units.hpp"
@@ -153,15 +154,9 @@ std::string machine_page(const AnyMachine& machine, const MachinePageOptions& op
                                                         : "The machine in M.");
   if (!options.live.empty()) page.make_live(options.live);
   page.add_section("Figures");
-  std::vector<std::pair<std::string, std::string>> settings;
-  for (const machine::Parameter& p : machine::settings(machine)) {
-    settings.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
-  }
-  page.add_definitions(settings);
+  page.add_definitions(figures_of(machine));
   page.add_code("The machine's file", machine::to_toml(machine));
-  std::vector<std::pair<std::string, std::string>> sources;
-  for (const auto& [key, text] : machine::provenance_of(machine)) sources.emplace_back(key, text);
-  if (!sources.empty()) {
+  if (const auto sources = sources_of(machine); !sources.empty()) {
     page.add_heading("Where the numbers come from");
     page.add_definitions(sources);
   }

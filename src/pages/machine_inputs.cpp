@@ -7,18 +7,25 @@
 
 namespace polypod::pages {
 
+std::vector<std::pair<std::string, std::string>> figures_of(const machine::AnyMachine& machine) {
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const machine::Parameter& p : machine::settings(machine)) {
+    out.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
+  }
+  return out;
+}
+
+std::vector<std::pair<std::string, std::string>> sources_of(const machine::AnyMachine& machine) {
+  std::vector<std::pair<std::string, std::string>> out;
+  for (const auto& [key, source] : machine::provenance_of(machine)) out.emplace_back(key, source);
+  return out;
+}
+
 void add_machine_inputs(report::Report& report, const machine::AnyMachine& machine, const std::string& command) {
-  using Entries = std::vector<std::pair<std::string, std::string>>;
   report.add_heading("Machine");
   if (const std::string about = machine::description_of(machine); !about.empty()) report.add_text(about);
-  Entries settings;
-  for (const machine::Parameter& p : machine::settings(machine)) {
-    settings.emplace_back(p.key, fmt::format("{:.6g} {}", units::to_user(p.value, p.unit), p.unit));
-  }
-  report.add_definitions(settings);
-  Entries sources;
-  for (const auto& [key, source] : machine::provenance_of(machine)) sources.emplace_back(key, source);
-  if (!sources.empty()) {
+  report.add_definitions(figures_of(machine));
+  if (const auto sources = sources_of(machine); !sources.empty()) {
     report.add_heading("Where the numbers come from");
     report.add_definitions(sources);
   }

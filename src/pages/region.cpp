@@ -3,11 +3,9 @@
 #include "polypod/workspace/region.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "machine_inputs.hpp"
 #include "machine_lines.hpp"
@@ -93,12 +91,7 @@ class RegionPage {
 
  private:
   [[nodiscard]] Entries facts() const {
-    Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
-                {"family", machine::family_of(machine_)},
-                {"coordinates of the task", names_of(task_)}};
-    for (const std::string& set : page_.sets) out.emplace_back("changed", set);
-    if (!page_.version.empty()) out.emplace_back("made with", "Polypod " + page_.version);
-    return out;
+    return facts_of(machine_, page_, {"coordinates of the task", names_of(task_)});
   }
   [[nodiscard]] const char* unit(int coordinate) const { return workspace::unit_of(task_, coordinate); }
   [[nodiscard]] double shown(int coordinate, double value) const { return units::to_user(value, unit(coordinate)); }
@@ -154,7 +147,8 @@ class RegionPage {
     if (at.lines.empty()) return;
     report::Scene scene = machine_scene(machine_, at);
     report::Scene turns = scene;
-    turns.lines = MovingMachine(machine_, at.X, at.q).lines();
+    const MovingMachine moving(machine_, at.X, at.q);
+    turns.lines = moving.lines();
     report::Point3 low{0, 0, 0}, high{0, 0, 0};
     double tilt = 0;
     for (int i = 0; i < task_.size(); ++i) {
@@ -168,7 +162,6 @@ class RegionPage {
       (axis == 0 ? high.x : axis == 1 ? high.y : high.z) = to;
     }
     constexpr int kPictures = 31;
-    const MovingMachine moving(machine_, at.X, at.q);
     turns.frames = moving.sweeps(low, high, tilt, kPictures);
     if (kinematics::hangs_down(machine_)) hang(turns);
     report_.add_section("The machine");

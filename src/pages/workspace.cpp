@@ -181,12 +181,7 @@ class Page {
 
  private:
   [[nodiscard]] Entries facts() const {
-    Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
-                {"family", machine::family_of(machine_)},
-                {"tool directions", directions_of(machine_, options_)}};
-    for (const std::string& set : page_.sets) out.emplace_back("changed", set);
-    if (!page_.version.empty()) out.emplace_back("made with", "Polypod " + page_.version);
-    return out;
+    return facts_of(machine_, page_, {"tool directions", directions_of(machine_, options_)});
   }
 
   [[nodiscard]] std::function<void(double)> stage(const char* what) const {

@@ -149,6 +149,18 @@ report::HeatMap section_map(const Options& options, const Section& s, const Kind
   return map;
 }
 
+std::vector<std::pair<std::string, std::string>> facts_of(const machine::AnyMachine& machine,
+                                                          const WorkspacePageOptions& page,
+                                                          const std::pair<std::string, std::string>& own) {
+  std::vector<std::pair<std::string, std::string>> out{
+      {"machine", page.machine.empty() ? machine::name_of(machine) : page.machine},
+      {"family", machine::family_of(machine)},
+      own};
+  for (const std::string& set : page.sets) out.emplace_back("changed", set);
+  if (!page.version.empty()) out.emplace_back("made with", "Polypod " + page.version);
+  return out;
+}
+
 std::string what_is_answered() {
   return "This answers for the limits of the machine named on this page, for a machine at rest that is built as its "
          "file "

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "polypod/pages/workspace.hpp"
 #include "polypod/report/plot.hpp"
 #include "polypod/workspace/beyond.hpp"
 #include "polypod/workspace/surface.hpp"
@@ -46,6 +47,10 @@ int axis_of(const Vec3& u);
 report::HeatMap section_map(const workspace::Options& options, const workspace::Section& section, const Kinds& kinds,
                             bool hangs);
 
+/// What the head of such a page names, with one line of its own.
+std::vector<std::pair<std::string, std::string>> facts_of(const machine::AnyMachine& machine,
+                                                          const WorkspacePageOptions& page,
+                                                          const std::pair<std::string, std::string>& own);
 /// Which questions the page of a workspace answers, and which it does not.
 std::string what_is_answered();
 /// That the tolerance which was asked for was missed; empty where it was not.

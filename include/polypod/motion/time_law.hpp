@@ -93,8 +93,8 @@ struct PlanLimits {
 Result<TimeLaw::Block> fastest(const std::vector<PlanNode>& nodes, const PlanLimits& limits);
 
 /// The S profile of seven phases (constant jerk, constant acceleration, ...) over `size` from rest to rest, with speed,
-/// acceleration and jerk up to these: the least time where the limits are those of s itself. Limits may be infinite,
-/// but not that of the jerk.
+/// acceleration and jerk up to these: the least time where the limits are those of s itself (double S velocity,
+/// Biagiotti and Melchiorri 2008, 3.4). Limits may be infinite, but not that of the jerk.
 TimeLaw::Block s_profile(double from, double size, double speed, double acceleration, double jerk);
 
 /// The S profile that keeps all limits at all nodes of a block, where it takes no more than 1 + `gap` times the least
