@@ -12,26 +12,58 @@ namespace {
 
 using namespace polypod;
 
-/// The tool goes along a parabola with a turn about z where the task has one.
-void forces(benchmark::State& state, const char* name, const Vec3& tip) {
-  const machine::AnyMachine m = *machine::load(name);
+/// Masses of every part that the machine has.
+motion::Dynamics masses_of(const machine::AnyMachine& m) {
   motion::Dynamics d;
   d.platform = motion::Body{3, Vec3(0.004, -0.002, -0.03), 0.01 * Mat3::Identity()};
   d.payload = motion::Body{1, Vec3(0, 0, 0.02), Mat3::Zero()};
+  if (std::holds_alternative<machine::StrutHexapod>(m)) {
+    d.strut_fixed = 2, d.strut_fixed_center = 0.03, d.strut_fixed_inertia = 0.002;
+    d.strut_moving = 1, d.strut_moving_center = 0.02, d.strut_moving_inertia = 0.001;
+  }
+  if (std::holds_alternative<machine::RotaryDelta>(m)) {
+    d.rod = 0.2;
+    d.arm = 0.4, d.arm_center = 0.08, d.arm_inertia = 0.005;
+  }
+  if (const auto* arm = std::get_if<machine::SerialArm>(&m)) {
+    d.links.assign(arm->dh.size(), motion::Body{40, Vec3(0.1, 0.02, 0), Vec3(0.5, 1, 1.2).asDiagonal()});
+  }
+  return d;
+}
+
+/// The tool goes along a parabola.
+struct Instant {
+  machine::AnyMachine machine;
+  machine::JointVector joints;
+  Pose X;
+  motion::PoseSeries path;
+};
+Instant instant(const char* name, const Vec3& tip) {
+  Instant out;
+  out.machine = *machine::load(name);
   const Pose target{Mat3::Identity(), tip};
-  const kinematics::InverseResult found = kinematics::inverse(m, target);
-  const kinematics::Solution* at = found.reachable();
-  if (at == nullptr) {
-    state.SkipWithError("out of reach");
-    return;
-  }
-  const Pose X = kinematics::settled(m, target, at->joints);
-  motion::PoseSeries path = X.cast<Series>();
-  for (int k = 0; k < 3; ++k) path.p[k] = Series(X.p[k], 0.1 * (k + 1), 0.5 - 0.2 * k, 0.1);
-  for (auto _ : state) {
-    const motion::JointSeries q = motion::joint_series(m, path, X, at->joints);
-    benchmark::DoNotOptimize(motion::drive_forces(m, d, q));
-  }
+  out.joints = kinematics::inverse(out.machine, target).solutions.at(0).joints;
+  out.X = kinematics::settled(out.machine, target, out.joints);
+  out.path = out.X.cast<Series>();
+  for (int k = 0; k < 3; ++k) out.path.p[k] = Series(out.X.p[k], 0.1 * (k + 1), 0.5 - 0.2 * k, 0.1);
+  return out;
+}
+
+/// Speed, acceleration and jerk of the drives.
+void drives(benchmark::State& state, const char* name, const Vec3& tip) {
+  const Instant at = instant(name, tip);
+  for (auto _ : state) benchmark::DoNotOptimize(motion::joint_series(at.machine, at.path, at.X, at.joints));
+}
+BENCHMARK_CAPTURE(drives, hexapod, "hexapod-strut", Vec3(0.002, 0.001, 0.075));
+BENCHMARK_CAPTURE(drives, delta, "delta-brno", Vec3(0.05, 0.02, 0.5));
+BENCHMARK_CAPTURE(drives, arm, "lola50", Vec3(0.1, -1.3, 0));
+
+/// Their forces, once it is known how they move.
+void forces(benchmark::State& state, const char* name, const Vec3& tip) {
+  const Instant at = instant(name, tip);
+  const motion::Dynamics d = masses_of(at.machine);
+  const motion::JointSeries q = motion::joint_series(at.machine, at.path, at.X, at.joints);
+  for (auto _ : state) benchmark::DoNotOptimize(motion::drive_forces(at.machine, d, q));
 }
 BENCHMARK_CAPTURE(forces, hexapod, "hexapod-strut", Vec3(0.002, 0.001, 0.075));
 BENCHMARK_CAPTURE(forces, delta, "delta-brno", Vec3(0.05, 0.02, 0.5));

@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "masses_options.hpp"
 #include "messages.hpp"
+#include "motion_output.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
@@ -179,10 +180,7 @@ Json question_json(const pages::MotionQuestion& question) {
 }
 
 void print_question(const pages::MotionQuestion& question) {
-  for (const pages::MotionLimit& l : question.limits) {
-    fmt::print("limit    {:<36} {:>12.6g} {:<6} {:<7} met {:.6g}\n", l.name, l.limit, l.unit,
-               l.given ? "given" : "assumed", l.met);
-  }
+  for (const pages::MotionLimit& l : question.limits) print_limit(l);
   fmt::print("judged   {}\n", fmt::join(question.judged, ", "));
   if (!question.not_judged.empty()) fmt::print("not judged: {}\n", fmt::join(question.not_judged, ", "));
 }

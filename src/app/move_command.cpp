@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "masses_options.hpp"
 #include "messages.hpp"
+#include "motion_output.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/named_files.hpp"
@@ -682,8 +683,7 @@ void print_move(const motion::MoveResult& r, const Asked& asked, const pages::Mo
   for (const std::string& note : r.notes) fmt::print("note     {}\n", note);
   for (const pages::MotionLimit& l : together(question.limits)) {
     if (!std::isfinite(r.time)) break;  // nothing moved that could meet a limit
-    fmt::print("limit    {:<36} {:>12.6g} {:<6} {:<7} met {:.6g}\n", l.name, l.limit, l.unit,
-               l.given ? "given" : "assumed", l.met);
+    print_limit(l);
   }
   fmt::print("judged   {}\n", fmt::join(question.judged, ", "));
   fmt::print("not judged: {}\n", fmt::join(question.not_judged, ", "));

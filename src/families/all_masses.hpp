@@ -7,6 +7,7 @@
 #include "own/masses.hpp"
 #include "parallel/masses.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/parts.hpp"
 #include "serial/masses.hpp"
 #include "stages/masses.hpp"
 
@@ -18,22 +19,43 @@ machine::MassParts parts_with_mass(const M& m) {
   return {};
 }
 
-template <class M>
-std::vector<machine::MassLeg> legs_with_mass(const M& m, const PoseT<Series>& X, std::span<const Series> q,
-                                             std::span<const Series> p) {
+template <class M, class T>
+std::vector<machine::MassLeg<T>> legs_with_mass(const M& m, const PoseT<T>& X, std::span<const T> q,
+                                                std::span<const T> p) {
   if constexpr (requires { mass_legs(m, X, q, p); }) return mass_legs(m, X, q, p);
+  return {};
+}
+
+/// The machines that a machine in series is made of; none of others.
+template <class M>
+std::span<const machine::AnyMachine> stages_with_mass(const M& m) {
+  if constexpr (requires { mass_stages(m); }) return mass_stages(m);
   return {};
 }
 
 template <class M>
 int joint_moved_by(const M& m, int element) {
   if constexpr (requires { joint_of_element(m, element); }) return joint_of_element(m, element);
+  int joints = 0;
+  for (const machine::AnyMachine& stage : stages_with_mass(m)) {
+    const auto own = static_cast<int>(kinematics::elements(stage).size());
+    if (element < own) {
+      const int joint = std::visit([element](const auto& s) { return joint_moved_by(s, element); }, stage);
+      return joint < 0 ? joint : joints + joint;
+    }
+    element -= own;
+    joints += kinematics::joint_count(stage);
+  }
   return machine::kNoJoint;
 }
 
 template <class M>
 std::string why_no_masses(const M& m) {
   if constexpr (requires { no_masses(m); }) return no_masses(m);
+  for (const machine::AnyMachine& stage : stages_with_mass(m)) {
+    std::string why = std::visit([](const auto& s) { return why_no_masses(s); }, stage);
+    if (!why.empty()) return why;
+  }
   return {};
 }
 

@@ -5,9 +5,11 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <span>
 
 #include "../families/all_masses.hpp"
 #include "polypod/core/files.hpp"
@@ -20,91 +22,112 @@
 namespace polypod::motion {
 namespace {
 
-using SeriesVec = Vector3<Series>;
+using kinematics::Dual;
+/// Twists, one a column.
+using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
+/// A mass at a point; or, without weight, the second moment of a body along a vector that turns with it: both have the
+/// kinetic energy mass |v|^2 / 2.
+template <class T>
 struct MassPoint {
   double mass = 0;
-  SeriesVec p;
+  Vector3<T> p;
+  bool weighs = true;
 };
+template <class T>
+using MassPoints = std::vector<MassPoint<T>>;
 
-SeriesVec scaled(const SeriesVec& v, const Series& by) {
-  return {v[0] * by, v[1] * by, v[2] * by};
-}
-Series length_of(const SeriesVec& v) {
-  return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-}
-/// Seven points that have the mass, the center and the inertia of a body: two at a metre on each principal axis of its
-/// second moments, the rest (which may be negative) in the center.
-template <class Push>
-void add_body(const PoseSeries& X, const Body& body, Push&& push) {
-  const Mat3 second = 0.5 * body.inertia.trace() * Mat3::Identity() - body.inertia;
-  const Eigen::SelfAdjointEigenSolver<Mat3> axes(second);
-  double rest = body.mass;
-  for (int k = 0; k < 3; ++k) {
-    const double mass = 0.5 * axes.eigenvalues()[k];
-    if (mass == 0) continue;
-    for (const double side : {-1.0, 1.0})
-      push(mass, machine::moved_point(X, body.center + side * axes.eigenvectors().col(k)));
-    rest -= 2 * mass;
+/// The center of mass, and the second moments S = tr(I) / 2 - I by the axes and their sums:
+///   sum S_ij r_i r_j^T = sum_i (S_ii - sum_j S_ij) r_i r_i^T + sum_(i < j) S_ij (r_i + r_j) (r_i + r_j)^T.
+template <class T>
+void add_body(const PoseT<T>& X, const Body& body, MassPoints<T>& out) {
+  if (body.mass != 0) out.push_back({body.mass, X * Vector3<T>(body.center.template cast<T>())});
+  const Mat3 S = 0.5 * body.inertia.trace() * Mat3::Identity() - body.inertia;
+  for (int i = 0; i < 3; ++i) {
+    const double own = 2 * S(i, i) - S.row(i).sum();
+    if (own != 0) out.push_back({own, X.R.col(i), false});
+    for (int j = i + 1; j < 3; ++j)
+      if (S(i, j) != 0) out.push_back({S(i, j), X.R.col(i) + X.R.col(j), false});
   }
-  if (rest != 0) push(rest, machine::moved_point(X, body.center));
 }
 
-/// Points on a line that goes from `foot` through `head`: mass and inertia across it, at a distance from the foot.
-template <class Push>
-void add_on_line(const SeriesVec& foot, const SeriesVec& head, double mass, double center, double inertia,
-                 Push&& push) {
-  if (mass == 0 && inertia == 0) return;
-  const SeriesVec y = head - foot;
-  const SeriesVec e = scaled(y, Series(1.0) / length_of(y));
-  const auto point = [&](double d) { return SeriesVec(foot + scaled(e, Series(d))); };
-  // Two points at a metre from the center have 2 m 1^2.
-  const double side = 0.5 * inertia;
-  if (side != 0) {
-    push(side, point(center - 1));
-    push(side, point(center + 1));
-  }
-  if (mass - 2 * side != 0) push(mass - 2 * side, point(center));
+/// A mass at a distance from the foot of a line along its direction e.
+struct OnLine {
+  double mass = 0, center = 0;
+};
+template <class T>
+void add_on_line(const Vector3<T>& foot, const Vector3<T>& e, const OnLine& half, MassPoints<T>& out) {
+  if (half.mass == 0) return;
+  MassPoint<T> point{half.mass, foot};
+  for (int k = 0; k < 3; ++k) point.p[k] += T(half.center) * e[k];
+  out.push_back(point);
+}
+template <class T>
+Vector3<T> direction(const Vector3<T>& from, const Vector3<T>& to) {
+  Vector3<T> e = to - from;
+  const T scale = T(1.0) / sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+  for (int k = 0; k < 3; ++k) e[k] *= scale;
+  return e;
 }
 
 /// A uniform rod: Simpson's rule has its mass, center and inertia.
-template <class Push>
-void add_rod(const SeriesVec& a, const SeriesVec& b, double mass, Push&& push) {
+template <class T>
+void add_rod(const Vector3<T>& a, const Vector3<T>& b, double mass, MassPoints<T>& out) {
   if (mass == 0) return;
-  push(mass / 6, a);
-  push(mass / 6, b);
-  push(2 * mass / 3, SeriesVec(scaled(a + b, Series(0.5))));
+  out.push_back({mass / 6, a});
+  out.push_back({mass / 6, b});
+  MassPoint<T> middle{2 * mass / 3, a + b};
+  for (int k = 0; k < 3; ++k) middle.p[k] *= T(0.5);
+  out.push_back(middle);
 }
 
-/// Every mass point at a pose and joints that move.
-template <class M>
-std::vector<MassPoint> points_of(const M& m, const Dynamics& d, const PoseSeries& X, std::span<const Series> q) {
-  std::vector<MassPoint> out;
-  const auto push = [&](double mass, const SeriesVec& p) { out.push_back({mass, p}); };
-  if (d.platform) add_body(X, *d.platform, push);
-  if (d.payload) add_body(X, *d.payload, push);
-  const std::vector<double> nominal = kinematics::nominal_parameters(m);
-  const std::vector<Series> p(nominal.begin(), nominal.end());
-  if constexpr (requires { mass_link(m, std::size_t{}, q, std::span<const Series>(p)); }) {
-    for (std::size_t row = 0; row < d.links.size(); ++row) {
-      if (d.links[row]) add_body(mass_link(m, row, q, std::span<const Series>(p)), *d.links[row], push);
+/// Every mass point at a pose and joints.
+template <class M, class T>
+MassPoints<T> points_of(const M& m, const Dynamics& d, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
+  MassPoints<T> out;
+  constexpr std::size_t kMost = 64;
+  out.reserve(kMost);
+  if constexpr (requires { mass_stages(m); }) {
+    each_mass_stage(m, X, q, p,
+                    [&](std::size_t k, const PoseT<T>& base, const PoseT<T>& tool, std::span<const T> joints,
+                        std::span<const T> own) {
+                      if (k >= d.stages.size()) return;
+                      const auto take = [&](const auto& stage) {
+                        return points_of(stage, d.stages[k], tool, joints, own);
+                      };
+                      for (MassPoint<T>& point : std::visit(take, mass_stages(m)[k])) {
+                        point.p = point.weighs ? base * point.p : product<T, 1>(base.R, point.p);
+                        out.push_back(std::move(point));
+                      }
+                    });
+  }
+  if (d.platform) add_body(X, *d.platform, out);
+  if (d.payload) add_body(X, *d.payload, out);
+  if constexpr (requires { mass_links(m, q, p); }) {
+    if (!d.links.empty()) {
+      const std::vector<PoseT<T>> frames = mass_links(m, q, p);
+      for (std::size_t row = 0; row < d.links.size(); ++row)
+        if (d.links[row]) add_body(frames[row], *d.links[row], out);
     }
   }
   const bool legs = d.strut_fixed != 0 || d.strut_moving != 0 || d.strut_fixed_inertia != 0 ||
                     d.strut_moving_inertia != 0 || d.rod != 0 || d.slider != 0 || d.arm != 0 || d.arm_inertia != 0;
   if (!legs) return out;
-  for (const machine::MassLeg& leg : legs_with_mass(m, X, q, std::span<const Series>(p))) {
+  for (const machine::MassLeg<T>& leg : legs_with_mass(m, X, q, p)) {
     if (leg.strut) {
-      add_on_line(leg.fixed, leg.platform, d.strut_fixed, d.strut_fixed_center, d.strut_fixed_inertia, push);
-      add_on_line(leg.platform, leg.fixed, d.strut_moving, d.strut_moving_center, d.strut_moving_inertia, push);
+      const Vector3<T> e = direction(leg.fixed, leg.platform);
+      add_on_line(leg.fixed, e, {d.strut_fixed, d.strut_fixed_center}, out);
+      add_on_line(leg.platform, e, {d.strut_moving, -d.strut_moving_center}, out);
+      const double across = d.strut_fixed_inertia + d.strut_moving_inertia;
+      if (across != 0) out.push_back({across, e, false});
       continue;
     }
-    add_rod(leg.driven, leg.platform, d.rod, push);
-    if (leg.rail && d.slider != 0) push(d.slider, leg.driven);
-    // About its axis an arm has the inertia of points along it.
-    if (leg.crank) {
-      add_on_line(leg.fixed, leg.driven, d.arm, d.arm_center, d.arm_inertia - d.arm * d.arm_center * d.arm_center,
-                  push);
+    add_rod(leg.driven, leg.platform, d.rod, out);
+    if (leg.rail && d.slider != 0) out.push_back({d.slider, leg.driven});
+    if (leg.crank && (d.arm != 0 || d.arm_inertia != 0)) {
+      const Vector3<T> e = direction(leg.fixed, leg.driven);
+      add_on_line(leg.fixed, e, {d.arm, d.arm_center}, out);
+      out.push_back({d.arm_inertia - d.arm * square(d.arm_center), e, false});
     }
   }
   return out;
@@ -115,51 +138,45 @@ double of_drive(const std::vector<double>& values, Eigen::Index i) {
   return values[values.size() == 1 ? 0 : static_cast<std::size_t>(i)];
 }
 
-/// Derivatives of every mass point by each column of J, a twist of the tool at which the joint of that number moves
-/// with it (-1: none does): one matrix 3 x columns a point.
-template <class M>
-std::vector<Eigen::Matrix<double, 3, Eigen::Dynamic>> rates_of(const M& m, const Dynamics& d, const Pose& X,
-                                                               const JointVector& q, const Eigen::MatrixXd& J,
-                                                               const std::vector<int>& joint) {
-  std::vector<Eigen::Matrix<double, 3, Eigen::Dynamic>> out;
-  for (Eigen::Index j = 0; j < J.cols(); ++j) {
-    PoseSeries moved = X.cast<Series>();  // in first order
-    const Mat3 rate = skew(Vec3(J(3, j), J(4, j), J(5, j))) * X.R;
-    for (int i = 0; i < 3; ++i) {
-      moved.p[i][1] = J(i, j);
-      for (int c = 0; c < 3; ++c) moved.R(i, c)[1] = rate(i, c);
+/// visit(first, count, points) for the columns of J, six a pass: points on dual numbers, whose part j is the derivative
+/// by column first + j. A column is a twist of the tool at which the joint of that number moves with it (-1: none).
+template <class M, class Visit>
+void each_rate(const M& m, const Dynamics& d, const Pose& X, const JointVector& q, const Eigen::Ref<const Columns>& J,
+               std::span<const int> joint, Visit&& visit) {
+  const std::vector<double> nominal = kinematics::nominal_parameters(m);
+  const std::vector<Dual> p(nominal.begin(), nominal.end());
+  std::vector<Dual> joints(q.data(), q.data() + q.size());
+  for (Eigen::Index first = 0; first < J.cols(); first += 6) {
+    const Eigen::Index count = std::min<Eigen::Index>(6, J.cols() - first);
+    PoseT<Dual> moved = X.cast<Dual>();
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const auto column = J.col(first + j);
+      const Mat3 rate = skew(Vec3(column.tail<3>())) * X.R;
+      for (int i = 0; i < 3; ++i) {
+        moved.p[i].v[j] = column[i];
+        for (int c = 0; c < 3; ++c) moved.R(i, c).v[j] = rate(i, c);
+      }
+      const int moves = joint[static_cast<std::size_t>(first + j)];
+      if (moves >= 0) joints[static_cast<std::size_t>(moves)].v[j] = 1;
     }
-    std::vector<Series> joints(q.data(), q.data() + q.size());
-    const int moves = joint[static_cast<std::size_t>(j)];
-    if (moves >= 0) joints[static_cast<std::size_t>(moves)][1] = 1;
-    const std::vector<MassPoint> points = points_of(m, d, moved, std::span<const Series>(joints));
-    if (out.empty()) out.assign(points.size(), Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, J.cols()));
-    for (std::size_t k = 0; k < points.size(); ++k)
-      for (int i = 0; i < 3; ++i) out[k](i, j) = points[k].p[i][1];
+    visit(first, count, points_of(m, d, moved, std::span<const Dual>(joints), std::span<const Dual>(p)));
+    for (Dual& value : joints) value.v.setZero();
   }
-  return out;
 }
 
-std::vector<int> all_joints(Eigen::Index n) {
-  std::vector<int> out;
-  for (int j = 0; j < n; ++j) out.push_back(j);
-  return out;
+/// 0, 1, ...: each column of a Jacobian is that of its joint.
+std::span<const int> all_joints(Eigen::Index n) {
+  static constexpr std::array<int, machine::kMaxJoints> kEach{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+  return std::span<const int>(kEach).first(static_cast<std::size_t>(n));
 }
 
 template <class M>
-std::vector<MassPoint> moving_points(const M& m, const Dynamics& d, const JointSeries& s) {
+MassPoints<Series> moving_points(const M& m, const Dynamics& d, const JointSeries& s) {
+  const std::vector<double> nominal = kinematics::nominal_parameters(m);
+  const std::vector<Series> p(nominal.begin(), nominal.end());
   std::vector<Series> q;
   for (Eigen::Index i = 0; i < s.q.size(); ++i) q.emplace_back(s.q[i], s.first[i], s.second[i], s.third[i]);
-  return points_of(m, d, s.X, std::span<const Series>(q));
-}
-
-Pose value_of(const PoseSeries& X) {
-  Pose out;
-  for (int i = 0; i < 3; ++i) {
-    out.p[i] = X.p[i].value();
-    for (int j = 0; j < 3; ++j) out.R(i, j) = X.R(i, j).value();
-  }
-  return out;
+  return points_of(m, d, s.X, std::span<const Series>(q), std::span<const Series>(p));
 }
 
 Result<Body> body_of(const config::Table& given) {
@@ -201,9 +218,9 @@ Result<std::optional<Body>> body_from(const config::Table& parent, const char* k
   return std::optional<Body>(body);
 }
 
-tl::unexpected<Error> no_part(const config::Table& table, const char* key, const char* part) {
+tl::unexpected<Error> no_part(const config::Table& table, const char* key, const char* part, bool in_series) {
   return fail("MO121", fmt::format("dynamics.{}: this machine has no {}", key, part), table.place_of(key),
-              "leave it out");
+              in_series ? "write the parts of each stage in its [[dynamics.stage]]" : "leave it out");
 }
 
 Result<std::optional<double>> damping_of(const config::Table& table) {
@@ -214,22 +231,19 @@ Result<std::optional<double>> damping_of(const config::Table& table) {
 
 }  // namespace
 
-Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& machine) {
-  Dynamics out;
+namespace {
+/// What moves, of a machine or of one of its stages.
+Status read_parts(const config::Table& table, const AnyMachine& machine, Dynamics& out) {
   const machine::MassParts parts = std::visit([](const auto& m) { return parts_with_mass(m); }, machine);
-  if (kinematics::hangs_down(machine)) out.gravity = -out.gravity;
-  if (table.has("gravity_m_per_s2")) {
-    POLYPOD_ASSIGN(g, table.numbers("gravity_m_per_s2", 3, {-1000, 1000}));
-    out.gravity = Vec3(g[0], g[1], g[2]);
-    out.gravity_given = true;
-  }
+  const std::span<const AnyMachine> stages = std::visit([](const auto& m) { return stages_with_mass(m); }, machine);
+  const bool in_series = !stages.empty();
   POLYPOD_ASSIGN(platform, body_from(table, "platform"));
   out.platform = platform;
   POLYPOD_ASSIGN(payload, body_from(table, "payload"));
   out.payload = payload;
   POLYPOD_ASSIGN(strut, table.optional_table("strut"));
   if (strut) {
-    if (!parts.struts) return no_part(table, "strut", "struts");
+    if (!parts.struts) return no_part(table, "strut", "struts", in_series);
     const auto take = [&](const char* mass_key, const char* center_key, const char* inertia_key, double& mass,
                           double& center, double& inertia) -> Status {
       POLYPOD_ASSIGN(m, strut->optional_number(mass_key, 0, {0, 1e6}));
@@ -247,14 +261,14 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
     POLYPOD_TRY(strut->finish());
   }
   POLYPOD_ASSIGN(rod, table.optional_number("rod_kg", 0, {0, 1e6}));
-  if (rod > 0 && !parts.rods) return no_part(table, "rod_kg", "rods");
+  if (rod > 0 && !parts.rods) return no_part(table, "rod_kg", "rods", in_series);
   out.rod = rod;
   POLYPOD_ASSIGN(slider, table.optional_number("slider_kg", 0, {0, 1e6}));
-  if (slider > 0 && !parts.sliders) return no_part(table, "slider_kg", "sliders");
+  if (slider > 0 && !parts.sliders) return no_part(table, "slider_kg", "sliders", in_series);
   out.slider = slider;
   POLYPOD_ASSIGN(arm, table.optional_table("arm"));
   if (arm) {
-    if (!parts.arms) return no_part(table, "arm", "arms");
+    if (!parts.arms) return no_part(table, "arm", "arms", in_series);
     POLYPOD_ASSIGN(mass, arm->number("mass_kg", {0, 1e6}));
     POLYPOD_ASSIGN(center, arm->optional_number("center_mm", 0, {-1e5, 1e5}));
     POLYPOD_ASSIGN(inertia, arm->optional_number("inertia_kg_m2", mass * square(units::from_mm(center)), {0, 1e6}));
@@ -272,7 +286,7 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
   }
   POLYPOD_ASSIGN(links, table.tables("link"));
   if (!links.empty()) {
-    if (parts.links == 0) return no_part(table, "link", "links");
+    if (parts.links == 0) return no_part(table, "link", "links", in_series);
     if (static_cast<int>(links.size()) != parts.links) {
       return fail("MO122",
                   fmt::format("dynamics has {} links, the table of the arm {} rows", links.size(), parts.links),
@@ -283,6 +297,31 @@ Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& mac
       out.links.emplace_back(body);
     }
   }
+  if (!in_series) return {};
+  POLYPOD_ASSIGN(given, table.tables("stage"));
+  if (given.size() > stages.size()) {
+    return fail("MO122", fmt::format("dynamics has {} stages, the machine {}", given.size(), stages.size()),
+                table.place_of("stage"), "give one a stage, from the base to the tool");
+  }
+  for (std::size_t k = 0; k < given.size(); ++k) {
+    Dynamics stage;
+    POLYPOD_TRY(read_parts(given[k], stages[k], stage));
+    POLYPOD_TRY(given[k].finish());
+    out.stages.push_back(std::move(stage));
+  }
+  return {};
+}
+}  // namespace
+
+Result<Dynamics> dynamics_from(const config::Table& table, const AnyMachine& machine) {
+  Dynamics out;
+  if (kinematics::hangs_down(machine)) out.gravity = -out.gravity;
+  if (table.has("gravity_m_per_s2")) {
+    POLYPOD_ASSIGN(g, table.numbers("gravity_m_per_s2", 3, {-1000, 1000}));
+    out.gravity = Vec3(g[0], g[1], g[2]);
+    out.gravity_given = true;
+  }
+  POLYPOD_TRY(read_parts(table, machine, out));
   const int n = kinematics::joint_count(machine);
   const auto per_drive = [&](const char* key, std::vector<double>& to) -> Status {
     if (!table.has(key)) return {};
@@ -339,6 +378,8 @@ Result<std::optional<double>> read_damping(const std::string& path) {
 
 std::vector<std::string> Dynamics::parts_with_mass() const {
   std::vector<std::string> out;
+  for (std::size_t k = 0; k < stages.size(); ++k)
+    for (const std::string& part : stages[k].parts_with_mass()) out.push_back(fmt::format("stage {} {}", k + 1, part));
   const auto weighs = [](const std::optional<Body>& body) {
     return body && (body->mass > 0 || !body->inertia.isZero(0));
   };
@@ -356,6 +397,8 @@ std::vector<std::string> Dynamics::parts_with_mass() const {
 
 std::vector<std::string> Dynamics::not_rigid() const {
   std::vector<std::string> out;
+  for (std::size_t k = 0; k < stages.size(); ++k)
+    for (const std::string& body : stages[k].not_rigid()) out.push_back(fmt::format("stage {} {}", k + 1, body));
   if (platform && !platform->rigid) out.emplace_back("platform");
   if (payload && !payload->rigid) out.emplace_back("payload");
   for (std::size_t i = 0; i < links.size(); ++i) {
@@ -379,13 +422,18 @@ JointVector drive_forces(const AnyMachine& machine, const Dynamics& d, const Joi
   JointVector tau = JointVector::Zero(motion.q.size());
   std::visit(
       [&](const auto& m) {
-        const std::vector<MassPoint> points = moving_points(m, d, motion);
-        const auto rates = rates_of(m, d, X, motion.q, J, all_joints(motion.q.size()));
-        for (std::size_t k = 0; k < points.size(); ++k) {
-          Vec3 a;
-          for (int i = 0; i < 3; ++i) a[i] = points[k].p[i].derivative(2);
-          tau += points[k].mass * rates[k].transpose() * (a - d.gravity);
-        }
+        const MassPoints<Series> points = moving_points(m, d, motion);
+        each_rate(m, d, X, motion.q, J, all_joints(motion.q.size()),
+                  [&](Eigen::Index first, Eigen::Index count, const MassPoints<Dual>& rates) {
+                    Vec6 sum = Vec6::Zero();
+                    for (std::size_t k = 0; k < points.size(); ++k) {
+                      for (int i = 0; i < 3; ++i) {
+                        const double g = points[k].weighs ? d.gravity[i] : 0;
+                        sum += points[k].mass * (points[k].p[i].derivative(2) - g) * rates[k].p[i].v;
+                      }
+                    }
+                    tau.segment(first, count) += sum.head(count);
+                  });
       },
       machine);
   for (Eigen::Index j = 0; j < tau.size(); ++j) {
@@ -397,26 +445,30 @@ JointVector drive_forces(const AnyMachine& machine, const Dynamics& d, const Joi
 }
 
 namespace {
-/// visit(m, dP/dx) for each mass point.
-template <class Visit>
-void mass_points(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
-                 const Eigen::MatrixXd& J, const std::vector<int>& joint, Visit&& visit) {
-  std::visit(
-      [&](const auto& m) {
-        std::vector<Series> joints(q.data(), q.data() + q.size());
-        const std::vector<MassPoint> points = points_of(m, d, X.cast<Series>(), std::span<const Series>(joints));
-        const auto rates = rates_of(m, d, X, q, J, joint);
-        for (std::size_t k = 0; k < points.size(); ++k) visit(points[k].mass, rates[k]);
-      },
-      machine);
-}
 /// Sum of m (dP/dx)^T dP/dx over the mass points.
 Eigen::MatrixXd mass_by(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
-                        const Eigen::MatrixXd& J, const std::vector<int>& joint) {
-  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(J.cols(), J.cols());
-  mass_points(machine, d, X, q, J, joint,
-              [&](double mass, const auto& rates) { M += mass * rates.transpose() * rates; });
-  return M;
+                        const Eigen::Ref<const Columns>& J, std::span<const int> joint) {
+  const auto columns = static_cast<Eigen::Index>(J.cols());
+  Eigen::MatrixXd roots;  // sqrt(|mass|) dP/dx, three rows a point
+  Eigen::VectorXd sign;
+  std::visit(
+      [&](const auto& m) {
+        each_rate(m, d, X, q, J, joint, [&](Eigen::Index first, Eigen::Index count, const MassPoints<Dual>& rates) {
+          const auto rows = 3 * static_cast<Eigen::Index>(rates.size());
+          if (first == 0) {
+            roots.resize(rows, columns);
+            sign.resize(rows);
+          }
+          for (Eigen::Index row = 0; row < rows; ++row) {
+            const MassPoint<Dual>& point = rates[static_cast<std::size_t>(row / 3)];
+            sign[row] = point.mass < 0 ? -1 : 1;
+            roots.block(row, first, 1, count) =
+                std::sqrt(std::abs(point.mass)) * point.p[row % 3].v.head(count).transpose();
+          }
+        });
+      },
+      machine);
+  return roots.transpose() * sign.asDiagonal() * roots;
 }
 }  // namespace
 
@@ -430,14 +482,14 @@ Energy energy_of(const AnyMachine& machine, const Dynamics& d, const JointSeries
   Energy out;
   std::visit(
       [&](const auto& m) {
-        for (const MassPoint& point : moving_points(m, d, motion)) {
+        for (const MassPoint<Series>& point : moving_points(m, d, motion)) {
           Vec3 p, v;
           for (int i = 0; i < 3; ++i) {
             p[i] = point.p[i].value();
             v[i] = point.p[i].derivative(1);
           }
           out.kinetic += 0.5 * point.mass * v.squaredNorm();
-          out.potential -= point.mass * d.gravity.dot(p);
+          if (point.weighs) out.potential -= point.mass * d.gravity.dot(p);
         }
       },
       machine);
@@ -452,7 +504,7 @@ namespace {
 /// S = C^(1/2) M C^(1/2), which is scaled_mass.
 struct Yielding {
   Pose X_MT;
-  Eigen::MatrixXd J;         ///< twist of the tool by x, [m; rad] in M
+  Columns J;                 ///< twist of the tool by x, [m; rad] in M
   Eigen::VectorXd root;      ///< of the compliances
   std::vector<int> joint;    ///< that moves with each
   Mat6 held = Mat6::Zero();  ///< compliance of the tool by locked joints, which move no mass here
@@ -529,8 +581,16 @@ Vec6 weight_twist(const AnyMachine& machine, const Dynamics& d, const Pose& X, c
   const Yielding soft = yielding_of(machine, X, q);
   if (soft.root.size() == 0) return Vec6::Zero();
   Eigen::VectorXd weight = Eigen::VectorXd::Zero(soft.root.size());
-  mass_points(machine, d, soft.X_MT, q, soft.J, soft.joint,
-              [&](double mass, const auto& rates) { weight += mass * rates.transpose() * d.gravity; });
+  std::visit(
+      [&](const auto& m) {
+        each_rate(m, d, soft.X_MT, q, soft.J, soft.joint,
+                  [&](Eigen::Index first, Eigen::Index count, const MassPoints<Dual>& rates) {
+                    for (const MassPoint<Dual>& point : rates)
+                      for (int i = 0; point.weighs && i < 3; ++i)
+                        weight.segment(first, count) += point.mass * d.gravity[i] * point.p[i].v.head(count);
+                  });
+      },
+      machine);
   return soft.J * soft.root.cwiseAbs2().cwiseProduct(weight);
 }
 

@@ -36,41 +36,43 @@ Unknowns scale_rows(Rows& rows) {
   }
   return scale;
 }
-using TaskSeries = Eigen::Matrix<Series, Eigen::Dynamic, 1, 0, 6, 1>;
 
 /// The coefficients of one order.
 Mat3 coefficient(const Matrix3<Series>& a, int order) {
   return Mat3::NullaryExpr([&](Eigen::Index i, Eigen::Index j) { return a(i, j)[order]; });
 }
 
-/// What the task prescribes of X against the target, 0 where it is kept, and its derivatives by X's twist.
-TaskSeries task_equations(Task task, const PoseSeries& X, const PoseSeries& target, const Pose& at) {
-  TaskSeries out(task.size());
+/// What the task prescribes of X against the target, 0 where it is kept, from its coordinate `first` on.
+template <class T>
+Eigen::Matrix<T, Eigen::Dynamic, 1, 0, 6, 1> task_equations(Task task, const PoseT<T>& X, const PoseT<T>& target,
+                                                            const Pose& at, int first) {
+  Eigen::Matrix<T, Eigen::Dynamic, 1, 0, 6, 1> out(task.size() - first);
   int row = 0;
-  for (int k = 0; k < 3; ++k)
+  for (int k = first; k < 3; ++k)
     if (task.holds(static_cast<Coordinate>(k))) out[row++] = X.p[k] - target.p[k];
-  if (row == task.size()) return out;
+  const auto turns = out.size() - row;
+  if (turns == 0) return out;
+  const Matrix3<T>&R = X.R, &W = target.R;
   if (task.names_axis()) {
     for (int side = 0; side < 2; ++side) {
-      Series e;
-      for (int i = 0; i < 3; ++i) e += Series(at.R(i, side)) * (X.R(i, 2) - target.R(i, 2));
+      T e(0.0);
+      for (int i = 0; i < 3; ++i) e += T(at.R(i, side)) * (R(i, 2) - W(i, 2));
       out[row++] = e;
     }
     return out;
   }
-  if (task.size() - row == 3) {
+  if (turns == 3) {
     for (int k = 0; k < 3; ++k) {
       const int i = (k + 1) % 3, j = (k + 2) % 3;  // of E = R R_target^T, half of E(j, i) - E(i, j)
-      Series e;
-      for (int c = 0; c < 3; ++c) e += X.R(j, c) * target.R(i, c) - X.R(i, c) * target.R(j, c);
-      out[row++] = Series(0.5) * e;
+      T e(0.0);
+      for (int c = 0; c < 3; ++c) e += R(j, c) * W(i, c) - R(i, c) * W(j, c);
+      out[row++] = T(0.5) * e;
     }
     return out;
   }
-  const Matrix3<Series>&R = X.R, &T = target.R;
-  if (task.holds(Coordinate::a)) out[row++] = R(2, 1) * T(2, 2) - R(2, 2) * T(2, 1);
-  if (task.holds(Coordinate::b)) out[row++] = T(2, 0) - R(2, 0);
-  if (task.holds(Coordinate::c)) out[row++] = R(1, 0) * T(0, 0) - R(0, 0) * T(1, 0);
+  if (task.holds(Coordinate::a)) out[row++] = R(2, 1) * W(2, 2) - R(2, 2) * W(2, 1);
+  if (task.holds(Coordinate::b)) out[row++] = W(2, 0) - R(2, 0);
+  if (task.holds(Coordinate::c)) out[row++] = R(1, 0) * W(0, 0) - R(0, 0) * W(1, 0);
   return out;
 }
 
@@ -87,33 +89,81 @@ PoseSeries moved(const Pose& at, const Vector3<Series>& v, const Vector3<Series>
   return out;
 }
 
-/// Rows by the twist, from the equations themselves: the first coefficient for a unit of each part of the twist.
-System task_matrix(Task task, const PoseSeries& target, const Pose& at) {
-  System out(task.size(), 6);
-  PoseSeries still = target;  // alone at s = 0
-  for (int i = 0; i < 3; ++i) {
-    still.p[i] = Series(target.p[i].value());
-    for (int j = 0; j < 3; ++j) still.R(i, j) = Series(target.R(i, j).value());
-  }
-  for (int k = 0; k < 6; ++k) {
-    PoseSeries X = at.cast<Series>();
-    if (k < 3) {
-      X.p[k][1] = 1;
-    } else {
-      const Mat3 rate = skew(Vec3(Vec3::Unit(k - 3))) * at.R;
-      for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) X.R(i, j)[1] = rate(i, j);
-    }
-    const TaskSeries T = task_equations(task, X, still, at);
-    for (int i = 0; i < T.size(); ++i) out(i, k) = T[i][1];
-  }
-  return out;
+/// What of the twist no pose prescribes alone: where x, y and z are prescribed, the target is the tool's place at every
+/// order, and where the whole pose is, the tool's pose. The twist from this component on is unknown.
+int first_unknown(Task task) {
+  for (const Coordinate k : {Coordinate::x, Coordinate::y, Coordinate::z})
+    if (!task.holds(k)) return 0;
+  return task.size() == 6 ? 6 : 3;
 }
 
+/// X moved by a unit of each part of the twist from the first on, in order.
+PoseT<Dual> moved_from(int first, const Pose& at) {
+  PoseT<Dual> X = at.cast<Dual>();
+  for (int k = first; k < 6; ++k) {
+    if (k < 3) {
+      X.p[k].v[k - first] = 1;
+      continue;
+    }
+    const Mat3 rate = skew(Vec3(Vec3::Unit(k - 3))) * at.R;
+    for (int i = 0; i < 3; ++i)
+      for (int c = 0; c < 3; ++c) X.R(i, c).v[k - first] = rate(i, c);
+  }
+  return X;
+}
+
+/// [F_X F_q] from the first unknown of the twist on, at a solution: six columns a pass on dual numbers.
 template <class M>
-constexpr bool kOnSeries = !requires(const M& m) {
-  closure_takes_no_series(m);
+System closure_columns(const M& m, int first, const Pose& at, const JointVector& joints, std::span<const Dual> p) {
+  const int twist = 6 - first, columns = twist + static_cast<int>(joints.size());
+  System K;
+  if constexpr (requires { closure_is_pose_error(m); }) {
+    K.resize(6, columns);
+    K << Mat6::Identity().rightCols(twist), -jacobian(m, at, joints);
+    return K;
+  }
+  std::vector<Dual> q(joints.data(), joints.data() + joints.size());
+  PoseT<Dual> X = moved_from(first, at);
+  for (int pass = 0; pass < columns; pass += 6) {
+    const int count = std::min(6, columns - pass);
+    if (pass > 0) X = at.cast<Dual>();
+    const auto seed = [&](double unit) {
+      for (int column = std::max(pass, twist); column < pass + count; ++column)
+        q[static_cast<std::size_t>(column - twist)].v[column - pass] = unit;
+    };
+    seed(1);
+    const machine::ClosureVectorT<Dual> F = closure(m, X, std::span<const Dual>(q), p);
+    seed(0);
+    if (pass == 0) K.resize(F.size(), columns);
+    for (int i = 0; i < F.size(); ++i) K.block(i, pass, 1, count) = F[i].v.head(count).transpose();
+  }
+  return K;
+}
+
+/// [F_X F_q; T_X 0] from the first unknown of the twist on.
+template <class M>
+System unknowns_matrix(const M& m, Task task, int first, const Pose& target, const Pose& at, const JointVector& joints,
+                       std::span<const Dual> p) {
+  const System F = closure_columns(m, first, at, joints, p);
+  const int twist = 6 - first, seen = task.size() - first;
+  if (seen == 0) return F;
+  System K = System::Zero(F.rows() + seen, F.cols());
+  K.topRows(F.rows()) = F;
+  const auto T = task_equations(task, moved_from(first, at), target.cast<Dual>(), at, first);
+  for (int i = 0; i < seen; ++i) K.block(F.rows() + i, 0, 1, twist) = T[i].v.head(twist).transpose();
+  return K;
+}
+
+/// Of no machine of these families the closure is evaluated on series.
+template <class M>
+constexpr bool kNeverOnSeries = requires(const M& m) {
+  requires decltype(closure_takes_no_series(m))::value;
 };
+template <class M>
+bool on_series(const M& m) {
+  if constexpr (requires { closure_takes_no_series(m); }) return !closure_takes_no_series(m);
+  return true;
+}
 
 /// The coefficient of this order of the closure along a curve.
 template <class M>
@@ -178,19 +228,27 @@ Unknowns coefficients_by_differences(const M& m, const PoseSeries& X, const std:
   return order == 2 ? Unknowns(sum / (2 * h)) : Unknowns(sum / (6 * h * h));
 }
 
+/// By series where the closure takes them.
+template <class M>
+Unknowns coefficients_of(const M& m, const PoseSeries& X, const std::vector<Series>& q, const std::vector<Series>& p,
+                         const std::vector<Dual>& p_dual, int order) {
+  if constexpr (!kNeverOnSeries<M>) {
+    if (on_series(m)) return coefficients_by_series(m, X, q, p, order);
+  }
+  return coefficients_by_differences(m, X, q, p_dual, order);
+}
+
 template <class M>
 JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q, bool differences) {
   const Task what = task(m);
   const std::vector<double> p = kinematics::nominal_parameters(m);
+  const std::vector<Dual> p_dual(p.begin(), p.end());
+  const std::vector<Series> p_series(p.begin(), p.end());
   const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
   const auto n = static_cast<int>(q.size());
-  const ClosureMatrix A = kinematics::closure_by_pose(m, at, joints, p),
-                      B = kinematics::closure_by_joints(m, at, joints, p);
-  const auto equations = static_cast<int>(A.rows()), seen = what.size();
-  System K = System::Zero(equations + seen, 6 + n);
-  K.topLeftCorner(equations, 6) = A;
-  K.topRightCorner(equations, n) = B;
-  K.bottomLeftCorner(seen, 6) = task_matrix(what, target, at);
+  const int first = first_unknown(what), twist = 6 - first;
+  System K = unknowns_matrix(m, what, first, value_of(target), at, q, p_dual);
+  const int seen = what.size() - first, equations = static_cast<int>(K.rows()) - seen;
   const Unknowns scale = scale_rows(K);
   JointSeries out;
   out.q = q;
@@ -210,29 +268,27 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
   out.regular = out.pivot > kSingular;
   Vector3<Series> v = Vector3<Series>::Zero(), w = v;
   std::vector<Series> q_series(joints.begin(), joints.end());
-  const std::vector<Series> p_series(p.begin(), p.end());
-  const std::vector<Dual> p_dual(p.begin(), p.end());
+  // The pose to the order that is known; what is prescribed alone to every order.
+  const auto pose = [&] {
+    if (first == 6) return target;
+    PoseSeries X = moved(at, v, w);
+    if (first == 3) X.p = target.p;
+    return X;
+  };
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
-    const PoseSeries X = moved(at, v, w);
+    const PoseSeries X = pose();
     Unknowns r(K.rows());
-    if constexpr (kOnSeries<M>) {
-      r.head(equations) = differences ? coefficients_by_differences(m, X, q_series, p_dual, order)
-                                      : coefficients_by_series(m, X, q_series, p_series, order);
-    } else {
-      r.head(equations) = coefficients_by_differences(m, X, q_series, p_dual, order);
-    }
-    const TaskSeries T = task_equations(what, X, target, at);
+    r.head(equations) = differences ? coefficients_by_differences(m, X, q_series, p_dual, order)
+                                    : coefficients_of(m, X, q_series, p_series, p_dual, order);
+    const auto T = task_equations(what, X, target, at, first);
     for (int i = 0; i < seen; ++i) r[equations + i] = T[i][order];
     const Unknowns right = -scale.cwiseProduct(r);
     const Unknowns y = is_square ? Unknowns(square.solve(right)) : Unknowns(any.solve(right));
     out.regular = y.allFinite();
-    for (int k = 0; k < 3; ++k) {
-      v[k][order] = y[k];
-      w[k][order] = y[3 + k];
-    }
-    for (int i = 0; i < n; ++i) q_series[static_cast<std::size_t>(i)][order] = y[6 + i];
+    for (int k = first; k < 6; ++k) (k < 3 ? v[k] : w[k - 3])[order] = y[k - first];
+    for (int i = 0; i < n; ++i) q_series[static_cast<std::size_t>(i)][order] = y[twist + i];
   }
-  out.X = moved(at, v, w);
+  out.X = pose();
   for (int k = 0; k < 3; ++k)
     if (what.holds(static_cast<Coordinate>(k))) out.X.p[k] = target.p[k];  // without the rounding of the system
   out.first = out.second = out.third = JointVector::Zero(n);
@@ -269,12 +325,7 @@ JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, c
   const std::vector<Dual> p_dual(p.begin(), p.end());
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
     const PoseSeries X = moved(at, v, w);
-    Unknowns r;
-    if constexpr (kOnSeries<M>) {
-      r = coefficients_by_series(m, X, q_series, p_series, order);
-    } else {
-      r = coefficients_by_differences(m, X, q_series, p_dual, order);
-    }
+    const Unknowns r = coefficients_of(m, X, q_series, p_series, p_dual, order);
     const Vec6 y = solver.solve(-scale.cwiseProduct(r));
     out.regular = y.allFinite();
     for (int k = 0; k < 3; ++k) {
@@ -287,6 +338,15 @@ JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, c
 }
 
 }  // namespace
+
+Pose value_of(const PoseSeries& X) {
+  Pose out;
+  for (int i = 0; i < 3; ++i) {
+    out.p[i] = X.p[i].value();
+    for (int j = 0; j < 3; ++j) out.R(i, j) = X.R(i, j).value();
+  }
+  return out;
+}
 
 JointSeries driven_series(const AnyMachine& machine, const Pose& at, const JointVector& q, const JointVector& v,
                           const JointVector& a) {

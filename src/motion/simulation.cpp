@@ -183,7 +183,7 @@ Result<Simulation> simulate(const AnyMachine& machine, const Dynamics& dynamics,
         h = next ? step * std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.3 * step;
         if (fixed || h < kShortest * (to - from)) {
           out.stopped =
-              fmt::format("after {:.6g} s the machine runs into a singular pose, or out of what its legs allow{}", t,
+              fmt::format("after {:.4g} s the machine runs into a singular pose, or out of what its legs allow{}", t,
                           fixed ? " within a step" : "");
           add_sample(t);
           return out;

@@ -174,7 +174,7 @@ void add_limits(report::Report& page, const MotionQuestion& question) {
   page.add_section("Limits");
   report::Table table;
   table.caption = "What the motion was judged by.";
-  table.columns = {{"limit", "", -1}, {"value", "", 1}, {"met", "", 1}, {"unit", "", -1}, {"where from", "", -1}};
+  table.columns = {{"limit", "", -1}, {"value", "", 1}, {"reached", "", 1}, {"unit", "", -1}, {"where from", "", -1}};
   for (const MotionLimit& l : question.limits) {
     table.rows.push_back({l.name, l.limit, l.met, l.unit, std::string(l.given ? "given" : "assumed")});
   }

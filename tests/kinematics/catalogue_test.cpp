@@ -70,6 +70,9 @@ void check(const AnyMachine& any, const Standing& at, double step = 1e-5, double
   std::visit(
       [&](const auto& m) {
         const std::vector<double> p = kinematics::nominal_parameters(m);
+        const std::vector<machine::Parameter> named = parameters(m);
+        ASSERT_EQ(p.size(), named.size());
+        for (std::size_t k = 0; k < p.size(); ++k) EXPECT_EQ(p[k], named[k].value) << named[k].key;
         const std::span<const double> q(at.q.data(), static_cast<std::size_t>(at.q.size()));
         EXPECT_LT(closure(m, X, q, std::span<const double>(p)).cwiseAbs().maxCoeff(), 1e-9);
         const std::vector<Interval> q_box(q.begin(), q.end()), p_box(p.begin(), p.end());

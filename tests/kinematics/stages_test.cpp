@@ -12,6 +12,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/parts.hpp"
 
 namespace polypod {
 namespace {
@@ -244,6 +245,14 @@ TEST(Stages, AFileMayNotNameItself) {
   std::filesystem::remove(path);
   ASSERT_FALSE(m.has_value());
   EXPECT_EQ(m.error().id, "MA160");
+}
+
+/// A tripod that hangs, mounted upside down over a table whose z points up: the whole does not hang.
+TEST(Stages, WhatCarriesAMachineMayTurnItOver) {
+  EXPECT_TRUE(kinematics::hangs_down(test::load("tricept")));
+  EXPECT_FALSE(kinematics::hangs_down(test::load("tricept-wrist")));
+  EXPECT_TRUE(kinematics::hangs_down(test::load("dynapod")));
+  EXPECT_FALSE(kinematics::hangs_down(test::load("scissors")));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // Forces of the drives against Lagrange's equations by differences, energies, and closed forms of small machines.
 #include "polypod/motion/dynamics.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -35,6 +36,9 @@ Dynamics masses_of(const AnyMachine& m) {
     for (std::size_t k = 0; k < arm->dh.size(); ++k) {
       out.links.emplace_back(brick(5.0 - 0.5 * static_cast<double>(k), Vec3(-0.1, 0.02, 0.03), Vec3(0.3, 0.1, 0.1)));
     }
+  }
+  if (const auto* series = std::get_if<machine::Stages>(&m)) {
+    for (const AnyMachine& stage : series->machines) out.stages.push_back(masses_of(stage));
   }
   return out;
 }
@@ -100,7 +104,8 @@ const auto named = [](const auto& which) {
 };
 INSTANTIATE_TEST_SUITE_P(Machines, Massive,
                          ::testing::Values("lola50", "ur10e", "puma560", "hexapod-strut", "hexapod-slider",
-                                           "delta-brno", "delta-linear", "hexa", "pentapod", "tripod-z3", "tricept"),
+                                           "delta-brno", "delta-linear", "hexa", "pentapod", "tripod-z3", "tricept",
+                                           "tricept-wrist", "dynapod", "scissors"),
                          named);
 
 /// d/dt (dT/dq') - dT/dq + dV/dq with T = q'^T M(q) q' / 2, by differences of fourth order: their error is some 1e-7 of
@@ -149,7 +154,7 @@ TEST_P(Massive, ForcesAreThoseOfLagrangesEquations) {
 
 /// Along a path: the power of the drives is what the energies gain.
 TEST(Dynamics, PowerIsTheRateOfEnergy) {
-  for (const char* name : {"hexapod-strut", "hexapod-slider", "delta-brno", "lola50"}) {
+  for (const char* name : {"hexapod-strut", "hexapod-slider", "delta-brno", "lola50", "tricept-wrist", "scissors"}) {
     const AnyMachine m = load(name);
     const Dynamics d = masses_of(m);
     const auto [X, q0] = pose_of(m);
@@ -177,6 +182,68 @@ TEST(Dynamics, PowerIsTheRateOfEnergy) {
     EXPECT_NEAR(power, rate, 1e-7 * (1 + std::abs(rate))) << name;
     EXPECT_GT(std::abs(power), 1e-4) << name;
   }
+}
+
+/// An arm of six joints, and the same arm as three joints that carry three: forces, energies, and natural frequencies.
+TEST(Dynamics, AnArmOfTwoStagesHasTheForcesOfTheWholeArm) {
+  const std::string first = R"(
+  { d_mm = 400, a_mm = 60, alpha_deg = -90 },
+  { a_mm = 450 },
+  { a_mm = 40, alpha_deg = -90 },
+)",
+                    second = R"(
+  { d_mm = 420, alpha_deg = 90 },
+  { alpha_deg = -90 },
+  { d_mm = 80 },
+)";
+  const AnyMachine whole(test::arm_of(fmt::format(R"(
+family = "serial"
+task = "pose"
+dh = [{}{}]
+compliance_rad_per_Nm = [1e-6, 2e-6, 3e-6, 4e-6, 5e-6, 6e-6]
+)",
+                                                  first, second)));
+  const AnyMachine split = *machine::from_text(fmt::format(R"(
+family = "stages"
+task = "pose"
+[[stage]]
+[stage.machine]
+family = "serial"
+dh = [{}]
+compliance_rad_per_Nm = [1e-6, 2e-6, 3e-6]
+[[stage]]
+[stage.machine]
+family = "serial"
+dh = [{}]
+compliance_rad_per_Nm = [4e-6, 5e-6, 6e-6]
+)",
+                                                           first, second),
+                                               "stages.toml");
+  const Dynamics one = masses_of(whole);
+  Dynamics two = one;
+  two.links.clear();
+  two.stages.resize(2);
+  for (std::size_t k = 0; k < 6; ++k) two.stages[k / 3].links.push_back(one.links[k]);
+  JointVector q(6), v(6), a(6);
+  q << 0.3, -0.7, 0.4, 0.9, -1.1, 0.2;
+  v << 0.5, -0.3, 0.8, 1.2, -0.7, 0.4;
+  a << 2, 1, -3, 4, 0.5, -1;
+  const Pose X = pose_near(whole, q, Pose{});
+  const Moving moving{q, v, a};
+  const JointVector want = drive_forces(whole, one, series_of(whole, X, moving)),
+                    got = drive_forces(split, two, series_of(split, X, moving));
+  EXPECT_LT((got - want).norm(), 1e-9 * want.norm()) << got.transpose() << "\n" << want.transpose();
+  const Energy e = energy_of(whole, one, series_of(whole, X, moving)),
+               f = energy_of(split, two, series_of(split, X, moving));
+  EXPECT_NEAR(e.kinetic, f.kinetic, 1e-9 * e.kinetic);
+  EXPECT_NEAR(e.potential, f.potential, 1e-9 * std::abs(e.potential));
+  const std::vector<double> f_whole = natural_frequencies(whole, one, X, q),
+                            f_split = natural_frequencies(split, two, X, q);
+  ASSERT_EQ(f_whole.size(), 6U);
+  ASSERT_EQ(f_split.size(), 6U);
+  for (std::size_t k = 0; k < 6; ++k) EXPECT_NEAR(f_split[k], f_whole[k], 1e-9 * f_whole[k]);
+  EXPECT_LT((weight_twist(whole, one, X, q) - weight_twist(split, two, X, q)).norm(),
+            1e-9 * weight_twist(whole, one, X, q).norm());
 }
 
 /// Two links in a plane: the formulas of the textbooks (Craig, Introduction to Robotics, 6.7), with centers and

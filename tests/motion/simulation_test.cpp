@@ -250,7 +250,11 @@ TEST(Simulation, RefusesWhatItDoesNotSimulate) {
   d.friction = {1.0};
   EXPECT_EQ(id(d, SimulationOptions{}, m, s), "MO131");
   EXPECT_EQ(id(Dynamics{}, SimulationOptions{}, m, s), "MO132");
-  const AnyMachine more = load("dynapod");  // machines in series
+  const AnyMachine more(test::arm_of(R"(
+family = "serial"
+task = ["x", "y"]
+dh = [{ a_mm = 500 }, { a_mm = 400 }, { a_mm = 300 }]
+)"));  // more drives than coordinates
   EXPECT_EQ(id(Dynamics{}, SimulationOptions{}, more, s), "MO130");
 }
 

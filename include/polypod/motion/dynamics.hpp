@@ -37,6 +37,7 @@ struct Dynamics {
   std::vector<double> drive;     ///< what turns or slides with each drive: kg m^2 or kg; empty, one, or one a drive
   std::vector<double> friction;  ///< N or Nm, against the motion; empty, one, or one a drive
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
+  std::vector<Dynamics> stages;  ///< of machines in series: the bodies of each, from the base; none of the rest
 
   /// The keys of the parts that have a mass or an inertia.
   [[nodiscard]] std::vector<std::string> parts_with_mass() const;
@@ -46,19 +47,19 @@ struct Dynamics {
 
 /// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Errors:
 /// those of config, MO120 (an inertia that no body has: a negative principal moment, or one larger than 1.25 times the
-/// sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives, or links as
-/// rows).
+/// sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives, links as
+/// rows, stages as the machine has).
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine);
 
-/// Why the forces of this machine's drives are not computed; empty where they are: machines in series, families of a
-/// user's own, and machines with more drives than their task has coordinates (their drives strain each other).
+/// Why the forces of this machine's drives are not computed; empty where they are: families of a user's own (as a
+/// stage too), and machines with more drives than their task has coordinates (their drives strain each other).
 std::string no_dynamics(const AnyMachine& machine);
 
 /// The forces (N) and torques (Nm) of the drives, positive where they push towards larger q, by virtual work:
 ///   tau_j = sum_k m_k dP_k/dq_j . (P_k'' - g) + I_j q_j'' + friction,
 /// over mass points P_k(X, q) that have mass, center and inertia of every body. dP_k/dq_j follows the closure (the
 /// twist of the tool is J_j), and P_k'' is that of the power series of the motion. `motion`: against time. Exact to
-/// rounding. Cost: 10 us.
+/// rounding. Cost: 3 to 4 us with the masses of every leg or link (bench/motion_bench, forces/*).
 JointVector drive_forces(const AnyMachine& machine, const Dynamics& dynamics, const JointSeries& motion);
 
 /// M(q) of T = 1/2 q'^T M q', at a pose that the machine has.

@@ -15,10 +15,10 @@ inline MassParts mass_parts(const RotaryDelta&) {
 inline MassParts mass_parts(const LinearDelta&) {
   return {.rods = true, .sliders = true};
 }
-template <DeltaFamily M>
-std::vector<MassLeg> mass_legs(const M& m, const PoseT<Series>& X, std::span<const Series> q,
-                               std::span<const Series> p) {
-  std::vector<MassLeg> out;
+template <DeltaFamily M, class T>
+std::vector<MassLeg<T>> mass_legs(const M& m, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
+  std::vector<MassLeg<T>> out;
+  out.reserve(static_cast<std::size_t>(m.arms));
   constexpr bool kCrank = std::is_same_v<M, RotaryDelta>;
   for (int i = 0; i < m.arms; ++i) {
     const auto chain = delta_detail::chain(m, X, q, p, i);

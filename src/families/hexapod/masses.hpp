@@ -15,18 +15,20 @@ inline MassParts mass_parts(const StrutHexapod&) {
 inline MassParts mass_parts(const SliderHexapod&) {
   return {.rods = true, .sliders = true};
 }
-inline std::vector<MassLeg> mass_legs(const StrutHexapod&, const PoseT<Series>& X, std::span<const Series>,
-                                      std::span<const Series> p) {
-  std::vector<MassLeg> out;
+template <class T>
+std::vector<MassLeg<T>> mass_legs(const StrutHexapod&, const PoseT<T>& X, std::span<const T>, std::span<const T> p) {
+  std::vector<MassLeg<T>> out;
+  out.reserve(kLegs);
   for (int i = 0; i < kLegs; ++i) {
     const auto leg = hexapod_detail::strut_leg(X, p, i);
     out.push_back({leg.base, leg.base, leg.end, true, false, false});
   }
   return out;
 }
-inline std::vector<MassLeg> mass_legs(const SliderHexapod&, const PoseT<Series>& X, std::span<const Series> q,
-                                      std::span<const Series> p) {
-  std::vector<MassLeg> out;
+template <class T>
+std::vector<MassLeg<T>> mass_legs(const SliderHexapod&, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
+  std::vector<MassLeg<T>> out;
+  out.reserve(kLegs);
   for (int i = 0; i < kLegs; ++i) {
     const auto leg = hexapod_detail::slider_leg(X, q, p, i);
     out.push_back({leg.anchor, leg.anchor, leg.end, false, true, false});

@@ -475,42 +475,60 @@ Result<Parallel> Parallel::from(const config::Table& table) {
   return m;
 }
 
-std::vector<Parameter> parameters(const Parallel& m) {
-  std::vector<Parameter> out;
-  const auto vector = [&](const std::string& key, const Vec3& v, const char* unit) {
-    for (int k = 0; k < 3; ++k) out.push_back({fmt::format("{}.{}", key, "xyz"[k]), v[k], unit});
+namespace {
+/// take(name, number, component, value, unit) for each parameter in order: "base.joint", 3, 'x' of base.joint[3].x; a
+/// number or component 0 is none.
+template <class Take>
+void each_parameter(const Parallel& m, Take&& take) {
+  const auto vector = [&](const char* name, std::size_t number, const Vec3& v, const char* unit) {
+    for (int k = 0; k < 3; ++k) take(name, number, "xyz"[k], v[k], unit);
   };
-  for (std::size_t i = 0; i < m.legs.size(); ++i) {
-    const ParallelLeg& leg = m.legs[i];
-    const auto key = [&](const char* name) { return fmt::format("{}[{}]", name, i + 1); };
-    out.push_back({key("leg.length"), leg.rod, "mm"});
-    vector(key("base.joint"), leg.base, "mm");
-    vector(key("platform.joint"), leg.ring ? leg.ring->center : leg.platform, "mm");
+  for (std::size_t i = 1; i <= m.legs.size(); ++i) {
+    const ParallelLeg& leg = m.legs[i - 1];
+    take("leg.length", i, '\0', leg.rod, "mm");
+    vector("base.joint", i, leg.base, "mm");
+    vector("platform.joint", i, leg.ring ? leg.ring->center : leg.platform, "mm");
     if (leg.ring) {
-      vector(key("ring.axis"), leg.ring->axis, "");
-      out.push_back({key("ring.radius"), leg.ring->radius, "mm"});
+      vector("ring.axis", i, leg.ring->axis, "");
+      take("ring.radius", i, '\0', leg.ring->radius, "mm");
     }
-    if (leg.drive == LegDrive::rail) vector(key("rail.direction"), leg.rail, "");
+    if (leg.drive == LegDrive::rail) vector("rail.direction", i, leg.rail, "");
     if (leg.drive == LegDrive::crank) {
-      vector(key("arm.axis"), leg.axis, "");
-      vector(key("arm.zero"), leg.zero, "");
-      out.push_back({key("arm.length"), leg.arm, "mm"});
+      vector("arm.axis", i, leg.axis, "");
+      vector("arm.zero", i, leg.zero, "");
+      take("arm.length", i, '\0', leg.arm, "mm");
     }
     if (leg.two_roots()) {
-      out.push_back({key("drive.zero"), leg.zero_offset, leg.drive == LegDrive::crank ? "deg" : "mm"});
+      take("drive.zero", i, '\0', leg.zero_offset, leg.drive == LegDrive::crank ? "deg" : "mm");
     }
   }
-  for (std::size_t k = 0; k < m.constraints.size(); ++k) {
-    const PlatformConstraint& c = m.constraints[k];
-    const auto key = [&](const char* name) { return fmt::format("constraint.{}[{}]", name, k + 1); };
+  for (std::size_t k = 1; k <= m.constraints.size(); ++k) {
+    const PlatformConstraint& c = m.constraints[k - 1];
     if (c.has_points()) {
-      vector(key("platform"), c.platform, "mm");
-      vector(key("base"), c.base, "mm");
+      vector("constraint.platform", k, c.platform, "mm");
+      vector("constraint.base", k, c.base, "mm");
     }
-    if (c.has_base_axis()) vector(key("normal"), c.base_axis, "");
-    if (c.has_platform_axis()) vector(key("axis"), c.platform_axis, "");
+    if (c.has_base_axis()) vector("constraint.normal", k, c.base_axis, "");
+    if (c.has_platform_axis()) vector("constraint.axis", k, c.platform_axis, "");
   }
-  vector("tool", m.tool, "mm");
+  vector("tool", 0, m.tool, "mm");
+}
+}  // namespace
+
+std::vector<Parameter> parameters(const Parallel& m) {
+  std::vector<Parameter> out;
+  each_parameter(m, [&](const char* name, std::size_t number, char component, double value, const char* unit) {
+    std::string key = number == 0 ? name : fmt::format("{}[{}]", name, number);
+    if (component != '\0') key += {'.', component};
+    out.push_back({std::move(key), value, unit});
+  });
+  return out;
+}
+std::vector<double> parameter_values(const Parallel& m) {
+  std::vector<double> out;
+  constexpr std::size_t kEach = 24;  // of a leg or a constraint, at most
+  out.reserve(kEach * (m.legs.size() + m.constraints.size()));
+  each_parameter(m, [&](const char*, std::size_t, char, double value, const char*) { out.push_back(value); });
   return out;
 }
 

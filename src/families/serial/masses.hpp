@@ -14,14 +14,12 @@ inline MassParts mass_parts(const SerialArm& m) {
   out.links = static_cast<int>(m.dh.size());
   return out;
 }
-inline PoseT<Series> mass_link(const SerialArm& m, std::size_t row, std::span<const Series> q,
-                               std::span<const Series> p) {
-  SerialArm partial = m;
-  partial.X_FT = Pose{};
-  partial.dh.assign(m.dh.begin(), m.dh.begin() + static_cast<std::ptrdiff_t>(row + 1));
-  std::size_t joints = 0;
-  for (const DhRow& r : partial.dh) joints += r.locked ? 0 : 1;
-  return chain(partial, q.subspan(0, joints), p);
+template <class T>
+std::vector<PoseT<T>> mass_links(const SerialArm& m, std::span<const T> q, std::span<const T> p) {
+  std::vector<PoseT<T>> out;
+  out.reserve(m.dh.size());
+  chain(m, q, p, [&](const PoseT<T>& X) { out.push_back(X); });
+  return out;
 }
 /// Elements are the rows; a joint moves as its row deflects.
 inline int joint_of_element(const SerialArm& m, int element) {

@@ -131,6 +131,22 @@ std::vector<Parameter> parameters(const Stages& m) {
   return out;
 }
 
+std::vector<double> parameter_values(const Stages& m) {
+  std::vector<double> out;
+  for (std::size_t k = 0; k < m.machines.size(); ++k) {
+    if (k > 0) {
+      const Pose& mount = m.data[k].mount;
+      const Vec3 abc = angles_abc(mount.R);
+      out.insert(out.end(), mount.p.begin(), mount.p.end());
+      out.insert(out.end(), abc.begin(), abc.end());
+    }
+    const std::vector<double> own =
+        std::visit([](const auto& stage) { return kinematics::nominal_parameters(stage); }, m.machines[k]);
+    out.insert(out.end(), own.begin(), own.end());
+  }
+  return out;
+}
+
 std::vector<Parameter> settings(const Stages& m) {
   std::vector<Parameter> out;
   for (std::size_t k = 0; k < m.machines.size(); ++k) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <type_traits>
 
 #include "polypod/families/own/questions.hpp"
 #include "polypod/kinematics/closure.hpp"
@@ -26,7 +27,9 @@ ClosureVectorT<T> closure(const Own& m, const PoseT<T>& X_MT, std::span<const T>
   return m.questions->equations(X_MT, q, p);
 }
 /// Its equations are virtual: on numbers, dual numbers, intervals and first-order numbers.
-constexpr void closure_takes_no_series(const Own&) {}
+constexpr std::true_type closure_takes_no_series(const Own&) {
+  return {};
+}
 /// Certain workspaces follow from closure and limits over boxes.
 constexpr void bounds_follow_from_closure(const Own&) {}
 template <class T>

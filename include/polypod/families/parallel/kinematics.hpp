@@ -172,6 +172,9 @@ ClosureVectorT<T> equations(const Parallel& m, const PoseT<T>& X, std::span<cons
 
 }  // namespace parallel_detail
 
+/// The values of parameters(m), without their names.
+std::vector<double> parameter_values(const Parallel& m);
+
 /// The closure, all in metres: of each leg (length^2 - l^2) / (2 length at home), then the equations of the constraints
 /// (directions times Parallel::size), and C - C_home = 0 where the platform turns idly in its rings.
 template <class T>

@@ -24,10 +24,29 @@ JointRange joint_range(const SerialArm& arm, int joint);
 inline Task task(const SerialArm& arm) {
   return arm.task;
 }
-/// X_MT(q; p) = X_MB A_1 ... A_n X_FT on any number type; p holds a, alpha, d, theta_offset of each row, SI, and q the
-/// free joints (SLAV (2.13), (2.16)). Cost: 4 sines and cosines a row.
+namespace serial_detail {
+/// R <- R times a rotation about axis k by an angle of this cosine and sine: its columns i = k + 1 and j = k + 2 turn.
 template <class T>
-PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p) {
+void turn_columns(Matrix3<T>& R, int i, int j, const T& c, const T& s) {
+  for (int k = 0; k < 3; ++k) {
+    const T a = R(k, i), b = R(k, j);
+    R(k, i) = a * c + b * s;
+    R(k, j) = b * c - a * s;
+  }
+}
+/// X <- X times a motion along axis k.
+template <class T>
+void slide_along(PoseT<T>& X, int k, const T& by) {
+  for (int i = 0; i < 3; ++i) X.p[i] += X.R(i, k) * by;
+}
+}  // namespace serial_detail
+
+/// X_MT(q; p) = X_MB A_1 ... A_n X_FT on any number type; p holds a, alpha, d, theta_offset of each row, SI, and q the
+/// free joints (SLAV (2.13), (2.16)); each_row(X) takes the frame of each row. A_i is a turn about x by alpha after a
+/// move by a, and a turn about z by theta after a move by d: these first where the convention is the standard one.
+/// Cost: 4 sines and cosines and 30 products a row.
+template <class T, class EachRow>
+PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p, EachRow&& each_row) {
   using std::cos, std::sin;
   PoseT<T> X = arm.X_MB.cast<T>();
   std::size_t next = 0;
@@ -38,18 +57,19 @@ PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p)
     const T a = p[4 * i], alpha = p[4 * i + 1];
     const T d = turns ? p[4 * i + 2] : T(p[4 * i + 2] + T(row.sign) * value);
     const T theta = turns ? T(p[4 * i + 3] + T(row.sign) * value) : p[4 * i + 3];
-    const T ct = cos(theta), st = sin(theta), ca = cos(alpha), sa = sin(alpha);
-    PoseT<T> A;
-    if (arm.convention == DhConvention::standard) {
-      A.R << ct, -(ca * st), sa * st, st, ca * ct, -(sa * ct), T(0.0), sa, ca;
-      A.p << a * ct, a * st, d;
-    } else {
-      A.R << ct, -st, T(0.0), st * ca, ct * ca, -sa, st * sa, ct * sa, ca;
-      A.p << a, -(sa * d), ca * d;
+    const bool standard = arm.convention == DhConvention::standard;
+    for (const bool about_z : {standard, !standard}) {
+      const T& angle = about_z ? theta : alpha;
+      serial_detail::slide_along(X, about_z ? 2 : 0, about_z ? d : a);
+      serial_detail::turn_columns(X.R, about_z ? 0 : 1, about_z ? 1 : 2, T(cos(angle)), T(sin(angle)));
     }
-    X = X * A;
+    each_row(X);
   }
   return X * arm.X_FT.cast<T>();
+}
+template <class T>
+PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p) {
+  return chain(arm, q, p, [](const PoseT<T>&) {});
 }
 
 /// The closure of a serial arm is the pose error of its chain, 6 equations:
@@ -72,6 +92,9 @@ ClosureVectorT<T> closure(const SerialArm& arm, const PoseT<T>& X_MT, std::span<
   }
   return F;
 }
+
+/// F_X = 1 at a solution, so that F_q = -jacobian(m, X, q) there.
+constexpr void closure_is_pose_error(const SerialArm&) {}
 
 /// The limits of a serial arm: q - min and max - q of every free joint, in that order.
 template <class T>

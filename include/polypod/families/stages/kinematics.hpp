@@ -5,7 +5,9 @@
 
 #include <cmath>
 #include <optional>
+#include <type_traits>
 
+#include "polypod/core/series.hpp"
 #include "polypod/families/hexapod/kinematics.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/families/stages/machine.hpp"
@@ -24,6 +26,9 @@ JointRange joint_range(const Stages& m, int joint);
 inline Task task(const Stages& m) {
   return m.task;
 }
+
+/// The values of parameters(m), without their names.
+std::vector<double> parameter_values(const Stages& m);
 
 namespace stages_detail {
 
@@ -72,14 +77,24 @@ ClosureVectorT<T> closure(const Stages& m, const PoseT<T>& X_MT, std::span<const
   stages_detail::each_stage<T>(
       m, q, p, [&](std::size_t k, const PoseT<T>&, std::span<const T> joints, std::span<const T> own) {
         if (k != m.closed) return;
-        F = std::visit([&](const auto& stage) -> ClosureVectorT<T> { return closure(stage, X, joints, own); },
-                       m.machines[k]);
+        F = std::visit(
+            [&]<class M>(const M& stage) -> ClosureVectorT<T> {
+              if constexpr (std::is_same_v<T, Series> &&
+                            requires { requires decltype(closure_takes_no_series(stage))::value; }) {
+                return {};  // closure_takes_no_series(m) says so
+              } else {
+                return closure(stage, X, joints, own);
+              }
+            },
+            m.machines[k]);
       });
   return F;
 }
 
-/// Its machines may be of a family of one's own.
-constexpr void closure_takes_no_series(const Stages&) {}
+/// Whether its stage with closed loops is of a family of one's own.
+inline bool closure_takes_no_series(const Stages& m) {
+  return std::holds_alternative<Own>(m.machines[m.closed]);
+}
 
 /// Those of each stage, then how far the tool tip is above the least x, y, z, m, and below the largest; 1 where no
 /// limit is given.
