@@ -288,6 +288,18 @@ double time_of(const Moves& moves, const PlannerLimits& limits) {
   return time;
 }
 
+/// The smallest P that is in force during the moves, m; infinity where there is none.
+template <class Moves>
+double least_blend_tolerance(const Moves& moves) {
+  double least = kInfinity;
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    const gcode::PathControl path = gcode::Move(moves[i]).path;
+    if (path.mode == gcode::PathMode::continuous && path.blend_tolerance > 0)
+      least = std::min(least, static_cast<double>(path.blend_tolerance));
+  }
+  return least;
+}
+
 template <class Moves, class Slack>
 PathModeChoice choose_mode(const Moves& moves, const Slack& slack, const PlannerLimits& limits) {
   PathModeChoice choice;
@@ -305,12 +317,15 @@ PathModeChoice choose_mode(const Moves& moves, const Slack& slack, const Planner
     least = p;
     before = i;
   }
-  if (std::isfinite(least)) {
-    choice.limiting = static_cast<int>(before);
+  const double own = least_blend_tolerance(moves);
+  if (std::isfinite(std::min(least, own))) {
     constexpr double kStep = 1e-7;  // m, the last decimal that is written
-    const double p = std::floor(least / kStep + 1e-6) * kStep;
+    const double p = std::floor(std::min(least, own) / kStep + 1e-6) * kStep;
     choice.control = {gcode::PathMode::continuous, static_cast<float>(p), 0};
     if (p < kLeastBlendTolerance) choice.control = kExactStop;
+  }
+  if (std::isfinite(least)) {
+    choice.limiting = static_cast<int>(before);
     // What P does not limit. Under exact stop nothing deviates.
     const LongVector<Corner> kept = corners_in(WithMode<Moves>{moves, choice.control}, limits);
     for (std::size_t i = 0; i < std::min(kept.size(), slack.size()); ++i) {

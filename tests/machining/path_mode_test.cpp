@@ -259,6 +259,19 @@ TEST(ChoosePathMode, TakesTheSmallestSlackOfACorner) {
   EXPECT_EQ(free.limiting, -1);
 }
 
+/// What the program allows at its corners is never widened: found where a correction of G64 P0.02 came out as G64.
+TEST(ChoosePathMode, NeverWidensTheProgramsOwnTolerance) {
+  const auto moves = moves_of("G64 P0.02\nG0 X0 Y0 Z0\nG1 X50 F1600\nX100\nG64 P0.1\nY100\nX0");
+  const auto written = [&](double slack) {
+    return path_mode_words(choose_path_mode(moves, std::vector<double>(5, slack)).control);
+  };
+  EXPECT_EQ(written(kInfinity), "G64 P0.02 Q0");
+  EXPECT_EQ(written(45e-6), "G64 P0.02 Q0");
+  EXPECT_EQ(written(15e-6), "G64 P0.015 Q0");
+  const auto plain = moves_of("G61\nG0 X0 Y0 Z0\nG1 X50 F1600\nG64\nX100\nY100");
+  EXPECT_EQ(path_mode_words(choose_path_mode(plain, std::vector<double>(5, kInfinity)).control), "G64");
+}
+
 TEST(ChoosePathMode, HalfWhereALineLeavesThePlaneOfAnArc) {
   const auto moves = moves_of("G0 X5 Y5 Z0\nG2 X0 Y0 I0 J-5 F1600\nG1 Z8");
   EXPECT_EQ(path_mode_words(choose_path_mode(moves, std::vector<double>{1, 45e-6, 1}).control), "G64 P0.0225 Q0");

@@ -87,7 +87,8 @@ struct PathModeChoice {
 ///
 /// `G64 P<p> Q0` with p the smallest slack of those joints that G64 without P would round by more than their slack or
 /// by more than 1 um, half of it where an arc meets a move out of its plane, rounded down to 0.1 um; G61.1 where that
-/// is below 1 um or where P does not keep a joint; G64 without P where no joint asks. With P the promise does not
+/// is below 1 um or where P does not keep a joint; G64 without P where no joint asks. p is never above the smallest P
+/// that is in force during the moves, which is what their programmer allows. With P the promise does not
 /// depend on the limits, but that a joint counts at all does.
 PathModeChoice choose_path_mode(std::span<const gcode::Move> moves, std::span<const double> slack,
                                 const PlannerLimits& limits = {});
