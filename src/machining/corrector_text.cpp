@@ -9,6 +9,7 @@
 #include "polypod/cutting/ball_stock.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/tilted.hpp"
 
 namespace polypod::machining {
@@ -166,6 +167,7 @@ std::vector<std::string> Corrector::header_lines() const {
                                  fixed_other_->block_delete ? "off" : "on"));
   }
   if (!warning_.empty()) header.push_back("Polypod: " + warning_);
+  if (kinematics::leaves_a_joint_free(job_.machine)) header.push_back(fmt::format("Polypod: {}", kOneChoice));
   if (job_.weights) header.push_back("Polypod: the weight of the machine counts, against that at the origin");
   if (job_.measured) {
     header.push_back(

@@ -20,6 +20,7 @@
 #include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/gcode/unroll.hpp"
+#include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -399,6 +400,7 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
                                          const Prediction& prediction) {
   std::vector<std::string> notes;
   if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
+  if (kinematics::leaves_a_joint_free(job.machine)) notes.emplace_back(kOneChoice);
   if (job.factors.force != 1 || job.factors.compliance != 1) {
     notes.push_back(
         fmt::format("forces are {:.3g} times those of the material, compliances {:.3g} times those of the "
