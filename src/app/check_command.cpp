@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "busy_line.hpp"
 #include "check_bodies.hpp"
@@ -176,11 +177,44 @@ Result<gcode::Understood> judge_other_switch(gcode::Program source, const machin
   return std::move(judged.understood);
 }
 
+/// Where the program does not fit in the posture that it was judged in: whether it does in another one.
+Status look_at_postures(Judged& judged, const gcode::Understood* other, const machining::Job& job,
+                        machining::CheckOptions options) {
+  machining::CheckResult& result = judged.result;
+  const gcode::Interpretation& run = judged.understood.interpretation;
+  const std::vector<std::string> names = machining::starting_branches(job.machine, job.X_MW, run);
+  if (!options.branch.empty()) {
+    if (std::find(names.begin(), names.end(), options.branch) != names.end()) return {};
+    return fail(
+        "AP123", fmt::format("--branch {}: there is no such posture within the limits at the start", options.branch),
+        {}, names.empty() ? "`polypod ik` lists those of a pose" : fmt::format("there are {}", fmt::join(names, ", ")));
+  }
+  if (result.ok || names.size() < 2) return {};
+  options.stop_at_first = true;
+  for (std::size_t k = 1; k < names.size(); ++k) {
+    options.branch = names[k];
+    bool fits = true;
+    for (const gcode::Understood* one : {&std::as_const(judged.understood), other}) {
+      if (one == nullptr || !fits) continue;
+      POLYPOD_ASSIGN(found, machining::check(job.machine, job.X_MW, one->program, one->interpretation, options));
+      fits = found.problems.empty();
+    }
+    if (!fits) continue;
+    result.notes.push_back(
+        fmt::format("judged in the posture {}, the first within the limits at the start; in the posture {} it fits: "
+                    "--branch \"{}\"",
+                    names[0], names[k], names[k]));
+    return {};
+  }
+  result.notes.push_back(fmt::format("in none of the {} postures at the start does it fit", names.size()));
+  return {};
+}
+
 }  // namespace
 
 Command check_command() {
   struct Options {
-    std::string program, job, machine, origin, bodies, report;
+    std::string program, job, machine, origin, bodies, report, branch;
     std::vector<std::string> sets;
     double rapid = 6000;
     bool nearest = false;
@@ -199,6 +233,9 @@ Command check_command() {
         a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
         a.option("--bodies", o->bodies,
                  "A file of bodies (links, holder, fixtures, table): whether they touch on the way");
+        a.option("--branch", o->branch,
+                 "The posture to begin with, as `polypod ik` names it (default: the first within the limits, which "
+                 "`predict` and `correct` take)");
         a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
         a.option("--report", o->report, "An HTML page: the machine on its way, its joints beside their limits");
         a.flag("--nearest", o->nearest,
@@ -217,6 +254,7 @@ Command check_command() {
         machining::CheckOptions options;
         options.rapid_speed = units::from_mm_per_min(o->rapid);
         options.limits = machining::motion_limits(job);
+        options.branch = o->branch;
         BusyLine reading(context, "reading the program");
         std::function<bool(double)> line;
         options.progress = [&](double share) {
@@ -243,6 +281,7 @@ Command check_command() {
           other = std::move(understood);
         }
         options.progress(1);
+        POLYPOD_TRY(look_at_postures(judged, other ? &*other : nullptr, job, options));
         result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
         if (kinematics::leaves_a_joint_free(m)) {
           result.notes.push_back(

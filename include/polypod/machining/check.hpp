@@ -60,6 +60,7 @@ struct CheckOptions {
   double turn_step = 0.0175;  ///< rad, the same for A, B and C
   double rapid_speed = 0.1;   ///< m/s, that G0 is counted with
   MotionLimits limits;
+  std::string branch;          ///< the posture to begin with, by name; empty: the first within the limits
   bool stop_at_first = false;  ///< only whether there is a problem: no other, no ranges, time or length of the rest
   /// Asked at every point that is reached, with the pose that the machine has there, its joints, whether the way leads
   /// there from the point before, and the T number: which bodies touch, empty where none do. Not asked: no "collision".
@@ -73,5 +74,10 @@ struct CheckOptions {
 /// not judged, and of those that end at one nothing. Cost: about 1 us a point for a closed inverse.
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
                           const gcode::Interpretation& interpretation, const CheckOptions& options = {});
+
+/// The postures within the limits at the first point that is judged, by name, the one that `check` takes first; empty
+/// where the machine's inverse does not name them.
+std::vector<std::string> starting_branches(const machine::AnyMachine& machine, const Pose& X_MW,
+                                           const gcode::Interpretation& interpretation);
 
 }  // namespace polypod::machining
