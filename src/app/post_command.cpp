@@ -292,8 +292,15 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
   std::vector<std::string> out;
   std::set<int> tools;
   bool turned = false, modes = false, lengths = false;
+  std::optional<double> c;
+  std::set<int> long_ways;  // lines that turn the tool about its axis by more than half a turn
   for (const post::Step& s : path.steps) {
     if (s.moves() && s.tool != 0) tools.insert(s.tool);
+    if (s.moves() && s.angles) {
+      constexpr double kHalfTurn = std::numbers::pi + 1e-9;
+      if (c && std::abs(s.angles->z() - *c) > kHalfTurn) long_ways.insert(s.line);
+      c = s.angles->z();
+    }
     turned = turned || (s.moves() && s.turned);
     modes = modes || s.path_mode;
     lengths = lengths || s.length_offset;
@@ -305,9 +312,18 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
   if (path.program && !turned && !plan.sets_c && plan.moves.size() > 0 && ngc)
     out.emplace_back("the program commands X, Y and Z alone: rotary axes, if there are any, must stand at 0");
   if (plan.chorded > 0) {
-    out.push_back(fmt::format("{} {} written as chords, off by up to {:.1f} um", plan.chorded,
+    out.push_back(fmt::format("{} {} written as chords, off by up to {:.1f} um{}", plan.chorded,
                               plan.chorded == 1 ? "arc or helix is" : "arcs and helices are",
-                              units::to_um(plan.chord_error)));
+                              units::to_um(plan.chord_error),
+                              post::corrected_for(path) ? ", which the tube of the correction does not count" : ""));
+  }
+  if (!ngc && !long_ways.empty()) {
+    out.push_back(fmt::format(
+        "{} C by more than half a turn; this language says where a move ends and the controller takes the shorter way "
+        "there",
+        long_ways.size() == 1
+            ? fmt::format("line {} turns", *long_ways.begin())
+            : fmt::format("{} lines, the first of them {}, turn", long_ways.size(), *long_ways.begin())));
   }
   if (modes && context.given("--corner-blend")) {
     out.push_back(
@@ -509,11 +525,6 @@ Command post_command() {
                       {}, "use --to ngc");
         }
         POLYPOD_ASSIGN(plan_with, plan_options(*o, job, configuration, dialect, context));
-        if (ngc && plan_with.rotation != 0 &&
-            (configuration.rotary == post::Rotary::ac || configuration.rotary == post::Rotary::abc)) {
-          return fail("PO124", "a turned workpiece and G-code with C: controllers do not turn C with the workpiece", {},
-                      "post for a machine without C (--config vertical-ab), or without a rotation");
-        }
         POLYPOD_ASSIGN(path, path_of(*o, given, job));
         if (context.given("--c") && path.c_line > 0) {
           return fail("PO129", fmt::format("the program commands C itself, so --c {} cannot act", o->c),

@@ -149,7 +149,13 @@ class Planner {
   [[nodiscard]] std::vector<Solution> first_solutions(int turn, double c) const {
     const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.placed(); });
     const Vec3 angles = first_angles(first, c, turn);
-    return kinematics::inverse(machine_, in_machine(rotation_of_angles(angles), first.tip)).solutions;
+    return kinematics::inverse(machine_, in_machine(commanded_by(angles), first.tip)).solutions;
+  }
+
+  /// The orientation in M that A, B and C command: the axis of the tool turns with the workpiece, and C counts from M
+  /// all the same (machining::tool_orientation).
+  [[nodiscard]] Mat3 commanded_by(const Vec3& angles) const {
+    return R_MW_ * rotation_of_angles(angles) * R_MW_.transpose();
   }
 
   /// The tool's orientation is given along the axes of M, its tip in W.
@@ -279,11 +285,11 @@ class Planner {
     const Step& step = *way.step;
     const Vec3 angles =
         fits(step) ? way.angles(s_1) : nearest_turn(configuration_.rotary, way.axis(s_1), way.c(s_1), angles_);
-    const Mat3 R_1 = options_.between == Between::turn ? orientation(way.tip(s_1), angles) : rotation_of_angles(angles);
+    const Mat3 R_1 = options_.between == Between::turn ? orientation(way.tip(s_1), angles) : commanded_by(angles);
     double off = 0;
     for (const double s : {0.25, 0.5, 0.75}) {
       const Vec3 k = between(R_1, angles, s).col(2);
-      off = std::max(off, angle_between(k, way.axis(s_0 + s * (s_1 - s_0))));
+      off = std::max(off, angle_between(k, R_MW_ * way.axis(s_0 + s * (s_1 - s_0))));
     }
     if (off > options_.axis_tolerance && depth < kDeepest && configuration_.rotary != Rotary::none) {
       const double middle = (s_0 + s_1) / 2;
@@ -297,13 +303,13 @@ class Planner {
 
   /// From where the tool stands to R_1, or to these angles.
   [[nodiscard]] Mat3 between(const Mat3& R_1, const Vec3& angles, double s) const {
-    if (options_.between == Between::angles) return rotation_of_angles(angles_ + s * (angles - angles_));
+    if (options_.between == Between::angles) return commanded_by(angles_ + s * (angles - angles_));
     return R_ * rotation_of(s * rotation_vector(R_.transpose() * R_1));
   }
 
   /// The orientation that the machine takes there.
   [[nodiscard]] Mat3 orientation(const Vec3& tip, const Vec3& angles) const {
-    const Pose X = in_machine(rotation_of_angles(angles), tip);
+    const Pose X = in_machine(commanded_by(angles), tip);
     if (!kinematics::task(machine_).names_axis()) return X.R;
     const InverseResult inverse =
         q_.size() > 0 ? kinematics::inverse_near(machine_, X, q_) : kinematics::inverse(machine_, X);
@@ -453,7 +459,7 @@ class Planner {
     m.inserted = inserted;
     m.tip = tip;
     m.angles = angles;
-    const Mat3 commanded = rotation_of_angles(angles);
+    const Mat3 commanded = commanded_by(angles);
     bool solved = false;
     if (!placed_ || lost_) {
       solved = solve(step, in_machine(commanded, tip));
@@ -461,7 +467,7 @@ class Planner {
       const Mat3 R_1 = options_.between == Between::turn ? orientation(tip, angles) : commanded;
       m.length = (tip - tip_).norm();
       m.turn = std::max((angles - angles_).cwiseAbs().maxCoeff(),
-                        angle_between(commanded.col(2), rotation_of_angles(angles_).col(2)));
+                        angle_between(commanded.col(2), commanded_by(angles_).col(2)));
       const int n = samples(m.length, m.turn);
       const auto pose = [&](double s) {
         return in_machine(s >= 1 ? commanded : between(R_1, angles, s), tip_ + s * (tip - tip_));
@@ -491,7 +497,7 @@ class Planner {
     m.sweep = (s_1 - s_0) * step.sweep;
     const double rise = (step.tip - way.from).dot(step.normal) * (s_1 - s_0);
     m.length = std::hypot(m.sweep * radius(step), rise);
-    const Mat3 commanded = rotation_of_angles(angles_);
+    const Mat3 commanded = commanded_by(angles_);
     m.R_via = commanded;
     const int n = 2 * samples(m.length / 2, 0);
     bool solved = false;
@@ -613,12 +619,15 @@ Result<std::vector<Start>> chosen_starts(const Configuration& configuration, con
 }  // namespace
 
 Result<Plan> plan(const Configuration& configuration, const Path& path, const PlanOptions& options) {
-  if (options.rotation != 0) {
+  const bool turns_with_work = options.tilts_with_work && configuration.rotary == Rotary::abc &&
+                               !kinematics::task(configuration.machine).names_axis();
+  if (options.rotation != 0 && !turns_with_work) {
     for (const Step& s : path.steps) {
       const bool turns = s.angles && s.angles->cwiseAbs().maxCoeff() > kSame;
       if (!s.moves() || (!turns && angle_between(s.axis, Vec3::UnitZ()) < kSame)) continue;
       return fail("PO124", "the workpiece is turned about z, and here the tool tilts or turns", {path.file, s.line, 1},
-                  "program such a part along the axes of M, without a rotation of the workpiece");
+                  "program such a part along the axes of M, without a rotation of the workpiece; in the languages of "
+                  "robots arms of six axes follow it");
     }
   }
   const auto joints = static_cast<std::size_t>(kinematics::joint_count(configuration.machine));

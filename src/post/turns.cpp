@@ -91,7 +91,7 @@ class Turns {
     rung.exists = false;
     const double c = point.angles ? point.angles->z() : value(j);
     const Vec3 angles = point.angles ? *point.angles : both_turns(Rotary::abc, point.axis, c, Vec3::Zero())[0];
-    const Pose X{rotation_abc(angles.x(), angles.y(), angles.z()), point.p};
+    const Pose X{R_MW_ * rotation_abc(angles.x(), angles.y(), angles.z()) * R_MW_.transpose(), point.p};
     machine::SixJointBranches out;
     std::visit([&](const auto& inverse) { inverse.solve(X, out); }, inverse_);
     if (!out.exists[branch_] || out.singular[branch_]) return kNone;
@@ -192,6 +192,7 @@ class Turns {
   const int branch_;
   const double first_c_;
   const int rungs_;
+  Mat3 R_MW_ = rotation_z(options_.rotation);
   std::array<machine::JointRange, 6> ranges_{};
   std::array<bool, 6> whole_turns_{};
   std::array<double, 6> compliance_{};

@@ -29,6 +29,7 @@ void set_for(Dialect dialect, PlanOptions& options) {
   options.length_offsets = !robot;
   options.arcs_in_any_plane = robot;
   options.largest_sweep = robot ? kRobotArc : 0;
+  options.tilts_with_work = robot;
 }
 
 namespace {

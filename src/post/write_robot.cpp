@@ -528,7 +528,7 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
     for (; next < plan.moves.size() && plan.moves[next].step == static_cast<int>(i); ++next) {
       PlannedMove m = plan.moves[next];
       const Posture posture = posture_of(configuration, m.joints);
-      known = known && posture.known;
+      known = known && (posture.known || m.joints.size() == 0);  // out of reach there is none
       m.R = R_WM * m.R;
       m.R_via = R_WM * m.R_via;
       const double speed = m.kind == StepKind::rapid ? options.rapid_speed : step.feed;

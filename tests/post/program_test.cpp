@@ -317,6 +317,64 @@ TEST(Programs, ATurnedWorkpieceTurnsItsFrame) {
   EXPECT_EQ(test::id_of(post::plan(p.configuration, tilted, planning)), "PO124");
 }
 
+/// On a turned workpiece the tool of a six-axis arm tilts and turns with it: the same joints as those of the program
+/// whose points and orientations are turned by hand, and targets in the frame of the workpiece.
+TEST(Programs, ATiltedToolTurnsWithTheWorkpiece) {
+  const auto configuration = value(post::configure(test::load("kuka-kr210"), "six"));
+  const double turn = units::from_deg(40);
+  const Mat3 R = rotation_z(turn);
+  const std::vector<std::array<double, 6>> points{
+      {0, 0, 30, 0, 0, 0}, {40, 10, 30, 20, -10, 15}, {60, -20, 10, -15, 25, 60}, {20, -30, 10, 10, 10, -20}};
+  std::string text = "G21 G90 G54\n", by_hand = text;
+  const char* move = "G0";
+  for (const auto& p : points) {
+    text += fmt::format("{} X{} Y{} Z{} A{} B{} C{} F600\n", move, p[0], p[1], p[2], p[3], p[4], p[5]);
+    const Vec3 at = R * Vec3(p[0], p[1], p[2]);
+    const Vec3 angles = angles_abc(
+        R * rotation_abc(units::from_deg(p[3]), units::from_deg(p[4]), units::from_deg(p[5])) * R.transpose());
+    by_hand += fmt::format("{} X{:.9f} Y{:.9f} Z{:.9f} A{:.9f} B{:.9f} C{:.9f} F600\n", move, at.x(), at.y(), at.z(),
+                           units::to_deg(angles.x()), units::to_deg(angles.y()), units::to_deg(angles.z()));
+    move = "G1";
+  }
+  post::PlanOptions planning;
+  post::set_for(Dialect::krl, planning);
+  planning.origin = Vec3(1.6, 0.1, 0.9);
+  const auto path = value(Source(text + "M2\n").read());
+  planning.rotation = turn;
+  const post::Plan turned = value(post::plan(configuration, path, planning));
+  planning.rotation = 0;
+  const post::Plan straight = value(post::plan(configuration, value(Source(by_hand + "M2\n").read()), planning));
+  ASSERT_TRUE(turned.ok());
+  ASSERT_TRUE(straight.ok());
+  const auto ends = [](const post::Plan& plan) {
+    std::vector<post::PlannedMove> out;
+    for (const post::PlannedMove& m : plan.moves)
+      if (!m.inserted) out.push_back(m);
+    return out;
+  };
+  const auto a = ends(turned), b = ends(straight);
+  ASSERT_EQ(a.size(), points.size());
+  ASSERT_EQ(b.size(), points.size());
+  for (std::size_t i = 0; i < a.size(); ++i)
+    EXPECT_LT((a[i].joints - b[i].joints).cwiseAbs().maxCoeff(), 1e-9) << "point " << i;
+  // The tool's axis goes along the same way between them: the inserted points are those of 0.1 deg.
+  EXPECT_LE(turned.axis_error, planning.axis_tolerance);
+  // C chosen along the program has the same limits and the same joints to choose from.
+  planning.c.reset();
+  planning.rotation = turn;
+  const auto free = value(Source("G21 G90 G54\nG0 X0 Y0 Z30 A10 B5\nG1 X40 A-20 B15 F600\nM2\n").read());
+  const post::Plan chosen = value(post::plan(configuration, free, planning));
+  ASSERT_TRUE(chosen.ok());
+  for (const post::PlannedMove& m : chosen.moves) {
+    const Vec3 axis = kinematics::forward(configuration.machine, m.joints).poses.front().R.col(2);
+    const Vec3 want = R * rotation_abc(m.angles.x(), m.angles.y(), m.angles.z()).col(2);
+    EXPECT_LT((axis - want).norm(), 1e-9);
+  }
+  // G-code has no frame for orientations.
+  post::set_for(Dialect::ngc, planning);
+  EXPECT_EQ(test::id_of(post::plan(configuration, path, planning)), "PO124");
+}
+
 TEST(Programs, TheHeaderOfACorrectedProgramIsKept) {
   const std::string text =
       "(Polypod: corrected for the static compliance of lola50)\n"

@@ -44,8 +44,11 @@ enum class Between : std::uint8_t {
 };
 
 struct PlanOptions {
-  Vec3 origin = Vec3::Zero();              ///< p_MW, m
-  double rotation = 0;                     ///< rad, of W about z_M; with another value than 0 the tool stays along z
+  Vec3 origin = Vec3::Zero();  ///< p_MW, m
+  double rotation = 0;         ///< rad, of W about z_M
+  /// Whether the tool may tilt or turn where W is turned: in languages that say orientations in the frame of the work,
+  /// and of machines with A, B and C. Elsewhere it stays along z there.
+  bool tilts_with_work = false;
   double tolerance = 1e-5;                 ///< m, of the chords of arcs that are not written as arcs
   double axis_tolerance = 1.745329252e-3;  ///< rad, of the tool axis between two points (0.1 deg)
   double turn_speed = 0.5235987756;        ///< rad/s of a turn without a way (1800 deg/min)
