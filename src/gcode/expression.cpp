@@ -153,7 +153,8 @@ class LineReader {
     const char c = peek();
     const std::size_t from = at_;
     if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
-      return error("GC100", fmt::format("'{}' does not belong into a block", c), "remove it, or put it into a comment");
+      return error("GC100", fmt::format("'{}' does not belong into a block", c),
+                   c == '$' ? "leave it out: the machine has one spindle" : "remove it, or put it into a comment");
     }
     if (lower(c) == 'n' && !line_.words.empty()) {
       return error("GC106", "N within a block; a line number stands at the start of its line",

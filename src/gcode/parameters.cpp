@@ -5,6 +5,22 @@
 #include "engine.hpp"
 
 namespace polypod::gcode {
+namespace {
+
+/// Which axis #<_abs_x> to #<_abs_c> tell of; empty of other names.
+std::optional<std::size_t> axis_of_absolute(std::string_view name) {
+  constexpr std::string_view kStart = "_abs_", kAxes = "xyzabc";
+  if (name.size() != kStart.size() + 1 || !name.starts_with(kStart)) return {};
+  const std::size_t at = kAxes.find(name.back());
+  return at == std::string_view::npos ? std::nullopt : std::optional(at);
+}
+
+/// Whether a name of one letter tells the state: #<_x> to #<_w>.
+bool is_axis(std::string_view name) {
+  return name.size() == 2 && std::string_view("abcuvwxyz").find(name[1]) != std::string_view::npos;
+}
+
+}  // namespace
 
 tl::expected<double, std::string> Engine::numbered(int index) const {
   switch (index) {
@@ -50,6 +66,14 @@ tl::expected<std::optional<double>, std::string> Engine::named(const std::string
       const auto k = static_cast<std::size_t>(name[1] - 'x');
       if (!known_[k]) return tl::unexpected(fmt::format("#<{}>: the position of {} is not known here", name, "XYZ"[k]));
       return current_[k] + 0.0;
+    }
+    if (const auto k = axis_of_absolute(name)) {
+      if (!options_.machine_known) {
+        return tl::unexpected(fmt::format("#<{}> is a position of the machine that the job does not tell", name));
+      }
+      if (*k < 3 && !(known_[0] && known_[1] && known_[2]))
+        return tl::unexpected(fmt::format("#<{}>: the position is not known here", name));
+      return to_machine(current_)[*k] + length_offset_[*k];
     }
     if (const auto value = predefined(std::string_view(name).substr(1))) return value;
     const auto global = globals_.find(name);
@@ -123,7 +147,7 @@ Status Engine::assign(const Line& line, const Block& block) {
       frame().locals[a.name] = a.value;
       continue;
     }
-    if (a.name.size() == 2 || predefined(std::string_view(a.name).substr(1))) {
+    if (is_axis(a.name) || axis_of_absolute(a.name) || predefined(std::string_view(a.name).substr(1))) {
       return error(a.column, "GC162", fmt::format("#<{}> tells the state and cannot be set", a.name),
                    "use another name");
     }

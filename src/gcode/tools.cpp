@@ -120,7 +120,14 @@ Status Engine::length_offset(int g) {
     if (g == 431) known_[0] = known_[1] = false;
     return {};
   }
-  for (std::size_t k = 0; k < 6; ++k) current_[k] += length_offset_[k] - next[k];
+  ToolOffset shift = length_offset_;
+  for (std::size_t k = 0; k < shift.size(); ++k) shift[k] -= next[k];
+  if (rotation_ != 0) {  // offsets of tools lie along the axes of the machine
+    const double c = std::cos(units::from_deg(rotation_)), s = std::sin(units::from_deg(rotation_)), x = shift[0];
+    shift[0] = c * x + s * shift[1];
+    shift[1] = -s * x + c * shift[1];
+  }
+  for (std::size_t k = 0; k < 6; ++k) current_[k] += shift[k];
   length_offset_ = next;
   tool_offset_ = std::any_of(next.begin(), next.end(), [](double length) { return length != 0; });
   put("USE_TOOL_LENGTH_OFFSET({:.4f} {:.4f} {:.4f}, {:.4f} {:.4f} {:.4f}, {:.4f} {:.4f} {:.4f})", next[0], next[1],
