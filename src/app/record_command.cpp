@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <sstream>
 
 #include "interrupt.hpp"
 #include "linuxcnc_commands.hpp"
@@ -19,6 +20,15 @@ struct Options {
   bool partial = false;
 };
 
+bool has_optional_blocks(const std::string& program) {
+  const Result<std::string> text = files::read(program);
+  if (!text) return false;
+  std::istringstream lines(*text);
+  for (std::string line; std::getline(lines, line);)
+    if (trimmed(line).starts_with('/')) return true;
+  return false;
+}
+
 }  // namespace
 
 Command record_command() {
@@ -30,8 +40,10 @@ Command record_command() {
         a.positional("DIR", o->folder, "The folder that `polypod export linuxcnc` wrote");
         a.positional("PROGRAM", o->program, "The program; it starts at the machine's home, with empty offsets");
         a.option("-o,--output", o->out, "The record, CSV", true);
-        a.option("--job", o->job,
-                 "A job whose workpiece origin, rotation and work offsets become those of G54 to G59 (default: all 0)");
+        a.option(
+            "--job", o->job,
+            "A job whose workpiece origin, rotation and work offsets become those of G54 to G59 (default: all 0), and "
+            "whose block_delete is the switch (default: on, as LinuxCNC starts)");
         a.option("--time-limit", o->time_limit, {1, 86400}, "s, of the whole run, which is in real time (default 600)");
         a.flag("--partial", o->partial,
                "Of a program that fails, keep the record up to there (exit status as without)");
@@ -44,6 +56,7 @@ Command record_command() {
         if (!o->job.empty()) {
           POLYPOD_ASSIGN(job, machining::read_job(o->job));
           options.parameters = control::work_offset_parameters(job);
+          options.block_delete = job.block_delete;
         }
         double shown = 0;
         options.progress = [&](double seconds) {
@@ -68,6 +81,11 @@ Command record_command() {
         } else {
           fmt::print("{} samples over {:.3f} s, {} lines of the program\nwrote {}\n", record->samples, record->seconds,
                      record->lines, one_line(o->out));
+          if (options.block_delete && has_optional_blocks(o->program)) {
+            fmt::print("note     blocks that begin with / were left out: {}\n",
+                       o->job.empty() ? "block delete is on, as LinuxCNC starts; a job sets the switch"
+                                      : "block_delete of the job is on");
+          }
         }
         return kDone;
       }};

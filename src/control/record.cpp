@@ -566,6 +566,7 @@ Result<Record> record(const std::string& folder, const std::string& program, con
   POLYPOD_TRY(write(dir / "record.var", options.parameters));
   POLYPOD_TRY(write(dir / "record.tbl", text_of_file(c.folder / c.tool_table)));
   POLYPOD_TRY(write(dir / "program.ngc", text));
+  POLYPOD_TRY(write(dir / "block_delete.txt", options.block_delete ? "on" : "off"));
   POLYPOD_TRY(write(dir / "driver.py", text_of_driver_py));
   POLYPOD_TRY(write(dir / "inside.sh", text_of_inside_sh));
   fs::permissions(dir / "driver.py", fs::perms(0755), error);

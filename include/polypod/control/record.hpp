@@ -18,6 +18,7 @@ struct RecordOptions {
   double time_limit = 600;  ///< s, of the whole run by the clock; LinuxCNC runs in real time
   /// The run's file of parameters: "5221 0\t..." a line each; the offsets of G54 to G59. Empty: all are 0.
   std::string parameters;
+  bool block_delete = true;  ///< whether blocks that begin with / are left out, as LinuxCNC starts
   /// Of a program that fails (LC116) what was recorded up to there, with Record::failed; else an error alone.
   bool partial = false;
   /// Asked some twenty times a second with the seconds since the start; false ends everything (LC119).
