@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "polypod/core/units.hpp"
 #include "polypod/machining/accept.hpp"
@@ -45,7 +46,7 @@ class Along {
       const std::size_t next = following(at_ + 1);
       if (next >= moves_.size()) break;
       const gcode::Move& now = moves_[at_];
-      const double left = remaining(now, p);
+      const double left = remaining(p);
       // A way back over the same places, as a peck makes it, is as near from the start on: not before the second half.
       const bool over_itself = now.start_known && moves_[next].start_known &&
                                now.direction(now.length()).dot(moves_[next].direction(0)) < -0.5;
@@ -53,25 +54,24 @@ class Along {
       const double here = distance(now, p), there = distance(moves_[next], p);
       const bool nearer = there < here * (now.start_known ? 1 : 0.9) - 1e-12;
       const bool back = way.norm() > 0 && there <= here + kAtEnd && now.start_known &&
-                        now.direction(now.nearest(p)).dot(way) < 0 &&
+                        now.direction(place(p)).dot(way) < 0 &&
                         moves_[next].direction(moves_[next].nearest(p)).dot(way) > 0.5 * way.norm();
       if (!nearer && !back && !(left < kAtEnd && there < kAtEnd)) break;
       at_ = next;
+      s_ = 0;
       if (left < kAtEnd && !nearer && !back) break;  // at a corner: one move on, not through all that end there
     }
     last_ = p;
     started_ = true;
+    if (moves_[at_].start_known) s_ = place(p);
     return at_;
   }
   static double distance(const gcode::Move& move, const Vec3& p) {
     return (p - (move.start_known ? move.point(move.nearest(p)) : move.end)).norm();
   }
-  static double remaining(const gcode::Move& move, const Vec3& p) {
-    return move.start_known ? move.length() - move.nearest(p) : (p - move.end).norm();
-  }
   /// Whether the record that stands at p has come to the end of all moves.
   [[nodiscard]] bool ended(const Vec3& p) const {
-    return following(at_ + 1) >= moves_.size() && remaining(moves_[at_], p) < kRoundEnd;
+    return following(at_ + 1) >= moves_.size() && remaining(p) < kRoundEnd;
   }
   /// The next move from i on that goes somewhere.
   [[nodiscard]] std::size_t following(std::size_t i) const {
@@ -85,8 +85,29 @@ class Along {
   }
 
  private:
+  /// Where p is on the move, m from its start. A full circle comes back to where it began: of its places near p the one
+  /// next to that before.
+  [[nodiscard]] double place(const Vec3& p) const {
+    const gcode::Move& move = moves_[at_];
+    double best = move.nearest(p);
+    constexpr double kNearlyRound = 0.9;  // turns
+    if (move.kind != gcode::MoveKind::arc || move.sweep < kNearlyRound * 2 * std::numbers::pi) return best;
+    const double length = move.length(), turn = length * 2 * std::numbers::pi / move.sweep;
+    const double near = (move.point(best) - p).norm() + kRoundEnd, from = best;
+    for (double s = from - turn * std::ceil(from / turn); s < length + turn; s += turn) {
+      const double at = std::clamp(s, 0.0, length);
+      if (std::abs(at - s_) < std::abs(best - s_) && (move.point(at) - p).norm() < near) best = at;
+    }
+    return best;
+  }
+  [[nodiscard]] double remaining(const Vec3& p) const {
+    const gcode::Move& move = moves_[at_];
+    return move.start_known ? move.length() - place(p) : (p - move.end).norm();
+  }
+
   const LongVector<gcode::Move>& moves_;
   std::size_t at_ = 0;
+  double s_ = 0;  // of the move
   Vec3 last_ = Vec3::Zero();
   bool started_ = false;
 };

@@ -202,6 +202,25 @@ TEST(Recorded, PecksAreFollowedInTheirOrder) {
   EXPECT_NEAR(r.cut.pass.removed, p.pass.removed, 0.01 * p.pass.removed);
 }
 
+// Full circles come back to where they began: after a tangential way in, one after the other, and helices before a flat
+// one, with the tip off by the deflection.
+TEST(Recorded, FullCirclesAreFollowedRound) {
+  const auto e = testing::with_program(
+      "slavkovic_groove",
+      "G21 G90 G17 G94\nT1 M6\nS12000 M3\nG0 X-2 Y0 Z5\nG1 Z0.2 F400\nG3 X2 Y0 I2 J0 F700\nG3 X2 Y0 Z-0.5 I-4 J0\n"
+      "G3 X2 Y0 I-4 J0\nG3 I-4\nG3 X-2 Y0 I-2 J0\nG1 X-6\nG0 Z5\nM2\n");
+  const auto p = testing::predict(e);
+  for (const Vec3& off : {Vec3(0, 0, 0), Vec3(20e-6, 10e-6, 0), Vec3(-15e-6, -25e-6, 5e-6)}) {
+    const RecordedCut r = judged(e, record_of(e.interpretation.moves, off));
+    EXPECT_TRUE(r.to_the_end);
+    ASSERT_EQ(r.cut.moves.size(), p.moves.size());
+    for (std::size_t i = 0; i < p.moves.size(); ++i) {
+      EXPECT_EQ(r.cut.moves[i].line, p.moves[i].line);
+      EXPECT_NEAR(r.cut.moves[i].normal.mean, p.moves[i].normal.mean, 40e-6) << "line " << p.moves[i].line;
+    }
+  }
+}
+
 TEST(Recorded, RefusesAnotherProgram) {
   const auto e = load_example("slavkovic_square");
   std::vector<RecordedTip> record = record_of(e.interpretation.moves);
