@@ -165,9 +165,11 @@ Command identify_compliance_command() {
         a.positional("DATA", o->files,
                      "CSV files: x_mm,y_mm,z_mm,force_N,dx_Fx_um,dy_Fx_um,...,dz_Fz_um[,a_deg,b_deg,c_deg]"
                      "[,q1,...,qn][,sigma_um]; Fx_N,Fy_N,Fz_N in place of force_N; blank where not measured");
-        a.option("--noise-um", o->noise_um, {1e-6, 1e6},
-                 "Standard deviation of one displacement, um (default: the column sigma_um, else estimated from the "
-                 "asymmetry of the cross displacements)");
+        a.option(
+            "--noise-um", o->noise_um, {1e-6, 1e6},
+            "Standard deviation of one displacement, um, which the residual is compared with; the intervals follow "
+            "from the residual itself (default: the column sigma_um, else estimated from the asymmetry of the "
+            "cross displacements)");
         a.option(
             "--force-gain-percent", o->gain_percent, {0, 100},
             "Standard uncertainty of the force sensor's gain, which is common to all readings (default: not stated)");

@@ -129,7 +129,7 @@ namespace {
 std::string plane_name(const machine::Task& task, int normal) {
   std::string out;
   for (int k = 0; k < workspace::coordinates_of_points(task); ++k)
-    if (k != normal) out += machine::name_of(task.places() ? machine::Task::point[k] : task[k]);
+    if (k != normal) out += workspace::coordinate_name(task, k);
   return out;
 }
 

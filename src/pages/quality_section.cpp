@@ -35,11 +35,6 @@ std::array<int, 3> numbers_of(const workspace::Grid& grid, std::size_t at) {
   return {static_cast<int>(at % nx), static_cast<int>(at / nx % ny), static_cast<int>(at / (nx * ny))};
 }
 
-/// "x", or a coordinate of a task without x, y, z.
-std::string name_of_axis(const machine::Task& task, int axis) {
-  return machine::name_of(task.places() ? machine::Task::point[axis] : task[axis]);
-}
-
 /// The two axes of a plane.
 std::array<int, 2> axes_of(int normal) {
   return normal == 0 ? std::array{1, 2} : normal == 1 ? std::array{0, 2} : std::array{0, 1};
@@ -125,10 +120,10 @@ ValueName name_of(QualityValue value) {
 std::string plane_name(const QualitySection& s) {
   const auto [u, v] = axes_of(s.axis);
   const machine::Task& task = s.fields.survey.task;
-  const std::string plane = name_of_axis(task, u) + name_of_axis(task, v);
+  const std::string plane = workspace::coordinate_name(task, u) + workspace::coordinate_name(task, v);
   if (workspace::coordinates_of_points(task) < 3) return plane;
   const char* unit = workspace::unit_of(task, s.axis);
-  return fmt::format("{} at {} = {} {}", plane, name_of_axis(task, s.axis),
+  return fmt::format("{} at {} = {} {}", plane, workspace::coordinate_name(task, s.axis),
                      report::fixed(units::to_user(s.at, unit), 1), unit);
 }
 
@@ -146,7 +141,8 @@ Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOpt
   if (!whole && !(at >= box[0][axis] && at <= box[1][axis])) {
     return fail("QP100",
                 fmt::format("the plane {} = {:.6g} {} misses what is looked at, which lies from {:.6g} to {:.6g} {}",
-                            name_of_axis(task, axis), place(at), unit, place(box[0][axis]), place(box[1][axis]), unit));
+                            workspace::coordinate_name(task, axis), place(at), unit, place(box[0][axis]),
+                            place(box[1][axis]), unit));
   }
   SurveyOptions flat = options;
   flat.progress = nullptr;
@@ -156,11 +152,12 @@ Result<QualitySection> survey_section(const AnyMachine& machine, const SurveyOpt
   QualitySection out{axis, at, {}, {}, {}, false};
   auto survey = quality::survey(machine, flat);
   if (!survey && survey.error().id == "QU110") {
-    return fail("QP100",
-                fmt::format("the plane {} misses the workspace",
-                            whole ? "of the task's coordinates"
-                                  : fmt::format("{} = {:.6g} {}", name_of_axis(task, axis), place(at), unit)),
-                {}, "move the plane, ask for less tilt, or raise the resolution");
+    return fail(
+        "QP100",
+        fmt::format("the plane {} misses the workspace",
+                    whole ? "of the task's coordinates"
+                          : fmt::format("{} = {:.6g} {}", workspace::coordinate_name(task, axis), place(at), unit)),
+        {}, "move the plane, ask for less tilt, or raise the resolution");
   }
   if (!survey) return tl::unexpected(survey.error());
   out.fields.survey = std::move(*survey);
@@ -215,8 +212,8 @@ report::HeatMap map_of(const QualitySection& s, QualityValue value, const Range&
   const report::Point first = at(grid.at(a[0], a[1], a[2])), last = at(grid.at(b[0], b[1], b[2]));
   report::HeatMap map;
   map.title = fmt::format("Mean {} over {}", name.words, plane_name(s));
-  map.x = {name_of_axis(task, u), of_u, first.x, last.x, false};
-  map.y = {name_of_axis(task, v), of_v, first.y, last.y, false};
+  map.x = {workspace::coordinate_name(task, u), of_u, first.x, last.x, false};
+  map.y = {workspace::coordinate_name(task, v), of_v, first.y, last.y, false};
   map.equal_scales = std::string_view(of_u) == of_v;
   map.y.downwards = s.hangs && task.places() && v == 2;
   map.columns = high[0] - low[0] + 1;

@@ -59,10 +59,13 @@ inline Vec3 for_user(const machine::Task& task, const Vec3& point) {
   for (int k = 0; k < 3; ++k) out[k] = units::to_user(point[k], unit_of(task, k));
   return out;
 }
-/// What a column of a coordinate is called: "x_mm", "a_deg".
+/// What a coordinate is called: "x", "A".
+inline std::string coordinate_name(const machine::Task& task, int coordinate) {
+  return machine::name_of(task.places() ? machine::Task::point[coordinate] : task[coordinate]);
+}
+/// What a column of it is called: "x_mm", "a_deg".
 inline std::string column_name(const machine::Task& task, int coordinate) {
-  const char letter = task.places() ? "xyz"[coordinate] : machine::name_of(task[coordinate])[0];
-  return fmt::format("{:c}_{}", std::tolower(letter), unit_of(task, coordinate));
+  return fmt::format("{:c}_{}", std::tolower(coordinate_name(task, coordinate)[0]), unit_of(task, coordinate));
 }
 
 /// Whether a task chooses the direction of the tool at a place.
