@@ -100,7 +100,8 @@ Command compliance_command() {
                            {"rotation_mrad", vector_json(turned_by(c.C))}});
           if (masses.dynamics) {
             document["weight"] = {{"displacement_um", vector_json(by_weight.head<3>() * units::kUmPerMetre)},
-                                  {"rotation_mrad", vector_json(by_weight.tail<3>() * units::kMradPerRad)}};
+                                  {"rotation_mrad", vector_json(by_weight.tail<3>() * units::kMradPerRad)},
+                                  {"gravity_m_per_s2", vector_json(masses.dynamics->gravity)}};
           }
           print_json(document);
           return kDone;
@@ -137,8 +138,8 @@ Command compliance_command() {
           if (!o->moment.empty()) fmt::print("rotation under {}: {} mrad\n", under, vector(turned_by(c.C), 4));
         }
         if (masses.dynamics) {
-          fmt::print("\ndisplacement by the weight of the machine, which is there without a load: {} um\n",
-                     vector(by_weight.head<3>() * units::kUmPerMetre, 1));
+          fmt::print("\ndisplacement by the weight of the machine, which is there without a load: {} um\n({})\n",
+                     vector(by_weight.head<3>() * units::kUmPerMetre, 1), in_words(*masses.dynamics));
         }
         return kDone;
       }};

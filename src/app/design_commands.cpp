@@ -143,8 +143,9 @@ Json binding_json(const Study& study, const Row& row) {
   return out;
 }
 
-/// What limits the best machine. `broken`: a finer survey breaks a hold.
-void print_binding(const Study& study, const Row& row, bool broken = false) {
+/// What limits the best machine. `in_search`: the holds are kept as the search judged them, and no finer survey says
+/// so.
+void print_binding(const Study& study, const Row& row, bool in_search) {
   const std::vector<std::string> what = design::binding(study, row);
   if (study.holds.empty() && what.empty()) return;
   const bool boxes =
@@ -154,7 +155,7 @@ void print_binding(const Study& study, const Row& row, bool broken = false) {
   if (boxes) text += "; whether a box just fits is not known";
   fmt::print("{}limited by: {}\n",
              study.holds.empty() ? ""
-             : broken            ? "in the search all holds are kept; "
+             : in_search         ? "in the search all holds are kept; "
                                  : "all holds are kept; ",
              text);
 }
@@ -184,6 +185,44 @@ void print_again(const Study& study, const Row& row, const design::JudgedAgain& 
              again.evaluation.state == State::done
                  ? study.holds.empty() ? "" : "; all holds are kept"
                  : fmt::format("; no: {}. Search with a higher resolution", one_line(again.evaluation.reason)));
+}
+
+/// The points of a front that break a hold over a finer survey, as indices of rows.
+struct FrontAgain {
+  int resolution = 0;
+  std::vector<std::pair<std::size_t, std::string>> broken;  ///< and why
+};
+/// None where no survey could flatter a hold.
+Result<std::optional<FrontAgain>> judge_front_again(const Study& study, const std::vector<Row>& rows,
+                                                    const std::vector<std::size_t>& front,
+                                                    const design::EvaluateOptions& options) {
+  if (study.holds.empty()) return std::optional<FrontAgain>{};
+  FrontAgain out;
+  for (const std::size_t i : front) {
+    POLYPOD_ASSIGN(again, design::judge_again(study, rows[i].varied, options));
+    if (!again) return std::optional<FrontAgain>{};
+    out.resolution = again->resolution;
+    if (again->evaluation.state != State::done) out.broken.emplace_back(i, again->evaluation.reason);
+  }
+  return std::optional<FrontAgain>(std::move(out));
+}
+Json front_again_json(const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
+  Json broken = Json::array();
+  for (const auto& [i, reason] : again.broken) broken.push_back({{"row", rows[i].row}, {"reason", reason}});
+  return {
+      {"resolution", again.resolution}, {"points", points}, {"holds_kept", again.broken.empty()}, {"broken", broken}};
+}
+void print_front_again(const Study& study, const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
+  fmt::print("judged again with resolution {} instead of {}: ", again.resolution, study.resolution);
+  if (again.broken.empty()) {
+    fmt::print("all {} points keep all holds\n", points);
+    return;
+  }
+  fmt::print("no: {} of {} points break a hold. Search with a higher resolution\n", again.broken.size(), points);
+  constexpr std::size_t kShown = 5;
+  for (std::size_t k = 0; k < std::min(kShown, again.broken.size()); ++k)
+    fmt::print("  row {}: {}\n", rows[again.broken[k].first].row, one_line(again.broken[k].second));
+  if (again.broken.size() > kShown) fmt::print("  and {} more, see --json\n", again.broken.size() - kShown);
 }
 
 Json no_json(const Study& study, const std::vector<Row>& rows) {
@@ -327,14 +366,20 @@ Command optimize_command() {
         const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
         const bool any = found.best || !found.front.empty();
         std::optional<design::JudgedAgain> again;
+        std::optional<FrontAgain> front_again;
+        design::EvaluateOptions finer;
+        finer.threads = o->threads;
+        finer.cancelled = options.cancelled;
+        if (!found.best && any) {
+          POLYPOD_ASSIGN(judged, judge_front_again(study, found.rows, found.front, finer));
+          front_again = std::move(judged);
+        }
         if (found.best) {
-          design::EvaluateOptions finer;
-          finer.threads = o->threads;
-          finer.cancelled = options.cancelled;
           POLYPOD_ASSIGN(judged, design::judge_again(study, found.rows[*found.best].varied, finer));
           again = std::move(judged);
         }
-        const bool yes = any && (!again || again->evaluation.state == State::done);
+        const bool yes =
+            any && (!again || again->evaluation.state == State::done) && (!front_again || front_again->broken.empty());
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -350,6 +395,7 @@ Command optimize_command() {
                     {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
           if (found.best) out["binding"] = binding_json(study, found.rows[*found.best]);
           if (again) out["judged_again"] = again_json(study, *again);
+          if (front_again) out["judged_again"] = front_again_json(found.rows, found.front.size(), *front_again);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
           return yes ? kDone : kAnswerIsNo;
@@ -370,6 +416,7 @@ Command optimize_command() {
         } else if (any) {
           fmt::print("the front has {} points\n", found.front.size());
           print_table(study, found.rows, found.front);
+          if (front_again) print_front_again(study, found.rows, found.front.size(), *front_again);
         } else {
           print_why_none(study, asked);
         }
@@ -689,7 +736,7 @@ Command study_command() {
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));
-              print_binding(study, rows[*best]);
+              print_binding(study, rows[*best], true);
             } else if (front.empty() && !rows.empty()) {
               print_why_none(study, rows);
             }

@@ -177,7 +177,7 @@ Command dexterity_command() {
           return quality::statistics_seen(m, survey, options, quantity, field.anywhere, number);
         };
         quality::Statistics condition = seen(field.condition, 0);
-        condition.max = infinite_if_singular(condition.max);
+        for (double* value : {&condition.min, &condition.mean, &condition.max}) *value = infinite_if_singular(*value);
         const quality::Statistics sigma = seen(field.sigma_min, 1), determinant = seen(field.determinant, 2);
         const quality::Extreme worst = quality::worst_seen(m, survey, options, field.condition, field.anywhere, 0);
         const quality::Extreme least = quality::worst_seen(m, survey, options, field.sigma_min, field.anywhere, 1, -1);
@@ -205,8 +205,12 @@ Command dexterity_command() {
             survey,
             {{"condition", condition, 1, 4, ""}, {"sigma_min", sigma, 1, 4, ""}, {"|det|", determinant, 1, 4, ""}});
         print_where(m, survey);
-        fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at, survey.task),
-                   place_text(condition.max_at, survey.task));
+        if (std::isfinite(condition.min)) {
+          fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at, survey.task),
+                     place_text(condition.max_at, survey.task));
+        } else {
+          fmt::print("every pose of the grid is singular\n");
+        }
         fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",
                    beside_singular(condition) ? fmt::format("{:.0e}", largest_condition) : figure(largest_condition, 4),
                    pose_text(m, worst.X_MT, 2), figure(least.value, 4), pose_text(m, least.X_MT, 2));

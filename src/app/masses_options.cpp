@@ -24,13 +24,20 @@ std::string in_words(const motion::Dynamics& d) {
       : !axis.empty()     ? fmt::format("{:.4g} m/s2 {}", d.gravity.norm(), axis)
                       : fmt::format("{:.4g}, {:.4g}, {:.4g} m/s2 in M", d.gravity.x(), d.gravity.y(), d.gravity.z());
   const std::vector<std::string> odd = d.not_rigid();
-  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}", g,
+  const std::string unread = d.not_read.empty()
+                                 ? ""
+                                 : fmt::format(
+                                       "; the masses in the file of stage {} are not read: write them as "
+                                       "[[dynamics.stage]]",
+                                       fmt::join(d.not_read, ", "));
+  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}{}", g,
                      d.gravity_given ? "" : ", assumed from how the machine stands (gravity_m_per_s2)",
                      fmt::join(d.parts_with_mass(), ", "),
                      odd.empty() ? ""
                                  : fmt::format("; the inertia of {} is taken as it is, though one of its principal "
                                                "moments is larger than the sum of the others, which no rigid body has",
-                                               fmt::join(odd, ", ")));
+                                               fmt::join(odd, ", ")),
+                     unread);
 }
 
 void MassesOptions::declare(Arguments& a) {

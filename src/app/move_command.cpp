@@ -710,8 +710,8 @@ void axes_not_there(const machine::AnyMachine& m, const motion::PosePath& path, 
     }
     if (task.holds(static_cast<machine::Coordinate>(3 + k))) continue;
     for (const motion::Stretch& s : path.stretches) {
-      const double most = std::max(std::abs(s.angles_from[k]), std::abs(s.angles_to[k]));
-      if (!(most > kNoTurn)) continue;
+      const double from = s.angles_from[k], to = s.angles_to[k], most = std::abs(from) > std::abs(to) ? from : to;
+      if (!(std::abs(most) > kNoTurn)) continue;
       motion::MoveViolation v;
       v.p = s.from;
       v.line = s.line;

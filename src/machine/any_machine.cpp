@@ -19,6 +19,7 @@
 #include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machine/urdf.hpp"
+#include "polypod/machine/whole_table.hpp"
 
 namespace polypod::machine {
 
@@ -313,6 +314,11 @@ Result<AnyMachine> with_single(const AnyMachine& machine, const std::vector<Over
 
 }  // namespace
 
+Result<config::Table> whole_table(const std::string& path) {
+  POLYPOD_ASSIGN(text, files::read(path));
+  return table_from(text, path);
+}
+
 Result<AnyMachine> machine_from(const config::Table& table) {
   POLYPOD_ASSIGN(family, table.text("family"));
   POLYPOD_TRY(table.optional_table("dynamics"));  // masses: motion/dynamics.hpp reads them
@@ -332,6 +338,11 @@ Result<AnyMachine> from_text(std::string_view toml, const std::string& file_name
   std::vector<Override> single;
   for (const Override& override_ : overrides) {
     POLYPOD_ASSIGN(value, number_of(override_));
+    if (override_.key.starts_with("dynamics") || override_.key.find(".dynamics") != std::string::npos) {
+      return fail("MA102",
+                  fmt::format("{} is no figure of the machine: masses are read as the file has them", override_.key),
+                  {}, "change the table `dynamics` of the file, or give another one by --dynamics");
+    }
     if (figures.is_parameter(override_.key)) {
       single.push_back(override_);
     } else if (const bool known = figures.is_setting(override_.key);

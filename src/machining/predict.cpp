@@ -112,6 +112,28 @@ double distance_without_chips(const Job& job, const LongVector<gcode::Move>& mov
   return least;
 }
 
+/// The smallest distance of a tip that is beyond an end of move i from the feed moves that go on there without a
+/// corner: the path of a program in short blocks is that of one long one.
+template <class DistanceFrom>
+double distance_going_on(const LongVector<gcode::Move>& moves, std::size_t i, const Vec3& tip,
+                         const DistanceFrom& distance_from) {
+  constexpr double kCorner = 0.966;  // cosine of 15 deg
+  const auto goes_on = [](const gcode::Move& a, const gcode::Move& b) {
+    return b.kind != gcode::MoveKind::rapid && a.start_known && b.start_known && a.length() > 0 && b.length() > 0 &&
+           a.end == b.start && a.direction(a.length()).dot(b.direction(0)) > kCorner;
+  };
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = i; k + 1 < moves.size() && moves[k].nearest(tip) >= moves[k].length(); ++k) {
+    if (!goes_on(moves[k], moves[k + 1])) break;
+    least = std::min(least, distance_from(moves[k + 1]));
+  }
+  for (std::size_t k = i; k > 0 && moves[k].nearest(tip) <= 0; --k) {
+    if (moves[k - 1].kind == gcode::MoveKind::rapid || !goes_on(moves[k - 1], moves[k])) break;
+    least = std::min(least, distance_from(moves[k - 1]));
+  }
+  return least;
+}
+
 Spread negative(const Spread& s) {
   return {-s.max, -s.mean, -s.min, s.count};
 }
@@ -677,6 +699,7 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
     return is_plunge(programmed[i], axis) && sample.s >= commanded[c].length() &&
            (c + 1 == commanded.size() || commanded[c + 1].kind == gcode::MoveKind::rapid);
   };
+  const double grain = resolution(job);
   const auto visit = [&](const Sample& sample) {
     const auto c = static_cast<std::size_t>(sample.move);
     const auto i = static_cast<std::size_t>(source(c));
@@ -711,6 +734,11 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
       if (i + 1 < programmed.size() && programmed[i + 1].kind != gcode::MoveKind::rapid) {
         e.distance = std::min(e.distance, error_against(programmed[i + 1]).distance);
       }
+    }
+    if (e.distance > grain) {
+      e.distance = std::min(e.distance, distance_going_on(programmed, i, bent, [&](const gcode::Move& move) {
+                              return error_against(move).distance;
+                            }));
     }
     m.largest_distance = std::max(m.largest_distance, e.distance);
     out.commanded_distance[c] = std::max(out.commanded_distance[c], e.distance);

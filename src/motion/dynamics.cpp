@@ -16,6 +16,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/machine/whole_table.hpp"
 #include "polypod/motion/tables.hpp"
 #include "polypod/motion/vibration.hpp"
 
@@ -299,13 +300,18 @@ Status read_parts(const config::Table& table, const AnyMachine& machine, Dynamic
   }
   if (!in_series) return {};
   POLYPOD_ASSIGN(given, table.tables("stage"));
-  if (given.size() > stages.size()) {
+  if (!given.empty() && given.size() != stages.size()) {
     return fail("MO122", fmt::format("dynamics has {} stages, the machine {}", given.size(), stages.size()),
-                table.place_of("stage"), "give one a stage, from the base to the tool");
+                table.place_of("stage"),
+                "give one a stage, from the base to the tool, an empty one for those without masses");
   }
   for (std::size_t k = 0; k < given.size(); ++k) {
     Dynamics stage;
-    POLYPOD_TRY(read_parts(given[k], stages[k], stage));
+    if (const Status read = read_parts(given[k], stages[k], stage); !read) {
+      Error error = read.error();
+      error.message = fmt::format("stage {}: {}", k + 1, error.message);
+      return tl::unexpected(std::move(error));
+    }
     POLYPOD_TRY(given[k].finish());
     out.stages.push_back(std::move(stage));
   }
@@ -363,10 +369,31 @@ Result<std::optional<OpenTable>> dynamics_table(const std::string& path) {
 }
 }  // namespace
 
+namespace {
+/// The stages whose own files have masses, from 1.
+Result<std::vector<int>> stages_with_own_masses(const std::string& path) {
+  std::vector<int> out;
+  std::error_code ec;
+  if (!std::filesystem::is_regular_file(path, ec)) return out;
+  POLYPOD_ASSIGN(whole, machine::whole_table(path));
+  POLYPOD_ASSIGN(stages, whole.tables("stage"));
+  for (std::size_t k = 0; k < stages.size(); ++k) {
+    POLYPOD_ASSIGN(own, stages[k].table("machine"));
+    if (own.has("dynamics")) out.push_back(static_cast<int>(k + 1));
+  }
+  return out;
+}
+}  // namespace
+
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine) {
   POLYPOD_ASSIGN(open, dynamics_table(path));
   if (!open) return std::optional<Dynamics>{};
   POLYPOD_ASSIGN(out, dynamics_from(open->table, machine));
+  const bool in_series = !std::visit([](const auto& m) { return stages_with_mass(m); }, machine).empty();
+  if (in_series && open->file.has("family")) {
+    POLYPOD_ASSIGN(own, stages_with_own_masses(path));
+    out.not_read = std::move(own);
+  }
   return std::optional<Dynamics>(std::move(out));
 }
 

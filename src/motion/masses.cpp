@@ -21,6 +21,8 @@ std::vector<PartMass> part_masses(const Dynamics& d) {
   add("rod", d.rod);
   add("slider", d.slider);
   add("arm", d.arm);
+  for (std::size_t k = 0; k < d.stages.size(); ++k)
+    for (const PartMass& of : part_masses(d.stages[k])) add(fmt::format("stage {} {}", k + 1, of.part), of.mass);
   return out;
 }
 

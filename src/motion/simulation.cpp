@@ -116,8 +116,10 @@ Result<Simulation> simulate(const AnyMachine& machine, const Dynamics& dynamics,
   y << q, v, 0;
   std::optional<Eigen::VectorXd> slope = f(0, y);
   if (!slope) {
-    return fail("MO132", "no accelerations at the start: something moves without mass, or the pose is singular", {},
-                "give masses to the platform (or to every link of an arm) or a drive_inertia, or begin elsewhere");
+    return fail(
+        "MO132", "no accelerations at the start: something moves without mass, or the pose is singular", {},
+        "give the platform (or every link of an arm) a mass and an inertia, or the drives a drive_inertia, or begin "
+        "elsewhere");
   }
   Simulation out;
   kinematics::LimitBits broken = 0;

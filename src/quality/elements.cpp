@@ -171,9 +171,14 @@ bool names(const std::string& key, const Element& e) {
   return is(e.key) || is(e.group);
 }
 
-/// The largest length among the machine's own figures, m.
+/// The largest length among the machine's own figures and the ways of its slides, m.
 double size_of(const AnyMachine& machine) {
   double out = 0;
+  for (int i = 0; i < kinematics::joint_count(machine); ++i) {
+    const machine::JointRange range = kinematics::joint_range(machine, i);
+    if (kinematics::joint_kind(machine, i) == machine::JointKind::prismatic && std::isfinite(range.max - range.min))
+      out = std::max(out, range.max - range.min);
+  }
   for (const machine::Parameter& p : all_figures(machine))
     if (p.unit == "mm") out = std::max(out, std::abs(p.value));
   return out;
@@ -186,7 +191,8 @@ Status within_machine(const AnyMachine& machine, const Element& e, double size) 
   if (std::abs(size) <= most) return {};
   return fail("QU105",
               fmt::format("{} = {:g}: at most {:.6g}{}{}", e.key, size, most, e.unit.empty() ? "" : " ", e.unit), {},
-              "a length may be off by the machine's largest length, an angle by half a turn, any other number by 1");
+              "a length may be off by the machine's largest length or way of a slide, an angle by half a turn, any "
+              "other number by 1");
 }
 }  // namespace
 

@@ -81,6 +81,18 @@ TEST(Predict, GrooveTest) {
   EXPECT_NEAR(units::to_mm(c.displacement(Vec3(0, 100, 0)).y()), 0.257, 5e-4);
 }
 
+/// The groove in one line and in blocks of 0.2 mm is the same path: the lag of the tip along it is no distance from it, at
+/// the ends of blocks either. A corner between them keeps its end.
+TEST(Predict, ALineInShortBlocksIsALine) {
+  const std::string head = "G21 G90 G17 G94\nG54\nT1 M6\nS12000 M3\nG0 X-45 Y0 Z10\nG0 Z2\nG1 Z-2 F600\n";
+  std::string blocks = head;
+  for (int k = 1; k <= 450; ++k) blocks += fmt::format("G1 X{:.1f} F1800\n", -45 + 0.2 * k);
+  const auto one = testing::predict(testing::with_program("slavkovic_groove", head + "G1 X45 F1800\nG0 Z10\nM30\n"));
+  const auto many = testing::predict(testing::with_program("slavkovic_groove", blocks + "G0 Z10\nM30\n"));
+  EXPECT_NEAR(many.largest_distance, one.largest_distance, 0.5e-6);
+  EXPECT_GT(one.largest_distance, 10e-6);
+}
+
 TEST(Predict, EquilibriumIsABalance) {
   const auto e = load_example("slavkovic_square");
   machining::PredictOptions options;

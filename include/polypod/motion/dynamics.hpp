@@ -38,6 +38,7 @@ struct Dynamics {
   std::vector<double> friction;  ///< N or Nm, against the motion; empty, one, or one a drive
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
   std::vector<Dynamics> stages;  ///< of machines in series: the bodies of each, from the base; none of the rest
+  std::vector<int> not_read;     ///< stages, from 1, whose own files have masses that are not read
 
   /// The keys of the parts that have a mass or an inertia.
   [[nodiscard]] std::vector<std::string> parts_with_mass() const;

@@ -83,11 +83,12 @@ Outline outline_at(const Stages& m, const Pose& X_MT, const JointVector& q) {
 
 bool hangs_down(const Stages& m) {
   if (!kinematics::hangs_down(m.machines[m.closed])) return false;
-  // z of its own M points down; that of the whole points up where what carries it turns it over.
+  // z of its own M points down; that of the whole does where what carries it leaves it nearly so.
+  constexpr double kNearly = 0.7071;  // 45 deg
   Pose X;
   for (std::size_t k = 0; k < m.closed; ++k)
     X = X * m.data[k].mount * forward(std::get<SerialArm>(m.machines[k]), m.data[k].home);
-  return (X * m.data[m.closed].mount).R(2, 2) > 0;
+  return (X * m.data[m.closed].mount).R(2, 2) > kNearly;
 }
 
 }  // namespace polypod::machine
