@@ -138,8 +138,8 @@ Command compliance_command() {
           if (!o->moment.empty()) fmt::print("rotation under {}: {} mrad\n", under, vector(turned_by(c.C), 4));
         }
         if (masses.dynamics) {
-          fmt::print("\ndisplacement by the weight of the machine, which is there without a load: {} um\n({})\n",
-                     vector(by_weight.head<3>() * units::kUmPerMetre, 1), in_words(*masses.dynamics));
+          fmt::print("\n{}\ndisplacement by the weight of the machine, which is there without a load: {} um\n",
+                     in_words(*masses.dynamics), vector(by_weight.head<3>() * units::kUmPerMetre, 1));
         }
         return kDone;
       }};

@@ -736,7 +736,7 @@ Command study_command() {
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));
-              print_binding(study, rows[*best], true);
+              print_binding(study, rows[*best], design::may_flatter(study));
             } else if (front.empty() && !rows.empty()) {
               print_why_none(study, rows);
             }

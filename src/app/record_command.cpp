@@ -24,8 +24,10 @@ bool has_optional_blocks(const std::string& program) {
   const Result<std::string> text = files::read(program);
   if (!text) return false;
   std::istringstream lines(*text);
-  for (std::string line; std::getline(lines, line);)
-    if (trimmed(line).starts_with('/')) return true;
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t first = line.find_first_not_of(" \t");
+    if (first != std::string::npos && line[first] == '/') return true;
+  }
   return false;
 }
 

@@ -566,8 +566,10 @@ Result<Record> record(const std::string& folder, const std::string& program, con
   POLYPOD_TRY(write(dir / "record.var", options.parameters));
   POLYPOD_TRY(write(dir / "record.tbl", text_of_file(c.folder / c.tool_table)));
   POLYPOD_TRY(write(dir / "program.ngc", text));
-  POLYPOD_TRY(write(dir / "block_delete.txt", options.block_delete ? "on" : "off"));
-  POLYPOD_TRY(write(dir / "driver.py", text_of_driver_py));
+  std::string driver(text_of_driver_py);
+  constexpr std::string_view kOn = "block_delete = True";
+  if (!options.block_delete) driver.replace(driver.find(kOn), kOn.size(), "block_delete = False");
+  POLYPOD_TRY(write(dir / "driver.py", driver));
   POLYPOD_TRY(write(dir / "inside.sh", text_of_inside_sh));
   fs::permissions(dir / "driver.py", fs::perms(0755), error);
   const std::string beside = program == "-" ? "" : fs::absolute(program, error).parent_path().string();

@@ -599,12 +599,19 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
   return judged(study, *m, study.parameters(varied), incumbents, options);
 }
 
+namespace {
+constexpr int kFinest = 512;
+}  // namespace
+
+bool may_flatter(const Study& study) {
+  const std::vector<Figure> figures = study.figures();
+  return !study.of_cell && study.resolution < kFinest &&
+         std::any_of(figures.begin(), figures.end(), [&](Figure f) { return study.surveys(f); });
+}
+
 Result<std::optional<JudgedAgain>> judge_again(const Study& study, const std::vector<double>& varied,
                                                const EvaluateOptions& options) {
-  constexpr int kFinest = 512;
-  const std::vector<Figure> figures = study.figures();
-  const bool surveyed = std::any_of(figures.begin(), figures.end(), [&](Figure f) { return study.surveys(f); });
-  if (study.of_cell || !surveyed || study.resolution >= kFinest) return std::optional<JudgedAgain>{};
+  if (!may_flatter(study)) return std::optional<JudgedAgain>{};
   Study finer = study;
   finer.resolution = std::min(kFinest, 2 * study.resolution);
   JudgedAgain out;

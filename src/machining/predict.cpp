@@ -41,7 +41,18 @@ double distance_that_counts(const gcode::Move& programmed, const Vec3& off, cons
   return (off - d * std::min(0.0, d.dot(off))).norm();
 }
 
-/// How near the deflected tip comes to the ends of the programmed moves at which it cuts: their spheres.
+/// Whether b goes on from a at the same feed without a corner.
+bool goes_on(const gcode::Move& a, const gcode::Move& b) {
+  constexpr double kCorner = 0.966;  // cosine of 15 deg
+  const auto cuts = [](const gcode::Move& m) {
+    return m.kind != gcode::MoveKind::rapid && m.start_known && m.length() > 0;
+  };
+  return cuts(a) && cuts(b) && a.feed == b.feed && a.end == b.start &&
+         a.direction(a.length()).dot(b.direction(0)) > kCorner;
+}
+
+/// How near the deflected tip comes to the ends of the programmed moves at which it cuts and beyond which the path does
+/// not go on: their spheres.
 class Ends {
  public:
   Ends(const LongVector<gcode::Move>& moves, const Vec3& axis)
@@ -63,6 +74,8 @@ class Ends {
   void each_miss(F&& report) const {
     for (const LongVector<Miss>* ends : {&start_, &end_}) {
       for (std::size_t i = 0; i < ends->size(); ++i) {
+        const std::size_t other = ends == &start_ ? i - 1 : i + 1;
+        if (other < moves_.size() && goes_on(moves_[std::min(i, other)], moves_[std::max(i, other)])) continue;
         const Miss& miss = (*ends)[i];
         if (miss.commanded >= 0) report(i, static_cast<std::size_t>(miss.commanded), miss.distance);
       }
@@ -112,23 +125,18 @@ double distance_without_chips(const Job& job, const LongVector<gcode::Move>& mov
   return least;
 }
 
-/// The smallest distance of a tip that is beyond an end of move i from the feed moves that go on there without a
-/// corner: the path of a program in short blocks is that of one long one.
+/// The smallest distance of a tip that is beyond an end of move i from the moves that go on there at the same feed
+/// without a corner: the path of a program in short blocks is that of one long one.
 template <class DistanceFrom>
 double distance_going_on(const LongVector<gcode::Move>& moves, std::size_t i, const Vec3& tip,
                          const DistanceFrom& distance_from) {
-  constexpr double kCorner = 0.966;  // cosine of 15 deg
-  const auto goes_on = [](const gcode::Move& a, const gcode::Move& b) {
-    return b.kind != gcode::MoveKind::rapid && a.start_known && b.start_known && a.length() > 0 && b.length() > 0 &&
-           a.end == b.start && a.direction(a.length()).dot(b.direction(0)) > kCorner;
-  };
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = i; k + 1 < moves.size() && moves[k].nearest(tip) >= moves[k].length(); ++k) {
     if (!goes_on(moves[k], moves[k + 1])) break;
     least = std::min(least, distance_from(moves[k + 1]));
   }
   for (std::size_t k = i; k > 0 && moves[k].nearest(tip) <= 0; --k) {
-    if (moves[k - 1].kind == gcode::MoveKind::rapid || !goes_on(moves[k - 1], moves[k])) break;
+    if (!goes_on(moves[k - 1], moves[k])) break;
     least = std::min(least, distance_from(moves[k - 1]));
   }
   return least;

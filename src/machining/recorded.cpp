@@ -56,14 +56,17 @@ class Along {
       const bool back = way.norm() > 0 && there <= here + kAtEnd && now.start_known &&
                         now.direction(place(p)).dot(way) < 0 &&
                         moves_[next].direction(moves_[next].nearest(p)).dot(way) > 0.5 * way.norm();
-      if (!nearer && !back && !(left < kAtEnd && there < kAtEnd)) break;
+      const bool round =
+          left < -kAtEnd && there <= here + kAtEnd;  // a full circle is done, and what comes begins there
+      if (!nearer && !back && !round && !(left < kAtEnd && there < kAtEnd)) break;
       at_ = next;
       s_ = 0;
-      if (left < kAtEnd && !nearer && !back) break;  // at a corner: one move on, not through all that end there
+      if (left < kAtEnd && !nearer && !back && !round)
+        break;  // at a corner: one move on, not through all that end there
     }
     last_ = p;
     started_ = true;
-    if (moves_[at_].start_known) s_ = place(p);
+    if (moves_[at_].start_known) s_ = std::clamp(place(p), 0.0, moves_[at_].length());
     return at_;
   }
   static double distance(const gcode::Move& move, const Vec3& p) {
@@ -86,7 +89,7 @@ class Along {
 
  private:
   /// Where p is on the move, m from its start. A full circle comes back to where it began: of its places near p the one
-  /// next to that before.
+  /// next to that before; beyond its end it goes on.
   [[nodiscard]] double place(const Vec3& p) const {
     const gcode::Move& move = moves_[at_];
     double best = move.nearest(p);
@@ -96,7 +99,7 @@ class Along {
     const double near = (move.point(best) - p).norm() + kRoundEnd, from = best;
     for (double s = from - turn * std::ceil(from / turn); s < length + turn; s += turn) {
       const double at = std::clamp(s, 0.0, length);
-      if (std::abs(at - s_) < std::abs(best - s_) && (move.point(at) - p).norm() < near) best = at;
+      if (std::abs(s - s_) < std::abs(best - s_) && (move.point(at) - p).norm() < near) best = s;
     }
     return best;
   }

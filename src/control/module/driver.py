@@ -12,6 +12,7 @@ import linuxcnc
 command, status, messages = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
 folder = os.path.dirname(os.path.abspath(sys.argv[0]))
 recorder = None
+block_delete = True  # polypod record writes what the job says
 moving = 0  # the line of the last move that was seen under way: what stops it clears that of LinuxCNC
 
 
@@ -81,8 +82,7 @@ command.home(-1)
 until("homing", lambda: all(status.homed[: status.joints]), 60)
 command.mode(linuxcnc.MODE_AUTO)
 command.wait_complete()
-with open(os.path.join(folder, "block_delete.txt")) as switch:
-    command.set_block_delete(switch.read() == "on")
+command.set_block_delete(block_delete)
 command.wait_complete()
 command.program_open(os.path.join(folder, "program.ngc"))
 command.wait_complete()
