@@ -88,19 +88,16 @@ class Along {
   }
 
  private:
-  /// Where p is on the move, m from its start. A full circle comes back to where it began: of its places near p the one
-  /// next to that before; beyond its end it goes on.
+  /// Where p is on the move, m from its start. A full circle comes back to where it began: its place is the one
+  /// next to that before; before its start and beyond its end it goes on.
   [[nodiscard]] double place(const Vec3& p) const {
     const gcode::Move& move = moves_[at_];
     double best = move.nearest(p);
     constexpr double kNearlyRound = 0.9;  // turns
-    if (move.kind != gcode::MoveKind::arc || move.sweep < kNearlyRound * 2 * std::numbers::pi) return best;
-    const double length = move.length(), turn = length * 2 * std::numbers::pi / move.sweep;
-    const double near = (move.point(best) - p).norm() + kRoundEnd, from = best;
-    for (double s = from - turn * std::ceil(from / turn); s < length + turn; s += turn) {
-      const double at = std::clamp(s, 0.0, length);
-      if (std::abs(s - s_) < std::abs(best - s_) && (move.point(at) - p).norm() < near) best = s;
-    }
+    if (!started_ || move.kind != gcode::MoveKind::arc || move.sweep < kNearlyRound * 2 * std::numbers::pi) return best;
+    const double length = move.length(), turn = length * 2 * std::numbers::pi / move.sweep, from = best;
+    for (double s = from - turn * std::ceil(from / turn); s < length + turn; s += turn)
+      if (std::abs(s - s_) < std::abs(best - s_)) best = s;
     return best;
   }
   [[nodiscard]] double remaining(const Vec3& p) const {
