@@ -81,8 +81,8 @@ TEST(Predict, GrooveTest) {
   EXPECT_NEAR(units::to_mm(c.displacement(Vec3(0, 100, 0)).y()), 0.257, 5e-4);
 }
 
-/// The groove in one line and in blocks of 0.2 mm is the same path: the lag of the tip along it is no distance from it, at
-/// the ends of blocks either. A corner between them keeps its end.
+/// The groove in one line and in blocks of 0.2 mm is the same path: the lag of the tip along it is no distance from it,
+/// at the ends of blocks either. A corner between them keeps its end.
 TEST(Predict, ALineInShortBlocksIsALine) {
   const std::string head = "G21 G90 G17 G94\nG54\nT1 M6\nS12000 M3\nG0 X-45 Y0 Z10\nG0 Z2\nG1 Z-2 F600\n";
   std::string blocks = head;

@@ -69,7 +69,8 @@ struct EvaluateOptions {
 Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varied, const Incumbents& incumbents,
                             const EvaluateOptions& options);
 
-/// Whether figures or holds of the study are those of a survey's points, which a search may have found to be flattering.
+/// Whether figures or holds of the study are those of a survey's points, which a search may have found to be
+/// flattering.
 bool may_flatter(const Study& study);
 
 /// A candidate judged again over a survey with twice as many points a side (512 at most): a search finds machines that

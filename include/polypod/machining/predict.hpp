@@ -242,7 +242,7 @@ std::vector<std::string> pass_notes(const Job& job, const gcode::Program& progra
 /// What is said of machines with a joint that the tool's pose leaves free (kinematics::leaves_a_joint_free).
 inline constexpr const char* kOneChoice =
     "the pose leaves a joint free: one choice, the nearest to the joints before, was predicted; with other joints the "
-    "machine bends otherwise";
+    "machine deflects otherwise";
 
 /// Implausible cutting conditions of moves that cut (cutting::plausibility), each once, with its line.
 std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode::Move>& programmed,
