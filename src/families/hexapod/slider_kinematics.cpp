@@ -3,10 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
 #include <cmath>
 
 #include "forward.hpp"
+#include "leg_inverse.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -208,7 +208,7 @@ Pose forward(const SliderHexapod& m, const JointVector& q) {
 JacobianMatrix jacobian(const SliderHexapod& m, const Pose& X, const JointVector& q) {
   const SixLegs legs = six_legs(m, q);
   const Mat6 K = leg_rows(X, legs.anchor, legs.end);
-  JacobianMatrix J = K.completeOrthogonalDecomposition().pseudoInverse();
+  JacobianMatrix J = inverse_of_legs(K);
   for (int i = 0; i < kLegs; ++i) J.col(i) *= K.row(i).head<3>().dot(m.rail_direction[i]);
   return J;
 }

@@ -3,9 +3,8 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
-
 #include "forward.hpp"
+#include "leg_inverse.hpp"
 
 namespace polypod::machine {
 
@@ -63,8 +62,7 @@ Pose forward(const StrutHexapod& m, const JointVector& q) {
 
 JacobianMatrix jacobian(const StrutHexapod& m, const Pose& X, const JointVector& q) {
   const SixLegs legs = six_legs(m, q);
-  const Mat6 K = leg_rows(X, legs.anchor, legs.end);
-  return K.completeOrthogonalDecomposition().pseudoInverse();
+  return inverse_of_legs(leg_rows(X, legs.anchor, legs.end));
 }
 
 }  // namespace polypod::machine
