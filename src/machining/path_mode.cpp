@@ -320,7 +320,7 @@ PathModeChoice choose_mode(const Moves& moves, const Slack& slack, const Planner
   const double own = least_blend_tolerance(moves);
   if (std::isfinite(std::min(least, own))) {
     constexpr double kStep = 1e-7;  // m, the last decimal that is written
-    const double p = std::floor(std::min(least, own) / kStep + 1e-6) * kStep;
+    const double p = std::min(std::floor(least / kStep + 1e-6) * kStep, own);
     choice.control = {gcode::PathMode::continuous, static_cast<float>(p), 0};
     if (p < kLeastBlendTolerance) choice.control = kExactStop;
   }
