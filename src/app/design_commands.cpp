@@ -195,15 +195,19 @@ struct FrontAgain {
 /// None where no survey could flatter a hold.
 Result<std::optional<FrontAgain>> judge_front_again(const Study& study, const std::vector<Row>& rows,
                                                     const std::vector<std::size_t>& front,
-                                                    const design::EvaluateOptions& options) {
+                                                    const design::EvaluateOptions& options,
+                                                    const std::function<bool(double)>& progress) {
   if (study.holds.empty()) return std::optional<FrontAgain>{};
   FrontAgain out;
-  for (const std::size_t i : front) {
+  for (std::size_t k = 0; k < front.size(); ++k) {
+    const std::size_t i = front[k];
+    progress(double(k) / double(front.size()));
     POLYPOD_ASSIGN(again, design::judge_again(study, rows[i].varied, options));
     if (!again) return std::optional<FrontAgain>{};
     out.resolution = again->resolution;
     if (again->evaluation.state != State::done) out.broken.emplace_back(i, again->evaluation.reason);
   }
+  progress(1);
   return std::optional<FrontAgain>(std::move(out));
 }
 Json front_again_json(const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
@@ -371,7 +375,8 @@ Command optimize_command() {
         finer.threads = o->threads;
         finer.cancelled = options.cancelled;
         if (!found.best && any) {
-          POLYPOD_ASSIGN(judged, judge_front_again(study, found.rows, found.front, finer));
+          POLYPOD_ASSIGN(judged, judge_front_again(study, found.rows, found.front, finer,
+                                                   progress_line(context, "judging the front again")));
           front_again = std::move(judged);
         }
         if (found.best) {

@@ -152,6 +152,25 @@ TEST(Record, Delta) {
   expect_run("delta-brno", kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n", 3, kAgreesWell);
 }
 
+/// The switch for block delete stands as it is told.
+TEST(Record, BlocksThatBeginWithASlash) {
+  POLYPOD_NEEDS_RUNS;
+  const test::Folder folder;
+  exported("delta-brno", folder.path());
+  const fs::path file = folder.path() / "program.ngc";
+  write(file, kLines + "G1 X5\n/G1 X10\nG1 Y5\nG90\nM2\n");
+  for (const bool on : {true, false}) {
+    RecordOptions options;
+    options.block_delete = on;
+    const auto found = record(folder.path().string(), file.string(), options);
+    ASSERT_TRUE(found) << to_string(found.error());
+    const std::vector<Row> rows = rows_of(found->csv);
+    ASSERT_GT(rows.size(), 100U);
+    EXPECT_NEAR(rows.back().pose[0] - rows.front().pose[0], on ? 5 : 15, 1e-3);
+    EXPECT_EQ(found->lines, on ? 2U : 3U);
+  }
+}
+
 // In LinuxCNC itself: a force of 200 N deflects the tip, the program moves, and the sensor fails for 0.8 s. The shift
 // stays for 0.1 s, fades at the rate of 400 N/s, the tool waits, and then all goes on. The force is that of a
 // multiplexer whose second input is no number; the program starts it.
