@@ -84,15 +84,6 @@ std::vector<PoseSeries> motions(const Pose& home, double size, bool turns) {
   return out;
 }
 
-Pose value_of(const PoseSeries& X) {
-  Pose out;
-  for (int i = 0; i < 3; ++i) {
-    out.p[i] = X.p[i].value();
-    for (int k = 0; k < 3; ++k) out.R(i, k) = X.R(i, k).value();
-  }
-  return out;
-}
-
 /// Polypod's motion of the whole machine for one of the platform.
 JointSeries follow(const AnyMachine& m, const PoseSeries& target) {
   const Pose X = value_of(target);

@@ -60,7 +60,7 @@ std::string no_dynamics(const AnyMachine& machine);
 ///   tau_j = sum_k m_k dP_k/dq_j . (P_k'' - g) + I_j q_j'' + friction,
 /// over mass points P_k(X, q) that have mass, center and inertia of every body. dP_k/dq_j follows the closure (the
 /// twist of the tool is J_j), and P_k'' is that of the power series of the motion. `motion`: against time. Exact to
-/// rounding. Cost: 3 to 4 us with the masses of every leg or link (bench/motion_bench, forces/*).
+/// rounding. Cost: 3 to 5 us with the masses of every leg or link (bench/motion_bench, forces/*).
 JointVector drive_forces(const AnyMachine& machine, const Dynamics& dynamics, const JointSeries& motion);
 
 /// M(q) of T = 1/2 q'^T M q', at a pose that the machine has.

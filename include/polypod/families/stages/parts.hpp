@@ -17,7 +17,7 @@ Reach reach(const Stages& m);
 /// The tool tip at home.
 Vec3 middle_of_work(const Stages& m);
 
-/// As the stage with closed loops does in its own frame, where nothing that carries it turns it over.
+/// As the stage with closed loops does in its own frame, where what carries it at home leaves that within 45 deg.
 bool hangs_down(const Stages& m);
 
 /// Every stage at home, where the stages before it put it.
