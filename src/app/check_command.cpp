@@ -10,6 +10,7 @@
 #include "busy_line.hpp"
 #include "check_bodies.hpp"
 #include "commands.hpp"
+#include "job_input.hpp"
 #include "machining_output.hpp"
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
@@ -182,17 +183,15 @@ Status look_at_postures(Judged& judged, const gcode::Understood* other, const ma
                         machining::CheckOptions options) {
   machining::CheckResult& result = judged.result;
   const gcode::Interpretation& run = judged.understood.interpretation;
+  if (result.ok) return {};
   const std::vector<std::string> names = machining::starting_branches(job.machine, job.X_MW, run);
-  if (!options.branch.empty()) {
-    if (std::find(names.begin(), names.end(), options.branch) != names.end()) return {};
-    return fail(
-        "AP123", fmt::format("--branch {}: there is no such posture within the limits at the start", options.branch),
-        {}, names.empty() ? "`polypod ik` lists those of a pose" : fmt::format("there are {}", fmt::join(names, ", ")));
-  }
-  if (result.ok || names.size() < 2) return {};
+  if (names.size() < 2) return {};
+  const std::string judged_in =
+      job.posture.empty() ? fmt::format("{}, the first within the limits at the start", names[0]) : job.posture;
   options.stop_at_first = true;
-  for (std::size_t k = 1; k < names.size(); ++k) {
-    options.branch = names[k];
+  for (const std::string& name : names) {
+    if (name == (job.posture.empty() ? names[0] : job.posture)) continue;
+    options.branch = name;
     bool fits = true;
     for (const gcode::Understood* one : {&std::as_const(judged.understood), other}) {
       if (one == nullptr || !fits) continue;
@@ -201,9 +200,7 @@ Status look_at_postures(Judged& judged, const gcode::Understood* other, const ma
     }
     if (!fits) continue;
     result.notes.push_back(
-        fmt::format("judged in the posture {}, the first within the limits at the start; in the posture {} it fits: "
-                    "--branch \"{}\"",
-                    names[0], names[k], names[k]));
+        fmt::format("judged in the posture {}; in the posture {} it fits: --branch \"{}\"", judged_in, name, name));
     return {};
   }
   result.notes.push_back(fmt::format("in none of the {} postures at the start does it fit", names.size()));
@@ -233,9 +230,7 @@ Command check_command() {
         a.option("--origin", o->origin, "Without a job: x,y,z of the workpiece origin in M, mm");
         a.option("--bodies", o->bodies,
                  "A file of bodies (links, holder, fixtures, table): whether they touch on the way");
-        a.option("--branch", o->branch,
-                 "The posture to begin with, as `polypod ik` names it (default: the first within the limits, which "
-                 "`predict` and `correct` take)");
+        a.option("--branch", o->branch, kBranchHelp);
         a.option("--rapid", o->rapid, "Speed that G0 is counted with, mm/min");
         a.option("--report", o->report, "An HTML page: the machine on its way, its joints beside their limits");
         a.flag("--nearest", o->nearest,
@@ -254,7 +249,7 @@ Command check_command() {
         machining::CheckOptions options;
         options.rapid_speed = units::from_mm_per_min(o->rapid);
         options.limits = machining::motion_limits(job);
-        options.branch = o->branch;
+        options.branch = o->branch.empty() ? job.posture : o->branch;
         BusyLine reading(context, "reading the program");
         std::function<bool(double)> line;
         options.progress = [&](double share) {
@@ -281,6 +276,7 @@ Command check_command() {
           other = std::move(understood);
         }
         options.progress(1);
+        POLYPOD_TRY(begin_in(o->branch, interpretation, job));
         POLYPOD_TRY(look_at_postures(judged, other ? &*other : nullptr, job, options));
         result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
         if (kinematics::leaves_a_joint_free(m)) {
@@ -298,6 +294,7 @@ Command check_command() {
           machining::NearestOptions search;
           if (other) search.other = &*other;
           search.limits = options.limits;
+          search.posture = job.posture;
           search.progress = progress_line(context, "looking for a place");
           POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
           search.progress(1);

@@ -75,7 +75,7 @@ void print_answer(const machining::Job& job, const std::vector<machining::Method
 
 Command compare_command() {
   struct Options {
-    std::string program, job;
+    std::string program, job, branch;
     std::vector<std::string> measured;
     int points = 10, rounds = 6;
     double step_mm = 0;
@@ -87,6 +87,7 @@ Command compare_command() {
           [o](Arguments& a) {
             a.positional("PROGRAM", o->program, "The G-code program");
             a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+            a.option("--branch", o->branch, kBranchHelp);
             a.options("--measured", o->measured, kMeasuredHelp);
             a.option("--points", o->points, kPoints, "Points a move of `mirror` (default: 10)");
             a.option("--point-step", o->step_mm, kStep_mm,
@@ -99,6 +100,7 @@ Command compare_command() {
             inputs.insert(inputs.end(), {o->program, o->job});
             POLYPOD_TRY(check_files(inputs, {}, context.json));
             POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
+            POLYPOD_TRY(begin_in(o->branch, in.interpretation, in.job));
             POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
             machining::CompareOptions options;
             options.mirror_points = o->points;

@@ -1,8 +1,14 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "job_input.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
 #include "busy_line.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/check.hpp"
 #include "polypod/machining/unrolling.hpp"
 
 namespace polypod::app {
@@ -28,6 +34,21 @@ Result<Input> read_input(const Context& context, const std::string& program_path
   }
   POLYPOD_ASSIGN(understood, gcode::understand(std::move(source), options));
   return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation), std::move(other)};
+}
+
+Status begin_in(const std::string& branch, const gcode::Interpretation& interpretation, machining::Job& job) {
+  if (!branch.empty()) job.posture = branch;
+  if (job.posture.empty()) return {};
+  const std::vector<std::string> names = machining::starting_branches(job.machine, job.X_MW, interpretation);
+  // Where there is none at all the program is out of reach, which is said with its line.
+  if (names.empty() && branch.empty()) return {};
+  if (std::find(names.begin(), names.end(), job.posture) != names.end()) return {};
+  return fail(
+      "AP123",
+      fmt::format("{} {}: there is no such posture within the limits at the start",
+                  branch.empty() ? "the posture of the job," : "--branch", job.posture),
+      {branch.empty() ? job.path : ""},
+      names.empty() ? "`polypod ik` lists those of a pose" : fmt::format("there are {}", fmt::join(names, ", ")));
 }
 
 Status read_other_position(Input& in) {

@@ -26,6 +26,14 @@ inline constexpr const char* kMeasuredHelp =
     "Measured displacements (the files of identify compliance): the compliance is interpolated from these alone, "
     "without the joints' (repeatable; default: the job's)";
 
+inline constexpr const char* kBranchHelp =
+    "The posture to begin with, as `polypod ik` names it (default: `branch` of the job, else that of its start_joints, "
+    "else the first within the limits)";
+
+/// The posture of `--branch`, if it is given, in the place of the job's. Error: AP123, the first pose of the program
+/// has no solution within the limits in the posture that the option or the job asks for, and has others.
+Status begin_in(const std::string& branch, const gcode::Interpretation& interpretation, machining::Job& job);
+
 /// `measured`: files in the place of the job's measured compliance, if there are any.
 Result<Input> read_input(const Context& context, const std::string& program_path, const std::string& job_path,
                          const std::vector<std::string>& measured = {}, bool source_lines = false);

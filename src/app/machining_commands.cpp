@@ -121,7 +121,7 @@ std::string box_in_words(const machining::Job& job) {
 
 Command predict_command() {
   struct Options {
-    std::string program, job, report, stock_left;
+    std::string program, job, report, stock_left, branch;
     std::vector<std::string> measured, covariances;
     double step_mm = 0;
     bool at_rest = false, again = false;
@@ -134,6 +134,7 @@ Command predict_command() {
       [o](Arguments& a) {
         a.positional("PROGRAM", o->program, "The G-code program");
         a.option("--job", o->job, "The job file: machine, origin, cutter, material, stock, tolerance", true);
+        a.option("--branch", o->branch, kBranchHelp);
         a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--covariance", o->covariances, kCovarianceHelp);
         a.option("--step", o->step_mm, "Longest distance between evaluated points, mm (default: the job's)");
@@ -153,6 +154,7 @@ Command predict_command() {
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->stock_left, o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
+        POLYPOD_TRY(begin_in(o->branch, in.interpretation, in.job));
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
         const bool corrected = machining::corrected_line(in.program) > 0;
@@ -186,6 +188,10 @@ Command predict_command() {
               "the program was corrected: distances are from its own commands, which lie beside the path of the "
               "part on purpose; what `polypod correct` said of that path stands in its report");
         }
+        const std::string posture =
+            p.moves.empty() ? ""
+                            : machining::posture_at_start(
+                                  in.job, in.interpretation.moves[static_cast<std::size_t>(p.moves.front().move)]);
         const bool spread = !in.job.material.spread.empty();
         const bool trust = trusted(in.job), within = o->vibration.within(in.job, p) && trust;
         Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
@@ -253,6 +259,7 @@ Command predict_command() {
                         {"removed_mm3", units::to_mm3(p.pass.removed)},
                         {"moves", Json::array()},
                         {"notes", p.notes}};
+          if (!posture.empty()) document["branch"] = posture;
           if (spread) {
             document["band_95_um"] = {{"deflection_max", to_um(band.deflection_max)},
                                       {"deflection_mean", to_um(band.deflection_mean)},
@@ -281,6 +288,7 @@ Command predict_command() {
           fmt::print("tool           {} in every cut\n", machining::orientation_in_words(in.job.tool_frame.axes));
         if (in.job.tool_frame.turns)
           fmt::print("tool           a ball that turns in cuts, or cuts in several orientations\n");
+        if (!posture.empty()) fmt::print("posture        {} in the first cut\n", posture);
         fmt::print("{} points cut in {} moves, {:.0f} mm3 removed\n", p.deflection.count, p.moves.size(),
                    units::to_mm3(p.pass.removed));
         fmt::print("deflection     up to {:.1f} um, mean {:.1f} um\n", to_um(p.deflection.max),
@@ -338,7 +346,7 @@ Command predict_command() {
 
 Command correct_command() {
   struct Options {
-    std::string program, job, output, report, stock_left, method = "tube";
+    std::string program, job, output, report, stock_left, branch, method = "tube";
     std::vector<std::string> measured, covariances;
     int points = 10;
     std::string tolerance, dynamics;
@@ -357,6 +365,7 @@ Command correct_command() {
         a.option("-o,--output", o->output, "The corrected program", true);
         a.option("--report", o->report, "An HTML report of what will happen and why");
         a.option("--stock-left", o->stock_left, kStockLeftHelp);
+        a.option("--branch", o->branch, kBranchHelp);
         a.options("--measured", o->measured, kMeasuredHelp);
         a.option("--covariance", o->covariances, kCovarianceHelp);
         a.option("--tolerance", o->tolerance, "Radius of the tolerance tube, um (default: the job's)");
@@ -413,6 +422,7 @@ Command correct_command() {
         inputs.insert(inputs.end(), o->covariances.begin(), o->covariances.end());
         POLYPOD_TRY(check_files(inputs, {o->output, o->report, o->stock_left}, context.json));
         POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured, true));
+        POLYPOD_TRY(begin_in(o->branch, in.interpretation, in.job));
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(no_stock_of_a_tilted_tool(in.job, o->stock_left));
         POLYPOD_ASSIGN(known, read_covariances(in.job, o->covariances));

@@ -185,7 +185,7 @@ void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
 
 Command place_command() {
   struct Options {
-    std::string program, job, report, dynamics;
+    std::string program, job, branch, report, dynamics;
     WeightQuestion weight;
     std::vector<std::string> measured;
     std::array<std::string, 3> box;
@@ -201,6 +201,7 @@ Command place_command() {
         a.positional("PROGRAM", o->program, "The G-code program");
         a.option("--job", o->job, "The job file; its workpiece is the start", true);
         a.options("--measured", o->measured, kMeasuredHelp);
+        a.option("--branch", o->branch, kBranchHelp);
         a.option(
             "--x", o->box[0],
             "lo,hi or one value of x of the workpiece origin in M, mm (default: as far as the program fits from the "
@@ -243,6 +244,7 @@ Command place_command() {
         if (!o->dynamics.empty()) inputs.push_back(o->dynamics);
         POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
+        if (!o->branch.empty()) in.job.posture = o->branch;  // at the start it may be out of reach
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
         options.resolution = o->resolution;

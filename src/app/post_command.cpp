@@ -16,9 +16,11 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/compliance_mark.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/unrolling.hpp"
 #include "polypod/post/write.hpp"
+#include "polypod/statics/compliance.hpp"
 
 namespace polypod::app {
 namespace {
@@ -126,9 +128,37 @@ Status corrected_here(const std::optional<Header>& header, const post::Path& pat
   return {};
 }
 
+/// Whether the machine is as compliant, where the first cut begins, as that for which the header speaks. Gives a note
+/// where that cannot be known. Error: PO125.
+Result<std::string> compliant_as_corrected(const std::optional<Header>& header, const post::Path& path,
+                                           machining::Job job) {
+  const auto mark = header ? machining::ComplianceMark::from(header->compliance) : std::nullopt;
+  if (!mark || header->machine != machine::name_of(job.machine) ||
+      header->origin != machining::place_in_words(job.X_MW))
+    return std::string();  // looked at for another place, or before headers said it
+  const std::string was = header->corrected ? "corrected" : "found within its tube";
+  if (!statics::has_compliance(job.machine)) {
+    return fmt::format(
+        "the machine file has no compliances, so whether the program was {} for this machine is not judged", was);
+  }
+  job.posture = header->posture;
+  const std::optional<Vec3> here = machining::deflections_at(job, *mark);
+  if (!here || mark->same(*here)) return std::string();  // out of reach there: the plan says so
+  const auto um = [](const Vec3& d) {
+    return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
+  };
+  return fail(
+      "PO125",
+      fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
+                  "cut begins; this one they deflect by {}",
+                  was, um(mark->deflection), um(*here)),
+      Place{path.file, header->line, 1},
+      "give the job and the machine file of the correction, or correct the program of the CAM system with these");
+}
+
 constexpr const char* kCorrectForPosture =
-    "`correct` takes the first posture within the joints' limits: correct the program of the CAM system with limits "
-    "that leave the other posture alone, or at another place, and post the result";
+    "correct the program of the CAM system for the other posture (correct --branch), or at another place, and post the "
+    "result";
 constexpr const char* kCorrectForC = "correct the program of the CAM system with this C in it, and post the result";
 
 Error not_as_corrected(const Header& header, const post::Path& path, std::string message, std::string hint) {
@@ -532,6 +562,7 @@ Command post_command() {
         }
         const std::optional<Header> header = header_of(path);
         POLYPOD_TRY(corrected_here(header, path, given));
+        POLYPOD_ASSIGN(not_known, compliant_as_corrected(header, path, given));
         POLYPOD_ASSIGN(held, take_hold(header, path, given, configuration, *o, context, plan_with));
         POLYPOD_ASSIGN(plan, held ? plan_held(*header, path, configuration, plan_with, o->allow_problems)
                                   : post::plan(configuration, path, plan_with));
@@ -560,6 +591,7 @@ Command post_command() {
         if (held && plan_with.keep_branch && !plan.ok()) {
           notes.push_back(fmt::format("the program is judged in the posture {}, that of its header", plan_with.branch));
         }
+        if (!not_known.empty()) notes.push_back(not_known);
         const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc);
         notes.insert(notes.end(), own.begin(), own.end());
         const Answer answer{configuration, path, plan, written, writes, std::move(notes)};

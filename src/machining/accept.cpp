@@ -237,6 +237,7 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
                     const std::function<bool(double)>& progress, FollowedAnyway* anyway) {
   CheckOptions options;
   options.progress = progress;
+  options.branch = job.posture;
   options.limits = motion_limits(job);  // with them a joint that hurries is none that jumps
   POLYPOD_ASSIGN(checked, check(job.machine, job.X_MW, program, interpretation, options));
   std::optional<CheckProblem> first;

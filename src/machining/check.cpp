@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/posture.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -143,30 +144,15 @@ class Demands {
 
 }  // namespace
 
-namespace {
-const kinematics::Solution* in_branch(const machine::AnyMachine& machine, const kinematics::InverseResult& inverse,
-                                      const std::string& name) {
-  for (const kinematics::Solution& s : inverse.solutions)
-    if (s.violations == 0 && kinematics::branch_name(machine, s.branch) == name) return &s;
-  return nullptr;
-}
-}  // namespace
-
 std::vector<std::string> starting_branches(const machine::AnyMachine& machine, const Pose& X_MW,
                                            const gcode::Interpretation& interpretation) {
-  std::vector<std::string> out;
   for (const gcode::Move& move : interpretation.moves) {
     if (!unknown_axes(move.known_end).empty()) continue;
     const Pose X{tool_orientation(machine, X_MW, move.start_known ? move.axes_start : move.axes_end),
                  X_MW * (move.start_known ? move.start : move.end)};
-    for (const kinematics::Solution& s : kinematics::inverse(machine, X).solutions) {
-      if (s.violations != 0 || s.branch >= kinematics::kNumericBranch) continue;
-      const std::string name = kinematics::branch_name(machine, s.branch);
-      if (std::find(out.begin(), out.end(), name) == out.end()) out.push_back(name);
-    }
-    break;
+    return kinematics::postures_of(machine, kinematics::inverse(machine, X));
   }
-  return out;
+  return {};
 }
 
 MotionLimits motion_limits(const Job& job) {
@@ -243,10 +229,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
       const kinematics::Solution* best = inverse.reachable();
       if (last.size() == 0 && !options.branch.empty()) {
-        best = in_branch(machine, inverse, options.branch);
-        if (best == nullptr) {
+        best = kinematics::reachable_in(machine, inverse, options.branch);
+        if (best == nullptr && inverse.reachable() != nullptr) {
           problem(branch, "branch",
-                  fmt::format("{}: the posture {} is not within the limits here", where(), options.branch));
+                  fmt::format("{}: {}", where(), kinematics::reason_of(machine, inverse, options.branch)));
           continue;
         }
       }

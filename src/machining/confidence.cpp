@@ -223,10 +223,9 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
       point.tube = tube_beside(corner);
       if (columns > 0) {
         const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
-        const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
-        const kinematics::Solution* solution = inverse.reachable();
-        if (solution == nullptr) return;
-        const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, solution->joints);
+        const std::optional<machine::JointVector> q = joints_at(job, X_MT);
+        if (!q) return;
+        const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
         const Vec3 F = job.X_MW.R * sample.force, n = job.X_MW.R * (side * sample.away);
         const Vec3 along_tool = plunges ? Vec3::Zero() : Vec3(job.X_MW.R * up);
         point.lever.resize(static_cast<Eigen::Index>(columns));

@@ -10,6 +10,7 @@
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/surplus.hpp"
+#include "polypod/machining/compliance_mark.hpp"
 #include "polypod/machining/tilted.hpp"
 
 namespace polypod::machining {
@@ -162,6 +163,10 @@ std::vector<std::string> Corrector::header_lines() const {
                        ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                        : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
   if (const std::string hold = hold_in_words(); !hold.empty()) header.push_back("Polypod: " + hold);
+  if (!out_.before.moves.empty()) {
+    const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
+    if (const auto mark = compliance_mark(job_, first)) header.push_back("Polypod: " + mark->in_words());
+  }
   if (fixed_other_ != nullptr) {
     header.push_back(fmt::format("Polypod: written with block delete {}; the switch does not act on this program",
                                  fixed_other_->block_delete ? "off" : "on"));
@@ -182,14 +187,7 @@ std::string Corrector::hold_in_words() const {
   std::string out;
   if (!out_.before.moves.empty()) {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
-    const kinematics::InverseResult inverse =
-        kinematics::inverse(job_.machine, {cutting_orientation(job_, first.axes_start), job_.X_MW * first.start});
-    const kinematics::Solution* s = inverse.reachable();
-    // Branches of numeric inverses are numbers of the search, and names of nothing.
-    if (s != nullptr && s->branch < kinematics::kNumericBranch) {
-      const std::string name = kinematics::branch_name(job_.machine, s->branch);
-      if (name != "only") out = "posture " + name;
-    }
+    if (const std::string name = posture_at_start(job_, first); !name.empty()) out = "posture " + name;
   }
   if (kinematics::task(job_.machine).holds(machine::Coordinate::c) && !job_.tool_frame.turns) {
     constexpr int kDecimals = 4;

@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/posture.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "polypod/statics/judge.hpp"
@@ -250,6 +251,13 @@ Result<Job> read_job(const std::string& path) {
   job.joint_accelerations = std::move(accelerations);
   POLYPOD_ASSIGN(start, by_joint(table, "start_joints", job.machine, false));
   job.start_joints = std::move(start);
+  POLYPOD_ASSIGN(branch, table.optional_text("branch", ""));
+  job.posture = std::move(branch);
+  if (job.posture.empty() && !job.start_joints.empty()) {
+    job.posture = kinematics::posture_of(
+        job.machine, machine::JointVector(Eigen::Map<const Eigen::VectorXd>(
+                         job.start_joints.data(), static_cast<Eigen::Index>(job.start_joints.size()))));
+  }
   POLYPOD_TRY(read_measured_key(table, job));
   POLYPOD_TRY(read_factors(table, job));
   POLYPOD_TRY(table.finish());

@@ -18,6 +18,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/kinematics/posture.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -52,13 +53,14 @@ PlaceFit fit_of_kind(const std::string& kind) {
   return PlaceFit::reach;
 }
 
-/// Some poses of a program: the ends of its moves and points between them, in W.
+/// Some poses of a program: the ends of its moves and points between them, in W, and the posture of the first.
 struct Poses {
   struct One {
     Vec3 p;     ///< m, in W
     Vec3 axes;  ///< A, B, C, rad
   };
   std::vector<One> poses;
+  std::string posture;  ///< empty: the first within the limits
 };
 
 Poses poses_of(const gcode::Interpretation& interpretation, std::size_t most) {
@@ -105,10 +107,12 @@ PlaceFit look(const machine::AnyMachine& machine, const Poses& poses, const Pose
   double least = 0.5;
   for (const Poses::One& one : poses.poses) {
     const Pose X{tool_orientation(machine, X_MW, one.axes), X_MW * one.p};
+    const bool follows = last.size() > 0;
     const kinematics::InverseResult inverse =
-        last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
+        follows ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
     if (inverse.solutions.empty()) return PlaceFit::reach;
-    const kinematics::Solution* best = inverse.reachable();
+    const kinematics::Solution* best =
+        follows ? inverse.reachable() : kinematics::reachable_in(machine, inverse, poses.posture);
     if (best == nullptr) return PlaceFit::limit;
     if (best->singular) return PlaceFit::singular;
     if (held.next(X, best->joints) != kinematics::HoldOnPath::At::held) return PlaceFit::singular;
@@ -130,6 +134,7 @@ struct Both {
   const gcode::Interpretation& interpretation;
   const gcode::Understood* other = nullptr;
   MotionLimits limits;
+  std::string posture;
 
   [[nodiscard]] bool may_turn(const machine::AnyMachine& machine) const {
     return may_turn_the_part(machine, interpretation) &&
@@ -137,6 +142,7 @@ struct Both {
   }
   [[nodiscard]] Poses poses() const {
     Poses out = poses_of(interpretation, kMostPoints);
+    out.posture = posture;
     if (other == nullptr) return out;
     const Poses more = poses_of(other->interpretation, kMostPoints);
     out.poses.insert(out.poses.end(), more.poses.begin(), more.poses.end());
@@ -149,6 +155,7 @@ Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_M
   CheckOptions options;
   options.stop_at_first = true;
   options.limits = both.limits;
+  options.branch = both.posture;
   POLYPOD_ASSIGN(checked, check(machine, X_MW, both.program, both.interpretation, options));
   if (checked.problems.empty() && both.other != nullptr) {
     POLYPOD_ASSIGN(other, check(machine, X_MW, both.other->program, both.other->interpretation, options));
@@ -173,7 +180,7 @@ class Search {
         program_(program),
         interpretation_(interpretation),
         options_(options),
-        both_{program, interpretation, options.other, motion_limits(job)},
+        both_{program, interpretation, options.other, motion_limits(job), job.posture},
         poses_(both_.poses()) {}
 
   Result<PlaceResult> run() {
@@ -264,6 +271,7 @@ class Search {
     } else {
       NearestOptions options;
       options.other = options_.other;
+      options.posture = job_.posture;
       options.progress = [this](double share) {
         return !options_.progress || options_.progress(share, "looking for a place that fits");
       };
@@ -328,7 +336,7 @@ class Search {
     if (out.fit != PlaceFit::fits) return out;
     const auto tool_at = [&](const Vec3& axes) { return tool_orientation(job_.machine, X_MW, axes); };
     const Mat3 R = tool_at(job_.tool_frame.axes);
-    statics::Probe probe(job_.machine, R);
+    statics::Probe probe(job_.machine, R, job_.posture);
     // How far the weight of the machine deflects the tip where the probe stands.
     const auto by_weight = [&](const Vec3& p) -> Vec3 {
       if (!job_.weights) return Vec3::Zero();
@@ -734,7 +742,7 @@ class Nearest {
       : machine_(machine),
         start_{X_MW.p, rotation_of(X_MW)},
         options_(options),
-        both_{program, interpretation, options.other, options.limits},
+        both_{program, interpretation, options.other, options.limits, options.posture},
         poses_(both_.poses()) {}
 
   Result<NearestPlaces> run() {

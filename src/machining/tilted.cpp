@@ -11,6 +11,7 @@
 #include "polypod/cutting/turned_block.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/posture.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -136,6 +137,21 @@ Vec3 axes_at(const gcode::Move& move, double s) {
 }
 Mat3 cutting_orientation(const Job& job, const Vec3& axes) {
   return job.tool_frame.turns ? tool_orientation(job, axes) : cutting_orientation(job);
+}
+
+std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT) {
+  const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
+  const kinematics::Solution* s = kinematics::reachable_in(job.machine, inverse, job.posture);
+  return s == nullptr ? std::nullopt : std::optional(s->joints);
+}
+
+std::string posture_at_start(const Job& job, const gcode::Move& move) {
+  const Pose X_MT{cutting_orientation(job, move.axes_start), job.X_MW * move.start};
+  const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
+  const kinematics::Solution* s = kinematics::reachable_in(job.machine, inverse, job.posture);
+  if (s == nullptr || s->branch >= kinematics::kNumericBranch) return {};
+  std::string name = kinematics::branch_name(job.machine, s->branch);
+  return name == "only" ? std::string() : name;
 }
 
 Vec3 middle_beside_tip(const Job& job, const gcode::Move& programmed, const Vec3& tip, const Vec3& axes) {

@@ -21,13 +21,6 @@ int programmed_of(const Sample& sample, const LongVector<int>* source) {
   return source == nullptr ? sample.move : (*source)[static_cast<std::size_t>(sample.move)];
 }
 
-/// The joints in which the machine stands at the sample.
-std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT) {
-  const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
-  const kinematics::Solution* s = inverse.reachable();
-  return s == nullptr ? std::nullopt : std::optional(s->joints);
-}
-
 /// What is left of a displacement in W across the path; `axis` is that of the tool.
 Mat3 across_path(const Sample& sample, const Vec3& axis) {
   if (sample.away.isZero(0)) return Mat3::Identity();

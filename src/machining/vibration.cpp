@@ -212,7 +212,7 @@ Result<ProgramVibration> vibration_of(const Job& job, const gcode::Program& prog
   }
   const auto line_of = [&](const CutPoint& p) { return program.blocks[static_cast<std::size_t>(p.block)].line; };
   const Mat3 R_MT = cutting_orientation(job);
-  statics::Probe probe(job.machine, R_MT);
+  statics::Probe probe(job.machine, R_MT, job.posture);
   std::size_t done = 0, all = 0;
   for (const auto& [key, group] : points.groups()) all += group.points.size();
   double sum = 0;

@@ -69,6 +69,7 @@ class Page {
                 facts()) {
     ProgramWalkOptions how;
     how.rapid_speed = options.rapid_speed;
+    how.posture = job.posture;
     how.pictures = pictures_for(job.machine);
     walk_ = walk_program(job.machine, job.X_MW, program, moves_, how);
   }

@@ -8,10 +8,12 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <optional>
 
 #include "outline.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "polypod/statics/compliance.hpp"
 #include "program_film.hpp"
 
 namespace polypod::pages {
@@ -562,19 +564,21 @@ JointShares joint_shares(const Job& job, const Tracks& tracks) {
   }
   const std::size_t step = cutting.size() / kPoints + 1;
   std::map<int, std::pair<std::vector<double>, int>> sums;  // by move
+  const std::vector<double> compliances = statics::column_compliances(job.machine);
   for (std::size_t k = 0; k < cutting.size(); k += step) {
     const Sample& s = *cutting[k]->sample;
-    const statics::Compliance C = statics::compliance_at(job.machine, Pose{Mat3::Identity(), job.X_MW * s.command});
-    if (!C.reachable) continue;
-    out.joints = C.joint;
+    const Pose X_MT{machining::cutting_orientation(job, s.axes), job.X_MW * s.command};
+    const std::optional<machine::JointVector> q = machining::joints_at(job, X_MT);
+    if (!q) continue;
+    const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
     auto& [sum, count] = sums[cutting[k]->move];
-    sum.resize(C.by_joint.size(), 0.0);
+    sum.resize(unit.size(), 0.0);
     const Vec3 force = job.X_MW.R * s.force, away = job.X_MW.R * s.away;
-    for (std::size_t j = 0; j < C.by_joint.size(); ++j) {
-      sum[j] += to_um(away.dot(C.by_joint[j].topLeftCorner<3, 3>() * force));
-    }
+    for (std::size_t j = 0; j < unit.size(); ++j) sum[j] += to_um(away.dot(compliances[j] * unit[j] * force));
     ++count;
   }
+  if (sums.empty()) return out;
+  out.joints = statics::column_names(job.machine);
   out.all.assign(out.joints.size(), 0.0);
   double points = 0;
   for (const auto& [move, entry] : sums) points += entry.second;

@@ -82,6 +82,7 @@ bool add_path_film(report::Report& report, const machining::Job& job, const gcod
   double length = 0;
   for (const gcode::Move& move : c.programmed) length += move.start_known ? move.length() : 0;
   how.step = std::max(kLeastStep, length / kPoints);
+  how.posture = job.posture;
   how.pictures = pictures_for(job.machine) / 2;  // the page has the paths and the stock as well
   for (const Dot* d : {before.farthest(), after.farthest()})
     if (d != nullptr) how.wanted.emplace_back(d->move, d->s);

@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/kinematics/posture.hpp"
 #include "polypod/machining/tilted.hpp"
 
 namespace polypod::pages {
@@ -143,9 +144,11 @@ ProgramWalk walk_program(const AnyMachine& machine, const Pose& X_MW, const gcod
       const auto visit = [&](double share, bool asked) {
         const Vec3 axes = move.axes_start + share * (move.axes_end - move.axes_start);
         const Pose X{machining::tool_orientation(machine, X_MW, axes), X_MW * move.point(length * share)};
+        const bool follows = last.size() > 0;
         const kinematics::InverseResult inverse =
-            last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
-        const kinematics::Solution* best = inverse.reachable();
+            follows ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
+        const kinematics::Solution* best =
+            follows ? inverse.reachable() : kinematics::reachable_in(machine, inverse, options.posture);
         now = {
             begin, static_cast<int>(m), length * share, program.blocks[index(move.block)].line, best != nullptr, X, {},
             {}};
@@ -155,7 +158,8 @@ ProgramWalk walk_program(const AnyMachine& machine, const Pose& X_MW, const gcod
           last = best->joints;
         } else {
           if (!inverse.solutions.empty()) now.q = inverse.solutions.front().joints;
-          now.why = inverse.solutions.empty() ? inverse.reason : kinematics::reason_of(machine, inverse);
+          now.why =
+              inverse.solutions.empty() ? inverse.reason : kinematics::reason_of(machine, inverse, options.posture);
           last.resize(0);
         }
         curve.add(now);

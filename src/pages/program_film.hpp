@@ -40,6 +40,7 @@ struct ProgramWalkOptions {
   double rapid_speed = 0.1;  ///< m/s
   double step = 1e-3;        ///< m, between points
   std::size_t pictures = 400;
+  std::string posture;  ///< to begin with; empty: the first within the limits
   /// Places that get a picture whatever time it is: move and m along it, in order.
   std::vector<std::pair<int, double>> wanted;
 };

@@ -14,6 +14,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
+#include "polypod/kinematics/posture.hpp"
 #include "turns.hpp"
 
 namespace polypod::post {
@@ -559,19 +560,6 @@ tl::unexpected<Error> cancelled() {
   return fail("PO199", "cancelled");
 }
 
-/// The name of the posture in which joints stand; empty where the inverse does not give them back.
-std::string posture_of(const machine::AnyMachine& machine, const JointVector& q) {
-  const kinematics::ForwardResult forward = kinematics::forward(machine, q);
-  if (forward.poses.empty()) return {};
-  const InverseResult inverse = kinematics::inverse_near(machine, forward.poses.front(), q);
-  if (inverse.solutions.empty()) return {};
-  const auto nearest =
-      std::min_element(inverse.solutions.begin(), inverse.solutions.end(), [&](const Solution& a, const Solution& b) {
-        return (a.joints - q).cwiseAbs().maxCoeff() < (b.joints - q).cwiseAbs().maxCoeff();
-      });
-  return kinematics::branch_name(machine, nearest->branch);
-}
-
 /// C chosen along the program in each posture, the one that looks best first; after the first in which the plan has no
 /// problem no other is looked at.
 template <class Start, class Planning>
@@ -654,7 +642,7 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   }
   PlanOptions asked = options;
   if (asked.branch.empty() && asked.start_joints) {
-    asked.branch = posture_of(configuration.machine, *asked.start_joints);
+    asked.branch = kinematics::posture_of(configuration.machine, *asked.start_joints);
   }
   Planner planner(configuration, path, asked);
   const int turns = configuration.rotary == Rotary::ac || configuration.rotary == Rotary::abc ? 2 : 1;

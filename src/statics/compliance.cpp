@@ -10,6 +10,7 @@
 #include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/kinematics/posture.hpp"
 
 namespace polypod::statics {
 
@@ -110,20 +111,22 @@ struct Probe::Impl {
   const AnyMachine machine;
   machine::QuickCompliance quick;
   Mat3 R_MT;
+  std::string posture;
   JointVector joints;
   Vec3 last = Vec3::Zero();
 
-  Impl(const AnyMachine& m, const Mat3& R) : machine(m), R_MT(R) {
+  Impl(const AnyMachine& m, const Mat3& R, std::string in) : machine(m), R_MT(R), posture(std::move(in)) {
     quick = std::visit(
-        []<class M>(const M& of) -> machine::QuickCompliance {
-          if constexpr (requires { quick_compliance(of); }) return quick_compliance(of);
+        [this]<class M>(const M& of) -> machine::QuickCompliance {
+          if constexpr (requires { quick_compliance(of, posture); }) return quick_compliance(of, posture);
           return {};
         },
         machine);
   }
 };
 
-Probe::Probe(const AnyMachine& machine, const Mat3& R_MT) : impl_(std::make_unique<Impl>(machine, R_MT)) {}
+Probe::Probe(const AnyMachine& machine, const Mat3& R_MT, std::string posture)
+    : impl_(std::make_unique<Impl>(machine, R_MT, std::move(posture))) {}
 Probe::~Probe() = default;
 Probe::Probe(Probe&&) noexcept = default;
 Probe& Probe::operator=(Probe&&) noexcept = default;
@@ -134,9 +137,11 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
   if (s.quick) return s.quick(p_M, s.R_MT.col(2), s.joints, C);
   const Pose X_MT{s.R_MT, p_M};
   // On a way the posture that the arm has had so far.
+  const bool follows = s.joints.size() > 0;
   const kinematics::InverseResult result =
-      s.joints.size() > 0 ? kinematics::inverse_near(s.machine, X_MT, s.joints) : kinematics::inverse(s.machine, X_MT);
-  const kinematics::Solution* solution = result.reachable();
+      follows ? kinematics::inverse_near(s.machine, X_MT, s.joints) : kinematics::inverse(s.machine, X_MT);
+  const kinematics::Solution* solution =
+      follows ? result.reachable() : kinematics::reachable_in(s.machine, result, s.posture);
   if (solution == nullptr) return false;
   const Compliance c = compliance_of(s.machine, solution->joints, &X_MT);
   if (!c.reachable) return false;
@@ -150,8 +155,10 @@ void Probe::turn_to(const Mat3& R_MT) {
 }
 
 std::string Probe::why() const {
-  const Compliance c = compliance_at(impl_->machine, Pose{impl_->R_MT, impl_->last});
-  return c.reason;
+  const Pose X_MT{impl_->R_MT, impl_->last};
+  if (std::string reason = compliance_at(impl_->machine, X_MT).reason; !reason.empty() || impl_->posture.empty())
+    return reason;
+  return kinematics::reason_of(impl_->machine, kinematics::inverse(impl_->machine, X_MT), impl_->posture);
 }
 
 const JointVector& Probe::joints() const {

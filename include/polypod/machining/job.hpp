@@ -79,7 +79,10 @@ struct Job {
   std::vector<double> joint_speeds;         ///< largest of each joint, rad/s or m/s; empty: not said
   std::vector<double> joint_accelerations;  ///< the same, rad/s^2 or m/s^2
   std::vector<double> start_joints;         ///< where the joints stand before the program, rad or m; empty: not said
-  double rapid_volume = 1e-9;               ///< m^3, of material; a rapid that goes through more is a collision
+  /// The posture in which the program begins (kinematics::branch_name): `branch`, else that of `start_joints`; empty:
+  /// the first within the limits.
+  std::string posture;
+  double rapid_volume = 1e-9;  ///< m^3, of material; a rapid that goes through more is a collision
 
   [[nodiscard]] const cutting::Cutter& cutter_of(int tool) const {
     const auto it = cutters.find(tool);

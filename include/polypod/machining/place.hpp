@@ -157,6 +157,7 @@ struct NearestOptions {
   double finest = 0.1e-3;        ///< m
   double finest_turn = 0.00175;  ///< rad
   MotionLimits limits;
+  std::string posture;                       ///< as CheckOptions::branch
   const gcode::Understood* other = nullptr;  ///< see PlaceOptions
   std::function<bool(double)> progress;
 };

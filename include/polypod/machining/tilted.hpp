@@ -2,6 +2,7 @@
 // Programs that cut with a tilted tool (3 + 2 axes), or with one that turns while it cuts (5 axes).
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "polypod/core/units.hpp"
@@ -27,6 +28,11 @@ Vec3 axes_at(const gcode::Move& move, double s);
 /// The orientation of the tool in M in a cut: that of all cuts, or, where the tool turns in them (ToolFrame::turns),
 /// the one with these A, B and C.
 Mat3 cutting_orientation(const Job& job, const Vec3& axes);
+/// The joints in which the machine stands at a pose of the program: the first within the limits, in the job's posture
+/// where it has one; empty where there are none.
+std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT);
+/// The posture in which the machine begins a move, by name; empty of machines that have but one, or none with a name.
+std::string posture_at_start(const Job& job, const gcode::Move& move);
 
 /// What the orientation of a tool that turns in cuts adds to the distance of its tip from a programmed move: how the
 /// middle of the ball, with its tip at `tip` and these A, B and C, is off the programmed middle that belongs to the

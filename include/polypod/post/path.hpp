@@ -115,6 +115,7 @@ struct CorrectedFor {
   std::string origin;       ///< "X-50 Y-1335 Z0 mm", ", turned by 30 deg about z"; empty where the header has none
   std::string posture;      ///< the name of the branch; empty where the header has none
   std::optional<double> c;  ///< rad, the rotation about the tool axis; empty where the header has none
+  std::string compliance;   ///< its line with what 100 N do to the tool; empty where the header has none
 };
 /// That of the first header with this mark, for programs that were corrected again have several.
 std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mark = gcode::kCorrectedMark);

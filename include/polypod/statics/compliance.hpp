@@ -62,7 +62,9 @@ Status needs_compliance(const AnyMachine& machine);
 class Probe {
  public:
   /// `R_MT`: the orientation of the tool in M; its turn about the tool axis counts only where the task has it.
-  Probe(const AnyMachine& machine, const Mat3& R_MT);
+  /// `posture`: that of the first pose (kinematics::branch_name), which an arm with a closed inverse of point and axis
+  /// keeps; empty: the first within the limits.
+  Probe(const AnyMachine& machine, const Mat3& R_MT, std::string posture = {});
   ~Probe();
   Probe(Probe&&) noexcept;
   Probe& operator=(Probe&&) noexcept;

@@ -1,0 +1,36 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a corrected program says of the compliance for which it was corrected.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "polypod/machining/job.hpp"
+
+namespace polypod::machining {
+
+/// How far 100 N along each axis of W deflect the tool along that axis where the first cut begins: a figure that
+/// changes with the machine's lengths, tool, compliances and posture, and that can be measured.
+struct ComplianceMark {
+  Vec3 p = Vec3::Zero();           ///< the tool tip in W, m
+  Vec3 axes = Vec3::Zero();        ///< A, B, C, rad
+  Vec3 deflection = Vec3::Zero();  ///< m
+
+  /// A line of a program's header: "at X10 Y0 Z-2 A0 B15 C0 100 N along X, Y, Z deflect the tool by 32.1, 50, 12 um".
+  [[nodiscard]] std::string in_words() const;
+  /// The same backwards, from a text that holds it; empty for other texts.
+  static std::optional<ComplianceMark> from(std::string_view text);
+  /// Whether another machine deflects so: to 1 % of the largest, apart from the digits that a header has.
+  [[nodiscard]] bool same(const Vec3& other) const;
+};
+
+/// diag(R^T C R) 100 N, C of the joints that joints_at gives (statics::compliance_at), R the orientation of W in M; at
+/// the start of a move of the job as set up. Empty where there are no such joints or no compliances, and with a
+/// measured compliance, which is not the machine's.
+std::optional<ComplianceMark> compliance_mark(const Job& job, const gcode::Move& first);
+
+/// The deflections of a mark at the same place on the machine of this job: its tool with A, B and C of the mark.
+std::optional<Vec3> deflections_at(const Job& job, const ComplianceMark& mark);
+
+}  // namespace polypod::machining

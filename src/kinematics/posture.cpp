@@ -1,0 +1,47 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/kinematics/posture.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+namespace polypod::kinematics {
+
+const Solution* reachable_in(const AnyMachine& machine, const InverseResult& inverse, const std::string& posture) {
+  if (posture.empty()) return inverse.reachable();
+  for (const Solution& s : inverse.solutions)
+    if (s.violations == 0 && branch_name(machine, s.branch) == posture) return &s;
+  return nullptr;
+}
+
+std::vector<std::string> postures_of(const AnyMachine& machine, const InverseResult& inverse) {
+  std::vector<std::string> out;
+  for (const Solution& s : inverse.solutions) {
+    if (s.violations != 0 || s.branch >= kNumericBranch) continue;
+    std::string name = branch_name(machine, s.branch);
+    if (std::find(out.begin(), out.end(), name) == out.end()) out.push_back(std::move(name));
+  }
+  return out;
+}
+
+std::string posture_of(const AnyMachine& machine, const JointVector& q) {
+  const ForwardResult forward = kinematics::forward(machine, q);
+  if (forward.poses.empty()) return {};
+  const InverseResult inverse = inverse_near(machine, forward.poses.front(), q);
+  if (inverse.solutions.empty()) return {};
+  const auto nearest =
+      std::min_element(inverse.solutions.begin(), inverse.solutions.end(), [&](const Solution& a, const Solution& b) {
+        return (a.joints - q).cwiseAbs().maxCoeff() < (b.joints - q).cwiseAbs().maxCoeff();
+      });
+  return nearest->branch < kNumericBranch ? branch_name(machine, nearest->branch) : std::string();
+}
+
+std::string reason_of(const AnyMachine& machine, const InverseResult& inverse, const std::string& posture) {
+  if (posture.empty() || inverse.reachable() == nullptr) return reason_of(machine, inverse);
+  const std::vector<std::string> others = postures_of(machine, inverse);
+  return fmt::format("not within the limits in the posture {}{}", posture,
+                     others.empty() ? "" : fmt::format("; in {}", fmt::join(others, ", ")));
+}
+
+}  // namespace polypod::kinematics

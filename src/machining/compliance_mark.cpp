@@ -1,0 +1,92 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/compliance_mark.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include "polypod/core/units.hpp"
+#include "polypod/gcode/writer.hpp"
+#include "polypod/machining/tilted.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace polypod::machining {
+namespace {
+
+constexpr double kForce = 100;  // N
+constexpr std::string_view kForceText = " 100 N along X, Y, Z deflect the tool by ";
+constexpr int kPlaceDigits = 3, kAngleDigits = 4, kDeflectionDigits = 2;
+
+/// The numbers of a text behind each of these, in their order; empty where one is missing.
+template <std::size_t n>
+std::optional<std::array<double, n>> numbers_behind(std::string_view text,
+                                                    const std::array<std::string_view, n>& what) {
+  std::array<double, n> out{};
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t at = text.find(what[i]);
+    if (at == std::string_view::npos) return {};
+    text.remove_prefix(at + what[i].size());
+    const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), out[i]);
+    if (code != std::errc{} || !std::isfinite(out[i])) return {};
+    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string ComplianceMark::in_words() const {
+  const auto mm = [](double x) { return gcode::number(units::to_mm(x), kPlaceDigits); };
+  const auto deg = [](double x) { return gcode::number(units::to_deg(x), kAngleDigits); };
+  const auto um = [](double x) { return gcode::number(units::to_um(x), kDeflectionDigits); };
+  return fmt::format("at X{} Y{} Z{} A{} B{} C{}{}{}, {}, {} um", mm(p.x()), mm(p.y()), mm(p.z()), deg(axes.x()),
+                     deg(axes.y()), deg(axes.z()), kForceText, um(deflection.x()), um(deflection.y()),
+                     um(deflection.z()));
+}
+
+std::optional<ComplianceMark> ComplianceMark::from(std::string_view text) {
+  const auto found = numbers_behind<9>(text, {"at X", " Y", " Z", " A", " B", " C", kForceText, ", ", ", "});
+  if (!found) return {};
+  const std::array<double, 9>& v = *found;
+  ComplianceMark out;
+  for (int i = 0; i < 3; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    out.p[i] = units::from_mm(v[k]);
+    out.axes[i] = units::from_deg(v[3 + k]);
+    out.deflection[i] = units::from_um(v[6 + k]);
+  }
+  return out;
+}
+
+bool ComplianceMark::same(const Vec3& other) const {
+  constexpr double kShare = 0.01, kWritten = 0.01e-6;  // m, of two digits
+  return (other - deflection).cwiseAbs().maxCoeff() <= kShare * deflection.maxCoeff() + kWritten;
+}
+
+std::optional<Vec3> deflections_at(const Job& job, const ComplianceMark& mark) {
+  if (!statics::has_compliance(job.machine)) return {};
+  const Pose X_MT{tool_orientation(job, mark.axes), job.X_MW * mark.p};
+  const std::optional<machine::JointVector> q = joints_at(job, X_MT);
+  if (!q) return {};
+  const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
+  const std::vector<double> compliances = statics::column_compliances(job.machine);
+  Mat3 C = Mat3::Zero();
+  for (std::size_t k = 0; k < unit.size(); ++k) C += compliances[k] * unit[k];
+  return Vec3(kForce * (job.X_MW.R.transpose() * C * job.X_MW.R).diagonal());
+}
+
+std::optional<ComplianceMark> compliance_mark(const Job& job, const gcode::Move& first) {
+  if (job.measured) return {};
+  ComplianceMark out;
+  out.p = first.start;
+  if (job.tool_frame.turns) out.axes = first.axes_start;
+  if (job.tool_frame.tilted) out.axes = job.tool_frame.axes;
+  const std::optional<Vec3> deflection = deflections_at(job, out);
+  if (!deflection) return {};
+  out.deflection = *deflection;
+  return out;
+}
+
+}  // namespace polypod::machining
