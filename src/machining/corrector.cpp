@@ -160,7 +160,7 @@ Status Corrector::look_finely(const gcode::Program& program, const Way& way, Pre
     prediction.commanded_ends[c].end |= fine.commanded_ends[c].end;
     Prediction::WithoutChips& known = prediction.commanded_without_chips[c];
     const Prediction::WithoutChips& seen = fine.commanded_without_chips[c];
-    known = {std::max(known.start, seen.start), std::max(known.end, seen.end)};
+    known = {std::max(known.start, seen.start), std::max(known.end, seen.end), std::max(known.at_rest, seen.at_rest)};
   }
   const std::size_t known = prediction.moves.size();
   std::size_t at = 0;  // both lists rise with the moves of the program
@@ -270,12 +270,13 @@ void Corrector::plan(std::size_t i, Vec3& stands, Deflections& d, Plan& plan) co
   }
   Vec3 last = move.end;
   bool release = false;
+  const bool waits = dwell_after(moves_, program_, i).possible > 0;  // without chips, so without what they deflect
   const bool next_too = meet(i) && rewritten_[i + 1];
-  if (next_too && (d.delta.back() - deflections_.at_start(i + 1)).norm() <= shared(i + 1, i, 2)) {
+  if (next_too && !waits && (d.delta.back() - deflections_.at_start(i + 1)).norm() <= shared(i + 1, i, 2)) {
     last = move.end - 0.5 * (d.delta.back() + deflections_.at_start(i + 1));
   } else if (d.delta.back().norm() > shared(i + 1, i, 1)) {
     last = move.end - d.delta.back();
-    release = !next_too;  // let the load go on the spot before the tool leaves
+    release = waits || !next_too;  // let the load go on the spot before the tool leaves
   }
   // Without the load of the cut the tool still yields to the weight of the machine.
   const Vec3 free = move.end - weight_at(move.end);

@@ -58,6 +58,9 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
     if (cuts_before) out.slack[c] = left_to(c);
     if (cuts_after) out.slack[c] = std::min(out.slack[c], left_to(next));
     const double deviation = at[c].deviation;
+    const std::size_t i = way.source_of(c);
+    const bool waits =
+        cuts_before && way.source_of(next) != i && dwell_after(*way.programmed, *way.lines, i).possible > 0;
     if (deviation > std::max(out.slack[c], 0.0)) {
       out.kept = false;
       for (const std::size_t m : {c, next}) {
@@ -71,9 +74,12 @@ Corners corners_of(const Job& job, const gcode::Program& program, const Way& way
     for (const std::size_t m : {c, next}) {
       if (!(m == c ? cuts_before : cuts_after)) continue;
       const Prediction::WithoutChips& without = prediction.commanded_without_chips[m];
-      const double share = chip_share(job, moves[m], at[c].speed);
-      const double slow =
-          share * distance[m] + (1 - share) * static_cast<double>(m == c ? without.end : without.start) + deviation;
+      const double share = m == c && waits ? 0 : chip_share(job, moves[m], at[c].speed);
+      const double slow = share * distance[m] +
+                          (1 - share) * static_cast<double>(m != c  ? without.start
+                                                            : waits ? without.at_rest
+                                                                    : without.end) +
+                          deviation;
       if (share < 1 && distance[m] + deviation <= inside && slow > distance[m] + deviation) {
         out.slow.add(slow, share, line_of(m), job.tolerance);
       }

@@ -60,7 +60,7 @@ Plunge HeldBack::judge(std::size_t i, const End& end, double tube) const {
   Plunge out;
   out.line = lines_.blocks[static_cast<std::size_t>(move.block)].line;
   out.held_back = end.held_back;
-  out.dwell = dwell_after(i);
+  out.dwell = dwell_after(moves_, lines_, i).certain;
   const double per_second = move.spindle_speed * teeth;
   const double chip = -move.direction(0).dot(axis_) * move.feed / per_second;  // may_cut has seen to both
   const cutting::EndCoefficients k = job_.material.end.value_or(cutting::end_as_sides(job_.material));
@@ -75,9 +75,13 @@ Plunge HeldBack::judge(std::size_t i, const End& end, double tube) const {
   const double falls = end.held_back - stays;
   const double share = falls / (falls + chip);  // q / (1 + q)
   const double passes = std::floor(out.dwell * per_second * (1 + 1e-9));
-  out.remaining = passes >= teeth ? stays + falls * std::pow(share, passes) : end.held_back;
-  out.distance = std::hypot(out.remaining, end.aside);
-  const double aside = end.aside > tube ? 0 : end.aside;  // outside for another reason, which is said
+  const bool rests = passes >= teeth;
+  const double left = rests ? std::pow(share, passes) : 1;
+  out.remaining = rests ? stays + falls * left : end.held_back;
+  // Aside it goes from where the chips hold it to where the edges do; a norm is convex.
+  const double there = left * end.aside + (1 - left) * end.at_rest;
+  out.distance = std::hypot(out.remaining, there);
+  const double aside = there > tube ? 0 : there;  // outside for another reason, which is said
   if (std::hypot(stays + resolution(job_), aside) <= tube) {
     const double enough = falls > resolution(job_) ? std::log(resolution(job_) / falls) / std::log(share) : 0;
     out.needed = std::max(std::ceil(enough), static_cast<double>(teeth)) / per_second;
@@ -85,29 +89,37 @@ Plunge HeldBack::judge(std::size_t i, const End& end, double tube) const {
   return out;
 }
 
-std::size_t HeldBack::next_of(std::size_t i) const {
+Dwell dwell_after(const LongVector<gcode::Move>& moves, const gcode::Program& lines, std::size_t i) {
+  const auto from = static_cast<std::size_t>(moves[i].block) + 1;
   std::size_t next = i + 1;
-  while (next < moves_.size() && !(moves_[next].length() > 0)) ++next;
-  return next;
-}
-
-double HeldBack::dwell_after(std::size_t i) const {
-  const auto from = static_cast<std::size_t>(moves_[i].block) + 1;
-  const std::size_t next = next_of(i);
-  const std::size_t to = next < moves_.size() ? static_cast<std::size_t>(moves_[next].block) : lines_.blocks.size();
-  double dwell = 0;
+  while (next < moves.size() && !(moves[next].length() > 0)) ++next;
+  const std::size_t to = next < moves.size() ? static_cast<std::size_t>(moves[next].block) : lines.blocks.size();
+  Dwell dwell;
   for (std::size_t b = from; b < to; ++b) {
-    const gcode::Block& block = lines_.blocks[b];
+    const gcode::Block& block = lines.blocks[b];
     if (block.after_end) break;
     const auto has = [&](char letter, double value) {
       return std::any_of(block.words.begin(), block.words.end(),
                          [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
     };
     if (has('M', 5) || has('M', 2) || has('M', 30)) break;
-    if (block.optional || !has('G', 4)) continue;
-    for (const gcode::Word& w : block.words) dwell += w.letter == 'P' ? w.value : 0;
+    if (!has('G', 4)) continue;
+    for (const gcode::Word& w : block.words) {
+      if (w.letter != 'P') continue;
+      dwell.possible += w.value;
+      if (!block.optional) dwell.certain += w.value;
+    }
   }
   return dwell;
+}
+
+void HeldBack::rest(std::size_t i, const Vec3& command, const Vec3& by_edges) {
+  if (!is_plunge(moves_[i], axis_)) return;
+  const auto aside = [&](const Vec3& tip) {
+    const Vec3 d = moves_[i].direction(0), off = tip - moves_[i].end;
+    return (off - d * d.dot(off)).norm();
+  };
+  ends_[i].at_rest = std::max(aside(command), aside(by_edges));
 }
 
 bool HeldBack::goes_deeper(std::size_t i) const {

@@ -22,20 +22,20 @@ class HeldBack {
   /// A point that cuts, of the programmed move i.
   void see(std::size_t i, const Sample& sample);
 
+  /// Between which places the tip comes to rest in a dwell after the programmed move i: its command, and where the
+  /// edges alone hold it.
+  void rest(std::size_t i, const Vec3& command, const Vec3& by_edges);
+
   /// Those that the tube holds go to `most_within`, the others are returned.
   [[nodiscard]] std::vector<Plunge> take(Plunge& most_within);
 
  private:
   struct End {
     double held_back = 0, aside = 0;  ///< m
+    double at_rest = 0;               ///< m, aside at most, when the chips are gone
   };
 
   [[nodiscard]] Plunge judge(std::size_t i, const End& end, double tube) const;
-
-  [[nodiscard]] std::size_t next_of(std::size_t i) const;
-
-  /// s, of the dwells between a move and the next one while the spindle turns. Blocks that a switch may skip are none.
-  [[nodiscard]] double dwell_after(std::size_t i) const;
 
   /// Whether the tool goes on down from there, or comes back to the same place and goes deeper.
   [[nodiscard]] bool goes_deeper(std::size_t i) const;

@@ -125,6 +125,19 @@ double distance_without_chips(const Job& job, const LongVector<gcode::Move>& mov
   return least;
 }
 
+/// The least value on [0, 1] of a convex function, by golden section.
+template <class Convex>
+double least_on_unit_interval(const Convex& f) {
+  constexpr int kSteps = 30;
+  constexpr double kShort = 0.3819660112501051;  // (3 - sqrt 5) / 2
+  double a = 0, b = 1;
+  for (int i = 0; i < kSteps; ++i) {
+    const double left = a + kShort * (b - a), right = b - kShort * (b - a);
+    (f(left) < f(right) ? b : a) = f(left) < f(right) ? right : left;
+  }
+  return std::min({f(0), f(1), f(0.5 * (a + b))});
+}
+
 /// The smallest distance of a tip that is beyond an end of move i from the moves that go on there at the same feed
 /// without a corner: the path of a program in short blocks is that of one long one.
 template <class DistanceFrom>
@@ -708,11 +721,32 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
            (c + 1 == commanded.size() || commanded[c + 1].kind == gcode::MoveKind::rapid);
   };
   const double grain = resolution(job);
+  // What the edges alone do to the tool where the last commanded move cuts at its end; nothing where it does not.
+  std::optional<Vec3> edges;
+  // In a dwell the chips go, and the tool comes to rest between its command and where the edges hold it: surely as far
+  // off as the nearest of these places, perhaps as far as the farthest of them, which is one of both.
+  const auto comes_to_rest = [&](std::size_t c, std::size_t i, const Sample& sample) {
+    if (!commanded.transition(c)) edges = sample.cutting ? std::optional(sample.without_chips) : std::nullopt;
+    if (!edges || (c + 1 < commanded.size() && static_cast<std::size_t>(source(c + 1)) == i)) return;
+    const Dwell dwell = dwell_after(programmed, *way.lines, i);
+    if (!(dwell.possible > 0)) return;
+    const auto distance_by = [&](double share) {
+      Sample at_rest = sample;
+      at_rest.without_chips = sample.weight + share * (*edges - sample.weight);
+      return distance_without_chips(job, programmed, i, at_rest, axis);
+    };
+    out.commanded_without_chips[c].at_rest = static_cast<float>(std::max(distance_by(0), distance_by(1)));
+    out.commanded_ends[c].end = true;
+    if (!(dwell.certain * programmed[i].spindle_speed >= 1)) return;  // a revolution
+    off_by(i, c, least_on_unit_interval(distance_by));
+    held_back.rest(i, sample.command + sample.weight, sample.command + *edges);
+  };
   const auto visit = [&](const Sample& sample) {
     const auto c = static_cast<std::size_t>(sample.move);
     const auto i = static_cast<std::size_t>(source(c));
     const Vec3 bent = sample.bent();
     ends.pass(i, bent);
+    if (sample.s >= commanded[c].length()) comes_to_rest(c, i, sample);
     if (job.weights && index[i] >= 0 && ends_plunge(c, i, sample)) {
       // The thrust goes in the dwell, the weight of the machine stays.
       off_by(i, c, (sample.command + sample.weight - programmed[i].end).norm());
@@ -980,7 +1014,7 @@ MapBand map_band(const Job& job, const Prediction& prediction) {
   if (!job.measured) return out;
   const statics::MeasuredMap& map = job.measured->map;
   const bool joints = statics::has_compliance(job.machine);
-  statics::Probe probe(job.machine, cutting_orientation(job));
+  statics::Probe probe(job.machine, cutting_orientation(job), job.posture);
   for (const Sample& sample : prediction.few) {
     const Vec3 p = job.X_MW * sample.command, F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
     const Mat3 sd = map.deviation(p);

@@ -31,6 +31,13 @@ struct Way {
 /// (ToolFrame::axis).
 bool is_plunge(const gcode::Move& move, const Vec3& axis);
 
+/// The dwells (G4) between a move and the next one that goes anywhere, while the spindle turns, s.
+struct Dwell {
+  double certain = 0;
+  double possible = 0;  ///< with those of blocks that a switch may skip
+};
+Dwell dwell_after(const LongVector<gcode::Move>& moves, const gcode::Program& lines, std::size_t i);
+
 /// What is to be corrected of a deflection on a move: on a plunge not what is held back along it.
 Vec3 to_correct(const gcode::Move& move, const Vec3& deflection, const Vec3& axis);
 

@@ -241,5 +241,56 @@ TEST(Rules, AYesIsNotForCornersWhereTheControllerSlowsDown) {
   EXPECT_EQ(c.before.slow.count, 0u);
 }
 
+// In a dwell the chips go, and with them what they deflect: the tool comes to rest at its command, off the path by what
+// the command was moved against the deflection under load.
+TEST(Dwell, ACommandBesideThePathIsOffItAtRest) {
+  const auto part = [](const std::string& dwell, double y) {
+    return testing::with_program(
+        "slavkovic_groove", fmt::format("G21 G17 G90 G54\nS12000 M3\nG0 X-45 Y{0} Z10\nG0 Z-2\nG1 X10 Y{0} F1800\n{1}\n"
+                                        "G0 Z10\nM30\n",
+                                        y, dwell));
+  };
+  const auto distance = [&](const std::string& dwell) {
+    const auto programmed = part(dwell, 0), moved = part(dwell, -0.3);
+    machining::Way way = machining::way_as_programmed(programmed.program, programmed.interpretation.moves);
+    for (std::size_t i = 0; i < moved.interpretation.moves.size(); ++i) {
+      way.moves.push_back({moved.interpretation.moves[i], false, nullptr});
+      way.source.push_back(static_cast<int>(i));
+    }
+    const machining::Prediction p =
+        testing::unwrap(machining::predict_way(programmed.job, moved.program, way, machining::PredictOptions()));
+    EXPECT_EQ(p.moves.size(), 1u);
+    return units::to_um(p.largest_distance);
+  };
+  // Without chips the tool is between the command, 300 um off, and where the edges alone hold it: 0.257 mm per 100 N
+  // (SLAV 4.4), Kte a_p z / pi = 26 N across the feed, less what the axial part does. It enters the block 232 um off.
+  const double cutting = distance(""), at_rest = distance("G4 P1");
+  EXPECT_LT(cutting, 235);
+  EXPECT_NEAR(at_rest, 300 - 62, 2);
+  EXPECT_DOUBLE_EQ(distance("G4 P0.004"), cutting);  // less than a revolution, which takes 5 ms
+  EXPECT_DOUBLE_EQ(distance("M5\nG4 P1"), cutting);  // the spindle stands
+  EXPECT_DOUBLE_EQ(distance("/G4 P1"), cutting);     // may be skipped: not certain
+}
+
+// A correction goes back to the path before a dwell, at the end of a plunge (whose thrust moves the tip sideways, too)
+// as at the end of a cut, and begins again after it.
+TEST(Dwell, ACorrectionGoesBackToThePathBeforeIt) {
+  auto e = testing::with_program("slavkovic_groove",
+                                 "G21 G17 G90 G54 G61\nS12000 M3\nG0 X0 Y0 Z10\nG0 Z1\nG1 Z-2 F600\nG4 P1\nG1 X20 "
+                                 "F1800\nG4 P0.5\nG1 X25\nG0 Z10\nM30\n");
+  e.job.tolerance = units::from_um(90);  // at the end of the plunge the edges may hold it 61 um off
+  const auto c = testing::correct(e);
+  EXPECT_TRUE(c.within_tolerance) << c.reason;
+  const std::string text = c.text();
+  const auto before = [&](const std::string& dwell) {
+    const std::size_t at = text.find(dwell);
+    EXPECT_NE(at, std::string::npos) << text;
+    const std::size_t begin = text.rfind('\n', at - 2) + 1;
+    return text.substr(begin, at - 1 - begin);
+  };
+  EXPECT_EQ(before("G4 P1"), "G1 Y0.0000") << text;
+  EXPECT_THAT(before("G4 P0.5"), ::testing::HasSubstr("X20.0000 Y0.0000")) << text;
+}
+
 }  // namespace
 }  // namespace polypod

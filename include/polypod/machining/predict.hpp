@@ -103,7 +103,10 @@ struct Steep {
 /// springs back in the few teeth of such a corner no static model knows. The two ends of it are known: the deflection
 /// at the feed, and that at the chips of the slowest place, delta(f) = delta_edges + f (delta - delta_edges) with f the
 /// share of the feed per tooth, the way of a tooth period there: f = min(1, (v_c + a T / 4) / v), v_c the speed in the
-/// corner (corner), a the acceleration, T the tooth period. Between both the distance is a convex function.
+/// corner (corner), a the acceleration, T the tooth period. Between both the distance is a convex function. In a dwell
+/// all chips go, and the edges may, too: the tool rests between its command and delta_edges from it. The nearest of
+/// these places to the path is a distance like any other, where the dwell takes a revolution; the farthest is one of
+/// these.
 struct SlowCorners {
   std::size_t count = 0;  ///< where the tool at such chips would leave the tube, and what was found does not
   double distance = 0;    ///< m, of the worst of them from the programmed moves, with the rounding of the corner
@@ -165,9 +168,9 @@ struct Prediction {
   };
   LongVector<Ends> commanded_ends;  ///< whether it cuts within a millimetre of its start and of its end
   /// m, of each commanded move that cuts there, how far the tool is from the programmed moves at its start and at its
-  /// end without chips.
+  /// end without chips; and at most where it comes to rest in a dwell after it.
   struct WithoutChips {
-    float start = 0, end = 0;
+    float start = 0, end = 0, at_rest = 0;
   };
   LongVector<WithoutChips> commanded_without_chips;
   PassResult pass;
