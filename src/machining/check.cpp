@@ -67,7 +67,8 @@ class Demands {
       if (fastest.share > std::max(1.0, speed_.share)) {
         worst(speed_, "speed", fastest.share, line,
               fmt::format("{}: {}", where, kinematics::too_fast(machine_, fastest, limits_.joint_speeds)),
-              fmt::format("; up to F{:.0f} it would keep it", std::floor(units::to_mm_per_min(feed / fastest.share))));
+              fmt::format("; up to {:.0f} mm/min it would keep it",
+                          std::floor(units::to_mm_per_min(feed / fastest.share))));
       }
     }
     if (!limits_.joint_accelerations.empty()) {
@@ -126,7 +127,7 @@ class Demands {
   static std::string remedy(const kinematics::HardestJoint& hardest, double feed, double tip_acceleration) {
     const double of_tip = hardest.share - hardest.of_speed;
     if (of_tip < 1) {
-      return fmt::format("; up to F{:.0f} it would keep it",
+      return fmt::format("; up to {:.0f} mm/min it would keep it",
                          std::floor(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed))));
     }
     constexpr double kLeast = 10e-3;  // m/s^2, below which nobody sets a controller

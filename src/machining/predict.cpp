@@ -439,11 +439,33 @@ std::optional<std::string> note_on_air(const LongVector<gcode::Move>& programmed
 
 }  // namespace
 
+namespace {
+/// The parts without a compliance where others of their name have one ("joint 1" where "joint 2" has); "" where there
+/// are none.
+std::string rigid_parts(const machine::AnyMachine& machine) {
+  const std::vector<std::string> names = statics::column_names(machine);
+  const std::vector<double> compliances = statics::column_compliances(machine);
+  const auto kind = [&](std::size_t i) { return names[i].substr(0, names[i].rfind(' ')); };
+  std::string out;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (compliances[i] > 0) continue;
+    for (std::size_t j = 0; j < names.size(); ++j) {
+      if (!(compliances[j] > 0) || kind(i) != kind(j)) continue;
+      out += (out.empty() ? "" : ", ") + names[i];
+      break;
+    }
+  }
+  return out;
+}
+}  // namespace
+
 std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode::Move>& programmed,
                                          const Prediction& prediction) {
   std::vector<std::string> notes;
   if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
   if (kinematics::leaves_a_joint_free(job.machine)) notes.emplace_back(kOneChoice);
+  if (const std::string rigid = rigid_parts(job.machine); !job.measured && !rigid.empty())
+    notes.push_back(fmt::format("without a compliance in the machine file, so counted as rigid: {}", rigid));
   if (job.factors.force != 1 || job.factors.compliance != 1) {
     notes.push_back(
         fmt::format("forces are {:.3g} times those of the material, compliances {:.3g} times those of the "
@@ -505,7 +527,7 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
     if (const double most = job.controller.planner.velocity; move.feed > most && !std::exchange(too_fast, true)) {
       notes.push_back(
           fmt::format("line {}: the controller goes at {:.0f} mm/min at most, [controller] max_velocity_mm_per_s, and "
-                      "not at F{:.0f}: "
+                      "not at {:.0f}: "
                       "chips are thinner and the tool deflects less than is said, which is for the programmed feed",
                       m.line, units::to_mm_per_min(most), units::to_mm_per_min(move.feed)));
     }

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <unordered_map>
-#include <utility>
 
 #include "corrector.hpp"
 #include "polypod/core/units.hpp"
@@ -110,13 +110,13 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   std::vector<bool> which(result.programmed.size(), false);
   std::string lines;
   std::size_t named = 0;
-  int last = 0;  // a cycle has many moves in one line
+  std::set<int> told;  // a cycle has many moves in one line, a subprogram is called again
   for (std::size_t i = 0; i < result.programmed.size(); ++i) {
     const int line = program.blocks[static_cast<std::size_t>(result.programmed[i].block)].line;
     const auto at = within.find(line);
     if (at == within.end() || at->second) continue;
     which[i] = true;
-    if (std::exchange(last, line) == line) continue;
+    if (!told.insert(line).second) continue;
     if (named++ < 8) lines += fmt::format("{}{}", lines.empty() ? "" : ", ", line);
   }
   if (named == 0) return out;
@@ -152,7 +152,7 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
       for (std::size_t i = 0; i < which.size(); ++i) {
         if (slower.moves[i]) feed = std::max(feed, result.programmed[i].feed);
       }
-      out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, F{:.0f} where it is largest", slower.where,
+      out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, {:.4g} mm/min where it is largest", slower.where,
                                 100 * factor, units::to_mm_per_min(feed * factor)));
       return out;
     }

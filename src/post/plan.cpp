@@ -414,7 +414,7 @@ class Planner {
     speed_line_ = step.line;
     speed_share_ = share;
     std::string detail = fmt::format("{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
-                                     step.feed > 0 ? fmt::format("up to F{:.0f} it would keep it",
+                                     step.feed > 0 ? fmt::format("up to {:.0f} mm/min it would keep it",
                                                                  std::floor(units::to_mm_per_min(step.feed / share)))
                                                    : std::string("a slower --turn-speed would keep it"));
     const auto known = std::find_if(out_.problems.rbegin(), out_.problems.rend(),

@@ -275,6 +275,18 @@ Result<std::vector<double>> fit_columns(const Eigen::MatrixXd& A, const Eigen::V
   return deviations;
 }
 
+/// Of the columns that the readings do not tell and that have no compliance so far nothing is known: their standard
+/// uncertainty is the largest compliance of their kind (turning, sliding), far more than most of them have.
+void doubt_unknown(const std::vector<double>& given, Identification& out) {
+  for (std::size_t k = 0; k < given.size(); ++k) {
+    if (out.told[k] || given[k] > 0) continue;
+    double largest = 0;
+    for (std::size_t j = 0; j < given.size(); ++j)
+      if (out.turns[j] == out.turns[k]) largest = std::max(largest, out.compliance[j]);
+    out.covariance(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(k)) = largest * largest;
+  }
+}
+
 /// Fits what the readings tell; the rest stays as it is in `out.compliance`. Errors: ID112, ID116.
 Status fit_told(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Identification& out) {
   const auto n = static_cast<std::size_t>(A.cols());
@@ -301,7 +313,10 @@ Status fit_told(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Identificati
     if (kept.empty()) return fail("ID112", "these poses load no joint", {}, "measure at other poses");
     POLYPOD_ASSIGN(deviation, fit_columns(A, rest, kept, out));
     const std::vector<int> more = untold(out, given, deviation);
-    if (more.empty()) return {};
+    if (more.empty()) {
+      doubt_unknown(given, out);
+      return {};
+    }
     for (const int k : more) out.told[static_cast<std::size_t>(k)] = false;
   }
 }

@@ -231,9 +231,9 @@ TEST(FreeTurn, NearAWristSingularityKeepsSpeedsOrRefusesTheLine) {
   EXPECT_THAT(p.detail, ::testing::HasSubstr("joint"));
   EXPECT_GT(p.line, 2);
   // It was the feed for the first place where a joint is too fast, not for the worst.
-  const std::size_t at = p.detail.find("up to F");
+  const std::size_t at = p.detail.find("; up to ");
   ASSERT_NE(at, std::string::npos) << p.detail;
-  const double keeps = std::stod(p.detail.substr(at + 7));
+  const double keeps = std::stod(p.detail.substr(at + 8));
   post::Path slower = path;
   for (post::Step& s : slower.steps)
     if (s.line == p.line) s.feed = units::from_mm_per_min(keeps);

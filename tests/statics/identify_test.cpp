@@ -202,6 +202,14 @@ TEST(Identify, AJointWhoseAxisPassesTheTipStaysAsItWas) {
     const Verdict verdict = verdict_of(*r, judge(nominal, points));
     EXPECT_EQ(verdict.answer, Verdict::Answer::in_part);
     EXPECT_THAT(verdict.why, testing::HasSubstr("The compliance of joint 6 is not identifiable"));
+    EXPECT_DOUBLE_EQ(r->covariance(5, 5), 21.3e-7 * 21.3e-7);
+    // Of a machine without compliances so far nothing is known of it, which is not that it is rigid.
+    const auto first = identify_compliance(*with_compliances(nominal, std::vector<double>(6, 0)), points);
+    ASSERT_TRUE(first) << to_string(first.error());
+    ASSERT_FALSE(first->told[5]);
+    EXPECT_EQ(first->compliance[5], 0);
+    const double largest = *std::max_element(first->compliance.begin(), first->compliance.end());
+    EXPECT_DOUBLE_EQ(first->covariance(5, 5), largest * largest);
   }
 }
 
