@@ -569,8 +569,15 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
   };
   PosePathFile out;
   TargetPose at;
-  POLYPOD_ASSIGN(start, point(table, "start_mm"));
-  at.p = start;
+  POLYPOD_ASSIGN(rows, table.tables("segments"));
+  // Of a task without places: nothing of the path names one.
+  const bool turns_alone = table.has("start_deg") &&
+                           std::none_of(rows.begin(), rows.end(),
+                                        [](const config::Table& row) { return row.has("to_mm") || row.has("via_mm"); });
+  if (table.has("start_mm") || !turns_alone) {
+    POLYPOD_ASSIGN(start, point(table, "start_mm"));
+    at.p = start;
+  }
   if (table.has("start_deg")) {
     POLYPOD_ASSIGN(first, angles(table, "start_deg"));
     at.angles = first;
@@ -581,7 +588,6 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
   POLYPOD_ASSIGN(one_axis, choice(table, "turning", {"angles", "turn"}));
   POLYPOD_ASSIGN(profile, choice(table, "profile", {"linear", "smooth", "spline"}));
   out.profile = static_cast<Profile>(profile);
-  POLYPOD_ASSIGN(rows, table.tables("segments"));
   POLYPOD_TRY(table.finish());
   Stretches stretches;
   for (const config::Table& row : rows) {

@@ -121,7 +121,8 @@ struct ChordError {
 ChordError farthest_from_chords(const PosePath& path);
 
 /// Reads a path file.
-/// TOML: `start_mm`, `start_deg` (A, B, C, optional), `speed_mm_per_s`, `turning` ("angles", "turn"), `profile`
+/// TOML: `start_mm` (optional where `start_deg` is there and no segment has a place), `start_deg` (A, B, C, optional),
+/// `speed_mm_per_s`, `turning` ("angles", "turn"), `profile`
 /// ("linear", "smooth", "spline"), `segments = [{ to_mm, via_mm, to_deg, time_s, speed_mm_per_s, stop }]`; each of a
 /// segment's keys may be left out: the point or the orientation then stays. A segment that leaves both as they are is a
 /// wait of `time_s`. CSV: a row a point with `x_mm,y_mm,z_mm` and, as they are given, `a_deg,b_deg,c_deg` and `time_s`
