@@ -139,6 +139,21 @@ std::string in_words(const cutting::RunoutEffect& r, const std::array<double, 6>
       units::to_um(r.reading), changes);
 }
 
+/// The noise that the intervals rest on.
+std::string noise_in_words(const cutting::CuttingIdentification& r) {
+  if (r.noise_stated) {
+    return fmt::format(
+        "rows count by their sigma_N; the residuals are {:.2g} times as large, and the intervals follow "
+        "the residuals",
+        r.times_stated);
+  }
+  std::vector<std::string> parts;
+  for (std::size_t k = 0; k < 3; ++k)
+    parts.push_back(
+        fmt::format("F{} {:.2g} N and {:.2g} % of it", "xyz"[k], r.noise[k].constant, 100 * r.noise[k].share));
+  return fmt::format("noise by the residuals (standard deviations, added as squares): {}", fmt::join(parts, "; "));
+}
+
 std::string in_words(const cutting::LackOfFit& l) {
   return fmt::format(
       "Lack of fit: the forces do not grow in proportion to the chip; with chips to the power {:.2f} the residual rms "
@@ -378,9 +393,10 @@ Command identify_cutting_command() {
   return {"identify cutting", "Cutting coefficients from mean forces measured at several feeds",
           "polypod identify cutting --cutter cutter.toml forces.csv -o material.toml",
           [o](Arguments& a) {
-            a.positional("DATA", o->files,
-                         "CSV files: feed_per_tooth_mm,ap_mm,Fx_N,Fy_N,Fz_N[,direction][,ae_mm]; on the tool, x along "
-                         "the feed, y to its left, z along the axis");
+            a.positional(
+                "DATA", o->files,
+                "CSV files: feed_per_tooth_mm,ap_mm,Fx_N,Fy_N,Fz_N[,direction][,ae_mm][,sigma_N]; on the tool, x along "
+                "the feed, y to its left, z along the axis");
             a.option("--cutter", o->cutter, "The cutter file", true);
             a.option("-o,--output", o->out, "The material, as a material file");
             a.option("--name", o->name, "Its name");
@@ -441,6 +457,10 @@ Command identify_cutting_command() {
                                         {"half_interval_95", user(k, r.half_interval[k])},
                                         {"change_by_runout", user(k, r.runout.change[k])}});
               }
+              Json noise = Json::array();
+              for (std::size_t k = 0; k < kForces.size() && !r.noise_stated; ++k)
+                noise.push_back(
+                    {{"force", kForces[k]}, {"constant_N", r.noise[k].constant}, {"percent", 100 * r.noise[k].share}});
               print_json({{"coefficients", coefficients},
                           {"residual_rms_N", r.residual_rms},
                           {"runout_um", units::to_um(r.runout.reading)},
@@ -448,6 +468,9 @@ Command identify_cutting_command() {
                           {"cuts", rows.size()},
                           {"equations", r.equations},
                           {"condition", r.condition},
+                          {"noise", noise},
+                          {"noise_stated", r.noise_stated},
+                          {"times_stated_noise", r.noise_stated ? Json(r.times_stated) : Json()},
                           {"lack_of_fit", r.lack_of_fit ? Json{{"exponent", r.lack_of_fit->exponent},
                                                                {"residual_rms_N", r.lack_of_fit->residual_rms},
                                                                {"linear_residual_rms_N", r.lack_of_fit->linear_rms}}
@@ -463,6 +486,7 @@ Command identify_cutting_command() {
               fmt::print("{:<14} {:>10.3f}   +- {:.3f} (95 %)\n", kKeys[k], user(k, r.value[k]),
                          user(k, r.half_interval[k]));
             }
+            fmt::print("{}\n", noise_in_words(r));
             for (const Json& x : outliers) {
               fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.1f} N\n", x["file"].get<std::string>(),
                          x["line"].get<int>(), x["force"].get<std::string>(), x["residual_N"].get<double>());
