@@ -44,8 +44,8 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
     if (r.upper_bound[i])
       held += fmt::format("; {} is fixed at 0, with an upper bound (95 %) of {:.3g}", r.joint[i], *r.upper_bound[i]);
   }
-  return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}{}",
-                     points.size(), files, units::to_um(r.residual_rms), errors, held);
+  return fmt::format("identified from displacements at {} point{} ({}); residual rms {:.1f} um; standard errors {}{}",
+                     points.size(), points.size() == 1 ? "" : "s", files, units::to_um(r.residual_rms), errors, held);
 }
 
 /// What the machine file says of the uncertainty of its compliances, under [provenance]: their standard uncertainties,
@@ -300,7 +300,7 @@ Command identify_compliance_command() {
                         {"unused_columns", read.unused_columns},
                         {"r_squared", r.explained},
                         {"signal_rms_um", units::to_um(r.signal_rms)},
-                        {"noise_um", r.noise > 0 ? Json(units::to_um(r.noise)) : Json()},
+                        {"noise_um", r.noise_freedoms > 0 ? Json(units::to_um(r.noise)) : Json()},
                         {"noise_stated", r.noise_stated},
                         {"written", !o->out.empty() && !refused},
                         {"residual_rms_um", units::to_um(r.residual_rms)},
@@ -313,15 +313,17 @@ Command identify_compliance_command() {
                         {"correlation", r.correlation},
                         {"covariance", covariance_json(keyed, r.covariance)},
                         {"highly_correlated", alike},
-                        {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
-                        {"symmetric", r.symmetric},
+                        {"misfit_um", r.noise_known() ? Json(units::to_um(r.misfit)) : Json()},
+                        {"misfit_limit", r.noise_known() ? Json(r.misfit_limit) : Json()},
+                        {"asymmetry_rms_um", r.pairs > 0 ? Json(units::to_um(r.asymmetry_rms)) : Json()},
+                        {"symmetric", r.pairs > 0 ? Json(r.symmetric) : Json()},
                         {"outliers", outliers}};
           if (!all_turn) document["compliance_um_per_N"] = um_per_N;
           print_json(document);
           return end(context, verdict, judgement);
         }
-        fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(), r.equations,
-                   units::to_um(r.residual_rms), r.condition);
+        fmt::print("{} point{}, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(),
+                   points.size() == 1 ? "" : "s", r.equations, units::to_um(r.residual_rms), r.condition);
         for (std::size_t i = 0; i < r.compliance.size(); ++i) {
           if (i == 0 || r.turns[i] != r.turns[i - 1]) {
             fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
@@ -358,8 +360,12 @@ Command identify_compliance_command() {
           fmt::print("{}: predicted from the other files to {}\n",
                      std::filesystem::path(o->files[i]).filename().string(), in_words(foretold[i]));
         }
-        fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
-                   units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than noise");
+        if (r.pairs > 0) {
+          fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
+                     units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than noise");
+        } else {
+          fmt::print("no two cross displacements of a pair were measured, so that symmetry is not judged\n");
+        }
         for (const Json& x : alike) {
           fmt::print("{} and {} are highly correlated: their estimates correlate by {:.3f}\n",
                      x["joints"][0].get<std::string>(), x["joints"][1].get<std::string>(),

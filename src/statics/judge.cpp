@@ -589,33 +589,36 @@ std::string bounded_only(const Identification& fit) {
 
 Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
   using Answer = Verdict::Answer;
-  constexpr double kMoreThanNoise = 1.5, kLeastExplained = 0.8;
+  constexpr double kLeastExplained = 0.8;
+  constexpr double kWeak = 2;  // times the noise: from there on the answer says how little was tested
   std::string fits =
       fmt::format("The compliances explain {:.1f} % of the signal (R^2) of {:.1f} um and leave {:.1f} um",
                   100 * fit.explained, to_um(fit.signal_rms), to_um(fit.residual_rms));
-  const double times = fit.noise > 0 ? fit.residual_rms / fit.noise : 0;
-  if (fit.noise > 0) {
-    fits += fmt::format(", {:.1f} times the noise of a displacement ({:.1f} um, {})", times, to_um(fit.noise),
-                        fit.noise_stated ? "as stated" : "from the asymmetry of the cross displacements");
+  const char* source = fit.noise_stated ? "as stated" : "from the asymmetry of the cross displacements";
+  if (!fit.noise_known()) {
+    fits += "; nothing says how much of that is noise.";
+  } else if (fit.noise > 0) {
+    fits += fmt::format(", {:.1f} times the noise of a displacement ({:.1f} um, {}).", fit.residual_rms / fit.noise,
+                        to_um(fit.noise), source);
   } else {
-    fits += "; nothing says how much of that is noise";
+    fits += "; the cross displacements show no noise.";
   }
-  fits += ".";
-  // 1e-9 m: what a file's digits leave.
-  const bool beyond = fit.residual_rms > kMoreThanNoise * fit.noise + 1e-9;
   if (!judgement.errors.empty()) {
     const Error& e = judgement.errors.front();
     return {Answer::no, fmt::format("{} They cannot be: {}; {}", fits, e.message, e.hint)};
   }
-  if (fit.explained < kLeastExplained && beyond) {
+  if (fit.explained < kLeastExplained && (fit.more_than_noise() || !fit.noise_known())) {
     return {Answer::no, fits + " That is no model of this machine: check units, signs, axes, and the machine."};
   }
   if (!judgement.doubts.empty()) {
     const Error& e = judgement.doubts.front();
     return {Answer::in_part, fmt::format("{} Doubtful: {}.", fits, e.message)};
   }
-  if (fit.noise > 0 && beyond) {
-    return {Answer::in_part, fits + " More than noise is left: something else than these joints deflects, too."};
+  if (fit.more_than_noise()) {
+    return {Answer::in_part,
+            fmt::format("{} More than noise is left: for each degree of freedom {:.1f} um, where noise explains up to "
+                        "{:.1f} um. Something else than these joints deflects, too, or readings are off.",
+                        fits, to_um(fit.misfit), to_um(fit.misfit_limit * fit.noise))};
   }
   std::string untold;
   for (std::size_t k = 0; k < fit.told.size(); ++k)
@@ -633,9 +636,20 @@ Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
                         "standard errors. Measure at more poses, or with larger forces.",
                         fits, hardly)};
   }
-  if (!fit.symmetric) {
+  if (fit.pairs > 0 && !fit.symmetric) {
     return {Answer::in_part, fits + " The cross displacements are not symmetric, as those of an elastic machine are."};
   }
+  if (!fit.noise_known()) {
+    const char* more = fit.pairs == 0 ? "load in a second direction" : "measure at more poses";
+    return {Answer::in_part, fmt::format("{} Whether something else than these joints deflects is therefore not "
+                                         "judged: state the noise (--noise-um), or {}.",
+                                         fits, more)};
+  }
+  if (fit.misfit_limit > kWeak) {
+    fits += fmt::format(" So few readings show something else that deflects only from {:.1f} times the noise on.",
+                        fit.misfit_limit);
+  }
+  if (fit.pairs == 0) fits += " Symmetry is not judged: no two cross displacements of a pair were measured.";
   return {Answer::yes, fits};
 }
 

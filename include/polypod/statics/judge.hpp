@@ -45,7 +45,9 @@ struct Verdict {
   std::string why;
 };
 /// Of a fit: no where the judgement has errors, or where the fit explains less than 80 % of the signal and leaves more
-/// than noise; in part where there are doubts, or where more than 1.5 times the noise is left; else yes.
+/// than noise; in part where there are doubts, where more than noise is left (Identification::more_than_noise), where
+/// nothing tells the noise, or where the cross displacements are not symmetric; else yes. A yes on few readings says
+/// how little they test.
 Verdict verdict_of(const Identification& fit, const Judgement& judgement);
 std::string_view name_of(Verdict::Answer answer);
 
