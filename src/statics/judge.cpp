@@ -16,6 +16,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/measured_map.hpp"
+#include "stated_noise.hpp"
 
 namespace polypod::statics {
 namespace {
@@ -42,6 +43,7 @@ struct Row {
   std::vector<Mat3> unit;  ///< J_k J_k^T; empty where the machine cannot take the pose
   std::size_t file = 0;
   bool flagged = false;
+  double weight = 1;  ///< of its residual: the noise of all rows over its own, where each row states one
   [[nodiscard]] double equations() const { return double(point->equations()); }
 };
 
@@ -199,6 +201,11 @@ double residual_square(const MeasuredPoint& p, const Mat3& C) {
   return square(p.displacement - p.computed(C), p);
 }
 
+/// rms of what a compliance leaves of a row, by its weight.
+double residual_of(const Row& row, const MeasuredPoint& read, const Mat3& C) {
+  return row.weight * std::sqrt(residual_square(read, C) / std::max(1.0, double(read.equations())));
+}
+
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
@@ -236,8 +243,11 @@ class Judge {
  public:
   Judge(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
     std::vector<std::string> files;
+    stated_ = stated_noise(points);
     for (const MeasuredPoint& point : points) {
-      Row row{&point, {}, 0, false};
+      Row row;
+      row.point = &point;
+      if (stated_ > 0) row.weight = stated_ / point.sigma;
       if (const auto q = joints_of(machine, point)) row.unit = unit_compliances(machine, point.X_MT, *q);
       const auto at = std::find(files.begin(), files.end(), point.place.file);
       row.file = std::size_t(at - files.begin());
@@ -288,6 +298,15 @@ class Judge {
     noise_compliance_ = kNormalPerMad * median(half);  // of the mean of two readings
   }
 
+  /// Of a compliance of the point, m/N.
+  [[nodiscard]] double noise_compliance(const MeasuredPoint& p) const {
+    if (!(stated_ > 0)) return noise_compliance_;
+    double least = p.force;
+    for (const double force : p.forces().cwiseAbs())
+      if (force > 0) least = std::min(least, force);
+    return p.sigma / least;
+  }
+
   /// c >= 0 of the points that agree: large ones weigh no more than the median one, and points that stay 3 times the
   /// median residual away are left out.
   [[nodiscard]] Eigen::VectorXd robust_fit(const std::vector<const Row*>& rows) const {
@@ -295,17 +314,18 @@ class Judge {
     for (const Row* row : rows)
       sizes.push_back(std::sqrt(square(row->point->displacement, *row->point) / row->equations()));
     const double middle = median(sizes);
-    for (const double size : sizes) weights.push_back(size > middle ? std::pow(middle / size, 2) : 1.0);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      weights.push_back(std::pow(rows[i]->weight * std::min(1.0, middle / sizes[i]), 2));
     Eigen::VectorXd c;
     for (int round = 0; round < 6; ++round) {
       Fitting fitting{Eigen::Index(columns_)};
       for (std::size_t i = 0; i < rows.size(); ++i) fitting.add(*rows[i]->point, rows[i]->unit, weights[i]);
       c = fitting.solve();
       std::vector<double> residuals;
-      for (const Row* row : rows)
-        residuals.push_back(std::sqrt(residual_square(*row->point, sum_of(row->unit, c)) / row->equations()));
-      const double typical = median(residuals);
-      for (std::size_t i = 0; i < rows.size(); ++i) weights[i] = residuals[i] <= 3 * typical ? 1 : 0;
+      for (const Row* row : rows) residuals.push_back(residual_of(*row, *row->point, sum_of(row->unit, c)));
+      const double typical = std::max(median(residuals), stated_);
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        weights[i] = residuals[i] <= 3 * typical ? rows[i]->weight * rows[i]->weight : 0;
     }
     return c;
   }
@@ -463,9 +483,9 @@ class Judge {
     Eigen::VectorXd model;
     for (const Eigen::VectorXd& c : models) {
       std::vector<double> its;
-      for (const Row* row : rows)
-        its.push_back(std::sqrt(residual_square(*row->point, sum_of(row->unit, c)) / row->equations()));
-      if (const double middle = median(its); middle < typical) {
+      for (const Row* row : rows) its.push_back(residual_of(*row, *row->point, sum_of(row->unit, c)));
+      // Readings are no nearer to each other than their stated noise makes them.
+      if (const double middle = std::max(median(its), stated_); middle < typical) {
         typical = middle;
         residual = its;
         model = c;
@@ -476,22 +496,23 @@ class Judge {
       const MeasuredPoint& p = *rows[i]->point;
       const Mat3 C = sum_of(rows[i]->unit, model), expected = p.computed(C);
       const double count = rows[i]->equations(), signal = std::sqrt(square(expected, p) / count);
-      if (!(residual[i] > kStandsOut * typical && residual[i] > kOutOfSignal * signal)) continue;
+      const double weight = rows[i]->weight, off_by = residual[i] / weight, others = typical / weight;
+      if (!(residual[i] > kStandsOut * typical && off_by > kOutOfSignal * signal)) continue;
       rows_[std::size_t(rows[i] - rows_.data())].flagged = true;
       const Arrangement* best = nullptr;
       double least = std::numeric_limits<double>::infinity();
       for (const Arrangement& a : all) {
         const MeasuredPoint as = a.of(p);
-        const double left = std::sqrt(residual_square(as, C) / std::max(1.0, double(as.equations())));
+        const double left = residual_of(*rows[i], as, C);
         if (left < 0.9 * least) {
           least = left;
           best = &a;
         }
       }
-      if (best != nullptr && least < 0.35 * residual[i] && least < std::max(2 * typical, 0.05 * signal)) {
+      if (best != nullptr && least < 0.35 * residual[i] && least / weight < std::max(2 * others, 0.05 * signal)) {
         name(best->all_reversed ? "ID140" : "ID141", {rows[i]},
              fmt::format("the readings of this row are {:.0f} um off what the other rows say, {:.0f} um where {}",
-                         to_um(residual[i]), to_um(least), best->what),
+                         to_um(off_by), to_um(least / weight), best->what),
              best->hint);
         continue;
       }
@@ -499,17 +520,21 @@ class Judge {
       int direction = 0, force = 0;
       const double worst = off.cwiseAbs().maxCoeff(&direction, &force);
       const double rest = std::sqrt(std::max(0.0, off.squaredNorm() - worst * worst) / std::max(1.0, count - 1));
-      if (rest < 2 * typical) {
+      const std::string expected_noise =
+          stated_ > 0
+              ? fmt::format("where noise (its sigma_um and the misfit of the others) makes {:.0f} um", to_um(others))
+              : fmt::format("which are off by {:.0f} um", to_um(others));
+      if (rest < 2 * others) {
         name("ID144", {rows[i]},
-             fmt::format("the reading d{}_F{} is {:.0f} um off what the other rows say, which are off by {:.0f} um",
-                         kAxes[direction], kAxes[force], to_um(off(direction, force)), to_um(typical)),
+             fmt::format("the reading d{}_F{} is {:.0f} um off what the other rows say, {}", kAxes[direction],
+                         kAxes[force], to_um(off(direction, force)), expected_noise),
              "read that gauge again, or leave the cell blank", true);
         continue;
       }
       name("ID144", {rows[i]},
-           fmt::format("this row is {:.0f} um off what the other rows say, which are off by {:.0f} um; over force its "
-                       "displacements are {:.2g} times what they say",
-                       to_um(residual[i]), to_um(typical), size_of(p, C)),
+           fmt::format("this row is {:.0f} um off what the other rows say, {}; over force its displacements are {:.2g} "
+                       "times what they say",
+                       to_um(off_by), expected_noise, size_of(p, C)),
            "check pose, force and displacements of this row", true);
     }
   }
@@ -534,7 +559,7 @@ class Judge {
           most = std::max(most, std::abs(C(i, i)));
         }
       }
-      if (!(least < -std::max(kNotPositive * most, kSureOfNoise * noise_compliance_))) continue;
+      if (!(least < -std::max(kNotPositive * most, kSureOfNoise * noise_compliance(p)))) continue;
       against.push_back(&row);
       worst = std::min(worst, least);
     }
@@ -548,6 +573,7 @@ class Judge {
   std::size_t files_ = 0, columns_ = 0;
   Eigen::VectorXd own_;  ///< the machine's compliances; empty where it has none
   double noise_compliance_ = 0;
+  double stated_ = 0;  ///< m, noise of a displacement that the rows state; 0 where not all do
   Judgement out_;
 };
 

@@ -406,6 +406,21 @@ TEST_F(MillingArm, AFoundationThatDeflectsIsNamed) {
   EXPECT_FALSE(identify_compliance(bare_, leaning)->symmetric);
 }
 
+// A row with a sigma of its own is judged by that, and not by what other rows scatter.
+TEST_F(MillingArm, RowsAreJudgedByTheirOwnSigma) {
+  auto points = exact(6);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i].sigma = i % 3 == 1 ? 40e-6 : 5e-6;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    const Judgement j = judge(bare_, with_noise(points, seed, 0));
+    EXPECT_TRUE(j.good()) << seed << ": " << (j.errors.empty() ? j.doubts : j.errors).front().message;
+  }
+  auto off = with_noise(points, 1, 0);
+  off[2].displacement(1, 1) += 400e-6;
+  ASSERT_THAT(ids(judge(bare_, off).doubts), ::testing::ElementsAre("ID144"));
+  EXPECT_THAT(judge(bare_, off).doubts.front().message, HasSubstr("dy_Fy"));
+  EXPECT_THAT(identify_compliance(bare_, with_noise(points, 1, 0))->outliers.size(), ::testing::Le(3u));
+}
+
 class DisplacementFiles : public ::testing::Test {
  protected:
   std::string write(const std::string& name, const std::string& text) {
