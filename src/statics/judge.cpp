@@ -37,6 +37,16 @@ constexpr std::size_t kFewestForFile = 4;  // points that a file must have to be
 constexpr std::size_t kNamedRows = 6;      // rows that a message lists
 constexpr const char* kAxes = "xyz";
 
+/// What the joints of machines have: from rotary tables of machine tools to light arms, from guideways to light rods.
+/// The stiffest joint may be a tenth of what the softest has at the least, and the softest ten times what the stiffest
+/// has at the most.
+struct Usual {
+  double stiffest_least, softest_least, stiffest_most, softest_most;
+  const char* unit;
+};
+constexpr Usual kTurning{1e-9, 1e-8, 1e-4, 1e-3, "rad/Nm"};
+constexpr Usual kSliding{1e-10, 1e-9, 1e-5, 1e-4, "m/N"};
+
 /// One point as the judge sees it.
 struct Row {
   const MeasuredPoint* point = nullptr;
@@ -241,7 +251,7 @@ std::string likely(double factor) {
 
 class Judge {
  public:
-  Judge(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
+  Judge(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) : machine_(&machine) {
     std::vector<std::string> files;
     stated_ = stated_noise(points);
     for (const MeasuredPoint& point : points) {
@@ -271,6 +281,7 @@ class Judge {
       if (!arrangement()) single_rows();
     }
     if (out_.errors.empty()) not_positive();
+    if (out_.errors.empty() && own_.size() == 0) unusual();
     return std::move(out_);
   }
 
@@ -569,6 +580,46 @@ class Judge {
          "no machine does that: is a sign wrong, a unit mixed, are columns exchanged, or is a reading off?");
   }
 
+  /// Where the machine has no compliances to compare with: those that no joint of a machine has.
+  void unusual() {
+    std::vector<MeasuredPoint> points;
+    for (const Row& row : rows_) points.push_back(*row.point);
+    const auto fit = identify_compliance(*machine_, points);
+    if (!fit) return;
+    for (const bool turns : {true, false}) {
+      const Usual& usual = turns ? kTurning : kSliding;
+      // The bounds of what the readings say of them, two standard errors from the values.
+      constexpr double kInfinity = std::numeric_limits<double>::infinity();
+      double stiffest_at_most = kInfinity, stiffest_at_least = kInfinity, softest_at_most = 0, softest_at_least = 0;
+      for (std::size_t k = 0; k < fit->compliance.size(); ++k) {
+        if (!fit->told[k] || fit->turns[k] != turns || !(fit->compliance[k] > 0)) continue;
+        const double c = fit->compliance[k], open = 2 * fit->standard_error[k];
+        stiffest_at_most = std::min(stiffest_at_most, c + open);
+        stiffest_at_least = std::min(stiffest_at_least, c - open);
+        softest_at_most = std::max(softest_at_most, c + open);
+        softest_at_least = std::max(softest_at_least, c - open);
+      }
+      if (!(softest_at_most > 0)) continue;
+      const bool stiff = stiffest_at_most < usual.stiffest_least || softest_at_most < usual.softest_least;
+      const bool soft = stiffest_at_least > usual.stiffest_most || softest_at_least > usual.softest_most;
+      if (!stiff && !soft) continue;
+      double least = kInfinity, most = 0;
+      for (std::size_t k = 0; k < fit->compliance.size(); ++k) {
+        if (!fit->told[k] || fit->turns[k] != turns || !(fit->compliance[k] > 0)) continue;
+        least = std::min(least, fit->compliance[k]);
+        most = std::max(most, fit->compliance[k]);
+      }
+      out_.doubts.push_back(
+          Error{"ID148",
+                fmt::format("the compliances come out between {:.2g} and {:.2g} {}: no joints of machines are so {}",
+                            least, most, usual.unit, stiff ? "stiff" : "soft"),
+                rows_.front().point->place,
+                stiff ? "are displacements in mm? they are read in um; or are forces too large, as in another unit?"
+                      : "is the force in kN, or are displacements in nm? they are read in N and um"});
+    }
+  }
+
+  const AnyMachine* machine_;
   std::vector<Row> rows_;
   std::size_t files_ = 0, columns_ = 0;
   Eigen::VectorXd own_;  ///< the machine's compliances; empty where it has none

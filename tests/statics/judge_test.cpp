@@ -421,6 +421,20 @@ TEST_F(MillingArm, RowsAreJudgedByTheirOwnSigma) {
   EXPECT_THAT(identify_compliance(bare_, with_noise(points, 1, 0))->outliers.size(), ::testing::Le(3u));
 }
 
+// The machine has no compliances to compare with: those that no joint has are doubtful, and no yes.
+TEST_F(MillingArm, CompliancesThatNoJointHasAreDoubtful) {
+  for (const auto& [factor, says] : {std::pair{1e-3, "so stiff"}, {1e3, "so soft"}}) {
+    auto points = with_noise(exact(6), 2, 5e-6);
+    for (MeasuredPoint& p : points) p.displacement *= factor;
+    const Judgement j = judge(bare_, points);
+    EXPECT_TRUE(j.errors.empty());
+    ASSERT_EQ(ids(j.doubts), std::vector<std::string>{"ID148"}) << factor;
+    EXPECT_THAT(j.doubts.front().message, HasSubstr(says));
+    EXPECT_EQ(verdict(points).answer, Verdict::Answer::in_part);
+  }
+  EXPECT_TRUE(judge(bare_, with_noise(exact(6), 2, 5e-6)).good());
+}
+
 class DisplacementFiles : public ::testing::Test {
  protected:
   std::string write(const std::string& name, const std::string& text) {

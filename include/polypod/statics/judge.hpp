@@ -18,7 +18,7 @@ struct Judgement {
   /// its hint, and the first row that shows it.
   std::vector<Error> errors;
   /// What may be, but is doubtful: ID143 a size far from the machine's own, ID144 readings that stand out from the
-  /// others. A command that builds on
+  /// others, ID148 compliances that no joints of machines have, where the machine has none. A command that builds on
   /// such data never answers yes.
   std::vector<Error> doubts;
 
