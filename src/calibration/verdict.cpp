@@ -296,7 +296,8 @@ std::string fixes(const Calibration& c) {
     const bool like_place = std::any_of(p.like.begin(), p.like.end(), [](const Like& l) {
       return l.key.rfind("frame.", 0) == 0 || l.key.rfind("target.", 0) == 0;
     });
-    if (!p.identifiable && like_place) out += fmt::format("{}--fix '{}{}{}'", out.empty() ? "" : " ", p.key, p.unit.empty() ? "" : "_", p.unit);
+    if (!p.identifiable && like_place)
+      out += fmt::format("{}--fix '{}{}{}'", out.empty() ? "" : " ", p.key, p.unit.empty() ? "" : "_", p.unit);
   }
   return out;
 }
@@ -341,7 +342,8 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
         what, both ? "them" : "it", both ? "frame and --target" : what);
     if (const std::string fix = fixes(c); !fix.empty())
       remedy += fmt::format(
-          ". Where nobody knows the {0}, hold what acts like {1}: {2}. The {0} found then {3} the errors of these, and "
+          ". Where nobody knows the {0}, fix the parameters that are linearly dependent on {1}: {2}. The {0} found "
+          "then {3} the errors of these, and "
           "the machine file is right together with {1}",
           what, both ? "them" : "it", fix, both ? "hold" : "holds");
   }

@@ -301,9 +301,9 @@ TEST(Verdict, WithTheFrameEstimatedMoreRowsAreNotAdvised) {
   EXPECT_THAT(c.verdict.text, Not(HasSubstr("more rows, or poses")));
 }
 
-// Base and tool of an arm that nobody knows: what acts like them is named, and with that held the answer is yes, for
-// the pose of the tool in the frame and with the target that were found.
-TEST(Verdict, WhatActsLikeFrameAndTargetIsNamed) {
+// Base and tool of an arm that nobody knows: what is linearly dependent on them is named, and with that fixed the
+// answer is yes, for the pose of the tool in the frame and with the target that were found.
+TEST(Verdict, WhatDependsOnFrameAndTargetIsNamed) {
   const Measured m = measured("lola50", 1, Kind::point, 60, 2);
   CalibrationOptions options;
   options.estimate_frame = options.estimate_target = true;
